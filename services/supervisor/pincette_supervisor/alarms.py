@@ -1,4 +1,4 @@
-"""The alarm log of a rig: raised, counted, cleared and acknowledged, each with an event."""
+"""Alarms of a rig: raised, counted, cleared and acknowledged, each with an event."""
 
 import threading
 from collections.abc import Callable, Iterable, Mapping
@@ -24,13 +24,13 @@ from pincette_supervisor.journal.write_queue import WriteQueue
 
 
 LATE_PERIODS = 1.5
-"""A sensor without a sample for so long is silent; its samples come one a period."""
+"""Number of periods after which a sensor without a new sample counts as silent."""
 IN_FLIGHT = 1
 """Number of samples by which a program may lag behind the one before it."""
 
 
 def fault_views(faults: Iterable[Fault]) -> list[FaultView]:
-    """Return faults as REST has them."""
+    """Return faults as the REST interface represents them."""
     return [
         FaultView(
             code=fault.code,
@@ -42,7 +42,7 @@ def fault_views(faults: Iterable[Fault]) -> list[FaultView]:
 
 
 class TripReason(NamedTuple):
-    """Why the actuator is latched: a code, and its findings."""
+    """Reason why the actuator is latched: a code, and its faults."""
 
     cause: Cause
     faults: tuple[Fault, ...] = ()
@@ -52,13 +52,13 @@ class TripReason(NamedTuple):
         return TripReason(self.cause, (*self.faults, found))
 
     def text(self, silent: str = "") -> str:
-        """For people; ``silent`` is the program that was silent when it came."""
+        """Return the reason in words; ``silent`` is the program that was silent at that time."""
         return cause_text(self.cause, self.faults, silent)
 
 
 @dataclass(frozen=True, slots=True)
 class LastSample:
-    """The newest sample of a program, and how long ago it came."""
+    """Newest sample of a program, and its age."""
 
     seq: int
     age_s: float
@@ -66,14 +66,14 @@ class LastSample:
 
 @dataclass(frozen=True, slots=True)
 class TripRecord:
-    """A trip, until the actuator is reset."""
+    """A trip, kept until the actuator is reset."""
 
     epoch: int
     reason: TripReason
     newest: Mapping[str, LastSample]
-    """The newest sample of each program of the loop when it came."""
+    """Newest sample of each program of the loop at the time of the trip."""
     at_s: float = 0.0
-    """Time of the trip, or of a changed finding."""
+    """Time of the trip, or of a change of its reason, in s."""
 
 
 def reason_of(applied: Applied) -> TripReason:
@@ -82,14 +82,14 @@ def reason_of(applied: Applied) -> TripReason:
 
 
 def trip_ending(trip: TripReason) -> Ending:
-    """Return why a job ends whose actuator has tripped; the abort of a person is no fault."""
+    """Return the ending of a job whose actuator has tripped; an abort by a person is no fault."""
     if trip.cause == Cause.ABORT:
         return Ending(code="requested")
     return Ending(code="tripped", trip=str(trip.cause), faults=fault_views(trip.faults))
 
 
 def silent_program(newest: Mapping[str, LastSample], period_s: float) -> str:
-    """Return the first silent program, in the order of a tick; empty where all go on."""
+    """Return the first silent program, in the order of a tick; empty if none is silent."""
     sensor = newest.get("sensor")
     if sensor is None:
         return ""
@@ -111,16 +111,16 @@ def output_lost(reason: TripReason) -> bool:
 
 
 class TripMonitor:
-    """The trip that the actuator is in, if any; see ``take``."""
+    """Monitor of the actuator's present trip, if any; see ``take``."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self.newest: TripRecord | None = None
         self._clock = clock
         self._samples: dict[str, tuple[int, int, float]] = {}
-        """Epoch, number and arrival of each program's newest sample."""
+        """Epoch, number and arrival time of each program's newest sample."""
 
     def take(self, topic: Topic, message: Message) -> None:
-        """Follow a message; called in threads of the bus."""
+        """Process a message; called in threads of the bus."""
         if isinstance(message, Applied):
             self._take_applied(message)
         elif isinstance(message, Position | Estimate | Command | Telemetry):
@@ -139,12 +139,12 @@ class TripMonitor:
             self.newest = TripRecord(applied.epoch, reason_of(applied), newest, now)
 
     def lost_s(self, reason: TripReason) -> float | None:
-        """How long ago the output was lost that a reason tells of; None where that is not known."""
+        """Return the time since the loss of output that a reason reports, in s; None: unknown."""
         trip = self.newest
         return None if trip is None or trip.reason != reason else self._clock() - trip.at_s
 
     def words(self, reason: TripReason, rig: RigFile) -> str:
-        """A reason for people, with the silent program where it is that of the newest trip."""
+        """Return a reason in words, with the silent program if it belongs to the newest trip."""
         trip = self.newest
         if trip is None or trip.reason != reason:
             return reason.text()
@@ -154,18 +154,18 @@ class TripMonitor:
 
 
 class AlarmLog:
-    """Alarms of one rig; what cannot be written keeps its time, and is written later."""
+    """Alarms of one rig. What cannot be written keeps its time stamp, and is written later."""
 
     def __init__(self, store: Store, events: EventLog, write_queue: WriteQueue) -> None:
         self._repository, self._events, self.rig = AlarmRepository(store), events, events.rig
         self._write_queue = write_queue
         self._lock = threading.Lock()
         self._tripped: TripReason | None = None
-        """Reason of the trip that was raised last, until it is cleared."""
+        """Reason of the newest trip that was raised, until it is cleared."""
         self._new = True
-        """Whether what an earlier supervisor has raised was not looked up yet."""
+        """True until the alarms that an earlier supervisor has raised were looked up."""
         self._by: dict[Cause, str] = {}
-        """Callers who requested a trip that is not raised yet, by its cause."""
+        """Callers who requested a trip that is not raised yet, by cause."""
 
     def raise_alarm(
         self,
@@ -177,7 +177,7 @@ class AlarmLog:
         job: str | None = None,
         **details: Any,
     ) -> None:
-        """Raise an alarm, or count it once more; ``details`` go with the event."""
+        """Raise an alarm, or count it once more; the event contains ``details``."""
         alarm = AlarmRow(self.rig, cause, words, utc_now(), severity, clears, job)
 
         def write() -> None:
@@ -189,15 +189,15 @@ class AlarmLog:
         self._write_queue.submit(write)
 
     def expect(self, cause: Cause, by: str) -> None:
-        """Note who requests a trip, before the actuator is asked; the first of several counts.
+        """Note who requests a trip, before the request is sent; the first of several counts.
 
-        A page repeats a stop without its credentials where the reply takes long.
+        A page repeats a stop without its credentials if the reply takes long.
         """
         with self._lock:
             self._by.setdefault(cause, by)
 
     def raise_trip(self, reason: TripReason, words: str, job: str | None, detail: str = "") -> None:
-        """Raise the alarm of a trip, once however often it is noticed; ``detail``: what failed."""
+        """Raise the alarm of a trip, only once for each trip; ``detail`` says what failed."""
         # Asked without the lock, which an emergency stop takes, too: the journal may hang.
         stands = self._stands_already(reason.cause)
         with self._lock:
@@ -218,7 +218,7 @@ class AlarmLog:
         )
 
     def _stands_already(self, code: str) -> bool:
-        """Whether an earlier supervisor has raised the trip that the actuator is still in."""
+        """Return whether an earlier supervisor has raised the actuator's present trip."""
         if not self._new:
             return False
         try:
@@ -229,7 +229,7 @@ class AlarmLog:
         return any((row.clears, row.cause) == ("reset", code) for row in rows)
 
     def clear(self, cause: str, words: str) -> None:
-        """Note that the condition of an alarm is over; has no effect where none stands."""
+        """Record that the condition of an alarm has ended; has no effect without such an alarm."""
         at = utc_now()
 
         def write() -> None:
@@ -245,7 +245,7 @@ class AlarmLog:
         self._write_queue.submit(write)
 
     def reset(self) -> None:
-        """Note that the actuator's latch is cleared, and with it every trip."""
+        """Record that the actuator's latch is cleared, and with it every trip."""
         with self._lock:
             self._tripped = None
             self._by.clear()
@@ -257,11 +257,11 @@ class AlarmLog:
         self._write_queue.submit(write)
 
     def open_conditions(self) -> list[AlarmRow]:
-        """Alarms whose condition was not seen to be over; raises StoreError."""
+        """Return the alarms whose condition has not been seen to end; raises StoreError."""
         return [row for row in self._repository.standing(self.rig) if row.clears == "condition"]
 
     def acknowledge(self, number: int, by: str) -> AlarmRow | None:
-        """Note that a person has seen an alarm; None without such an alarm; raises StoreError."""
+        """Record that a person has seen an alarm; None without such an alarm; raises StoreError."""
         before = self._repository.get(number)
         if before is None or before.acknowledged_at is not None:
             return before

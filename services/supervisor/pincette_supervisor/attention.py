@@ -1,8 +1,8 @@
-"""Processor time of the supervisor: what it was doing while it received nothing.
+"""Processor time of the supervisor, and what it did while it received nothing.
 
-A thread wakes on a grid and measures how late it comes: so long nothing of this process ran, since
-the processor or the interpreter's lock was another's. Beside it stands what the process was at:
-messages of the bus, writes of the journal, drawing. The shares overlap, since threads do.
+A thread wakes on a grid and measures its lateness: for that time nothing of this process ran, since
+the processor or the interpreter's lock was in use. It also records the activities of the process:
+messages of the bus, writes of the journal, drawing. Their shares overlap, since threads do.
 """
 
 import threading
@@ -17,9 +17,9 @@ from pincette.engine.threads import RepeatedAction
 Share = Literal["bus", "journal", "drawing"]
 GRID_S = 0.05
 LATE_S = 0.02
-"""Largest lateness of a thread that still counts as in time."""
+"""Largest lateness of the thread that still counts as in time, in s."""
 KEPT = 1200
-"""Rows of the grid that are kept: a minute."""
+"""Number of rows of the grid in memory: one minute."""
 WORDS: dict[Share, str] = {
     "bus": "messages of the bus",
     "journal": "the journal",
@@ -28,7 +28,7 @@ WORDS: dict[Share, str] = {
 
 
 class Attention:
-    """Counts, and keeps the last minute of it; safe to use from several threads."""
+    """Counters and the last minute of their values; safe to use from several threads."""
 
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:
         self._clock = clock
@@ -42,7 +42,7 @@ class Attention:
 
     @contextmanager
     def at(self, share: Share) -> Generator[None]:
-        """Count the time within the block."""
+        """Count the time spent within the block."""
         begun_s = self._clock()
         try:
             yield
@@ -50,12 +50,12 @@ class Attention:
             self.add(share, self._clock() - begun_s)
 
     def add(self, share: Share, duration_s: float) -> None:
-        """Count time that was spent."""
+        """Add time spent on an activity, in s."""
         with self._lock:
             self._spent_s[share] += duration_s
 
     def sample(self) -> None:
-        """Note how late the grid's thread comes."""
+        """Record the lateness of the grid's thread."""
         now_s = self._clock()
         with self._lock:
             late_s = now_s - self._sampled_s - GRID_S
@@ -69,7 +69,7 @@ class Attention:
             one()
 
     def within(self, last_s: float) -> tuple[float, dict[Share, float]]:
-        """For how long nothing ran, and what was spent on each share, in the last seconds."""
+        """Return the time in which nothing ran, and the time by activity, in the last seconds."""
         self.sample()
         since_s = self._clock() - last_s
         with self._lock:
@@ -81,26 +81,26 @@ class Attention:
         return rows[-1][1] - begun[1], spent_s
 
     def totals(self) -> tuple[float, dict[Share, float]]:
-        """Return the same since the start."""
+        """Return the same times since the start."""
         with self._lock:
             return self._late_s, dict(self._spent_s)
 
     def start(self, *beside: Callable[[], None]) -> None:
-        """Measure from here on, in a thread that also calls ``beside`` each time."""
+        """Start measuring in a thread that also calls ``beside`` each time."""
         self._beside = beside
         self._repeated.start()
 
     def close(self) -> None:
-        """Measure no more."""
+        """Stop measuring."""
         self._repeated.close(2.0)
 
 
 ATTENTION = Attention()
-"""Attention of this process; process-wide, like its processor time."""
+"""Attention of this process; there is one for each process, as for processor time."""
 
 
 def share_words(last_s: float, attention: Attention = ATTENTION) -> str:
-    """Return where the last seconds went, for people."""
+    """Describe how the last seconds were spent, in words."""
     stood_s, spent_s = attention.within(last_s)
     shares = ", ".join(f"{WORDS[share]} {value:.2f} s" for share, value in spent_s.items())
     return f"of the last {last_s:.1f} s this program stood still for {stood_s:.2f} s; {shares}"

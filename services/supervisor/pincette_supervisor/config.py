@@ -1,4 +1,4 @@
-"""The supervisor's settings, from the rig file and its data folder."""
+"""Settings of the supervisor, read from the rig file and its data folder."""
 
 import os
 from dataclasses import dataclass
@@ -10,37 +10,37 @@ from pincette.security.identity import SUPERVISOR, Credentials, program
 
 STORE = "supervisor.sqlite"
 STORE_URL = "PINCETTE_STORE"
-"""Environment variable; not in the rig file, which is recorded and sent, since a URL may be secret.
-"""
+"""Environment variable with the URL of the database. It is not in the rig file, which is recorded
+and sent, since a URL may contain a password."""
 RECORDS, MODELS = "jobs", "models"
-"""Folders of a rig below its home: one for each job, and the versions of its model."""
+"""Folders below the home of a rig: one for the records of its jobs, one for its model versions."""
 
 
 @dataclass(frozen=True, slots=True)
 class SupervisorConfig:
-    """Address of the REST interface, and the files behind it."""
+    """Settings of the REST interface, and the files behind it."""
 
     host: str
     port: int
     url: str
     tls: Credentials | None
-    """Of the supervisor, with which it speaks TLS; None: plain HTTP."""
+    """Certificates with which the supervisor serves TLS; None: plain HTTP."""
     names: frozenset[str]
-    """Host names beside addresses and localhost, in lower case."""
+    """Host names that requests may use besides addresses and localhost, in lower case."""
     in_container: bool
-    """Whether its port is published on the loopback of a container's host alone."""
+    """True where the port is published on the loopback interface of a container's host only."""
     always_keys: bool
-    """Whether keys are required also before there is one."""
+    """True where keys are required even before the first one exists."""
     clients_per_address: int
-    """Factor of the limits of an address without a key."""
+    """Factor by which the request limits of an address without a key are multiplied."""
     store: Path
-    """SQLite: jobs, actions, results; the keys lie beside it."""
+    """SQLite file with jobs, actions and results; the keys are stored next to it."""
     store_url: str
-    """URL of a PostgreSQL database instead; empty: the file."""
+    """URL of a PostgreSQL database used instead of the file; empty: the file."""
 
 
 def configure(rig: RigFile, data: Path) -> SupervisorConfig:
-    """Settings from a rig file; the supervisor's files lie under ``data``.
+    """Return the settings of a rig file; the supervisor's files lie under ``data``.
 
     Raises ConfigError where TLS is wanted without certificates.
     """

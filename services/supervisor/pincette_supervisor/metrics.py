@@ -1,6 +1,6 @@
-"""The metrics of all rigs for Prometheus: a function for each of them.
+"""Metrics of all rigs for Prometheus, with one function for each.
 
-The docstring of a function is the meaning of its metric. No program is asked for any of them.
+The docstring of a function is the description of its metric. No program is queried for any of them.
 """
 
 import inspect
@@ -39,9 +39,10 @@ from pincette_supervisor.rigs.counters import (
 from pincette_supervisor.rigs.standing import standing
 
 MOST_RIGS = 64
-"""Rigs that are exported; labels have fixed sets, so this bounds the number of series."""
+"""Largest number of exported rigs; the label sets are fixed, so this bounds the number of
+series."""
 ASKED_S = 10.0
-"""Age from which an unanswered status request counts against a program's token."""
+"""Age in s from which an unanswered status request counts against a program's token."""
 N_PER_MN = 1e-3
 BOUNDS_N = tuple(N_PER_MN * bound_mN for bound_mN in FORCE_BOUNDS_MN)
 REAL_TIME = "in real time"
@@ -53,7 +54,7 @@ PARTS = tuple(
         for certainty in row.values()
     )
 )
-"""All pairs of a part and its certainty."""
+"""All pairs of a part state and its certainty."""
 Kind = Literal["counter", "gauge", "histogram"]
 FAMILY_OF: dict[Kind, Any] = {
     "counter": CounterMetricFamily,
@@ -63,39 +64,39 @@ FAMILY_OF: dict[Kind, Any] = {
 
 
 class Counted(NamedTuple):
-    """A histogram."""
+    """Values of a histogram."""
 
     bounds: Sequence[float]
     counts: Sequence[int]
-    """Cumulative counts; the last one has no bound."""
+    """Cumulative counts; the last one has no upper bound."""
     total: float
 
 
 Readings = Iterable[tuple[tuple[str, ...], float | Counted]]
-"""Values of the labels, each with the value of the metric."""
+"""Label values, each with the value of the metric."""
 
 
 class Scrape(NamedTuple):
-    """Data of one answer."""
+    """Data of one response to Prometheus."""
 
     rigs: Rigs
     exported: Sequence[JobManager]
     left_out: int
-    """Number of rigs that are served and not exported."""
+    """Number of rigs that are served but not exported."""
 
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """One metric."""
+    """Definition of one metric."""
 
     name: str
-    """Name as Prometheus stores it, with base units: seconds and newtons."""
+    """Name of the metric in Prometheus, with base units: seconds and newtons."""
     kind: Kind
     labels: tuple[str, ...]
     read: Callable[[Scrape], Readings]
     meaning: str
     where: str = ""
-    """Address at which it is served, if not everywhere."""
+    """Address at which the metric is served; empty: everywhere."""
 
     def metric(self, scrape: Scrape) -> Metric:
         """Return the metric with its present values; raises StoreError."""
@@ -111,13 +112,13 @@ class Family:
 
 
 class RigCollector:
-    """A collector for ``prometheus_client``."""
+    """Collector for ``prometheus_client``."""
 
     def __init__(self, rigs: Rigs) -> None:
         self._rigs = rigs
 
     def collect(self) -> Iterator[Metric]:
-        """Yield all metrics, each for all rigs; those of the journal if it can be read."""
+        """Yield all metrics, each for all rigs; those of the journal only if it can be read."""
         every = self._rigs.all()
         exported = every[:MOST_RIGS]
         for one in exported:
@@ -140,7 +141,7 @@ R = TypeVar("R", bound=Callable[..., Readings])
 
 
 def metric(kind: Kind, name: str, *labels: str) -> Callable[[R], R]:
-    """Make a function that reads all rigs the metric of a name."""
+    """Turn a function that reads all rigs into the metric of a name."""
 
     def add(read: R) -> R:
         FAMILIES.append(Family(name, kind, labels, read, _meaning(read)))
@@ -150,7 +151,7 @@ def metric(kind: Kind, name: str, *labels: str) -> Callable[[R], R]:
 
 
 def metric_of_rig(kind: Kind, name: str, *labels: str, where: str = "") -> Callable[[R], R]:
-    """Make a function that reads one rig a metric, whose first label is the name of the rig."""
+    """Turn a function that reads one rig into a metric whose first label is the rig's name."""
 
     def add(read: R) -> R:
         def read_all(scrape: Scrape) -> Readings:
@@ -176,13 +177,13 @@ def _counters(one: JobManager) -> RigCounters:
 
 @metric("gauge", "pincette_build_info", "version")
 def build(_: Scrape) -> Readings:
-    """1; the supervisor's version."""
+    """Always 1; its label is the supervisor's version."""
     yield (__version__,), 1
 
 
 @metric_of_rig("gauge", "pincette_service_up", "service")
 def up(one: JobManager) -> Readings:
-    """1 where a program's token is seen and it has answered when it was last asked."""
+    """1 if a program's token is present and the program answered the last request."""
     health, observer = one.context.health, one.context.observer
     age_s = health.asked_age_s
     asked = age_s is not None and age_s < ASKED_S
@@ -193,19 +194,19 @@ def up(one: JobManager) -> Readings:
 
 @metric("gauge", "pincette_rigs_unusable")
 def unusable(scrape: Scrape) -> Readings:
-    """Rigs that were found and are not served."""
+    """Number of rigs that were found and are not served."""
     yield (), len(scrape.rigs.unusable)
 
 
 @metric("gauge", "pincette_rigs_left_out")
 def left_out(scrape: Scrape) -> Readings:
-    """Rigs served beyond those told of here."""
+    """Number of served rigs that are not exported here."""
     yield (), scrape.left_out
 
 
 @metric_of_rig("gauge", "pincette_latched")
 def latched(one: JobManager) -> Readings:
-    """1 where a person must reset the rig before it moves."""
+    """1 if a person must reset the rig before it moves."""
     health = one.context.health
     known = health.latched() is not None
     yield (), known or health.latch().mode in (Mode.FROZEN, Mode.RAMPING)
@@ -213,14 +214,14 @@ def latched(one: JobManager) -> Readings:
 
 @metric_of_rig("gauge", "pincette_actuator_heard_age_seconds")
 def heard(one: JobManager) -> Readings:
-    """Since the actuator was heard; NaN where it never was."""
+    """Time since the last message of the actuator; NaN before the first one."""
     age_s = standing(one.context).state_age_s
     yield (), nan if age_s is None else age_s
 
 
 @metric_of_rig("gauge", "pincette_part", "part", "certainty")
 def part(one: JobManager) -> Readings:
-    """1 for what is told of the part, and how far it can be trusted; 0 for all else."""
+    """1 for the present part state and its certainty; 0 for all other pairs."""
     stands = standing(one.context)
     for pair in PARTS:
         yield pair, pair == (stands.part, stands.part_certainty)
@@ -228,7 +229,7 @@ def part(one: JobManager) -> Readings:
 
 @metric_of_rig("gauge", "pincette_stroke_change_ratio")
 def stroke(one: JobManager) -> Readings:
-    """Change of the first arm's stroke since its calibration; NaN where it was not compared."""
+    """Change of the first arm's stroke since its calibration; NaN if it was not measured."""
     estimate = one.context.observer.newest(Estimate)
     change = None if estimate is None else estimate.arms[0].stroke_change
     yield (), nan if change is None else change
@@ -236,28 +237,28 @@ def stroke(one: JobManager) -> Readings:
 
 @metric_of_rig("counter", "pincette_trips_total", "cause")
 def trips(one: JobManager) -> Readings:
-    """Trips of the actuator."""
+    """Number of trips of the actuator."""
     for cause, count in _counters(one).trips().items():
         yield (cause.value,), count
 
 
 @metric_of_rig("histogram", "pincette_lateness_seconds", "service", where=REAL_TIME)
 def lateness(one: JobManager) -> Readings:
-    """Sensor, actuator: wake-ups against their own grid; estimator, controller: arrival of their
-    samples.
+    """Lateness of wake-ups on the time grid (sensor, actuator), or of samples on arrival
+    (estimator, controller).
     """
     return _durations(one, "lateness")
 
 
 @metric_of_rig("histogram", "pincette_tick_age_seconds", "service", where=REAL_TIME)
 def age(one: JobManager) -> Readings:
-    """From the first arrival of a sample's number to the step with what the program acts on."""
+    """Time from the first arrival of a sample's number to the step that acts on it."""
     return _durations(one, "age")
 
 
 @metric_of_rig("histogram", "pincette_execution_seconds", "service", where=REAL_TIME)
 def execution(one: JobManager) -> Readings:
-    """Of a step until all was told, instruments included."""
+    """Duration of a step until all its messages are published, including instrument access."""
     return _durations(one, "execution")
 
 
@@ -273,34 +274,34 @@ def _counted(durations: Durations) -> Counted:
 
 @metric_of_rig("histogram", "pincette_command_age_seconds")
 def command_age(one: JobManager) -> Readings:
-    """Age of the commands that the actuator took; its limit trips the rig."""
+    """Age of the commands that the actuator accepted; beyond its limit the rig trips."""
     yield (), _counted(_counters(one).command_ages())
 
 
 @metric_of_rig("counter", "pincette_missed_ticks_total", "service", where=REAL_TIME)
 def missed(one: JobManager) -> Readings:
-    """Samples and points of the grid that a program has skipped."""
+    """Number of samples and grid points that a program has skipped."""
     for service, count in _counters(one).missed().items():
         yield (service,), count
 
 
 @metric_of_rig("counter", "pincette_unanswered_ticks_total")
 def unanswered(one: JobManager) -> Readings:
-    """Ticks of an armed actuator without a command that it took."""
+    """Number of ticks of an armed actuator without an accepted command."""
     yield (), _counters(one).unanswered
 
 
 @metric_of_rig("counter", "pincette_degraded_estimates_total")
 def degraded(one: JobManager) -> Readings:
-    """Estimates made without the voltage of the sample before."""
+    """Number of estimates without the voltage of the preceding sample."""
     yield (), _counters(one).degraded
 
 
 @metric_of_rig("counter", "pincette_dropped_total", "service", "kind")
 def dropped(one: JobManager) -> Readings:
-    """`gap`: numbers that lacked between two samples of an armed loop, as the supervisor heard
-    them; `refused`: messages and commands that the program refused; `record`: messages that the
-    records lack.
+    """Lost messages. `gap`: sample numbers of an armed loop that did not reach the supervisor;
+    `refused`: messages and commands that the program rejected; `record`: messages missing in
+    the records.
     """
     counters = _counters(one)
     gaps: dict[str, int] = dict.fromkeys(LOOP, 0)
@@ -316,17 +317,17 @@ def dropped(one: JobManager) -> Readings:
 
 @metric_of_rig("counter", "pincette_instrument_exchanges_total", "service", "kind")
 def instrument(one: JobManager) -> Readings:
-    """Exchanges with instruments that went wrong. `late`: answers that came after their timeout,
-    and were dropped; `lost`: answers that never came; `unexpected`: answers more than requests;
-    `reopened`: ports opened again; `retried`: attempts repeated when an instrument was opened.
+    """Failed exchanges with instruments. `late`: replies that arrived after their timeout and
+    were dropped; `lost`: replies that never arrived; `unexpected`: replies without a request;
+    `reopened`: ports that were reopened; `retried`: repeated attempts to open an instrument.
     """
     return _counters(one).instrument().items()
 
 
 @metric_of_rig("gauge", "pincette_instrument_exchange_seconds", "service", "arm", "statistic")
 def exchanges(one: JobManager) -> Readings:
-    """`minimum`, `median` and `worst` duration of the newest 40 exchanges with an instrument that
-    succeeded: readings of the sensor's program, writes and questions of the actuator's.
+    """`minimum`, `median` and `worst` duration of the newest 40 successful exchanges with an
+    instrument: readings of the sensor's program, writes and queries of the actuator's.
     """
     for service, times in one.context.health.exchanges().items():
         for arm, took in enumerate(times, start=1):
@@ -337,8 +338,8 @@ def exchanges(one: JobManager) -> Readings:
 
 @metric_of_rig("counter", "pincette_programs_gone_total", "service")
 def gone(one: JobManager) -> Readings:
-    """Times that a program was no longer seen on the bus: it ended, or a link on the way did; each
-    program logs its own links.
+    """Number of times that a program disappeared from the bus: it ended, or a link on the way
+    did; each program logs its own links.
     """
     for service, count in _counters(one).gone().items():
         yield (service,), count
@@ -354,15 +355,17 @@ def newest_peak(one: JobManager) -> Readings:
 
 @metric_of_rig("histogram", "pincette_arming_force_peak_newtons")
 def peaks(one: JobManager) -> Readings:
-    """The same of every arming that is over, so that none is missed between two scrapes."""
+    """Highest estimated contact force of every finished arming, so that no peak is missed
+    between two scrapes.
+    """
     found = _counters(one).peaks()
     yield (), Counted(BOUNDS_N, found.counts, N_PER_MN * found.sum_mN)
 
 
 @metric_of_rig("counter", "pincette_zero_returns_total", "verified")
 def zero_returns(one: JobManager) -> Readings:
-    """Jobs whose arm came back free to the place of its zero; `false` where the force read there
-    was beyond its uncertainty.
+    """Number of jobs whose arm returned free to the position of its zero; `false` if the force
+    read there exceeded its uncertainty.
     """
     for verified, count in _counters(one).zero_returns().items():
         yield ("true" if verified else "false",), count
@@ -370,7 +373,7 @@ def zero_returns(one: JobManager) -> Readings:
 
 @metric("gauge", "pincette_jobs", "rig", "kind", "state")
 def jobs(scrape: Scrape) -> Readings:
-    """Jobs in the journal."""
+    """Number of jobs in the journal."""
     counted = scrape.rigs.store.counted()
     for one, kind, state in product(scrape.exported, job_kinds(), STATES):
         yield (one.name, kind, state), counted.get((one.name, kind, state), 0)
@@ -378,14 +381,14 @@ def jobs(scrape: Scrape) -> Readings:
 
 @metric_of_rig("gauge", "pincette_queue_halted")
 def queue_halted(one: JobManager) -> Readings:
-    """1 where the queue waits for a person."""
+    """1 if the queue waits for a person."""
     yield (), bool(one.queue.halted)
 
 
 @metric("counter", "pincette_supervisor_seconds_total", "share")
 def supervisor(_: Scrape) -> Readings:
-    """Where the supervisor's time goes: `stood`, nothing of it ran; `bus`, messages; `journal`,
-    writes; `drawing`; the shares overlap.
+    """Time of the supervisor by activity: `stood`, its process did not run; `bus`, messages;
+    `journal`, writes; `drawing`; the activities overlap.
     """
     stood_s, spent_s = ATTENTION.totals()
     yield ("stood",), stood_s

@@ -1,7 +1,7 @@
 """The model in use: the rig file, overridden by an accepted version of a model.
 
-A version is a file ``NNNN-<digest>.json`` that is never changed once it is written; it names the
-version before it.
+A version is a file ``NNNN-<digest>.json`` that is never changed after it was written; it names the
+preceding version.
 """
 
 import json
@@ -32,7 +32,7 @@ from pincette_supervisor.plugin.model_in_use import (
 
 
 class StoredModel(BaseModel):
-    """One version."""
+    """One version of the model."""
 
     model_config = FROZEN
 
@@ -43,22 +43,25 @@ class StoredModel(BaseModel):
     rig_file_digest: str
     """Digest of the rig file with which the values were found."""
     basis: dict[str, Any] = Field(default_factory=dict)
-    """Parts of that rig file on which the measurement depends."""
+    """Entries of that rig file on which the measurement depends."""
     made_at: str
     values: dict[str, Any]
-    """Values by quantity; missing ones are the rig file's."""
+    """Values by quantity; missing quantities have the rig file's value."""
     sources: dict[str, str]
     """Calibration that found each quantity."""
     uncertainties: dict[str, float | None]
-    """By quantity, standard; null where there is none to state."""
+    """Standard uncertainty of each quantity; null where none can be stated."""
     acceptances: dict[str, Acceptance] = Field(default_factory=dict)
     """Acceptance of each quantity."""
     previous: str
-    """Digest of the model that was in use; empty: that of the rig file."""
+    """Digest of the model that was in use before; empty: the rig file alone."""
 
     @property
     def calibration(self) -> Calibration:
-        """As it travels; raises ConfigError where a quantity is unknown."""
+        """Return the calibration that is sent with a program.
+
+        Raises ConfigError for an unknown quantity.
+        """
         try:
             return Calibration(values=self.values, sources=self.sources)
         except ValidationError as error:
@@ -72,7 +75,7 @@ class ModelFiles:
     folder: Path
 
     def numbers(self) -> list[int]:
-        """Return versions that there are, the oldest first."""
+        """Return the numbers of the existing versions, oldest first."""
         return sorted(self._paths())
 
     def _paths(self) -> dict[int, Path]:
@@ -121,7 +124,7 @@ class ModelFiles:
 
 
 def due_at(measured_at: str, valid_days: float | None) -> str | None:
-    """Return when what was measured is to be measured again; None where it holds without an end."""
+    """Return the time at which a value must be measured again; None if it does not expire."""
     if valid_days is None:
         return None
     try:
@@ -132,20 +135,20 @@ def due_at(measured_at: str, valid_days: float | None) -> str | None:
 
 
 def overdue(accepted: Acceptance, now: datetime) -> bool:
-    """Return True once the calibration is due to be repeated."""
+    """Return True if the calibration must be repeated."""
     return accepted.due_at is not None and datetime.fromisoformat(accepted.due_at) < now
 
 
 @dataclass(frozen=True, slots=True)
 class Due:
-    """Why a calibration should be repeated."""
+    """Reason why a calibration should be repeated."""
 
     code: Literal["overdue", "instrument_changed"]
     text: str
 
 
 def due(name: str, accepted: Acceptance, present: Mapping[str, str], now: datetime) -> list[Due]:
-    """Return why a calibration should be made again; nothing where it is still good.
+    """Return the reasons why a calibration should be repeated; empty if it is still valid.
 
     Parameters
     ----------
@@ -172,7 +175,7 @@ def warnings(
     present: Mapping[str, str],
     now: datetime,
 ) -> list[str]:
-    """Return which calibrations should be made again, and why, in words.
+    """Return warnings of calibrations that should be repeated, with the reasons.
 
     Parameters
     ----------
@@ -199,7 +202,8 @@ MEASURED_WITH: Mapping[str, tuple[str, ...]] = {
     "output": ("driver", "options"),
     "safety": ("safe_V",),
 }
-"""Keys by table: the instruments, the period, and the voltage at which the arm rests."""
+"""Rig file keys by table on which measurements depend: the instruments, the period, and the voltage
+at which the arm rests."""
 BESIDE_THE_ARM = {
     "seed",
     "substep_s",
@@ -216,11 +220,11 @@ BESIDE_THE_ARM = {
     "scripts",
     "script",
 }
-"""Keys of a simulation that are neither its arm nor its instruments."""
+"""Keys of a simulation that describe neither its arm nor its instruments."""
 
 
 def basis(rig: RigFile) -> dict[str, Any]:
-    """Return values by key, as JSON has them."""
+    """Return the rig file values on which measurements depend, by key, as JSON represents them."""
     tree = rig.model_dump(mode="json")
     found = {
         f"{table}.{key}": tree[table][key] for table, keys in MEASURED_WITH.items() for key in keys
@@ -242,35 +246,36 @@ def changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[ModelChan
 
 
 def doubtful(found: list[ModelChange]) -> list[ModelChange]:
-    """Return changes that concern the whole model."""
+    """Return the changes that affect the whole model."""
     return [change for change in found if change.key not in (*CALIBRATED, *OF_SECOND)]
 
 
 def words(found: list[ModelChange], version: int) -> str:
-    """Return changes since a version was chosen."""
+    """Describe changes since a version was chosen, in words."""
     listed = ", ".join(f"{one.key} = {one.now!r}, was {one.before!r}" for one in found)
     return f"{listed}, when model {version} was chosen"
 
 
 KEPT_CHANGES = 100
-"""Changes of instruments that are kept; older ones concern no value in use."""
+"""Largest number of instrument changes that are kept; older ones do not affect values in use."""
 
 
 class RigModel:
-    """Which model a rig is used with; kept beyond a restart.
+    """Model that is used with a rig; kept across restarts.
 
-    A model that was measured with other instruments or another arm (``basis``) is not laid over the
-    rig file without a person's word: until then nothing is in use but the rig file, and ``trouble``
-    says why. A value that a person has changed in the rig file since is not replaced.
+    A model that was measured with other instruments or another arm (``basis``) is not applied
+    without confirmation by a person: until then only the rig file is in use, and ``trouble`` gives
+    the reason. A value that a person has changed in the rig file since then is not replaced.
     """
 
     def __init__(self, rig_file: RigFile, folder: Path, store: Store) -> None:
         self.file = rig_file
         self.trouble = ""
         self.changed: list[ModelChange] = []
-        """Changes because of which no model is in use."""
+        """Changes that prevent the use of the model."""
         self.set_aside: list[ModelChange] = []
-        """Values of the model that the rig file replaces, since a person has changed them there."""
+        """Values of the model that are not used, since a person has changed them in the rig
+        file."""
         self._basis = basis(rig_file)
         self.files = ModelFiles(folder / rig_file.rig.name)
         self._store = store
@@ -282,16 +287,16 @@ class RigModel:
 
     @property
     def rig(self) -> RigFile:
-        """The rig file with the model in use."""
+        """Return the rig file with the model in use."""
         return self.in_use.rig
 
     @property
     def digest(self) -> str:
-        """Of the rig file, which all programs must agree on."""
+        """Return the digest of the rig file, on which all programs must agree."""
         return self.in_use.rig_file_digest
 
     def _take_up(self) -> None:
-        """Go on with the model that was in use before a restart."""
+        """Use the model that was in use before a restart."""
         noted = self._store.get_note(self._note)
         if noted is None:
             return
@@ -351,7 +356,7 @@ class RigModel:
             self._choose(chosen)
 
     def warnings(self, now: datetime) -> list[str]:
-        """Return what in use should be calibrated again, in words; nothing is refused for it."""
+        """Return warnings of values in use that should be calibrated again; they block nothing."""
         used = self.in_use
         due = warnings(used.calibration.sources, used.acceptances, self._instruments.present, now)
         changed = [
@@ -362,7 +367,7 @@ class RigModel:
         return [*due, *changed]
 
     def due(self, calibration: str, now: datetime) -> list[Due]:
-        """Return why a calibration in use should be made again; nothing where it is still good."""
+        """Return the reasons why a calibration in use should be repeated; empty if it is valid."""
         used = self.in_use
         for quantity, accepted in used.acceptances.items():
             if used.calibration.sources.get(quantity) == calibration:
@@ -376,7 +381,7 @@ class RigModel:
         source: str,
         measured_at: str = "",
     ) -> ModelInUse:
-        """Lay values over the model in use as a new version, and use it.
+        """Add a new version, with values that replace those of the model in use, and use it.
 
         Parameters
         ----------
@@ -428,13 +433,13 @@ class RigModel:
 
 
 def _noted(text: str) -> tuple[int, dict[str, Any]]:
-    """Return the version that was chosen, and what the rig file had then."""
+    """Return the chosen version, and the rig file's values at that time."""
     noted = json.loads(text)
     return noted["version"], noted["basis"]
 
 
 class Instruments:
-    """The serial numbers of a rig file, and those that were in it before; kept beyond a restart."""
+    """Serial numbers of a rig file, present and earlier ones; kept across restarts."""
 
     def __init__(self, store: Store, rig: str, present: Mapping[str, str]) -> None:
         self.present = dict(present)
@@ -448,7 +453,7 @@ class Instruments:
             store.set_note(note, json.dumps(self._history))
 
     def at(self, when: str) -> dict[str, str]:
-        """Serial numbers at a time, by table of the rig file; what is not known is not there."""
+        """Return the serial numbers at a time, by rig file table; unknown ones are left out."""
         for since, had in reversed(self._history):
             if since <= when:
                 return had

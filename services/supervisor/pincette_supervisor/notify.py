@@ -1,8 +1,8 @@
 """Notices of events, sent by a signed POST (Standard Webhooks 1.0), or by mail over SMTP.
 
-They are sent in order, and again until the receiver has accepted them. The last event that a
-receiver has accepted is a number in the journal. No notice is lost over a restart, and at most the
-notice that was being sent is sent twice.
+They are sent in order, and repeated until the receiver has accepted them. The journal stores the
+number of the last event that a receiver has accepted. A restart loses no notice, and repeats at
+most the notice that was being sent.
 """
 
 import base64
@@ -42,7 +42,7 @@ from pincette_supervisor.journal.tables import JobRow
 
 ALARMS: Mapping[str, Told] = {"raised": "alarm.raised", "cleared": "alarm.cleared"}
 SAID = ("kind", "sample", "batch", "operator", "requested_by", "started_at", "ended_at")
-"""Members of a job that a notice of its end contains."""
+"""Members of a job that the notice of its end contains."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,21 +50,21 @@ class Notice:
     """A notice to be sent."""
 
     number: int
-    """Number of its event, which is unique: by it a receiver recognises repetitions."""
+    """Unique number of the event, by which a receiver recognises repetitions."""
     type: Told
     at: str
     title: str
-    """One line for people."""
+    """One-line summary for people."""
     data: dict[str, Any]
 
     @property
     def body(self) -> dict[str, Any]:
-        """The payload of a webhook."""
+        """Return the payload of a webhook."""
         return {"type": self.type, "timestamp": self.at, "data": {"title": self.title, **self.data}}
 
 
 def topic_of(event: Event) -> Told | None:
-    """Return what an event is told as; None: it is not."""
+    """Return the topic under which an event is reported; None: it is not reported."""
     if event.kind == "state":
         return "job.ended" if STATES[event.body["state"]].terminal else None
     if event.kind != "alarm":
@@ -76,7 +76,7 @@ def topic_of(event: Event) -> Told | None:
 
 
 def notice_of(event: Event, job: JobRow | None) -> Notice | None:
-    """Return what is told of an event; ``job`` is its job, where it has one that is known."""
+    """Return the notice of an event; ``job`` is its job, if it has one that is known."""
     topic = topic_of(event)
     if topic is None or event.number is None:
         return None
@@ -102,7 +102,7 @@ def notice_of(event: Event, job: JobRow | None) -> Notice | None:
 
 
 class RefusedError(Exception):
-    """A receiver has not accepted a notice; the text states why. It is sent again later."""
+    """A receiver has rejected a notice; the text states why. The notice is sent again later."""
 
 
 class NotWantedError(Exception):
@@ -112,18 +112,18 @@ class NotWantedError(Exception):
 # The certificate authorities that receivers of notices are checked against.
 
 FILE, FOLDER = "SSL_CERT_FILE", "SSL_CERT_DIR"
-"""Variables of the environment that name a file, and folders, of authorities to trust."""
+"""Environment variables that name a file, and folders, of trusted certificate authorities."""
 HASHED = re.compile(r"[0-9a-f]{8}\.\d+")
-"""Names under which OpenSSL looks for certificates in a folder."""
+"""Pattern of the file names under which OpenSSL looks for certificates in a folder."""
 UNKNOWN_ISSUER = (18, 19, 20, 21)
-"""Codes by which OpenSSL says that no trusted authority has signed a certificate."""
+"""OpenSSL error codes that mean that no trusted authority has signed a certificate."""
 REMEDY = (
     f"if its certificate comes from a private authority, set {FILE} in the supervisor's environment"
 )
 
 
 def trusted() -> ssl.SSLContext:
-    """Return settings that trust the named authorities, or without any those of the system.
+    """Return TLS settings that trust the named authorities, or the system's if none is named.
 
     Raises RefusedError if those that are named cannot be read.
     """
@@ -170,22 +170,22 @@ class Proxy:
     """A forward proxy."""
 
     url: str
-    """Address with a scheme; it may contain a name and a password."""
+    """Address with a scheme; it may contain a user name and a password."""
     variable: str
-    """Name of the environment variable that sets it."""
+    """Name of the environment variable that sets the proxy."""
 
     @property
     def over_tls(self) -> bool:
-        """True where the connection to the proxy itself uses TLS."""
+        """Return True if the connection to the proxy itself uses TLS."""
         return self.url.lower().startswith("https:")
 
     def __str__(self) -> str:
-        """Return where it is, without name and password."""
+        """Return the address of the proxy, without name and password."""
         return f"the proxy {self.url.rpartition('@')[2].rpartition('//')[2]} ({self.variable})"
 
 
 def proxy_of(url: str, environment: Mapping[str, str]) -> Proxy | None:
-    """Return the proxy for an address, or None if it is reached directly; raises ValueError."""
+    """Return the proxy for an address, or None for a direct connection; raises ValueError."""
     place = urlsplit(url)
     host = (place.hostname or "").rstrip(".")
     # No proxy reaches a program of this machine by a loopback address.
@@ -203,9 +203,9 @@ def proxy_of(url: str, environment: Mapping[str, str]) -> Proxy | None:
 
 
 def _covers(entry: str, host: str, port: int) -> bool:
-    """Whether an entry of ``NO_PROXY`` (name, suffix, address, network, each with port) is meant.
+    """Return whether an entry of ``NO_PROXY`` (name, suffix, address, network; port) matches.
 
-    An entry that cannot be understood covers nothing.
+    An entry that cannot be parsed matches nothing.
     """
     if entry in ("", "*"):
         return entry == "*"
@@ -226,33 +226,33 @@ PREFIX = "whsec_"
 SECRET_BYTES = (24, 64)
 TIMEOUT_S = 15.0
 GONE = 410
-"""HTTP status by which a receiver refuses all further notices."""
+"""HTTP status by which a receiver rejects all further notices."""
 
 
 class SecretError(OSError):
-    """A file with a secret cannot be used; the text names it and the remedy."""
+    """A file with a secret cannot be used; the text states the file and the remedy."""
 
 
 class Sender(Protocol):
-    """One way to one receiver."""
+    """Transport of notices to one receiver."""
 
     @property
     def name(self) -> str:
-        """Under which the journal keeps how far it is."""
+        """Return the name under which the journal stores the progress of the receiver."""
         ...
 
     @property
     def events(self) -> tuple[Told, ...]:
-        """What it is told of."""
+        """Return the topics that are sent to the receiver."""
         ...
 
     def send(self, notice: Notice) -> None:
-        """Send; raises RefusedError where it may be tried again, and NotWantedError."""
+        """Send a notice; raises RefusedError if it may be retried, and NotWantedError otherwise."""
         ...
 
 
 def read_secret(path: Path) -> str:
-    """Return the secret of a file that its owner alone can read; raises SecretError."""
+    """Return the secret of a file that only its owner can read; raises SecretError."""
     try:
         mode, text = path.stat().st_mode, decoded(path.read_bytes()).strip()
     except (OSError, EncodingError) as error:
@@ -265,7 +265,7 @@ def read_secret(path: Path) -> str:
 
 
 def signature(secret: bytes, message: str, sent_s: int, body: bytes) -> str:
-    """HMAC-SHA256 of ``id.timestamp.body`` in base64, as Standard Webhooks has it."""
+    """Return the HMAC-SHA256 of ``id.timestamp.body`` in base64, as in Standard Webhooks."""
     signed = f"{message}.{sent_s}.".encode() + body
     return "v1," + base64.b64encode(hmac.digest(secret, signed, hashlib.sha256)).decode()
 
@@ -288,7 +288,7 @@ class WebhookSender:
             )
 
     def send(self, notice: Notice) -> None:
-        """Post a notice, with the same id each time it is tried."""
+        """Post a notice, with the same id at each attempt."""
         body = json.dumps(notice.body, ensure_ascii=False, separators=(",", ":")).encode()
         message, sent_s = f"msg_{notice.data['rig']}_{notice.number}", int(time.time())
         headers = {
@@ -305,7 +305,7 @@ class WebhookSender:
             raise RefusedError(f"status {status}")
 
     def _post(self, body: bytes, headers: dict[str, str]) -> int:
-        """Return the status of the answer; raises RefusedError."""
+        """Return the status of the response; raises RefusedError."""
         # Most supervisors have no webhook, and httpx is a tenth of the work of their start.
         import httpx
 
@@ -327,7 +327,7 @@ class WebhookSender:
 
 
 def _reason(error: Exception) -> str:
-    """Return why a receiver could not be reached, with the remedy if its issuer is not trusted."""
+    """Return why a receiver could not be reached, and the remedy if its issuer is not trusted."""
     reason = str(error) or type(error).__name__
     cause: BaseException | None = error
     while cause is not None and not isinstance(cause, ssl.SSLCertVerificationError):
@@ -344,7 +344,7 @@ class MailSender:
         self.name = f"mail {mail.host}:{mail.port} {','.join(mail.to)}"
 
     def message(self, notice: Notice) -> EmailMessage:
-        """Return a notice as a mail; its Message-ID is the same each time it is tried."""
+        """Return a notice as a mail; its Message-ID is the same at each attempt."""
         mail = self._mail
         message = EmailMessage(policy=SMTP)
         message["From"], message["To"] = mail.sender, ", ".join(mail.to)
@@ -357,7 +357,7 @@ class MailSender:
         return message
 
     def send(self, notice: Notice) -> None:
-        """Hand a mail over to the server."""
+        """Hand a notice as a mail over to the server."""
         mail = self._mail
         try:
             with self._opened() as server:
@@ -377,7 +377,7 @@ class MailSender:
 
 
 def senders_of(supervisor: Supervisor, data: Path) -> list[Sender]:
-    """Return who is told, by a rig file; raises SecretError."""
+    """Return the senders of a rig file; raises SecretError."""
     found: list[Sender] = [
         WebhookSender(webhook, read_secret(data / webhook.secret_file))
         for webhook in supervisor.webhooks
@@ -390,9 +390,9 @@ def senders_of(supervisor: Supervisor, data: Path) -> list[Sender]:
 
 LOOK_S = 1.0
 FIRST_DELAY_S, LONGEST_DELAY_S = 5.0, 300.0
-"""Between two tries: doubled with each."""
+"""Delay between two attempts, in s: the first one, doubled each time up to the second."""
 GIVEN_UP_S = 3 * 86_400.0
-"""Time for which a notice is tried before it is left out, in s."""
+"""Time after which a notice that is still rejected is skipped, in s."""
 PAGE = 200
 STOP_S = 2.0
 
@@ -411,10 +411,10 @@ class Delivery:
         self._again_at = 0.0
         self._begun = self._ended = False
         self._refused_since: float | None = None
-        """Time by the clock of the first refusal of the notice that is tried now."""
+        """Time of the first rejection of the notice that is being tried; None: not rejected."""
 
     def begin(self) -> None:
-        """Begin a receiver that is not known yet with the next event; raises StoreError."""
+        """Start an unknown receiver with the next event; raises StoreError."""
         _, newest = self._store.event_span()
         known = self._store.get_note(self._note)
         if known is None or int(known) > newest:
@@ -422,7 +422,7 @@ class Delivery:
         self._begun = True
 
     def work(self) -> None:
-        """Send what waits, until the receiver refuses one; raises StoreError."""
+        """Send the pending notices until the receiver rejects one; raises StoreError."""
         if not self._begun:
             self.begin()
         if self._ended or self._clock() < self._again_at:
@@ -441,7 +441,7 @@ class Delivery:
             self._store.set_note(self._note, str(number))
 
     def _sent(self, notice: Notice) -> bool:
-        """Send one; true where it is done with."""
+        """Send one notice; return True if it is finished."""
         try:
             self._sender.send(notice)
         except NotWantedError as error:
@@ -466,7 +466,7 @@ class Delivery:
 
 
 class Outbox:
-    """A thread for each receiver, so that none waits for another one."""
+    """Threads of the receivers, one for each, so that none waits for another one."""
 
     def __init__(self, store: Store, senders: Sequence[Sender]) -> None:
         self._threads: list[RepeatedAction] = []
@@ -479,6 +479,6 @@ class Outbox:
             self._threads.append(thread)
 
     def close(self) -> None:
-        """End; what waits is sent after the next start."""
+        """Stop the threads; pending notices are sent after the next start."""
         for thread in self._threads:
             thread.close(STOP_S)

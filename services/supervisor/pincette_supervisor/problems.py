@@ -37,15 +37,15 @@ CODES = {
 
 UNUSABLE = "The request cannot be used"
 ERRORS_MAX = 20
-"""Errors of one request that are listed."""
+"""Largest number of errors that are listed for a request."""
 SERVED = "/api/v1"
 METHODS = ("GET", "POST", "PUT", "PATCH", "DELETE")
-"""Methods that routes have; HEAD and OPTIONS follow from them."""
+"""HTTP methods of the routes; HEAD and OPTIONS are derived from them."""
 OTHER_VERSION = re.compile(rf"/api/(?!{SERVED.rpartition('/')[2]}(?:/|$))")
 
 
 class ProblemError(Exception):
-    """A refused request; answered by a problem document."""
+    """A rejected request; the response is a problem document."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class ProblemError(Exception):
 
 
 def response_of(error: ProblemError) -> JSONResponse:
-    """Return the answer to a refused request."""
+    """Return the response to a rejected request."""
     instance = f"urn:uuid:{uuid4()}"
     log.info("refused: %s (%s), %s", error.detail, error.code, instance)
     body = {
@@ -120,14 +120,14 @@ def request_fields(tags: tuple[str, ...] = ()) -> frozenset[str]:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return a hint with the most similar of other names; empty if none is similar."""
+    """Return a hint with the most similar of other names; empty if no name is similar."""
     plain = {one.replace("_", "").lower(): one for one in sorted({*known} - {name})}
     near = get_close_matches(name.replace("_", "").replace("-", "").lower(), plain, n=1)
     return f"; did you mean {plain[near[0]]}?" if near else ""
 
 
 def error_entry(error: Mapping[str, Any]) -> dict[str, str]:
-    """One entry of ``errors``: the place in the request, and what is wrong with its value."""
+    """Return an entry of ``errors``: the place in the request, and what is wrong with its value."""
     place, *path = (str(part) for part in error["loc"])
     kinds = job_kinds()
     tags = {*kinds, *(name for kind in kinds.values() for name in kind.variants)}
@@ -171,7 +171,7 @@ def error_entry(error: Mapping[str, Any]) -> dict[str, str]:
 
 
 def invalid(errors: Sequence[Mapping[str, Any]]) -> JSONResponse:
-    """422 with an entry for each error of the request."""
+    """Return a 422 problem with an entry for each error of the request."""
     entries = [error_entry(error) for error in errors[:ERRORS_MAX]]
     detail = "; ".join(entry["message"] for entry in entries)
     if len(errors) > ERRORS_MAX:
@@ -192,7 +192,7 @@ def allowed_methods(routes: Sequence[BaseRoute], scope: Scope) -> list[str]:
 
 
 def install_handlers(app: FastAPI) -> None:
-    """Answer every error of an application with a problem document."""
+    """Install handlers that answer every error of an application with a problem document."""
 
     async def problem(_request: Request, error: Exception) -> JSONResponse:
         return response_of(cast(ProblemError, error))
@@ -234,19 +234,22 @@ def install_handlers(app: FastAPI) -> None:
 
 
 def unusable(message: str, **place: str) -> ProblemError:
-    """422 for one fault of a request; ``place`` is its pointer or its parameter."""
+    """Return a 422 problem for one fault of a request.
+
+    ``place`` is its pointer or its parameter.
+    """
     known: dict[str, Any] = {"errors": [{**place, "message": message}]} if place else {}
     return ProblemError(422, "invalid-request", UNUSABLE, message, **known)
 
 
 def not_found(what: str, name: str, known: Sequence[str] = (), *, why: str = "") -> ProblemError:
-    """404 that lists what there is, or says why there is nothing."""
+    """Return a 404 problem that lists the existing objects, or says why there are none."""
     there = f"; there are {', '.join(known)}" if known else f"; {why}" if why else ""
     return ProblemError(404, "not-found", "Not found", f"no {what} {name!r}{there}")
 
 
 def unsupported(error: UnsupportedError) -> ProblemError:
-    """422 with the available bandwidth, and each instrument's part in it."""
+    """Return a 422 problem with the available bandwidth, and each instrument's contribution."""
     return ProblemError(
         422,
         "calibration-unsupported",
@@ -259,7 +262,7 @@ def unsupported(error: UnsupportedError) -> ProblemError:
 
 
 def unanswered(error: BusError) -> ProblemError:
-    """503 because a program of the rig does not answer."""
+    """Return a 503 problem: a program of the rig does not reply."""
     return ProblemError(
         503, "rig-not-ready", "The rig does not answer", str(error), reasons=[str(error)]
     )

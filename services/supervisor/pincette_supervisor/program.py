@@ -1,7 +1,7 @@
 """The supervisor as a program: its port, journal, rigs and REST server.
 
-It restarts itself when the bus no longer carries anything for it: a link may come up and carry
-nothing, and then a new process has helped where nothing within the old one did. The loop goes on
+It restarts itself when the bus no longer delivers messages to it: a link may be up and transport
+nothing, and then a new process has helped where nothing within the old one did. The loop continues
 meanwhile, and a held part stays held.
 """
 
@@ -60,14 +60,14 @@ from pincette_supervisor.rigs.rig_context import RigContext
 log = logging.getLogger("pincette")
 STOP_S = 5.0
 TAKEN_LOOK_S, TAKEN_LOGGED_S = 0.5, 300.0
-"""Time between two tries to bind a port that another program has, and between two log lines."""
+"""Interval in s of attempts to bind a port that another program uses, and of their log lines."""
 GONE_S, LOOK_S = 5.0, 0.1
-"""Time for which the token of a killed or disconnected supervisor may still be visible, and the
+"""Time in s for which the token of a killed or disconnected supervisor may remain visible, and the
 interval of the checks."""
 
 
 class PortInUseError(OSError):
-    """The supervisor cannot listen at its port; the text names the reason and the remedy."""
+    """The supervisor cannot listen at its port; the text states the reason and the remedy."""
 
 
 def bind(host: str, port: int) -> socket.socket:
@@ -81,7 +81,7 @@ def bind(host: str, port: int) -> socket.socket:
 
 
 def await_port(host: str, port: int, stop: threading.Event) -> tuple[socket.socket | None, float]:
-    """Bind the port; while another program has it, log that and try again.
+    """Bind the port; while another program uses it, log that and retry.
 
     Returns the socket, or None after a stop, and how long the port was taken, in s. Raises
     PortInUseError where the port cannot be had for another reason.
@@ -188,7 +188,7 @@ def run(context: Context) -> None:
 
 
 def _trip_directly(own: RigFile, rig: RigFile, trip: Trip) -> Message:
-    """Trip the actuator of a rig without the router; certificates are the supervisor's own."""
+    """Trip the actuator of a rig without the router, with the supervisor's own certificates."""
     if own.bus.pki is not None:
         rig = rig.secured(Path(own.bus.pki))
     ends = direct_endpoint(rig, "actuator", program(SUPERVISOR, ""))
@@ -196,7 +196,7 @@ def _trip_directly(own: RigFile, rig: RigFile, trip: Trip) -> Message:
 
 
 def serve_alone(bus: ZenohBus, rig: str, stop: threading.Event) -> None:
-    """Hold the token of a rig's supervisor; raises BusError where another one keeps holding it."""
+    """Hold the supervisor's token of a rig; raises BusError if another one keeps holding it."""
     until_s = monotonic() + GONE_S
     while SUPERVISOR in bus.alive():
         if monotonic() > until_s or stop.wait(LOOK_S):
@@ -208,10 +208,10 @@ def serve_alone(bus: ZenohBus, rig: str, stop: threading.Event) -> None:
 
 
 def interrupted(store: Store) -> list[str]:
-    """Interrupt the jobs that an earlier supervisor has left; returns their names.
+    """Mark the jobs of an earlier supervisor as interrupted; return their names.
 
-    Where the journal cannot be written, as on a full disk, the jobs of each rig that is served are
-    marked once it can: a supervisor that did not start could not be asked for a stop.
+    If the journal cannot be written, for example on a full disk, the jobs of each served rig are
+    marked later: a supervisor that did not start could not stop anything.
     """
     try:
         return store.interrupt_unfinished(utc_now())
@@ -221,7 +221,7 @@ def interrupted(store: Store) -> list[str]:
 
 
 def _by_rig(store: Store, jobs: list[str]) -> dict[str, list[str]]:
-    """Return names of jobs by their rig, in the same order."""
+    """Return job names by rig, in the same order."""
     found: dict[str, list[str]] = {}
     for name in jobs:
         row = store.get(name)
@@ -234,7 +234,7 @@ def _by_rig(store: Store, jobs: list[str]) -> dict[str, list[str]]:
 def rest_server(
     listener: socket.socket, app: FastAPI, tls: ssl.SSLContext | None, stop: threading.Event
 ) -> Generator[None]:
-    """Serve in a thread of its own, which leaves signals to the program's start-up."""
+    """Serve in a separate thread, which leaves signals to the program's start-up."""
     server = server_of(app, tls)
 
     def serve() -> None:
@@ -254,22 +254,20 @@ def rest_server(
 
 
 UNHEARD_S = 30.0
-"""Time without hearing itself on the bus after which the supervisor is restarted."""
+"""Time without an own message on the bus after which the supervisor is restarted, in s."""
 UNHEARD_LOOK_S = 1.0
 UNHEARD_CAUSE = "supervisor.unheard"
 RESTARTS = "PINCETTE_UNHEARD_RESTARTS"
-"""Environment variable: how often the supervisor has restarted itself since it was last heard."""
+"""Environment variable with the number of restarts since the last message was received."""
 MOST_DOUBLED = 4
-"""Largest number of doublings of the time: a bus that stays silent costs a restart each 8 minutes.
-"""
+"""Largest number of doublings of the time: on a silent bus, one restart every 8 minutes."""
 
 
 class UnheardWatch:
-    """Watches whether the supervisor hears itself, and restarts it if it has not for too long.
+    """Checks whether the supervisor receives its own messages, and restarts it otherwise.
 
-    It is restarted only if a new session can be opened: without a router, or with one that hangs,
-    a new process could not start either, and the stop by the direct link would be gone with this
-    one.
+    It restarts only if a new session can be opened: without a router, or with one that hangs, a new
+    process could not start either, and the stop by the direct link would be lost.
     """
 
     def __init__(
@@ -288,25 +286,25 @@ class UnheardWatch:
         self._looking = RepeatedAction("unheard", UNHEARD_LOOK_S, self.look)
 
     def start(self) -> None:
-        """Watch from here on."""
+        """Start the checks in a thread."""
         self._heard_s = self._clock()
         self._asking.start()
         self._looking.start()
 
     def ask(self) -> None:
-        """Ask the bus once."""
+        """Send one request over the bus."""
         if self._hears():
             self._heard_s = self._clock()
             os.environ.pop(RESTARTS, None)
 
     def look(self) -> None:
-        """Restart the supervisor if it has not heard itself for too long and can join again."""
+        """Restart the supervisor if it has received nothing for too long and can join again."""
         silent_s = self._clock() - self._heard_s
         if silent_s > UNHEARD_S * 2 ** min(_restarts(), MOST_DOUBLED) and self._can_join():
             self._restart(silent_s)
 
     def close(self) -> None:
-        """Watch no longer; waits for no question that is under way."""
+        """Stop the checks, without waiting for a pending request."""
         self._looking.close(0.0)
         self._asking.close(0.0)
 
@@ -321,7 +319,7 @@ def can_join(open_bus: OpenBus) -> bool:
 
 
 def restart(context: RigContext, silent_s: float) -> None:
-    """Put a new process in the place of this one, with an alarm in the journal that says so.
+    """Replace this process by a new one, with an alarm in the journal.
 
     While the journal's disk hangs, this does nothing: a process whose threads wait for a disk
     cannot end, and the new one could not open its journal.

@@ -1,6 +1,6 @@
 """Checks of a rig and of the supervisor, and the alarms that follow from them.
 
-Each check is computed from known values alone. A thread watches each rig, with a job or without.
+Each check is computed from known values only. One thread monitors each rig, with or without a job.
 """
 
 import shutil
@@ -23,51 +23,51 @@ from pincette_supervisor.rigs.rig_context import RigContext
 from pincette_supervisor.rigs.standing import is_playing
 
 SAMPLES = {"estimator": Estimate, "controller": Telemetry}
-"""Programs whose samples come while a program plays."""
+"""Programs that send samples while a program is played."""
 TOKENS = (*LOOP, "recorder", "rig")
-"""Programs whose liveliness token is watched."""
+"""Programs whose liveliness token is monitored."""
 CLOCK = "clock"
-"""Cause of the alarm of a step of the time of day; to acknowledge it is to agree to the step."""
+"""Cause of the alarm of a step of the time of day; acknowledging it accepts the step."""
 FRESH_S = 1.0
-"""An older estimate says nothing of the sensor any more."""
+"""Age beyond which an estimate says nothing about the sensor, in s."""
 MB = 1e6
 
 
 class LeaseRenewal(Protocol):
-    """The thread that renews the lease of a job's program."""
+    """Thread that renews the lease of a job's program."""
 
     @property
     def lease(self) -> Lease:
-        """The lease that it renews."""
+        """Return the lease that is renewed."""
         ...
 
     @property
     def age_s(self) -> float:
-        """Time since the last renewal, in s."""
+        """Return the time since the last renewal, in s."""
         ...
 
 
 class ActiveJob(Protocol):
-    """The job that has the rig, as far as checks and alarms need it."""
+    """The job that has the rig, with what checks and alarms need of it."""
 
     @property
     def id(self) -> str:
-        """Identifier of the job."""
+        """Return the identifier of the job."""
         ...
 
     @property
     def epoch(self) -> int | None:
-        """Epoch of its arming; None before it."""
+        """Return the epoch of the job's arming; None before it."""
         ...
 
     @property
     def renewal(self) -> LeaseRenewal | None:
-        """Renews the lease of its program; None where there is no lease."""
+        """Return the renewal of the lease of its program; None if there is no lease."""
         ...
 
 
 def of_supervisor(store: Store) -> list[Check]:
-    """Return what every rig needs of the supervisor itself."""
+    """Return the checks of the supervisor itself that apply to every rig."""
     words = store.trouble or "the journal can be written"
     value = "failed" if store.trouble else "written"
     return [
@@ -97,7 +97,7 @@ def of_rig(context: RigContext, active: ActiveJob | None) -> list[Check]:
 
 
 def words_of(checks: list[Check]) -> list[str]:
-    """Return what is needed and missing."""
+    """Return the messages of needed checks that fail."""
     return [check.words for check in checks if check.needed and not check.ok]
 
 
@@ -109,7 +109,7 @@ def _check(name: str, ok: bool, words: str, *, needed: bool = True, **known: obj
 
 
 def _answers(context: RigContext) -> Iterator[Check]:
-    """Yield whether each program answers, and works with the same rig file."""
+    """Yield a check that each program replies, and works with the same rig file."""
     health = context.health
     troubles = health.troubles()
     for program in PROGRAMS:
@@ -132,7 +132,7 @@ def _answers(context: RigContext) -> Iterator[Check]:
 
 
 def _ages(context: RigContext) -> Iterator[Check]:
-    """In real time, how old the newest samples are; the sensor's always, others' in a program."""
+    """Yield checks of the age of the newest samples in real time; the sensor's always."""
     if context.rig.lockstep:
         return
     limit_s = context.health.sensor_limit_s()
@@ -158,7 +158,7 @@ def _sensor(context: RigContext) -> str:
 
 
 def _latch(context: RigContext) -> Check:
-    """Return a latched actuator is well, and waits for a person."""
+    """Return the check of the latch. A latched actuator is in order, and waits for a person."""
     latched = context.health.latched()
     state = context.health.state
     words = "no latch to clear"
@@ -198,7 +198,10 @@ def _recorder(context: RigContext) -> Check:
 
 
 def _refused(context: RigContext) -> Check:
-    """Whether a program, this supervisor included, has refused messages in the last minute."""
+    """Return the check that no program has recently rejected messages.
+
+    The supervisor itself counts as a program; the check covers the last minute.
+    """
     found = [
         (program, one)
         for program in (*PROGRAMS, SIMULATION)
@@ -219,7 +222,7 @@ def _refused(context: RigContext) -> Check:
 
 
 def _memory(context: RigContext) -> Check:
-    """Return whether the estimator has followed all that the arm remembers."""
+    """Return the check that the estimator has followed the whole memory of the arm."""
     answer = context.health.status("estimator")
     unknown = context.health.findings("estimator", FaultCode.MEMORY_UNKNOWN)
     words = "the arm's memory is known" if answer is not None else "estimator does not answer"
@@ -234,14 +237,14 @@ def _memory(context: RigContext) -> Check:
 
 
 def _stroke(context: RigContext) -> Check:
-    """Return the check that the stroke of the arm is that of its calibration."""
+    """Return the check that the arm's stroke is that of its calibration."""
     found = context.health.findings("estimator", FaultCode.MODEL_MISMATCH)
     words = "no change of the arm's stroke was found"
     return _finding("estimator.stroke", found, words, "change_percent", "limit_percent", "%")
 
 
 def _forces(context: RigContext) -> Iterator[Check]:
-    """Of two arms, whether both forces on a held part agree."""
+    """Return the check that both forces of two arms on a held part agree."""
     if context.rig.second is not None:
         found = context.health.findings("estimator", FaultCode.FORCES_DISAGREE)
         words = "the forces of both arms agree"
@@ -251,7 +254,7 @@ def _forces(context: RigContext) -> Iterator[Check]:
 def _finding(
     name: str, found: Sequence[Fault], words: str, value: str, limit: str, unit: str
 ) -> Check:
-    """Return a check that fails by a finding, with two of the finding's values."""
+    """Return a check that fails with a fault, including two of the fault's values."""
     told = {one.name: one.value for one in found[0].values} if found else {}
     return _check(
         name,
@@ -284,7 +287,7 @@ def _model(context: RigContext) -> Iterator[Check]:
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A condition that raises an alarm for as long as it lasts."""
+    """A condition that raises an alarm as long as it lasts."""
 
     cause: str
     words: str
@@ -323,7 +326,10 @@ def _sensor_conditions(context: RigContext) -> Iterator[Condition]:
 
 
 def free_space_MB(folder: Path) -> float | None:
-    """Room in MB on the disk of a folder, which may not be there yet; None where nobody knows."""
+    """Return the free space in MB on the disk of a folder, which may not exist yet.
+
+    None: unknown.
+    """
     for place in (folder, *folder.parents):
         if place.exists():
             try:
@@ -334,16 +340,17 @@ def free_space_MB(folder: Path) -> float | None:
 
 
 LOOK_S, ASK_S = 0.25, 2.0
-"""Between two looks, and between two questions to the programs of a rig in real time."""
+"""Interval of the checks, and of the status requests to the programs of a rig in real time, in
+s."""
 IDLE_S = 10.0
-"""Time without a job at rest after which the sensor is asked to sample seldom."""
+"""Time without a job at rest after which the sensor is set to its slow rate, in s."""
 JOIN_S = 2.0
 REFUSED, REFUSED_S = 5, 1.0
-"""Number of refused commands, and the time, beyond which they are no accident of an arming."""
+"""Number of rejected commands within a time, in s, above which they are not caused by an arming."""
 MISSED_SHARE, MISSED_S = 0.01, 10.0
-"""Share of the ticks that may be missed within a while."""
+"""Share of the ticks that may be missed within a time, in s."""
 FOREIGN = frozenset({FaultCode.OTHER_OWNER, FaultCode.SECOND_CONTROLLER})
-"""Refusals that say that the command was another controller's."""
+"""Reasons of rejection that mean that the command came from another controller."""
 AFTER_A_LOSS = (
     "the job's result is complete, its record is not, and record_detail states what is missing: "
     "see what else uses disk and processors, and repeat the job where the record is needed"
@@ -352,17 +359,17 @@ AFTER_A_LOSS = (
 
 @dataclass(slots=True)
 class GrowthDetector:
-    """Detects growth of a counter beyond a limit; a smaller value is a restart."""
+    """Detects growth of a counter beyond a limit; a smaller value indicates a restart."""
 
     limit: int
-    """Growth within ``window_s`` at which it is reported."""
+    """Growth within ``window_s`` that is reported."""
     window_s: float
     _last: int | None = None
     _since_s: float = 0.0
     _grown: int = 0
 
     def update(self, value: int, now_s: float) -> int:
-        """Take a value; returns the growth once it has reached the limit, else 0."""
+        """Add a value; return the growth once it has reached the limit, otherwise 0."""
         last, self._last = self._last, value
         if last is None or value < last:
             self._since_s, self._grown = now_s, 0
@@ -377,13 +384,13 @@ class GrowthDetector:
 
 
 class AlarmMonitor:
-    """Raises and clears alarms by what is known; asks the programs only rarely."""
+    """Raises and clears alarms from known values; queries the programs only rarely."""
 
     def __init__(self, context: RigContext, active: Callable[[], ActiveJob | None]) -> None:
         self._context, self._active = context, active
         self._conditions: dict[str, Condition] = {}
         self._known = False
-        """Whether what an earlier supervisor has left standing was looked up."""
+        """True once the alarms of an earlier supervisor have been looked up."""
         self._tripped = False
         self._asked_s = self._busy_s = float("-inf")
         missed = max(1, round(MISSED_SHARE * MISSED_S / context.rig.rig.period_s))
@@ -393,7 +400,7 @@ class AlarmMonitor:
         self._repeated = RepeatedAction(f"alarms-{context.rig.rig.name}", LOOK_S, self.poll)
 
     def start(self) -> None:
-        """Poll in a thread from here on."""
+        """Start polling in a thread."""
         self._repeated.start()
 
     def close(self) -> None:
@@ -401,7 +408,7 @@ class AlarmMonitor:
         self._repeated.close(JOIN_S)
 
     def poll(self) -> None:
-        """Compare what is with what was, once."""
+        """Compare the present conditions with the previous ones, once."""
         context = self._context
         if context.write_queue.flush() and context.store.trouble:
             context.store.probe()
@@ -436,7 +443,10 @@ class AlarmMonitor:
         self._conditions = found
 
     def _previous_conditions(self) -> dict[str, Condition]:
-        """Return what stood at the last look; at the first, what an earlier supervisor has left."""
+        """Return the conditions of the last poll.
+
+        At the first poll, those of an earlier supervisor.
+        """
         if self._known:
             return self._conditions
         try:
@@ -463,7 +473,7 @@ class AlarmMonitor:
         self._raise_transient(cause, words)
 
     def _ask(self) -> None:
-        """Ask the programs for what they have counted."""
+        """Request the counters of the programs."""
         context = self._context
         now_s = context.clock()
         if now_s - self._asked_s < ASK_S:
@@ -482,7 +492,7 @@ class AlarmMonitor:
             )
 
     def _let_idle(self, now_s: float) -> None:
-        """Let the sensor sample seldom once the rig has had no job for a while."""
+        """Set the sensor to its slow rate once the rig has had no job for some time."""
         actuator = self._context.health.status("actuator")
         at_rest = actuator is not None and actuator.mode in AT_REST
         if not at_rest or self._active() is not None or self._busy_s == float("-inf"):

@@ -24,7 +24,7 @@ DEFAULT_PORTS = {"http": 80, "https": 443}
 
 
 def is_loopback(host: str) -> bool:
-    """Whether this machine alone reaches an address; a name other than localhost may be any."""
+    """Return whether only this machine can reach an address; a name except localhost may be any."""
     try:
         return ip_address(host).is_loopback
     except ValueError:
@@ -32,7 +32,7 @@ def is_loopback(host: str) -> bool:
 
 
 def name_of(place: str) -> str | None:
-    """Return the host of a ``Host`` header, without its port; None where it is no place."""
+    """Return the host of a ``Host`` header without its port; None if it is no host."""
     try:
         parts = urlsplit(f"//{place}")
         _ = parts.port
@@ -60,7 +60,7 @@ def is_ours(place: str, names: Iterable[str]) -> bool:
 
 
 def is_foreign(site: str | None, origin: str | None, host: str) -> bool:
-    """Whether a foreign page sent a request that may change something, as Go 1.25 decides it."""
+    """Return whether a foreign page sent a request that may change something (rules of Go 1.25)."""
     # Browsers send ``Sec-Fetch-Site``, over plain HTTP beyond loopback ``Origin`` alone; a client
     # that sends neither is no browser. Another port of the same host is foreign too. The rule is
     # that of ``net/http.CrossOriginProtection``, but a proxy may add the default port to Host.
@@ -79,13 +79,13 @@ def is_foreign(site: str | None, origin: str | None, host: str) -> bool:
 # Audit entries that wait in memory for the journal, so that no answer waits for the disk.
 
 ROOM = 10_000
-"""Entries that may wait; beyond, the oldest are dropped and counted."""
+"""Largest number of entries in the buffer; beyond it, the oldest are dropped and counted."""
 LOST = "audit entries lost: the journal could not be written"
 REFUSED_H = 10.0 / 3600.0
-"""Equal ones of somebody without a key within this time become one entry, so that an insistent
-stranger does not push the entries of others out of the log."""
+"""Time in h within which equal entries of a caller without a key become one entry, so that a
+persistent stranger does not push the entries of others out of the log."""
 ADDRESSES, OTHERS = 100, "others"
-"""Addresses that are kept apart meanwhile, and the name of the rest."""
+"""Number of addresses that are distinguished meanwhile, and the name of the rest."""
 
 
 class AuditBuffer:
@@ -96,7 +96,7 @@ class AuditBuffer:
         self._refused: dict[tuple[str, str, int, str], AuditRow] = {}
         self._lost = 0
         self._memory = threading.Lock()
-        """Never held while the disk is waited for."""
+        """Lock of the memory, never held during a write to disk."""
         self._turn = threading.Lock()
 
     def add(self, row: AuditRow) -> None:
@@ -108,7 +108,7 @@ class AuditBuffer:
             self._waiting.append(row)
 
     def add_refused(self, row: AuditRow) -> None:
-        """Add a request of somebody without a key; equal ones are counted."""
+        """Add a request of a caller without a key; equal ones are counted."""
         done = row.action if row.status < HTTPStatus.BAD_REQUEST else ""
         with self._memory:
             place = (row.who, row.address, row.status, done)
@@ -120,7 +120,10 @@ class AuditBuffer:
             self._refused[place] = replace(known or row, count=count)
 
     def flush(self, repository: AuditRepository, *, everything: bool = False) -> None:
-        """Write what waits, refusals if old or ``everything``; it goes on waiting on StoreError."""
+        """Write entries, refusals if old or ``everything``.
+
+        On StoreError they stay in the buffer.
+        """
         with self._turn:
             with self._memory:
                 rows, lost = self._drained(everything=everything), self._lost
@@ -147,7 +150,7 @@ PER_S, BURST = 200.0, 400.0
 """Refill rate and capacity in requests: more than a page and an orchestrator need, less than what
 would keep the supervisor from serving others."""
 CLIENTS = 1000
-"""Number of token buckets that are kept; the least recently used one is removed first."""
+"""Number of token buckets in memory; the least recently used one is removed first."""
 
 
 @dataclass(slots=True)
@@ -164,10 +167,10 @@ class TokenBuckets:
         self._buckets: OrderedDict[str, _Bucket] = OrderedDict()
 
     def wait_s(self, client: str, now_s: float, patience_s: float = 0.0, clients: int = 1) -> float:
-        """Take one token; return the time until there is one, in s.
+        """Take one token; return the time until it is available, in s.
 
-        Where it is longer than ``patience_s``, no token is taken; else the caller waits for so
-        long, and the tokens of later callers come later. ``clients`` is the number of clients that
+        If the time exceeds ``patience_s``, no token is taken; otherwise the caller must wait for
+        it, and the tokens of later callers come later. ``clients`` is the number of clients that
         share the bucket, which multiplies its rate and its capacity.
         """
         per_s, burst = clients * self._per_s, clients * self._burst
@@ -188,30 +191,30 @@ class TokenBuckets:
 
 @dataclass(frozen=True)
 class Access:
-    """Data by which the REST application decides on access; by default everybody has it."""
+    """Data by which the REST application decides on access; by default anyone has it."""
 
     authenticator: Authenticator = field(default_factory=Authenticator)
     audit_buffer: AuditBuffer = field(default_factory=AuditBuffer)
     names: frozenset[str] = frozenset()
-    """Host names of the supervisor beside ``localhost`` and every address."""
+    """Host names of the supervisor, in addition to ``localhost`` and all addresses."""
     buckets: TokenBuckets | None = None
     """Rate limit of each client; None: no limit."""
     clients_per_address: int = 1
-    """Number of clients without a key that one address stands for."""
+    """Number of clients without a key that one address represents."""
 
 
 class NoKeyError(OSError):
-    """Other machines can reach the supervisor, and there is no key; the text names the remedy."""
+    """Other machines can reach the supervisor, and there is no key; the text states the remedy."""
 
 
 def authenticator_of(config: SupervisorConfig, supervisor: str) -> Authenticator:
-    """Build the authenticator; the rig file or an address beyond loopback may require keys."""
+    """Build the authenticator; the rig file or an address other than loopback may require keys."""
     alone = is_loopback(config.host) or config.in_container
     return Authenticator(always=config.always_keys or not alone, supervisor=supervisor)
 
 
 def require_key(config: SupervisorConfig, authenticator: Authenticator) -> None:
-    """Raise NoKeyError where other machines can reach the supervisor and no key is valid."""
+    """Raise NoKeyError if other machines can reach the supervisor and no key is valid."""
     place = f"{config.host}:{config.port}"
     make = f"`pincette key add NAME --scope admin --data {config.store.parent}` makes one"
     closed = authenticator.keys_wanted and not authenticator.has_usable_key
@@ -237,22 +240,23 @@ def require_key(config: SupervisorConfig, authenticator: Authenticator) -> None:
 EVERY_S = 0.5
 """Time within which a key that another program added or revoked takes effect, in s."""
 KEYS = "keys"
-"""Cause of the alarm that is raised while keys cannot be read, or their use not be written."""
+"""Cause of the alarm that is raised while keys cannot be read, or their use cannot be written."""
 KEY_CLOCK = "key-clock"
 """Cause of the alarm that is raised while the time of day is behind the latest time seen.
 
-To acknowledge it is to agree to the time of day.
+A person who acknowledges it accepts the present time of day.
 """
 HOUR = timedelta(hours=1)
 BEHIND = HOUR
-"""Time by which the time of day may be behind without an alarm: less than an error of a zone."""
+"""Time by which the time of day may be behind without an alarm, less than a wrong time zone would
+cause."""
 
 
 class KeySync:
-    """Reads changed keys, and writes the audit log and when keys were used, until closed.
+    """Reads changed keys, and writes the audit log and the last use of keys, until closed.
 
-    While it fails, the store names the cause, from which the alarm of every rig is raised. The
-    authenticator itself refuses callers once the keys could not be read for too long.
+    While it fails, the store contains the cause, from which the alarm of every rig is raised. The
+    authenticator itself rejects callers once the keys could not be read for too long.
     """
 
     def __init__(self, store: Store, access: Access) -> None:

@@ -29,23 +29,24 @@ from pincette_supervisor.problems import ProblemError
 
 REALM = 'Bearer realm="pincette"'
 IDLE_H = 12.0
-"""A session ends when its page has not asked for so long; an open page asks every second."""
+"""Time in h without a request after which a session ends; an open page sends one every second."""
 HOUR = len("2026-01-01T00")
-"""Characters of a time up to its hour."""
+"""Number of characters of a time up to its hour."""
 UNCONFIRMED_S = 15.0
-"""Longest time without a successful reading of the keys after which they still count, in s."""
+"""Longest time without a successful reading of the keys after which they are still accepted, in
+s."""
 BYTES = 32
 # Nobody guesses one of 256 random bits, so a plain SHA-256 is kept: a slow hash protects words that
 # people choose, and would let a flood of wrong keys cost more than a flood of requests.
 PREFIX = "pincette_"
-"""Prefix by which a key that was published by mistake is found and recognised."""
+"""Prefix by which a key that was published by mistake can be found and recognised."""
 LONGEST = 200
-"""Characters of the longest key or cookie that is examined."""
+"""Number of characters of the longest key or cookie that is examined."""
 R = TypeVar("R", KeyRow, SessionRow)
 
 
 def new_key() -> str:
-    """Make a key; it is shown once and not stored."""
+    """Make a key; it is shown once and never stored."""
     return PREFIX + secrets.token_urlsafe(BYTES)
 
 
@@ -55,12 +56,12 @@ def new_cookie() -> str:
 
 
 def digest_of(secret: str) -> str:
-    """The SHA-256 of a key or a cookie, in hexadecimal digits; nothing else of it is stored."""
+    """Return the SHA-256 of a key or cookie in hexadecimal digits; only this digest is stored."""
     return hashlib.sha256(secret.encode(errors="replace")).hexdigest()
 
 
 def _found(rows: Sequence[R], secret: str) -> R | None:
-    """Return the row with a secret's digest."""
+    """Return the row with the digest of a secret."""
     if len(secret) > LONGEST:
         return None
     digest, found = digest_of(secret), None
@@ -72,7 +73,7 @@ def _found(rows: Sequence[R], secret: str) -> R | None:
 
 @lru_cache(maxsize=256)
 def network_of(address: str) -> str:
-    """Return the network of 64 bits of an IPv6 address; any other address as it is."""
+    """Return the 64-bit network of an IPv6 address; any other address unchanged."""
     try:
         known = IPv6Address(address)
     except ValueError:
@@ -82,33 +83,33 @@ def network_of(address: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Caller:
-    """A caller, with address and rights."""
+    """A caller, with its address and rights."""
 
     address: str
     name: str | None = None
-    """Of the key; None if none is in force or none valid was shown."""
+    """Name of the caller's key; None if no keys are in force or no valid one was shown."""
     scope: Scope | None = None
-    """None: nothing is allowed."""
+    """Scope of the caller; None: nothing is allowed."""
     way: Literal["open", "key", "session", "none"] = "none"
     showed: bool = False
-    """Whether a key or a cookie was shown, valid or not."""
+    """True if a key or a cookie was shown, valid or not."""
     unconfirmed: bool = False
     """True if the caller is refused because the supervisor cannot read its keys."""
     digest: str = ""
-    """Digest of the key or user, to which a session refers; empty if none is in force."""
+    """Digest of the key or user to which a session refers; empty if none is in force."""
 
     @property
     def network(self) -> str:
-        """Address as one client has it: of IPv6 the network of 64 bits."""
+        """Return the address that identifies a client: for IPv6, its 64-bit network."""
         return network_of(self.address)
 
     @property
     def client(self) -> str:
-        """Client whose share of the limits a request takes: a key, else an address."""
+        """Return the client whose share of the limits a request uses: a key, else an address."""
         return self.name or self.network
 
     def signed(self, label: str) -> str:
-        """The name an action is stored under: the key and the label, or without keys the label."""
+        """Return the name stored with an action: key and label, or without keys the label."""
         if self.name is None:
             return (label if self.way == "open" else "") or self.address
         return f"{self.name} ({label})" if label else self.name
@@ -116,7 +117,7 @@ class Caller:
 
 @dataclass(frozen=True, slots=True)
 class KeySnapshot:
-    """Keys and sessions as they were when last read."""
+    """Keys and sessions at the time they were last read."""
 
     keys: Sequence[KeyRow] = ()
     sessions: Sequence[SessionRow] = ()
@@ -152,14 +153,17 @@ class Authenticator:
         wall: Callable[[], datetime] = utc,
         clock: Callable[[], float] = since_boot_s,
     ) -> None:
-        """``wall``: the time of day; ``clock``: a time in s that never steps."""
+        """Create the authenticator.
+
+        ``wall`` is the time of day, ``clock`` a monotonic time in s.
+        """
         self._always, self._clock = always, clock
         self._had_keys = False
-        """Whether this data folder has, or had, keys."""
+        """True if this data folder has, or had, keys."""
         self._had_keys_noted = False
-        """Whether the journal has the note of it."""
+        """True once the journal records that there were keys."""
         self.time = LatestTime(wall, clock)
-        """Time by which the ends of keys are judged; never goes back."""
+        """Time used to judge the expiry of keys; never goes back."""
         self._noted: tuple[str, frozenset[str]] | None = None
         """Hour and valid keys when the time was last stored; None before it was read."""
         self.supervisor = supervisor
@@ -171,24 +175,24 @@ class Authenticator:
         self._passwords = PasswordCheck()
         self._write_queue = WriteQueue()
         self._sessions_turn = threading.Lock()
-        """Held while a session is written or ended, so that none begins after its end."""
+        """Lock held while a session is written or ended, so that none begins after its end."""
         self._unwritten: dict[str, SessionRow] = {}
         """Sessions that are not in the journal yet, by the digest of their cookie."""
         self._signed_out = set[str]()
-        """Digests of sessions that have ended and that the journal still has."""
+        """Digests of ended sessions that the journal still contains."""
         self._keys_used: dict[str, str] = {}
         self._sessions_used: dict[str, str] = {}
         self._session_used_s: dict[str, float] = {}
-        """Time of the last use of each session, by the clock that never steps."""
+        """Time of the last use of each session, by the monotonic clock, in s."""
 
     @property
     def keys_wanted(self) -> bool:
-        """Whether a caller must show a key."""
+        """Return whether a caller must show a key."""
         return self._always or self._had_keys
 
     @property
     def has_usable_key(self) -> bool:
-        """Whether any key is valid now."""
+        """Return whether any key is valid now."""
         return bool(_usable(self._snapshot.keys, self._now()))
 
     def _now(self) -> str:
@@ -231,7 +235,7 @@ class Authenticator:
     def _active_sessions(
         self, repository: SessionRepository, keys: Sequence[KeyRow]
     ) -> list[SessionRow]:
-        """Return the sessions; delete those unused for too long and those of revoked keys."""
+        """Return the sessions; delete those that expired and those of revoked keys."""
         rows, now, clock_s = repository.all(), self.time.now(), self._clock()
         for row in rows:  # of an earlier program, or new
             idle = max(timedelta(0), now - datetime.fromisoformat(row.used_at))
@@ -250,7 +254,7 @@ class Authenticator:
         return used_s is None or self._clock() - used_s > 3600.0 * IDLE_H
 
     def _note_time(self, file: KeyFile) -> None:
-        """Store the time once an hour, and whenever a key has ended."""
+        """Store the time once an hour, and whenever a key has expired."""
         now, rows = self.time.now(), self._snapshot.keys
         noted = utc_text(now)[:HOUR], _usable(rows, utc_text(now))
         if noted != self._noted and rows:
@@ -258,20 +262,20 @@ class Authenticator:
         self._noted = noted
 
     def agree_to_time(self, store: Store) -> None:
-        """Accept the present time of day, although a later one was seen; raises StoreError."""
+        """Accept the present time of day although a later one was seen; raises StoreError."""
         with self._turn:
             self.time.agree()
             KeyFile(store.folder).note_latest(self.time.now())
 
     @property
     def unconfirmed(self) -> bool:
-        """Whether a key may have been revoked unnoticed, since the keys cannot be read."""
+        """Return whether a key may have been revoked unnoticed, since the keys cannot be read."""
         if self._confirmed_s is None:
             return False
         return self._clock() - self._confirmed_s > UNCONFIRMED_S
 
     def identify(self, address: str, shown: str | None, cookie: str | None) -> Caller:
-        """Return the caller, by the key shown, valid or not, else by a cookie."""
+        """Return the caller, identified by the key shown (valid or not), otherwise by a cookie."""
         if self.unconfirmed:
             return Caller(address, unconfirmed=True)
         if not self.keys_wanted:
@@ -307,7 +311,7 @@ class Authenticator:
             self._keys_used[key.name] = now
 
     async def by_password(self, caller: Caller, name: str, password: str) -> Caller:
-        """Return the user of a name and a password; raises ProblemError for too many tries.
+        """Return the user of a name and a password; raises ProblemError for too many attempts.
 
         A caller who has signed in as that user already does not have to wait.
         """
@@ -326,9 +330,9 @@ class Authenticator:
         return Caller(caller.address, user.name, user.scope, "key", showed=True, digest=user.digest)
 
     def sign_in(self, store: Store, caller: Caller, cookie: str) -> None:
-        """Let a cookie stand for the key that a caller has shown.
+        """Start a session, whose cookie replaces the key that a caller has shown.
 
-        The session counts at once, also while the journal cannot be written.
+        The session is valid at once, even while the journal cannot be written.
         """
         assert caller.digest
         row = SessionRow(digest_of(cookie), caller.digest, self._now())
@@ -349,17 +353,17 @@ class Authenticator:
 
     @property
     def unwritten(self) -> int:
-        """Number of sessions whose begin or end is not in the journal yet."""
+        """Return the number of sessions whose begin or end is not in the journal yet."""
         return len(self._unwritten) + len(self._signed_out)
 
     def write_sessions(self) -> None:
-        """Write begins and ends of sessions that the journal could not take at their time."""
+        """Write begins and ends of sessions that the journal could not store earlier."""
         self._write_queue.flush()
 
     def sign_out(self, store: Store, cookie: str) -> None:
         """End the session of a cookie.
 
-        It ends at once, also while the journal cannot be written.
+        It ends at once, even while the journal cannot be written.
         """
         digest = digest_of(cookie)
         if digest in self._unwritten or any(
@@ -378,7 +382,7 @@ class Authenticator:
 
 
 def _usable(rows: Sequence[KeyRow], now: str) -> frozenset[str]:
-    """Return names of the keys that are valid at a time."""
+    """Return the names of the keys that are valid at a time."""
     return frozenset(row.name for row in rows if row.usable(now))
 
 
@@ -387,7 +391,7 @@ def _same_minute(used_at: str | None, now: str) -> bool:
 
 
 def _drained(used: dict[str, str]) -> dict[str, str]:
-    """Return the entries so far; those that other threads add meanwhile stay for the next time."""
+    """Remove and return the entries so far; those that other threads add meanwhile stay."""
     found = dict(used)
     for name in found:
         used.pop(name, None)
@@ -395,12 +399,12 @@ def _drained(used: dict[str, str]) -> dict[str, str]:
 
 
 def hours_before(now: str, hours: float) -> str:
-    """Return a UTC time in the journal's form, some hours before another."""
+    """Return a UTC time in the journal's format, a number of hours before another one."""
     return utc_text(datetime.fromisoformat(now) - timedelta(hours=hours))
 
 
 def require_scope(caller: Caller, needed: Scope) -> None:
-    """Raise ProblemError with the remedy: 401 for an unknown caller, 403 for a small scope."""
+    """Raise ProblemError with the remedy: 401 for an unknown caller, 403 for a missing scope."""
     if caller.unconfirmed:
         raise ProblemError(
             503,

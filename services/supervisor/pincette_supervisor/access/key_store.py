@@ -1,4 +1,4 @@
-"""The keys of a data folder for the command line, whether or not a supervisor runs."""
+"""Keys of a data folder for the command line, with or without a running supervisor."""
 
 import os
 from collections.abc import Generator
@@ -20,10 +20,10 @@ from pincette_supervisor.journal.tables import utc_text
 
 
 class KeyStore:
-    """The keys in a data folder."""
+    """Store of the keys in a data folder."""
 
     def __init__(self, file: KeyFile, journal: Store | None) -> None:
-        """``journal`` is None where it cannot be used: keys do not depend on it."""
+        """Create the store; ``journal`` is None if unusable, since keys do not depend on it."""
         self._file, self._journal = file, journal
 
     def add(self, name: str, scope: Scope, days: float | None) -> tuple[str, KeyView]:
@@ -51,7 +51,7 @@ class KeyStore:
         return key, self._noted(row)
 
     def add_user(self, name: str, scope: Scope, password: str) -> KeyView:
-        """Keep a person who signs in by name and password; raises ValueError as ``add``."""
+        """Add a person who signs in by name and password; raises ValueError like ``add``."""
         try:
             # Of a key that nobody has been told.
             digest = digest_of(new_key())
@@ -63,21 +63,21 @@ class KeyStore:
         return self._noted(row)
 
     def _noted(self, row: KeyRow) -> KeyView:
-        """Note in the journal that keys are needed from now on; return the key as it is shown."""
+        """Record in the journal that keys are required; return the key as it is shown."""
         if self._journal is not None:
             with suppress(StoreError):  # the supervisor notes it when it reads the key
                 self._journal.set_note(KEYS_WANTED, "1")
         return self._view(row)
 
     def set_password(self, name: str, password: str) -> bool:
-        """Give a user another password and end the user's sessions; false if there is no such user.
+        """Set a user's password and end the user's sessions; return False for an unknown user.
 
         The sessions end because they refer to the digest of the user, which is replaced.
         """
         return self._file.set_password(name, hashed(password), digest_of(new_key()))
 
     def all(self, *, users: bool = False) -> list[KeyView]:
-        """Return all keys, or all users, the revoked ones included.
+        """Return all keys, or all users, including revoked ones.
 
         Raises StoreError where there are none and there have been some, or might have been.
         """
@@ -95,11 +95,14 @@ class KeyStore:
         return [self._view(row) for row in rows if (row.password is not None) == users]
 
     def revoke(self, name: str) -> bool:
-        """Revoke a key; false if there is no key of this name in force."""
+        """Revoke a key; return False if no valid key has this name."""
         return self._file.revoke(name)
 
     def _view(self, row: KeyRow) -> KeyView:
-        """Return a key as it is shown, judged by the latest time as a supervisor does."""
+        """Return a key as it is shown.
+
+        Its expiry is judged by the latest time, as in a supervisor.
+        """
         now = utc()
         latest = max(now, self._file.latest_at() or now)
         return KeyView(**columns(row, "digest", "password"), usable=row.usable(utc_text(latest)))
@@ -107,10 +110,10 @@ class KeyStore:
 
 @contextmanager
 def open_keys(data: Path) -> Generator[KeyStore]:
-    """Open the keys of a data folder, which is made if it does not exist.
+    """Open the keys of a data folder, which is created if it does not exist.
 
-    A journal that cannot be used keeps nobody from adding or revoking a key. Methods of the store
-    raise StoreError where the key file cannot be used.
+    Keys can be added and revoked even if the journal is unusable. Methods of the store raise
+    StoreError if the key file is unusable.
     """
     make_folder(data)
     try:

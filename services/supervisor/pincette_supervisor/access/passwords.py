@@ -1,4 +1,4 @@
-"""Passwords of people, kept as scrypt hashes (RFC 7914), and how often they may be tried.
+"""Passwords of people, stored as scrypt hashes (RFC 7914), and limits of attempts.
 
 Hashes are computed in a thread of their own. Each address has one place in its queue at a time, so
 that a flood of tries from one address delays those from another by one try at most.
@@ -22,23 +22,23 @@ from weakref import WeakValueDictionary
 from pincette_supervisor.problems import ProblemError
 
 COST, BLOCK, LANES = 2**14, 8, 1
-"""N, r and p: 16 MB and some 50 ms a try."""
+"""N, r and p of scrypt: 16 MB and some 50 ms for each attempt."""
 SALT_BYTES = 16
 FREE_TRIES = 5
-"""Wrong passwords of one name from one address before the next try has to wait."""
+"""Number of wrong passwords for one name from one address before the next attempt has to wait."""
 LONGEST_WAIT_S = 60.0
 HELD_S = 5.0
-"""A try that has to wait no longer than this is held back and then checked; others get 429."""
+"""Longest wait in s for which an attempt is delayed and then checked; others get 429."""
 PLACES_MAX = 1000
-"""Largest number of pairs of name and address whose wrong passwords are counted."""
+"""Largest number of pairs of name and address for which wrong passwords are counted."""
 NICE = 15
-"""Priority of the thread that computes hashes; the higher the number, the lower the priority."""
+"""Niceness of the thread that computes hashes; a higher number is a lower priority."""
 WAITING_MAX = 32
-"""Tries of one address that wait; beyond, 429."""
+"""Largest number of waiting attempts of one address; beyond it, 429."""
 
 
 def hashed(password: str, salt: bytes | None = None) -> str:
-    """Return a password as it is kept: parameters, salt and hash."""
+    """Return a password in its stored form: parameters, salt and hash."""
     salt = secrets.token_bytes(SALT_BYTES) if salt is None else salt
     key = hashlib.scrypt(password.encode(), salt=salt, n=COST, r=BLOCK, p=LANES)
     return f"scrypt${b64encode(salt).decode()}${b64encode(key).decode()}"
@@ -49,13 +49,13 @@ NOBODY = hashed("", b"\0" * SALT_BYTES)
 
 
 def fits(password: str, kept: str) -> bool:
-    """Return whether a password is the one that is kept."""
+    """Return whether a password matches the stored one."""
     salt = b64decode(kept.split("$")[1])
     return hmac.compare_digest(hashed(password, salt), kept)
 
 
 class Tries:
-    """Counts wrong passwords by name and address, and makes the next try wait.
+    """Counts wrong passwords by name and address, and delays the next attempt.
 
     The wait doubles with each wrong password. It concerns one address only, so that nobody who
     knows a user's name can lock the user out from elsewhere.
@@ -66,7 +66,7 @@ class Tries:
         self._wrong: dict[tuple[str, str], tuple[int, float]] = {}
 
     def wait_s(self, name: str, address: str) -> float:
-        """Return for how long a name has to wait at an address, in s."""
+        """Return the time for which a name has to wait at an address, in s."""
         count, since_s = self._wrong.get((name, address), (0, 0.0))
         if count < FREE_TRIES:
             return 0.0
@@ -74,7 +74,7 @@ class Tries:
         return max(since_s + wait_s - self._clock(), 0.0)
 
     def note(self, name: str, address: str, *, right: bool) -> None:
-        """Count a try."""
+        """Count an attempt."""
         count, _ = self._wrong.pop((name, address), (0, 0.0))
         if not right:
             self._wrong[name, address] = (count + 1, self._clock())
@@ -94,10 +94,10 @@ class PasswordCheck:
     async def is_right(
         self, name: str, address: str, password: str, kept: str | None, *, trusted: bool = False
     ) -> bool:
-        """Return whether a password is the one kept; raises ProblemError for too many tries.
+        """Return whether a password is right; raises ProblemError for too many attempts.
 
-        ``kept`` is None where there is no such user, which takes as long. A ``trusted`` caller has
-        no waits.
+        ``kept`` is None for an unknown user, which takes as long. A ``trusted`` caller does not
+        have to wait.
         """
         if self._waiting[address] >= WAITING_MAX:
             raise _too_many(f"{WAITING_MAX} tries from {address} are waiting", 2.0)
@@ -130,7 +130,7 @@ class PasswordCheck:
 
 
 def _give_way() -> None:
-    """Let all other threads of the machine run before this one; Linux has a priority per thread."""
+    """Let all other threads of the machine run before this one; Linux has priorities by thread."""
     if sys.platform == "linux":
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)
 

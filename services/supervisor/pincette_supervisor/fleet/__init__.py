@@ -1,1 +1,1 @@
-"""The rigs that a supervisor serves: how they are found, opened and shown over REST."""
+"""The rigs of a supervisor: how they are found, opened and shown over REST."""

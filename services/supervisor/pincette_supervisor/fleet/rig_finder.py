@@ -1,4 +1,4 @@
-"""Finds rigs on the router by their programs' liveliness tokens, and serves them."""
+"""Search for rigs on the router by their programs' liveliness tokens."""
 
 import logging
 import threading
@@ -20,54 +20,55 @@ from pincette_supervisor.journal.store import StoreError
 
 log = logging.getLogger(__name__)
 FIRST_S = 4.0
-"""Time that the supervisor waits at its start for rigs that are already running."""
+"""Time in s that the supervisor waits at its start for rigs that are already running."""
 SETTLE_S = 0.1
-"""Programs of one rig come and go together; changes within this time are handled at once."""
+"""Time in s within which changes are handled together: the programs of a rig come and go
+together."""
 AGAIN_S, AGAIN_MOST_S = 1.0, 30.0
-"""A rig that is served and not ready is checked again after the first time. One that cannot be
-served is checked after the same time, and after twice the time at each further failure, up to the
-second: any tool can hold the tokens of a rig that does not exist."""
+"""Delay of the next check, in s. A rig that is served and not ready is checked again after the
+first time. One that cannot be served is checked after the same time, which doubles with each
+further failure up to the second: any tool can hold the tokens of a rig that does not exist."""
 WORKERS = 4
-"""Number of rigs that are checked at the same time."""
+"""Number of rigs that are checked concurrently."""
 JOIN_S = 2.0
 ASKED_FIRST = ("actuator", *(name for name in LOOP if name != "actuator"))
-"""Programs in the order in which their rig file counts."""
+"""Programs in the order of priority of their rig files."""
 
 
 class AskRigFile(Protocol):
-    """Requests to rigs that are not served."""
+    """Interface for requests to rigs that are not served."""
 
     def rig_file(self, rig: str, program: str) -> RigFileReply:
-        """Return the rig file that a program of the loop runs with; raises BusError."""
+        """Return the rig file with which a program of the loop runs; raises BusError."""
         ...
 
 
 class Everywhere(Protocol):
-    """Liveliness of the programs of every rig on the router."""
+    """Interface to the liveliness of the programs of every rig on the router."""
 
     def alive_everywhere(self) -> set[tuple[str, str]]:
-        """Return rigs and programs that are alive."""
+        """Return the rigs and programs that are alive."""
         ...
 
     def watch_everywhere(self, sink: Callable[[str, str, bool], None]) -> None:
-        """Tell ``sink`` of rig and program whenever one comes (true) or goes (false)."""
+        """Call ``sink`` with rig and program whenever one appears (True) or disappears (False)."""
         ...
 
 
 @dataclass(slots=True)
 class FoundRig:
-    """A rig that was found: its programs of the loop, and when it is checked next."""
+    """A rig that was found: its programs of the loop, and the time of its next check."""
 
     programs: set[str] = field(default_factory=set[str])
     here: bool = False
     due_s: float = inf
     """Time of the next check; infinite if none is due before its programs change."""
     failures: int = 0
-    """Number of checks in a row that found a rig that cannot be served."""
+    """Number of consecutive checks after which the rig could not be served."""
     busy: bool = False
-    """True while it is checked."""
+    """True while the rig is being checked."""
     seen: threading.Event = field(default_factory=threading.Event)
-    """Set once it has been checked."""
+    """Set once the rig has been checked."""
 
 
 class RigFinder:
@@ -92,7 +93,7 @@ class RigFinder:
             found.seen.wait(max(0.0, deadline - monotonic()))
 
     def on_liveliness(self, rig: str, program: str, alive: bool) -> None:
-        """Note that a program has come or gone; from any thread, without blocking."""
+        """Note that a program appears or disappears; callable from any thread, without blocking."""
         if rig == self._rigs.own.name or program not in LOOP:
             return
         with self._changed:
@@ -128,7 +129,7 @@ class RigFinder:
                 self._changed.notify()
 
     def _next_due(self) -> str | None:
-        """Wait until a rig is due, those first that have failed least often; None at the end."""
+        """Wait until a rig is due, those with the fewest failures first; None at the end."""
         while not self._closing:
             now_s = monotonic()
             free = [(rig, found) for rig, found in self._found.items() if not found.busy]
@@ -159,7 +160,7 @@ class RigFinder:
             return min(AGAIN_MOST_S, AGAIN_S * 2.0 ** (found.failures - 1))
 
     def _check(self, rig: str, found: FoundRig) -> bool:
-        """Check a rig whose programs have come or gone; False if it must be checked again."""
+        """Check a rig whose programs have changed; False if it must be checked again."""
         with self._changed:
             programs = set(found.programs)
         manager = self._rigs.find(rig)
@@ -190,7 +191,10 @@ class RigFinder:
         return replies
 
     def _read(self, rig: str, replies: Mapping[str, RigFileReply]) -> RigFile:
-        """The rig file that counts; raises ConfigError if the rig cannot be served with it."""
+        """Return the rig file with priority.
+
+        Raises ConfigError if it does not permit to serve the rig.
+        """
         program, first = next(iter(replies.items()))
         try:
             file = read_rig_reply(first)
@@ -220,7 +224,7 @@ class RigFinder:
             _end(manager)
 
     def _compare(self, manager: JobManager, replies: Mapping[str, RigFileReply]) -> bool:
-        """Serve a rig anew once it is idle, if its programs agree on another rig file."""
+        """Reopen a rig once it is idle, if its programs agree on another rig file."""
         health, before = manager.context.health, manager.context.model.file
         if len({one.text for one in replies.values()}) > 1:
             return True  # each program's status reports it
@@ -248,7 +252,7 @@ class RigFinder:
             log.warning("rig %s: %s", rig, why)
 
     def close(self) -> None:
-        """Serve no further rigs."""
+        """Stop serving further rigs."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()

@@ -1,4 +1,4 @@
-"""State of the rig, put together for REST."""
+"""State of a rig, assembled for REST."""
 
 from datetime import UTC, datetime
 
@@ -36,7 +36,7 @@ SAMPLE_OF = {topic.producer: topic.message for topic in reversed(TOPICS) if topi
 
 
 def rig_view(manager: JobManager) -> Rig:
-    """Return the rig; asks the programs unless they have just answered or a job runs."""
+    """Return the rig's state; queries the programs unless they have just replied or a job runs."""
     context, queue = manager.context, manager.queue
     active, status = manager.active, None
     if active is not None:
@@ -167,7 +167,7 @@ def _newest(context: RigContext) -> Newest | None:
 
 
 def _x_um(position: Position, arm: int) -> float | None:
-    """Return the position of an arm; None where it was not measured."""
+    """Return the position of an arm, in µm; None if it was not measured."""
     measured = position.arms[arm]
     return measured.x_um if measured.valid else None
 
@@ -182,7 +182,7 @@ def _zeroed(known: Estimate | None, arm: int) -> ArmEstimate | None:
 def _newest_of_second(
     position: Position | None, known: Estimate | None, applied: Applied | None
 ) -> dict[str, float | None]:
-    """Return the same of the second arm; nothing where there is none."""
+    """Return the newest values of the second arm; empty for a rig without one."""
     found: dict[str, float | None] = {}
     if position is not None and len(position.arms) > 1:
         found["second_x_um"] = _x_um(position, 1)

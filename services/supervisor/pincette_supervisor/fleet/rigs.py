@@ -1,4 +1,4 @@
-"""The rigs of one supervisor: its own and those found on the router, and how one is created."""
+"""The rigs of one supervisor: its own and those found on the router, and their creation."""
 
 import threading
 from collections import OrderedDict
@@ -38,11 +38,11 @@ from pincette_supervisor.rigs.rig_context import RigContext
 
 T = TypeVar("T")
 SETTLED_MAX = 600
-"""Jobs that are kept for lists: more than the longest list has."""
+"""Number of jobs in memory for lists: more than the longest list has."""
 
 
 class SettledJobs:
-    """The newest jobs as JSON that change with their journal row only; safe to use from threads.
+    """The newest jobs as JSON, if only their journal row can change; safe to use from threads.
 
     Many clients ask for the newest jobs again and again. To read, validate and encode such a job
     takes twenty times as long as to find it here.
@@ -52,10 +52,10 @@ class SettledJobs:
         self._most = most
         self._lock = threading.Lock()
         self._jobs: OrderedDict[str, tuple[int, bytes]] = OrderedDict()
-        """Revision and JSON, by name; the one that was used last is the last."""
+        """Revision and JSON, by name; the most recently used one is last."""
 
     def find(self, revisions: Iterable[tuple[str, int]]) -> dict[str, bytes]:
-        """Return the jobs that are here at these revisions, by name."""
+        """Return the jobs in memory at these revisions, by name."""
         found: dict[str, bytes] = {}
         with self._lock:
             for name, revision in revisions:
@@ -66,7 +66,7 @@ class SettledJobs:
         return found
 
     def add(self, name: str, revision: int, encoded: bytes) -> None:
-        """Keep a job, in place of an older revision."""
+        """Store a job in place of its older revision."""
         with self._lock:
             self._jobs[name] = revision, encoded
             self._jobs.move_to_end(name)
@@ -82,11 +82,11 @@ class Rigs:
         own: JobManager,
         stop_others: Callable[[Collection[str], float], StopOfOthers] | None = None,
     ) -> None:
-        """``stop_others``: trips the actuators of rigs that are not served, within a time."""
+        """Create the rigs; ``stop_others`` trips actuators of rigs not served, within a time."""
         self.own = own
         self._stop_others = stop_others
         self._turns = SharedTurns[StopOfOthers]("estop-others")
-        """No thread of a served rig's stop waits for one that is not served."""
+        """Separate turns, so that no stop of a served rig waits for one that is not served."""
         self._lock = threading.Lock()
         self._managers: Mapping[str, JobManager] = {own.name: own}
         self._unusable: Mapping[str, str] = {}
@@ -94,12 +94,12 @@ class Rigs:
 
     @property
     def store(self) -> Store:
-        """The journal, shared by all rigs."""
+        """Return the journal, shared by all rigs."""
         return self.own.context.store
 
     @property
     def unusable(self) -> Mapping[str, str]:
-        """Rigs that were found and cannot be served, with the reason."""
+        """Return the rigs that were found and cannot be served, with the reason."""
         return self._unusable
 
     def add(self, manager: JobManager) -> None:
@@ -111,7 +111,7 @@ class Rigs:
             }
 
     def set_unusable(self, rig: str, why: str) -> None:
-        """Set why a rig is not served; an empty text removes it."""
+        """Set the reason why a rig is not served; an empty text removes it."""
         with self._lock:
             others = {name: other for name, other in self._unusable.items() if name != rig}
             self._unusable = {**others, rig: why} if why else others
@@ -165,7 +165,7 @@ class Rigs:
         )
 
     def of_request(self, request: JobRequest, key: str | None) -> JobManager:
-        """Return the rig that has created a job with this key, or that the request names."""
+        """Return the rig that created a job with this key, or that the request names."""
         known = None if key is None else self.store.created(key)
         return self.select(request.rig) if known is None else self.of_job(known.job)
 
@@ -194,7 +194,7 @@ class Rigs:
     ) -> dict[str, bytes]:
         """Return the newest jobs of all rigs as JSON by name, newest first; raises ProblemError.
 
-        ``before``: only those that were created before this job.
+        ``before``: only jobs that were created before this one.
         """
         if before is not None:
             found = replace(found, before_number=require_job(self.store, before).number)
@@ -221,7 +221,7 @@ class Rigs:
             yield [self._present_row(row) for row in page]
 
     def _present_row(self, row: TableRow) -> TableRow:
-        """Replace a row that the journal may not have in its present state."""
+        """Return the manager's own row if the journal may not have its present state."""
         name, rig = row.fixed[:2]
         manager = None if rig is None else self.find(rig)
         if name is None or manager is None or not manager.index.has_job(name):
@@ -229,7 +229,7 @@ class Rigs:
         return job_table.row_of(manager.index.view(require_job(self.store, name)))
 
     def _require_known(self, rig: str | None) -> None:
-        """Raise ProblemError for a rig that is not served and has no job."""
+        """Raise ProblemError for a rig that is not served and has no jobs."""
         if rig is None or rig in {**self._managers, **self._unusable}:
             return
         counted = {name for name, _, _ in self.store.counted()}
@@ -247,7 +247,7 @@ class Rigs:
         return manager is None or manager.index.is_settled(row.id)
 
     def records(self, rig: str) -> Path:
-        """Return the folder of a rig's records, whether or not it is served."""
+        """Return the folder of a rig's records, for served and other rigs."""
         manager, own = self.find(rig), self.own.context.records
         if manager is not None:
             return manager.context.records
@@ -274,32 +274,32 @@ class Rigs:
 
 
 class OpenBus(Protocol):
-    """Opens the bus of a rig."""
+    """Function that opens the bus of a rig."""
 
     def __call__(self, rig: str, *, lockstep: bool) -> WatchedBus:
-        """Open; raises BusError."""
+        """Open the bus; raises BusError."""
         ...
 
 
 @dataclass(frozen=True)
 class RigFactory:
-    """Builds everything that serves a rig; holds what the rigs of a supervisor share."""
+    """Factory of everything that serves a rig; holds what the rigs of a supervisor share."""
 
     store: Store
     listeners: Listeners
     data: Path
     open_bus: OpenBus
     play: Play = played
-    """Simulates a plan on the model, on a spare processor."""
+    """Function that simulates a plan on the model, on a spare processor."""
     draw: Runner = run_here
-    """Calls functions that draw pictures, on a spare processor."""
+    """Function that runs a drawing function, on a spare processor."""
     awake_clock: Callable[[], float] | None = None
-    """A clock that stands still while this process is suspended."""
+    """Clock that stops while this process is suspended."""
     trip_directly: Callable[[RigFile, Trip], object] | None = None
-    """Trips the actuator of a rig without the router; None: there is no such link."""
+    """Function that trips a rig's actuator without the router; None: there is no such link."""
 
     def create(self, rig: RigFile, unfinished: Sequence[str] = ()) -> JobManager:
-        """Serve a rig with its interrupted jobs, the newest last; raises BusError."""
+        """Open a rig with its interrupted jobs, the newest last; raises BusError."""
         bus = self.open_bus(rig.rig.name, lockstep=rig.lockstep)
         try:
             manager = JobManager(self._context(rig, bus), self.play)

@@ -27,8 +27,8 @@ WORDS_ON_SERVER = literal_column(
     "(jobs.labels::text))",
     String,
 )
-"""Expressions as in the indexes of ``migrations``; PostgreSQL uses an index only where they agree.
-"""
+"""Expressions as in the indexes of ``migrations``; PostgreSQL uses an index only where they
+agree."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,1 +1,1 @@
-"""Kinds of job, registered in ``pyproject.toml``; requests are apart from what plans them."""
+"""Kinds of job, registered in ``pyproject.toml``; requests are separate from their planning."""

@@ -1,4 +1,4 @@
-"""Requests and plans of all installed kinds as types, for REST and for the journal."""
+"""Requests and plans of all installed kinds as types, for REST and the journal."""
 
 from typing import TYPE_CHECKING, Literal
 

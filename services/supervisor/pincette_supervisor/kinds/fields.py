@@ -1,4 +1,4 @@
-"""Form fields and figures that several kinds of job show."""
+"""Form fields and results that several kinds of job share."""
 
 from collections.abc import Mapping
 from typing import TypeVar
@@ -12,7 +12,7 @@ Shown = TypeVar("Shown", FieldSpec, ResultField)
 
 
 def for_arms(arms: int, *shown: Shown) -> tuple[Shown, ...]:
-    """Return fields or figures that are shown for rigs with this number of driven arms alone."""
+    """Return fields or results that are shown only for rigs with this number of driven arms."""
     return tuple(one.model_copy(update={"arms": (arms,)}) for one in shown)
 
 
@@ -27,7 +27,7 @@ ONE_ARM = frozenset(
         "set",
     }
 )
-"""Members of a job that meets a part which rigs with one driven arm alone accept."""
+"""Members of a job with a part that only rigs with one driven arm accept."""
 RECIPE = FieldSpec(name="recipe", label="Recipe", widget="recipe", placeholder="none")
 ZERO_CONFIRMED = FieldSpec(
     name="zero_confirmed", label="Nothing touches the arm: I have looked", advanced=True
@@ -77,7 +77,7 @@ GOAL: tuple[ResultField, ...] = (
     number("goal.force_error_mN", "largest error of the settled force", digits=3, optional=True),
     number("goal.force_tolerance_mN", "its tolerance", digits=3, optional=True),
 )
-"""Result values on the tolerances of a job."""
+"""Result fields on the tolerances of a job."""
 ERROR_SOURCES = tuple(
     figure
     for member, quantity, unit in (
@@ -113,7 +113,7 @@ ERROR_SOURCES = tuple(
         ),
     )
 )
-"""Causes of the errors of a hold or a path."""
+"""Result fields on the causes of the errors of a hold or a path."""
 SPEEDS = (
     FieldSpec(name="load_s", label="Load over", advanced=True),
     FieldSpec(name="approach_um_per_s", label="Approach at", advanced=True),
@@ -122,7 +122,7 @@ SPEEDS = (
 
 
 def _gain(law: str, gain: LawParameter, placeholder: str, **when: tuple[str, ...]) -> FieldSpec:
-    """Return the field of a gain of a law, shown while other fields have these values."""
+    """Return the field of a law's gain, shown while other fields have these values."""
     return FieldSpec(
         name=f"{law}-{gain.name}",
         label=gain.name,
@@ -184,7 +184,7 @@ ZERO_RETURN: tuple[ResultField, ...] = (
         optional=True,
     ),
 )
-"""Closure error of the force after the part was released."""
+"""Result fields on the closure error of the force after the part was released."""
 POSITION_STEP: tuple[ResultField, ...] = (
     ResultField(name="position_step.cause", label="cause of the step", optional=True),
     number("position_step.step_um", "step of the position", optional=True),
@@ -196,7 +196,7 @@ POSITION_STEP: tuple[ResultField, ...] = (
     ),
     ResultField(name="position_step.rang", label="rang after it, as after a slip", optional=True),
 )
-"""A step of the position that the voltage does not explain."""
+"""Result fields on a position step that the voltage does not explain."""
 SECOND_ZERO_RETURN = tuple(
     figure.model_copy(
         update={
@@ -207,7 +207,7 @@ SECOND_ZERO_RETURN = tuple(
     )
     for figure in ZERO_RETURN
 )
-"""The same for the second arm."""
+"""Result fields on the closure error of the second arm."""
 BRIEF_ZERO_RETURN: Mapping[str, str] = {
     "zero_return.force_mN": "zero return",
     "second_zero_return.force_mN": "zero return of arm 2",

@@ -39,7 +39,7 @@ from pincette_supervisor.plugin.result import (
 
 
 def evaluate(run: Run) -> Evaluation:
-    """Work out the figures of a job of both arms."""
+    """Compute the results of a job of both arms."""
     table = run.table
     chosen = evaluated(run)
     zeroed = ~np.isnan(series(table, "zero_age_s")) & ~np.isnan(series(table, "second_zero_age_s"))
@@ -92,7 +92,7 @@ def evaluate(run: Run) -> Evaluation:
 
 
 def evaluated(run: Run) -> Mask:
-    """Samples that the errors are of: the path at full amplitude, else the hold or the rest."""
+    """Return the samples with errors: the path at full amplitude, else the hold or the rest."""
     known: list[Path] = [path for path in _paths(run) if path is not None]
     if known:
         return full_amplitude(run, known)
@@ -101,14 +101,14 @@ def evaluated(run: Run) -> Mask:
 
 
 def _paths(run: Run) -> tuple[Path | None, Path | None]:
-    """Of place and of force; None where there is none."""
+    """Return the paths of place and force; None where there is none."""
     tracks = (one for one in run.planned.program.segments if isinstance(one, Track))
     track = next(tracks, None)
     return (None, None) if track is None else (track.place, track.force)
 
 
 def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
-    """Draw place, both forces and both voltages over one time."""
+    """Draw place, both forces and both voltages over a common time axis."""
     table, result = run.table, evaluation.result
     assert isinstance(result, PairResult)
     sheet = Sheet()
@@ -174,11 +174,11 @@ def _subtitle(result: PairResult) -> str:
 
 
 MORE_TOUCHES = 2.0
-"""Contact forces that the squeeze may grow by on the way: how large it is, is not known."""
+"""Number of contact forces by which the unknown squeeze may grow during a carry."""
 
 
 def carry_job(request: CarryJobRequest, model: ModelInUse, present: Present) -> Planned:
-    """Plan a carry from where both tips stand."""
+    """Plan a carry from the present positions of both tips."""
     rig = model.rig
     tips = present.tips_um
     by_um = request.by_um or 0.0

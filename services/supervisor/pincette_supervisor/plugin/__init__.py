@@ -63,7 +63,7 @@ __all__ = [
 
 
 class FaultyRequestError(ValueError):
-    """Members of a request that do not go together; says which."""
+    """Members of a request that contradict each other; the message names them."""
 
     def __init__(self, pointer: str, message: str) -> None:
         super().__init__(message)
@@ -72,13 +72,14 @@ class FaultyRequestError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class InstrumentBandwidth:
-    """One instrument's share in the bandwidth."""
+    """Contribution of one instrument to the bandwidth of a rig."""
 
     part: str
     driver: str
     bandwidth_hz: float
     buffered_hz: float | None
-    """Highest rate of a buffered acquisition or output; None where there is none."""
+    """Highest rate of a buffered acquisition or output, in Hz; None for an instrument without
+    one."""
     exchange_s: float
     response_s: float
     note: str
@@ -101,51 +102,53 @@ class UnsupportedError(ValueError):
 
 
 RESTS_V = 0.01
-"""Voltage up to which an arm that is free counts as at rest at 0 V."""
+"""Voltage up to which a free arm counts as resting at 0 V, in V."""
 
 
 @dataclass(frozen=True, slots=True)
 class Present:
-    """Voltage applied, position measured, and whether a part is held; None: unknown."""
+    """State of the rig: applied voltage, measured position, part held; None: unknown."""
 
     voltage_V: float | None = None
     x_um: float | None = None
     held: bool | None = None
     recorded: RecordedMotion | None = None
-    """Motion of the job that the request plays again; None: it names none."""
+    """Motion of the recorded job that the request replays; None: the request names no job."""
     second_V: float | None = None
     second_um: float | None = None
-    """Of the second arm, where there is one."""
+    """Position of the second arm, in µm; None on a rig without one."""
     memory_known: bool | None = None
-    """Whether the estimator knows the past of the arm's hysteresis well enough for a force."""
+    """True if the estimator knows the past of the arm's hysteresis well enough for a force."""
     stroke: Fault | None = None
-    """The estimator's finding that the stroke of an arm has changed; None: it has none."""
+    """Fault that the estimator reports when the stroke of an arm has changed; None: no such
+    fault."""
     pose_um: float | None = None
-    """Target or rest of the last move, where the arm still stands there; see ``last_pose``."""
+    """Target or final position of the last move, in µm, if the arm is still there; see
+    ``last_pose``."""
     force_mN: float | None = None
-    """Force on a part that is held, the mean of two arms; None: not known, or none is held."""
+    """Force on the held part, in mN (mean of both arms); None: unknown, or no part is held."""
     force_uncertainty_mN: float | None = None
-    """Expanded uncertainty of that force; of two arms the larger one."""
+    """Expanded uncertainty of that force, in mN; with two arms, the larger one."""
 
     def stand_V(self, rig: RigFile) -> float:
-        """Return the voltage applied, or where that is not known the rig file's safe voltage."""
+        """Return the applied voltage, in V, or the rig file's safe voltage where it is unknown."""
         return rig.safety.safe_V if self.voltage_V is None else self.voltage_V
 
     def stand_um(self, rig: RigFile) -> float:
-        """Return the position, or where that is not known the one that the voltage stands for."""
+        """Return the position, in µm, or an estimate of it from the voltage where it is unknown."""
         if self.x_um is not None:
             return self.x_um
         return X_START_UM + rig.model.piezo_um_per_V * self.stand_V(rig)
 
     @property
     def tips_um(self) -> Pair | None:
-        """Return the positions of both arms; None where one of them is not known."""
+        """Return the positions of both arms, in µm; None where one of them is unknown."""
         if self.x_um is None or self.second_um is None:
             return None
         return self.x_um, self.second_um
 
     def rest_um(self) -> float | None:
-        """Return the position of an arm that rests at 0 V and holds no part; None: not known."""
+        """Return the position, in µm, of an arm that rests at 0 V without a part; None: unknown."""
         if self.voltage_V is None or abs(self.voltage_V) > RESTS_V or self.held:
             return None
         return self.x_um
@@ -156,7 +159,7 @@ CURVE_POINTS = 400
 
 @dataclass(frozen=True, slots=True)
 class Wait:
-    """What a person is asked for before the program continues."""
+    """Confirmation by a person that the program needs before it continues."""
 
     instruction: str
     weight_mN: float | None = None
@@ -164,63 +167,63 @@ class Wait:
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """A plan for people, the program for the controller, and the values both rest on."""
+    """A plan for people, the program for the controller, and the values behind both."""
 
     plan: JobPlan
     program: Program
     values: dict[str, Any]
-    """Values as they are stored and sent."""
+    """Values of the plan, as they are stored and sent."""
     model: ModelInUse
-    """The model in use when it was planned."""
+    """Model in use at the time of planning."""
     waits: Mapping[int, Wait] = field(default_factory=dict[int, Wait])
-    """Waits by the number of their segment."""
+    """Confirmations that the program waits for, by segment number."""
     meets_part: bool = True
-    """Whether a part is expected in the gripper."""
+    """True if a part is expected in the gripper."""
     present: Present | None = None
     """State of the rig at the time of planning; None: unknown."""
     pointers: Mapping[str, str] = field(default_factory=dict[str, str])
-    """Member of the request that leads beyond a limit, by phase; empty: ``JobFunctions.pointer``
-    says it."""
+    """JSON pointer to the request member that exceeds a limit, by phase; empty:
+    ``JobFunctions.pointer`` names it."""
     expecting: ModelInUse | None = None
-    """That model with what a recipe expects of its object, and without residual tables of other
-    programs; None: it is the same."""
+    """Model in use, with the properties that a recipe expects of its object and without the
+    residual tables of other programs; None: ``model`` itself."""
 
     @property
     def armed(self) -> ModelInUse:
-        """What the programs of the loop are armed with, and what is predicted rests on."""
+        """Return the model that the services are armed with, and that predictions rest on."""
         return self.expecting or self.model
 
     @property
     def planned_s(self) -> float | None:
-        """How long it takes; None where a hold or a wait has no end."""
+        """Return the planned duration, in s; None where a hold or a wait has no end."""
         endless = any(segment.duration_s is None for segment in self.program.segments)
         return None if endless else self.plan.duration_s
 
     @property
     def hold_at_s(self) -> float | None:
-        """When its hold is to begin; None where it has none."""
+        """Return the planned time at which the hold begins, in s; None for a plan without one."""
         starts_s = (phase.start_s for phase in self.plan.phases if phase.phase == Phase.HOLD)
         return next(starts_s, None)
 
     @property
     def begins_held(self) -> bool:
-        """Whether it is for a part that is held already, so that it may begin with one."""
+        """Return True if the job is planned for a part that is already held."""
         return self.program.begins_held
 
     @property
     def path(self) -> Path | None:
-        """The path of force that is tracked, where one is."""
+        """Return the force path that is tracked; None for a plan without one."""
         tracks = (one for one in self.program.segments if isinstance(one, Track))
         return next((track.force for track in tracks if track.force is not None), None)
 
 
 def stride_of(course: Course) -> int:
-    """Return which samples of a course are sent: each of so many."""
+    """Return the stride of the samples of a course that are sent: every n-th."""
     return max(1, ceil((len(course.t_s) - 1) / CURVE_POINTS))
 
 
 def decimated(course: Course) -> Curves:
-    """Return a course as it is sent."""
+    """Return a course reduced to the number of points that is sent."""
     stride = stride_of(course)
     return Curves(
         t_s=course.t_s[::stride],
@@ -232,49 +235,50 @@ def decimated(course: Course) -> Curves:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Data that a job has gathered."""
+    """Data that a job has recorded."""
 
     rig: RigFile
     planned: Planned
     table: Columns
-    """Columns of the epoch, a row for each sample; see ``columns``."""
+    """Columns of the epoch, with one row for each sample; see ``columns``."""
     messages: Sequence[Message] = ()
     dropped: int = 0
-    """Messages that found no room on their way here."""
+    """Number of messages that were lost because the recorder's queue was full."""
 
     @property
     def period_s(self) -> float:
-        """Control period."""
+        """Return the control period, in s."""
         return self.rig.rig.period_s
 
     @property
     def plant(self) -> DifferenceEquation:
-        """The arm as the parameter set of the job's law has it."""
+        """Return the arm's plant model from the parameter set of the job's law."""
         (law,) = self.planned.program.laws
         return model_of(law.set, self.rig.model.arm(), self.period_s)
 
     @property
     def force_assumed(self) -> list[str]:
-        """Quantities behind the force's uncertainty that no calibration has found."""
+        """Return the quantities behind the force uncertainty that have never been calibrated."""
         model = self.planned.armed
         return assumed_for_force(model.rig, model.calibration)
 
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """Evaluation of a job."""
+    """Result of the evaluation of a job."""
 
     result: JobResult
     fault: str = ""
-    """Why the samples do not give the purpose of the job, although it was played to its end."""
+    """Reason why the samples do not fulfil the purpose of a job that ran to its end; empty: they
+    do."""
     analysis: Any = None
-    """Further data of the plot, besides the result."""
+    """Further data for the plot, in addition to the result."""
     learned: Corrections | None = None
-    """What the program has learned, to be kept for its next job."""
+    """Corrections that the program has learned, to be stored for its next job."""
 
 
 Interruption = Literal["stall", "overtravel"]
-"""Failure of a job that may continue: a stall of the machine, or the arm went too far."""
+"""Failure after which a job may continue: a stall, or a position limit exceeded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,9 +286,9 @@ class NextJob:
     """How a job continues after an interruption."""
 
     words: str
-    """Where it continues, or why a person must start it."""
+    """Message that says where the job continues, or why a person must start it."""
     request: JobRequest | None = None
-    """Request of the job that follows; None: a person must start it."""
+    """Request of the following job; None: a person must start it."""
 
 
 def _no_pointer(_quantity: str, _phase: str) -> str:
@@ -292,7 +296,7 @@ def _no_pointer(_quantity: str, _phase: str) -> str:
 
 
 def _no_next_job(_request: JobRequest, _run: Run, _why: Interruption) -> None:
-    """Leave the next job to a person."""
+    """Leave the start of the next job to a person."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -300,25 +304,26 @@ class JobFunctions:
     """The functions of one kind of job; all are pure."""
 
     plan: Callable[[Any, ModelInUse, Present], Planned]
-    """Plans a request, from where the rig stands."""
+    """Function that plans a request, from the present state of the rig."""
     evaluate: Callable[[Run], Evaluation]
-    """Works out the result of the samples."""
+    """Function that computes the result from the samples."""
     plot: Callable[[Run, Evaluation, str], Picture | bytes]
-    """Draws the samples, or makes a PNG of them; the text names job and rig."""
+    """Function that draws the samples, or makes a PNG of them; the text names job and rig."""
     pointer: Callable[[str, str], str] = _no_pointer
-    """Member of the request that leads beyond a limit, by quantity and phase; empty: none."""
+    """Function that returns the JSON pointer to the request member that exceeds a limit, by
+    quantity and phase; empty: none does."""
     goes_on: Callable[[Any, Run, Interruption], NextJob | None] = _no_next_job
-    """Says how a job goes on after an interruption; None: it does not. A stall latches the
-    actuator; the job that follows one resets that latch."""
+    """Function that returns how a job continues after an interruption; None: it does not continue.
+    A stall latches the actuator; the following job resets that latch."""
 
 
 def functions_of(kind: JobKind) -> JobFunctions:
-    """Import the functions of a kind; raises PluginError."""
+    """Import the functions of a kind of job; raises PluginError."""
     return plugins.resolve(kind.functions, JobFunctions, f"kind of job {kind.name!r}")
 
 
 def import_functions() -> None:
-    """Import the functions of every kind and variant; raises PluginError."""
+    """Import the functions of every kind and variant of job; raises PluginError."""
     for kind in job_kinds().values():
         functions_of(kind)
         for variant in kind.variants.values():
@@ -326,5 +331,5 @@ def import_functions() -> None:
 
 
 def kind_of(request: JobRequest) -> JobKind:
-    """Return the kind that a request is for."""
+    """Return the kind of job of a request."""
     return job_kinds()[request.kind]

@@ -1,4 +1,4 @@
-"""Common parts of pictures of jobs: size, colours, axes over time, phases, legends."""
+"""Common parts of job pictures: size, colours, axes over time, phases, legends."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,12 +16,12 @@ Axis = Any
 
 WIDTH_PX, HEIGHT_PX, DPI = 1400, 1180, 140
 LEFT, RIGHT, TOP, BOTTOM = 0.085, 0.985, 0.89, 0.065
-"""Edges of the axes of a grid."""
+"""Edges of the axes of a grid, as shares of the picture."""
 DOT = {"linestyle": "none", "marker": "o", "markersize": 5.0}
 INK, FAINT = "#22282f", "#8a939c"
 MEASURED, REFERENCE, TRUE = "#1f5f8b", "#d1792b", "#3f8f5f"
 SECOND = "#8a4f9e"
-"""Style of the second arm."""
+"""Line style of the second arm."""
 SHADES: Mapping[str, str] = {
     "zero": "#eef1f4",
     "open": "#e4ebf2",
@@ -41,16 +41,16 @@ SHADES: Mapping[str, str] = {
     "stopped": "#f2dada",
 }
 SHORT_SHARE = 0.045
-"""A phase narrower than this share of the time is named upright."""
+"""Share of the time axis below which the name of a phase is written vertically."""
 
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A picture in every form in which a record has it."""
+    """A picture in all file formats of a record."""
 
     png: bytes
     vector: Mapping[str, bytes] = field(default_factory=dict[str, bytes])
-    """Files for print, by the end of their names."""
+    """Vector files for print, by file name extension."""
 
 
 class Sheet:
@@ -66,13 +66,13 @@ class Sheet:
         self._canvas: Any = FigureCanvasAgg(self.figure)
 
     def head(self, left: float, title: str, subtitle: str, name: str) -> None:
-        """Write what came of it, and whose it is."""
+        """Write the outcome of the job, and the names of job and rig, above the axes."""
         self.figure.text(left, 0.962, title, fontsize=12.5, color=INK, weight="bold")
         self.figure.text(left, 0.936, subtitle, fontsize=9, color=INK)
         self.figure.text(0.985, 0.966, name, fontsize=8, color=FAINT, ha="right")
 
     def png(self) -> bytes:
-        """Return the picture as a PNG; nothing is left of it."""
+        """Return the picture as a PNG and discard the sheet."""
         stream = BytesIO()
         self._canvas.print_png(stream)
         # Its texts and axes refer to each other and to the 7 MB drawn on, until cycles are sought.
@@ -82,7 +82,7 @@ class Sheet:
         return stream.getvalue()
 
     def picture(self) -> Picture:
-        """Return the picture as PNG, SVG and PDF; no time stands in the files."""
+        """Return the picture as PNG, SVG and PDF; the files contain no time stamp."""
         vector: dict[str, bytes] = {}
         for form, stamp in (("svg", "Date"), ("pdf", "CreationDate")):
             stream = BytesIO()
@@ -92,7 +92,7 @@ class Sheet:
 
 
 def prepare(axis: Axis, y_label: str = "", x_label: str = "") -> None:
-    """Give axes their style and names."""
+    """Set style and labels of axes."""
     for side in ("top", "right"):
         axis.spines[side].set_visible(False)
     for side in ("left", "bottom"):
@@ -108,7 +108,7 @@ def prepare(axis: Axis, y_label: str = "", x_label: str = "") -> None:
 
 
 def shade(axis: Axis, result: JobResult) -> None:
-    """Colour the phases, with a line where each begins: in grey the colours are all alike."""
+    """Colour the phases, with a line at each begin: in grey, their colours look the same."""
     for phase in result.phases:
         colour = SHADES.get(phase.phase, "#f0f0f0")
         end_s = phase.start_s + phase.duration_s
@@ -117,7 +117,7 @@ def shade(axis: Axis, result: JobResult) -> None:
 
 
 def name_phases(axis: Axis, result: JobResult, begin_s: float, end_s: float) -> None:
-    """Write the names of the phases that are seen above the axes."""
+    """Write the names of the visible phases above the axes."""
     for phase in result.phases:
         since = max(begin_s, phase.start_s)
         until = min(end_s, phase.start_s + phase.duration_s)
@@ -139,7 +139,7 @@ def name_phases(axis: Axis, result: JobResult, begin_s: float, end_s: float) -> 
 
 
 def end_of(table: Columns, period_s: float) -> float:
-    """End of the last sample."""
+    """Return the time of the end of the last sample, in s."""
     return float(table["t_s"][-1]) + period_s if table["t_s"] else 1.0
 
 
@@ -154,7 +154,7 @@ def line(
     dashed: bool = False,
     dotted: bool = False,
 ) -> None:
-    """Draw a line, with gaps where samples never came; in grey its dashes tell it from others."""
+    """Draw a line, with gaps at missing samples; its dashes distinguish it in grey."""
     style = (0, (4, 2)) if dashed else (0, (1, 1)) if dotted else "solid"
     axis.plot(t_s, values, color=color, linewidth=width, linestyle=style, label=label)
 
@@ -190,12 +190,12 @@ def force(axis: Axis, t_s: Series, table: Columns, *, columns: int = 1) -> None:
 
 
 def knows_truth(table: Columns) -> bool:
-    """Return whether a simulated rig has told the true force."""
+    """Return whether the samples contain the true force of a simulated rig."""
     return any(value is not None for value in table["true_force_mN"])
 
 
 def legend(axis: Axis, *, columns: int = 1) -> None:
-    """Name the lines."""
+    """Draw the legend."""
     axis.legend(
         loc="upper left",
         fontsize=8.5,
@@ -214,7 +214,7 @@ def make_room(axis: Axis, share: float = 0.16) -> None:
 
 
 def contact_words(result: ClosedLoopResult) -> Sequence[str]:
-    """Return where the contact is and how stiff, as far as it is known."""
+    """Return position and stiffness of the contact in words, where they are known."""
     if result.contact_stiffness_mN_per_um is None or result.contact_x_um is None:
         return ()
     return (
@@ -224,7 +224,7 @@ def contact_words(result: ClosedLoopResult) -> Sequence[str]:
 
 
 def grid(sheet: "Sheet", rows: int, columns: int = 1) -> list[Axis]:
-    """Return axes of their own in rows and columns."""
+    """Return separate axes in rows and columns."""
     found = sheet.figure.subplots(rows, columns, squeeze=False)
     sheet.figure.subplots_adjust(
         left=LEFT, right=RIGHT, top=TOP, bottom=BOTTOM, hspace=0.24, wspace=0.2
@@ -233,14 +233,14 @@ def grid(sheet: "Sheet", rows: int, columns: int = 1) -> list[Axis]:
 
 
 def zero_line(axis: Axis) -> None:
-    """A faint line at 0."""
+    """Draw a faint line at 0."""
     axis.axhline(0.0, color=FAINT, linewidth=0.7, zorder=1)
 
 
 def errors(
     position_axis: Axis, force_axis: Axis, t_s: Series, table: Columns, values: Mapping[str, Any]
 ) -> None:
-    """Draw x − x_r and F̂ − F_r with the tolerances that the job has stated."""
+    """Draw x − x_r and F̂ − F_r with the tolerances of the job."""
     zeroed = ~np.isnan(series(table, "zero_age_s"))
     force_error = series(table, "force_mN") - series(table, "force_r_mN")
     drawn = (
@@ -267,7 +267,7 @@ def contact_over_time(
     period_s: float,
     values: Mapping[str, Any],
 ) -> None:
-    """Draw position and contact force, their errors, and the voltage over one time."""
+    """Draw position and contact force, their errors, and the voltage over a common time axis."""
     figure = sheet.figure
     heights = (3.0, 3.0, 1.4, 1.4, 1.6)
     axes: list[Axis] = list(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights))

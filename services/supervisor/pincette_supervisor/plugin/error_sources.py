@@ -21,10 +21,10 @@ from pincette_supervisor.plugin.drawing import INK, Axis
 from pincette_supervisor.plugin.figures import MOST_MISSING, Mask, Series, series
 
 NOISY = 1.5
-"""Scatter over the sensor's stated noise from which it is not the sensor's own: a loop with the
-default gains has 1.15 of it."""
+"""Ratio of the scatter to the sensor's stated noise above which the scatter has other causes than
+the sensor: a loop with the default gains has a ratio of 1.15."""
 SMALL = 0.5
-"""Share of the square of the whole below which the largest cause is one among others."""
+"""Share of the mean square below which the largest cause is not reported as the dominant one."""
 NAMES: Mapping[Cause, str] = {
     "noise": "noise",
     "response": "response",
@@ -66,9 +66,9 @@ COLOURS: Mapping[Cause, str] = {
 def sources_of(
     table: Columns, samples: Mask, rig: RigFile, *, cycle_ticks: int = 0
 ) -> ErrorSources | None:
-    """Break the errors over some samples into their causes; None where there are too few.
+    """Break the errors of some samples into their causes; None for too few samples.
 
-    ``cycle_ticks``: samples of a cycle, where the references swing; 0: they do not.
+    ``cycle_ticks`` is the number of samples of a cycle where the references swing, otherwise 0.
     """
     K_e = figures.last(table["contact_stiffness_mN_per_um"])
     if not K_e or int(samples.sum()) < LEAST:
@@ -102,7 +102,7 @@ def sources_of(
 
 
 def _filled(values: Series) -> Series | None:
-    """The values, with neighbours in place of the few that are missing; None where many are."""
+    """Return the values with a few missing ones interpolated; None if many are missing."""
     gaps = np.isnan(values)
     if float(gaps.mean()) > MOST_MISSING:
         return None
@@ -123,7 +123,7 @@ def _causes(found: Sources, *, restless: bool, response: str) -> ErrorCauses:
 
 
 def draw_sources(axis: Axis, found: ErrorSources, *, columns: int = len(CAUSES)) -> None:
-    """Draw the share that each cause has of the mean square, for position and force."""
+    """Draw the share of each cause in the mean square, for position and force."""
     drawing.prepare(axis)
     axis.grid(visible=False)
     for row, (causes, unit) in enumerate(((found.position_um, "µm"), (found.force_mN, "mN"))):

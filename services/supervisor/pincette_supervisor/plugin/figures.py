@@ -1,4 +1,4 @@
-"""Columns of a job as series of numbers, and figures over some of their samples; pure."""
+"""Job columns as series of numbers, and statistics over some of their samples; pure."""
 
 from collections.abc import Sequence
 from math import isnan
@@ -13,23 +13,23 @@ from pincette.records.columns import Columns
 Series = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 MOST_MISSING = 0.02
-"""Share of the samples that may be missing; values are interpolated between the others."""
+"""Largest share of samples that may be missing; their values are interpolated."""
 SETTLE_S = 0.5
-"""Left out at the begin of a hold, or a quarter of it where it is shorter than 2 s."""
+"""Time left out at the begin of a hold, in s; a quarter of a hold shorter than 2 s."""
 
 
 def series(table: Columns, name: str) -> Series:
-    """Return a column as numbers, NaN where a sample never came."""
+    """Return a column as numbers, with NaN for missing samples."""
     return np.array([np.nan if v is None else v for v in table[name]], dtype=np.float64)
 
 
 def within(table: Columns, phases: Sequence[str]) -> Mask:
-    """Return samples of some phases."""
+    """Return the mask of the samples of some phases."""
     return np.array([name in phases for name in table["phase"]], dtype=np.bool_)
 
 
 def settled(mask: Mask, period_s: float) -> Mask:
-    """Return the same samples without the first ``SETTLE_S``, or quarter, of them."""
+    """Return the samples without the first ``SETTLE_S``, or quarter, of them."""
     places = np.flatnonzero(mask)
     skipped = min(int(SETTLE_S / period_s + 0.5), len(places) // 4)
     found = mask.copy()
@@ -38,7 +38,7 @@ def settled(mask: Mask, period_s: float) -> Mask:
 
 
 def chosen(values: Series, mask: Mask) -> Series:
-    """Return values of the samples chosen that are there."""
+    """Return the values of the chosen samples, without missing ones."""
     found = values[mask]
     return found[~np.isnan(found)]
 
@@ -62,7 +62,7 @@ def largest(values: Series, mask: Mask) -> float | None:
 
 
 def peak_to_peak(values: Series, mask: Mask) -> float | None:
-    """Return the largest less smallest; None without a value."""
+    """Return the largest value minus the smallest; None without a value."""
     found = chosen(values, mask)
     return float(found.max() - found.min()) if found.size else None
 
@@ -77,7 +77,7 @@ def percentiles(values: Series) -> Percentiles | None:
 
 
 def last(values: Sequence[Any]) -> float | None:
-    """Return the last value that is there."""
+    """Return the last value that is not missing."""
     for value in reversed(values):
         if value is not None and not isnan(value):
             return float(value)
@@ -85,7 +85,7 @@ def last(values: Sequence[Any]) -> float | None:
 
 
 def last_of(table: Columns, name: str, mask: Mask) -> float | None:
-    """Return the last value of a column among the samples chosen."""
+    """Return the last value of a column among the chosen samples."""
     return last([value for value, there in zip(table[name], mask, strict=True) if there])
 
 
@@ -105,11 +105,11 @@ OF_SECOND = {
     "true_force_mN": "true_second_force_mN",
     "true_voltage_V": "true_second_voltage_V",
 }
-"""Columns of the second arm, by the names of the first."""
+"""Columns of the second arm, by the name of the first arm's column."""
 
 
 def table_of_arm(table: Columns, arm: int) -> Columns:
-    """Return the columns as if this arm were the only one."""
+    """Return the columns of one arm under the names of a rig with a single arm."""
     if arm == 1:
         return table
     return {**table, **{name: table[other] for name, other in OF_SECOND.items()}}

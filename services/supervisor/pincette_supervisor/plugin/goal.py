@@ -1,4 +1,4 @@
-"""Whether a job came as near to its references as it was to; pure."""
+"""Goal of a job: whether its errors stayed within the requested tolerances; pure."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -15,17 +15,17 @@ from pincette_supervisor.plugin.figures import Series, within
 from pincette_supervisor.plugin.result import force_error, position_error
 
 SETTLING_S = 0.5
-"""Settling time if a request states none."""
+"""Settling time of a request that states none, in s."""
 NOISE_DEVIATIONS = 3.0
-"""Standard deviations of its noise that a sample exceeds once in some hundred."""
+"""Number of standard deviations of the noise that about one sample in a hundred exceeds."""
 TOLERANCES = ("position_tolerance_um", "force_tolerance_mN")
 PAST_HIDES_MN = "past_hides_mN"
-"""Value of a plan: uncertainty of its force by the arm's unknown past, where the tolerance is not
-above it."""
+"""Name of the plan value with the force uncertainty due to the arm's unknown past, in mN; set where
+the force tolerance does not exceed that uncertainty."""
 
 
 def tolerances(request: GoalRequest) -> dict[str, Any]:
-    """Return what a request asks for, as values of its plan; empty where it names no tolerance."""
+    """Return the requested tolerances as values of the plan; empty without a tolerance."""
     named = {name: value for name in TOLERANCES if (value := getattr(request, name)) is not None}
     if not named:
         return {}
@@ -34,7 +34,7 @@ def tolerances(request: GoalRequest) -> dict[str, Any]:
 
 
 def planned_goal(values: Mapping[str, Any], program: Program, phase: str) -> PlannedGoal | None:
-    """Return whether the goal of a plan will be judged; None where no tolerance is requested.
+    """Return whether the goal of a plan will be evaluated; None without a tolerance.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def planned_goal(values: Mapping[str, Any], program: Program, phase: str) -> Pla
 def goal_warnings(
     values: Mapping[str, Any], program: Program, phase: str, rig: RigFile
 ) -> list[str]:
-    """Return why the goal of a plan cannot be met; empty where it can be.
+    """Return reasons why the goal of a plan cannot be met; empty if it can be met.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def goal_of(
     *,
     completed: bool = False,
 ) -> Goal | None:
-    """Hold the errors of a phase against the tolerances of a plan's values.
+    """Compare the errors of a phase with the tolerances of a plan.
 
     With t from the begin of the phase, e = x - x_r and e = F̂ - F_r have settled at the least t_s
     with |e(t)| <= tolerance for every t >= t_s; the goal is met where t_s <= ``settling_s``.
@@ -164,15 +164,15 @@ def goal_of(
 def _last_stretch(
     places: "np.ndarray[Any, np.dtype[np.intp]]",
 ) -> "np.ndarray[Any, np.dtype[np.intp]]":
-    """Return the places after the last gap."""
+    """Return the samples after the last gap."""
     gaps = np.flatnonzero(np.diff(places) > 1)
     return places[gaps[-1] + 1 :] if gaps.size else places
 
 
 def _settled(size: Series, limit: float) -> int | None:
-    """Return the index from which on a magnitude stays within its limit; None where it does not.
+    """Return the index from which a magnitude stays within its limit; None if it does not.
 
-    A sample that is missing says nothing; without any sample nothing has settled.
+    A missing sample is ignored; without any sample, nothing has settled.
     """
     if not np.any(~np.isnan(size)):
         return None

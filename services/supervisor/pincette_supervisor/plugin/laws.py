@@ -1,4 +1,4 @@
-"""Law of a job: scheme, parameter set and gains, and whether it may run."""
+"""Law of a job: its scheme, parameter set and gains, and whether it may run."""
 
 from dataclasses import replace
 from math import inf
@@ -17,18 +17,18 @@ from pincette_supervisor.plugin import FaultyRequestError
 
 SPECTRAL_RADIUS: Quantity = "spectral_radius"
 SENSITIVITY_PEAK: Quantity = "sensitivity_peak"
-"""Quantities of the violation that a loop which is not stable enough makes."""
+"""Quantity of the violation of a loop that is not stable enough."""
 
 
 class ChosenLaw(NamedTuple):
-    """A law, where its gains come from, and how stable its loop is at the worst."""
+    """A law, the source of its gains, and the stability of its loop in the worst case."""
 
     settings: LawSettings
     gains_from: GainsFrom
     assessment: Assessment
 
     def view(self) -> Law:
-        """As it is stored with the job and sent."""
+        """Return the law as it is stored with the job and sent."""
         return Law(
             scheme=self.settings.scheme,
             set=self.settings.set,
@@ -40,7 +40,7 @@ class ChosenLaw(NamedTuple):
 
 
 def judgement(judged: Assessment | TwoArmAssessment) -> dict[str, Any]:
-    """Return how stable a loop is at the worst, by the members of ``Law``."""
+    """Return the worst-case stability of a loop, by members of ``Law``."""
     peaks = judged.sensitivity_peak, judged.limit_peak
     peak, limit_peak = (value if value < inf else None for value in peaks)
     return {
@@ -52,7 +52,7 @@ def judgement(judged: Assessment | TwoArmAssessment) -> dict[str, Any]:
 
 
 def unstable(judged: Assessment | TwoArmAssessment) -> list[Violation]:
-    """Return that a loop is not stable enough, which a plan breaks before it begins; or nothing."""
+    """Return the violation of a loop that is not stable enough; empty if it is stable."""
     if not judged.reason:
         return []
     quantity, value, limit = SPECTRAL_RADIUS, judged.radius, judged.limit_radius
@@ -75,13 +75,13 @@ def unstable(judged: Assessment | TwoArmAssessment) -> list[Violation]:
 
 
 def rig_law(rig: RigFile) -> ChosenLaw:
-    """Return the rig file's law with its gains, judged."""
+    """Return the rig file's law with its gains and its stability."""
     settings = rig.law_settings
     return ChosenLaw(settings, "rig", judged(rig, settings))
 
 
 def choose_law(request: ContactJobRequest, rig: RigFile) -> ChosenLaw:
-    """Complete what a request says of its law by the rig file, and judge the loop.
+    """Complete the law of a request from the rig file, and assess the stability of its loop.
 
     Raises
     ------

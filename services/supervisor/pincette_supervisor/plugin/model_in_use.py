@@ -1,6 +1,6 @@
-"""A rig with the model in use, as plans are made for it.
+"""A rig with its model in use, on which plans are based.
 
-It contains the quantities that a calibration may replace, and the tables of residuals.
+The model contains the quantities that a calibration may replace, and the residual tables.
 """
 
 import hashlib
@@ -17,28 +17,28 @@ from pincette.control.planning.program import Program
 from pincette.control.record import replace as changed
 
 RIG_FILE_ALONE = 0
-"""Version that stands for no model."""
+"""Version number that means: no model, the rig file alone."""
 FROZEN = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
 class Acceptance(BaseModel):
-    """How a value came into use, and how long it is valid."""
+    """Acceptance of a value: when it was put into use, and how long it is valid."""
 
     model_config = FROZEN
 
     accepted_at: str
     due_at: str | None
-    """Time at which the value must be measured again; null: never."""
+    """Time at which the value must be measured again; null: it does not expire."""
     serial_numbers: dict[str, str]
-    """Serial numbers of the instruments that measured it, by table of the rig file."""
+    """Serial numbers of the instruments with which the value was measured, by rig file table."""
 
 
 @dataclass(frozen=True, slots=True)
 class ModelInUse:
-    """A rig with a model, and what the model is."""
+    """A rig with a model, and the identity of that model."""
 
     rig: RigFile
-    """The rig file with the model's values in place of its own."""
+    """Rig file in which the model's values replace the original ones."""
     rig_file_digest: str
     version: int = RIG_FILE_ALONE
     calibration: Calibration = field(default_factory=Calibration)
@@ -47,29 +47,29 @@ class ModelInUse:
 
     @property
     def digest(self) -> str:
-        """Of the values; empty: the rig file alone."""
+        """Digest of the model's values; empty: the rig file alone."""
         return self.calibration.digest
 
     @property
     def stamp(self) -> dict[str, Any]:
-        """As jobs and records name it."""
+        """Return the identity of the model, as stored in jobs and records."""
         return {"version": self.version, "digest": self.digest}
 
 
 def rig_file_alone(rig: RigFile) -> ModelInUse:
-    """Return a rig of which nothing has been calibrated."""
+    """Return the model of a rig that has not been calibrated."""
     return ModelInUse(rig, rig.digest())
 
 
 ASSUMED = "assumed"
-"""Source of what no calibration has found."""
+"""Source of a quantity that no calibration has found."""
 FORCE_DRIFTS = (
     "sensor.drift_um_per_min",
     "model.creep_mN_per_decade",
     "model.forgotten_mN",
     "model.forgotten_scale_V",
 )
-"""Quantities by which the uncertainty of the force grows after a zero."""
+"""Quantities that determine how the force uncertainty grows after a zero."""
 OF_ONE_ARM: Mapping[str, str] = {
     "model.natural_frequency_rad_per_s": "rad/s",
     "model.damping_ratio": "1",
@@ -92,7 +92,7 @@ UNITS = {**OF_ONE_ARM, **{name: OF_ONE_ARM[name.partition(".")[2]] for name in O
 
 
 def value_of(rig: RigFile, quantity: str) -> Any:
-    """Return the value of a quantity as JSON has it; None where the rig file has none."""
+    """Return the value of a quantity as JSON represents it; None if the rig file has none."""
     value: Any = rig
     for name in quantity.split("."):
         value = getattr(value, name)
@@ -103,17 +103,17 @@ def value_of(rig: RigFile, quantity: str) -> Any:
 
 
 def values_of(rig: RigFile) -> dict[str, Any]:
-    """Return values of every quantity that a calibration may replace."""
+    """Return the values of all quantities that a calibration may replace."""
     return {quantity: value_of(rig, quantity) for quantity in calibrated_of(rig)}
 
 
 def calibrated_of(rig: RigFile) -> tuple[str, ...]:
-    """Return quantities that a calibration may replace, of the arms that the rig has."""
+    """Return the quantities that a calibration may replace, for all arms of the rig."""
     return CALIBRATED if rig.second is None else (*CALIBRATED, *OF_SECOND)
 
 
 def assumed_for_force(rig: RigFile, calibration: Calibration) -> list[str]:
-    """Quantities that the force's uncertainty is worked out from and no calibration has found."""
+    """Return the quantities behind the force uncertainty that have never been calibrated."""
     model = rig.model
     free = "model.free_response" if model.free_response is not None else "model.hysteresis_fraction"
     # Recorded branches are always measured; a rig file has none of its own.
@@ -124,17 +124,17 @@ def assumed_for_force(rig: RigFile, calibration: Calibration) -> list[str]:
 
 RESIDUALS = "model.residuals"
 MOST_TABLES = 16
-"""Largest number of tables in a model; the oldest is dropped."""
+"""Largest number of residual tables in a model; the oldest one is dropped."""
 
 
 def program_digest(program: Program) -> str:
-    """Return names a program with its laws, whatever it has learned."""
+    """Return the digest of a program with its laws, without learned corrections."""
     bare = changed(program, corrections=None)
     return hashlib.sha256(msgspec.json.encode(bare)).hexdigest()[:16]
 
 
 def learning_digest(program: Program, rig: RigFile) -> str:
-    """Names what a program learns: of its motion, its law, and the free response behind it."""
+    """Return the digest under which a program learns: its motion, law and free response."""
     text = f"{program_digest(program)} {rig.model.response_digest()}"
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -149,7 +149,7 @@ def motion_digest(program: Program) -> str:
 
 
 def table_for(rig: RigFile, program: Program) -> FreeResidual | None:
-    """Return the table of a program by the free response in use; None without one."""
+    """Return the residual table of a program for the free response in use; None without one."""
     if not rig.model.residuals:
         return None
     digest, response = motion_digest(program), rig.model.response_digest()
@@ -158,7 +158,7 @@ def table_for(rig: RigFile, program: Program) -> FreeResidual | None:
 
 
 def armed_with(model: ModelInUse, table: FreeResidual | None) -> ModelInUse:
-    """Return the model as it travels with a program: with the table of that program alone."""
+    """Return the model to be sent with a program: with the residual table of that program alone."""
     if not model.rig.model.residuals:
         return model
     tables = [] if table is None else [table.model_dump(mode="json")]
@@ -176,7 +176,7 @@ def armed_with(model: ModelInUse, table: FreeResidual | None) -> ModelInUse:
 def merged(
     before: Mapping[str, Any], values: Mapping[str, Any], measured_at: str
 ) -> dict[str, Any]:
-    """Return values to lay over those in use: a table replaces that of its own program alone."""
+    """Return values in use with new ones added: a table replaces only that of its program."""
     if RESIDUALS not in values:
         return dict(values)
     found = [{**one, "measured_at": measured_at} for one in values[RESIDUALS]]

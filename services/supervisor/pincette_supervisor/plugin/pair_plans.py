@@ -1,4 +1,4 @@
-"""Common parts of plans of two arms: values of the contact, law and its assessment, curves."""
+"""Common parts of plans of two arms: contact values, law and its assessment, curves."""
 
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
@@ -54,7 +54,10 @@ assessed = lru_cache(maxsize=16)(assess_two_arms)
 
 
 def contacts_um(rig: RigFile) -> Pair:
-    """Return tips at first touch of both arms; raises FaultyRequestError on a rig of one arm."""
+    """Return the tip positions of both arms at first touch, in µm.
+
+    Raises FaultyRequestError on a rig with one arm.
+    """
     if rig.second is None:
         raise FaultyRequestError("/kind", "this rig has one driven arm, and the job is for two")
     return rig.part.contact_um, rig.second.contact_um
@@ -63,7 +66,10 @@ def contacts_um(rig: RigFile) -> Pair:
 def pair_request(
     values: dict[str, Any], rig: RigFile, force_mN: float, *, centred: bool
 ) -> PairRequest:
-    """Return how the part is met; raises ValueError for an impossible number."""
+    """Return the parameters with which the part is met.
+
+    Raises ValueError for an impossible number.
+    """
     first, second = rig.arms
     return PairRequest(
         **{name: values[name] for name in CONTACT_FIELDS},
@@ -83,9 +89,10 @@ def pair_request(
 def pair_hasty(
     values: dict[str, Any], rig: RigFile, force_mN: float, pointer: str
 ) -> tuple[Broken, ...]:
-    """Return the violations of a touch that is too fast, and of forces that noise would cover.
+    """Return violations of a touch that is too fast, and of forces below the noise.
 
-    The speed of the seek is that of the sum of both arms; an approach is that of one arm.
+    The speed of the seek is the sum of the speeds of both arms; that of an approach is the speed of
+    one arm.
     """
     part, arms = rig.part, rig.arms
     compliances = [arm.model.compliance_um_per_mN for arm in arms]
@@ -108,7 +115,7 @@ def pair_hasty(
 
 
 def homes_um(rig: RigFile, request: PairRequest, highest_mN: float) -> Pair:
-    """Return the positions to which both arms go back from a force; see ``PlannedArm.home_um``."""
+    """Return the positions to which both arms return from a force; see ``PlannedArm.home_um``."""
     first, second = (
         PlannedArm(
             X_START_UM,
@@ -132,7 +139,7 @@ def homes_um(rig: RigFile, request: PairRequest, highest_mN: float) -> Pair:
 
 
 def most_mN(rig: RigFile) -> float:
-    """Return the force that no arm may have."""
+    """Return the highest force permitted for either arm, in mN."""
     return min(arm.limits.force_max_mN for arm in rig.arms)
 
 
@@ -146,10 +153,10 @@ def pair_job(
     held: HeldPair | None = None,
     broken: Iterable[Broken] = (),
 ) -> Planned:
-    """Add the law to a program; limits that the course of either arm breaks are violations.
+    """Add the law to a program; limits that either arm's course exceeds are violations.
 
-    Arms that are free as the program begins make conditioning strokes first, where the rig file's
-    grip asks for them.
+    Arms that are free when the program begins make conditioning strokes first, if the rig file's
+    grip requires them.
 
     Parameters
     ----------
@@ -233,7 +240,7 @@ def pair_job(
 
 
 def _past_warnings(depths_V: Sequence[float | None], rig: RigFile, present: Present) -> list[str]:
-    """Return what is assumed or not known of the past and the stroke of both arms."""
+    """Return warnings of what is assumed or unknown about the past and the stroke of both arms."""
     found = [
         words
         for arm, depth_V in zip(rig.arms, depths_V, strict=True)
@@ -245,10 +252,10 @@ def _past_warnings(depths_V: Sequence[float | None], rig: RigFile, present: Pres
 def pair_range(
     course: PairCourse, rigs: tuple[PlannedRig, PlannedRig], rig: RigFile
 ) -> PlannedRange:
-    """Return the voltages of both arms, for a part anywhere within its tolerances.
+    """Return the voltage ranges of both arms, for a part anywhere within its tolerances.
 
-    Arms that hold a part already have none: nobody knows by which force their voltages differ from
-    those of free arms.
+    There is none for arms that already hold a part, since the force by which their voltages differ
+    from those of free arms is unknown.
     """
     part, force_mN = rig.part, max(course.arms[0].force_r_mN)
     deeper_um = force_mN / part.stiffness_mN_per_um * part.stiffness_tolerance
@@ -261,7 +268,10 @@ def pair_range(
 
 
 def chosen_law(request: JobRequest, rig: RigFile) -> tuple[LawSpec, TwoArmLoop]:
-    """The law of both arms with its gains; raises FaultyRequestError for a gain that is none."""
+    """Return the law of both arms with its gains.
+
+    Raises FaultyRequestError for an impossible gain.
+    """
     asked: Gains | str | None = getattr(request, "gains", None)
     if isinstance(asked, str):
         raise FaultyRequestError(

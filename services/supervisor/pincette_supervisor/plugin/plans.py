@@ -1,4 +1,4 @@
-"""Common parts of plans of one arm: at a part, and in free air."""
+"""Common parts of plans of one arm, at a part and in free air."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -50,7 +50,7 @@ CONTACT_FIELDS = ("load_s", "approach_um_per_s", "seek_um_per_s", "contact_force
 
 
 def contact_values(request: BaseModel, names: tuple[str, ...], rig: RigFile) -> dict[str, Any]:
-    """Members of a request by their names, those left out as the rig file's grip has them."""
+    """Return members of a request by name; missing ones are taken from the rig file's grip."""
     return {
         name: given if (given := getattr(request, name)) is not None else getattr(rig.grip, name)
         for name in names
@@ -58,9 +58,9 @@ def contact_values(request: BaseModel, names: tuple[str, ...], rig: RigFile) -> 
 
 
 def slowed(values: dict[str, Any], request: BaseModel, touch: SafeTouch) -> dict[str, Any]:
-    """Return values whose speeds are safe at the touch where the request states none.
+    """Return values with safe touch speeds where the request states none.
 
-    A speed that the request states is kept; the plan refuses it where it is too high.
+    A speed that the request states is kept; the plan rejects it if it is too high.
     """
     safe = {
         name: min(values[name], touch.limit(name))
@@ -71,7 +71,7 @@ def slowed(values: dict[str, Any], request: BaseModel, touch: SafeTouch) -> dict
 
 
 def arm_touch(rig: RigFile, force_mN: float, contact_force_mN: float) -> SafeTouch:
-    """Return what bounds the speeds of a plan of one arm with this highest force."""
+    """Return the limits of the touch speeds for a plan of one arm with this highest force."""
     part = rig.part
     return SafeTouch(
         force_mN,
@@ -83,7 +83,7 @@ def arm_touch(rig: RigFile, force_mN: float, contact_force_mN: float) -> SafeTou
 
 
 def conditioning_V(request: ContactJobRequest, rig: RigFile) -> float | None:
-    """Return the lowest voltage of the conditioning strokes of a plan; None: it has none.
+    """Return the lowest voltage of a plan's conditioning strokes, in V; None: it has none.
 
     ``auto`` makes strokes before each approach, not only after an unknown past. A known past is
     followed by the model, which errs by more after other motion than after the grips that it was
@@ -113,14 +113,14 @@ def conditioning_V(request: ContactJobRequest, rig: RigFile) -> float | None:
 
 
 def usual_conditioning_V(rig: RigFile) -> float | None:
-    """Return that voltage for a plan whose request has no ``condition``: by the rig file's grip."""
+    """Return that voltage for a plan whose request has no ``condition``, by the rig file's grip."""
     return None if rig.grip.condition == "never" else derived.conditioning_V(rig)
 
 
 def unconditioned(
     strokes: bool, rig: RigFile, present: Present, force_mN: float | None = None
 ) -> list[str]:
-    """Return what the strokes of an arm assume, or a warning where it needs them and has none.
+    """Return assumptions of an arm's strokes, or a warning where needed strokes are missing.
 
     ``force_mN`` is the highest force of the plan, for which the warning states the uncertainty.
     """
@@ -148,7 +148,7 @@ def unconditioned(
 
 
 def part_values(rig: RigFile) -> dict[str, Any]:
-    """Return what the rig file says of the contact."""
+    """Return the rig file's values of the contact."""
     part = rig.part
     return {
         "zero_s": rig.grip.zero_s,
@@ -160,7 +160,7 @@ def part_values(rig: RigFile) -> dict[str, Any]:
 
 
 def violation_view(found: Broken) -> Violation:
-    """Return a broken limit as REST has it."""
+    """Return a violation of a limit as the REST interface represents it."""
     return Violation.model_validate({**asdict(found), "side": found.side})
 
 
@@ -173,7 +173,7 @@ def contact_job(
     present: Present | None = None,
     pointer: str = "/force_mN",
 ) -> Planned:
-    """Add the law to a plan; one whose loop is not stable enough is one more violation.
+    """Add the law to a plan; a loop that is not stable enough is an additional violation.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ def contact_job(
 
 
 def unidentified(rig: RigFile) -> list[str]:
-    """Say how far the force may be off where no calibration has found the free response."""
+    """Return a warning that states the force error while the free response is not calibrated."""
     arm = rig.model
     if arm.free_response is not None or arm.recorded_response is not None:
         return []
@@ -239,7 +239,10 @@ def unidentified(rig: RigFile) -> list[str]:
 
 
 def contact_pointer(quantity: str, phase: str) -> str:
-    """Member of a request that leads beyond a limit on the way to the part; empty: none does."""
+    """Return the pointer to the request member that exceeds a limit before the contact.
+
+    Or empty.
+    """
     if phase == "contact" and quantity == "force":
         return "/contact_force_mN"
     if phase in ("open", "approach", "retreat") and quantity == "slew":
@@ -248,7 +251,7 @@ def contact_pointer(quantity: str, phase: str) -> str:
 
 
 def _steady_errors(rig: RigFile, law: LawSettings, forces_mN: tuple[float, float]) -> SteadyErrors:
-    """Return where the impedance would rest if the part differed within its tolerances."""
+    """Return the steady errors of the impedance law if the part differs within its tolerances."""
     part, impedance = rig.part, law.definition.impedance(law.gains)
     found = steady_error_ranges(
         forces_r_mN=forces_mN,
@@ -263,19 +266,19 @@ def _steady_errors(rig: RigFile, law: LawSettings, forces_mN: tuple[float, float
 
 
 def planned_phase(phase: CoursePhase) -> PlannedPhase:
-    """Return a phase of a plan as it is sent."""
+    """Return a phase of a plan in the form that is sent."""
     return PlannedPhase(**asdict(phase))
 
 
 GAIN_GROWTH = 1.3
-"""Factor by which the gain over a wide stroke may exceed d_p, that at 2 V peak to peak; assumed,
-and that of a loop of 18.5 % of the stroke."""
+"""Assumed factor by which the gain over a wide stroke may exceed d_p, the gain at 2 V peak to peak.
+It equals that of a loop with a width of 18.5 % of the stroke."""
 SPEED_FACTOR = 3.0
-"""Fastest part of a free motion against the approach."""
+"""Ratio of the fastest part of a free motion to the approach speed."""
 
 
 def stand_of(present: Present, rig: RigFile) -> Stand:
-    """Return where a motion begins."""
+    """Return position and voltage at which a motion begins."""
     return Stand(present.stand_um(rig), present.stand_V(rig))
 
 
@@ -290,7 +293,7 @@ def motion_job(
     meets_part: bool,
     goal: PlannedGoal | None = None,
 ) -> Planned:
-    """Add the law to a motion; one whose loop is not stable enough is one more violation."""
+    """Add the law to a motion; a loop that is not stable enough is an additional violation."""
     rig = model.rig
     law = rig_law(rig)
     leads = any(not segment.open_loop for segment in made.program.segments)
@@ -340,7 +343,7 @@ def releasing_job(
 
 
 def _of_both(program: Program) -> Program:
-    """Return the same motion of the voltages of both arms, with the law of both."""
+    """Return the same motion for the voltages of both arms, with the law of both arms."""
     segments = tuple(
         replace(one, courses=2 * one.courses) if isinstance(one, Drive) else one
         for one in program.segments
@@ -358,7 +361,7 @@ def _unknown(present: Present, rig: RigFile) -> list[str]:
 
 
 def release_duration_s(rig: RigFile, present: Present) -> float:
-    """As long as a grip unloads, or where the way is far as the slew limit allows."""
+    """Return the release time, in s: that of a grip's unload, or longer by the slew limit."""
     limits, safe_V = rig.limits, rig.safety.safe_V
     way_V = max(limits.voltage_max_V - safe_V, safe_V - limits.voltage_min_V)
     known = [each for each in (present.voltage_V, present.second_V) if each is not None]
@@ -368,7 +371,7 @@ def release_duration_s(rig: RigFile, present: Present) -> float:
 
 
 def held_warnings(present: Present) -> list[str]:
-    """Return what a person should know where the rig does not say that a part is held."""
+    """Return a warning if the rig does not report that a part is held."""
     if present.held:
         return []
     known = "is not known" if present.held is None else "is not told by the rig"

@@ -1,4 +1,4 @@
-"""Result of a job, from its columns; pure.
+"""Result of a job, computed from its columns; pure.
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
@@ -39,13 +39,13 @@ LIMITS = {
     SLEW_UP: "slew_up",
     SLEW_DOWN: "slew_down",
 }
-"""The actuator's bits of ``limits_active``."""
+"""Bits of ``limits_active`` that the actuator sets."""
 ACTIONS = get_args(ActionType)
-"""Words of ``acted`` that are actions: ``lease`` stands before a stop that nobody has asked for."""
+"""Values of ``acted`` that are actions; ``lease`` precedes a stop that nobody requested."""
 
 
 def common(run: Run) -> dict[str, Any]:
-    """Return figures that every job of one arm has, by the fields of ``ClosedLoopResult``."""
+    """Return results that every job of one arm has, by the fields of ``ClosedLoopResult``."""
     table = run.table
     pressed = within(table, PRESSED)
     force, zeroed = series(table, "force_mN"), ~np.isnan(series(table, "zero_age_s"))
@@ -73,40 +73,40 @@ def common(run: Run) -> dict[str, Any]:
 
 
 class Stroke(NamedTuple):
-    """Change of an arm's stroke since its calibration, as compared last; None: not compared."""
+    """Last measured change of an arm's stroke since its calibration; None: not measured."""
 
     change_percent: float | None
     limit_percent: float | None
-    """Change up to which noise and repetition explain it."""
+    """Largest change that noise and repeatability explain, in %."""
 
     @property
     def mismatch(self) -> bool:
-        """True where noise and repetition do not explain the change."""
+        """Return True if noise and repeatability do not explain the change."""
         if self.change_percent is None or self.limit_percent is None:
             return False
         return abs(self.change_percent) > self.limit_percent
 
 
 def stroke_of(table: Columns) -> Stroke:
-    """Return the change of the stroke that was compared last."""
+    """Return the last measured change of the stroke."""
     return Stroke(_percent(table["stroke_change"]), _percent(table["stroke_limit"]))
 
 
 def zero_unconfirmed(table: Columns) -> bool:
-    """Return True where the newest zero may hide the force of a part that pressed already."""
+    """Return True if the newest zero may hide the force of a part that was already pressing."""
     rows = zip(table["zero_age_s"], table["zero_unconfirmed"], strict=True)
     zeroed = [unconfirmed for age_s, unconfirmed in rows if age_s is not None]
     return bool(zeroed) and bool(zeroed[-1])
 
 
 def _percent(shares: Sequence[float | None]) -> float | None:
-    """Return the last share in percent; None where there is none."""
+    """Return the last value of a share in percent; None without one."""
     share = figures.last(shares)
     return None if share is None else 100.0 * share
 
 
 def course(table: Columns, *, period_s: float, dropped: int) -> dict[str, Any]:
-    """Return how a job went, whatever it was for."""
+    """Return results on the course of a job, independent of its kind."""
     answered = [value for value in table["answered"] if value is not None]
     return {
         "outcome": outcome_of(table),
@@ -130,7 +130,7 @@ def course(table: Columns, *, period_s: float, dropped: int) -> dict[str, Any]:
 
 
 def tracking(error: Series, mask: Mask, pp: float | None) -> Tracking | None:
-    """Return errors over the samples chosen; None without one.
+    """Return errors over the chosen samples; None without a sample.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def tracking(error: Series, mask: Mask, pp: float | None) -> Tracking | None:
 
 
 def full_amplitude(run: Run, paths: Sequence[Path], cycles: int = 0) -> Mask:
-    """Samples whose references are on all paths at full amplitude, whole cycles where they swing.
+    """Return samples with all paths at full amplitude, in whole cycles where the references swing.
 
     The references of a sample are those of the tick before it, hence of ``segment_tick`` - 1.
 
@@ -164,17 +164,17 @@ def full_amplitude(run: Run, paths: Sequence[Path], cycles: int = 0) -> Mask:
 
 
 def position_error(table: Columns) -> Series:
-    """Return x - x_r."""
+    """Return the position error x - x_r, in µm."""
     return series(table, "x_um") - series(table, "x_r_um")
 
 
 def force_error(table: Columns) -> Series:
-    """Return F̂ - F_r."""
+    """Return the force error F̂ - F_r, in mN."""
     return series(table, "force_mN") - series(table, "force_r_mN")
 
 
 def load_forces(table: Columns) -> LoadForces | None:
-    """Return the lowest and the highest force of the load; None without one."""
+    """Return the lowest and the highest force of the load phase, in mN; None without one."""
     loaded = series(table, "force_mN")[within(table, ["load"])]
     known = loaded[~np.isnan(loaded)]
     if not known.size:
@@ -183,7 +183,7 @@ def load_forces(table: Columns) -> LoadForces | None:
 
 
 def contact_fit(table: Columns) -> ContactFit | None:
-    """Return the contact line over the load, as the controller fits it; for its standard errors.
+    """Fit the contact line over the load as the controller does, to get its standard errors.
 
     Those are of as many independent samples as the residuals show: an error of x_1 is shared by
     neighbouring ones. One that all of them share is an error of the force at the begin of the
@@ -218,7 +218,10 @@ def contact_fit(table: Columns) -> ContactFit | None:
 
 
 def phases(names: Sequence[str | None], t_s: Sequence[float], period_s: float) -> list[PlayedPhase]:
-    """Runs of one phase, in order; a sample without a name belongs to the phase before it."""
+    """Return the phases in order, as runs of samples.
+
+    A sample without a phase belongs to the one before it.
+    """
     found: list[tuple[str, float, float]] = []
     for name, start_s in zip(names, t_s, strict=True):
         if name is not None and (not found or found[-1][0] != name):
@@ -232,7 +235,7 @@ def phases(names: Sequence[str | None], t_s: Sequence[float], period_s: float) -
 
 
 def outcome_of(table: Columns) -> str:
-    """Return the controller's last word; the actuator's where it tripped."""
+    """Return the controller's final outcome, or the actuator's if it tripped."""
     if any(state in TRIPPED for state in table["actuator_state"]):
         return "tripped"
     reported = [outcome for outcome in table["outcome"] if outcome]
@@ -254,7 +257,7 @@ def _limits(table: Columns) -> list[LimitActed]:
 
 
 def law_figures(table: Columns, plant: DifferenceEquation) -> dict[str, Any]:
-    """Return figures of the law, by the fields of ``ClosedLoopResult``.
+    """Return the results of the law, by the fields of ``ClosedLoopResult``.
 
     Parameters
     ----------
@@ -274,9 +277,9 @@ def law_figures(table: Columns, plant: DifferenceEquation) -> dict[str, Any]:
 
 
 def true_perturbation_error(table: Columns, plant: DifferenceEquation) -> Series:
-    """p̃ in mN from position as measured, voltage as applied and force as it truly was.
+    """Return p̃, in mN, from the measured position, the applied voltage and the true force.
 
-        p̃_k = p̂_k - p_k = p_{k-1} - p_k,  p by (6)                                       (8)
+    p̃_k = p̂_k - p_k = p_{k-1} - p_k, p by (6) (8)
 
     Where F is estimated from the same x and u, p̃ holds model against model; this one holds the
     law's plant against the arm. NaN where one of its samples never came or was no measurement,
@@ -306,25 +309,25 @@ def true_perturbation_error(table: Columns, plant: DifferenceEquation) -> Series
 
 
 def _before(table: Columns, values: Series, ticks: int) -> Series:
-    """Return values so many ticks before each row's; NaN where that sample never came."""
+    """Return each row's value a number of ticks earlier; NaN for a missing sample."""
     of_seq = dict(zip(table["seq"], values.tolist(), strict=True))
     found = [of_seq.get(seq - ticks, nan) for seq in table["seq"]]
     return np.array(found, dtype=np.float64)
 
 
 def _share_in_band(table: Columns) -> float | None:
-    """Return the share of the samples with |s| within its band; None without one."""
+    """Return the share of samples with |s| within its band; None without a sample."""
     within = np.abs(series(table, "sliding_um")) - series(table, "band_um")
     found = within[~np.isnan(within)]
     return float(np.mean(found <= 0.0)) if found.size else None
 
 
 RETURN_SAMPLES = 10
-"""Samples at the end of the way back whose mean force decides."""
+"""Number of samples at the end of the way back whose mean force decides."""
 
 
 def position_step_of(table: Columns) -> PositionStep | None:
-    """Return the step of the position that the voltage does not explain; None without one.
+    """Return the position step that the voltage does not explain; None without a step.
 
     The controller reports the step, the force just before it, F, and just after it, F'. If the part
     gave way by δ, F' is the force and δ = r + (F - F')/K_e; if the sensor jumped by r, the force is
@@ -358,7 +361,7 @@ def position_step_of(table: Columns) -> PositionStep | None:
 
 
 def with_ring(found: PositionStep, table: Columns, rig: RigFile) -> PositionStep:
-    """Add whether the arm rang after the step; it is known where the voltage was kept then."""
+    """Add whether the arm rang after the step; known only if the voltage was kept then."""
     model = rig.model
     row = next(place for place, step_um in enumerate(table["step_um"]) if step_um is not None)
     first = max(0, row - 1)  # the step was confirmed by the sample after it

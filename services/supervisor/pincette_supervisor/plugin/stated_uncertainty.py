@@ -1,4 +1,4 @@
-"""The uncertainty that the force of a plan would be stated with, and forces that are not above it.
+"""Uncertainty of the force that a plan will have, and forces that do not exceed it.
 
 Only what the model in use has found counts: the noise of the sensor, and the error of an identified
 free response over the way from its zero. Creep and drift come on top, and so does a past that is
@@ -25,13 +25,13 @@ from pincette.core import plugins
 from pincette.engine.timing_budget import budget, stated_output
 
 WARNED_SHARE = 0.05
-"""Share of the planned force, or of its swing, from which on the term is worth a warning."""
+"""Ratio of the term to the planned force, or to its swing, above which a warning is given."""
 RC_S = 0.0033
-"""Time constant of the RC before the amplifier that is proposed."""
+"""Time constant of the proposed RC filter before the amplifier, in s."""
 
 
 def force_uncertainty_mN(rig: RigFile, way_um: float, *, conditioned: bool = False) -> float:
-    """Return the expanded uncertainty of the force after the free arm has moved ``way_um``.
+    """Return the expanded force uncertainty after the free arm has moved by ``way_um``, in mN.
 
     Parameters
     ----------
@@ -56,10 +56,11 @@ def force_uncertainty_mN(rig: RigFile, way_um: float, *, conditioned: bool = Fal
 
 
 def past_uncertainty_mN(rig: RigFile, force_mN: float) -> float:
-    """Return the expanded uncertainty that an unknown past of the arm adds to a force, in mN.
+    """Return the expanded force uncertainty due to the arm's unknown past, in mN.
 
-    The arm may have rested at either end of its voltages before it came to its rest. It is zeroed
-    before the part, and goes on from there. 0 where the past adds less than the model's own error.
+    The arm may have rested at either end of its voltage range before it came to its rest. It is
+    zeroed before the part, and continues from there. The result is 0 where the past adds less than
+    the model's own error.
     """
     model, limits, part = rig.model, rig.limits, rig.part
     response = derived.free_response(model)
@@ -79,9 +80,9 @@ def past_uncertainty_mN(rig: RigFile, force_mN: float) -> float:
 
 
 def hidden_by_past(rig: RigFile, force_mN: float, pointer: str) -> tuple[Violation, ...]:
-    """Return the violation of a force that the arm's unknown past would cover.
+    """Return the violation of a force that is below the uncertainty due to the unknown past.
 
-    Such a load ends as ``uncertain_force``, unless the approach narrows the past.
+    The load would end as ``uncertain_force``, unless the approach reduces that uncertainty.
     """
     uncertainty_mN = past_uncertainty_mN(rig, force_mN)
     if force_mN > uncertainty_mN or derived.approach_tells(rig):
@@ -104,9 +105,9 @@ def uncertain_forces(
     *,
     conditioned: bool = False,
 ) -> tuple[Violation, ...]:
-    """Return the violations of a touch or a force that its own uncertainty would cover.
+    """Return violations of a touch or a force that is below its own uncertainty.
 
-    Noise and the error of the model would show a touch where there is none below that force.
+    Below that force, noise and the model error would look like a touch.
 
     Parameters
     ----------
@@ -132,19 +133,19 @@ def uncertain_forces(
 
 
 class RingTerm(NamedTuple):
-    """Largest contribution of the ring to U in the goal phase of a plan."""
+    """Largest contribution of the ring to the uncertainty U in the goal phase of a plan."""
 
     force_mN: float
     at_s: float
-    """Time in the plan."""
+    """Time of the largest contribution in the plan, in s."""
     share: float
-    """The contribution over the swing of the planned force; of a steady force, over that."""
+    """Ratio of the contribution to the swing of the planned force, or to a steady force."""
 
 
 def ring_term(made: ContactPlan, rig: RigFile, phase: str, settling_s: float = 0.0) -> RingTerm:
     """Return the contribution of the ring in one phase of a plan.
 
-    Where nobody has measured when a voltage acts, the drivers' statement counts.
+    The drivers' statement is used if the output delay has never been measured.
 
     Parameters
     ----------
@@ -172,7 +173,7 @@ def ring_term(made: ContactPlan, rig: RigFile, phase: str, settling_s: float = 0
 
 
 def ring_remedy(rig: RigFile) -> str:
-    """Return what makes the ring smaller on a rig."""
+    """Return a measure that reduces the ring on a rig, in words."""
     if rig.shaping_s is not None or rig.model.output_lag_s >= RC_S:
         return "move more slowly"
     if _shapes(rig):
@@ -184,7 +185,7 @@ def ring_remedy(rig: RigFile) -> str:
 
 
 def ring_violation(term: RingTerm, rig: RigFile, tolerance_mN: float | None) -> list[PlanViolation]:
-    """Return that a plan cannot keep the tolerance it was asked for; empty where it can."""
+    """Return the violation of a plan whose ring exceeds the requested tolerance; or empty."""
     if tolerance_mN is None or term.force_mN <= tolerance_mN:
         return []
     mode_hz = rig.model.natural_frequency_rad_per_s / (2.0 * pi)
@@ -207,7 +208,7 @@ def ring_violation(term: RingTerm, rig: RigFile, tolerance_mN: float | None) -> 
 
 
 def ring_warning(term: RingTerm, rig: RigFile) -> list[str]:
-    """Return a warning where the ring makes the force of a plan uncertain; empty where not."""
+    """Return a warning if the ring makes the force of a plan uncertain; otherwise empty."""
     if term.share < WARNED_SHARE:
         return []
     return [
@@ -218,7 +219,7 @@ def ring_warning(term: RingTerm, rig: RigFile) -> list[str]:
 
 
 def _shapes(rig: RigFile) -> bool:
-    """Return whether the output of a rig of one arm can time the parts of a step."""
+    """Return whether the output of a rig with one arm can time the parts of a step."""
     if rig.second is not None:
         return False
     try:

@@ -123,11 +123,11 @@ OPERATIONS = {
     "get /metrics": "get_metrics",
     "get /version": "get_version",
 }
-"""Name of each operation by its method and path; clients and tools are generated with it."""
+"""Name of each operation by method and path; generated clients and tools use it."""
 
 
 def complete(document: dict[str, Any]) -> None:
-    """Add models and answers that no route names, and remove FastAPI's own error model."""
+    """Add models and responses that no route declares, and remove FastAPI's own error model."""
     schemas = document["components"]["schemas"]
     # A job holds the result of any kind, and kinds are registered by plug-ins.
     results = dict.fromkeys(
@@ -170,7 +170,7 @@ def _name_operations(document: dict[str, Any]) -> None:
 
 
 def _sent(schema: dict[str, Any]) -> dict[str, Any]:
-    """Return the schema of a parameter without null, which no query and no header can carry."""
+    """Return the schema of a parameter without null, which a query or header cannot contain."""
     kinds = [kind for kind in schema.get("anyOf", ()) if kind != {"type": "null"}]
     if len(kinds) != 1:
         return schema
@@ -188,15 +188,15 @@ def _operations(document: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _is_own_error_model(answer: dict[str, Any]) -> bool:
-    """Return whether FastAPI has added an answer by itself."""
+    """Return whether FastAPI has added a response on its own."""
     schema = answer.get("content", {}).get("application/json", {}).get("schema", {})
     return schema.get("$ref") == f"{SCHEMAS}HTTPValidationError"
 
 
 def _flatten_union(schema: dict[str, Any]) -> None:
-    """Replace each union within a union by its choices, since many generators know no nested ones.
+    """Replace each nested union by its choices, since many generators do not support nested ones.
 
-    Several choices then have the same value of the discriminator, so that it is removed.
+    Several choices then have the same value of the discriminator, so the discriminator is removed.
     """
     choices = schema.get("oneOf", ())
     flat = [inner for choice in choices for inner in choice.get("oneOf", [choice])]
@@ -206,7 +206,7 @@ def _flatten_union(schema: dict[str, Any]) -> None:
 
 
 def _add_shared_responses(document: dict[str, Any]) -> None:
-    """Add to each operation the answers of the middleware before it, by reference."""
+    """Add to each operation, by reference, the responses of the middleware before it."""
     document["components"]["responses"] = {
         name: responses(status)[status] for status, name in NAMES.items()
     }
@@ -240,7 +240,7 @@ VERSIONED = (
 
 
 def create_app(rigs: Rigs, access: Access | None = None) -> FastAPI:
-    """Build the application; there are no documentation pages, which load foreign scripts."""
+    """Build the application. It has no documentation pages, since they load foreign scripts."""
     app = FastAPI(
         title="pincette supervisor",
         version=__version__,
@@ -274,7 +274,7 @@ def create_app(rigs: Rigs, access: Access | None = None) -> FastAPI:
 
 
 def _add_middleware(app: FastAPI, access: Access) -> None:
-    """Add what holds for all routes; the last added is outermost."""
+    """Add the middleware of all routes; the last one added is outermost."""
     app.add_middleware(HeadAndOptions, routes=app.routes)
     if access.buckets is not None:
         app.add_middleware(
@@ -291,7 +291,7 @@ def _add_middleware(app: FastAPI, access: Access) -> None:
 
 
 def openapi_document() -> str:
-    """Return the OpenAPI document as text; no route is called, so that no rig is needed."""
+    """Return the OpenAPI document as text; no route is called, so no rig is needed."""
     tree = create_app(cast(Rigs, None)).openapi()
     return json.dumps(tree, indent=2, ensure_ascii=False) + "\n"
 

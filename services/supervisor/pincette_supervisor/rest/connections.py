@@ -1,4 +1,4 @@
-"""Connections of the HTTP server: turns of those that have work, and TLS handshakes.
+"""Connections of the HTTP server: the queue of those that have work, and TLS handshakes.
 
 An event loop runs all callbacks that are ready before it looks at its sockets again. Without a
 queue of the connections that have work, data of many connections that arrive together would delay a
@@ -26,62 +26,66 @@ from pincette.security.identity import Credentials
 TURN_S = 0.002
 """Time of one turn of the event loop after which the rest of the queue waits for the next turn."""
 TASKS = 2
-"""Tasks that are started in one turn. A request takes some 2 ms of the next turn."""
+"""Number of tasks that are started in one turn. A request takes some 2 ms of the next turn."""
 BREAK_S = 0.003
-"""Time between two turns of the queue. A stop takes about ten turns of the event loop, most of
-which are short then."""
+"""Time between two turns of the queue, in s. A stop takes about ten turns of the event loop, most
+of which are then short."""
 FRESH = 128
-"""Newest silent connections that are not ended to make room: their data may be on the way."""
+"""Number of newest silent connections that are not closed to make room: their data may be on the
+way."""
 LOOKED_AT = 32
-"""Number of silent connections among which one without data is looked for."""
+"""Number of silent connections that are examined to find one without data."""
 
 
 class Peer(Protocol):
-    """A connection."""
+    """A connection that the queue can serve or close."""
 
     @abstractmethod
     def has_unread_data(self) -> bool:
-        """Return whether data have arrived that must be read before the connection may be ended."""
+        """Return whether received data must be read before the connection may be closed."""
 
     @abstractmethod
     def work(self) -> bool:
-        """Do a small piece of work; returns whether it has started a task, which has its own."""
+        """Do a small piece of work; return whether it has started a task, which runs separately."""
 
     @abstractmethod
     def abort(self) -> None:
-        """End the connection."""
+        """Close the connection at once."""
 
 
 class WorkQueue:
-    """The connections of one server that wait: for data of their clients, or for their turn."""
+    """Connections of one server that wait for data of their clients, or for their turn."""
 
     def __init__(self, break_s: float = BREAK_S, *, alternates: bool = False) -> None:
-        """``alternates``: the newest has its turn, then the oldest, and so on."""
+        """Create a queue; with ``alternates``, the newest and the oldest are served in turn."""
         self._break_s, self._alternates, self._newest = break_s, alternates, alternates
         self._silent: dict[Peer, None] = {}
-        """Connections that wait for the data of their first request; the longest silent first."""
+        """Connections that wait for the data of their first request; the longest silent one
+        first."""
         self._kept: dict[Peer, None] = {}
-        """Connections that wait for data and have been of use; the longest silent first."""
+        """Connections that wait for data and have had a successful request; the longest silent one
+        first."""
         self._ready: dict[Peer, None] = {}
-        """Connections that wait for their turn; the first one has it next."""
+        """Connections that wait for their turn; the first one is served next."""
         self._turn: asyncio.Handle | None = None
         self._next_s = 0.0
-        """Time before which the queue takes no turn."""
+        """Time until which the queue takes no turn, in s."""
 
     def __len__(self) -> int:
         return len(self._silent) + len(self._kept) + len(self._ready)
 
     def add(self, peer: Peer) -> None:
-        """Enqueue the work of a connection."""
+        """Enqueue a connection that has work."""
         self._silent.pop(peer, None)
         self._kept.pop(peer, None)
         self._ready[peer] = None
         self._schedule()
 
     def add_silent(self, peer: Peer, *, kept: bool = False) -> None:
-        """Note that a connection waits for data, unless it waits for its turn.
+        """Add a connection that waits for data, unless it waits for its turn.
 
-        ``kept``: it has had an answer that was no refusal, and is ended after those that have not.
+        ``kept`` means that it has had a response that was no rejection; it is closed after those
+        that have not.
         """
         if peer not in self._ready:
             self.discard(peer)
@@ -94,9 +98,9 @@ class WorkQueue:
         self._ready.pop(peer, None)
 
     def pop_silent(self) -> Peer | None:
-        """Remove and return the connection to end to make room; None if all are fresh.
+        """Remove and return the connection to close to make room; None if all are fresh.
 
-        The one that has been silent longest, of those without an answer first.
+        It is the one that has been silent longest; connections without a response come first.
         """
         for waiting in (self._silent, self._kept):
             for _ in range(min(LOOKED_AT, len(waiting) - FRESH)):
@@ -108,7 +112,7 @@ class WorkQueue:
         return None
 
     def pop_last(self) -> Peer | None:
-        """Remove and return the last one of the queue; those before it are served sooner."""
+        """Remove and return the last connection of the queue; those before it are served sooner."""
         return self._ready.popitem()[0] if self._ready else None
 
     def _schedule(self) -> None:
@@ -135,7 +139,7 @@ class WorkQueue:
 
 
 def has_data(transport: asyncio.BaseTransport) -> bool:
-    """Return whether data, or the end of the connection, have arrived and wait to be read."""
+    """Return whether data, or the end of the connection, have arrived and can be read."""
     opened = transport.get_extra_info("socket")
     if opened is None or opened.fileno() < 0:
         return False
@@ -150,7 +154,7 @@ def has_data(transport: asyncio.BaseTransport) -> bool:
 # connections at once, that is one turn of a tenth of a second; a stop takes about ten turns.
 
 EVENTS = 24
-"""Socket events of one turn; the others are handled in the next ones."""
+"""Largest number of socket events of one turn; the others are handled in the next turns."""
 
 
 class BoundedSelector(selectors.DefaultSelector):
@@ -159,7 +163,7 @@ class BoundedSelector(selectors.DefaultSelector):
     _place = 0
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        """Wait for events; the sockets that are left out are still ready the next time."""
+        """Wait for events; sockets that are left out are still ready the next time."""
         ready = super().select(timeout)
         if len(ready) <= EVENTS:
             return ready
@@ -174,26 +178,29 @@ def new_loop() -> asyncio.AbstractEventLoop:
 
 
 HANDSHAKE_S = 3
-"""Time limits of the first message of a handshake, and of all that follows."""
+"""Time limits of the first message of a handshake and of the rest, in s."""
 MOST_PENDING = 600
-"""Largest number of connections whose handshake is not complete."""
+"""Largest number of connections with an incomplete handshake."""
 HANDSHAKE = b"\x16\x03"
-"""First bytes of TLS: a record of that type, of version 3."""
+"""First bytes of TLS: a handshake record of version 3."""
 HEAD_BYTES = 5
-"""Size of a record's head; its last two bytes are the length of what follows."""
+"""Size of a record's header; its last two bytes are the length of its content."""
 PLAIN = b"this supervisor speaks TLS: ask for https://\n"
 BAD_REQUEST = b"HTTP/1.1 400 Bad Request\r\nContent-Type: text/plain\r\nConnection: close\r\n\r\n"
 
 
 def server_context(credentials: Credentials) -> ssl.SSLContext:
-    """TLS 1.2 or later with the supervisor's certificate; callers prove themselves by keys."""
+    """Return a TLS context (1.2 or later) with the supervisor's certificate.
+
+    Clients authenticate by keys.
+    """
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(credentials.certificate, credentials.private_key)
     return context
 
 
 class Doorway(asyncio.Protocol):
-    """A connection before and during its handshake; afterwards it has the protocol ``connection``.
+    """A connection before and during its handshake; later it uses the protocol ``connection``.
 
     ``queue`` is shared by all handshakes of a server.
     """
@@ -213,7 +220,7 @@ class Doorway(asyncio.Protocol):
         self._first = b""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]  as asyncio calls it
-        """Wait for a handshake, at the cost of another one where there are too many."""
+        """Wait for a handshake; close another connection if there are too many."""
         self.transport = transport
         if len(self._queue) >= MOST_PENDING:
             other = self._queue.pop_silent() or self._queue.pop_last()
@@ -223,7 +230,7 @@ class Doorway(asyncio.Protocol):
         self._until = asyncio.get_running_loop().call_later(HANDSHAKE_S, self.abort)
 
     def data_received(self, data: bytes) -> None:
-        """Enqueue the handshake once its first message is whole; refuse plain HTTP."""
+        """Enqueue the handshake once its first message is complete; reject plain HTTP."""
         self._first += data
         if self._first[:2] != HANDSHAKE[: len(self._first)]:
             self.transport.write(BAD_REQUEST + PLAIN)
@@ -262,15 +269,15 @@ class Doorway(asyncio.Protocol):
             done.exception()  # of the client's making; the connection is ended
 
     def has_unread_data(self) -> bool:
-        """Return whether the first message of the handshake is there."""
+        """Return whether the first message of the handshake has arrived."""
         return has_data(self.transport)
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002  asyncio's name
-        """Forget it."""
+        """Remove the connection from the queue."""
         self._forget()
 
     def abort(self) -> None:
-        """End it."""
+        """Close the connection."""
         self._forget()
         self.transport.abort()
 
@@ -280,7 +287,7 @@ class Doorway(asyncio.Protocol):
 
 
 def _feed(protocol: asyncio.BufferedProtocol, data: bytes) -> None:
-    """Hand bytes to a protocol as its transport does."""
+    """Feed bytes to a protocol as its transport does."""
     while data:
         buffer = memoryview(protocol.get_buffer(len(data)))
         size = min(len(buffer), len(data))

@@ -1,6 +1,6 @@
 """Dependencies of routes: the rigs, the caller and its scope, and the request's headers.
 
-All are coroutines, so that an emergency stop waits for no thread of the pool.
+All are coroutines, so that an emergency stop never waits for a thread of the pool.
 """
 
 import asyncio
@@ -32,12 +32,12 @@ from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.store import Store
 
 LARGEST = 2**63 - 1
-"""Largest number that a column of the database holds."""
+"""Largest number that a column of the database can store."""
 NAME_LENGTH = 200
 Named = Annotated[str | None, Query(max_length=NAME_LENGTH)]
 """Name by which a list is filtered."""
 PageSize = Annotated[int, Query(ge=1, le=500)]
-"""Number of entries of a list in one answer."""
+"""Number of entries of a list in one response."""
 
 # Contents of responses other than JSON, as the OpenAPI document describes them.
 
@@ -72,14 +72,14 @@ def session_cookies(scope: AsgiScope, supervisor: str) -> list[str]:
 
 
 def set_cookie(response: Response, scope: AsgiScope, supervisor: str, value: str) -> None:
-    """Sign a page in: no script reads the cookie, and no page of another site has it sent."""
+    """Sign a page in by a cookie that scripts cannot read and that other sites cannot send."""
     secure = _is_secure(HTTPConnection(scope))
     name = (SECURE if secure else "") + cookie_name(supervisor)
     response.set_cookie(name, value, path="/", httponly=True, samesite="strict", secure=secure)
 
 
 def _is_secure(connection: HTTPConnection) -> bool:
-    """Whether the page, or another client, is connected over TLS, which may end at a proxy."""
+    """Return whether the client is connected over TLS, which may end at a proxy."""
     # Every browser states the address of its page; a program does not, but the proxy may state how
     # it was reached. A client that invents either harms only its own cookie.
     forwarded = connection.headers.get("x-forwarded-proto", "").partition(",")[0].strip()
@@ -88,7 +88,7 @@ def _is_secure(connection: HTTPConnection) -> bool:
 
 
 def delete_cookies(response: Response, scope: AsgiScope, supervisor: str) -> None:
-    """Sign a page out: delete the cookies that it sent."""
+    """Sign a page out: delete the cookies that it has sent."""
     cookies, name = HTTPConnection(scope).cookies, cookie_name(supervisor)
     for one, secure in ((SECURE + name, True), (name, False)):
         if one in cookies:
@@ -100,7 +100,7 @@ SHARE, HELD = "pincette.share", "pincette.held"
 """Keys of an ASGI scope: the caller, the note for the audit log, the limits of a request that is
 exempt from them only where it stops a job, and whether its refusal is being held back."""
 DISCONNECT_S = 10.0
-"""Time within which the event loop must report whether a caller has hung up."""
+"""Time within which the event loop must report whether a caller has disconnected, in s."""
 OPERATOR_LENGTH, KEY_LENGTH = 960, 255
 PRINTABLE = r"^[ -~]+$"
 NOT_BLANK = r"[^\s]"
@@ -121,7 +121,7 @@ _TAG = re.compile(r'(?:W/)?"([^"]*)-([0-9]{1,18})"')
 
 
 def caller_of(scope: AsgiScope, authenticator: Authenticator) -> Caller:
-    """Return the sender of a request; identified once, and kept in its ASGI scope."""
+    """Return the sender of a request; it is identified once and stored in the ASGI scope."""
     known = scope.get(CALLER)
     if known is None:
         known = scope[CALLER] = _identified(scope, authenticator)
@@ -142,7 +142,7 @@ def _identified(scope: AsgiScope, authenticator: Authenticator) -> Caller:
 
 
 def decoded(header: str) -> str:
-    """A name of any alphabet from a header: UTF-8 as it is, or percent-encoded as in a URL."""
+    """Return a header value of any alphabet: plain UTF-8, or percent-encoded as in a URL."""
     with suppress(UnicodeError):
         header = header.encode("latin-1").decode()
     with suppress(UnicodeError):
@@ -151,7 +151,7 @@ def decoded(header: str) -> str:
 
 
 def label_of(scope: AsgiScope) -> str:
-    """Return what ``X-Operator`` names; empty if there is none."""
+    """Return the label in ``X-Operator``; empty if there is none."""
     return decoded(Headers(scope=scope).get("x-operator", "")[:OPERATOR_LENGTH]).strip()
 
 
@@ -181,13 +181,13 @@ async def _caller(request: Request, access: AccessState) -> Caller:
 
 Journal = Annotated[Store, Depends(_store)]
 Manager = Annotated[JobManager, Depends(_manager)]
-"""The job manager of the rig that the path names."""
+"""Job manager of the rig in the path."""
 AnyCaller = Annotated[Caller, Depends(_caller)]
-"""The caller, whether or not they have any right."""
+"""Caller of the request, with or without any right."""
 
 
 def authorize(request: Request, needed: Collection[str]) -> None:
-    """Raise ProblemError where the caller's scope does not hold all that are needed."""
+    """Raise ProblemError unless the caller's scope includes all that are needed."""
     access: Access = request.app.state.access
     caller = caller_of(request.scope, access.authenticator)
     for scope in SCOPES:
@@ -209,7 +209,7 @@ def _needs(scope: Scope) -> Any:
 
 
 OBSERVE, OPERATE, ADMIN = _needs("observe"), _needs("operate"), _needs("admin")
-"""Dependencies of a route that demand a scope."""
+"""Dependencies of a route that requires a scope."""
 
 
 async def _permitted(request: Request, access: AccessState) -> Callable[[], bool]:
@@ -220,7 +220,8 @@ async def _permitted(request: Request, access: AccessState) -> Callable[[], bool
 
 
 Permitted = Annotated[Callable[[], bool], Depends(_permitted)]
-"""Whether the caller's key or session is still valid: a stream outlives the check at its begin."""
+"""Function that returns True while the caller's key or session is valid: a stream outlives the
+check at its begin."""
 
 
 async def _sender(request: Request, caller: AnyCaller) -> str:
@@ -245,9 +246,12 @@ async def _operator(
 
 
 Sender = Annotated[str, Depends(_sender)]
-"""Name of the key, label or address; no label is refused, since an emergency stop is not."""
+"""Name of the key, label or address of the sender.
+
+Never rejected, since an emergency stop must not be.
+"""
 Operator = Annotated[str, Depends(_operator)]
-"""Name of the key with the header ``X-Operator``; without either the address."""
+"""Name of the key with the header ``X-Operator``; the address if both are missing."""
 
 
 async def _supervisor(access: AccessState) -> str:
@@ -266,7 +270,7 @@ async def _note(request: Request) -> Callable[[str], None]:
 
 
 Note = Annotated[Callable[[str], None], Depends(_note)]
-"""Tells the audit log what a request asks for, where its path does not."""
+"""Function that tells the audit log what is requested, if the path does not say it."""
 
 
 async def _hung_up(request: Request) -> Callable[[], bool]:
@@ -280,7 +284,10 @@ async def _hung_up(request: Request) -> Callable[[], bool]:
 
 
 HungUp = Annotated[Callable[[], bool], Depends(_hung_up)]
-"""Whether the caller has closed the connection; to be asked in a thread of the pool."""
+"""Function that returns True once the caller has disconnected.
+
+To be called in a thread of the pool.
+"""
 
 CLAIM_TOKEN = r"^[!-~]{16,200}$"
 ClaimToken = Annotated[
@@ -295,7 +302,7 @@ ClaimToken = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class Asker:
-    """The caller who requests a job, and whether they are still connected."""
+    """Caller who requests a job, and whether it is still connected."""
 
     by: str
     claim: str | None
@@ -308,7 +315,7 @@ async def _asker(by: Operator, note: Note, gone: HungUp, claim: ClaimToken = Non
 
 
 Asking = Annotated[Asker, Depends(_asker)]
-"""The sender of a request that begins something."""
+"""Sender of a request that starts something."""
 IdempotencyKey = Annotated[
     str | None,
     Header(
@@ -326,12 +333,12 @@ IfNoneMatch = Annotated[
 
 
 def etag(job: str, revision: int) -> str:
-    """Return the ETag of a job; weak, since progress does not change it."""
+    """Return the ETag of a job; it is weak, since progress does not change it."""
     return f'W/"{job}-{revision}"'
 
 
 def matched_revision(job: str, header: str | None) -> int | None:
-    """Return the revision of a job that an ``If-None-Match`` names; None if it names none."""
+    """Return the job revision in ``If-None-Match``; None if there is none."""
     for name, revision in _TAG.findall(header or ""):
         if name == job:
             return int(revision)

@@ -1,6 +1,6 @@
 """Limits of request rate, concurrency and body; an emergency stop is exempt from the first two.
 
-The target of each request is brought into one form before any limit, route or check reads it.
+The target of each request is normalised before any limit, route or check reads it.
 """
 
 import asyncio
@@ -32,11 +32,11 @@ _REQUEST_LINE = re.compile(rb"\s*post[ \t]+(\S+)", re.IGNORECASE)
 _FROM_BROWSER = re.compile(rb"^(?:origin|sec-fetch-[a-z]+)[ \t]*:", re.IGNORECASE | re.MULTILINE)
 _HEAD_END = re.compile(rb"\r?\n\r?\n")
 JOB_STOPS = ("/actions", "/stop")
-"""Ends of the paths below ``/jobs`` that stop a job."""
+"""Path suffixes below ``/jobs`` that stop a job."""
 
 
 def estop_path(method: str, path: str) -> str | None:
-    """Return the path of the emergency stop that a request means, or None for other requests.
+    """Return the emergency stop path that a request means; None for any other request.
 
     A stop is accepted for every spelling of its path: repeated or trailing slashes, dot segments,
     upper case, spaces, and a query that was percent-encoded into the path. Other routes accept
@@ -51,10 +51,10 @@ def estop_path(method: str, path: str) -> str | None:
 
 
 def estop_of_malformed(head: bytes) -> bytes | None:
-    """Return a minimal valid head for a stop whose own head is no valid HTTP; None for all else.
+    """Return a minimal valid head for a stop whose own head is invalid HTTP; otherwise None.
 
-    HTTP/1.1 without ``Host`` is the usual case. A head with the headers of a browser is left
-    refused, because the check of its origin could not be trusted.
+    HTTP/1.1 without ``Host`` is the usual case. A head with the headers of a browser is still
+    rejected, because the check of its origin could not be trusted.
     """
     line = _REQUEST_LINE.match(head)
     if line is None or _HEAD_END.search(head) is None or _FROM_BROWSER.search(head):
@@ -65,7 +65,7 @@ def estop_of_malformed(head: bytes) -> bytes | None:
 
 
 def is_stop(head: bytes) -> bool:
-    """Whether a request that begins so stops a rig or a job, as far as its first line tells."""
+    """Return whether the first line shows a request that stops a rig or a job."""
     line = _REQUEST_LINE.match(head)
     if line is None:
         return False
@@ -78,7 +78,7 @@ def _percent_decoded(path: str) -> str:
 
 
 def _origin_form(target: str) -> tuple[str | None, str]:
-    """Split an absolute-form target into authority and path; the authority is None without one."""
+    """Split an absolute-form target into authority and path; the authority may be None."""
     if not _ABSOLUTE.match(target):
         return None, target
     parts = urlsplit(target)
@@ -115,41 +115,42 @@ def _normal(scope: Scope) -> Scope:
 
 
 Kind = Literal["short", "long"]
-"""``long``: a stream or a long poll, which waits; ``short``: any other request."""
+"""Kind of request: ``long`` is a stream or a long poll, which waits; ``short`` is any other one."""
 AT_ONCE: Mapping[Kind, int] = {"short": 512, "long": 256}
-"""Requests under way, of all clients; beyond, 503."""
+"""Largest number of concurrent requests of all clients, by kind; beyond it, 503."""
 OF_ONE: Mapping[Kind, int] = {"short": 128, "long": 64}
-"""Largest number of requests under way of one client; beyond, 429. A request whose body arrives
-slowly counts."""
+"""Largest number of concurrent requests of one client, by kind; beyond it, 429. A request whose
+body arrives slowly counts."""
 STREAMED = ("/events", "/live")
 LONG_POLL = b"wait="
 LONG_PER_S, LONG_BURST = 40.0, 100.0
-"""Rate and burst of the long requests of one client. A long poll of a job that is over is answered
-at once, so that a flood of them would take the rate that all other requests have."""
+"""Rate and burst of the long requests of one client. A long poll of a finished job returns at once,
+so a flood of them would use up the rate of all other requests."""
 PATIENCE_S = 1.0
-"""Longest time for which a request waits where its client has exceeded its rate; beyond, 429. So
-the clients of one address without keys all get their turn."""
+"""Longest time in s for which a request waits after its client has exceeded its rate; beyond it,
+429. This way, all clients of one address without keys get their turn."""
 HELD_S: Mapping[Kind, float] = {"short": 1.0, "long": 5.0}
-"""Time for which such a refusal is held back, so that a client that repeats at once does not keep
-the server busy with refusals."""
+"""Time in s for which such a rejection is delayed, so that a client that retries at once does not
+keep the server busy with rejections."""
 SPREAD = (0.75, 1.25)
-"""Range of factors of that time, so that clients refused together do not come back together."""
+"""Range of random factors of that time, so that clients that were rejected together do not retry
+together."""
 SEND_S = 30.0
-"""Longest time that a client may take for one block of an answer."""
+"""Longest time that a client may take to read one block of a response, in s."""
 ESTOP = "/estop"
 SMALL_BYTES, LARGE_BYTES = 16_384, 262_144
-"""Largest body of a route; large where a request has points, labels or notes: a path of 200 points
-takes some 20 kB, and 4000 characters of notes up to 48 kB."""
+"""Largest body of a route, in bytes. The larger limit applies where a request has points, labels or
+notes: a path of 200 points takes some 20 kB, and 4000 characters of notes up to 48 kB."""
 MOST_BYTES = "x-max-bytes"
-"""Extension of the OpenAPI document by which a route names the limit of its body."""
+"""Extension of the OpenAPI document with which a route states the limit of its body."""
 LARGE: dict[str, Any] = {MOST_BYTES: LARGE_BYTES}
-"""``openapi_extra`` of a route whose body may have points, labels or notes."""
+"""``openapi_extra`` of a route whose body may contain points, labels or notes."""
 BODY_S = 10.0
-"""Longest time from the head of a request to the end of its body."""
+"""Longest time from the head of a request to the end of its body, in s."""
 
 
 class Shares:
-    """Counts the requests under way, by client and kind."""
+    """Counts the concurrent requests, by client and kind."""
 
     def __init__(self) -> None:
         self._all: Counter[Kind] = Counter()
@@ -157,7 +158,7 @@ class Shares:
 
     @contextmanager
     def taken(self, kind: Kind, client: str, clients: int = 1) -> Generator[None]:
-        """Count a request within the block; raises ProblemError where there are too many.
+        """Count a request within the block; raises ProblemError if there are too many.
 
         ``clients`` is the number of clients that share the limit of one.
         """
@@ -181,7 +182,7 @@ class Shares:
 
 
 class RateLimit:
-    """Refuses requests beyond the rate and the concurrency limits, with ``Retry-After``.
+    """Rejects requests beyond the rate and the concurrency limits, with ``Retry-After``.
 
     A client is a key, or an address where no valid key is shown. Emergency stops are exempt, and so
     are the actions of a job with a valid key: its route applies the limits to all but stops.
@@ -195,7 +196,10 @@ class RateLimit:
         buckets: TokenBuckets | None = None,
         clients_per_address: int = 1,
     ) -> None:
-        """``clients_per_address``: factor of the limits of an address without a key."""
+        """Create the limits.
+
+        ``clients_per_address`` multiplies those of an address without a key.
+        """
         self._clients_per_address = clients_per_address
         self._app, self._authenticator, self._clock = app, authenticator, clock
         self._buckets: Mapping[Kind, TokenBuckets] = {
@@ -205,7 +209,7 @@ class RateLimit:
         self._shares = Shares()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request."""
+        """Handle one request."""
         if scope["type"] != "http" or is_estop(scope):
             await self._app(scope, receive, send)
             return
@@ -235,7 +239,10 @@ class RateLimit:
         return self._clients_per_address if caller.name is None else 1
 
     def _wait_s(self, kind: Kind, caller: Caller, patience_s: float) -> float:
-        """Count a request; return for how long it must wait. Raises ProblemError if too long."""
+        """Count a request and return its waiting time, in s.
+
+        Raises ProblemError if it is too long.
+        """
         clients = self._clients(caller)
         wait_s = self._buckets[kind].wait_s(caller.client, self._clock(), patience_s, clients)
         if wait_s > patience_s:
@@ -272,7 +279,7 @@ def _refused(status: int, why: str, wait_s: float) -> ProblemError:
 
 
 def _with_send_timeout(send: Send) -> Send:
-    """Drop a client that does not read its answer."""
+    """Disconnect a client that does not read its response."""
 
     async def timed(message: Message) -> None:
         async with asyncio.timeout(SEND_S):
@@ -282,7 +289,7 @@ def _with_send_timeout(send: Send) -> Send:
 
 
 async def read_body(request: Request, most_bytes: int) -> bytes:
-    """Read a body; raises ProblemError where it is too large (413) or comes too slowly (408).
+    """Read a body; raises ProblemError if it is too large (413) or arrives too slowly (408).
 
     FastAPI's own ``max_body_size`` has no time limit, and answers in plain text.
     """
@@ -328,39 +335,40 @@ def _too_large(size: str, most_bytes: int) -> ProblemError:
 # address are not delayed.
 
 REFUSAL_HELD_S = 1.0
-"""Time for which a refusal is held back."""
+"""Time for which a rejection is delayed, in s."""
 PER_S, BURST = 10.0, 50.0
-"""Refusals of one address that are not held back: lasting rate, and number at once."""
+"""Rejections of one address that are not delayed: sustained rate, and burst."""
 REFUSED = "pincette.refused"
-"""Key of the ASGI scope of a request that has been refused."""
+"""Key of the ASGI scope of a request that has been rejected."""
 UNKNOWN = (401, 403, 429)
-"""Statuses of requests that are no stop of a job, whatever their path: the sender may not stop it,
-or the limits of rate and number apply."""
+"""Statuses of requests that do not count as a stop of a job, whatever their path: the sender may
+not stop it, or the limits of rate and number apply."""
 
 
 class Refusals:
-    """Counts the refusals of each address."""
+    """Counts the rejections of each address."""
 
     def __init__(self, per_s: float = PER_S, burst: float = BURST) -> None:
         self._buckets = TokenBuckets(per_s, burst)
 
     def hold_s(self, address: str) -> float:
-        """Count a refusal; return for how long it must be held back, in s."""
+        """Count a rejection and return the time for which it must be delayed, in s."""
         client = Caller(address).network
         return REFUSAL_HELD_S if self._buckets.wait_s(client, monotonic()) > 0.0 else 0.0
 
 
 class HeldRefusals:
-    """ASGI application that holds back answers with a status of 4xx.
+    """ASGI application that delays responses with a 4xx status.
 
-    The request is no longer under way meanwhile: it takes no share of the limits of its client.
+    Meanwhile the request no longer counts as running: it takes no share of the limits of its
+    client.
     """
 
     def __init__(self, app: ASGIApp, refusals: Refusals) -> None:
         self._app, self._refusals = app, refusals
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request."""
+        """Handle one request."""
         if scope["type"] != "http" or estop_path(scope["method"], scope["path"]) is not None:
             await self._app(scope, receive, send)
             return

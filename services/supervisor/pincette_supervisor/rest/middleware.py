@@ -1,6 +1,6 @@
-"""Checks of every request, and headers and audit entry of every answer, whatever the route.
+"""Checks of every request, and headers and audit entry of every response, for all routes.
 
-Each is an ASGI application around another one, so that a stream passes through as it comes.
+Each is an ASGI application around another one, so that a stream passes through without buffering.
 """
 
 import asyncio
@@ -30,27 +30,27 @@ HEADERS: Mapping[str, str] = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
-"""Defaults of every answer. There is no CORS header: no page of elsewhere reads anything.
-``same-origin`` lets the form of the e-stop name its origin without scripts."""
+"""Default headers of every response. There is no CORS header, so no page of another origin can read
+anything. ``same-origin`` lets the e-stop form state its origin without scripts."""
 LENGTH = 200
 DRY_RUN = "dry run"
-"""Note of a request that moves and keeps nothing, and is not audited."""
+"""Note of a dry run, which moves and stores nothing and is not audited."""
 PROBES = ("/livez", "/readyz")
-"""Paths that answer any client under any ``Host``."""
+"""Paths that respond to any client under any ``Host``."""
 PAGE_CHECK = "/page-check"
-"""End of the path at which a page asks what it may do."""
+"""End of the path at which a page asks for its permissions."""
 REFUSED = (401, 403, 421)
-"""Statuses of requests refused for their sender or their ``Host``."""
+"""Statuses of requests that are rejected because of their sender or their ``Host``."""
 
 
 class OriginCheck:
-    """Refuses requests from foreign pages or by foreign host names, and adds default headers."""
+    """Rejects requests from foreign pages or with foreign host names, and adds default headers."""
 
     def __init__(self, app: ASGIApp, names: frozenset[str]) -> None:
         self._app, self._names = app, names
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request."""
+        """Handle one request."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -70,12 +70,12 @@ class OriginCheck:
 
 
 def is_page_check(scope: Scope) -> bool:
-    """Whether a request asks what would be refused; its route applies ``refusal`` to others."""
+    """Return whether a request is a page check; its route applies ``refusal`` to other paths."""
     return scope["method"] == "POST" and scope["path"].endswith(PAGE_CHECK)
 
 
 def refusal(scope: Scope, names: frozenset[str], path: str = "") -> ProblemError | None:
-    """Return why a request must be refused for its ``Host`` or its page; None to accept it.
+    """Return why a request must be rejected for its ``Host`` or its page; None to accept it.
 
     ``path`` replaces the path of the request, to learn what another POST of this page would get.
     Only browsers can be misled by DNS rebinding, and what they could do then is guarded: reading
@@ -111,7 +111,7 @@ def refusal(scope: Scope, names: frozenset[str], path: str = "") -> ProblemError
 
 
 class AuditLog:
-    """Logs every request that was to change something, and every one refused for its sender."""
+    """Logs each request that could change something, and each one rejected for its sender."""
 
     def __init__(
         self, app: ASGIApp, authenticator: Authenticator, audit_buffer: AuditBuffer
@@ -119,7 +119,7 @@ class AuditLog:
         self._app, self._authenticator, self._buffer = app, authenticator, audit_buffer
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request."""
+        """Handle one request."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -157,7 +157,7 @@ class AuditLog:
 
 
 class HeadAndOptions:
-    """ASGI middleware that answers HEAD as GET without the body, and OPTIONS with ``Allow``."""
+    """ASGI middleware that answers HEAD like GET without the body, and OPTIONS with ``Allow``."""
 
     def __init__(self, app: ASGIApp, routes: Sequence[BaseRoute]) -> None:
         self._app, self._routes = app, routes

@@ -1,4 +1,4 @@
-"""Sessions of pages, and the audit log."""
+"""Sessions of pages, and the audit log, over REST."""
 
 from typing import Annotated
 
@@ -42,7 +42,10 @@ router = APIRouter(tags=["access"], route_class=StrictRoute)
 
 @router.get("/session")
 async def session(caller: AnyCaller, access: AccessState) -> Session:
-    """Who asks, and what they may do; told to everybody, so that a page can ask for a key."""
+    """Return the caller and its permissions.
+
+    Accessible without a key, so that a page can ask for one.
+    """
     return _view(caller, keys=access.authenticator.keys_wanted)
 
 
@@ -58,7 +61,7 @@ async def sign_in(
 ) -> Session:
     """Sign a page in with the key of ``Authorization``, or with a user's name and password.
 
-    A cookie stands for it from here on.
+    From then on, a cookie replaces the key.
 
     Scripts cannot read the cookie, and no page of elsewhere can have it sent.
     """
@@ -97,10 +100,10 @@ async def page_check(
     supervisor: SupervisorId,
     note: Note,
 ) -> PageCheck:
-    """Report whether a stop and an order of this page would be accepted, and if not why.
+    """Report whether a stop and a request of this page would be accepted, and if not, why.
 
-    The same checks as for the emergency stop decide. Nothing moves, and no key is needed. A page
-    behind a reverse proxy learns here that the proxy drops ``Host`` or leads elsewhere.
+    The checks are those of the emergency stop. Nothing moves, and no key is needed. A page behind a
+    reverse proxy detects here that the proxy drops ``Host`` or forwards to another place.
     """
     note(DRY_RUN)
     if rig not in rigs.unusable:  # which are stopped, too
@@ -142,7 +145,10 @@ def audit(
         int | None, Query(ge=1, le=LARGEST, description="entries below this number")
     ] = None,
 ) -> AuditList:
-    """What was to change something, and what was refused for whose it was; the newest first."""
+    """Return requests that could change something, and those rejected for their sender.
+
+    Newest first.
+    """
     repository = AuditRepository(store)
     access.audit_buffer.flush(repository, everything=True)
     rows = repository.newest(limit + 1, before)
@@ -170,7 +176,7 @@ def audit_chain(
         str | None, Query(pattern="^[0-9a-f]{64}$", description="a newest link noted before")
     ] = None,
 ) -> AuditChain:
-    """Whether each entry of the audit log follows from the one before it."""
+    """Return whether each entry of the audit log follows from the one before it."""
     repository = AuditRepository(store)
     access.audit_buffer.flush(repository, everything=True)
     chain = repository.chain(link or "")

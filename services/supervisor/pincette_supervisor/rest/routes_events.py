@@ -49,11 +49,11 @@ from pincette_supervisor.watch import CLOCK
 
 MOST = 500
 HEADERS = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
-"""Headers by which no proxy holds events back."""
+"""Headers that prevent proxies from buffering events."""
 POLL_S = 0.5
-"""Interval in which a stream of one job checks whether the job is over."""
+"""Interval at which a stream of one job checks whether the job is over, in s."""
 GREETING, KEEP_ALIVE = b": listening\n", b": alive\n"
-"""Comments; without an empty line, which some clients take for an event without data."""
+"""SSE comments; they have no empty line, which some clients take for an event without data."""
 STREAM: dict[int | str, dict[str, Any]] = {
     200: {
         "description": "a stream without an end",
@@ -108,7 +108,7 @@ def _position(
 
 
 Position = Annotated[int | None, Depends(_position)]
-"""Number after which a stream begins."""
+"""Event number after which a stream begins."""
 Limit = Annotated[int, Query(ge=1, le=MOST, description="no more than these")]
 
 
@@ -117,7 +117,7 @@ router = APIRouter(tags=["events"], route_class=StrictRoute)
 
 @router.get("/jobs/{job}/events/list", dependencies=[OBSERVE], responses=responses(404))
 def list_of_job(job: str, rigs: AllRigs, after: After = None, limit: Limit = MOST) -> EventList:
-    """Events of one job that are kept, the oldest first."""
+    """Return the stored events of one job, oldest first."""
     _state(rigs.store, job)
     return _list(rigs.store, after, limit, job=job)
 
@@ -126,13 +126,13 @@ def list_of_job(job: str, rigs: AllRigs, after: After = None, limit: Limit = MOS
 def list_of_rig(
     manager: Manager, store: Journal, after: After = None, limit: Limit = MOST
 ) -> EventList:
-    """Events of a rig and its jobs that are kept, the oldest first."""
+    """Return the stored events of a rig and its jobs, oldest first."""
     return _list(store, after, limit, rig=manager.name)
 
 
 @router.get("/events/list", dependencies=[OBSERVE])
 def list_of_all(rigs: AllRigs, after: After = None, limit: Limit = MOST) -> EventList:
-    """Events of every rig that are kept, the oldest first."""
+    """Return the stored events of every rig, oldest first."""
     return _list(rigs.store, after, limit)
 
 
@@ -144,9 +144,9 @@ def list_of_all(rigs: AllRigs, after: After = None, limit: Limit = MOST) -> Even
     responses=STREAM_OF_JOB,
 )
 async def of_job(job: str, after: Position, rigs: AllRigs, permitted: Permitted) -> Response:
-    """Events of one job, from its first or beyond a number on; ends when the job is over.
+    """Stream the events of one job, from its first or after a number; ends when the job is over.
 
-    A standard EventSource connects again after the end, gets 204, and stops then.
+    A standard EventSource reconnects after the end, gets 204, and stops then.
     """
     # Begun before the job is looked at, so that no change falls in between.
     subscription = await _listen(rigs.own.context.events, after or 0, job, every_rig=True)
@@ -175,7 +175,7 @@ async def of_job(job: str, after: Position, rigs: AllRigs, permitted: Permitted)
     responses={**STREAM, **responses(404)},
 )
 async def of_rig(manager: Manager, after: Position, permitted: Permitted) -> Response:
-    """Events of a rig and its jobs: those to come, and where it is named, beyond a number."""
+    """Stream future events of a rig and its jobs, and stored ones after a number if it is given."""
     subscription = await _listen(manager.context.events, after)
     return _stream(endless(subscription), permitted)
 
@@ -188,7 +188,7 @@ async def of_rig(manager: Manager, after: Position, permitted: Permitted) -> Res
     responses=STREAM,
 )
 async def of_all(after: Position, rigs: AllRigs, permitted: Permitted) -> Response:
-    """Events of every rig: those to come, and where it is named, beyond a number."""
+    """Stream future events of every rig, and stored ones after a number if it is given."""
     subscription = await _listen(rigs.own.context.events, after, every_rig=True)
     return _stream(endless(subscription), permitted)
 
@@ -200,7 +200,7 @@ def _stream(blocks: AsyncGenerator[bytes], permitted: Callable[[], bool]) -> Eve
 async def _while(
     permitted: Callable[[], bool], blocks: AsyncGenerator[bytes]
 ) -> AsyncGenerator[bytes]:
-    """A stream that ends with the key or session of its listener, ``LIFE_S`` later at most."""
+    """Stream until the listener's key or session ends, plus ``LIFE_S`` at most."""
     async with aclosing(blocks):
         async for block in blocks:
             if not permitted():
@@ -222,7 +222,7 @@ def _has_more(store: Store, job: str, after: int | None) -> bool:
 async def _listen(
     log: EventLog, after: int | None, job: str | None = None, *, every_rig: bool = False
 ) -> EventSubscription:
-    """Begun before the answer is, so that what is told once its head is seen is heard."""
+    """Subscribe before the response starts, so that no event is lost after its head."""
     try:
         subscription = log.subscribe(after, job, every_rig=every_rig)
         await subscription.begin()
@@ -250,7 +250,7 @@ def _list(
 
 
 async def endless(subscription: EventSubscription) -> AsyncGenerator[bytes]:
-    """A stream until the event log is closed."""
+    """Stream events until the event log is closed."""
     try:
         yield GREETING
         while (events := await subscription.next(LIFE_S)) is not None:
@@ -265,10 +265,10 @@ async def endless(subscription: EventSubscription) -> AsyncGenerator[bytes]:
 async def until_over(
     subscription: EventSubscription, busy: Callable[[], bool], *, over: bool
 ) -> AsyncGenerator[bytes]:
-    """A stream until a job is over and all of its events have been sent.
+    """Stream events until a job is over and all of its events have been sent.
 
-    ``busy`` says whether the job has the rig, as a stopped one has while it holds a part; ``over``
-    whether its state was terminal when the subscription began.
+    ``busy`` returns whether the job has the rig, as a stopped one has while it holds a part;
+    ``over`` says whether its state was terminal when the subscription began.
     """
     sent_at = monotonic()
     try:
@@ -291,7 +291,7 @@ async def until_over(
 
 
 def _encoded(event: Event) -> bytes:
-    """A server-sent event; one without a number keeps the client's last id."""
+    """Return a server-sent event; one without a number keeps the client's last id."""
     return format_sse_event(
         data_str=event.model_dump_json(),
         event=event.kind,
@@ -324,7 +324,7 @@ def alarms(
         int | None, Query(ge=1, le=LARGEST, description="begin below this id")
     ] = None,
 ) -> AlarmList:
-    """Alarms of every rig, the newest first."""
+    """Return the alarms of every rig, newest first."""
     repository = AlarmRepository(store)
     rows = repository.newest(
         limit,
@@ -344,7 +344,7 @@ def alarms(
 
 @alarm_router.get("/{alarm}", responses=responses(404), dependencies=[OBSERVE])
 def one(alarm: Number, store: Journal) -> Alarm:
-    """One alarm."""
+    """Return one alarm."""
     return alarm_of(_found(AlarmRepository(store).get(alarm), alarm))
 
 
@@ -358,7 +358,7 @@ def act(
     by: Operator,
     note: Note,
 ) -> Alarm:
-    """Acknowledge an alarm; done twice, it stays with who was first.
+    """Acknowledge an alarm; repeated, it keeps the name of the first person.
 
     To acknowledge the alarm `clock` is to agree to the present time of day: records may be deleted
     for their age again. To acknowledge `key-clock`, which needs the scope `admin`, is to agree that
@@ -381,7 +381,7 @@ def act(
 
 
 def alarm_of(row: AlarmRow) -> Alarm:
-    """An alarm as REST tells it."""
+    """Return an alarm as the REST interface represents it."""
     tree = asdict(row)
     number = tree.pop("number")
     is_open = row.acknowledged_at is None or row.cleared_at is None

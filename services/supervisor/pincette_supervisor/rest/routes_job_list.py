@@ -128,7 +128,8 @@ MADE: Mapping[str, tuple[str, Callable[[Path], Iterator[str | bytes]], str]] = {
     ),
     finished_copy.NAME: (folder.LIVE, finished_copy.snapshot, folder.MEDIA_TYPES[folder.LIVE]),
 }
-"""Files that are made as they are downloaded: the file each is made of, how, and its media type."""
+"""Files that are generated during the download, each with its source file, generator and media
+type."""
 
 
 async def _written(job: str, rigs: AllRigs) -> None:
@@ -151,7 +152,7 @@ def jobs(
         str | None, Query(description="jobs accepted before this one", max_length=NAME_LENGTH)
     ] = None,
 ) -> Response:
-    """Jobs, the newest first; those alone that are as named."""
+    """Return jobs, newest first; only those that match the filter."""
     found = rigs.listed_jobs(limit + 1, wanted, before)
     names = list(found)
     following = names[limit - 1] if len(names) > limit else None
@@ -167,7 +168,7 @@ def jobs(
     dependencies=[OBSERVE],
 )
 def export_csv(rigs: AllRigs, wanted: Wanted, limit: MostJobs = None) -> Response:
-    """Jobs as one table, the newest first, as CSV; those alone that are as named."""
+    """Return jobs as one CSV table, newest first; only those that match the filter."""
     return _attached(job_table.csv_of(rigs.table_rows(wanted, limit)), CSV, "jobs.csv")
 
 
@@ -178,7 +179,7 @@ def export_csv(rigs: AllRigs, wanted: Wanted, limit: MostJobs = None) -> Respons
     dependencies=[OBSERVE],
 )
 def export_parquet(rigs: AllRigs, wanted: Wanted, limit: MostJobs = None) -> Response:
-    """Jobs as one table, the newest first, as Parquet; those alone that are as named."""
+    """Return jobs as one Parquet table, newest first; only those that match the filter."""
     return _attached(job_table.parquet_of(rigs.table_rows(wanted, limit)), BINARY, "jobs.parquet")
 
 
@@ -189,7 +190,7 @@ def export_parquet(rigs: AllRigs, wanted: Wanted, limit: MostJobs = None) -> Res
     dependencies=[OBSERVE],
 )
 def export_numbers(rigs: AllRigs, wanted: Wanted, limit: MostJobs = None) -> Response:
-    """Jobs as one table of numbers alone, the newest first; those alone that are as named."""
+    """Return jobs as one table of numbers only, newest first; only those that match the filter."""
     return _attached(job_table.numbers_of(rigs.table_rows(wanted, limit)), CSV, NUMBERS_CSV)
 
 
@@ -200,7 +201,7 @@ def export_numbers(rigs: AllRigs, wanted: Wanted, limit: MostJobs = None) -> Res
     dependencies=[OBSERVE],
 )
 def export_metadata(rigs: AllRigs, wanted: Wanted, limit: MostJobs = None) -> Response:
-    """Columns of that table of numbers, with the word that each number stands for."""
+    """Return the columns of that table of numbers, with the word that each number represents."""
     parts = job_table.metadata_of(rigs.table_rows(wanted, limit), NUMBERS_CSV)
     return _attached(parts, OBJECT, f"{NUMBERS_CSV}{number_table.METADATA}")
 
@@ -220,9 +221,9 @@ def _attached(parts: Iterator[bytes], content: Content, name: str) -> Response:
 def edit(
     job: str, body: JobEdit, rigs: AllRigs, response: Response, by: Operator, note: Note
 ) -> Job:
-    """Say more of a job, at any time: sample, batch, operator, notes, labels, pinned.
+    """Edit a job's sample, batch, operator, notes, labels and pin, at any time.
 
-    Report and manifest of its record say the same from then on; files of samples stay as they are.
+    Report and manifest of its record are updated; files of samples stay as they are.
     """
     note(", ".join(sorted(body.model_fields_set)))
     edited = rigs.of_job(job).index.edit(job, body, by)
@@ -232,14 +233,17 @@ def edit(
 
 @router.delete("/{job}/record", responses=responses(404, 409), dependencies=[ADMIN, WRITTEN])
 def delete_record(job: str, rigs: AllRigs, by: Operator, note: Note) -> Job:
-    """Delete the files of a job that has ended and is not pinned; its result stays."""
+    """Delete the files of an ended job that is not pinned; its result is kept."""
     note(f"record of {job}")
     return rigs.of_job(job).index.delete_record(job, by)
 
 
 @router.get("/{job}/artifacts", responses=responses(404), dependencies=[OBSERVE, WRITTEN])
 def artifacts(job: str, rigs: AllRigs) -> ArtifactList:
-    """Files of a job's record, with size and SHA-256; waits while they are being written."""
+    """Return the files of a job's record, with size and SHA-256.
+
+    Waits while they are being written.
+    """
     known = rigs.job(job)
     found = folder.artifacts(rigs.records(known.rig) / known.id)
     return ArtifactList(artifacts=[Artifact(**entry) for entry in found])
@@ -253,11 +257,11 @@ def artifacts(job: str, rigs: AllRigs) -> ArtifactList:
     dependencies=[OBSERVE, WRITTEN],
 )
 def artifact(job: str, name: str, rigs: AllRigs) -> Response:
-    """One file of a job's record. Some are made of others as they go.
+    """Return one file of a job's record. Some files are generated from others.
 
-    ``samples.csv`` is made of ``samples.parquet``, and so is ``numbers.csv``, which has numbers
-    alone; ``numbers.csv-metadata.json`` describes it. ``snapshot.mcap`` is a finished copy of
-    ``job.mcap`` as it is now.
+    ``samples.csv`` is generated from ``samples.parquet``, and so is ``numbers.csv``, which contains
+    only numbers; ``numbers.csv-metadata.json`` describes it. ``snapshot.mcap`` is a finished copy
+    of the present ``job.mcap``.
     """
     known = rigs.job(job)
     path = rigs.records(known.rig) / known.id / name
@@ -287,7 +291,7 @@ def artifact(job: str, name: str, rigs: AllRigs) -> Response:
     dependencies=[OBSERVE, WRITTEN],
 )
 def artifact_content(job: str, name: str, rigs: AllRigs) -> Response:
-    """One file of a job's record as bytes, for clients that are generated from this document."""
+    """Return one file of a job's record as bytes, for clients generated from this document."""
     response = artifact(job, name, rigs)
     (response.headers["Content-Type"],) = BINARY
     return response

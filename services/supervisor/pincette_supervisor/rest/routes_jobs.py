@@ -1,7 +1,7 @@
 """Jobs over REST, and the kinds of job and control laws that are installed.
 
 Plain functions run in a pool of threads, so that neither the store nor a slow program of the rig
-holds up the event loop.
+blocks the event loop.
 """
 
 import asyncio
@@ -47,16 +47,19 @@ from pincette_supervisor.rest.strict_route import StrictRoute
 M = TypeVar("M", bound=BaseModel)
 WAIT_S, LONGEST_WAIT_S = 30.0, 60.0
 STOP_THREADS = ThreadPoolExecutor(4, thread_name_prefix="stop-job")
-"""Threads for stops of jobs, which no limit of rate or number refuses and no other request delays.
-"""
+"""Threads for stops of jobs. No rate limit rejects a stop, and no other request delays it."""
 ACTION_THREADS = ThreadPoolExecutor(4, thread_name_prefix="act-on-job")
-"""Threads for the other actions, as a release: no request that reads the journal takes them."""
+"""Threads for the other actions, such as a release; requests that read the journal do not use
+them."""
 DRY_RUN_THREADS = ThreadPoolExecutor(2, thread_name_prefix="dry-run")
 """Threads for dry runs: those that wait for a prediction leave the threads of all other requests
-free, and no more than two of them compute."""
+free, and at most two of them compute."""
 REPLAYED = "Idempotency-Replayed"
 DryRunQuery = Annotated[bool, Query(include_in_schema=False)]
-"""Query that asks as the member ``dry_run`` of a request does; the documents name the member."""
+"""Query parameter with the meaning of the request member ``dry_run``.
+
+The documents name the member.
+"""
 Predict = Annotated[
     bool,
     Query(
@@ -98,7 +101,7 @@ def take(
     """Create a job, or plan it only, and predict the result of the plan.
 
     ``jobs`` is the address of the jobs relative to that of the request. ``Location`` is relative,
-    so that it is right below the path prefix of a reverse proxy, too.
+    so that it is also right below the path prefix of a reverse proxy.
     """
     asker.note(DRY_RUN if dry_run or body.dry_run else body.kind)
     if dry_run or body.dry_run:
@@ -155,9 +158,9 @@ async def create(
     idempotency_key: IdempotencyKey = None,
     curves: Curves = True,
 ) -> object:
-    """Take a job, or with ``dry_run`` plan it only.
+    """Create a job, or with ``dry_run`` plan it only.
 
-    With ``queue`` a job waits for those before it, where another one has the rig.
+    With ``queue``, a job waits for those before it if another one has the rig.
     """
 
     def taken() -> Job | JobPlan:
@@ -179,9 +182,9 @@ async def create(
 
 @router.post("/stop", dependencies=[OPERATE])
 async def stop(body: StopRequest, rigs: AllRigs, asker: Asking) -> StoppedRequest:
-    """Stop what an Idempotency-Key has begun: its job, or a request that is still being planned.
+    """Stop what an Idempotency-Key has started: its job, or a request that is still being planned.
 
-    A request that comes with this key later is refused (409), as long as the supervisor runs.
+    A later request with this key is rejected (409) as long as the supervisor runs.
     """
     asker.note(f"stop {body.idempotency_key}")
     loop = asyncio.get_running_loop()
@@ -239,7 +242,7 @@ async def job_state(
     ] = WAIT_S,
     if_none_match: IfNoneMatch = None,
 ) -> object:
-    """One job.
+    """Return one job.
 
     With ``wait`` the answer comes when it has ended (``terminal``), when its record is written as
     well (``recorded``), or when it is not as it was (``change``) at the revision of ``since`` or
@@ -286,7 +289,7 @@ async def act(
     response: Response,
     asker: Asking,
 ) -> Job:
-    """Start, pause, resume, stop, abort, release the part, or continue after a wait."""
+    """Start, pause, resume, stop or abort a job, release the part, or continue after a wait."""
     asker.note(body.type)
     perform = partial(_performed, job, body.type, rigs, asker)
     if body.type in ALWAYS:
@@ -304,7 +307,7 @@ async def act(
 
 
 def _performed(job: str, action: ActionType, rigs: Rigs, asker: Asker) -> tuple[Job, bool]:
-    """Perform an action; the flag: nothing was left to do."""
+    """Perform an action; the flag is True if nothing was left to do."""
     manager = rigs.of_job(job)
     if action not in ALWAYS:
         manager.claims.require(asker.claim)
@@ -316,17 +319,17 @@ catalog_router = APIRouter(route_class=StrictRoute)
 
 @cache
 def _installed_kinds() -> KindList:
-    """Describe every installed kind; their schemas do not change while the program runs."""
+    """Describe every installed kind; their schemas are constant while the program runs."""
     return KindList(kinds=[described(kind) for kind in job_kinds().values()])
 
 
 @catalog_router.get("/kinds", tags=["jobs"], dependencies=[OBSERVE])
 def kinds() -> KindList:
-    """Every kind of job that is installed: its request, form, actions and figures."""
+    """Return every installed kind of job: its request, form, actions and results."""
     return _installed_kinds()
 
 
 @catalog_router.get("/laws", tags=["laws"], dependencies=[OBSERVE])
 def laws() -> LawList:
-    """The control laws that a job may choose, each with its gains."""
+    """Return the control laws that a job may choose, each with its gains."""
     return LawList(laws=described_laws())

@@ -65,7 +65,7 @@ async def calibrate(
     predict: Predict = True,
     idempotency_key: IdempotencyKey = None,
 ) -> object:
-    """Take a calibration: the same as a job of the kind ``calibrate``."""
+    """Create a calibration, like a job of the kind ``calibrate``."""
     return await create_job(body, rigs, response, asker, dry_run, predict, idempotency_key)
 
 
@@ -78,7 +78,7 @@ def proposals(
         str | None, Query(description="calibrations made before this one", max_length=NAME_LENGTH)
     ] = None,
 ) -> ProposalList:
-    """What calibrations that succeeded propose, of every rig or of one, the newest first."""
+    """Return the proposals of successful calibrations, of every rig or one; newest first."""
     asked = rigs.all() if rig is None else [rigs.get(rig)]
     number = None if before is None else require_job(rigs.store, before).number
     found = [pair for one in asked for pair in one.calibrations.newest(limit + 1, number)]
@@ -90,7 +90,7 @@ def proposals(
 
 @calibration_router.get("/{calibration}", responses=responses(404), dependencies=[OBSERVE])
 def proposal(calibration: str, rigs: AllRigs) -> Proposal:
-    """One proposal beside what is in use; its name is that of its job."""
+    """Return one proposal next to the values in use; its name is that of its job."""
     return rigs.of_job(calibration).calibrations.one(calibration)
 
 
@@ -100,7 +100,7 @@ def proposal(calibration: str, rigs: AllRigs) -> Proposal:
     dependencies=[ADMIN],
 )
 def act(calibration: str, body: ProposalAction, rigs: AllRigs, asker: Asking) -> Proposal:
-    """Accept a proposal, which makes a version of the model and uses it, or discard it."""
+    """Accept a proposal, which creates a version of the model and uses it, or discard it."""
     asker.note(body.type)
     manager = rigs.of_job(calibration)
     manager.claims.require(asker.claim)
@@ -109,7 +109,7 @@ def act(calibration: str, body: ProposalAction, rigs: AllRigs, asker: Asking) ->
 
 
 PROGRAM = "^[0-9a-f]{16}$"
-"""Form of a program's digest."""
+"""Pattern of a program's digest."""
 
 learning_router = APIRouter(
     prefix="/rigs/{rig}/learning", tags=["learning"], route_class=StrictRoute
@@ -128,7 +128,7 @@ def learned(
         str | None, Query(description="programs after this one", pattern=PROGRAM)
     ] = None,
 ) -> LearnedList:
-    """What the programs of a rig have learned, with the error over their cycles."""
+    """Return what the programs of a rig have learned, with the errors of their cycles."""
     rows = _learned_repository(manager).all()
     if before is not None:
         programs = [row.program for row in rows]
@@ -144,14 +144,14 @@ def learned(
 
 @learning_router.delete("", responses=responses(404, 409), dependencies=[OPERATE])
 def erase_all(manager: Manager, note: Note) -> Erased:
-    """Forget what every program has learned; a job that runs keeps what it began with."""
+    """Erase what every program has learned; a running job keeps its corrections."""
     note("all")
     return Erased(rig=manager.name, erased=_learned_repository(manager).erase())
 
 
 @learning_router.delete("/{program}", responses=responses(404, 409), dependencies=[OPERATE])
 def erase(program: Annotated[str, Path(pattern=PROGRAM)], manager: Manager, note: Note) -> Erased:
-    """Forget what one program has learned."""
+    """Erase what one program has learned."""
     note(program)
     erased = _learned_repository(manager).erase(program)
     if not erased:
@@ -197,7 +197,7 @@ Repository = Annotated[RecipeRepository, Depends(_recipe_repository)]
 def save_recipe(
     body: RecipeRequest, repository: Repository, response: Response, note: Note
 ) -> Recipe:
-    """Keep values under a name: version 1, or the next one."""
+    """Store values under a name: as version 1, or as the next one."""
     note(body.name)
     try:
         values = checked_values(body.values)
@@ -222,7 +222,7 @@ def recipes(
         str | None, Query(description="recipes after this name", max_length=NAME_LENGTH)
     ] = None,
 ) -> RecipeList:
-    """The newest version of every recipe, by name."""
+    """Return the newest version of every recipe, by name."""
     found = repository.newest(limit + 1, before)
     return RecipeList(
         recipes=[_recipe_view(row) for row in found[:limit]],
@@ -232,7 +232,7 @@ def recipes(
 
 @recipe_router.get("/{name}", responses=responses(404), dependencies=[OBSERVE])
 def recipe(name: str, repository: Repository) -> RecipeHistory:
-    """The newest version of a recipe, and all there are."""
+    """Return the newest version of a recipe, and the numbers of all versions."""
     versions = [_recipe_view(row) for row in repository.versions(name)]
     if not versions:
         raise problems.not_found("recipe", name)
@@ -243,7 +243,7 @@ def recipe(name: str, repository: Repository) -> RecipeHistory:
 def version_of(
     name: str, version: Annotated[int, Path(ge=1, le=999_999)], repository: Repository
 ) -> Recipe:
-    """One version of a recipe."""
+    """Return one version of a recipe."""
     row = repository.version(name, version)
     if row is None:
         raise problems.not_found("recipe", f"{name}@{version}")

@@ -1,4 +1,4 @@
-"""The page a person at the bench sees, and its files; nothing in it comes from elsewhere."""
+"""The page for a person at the bench, and its files; it loads nothing from other servers."""
 
 from base64 import b64encode
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ HEADERS = {
     "frame-ancestors 'none'",
     "Cache-Control": "no-cache",
 }
-"""Further headers: the page and its files come from here, and nothing else does."""
+"""Further headers of the page: it and its files may load nothing from other servers."""
 POLICY, PICTURES = "Content-Security-Policy", "img-src 'self'"
 SCRIPTS = "script-src 'self'"
 PLACE_OF_RIG, PLACE_OF_CAMERA, PLACE_OF_STOP = "{{rig}}", "{{camera}}", "{{stop}}"
@@ -81,15 +81,15 @@ def _headers(stop: str, camera: str) -> dict[str, str]:
 
 @router.get("/favicon.ico")
 def icon() -> Response:
-    """Where a browser looks for an icon by itself."""
+    """Return the icon that a browser requests without a reference in the page."""
     return asset("icon.svg")
 
 
 @router.get("/page/days")
 def days() -> dict[str, str | list[str]]:
-    """Return the time of this computer, its zone, and the midnights that began its last 31 days.
+    """Return this computer's time, its zone, and the midnights that began its last 31 days.
 
-    The page looks for the jobs of a day by them, as the clock of a browser may be wrong.
+    The page uses them to find the jobs of a day, since the clock of a browser may be wrong.
     """
     now = datetime.now().astimezone()
     starts = [datetime.combine(now.date() - timedelta(days=ago), time()) for ago in range(DAYS)]
@@ -116,7 +116,7 @@ async def points(
 
 
 def _rows(columns: Sequence[str], content: bytes) -> list[dict[str, float]] | str:
-    """Return the rows of a file, or why it has none."""
+    """Return the rows of a file, or the reason why it has none."""
     try:
         return number_file.rows(content, columns, "the file")
     except FileError as error:
@@ -125,7 +125,7 @@ def _rows(columns: Sequence[str], content: bytes) -> list[dict[str, float]] | st
 
 @router.get("/page/{name:path}")
 def asset(name: str) -> FileResponse:
-    """A script, a style or a drawing."""
+    """Return a script, a style sheet or a drawing of the page."""
     path = ASSETS.get(name)
     if path is None:
         raise problems.not_found("file", name)

@@ -1,6 +1,6 @@
 """Documents for other programs: probes, version, metrics, AsyncAPI, Thing Description.
 
-The W3C Thing Description (1.1) of a rig is made of the OpenAPI document.
+The W3C Thing Description (1.1) of a rig is derived from the OpenAPI document.
 """
 
 import asyncio
@@ -45,18 +45,19 @@ ACTIONS: Mapping[str, str] = {
     "stopRequest": f"{JOBS}/stop",
     "estop": f"{RIG}/estop",
 }
-"""No reset: it says that a person has looked."""
+"""Operations of the actions. Reset is not one: it states that a person has looked at the rig."""
 EVENTS: Mapping[str, str] = {"live": f"{RIG}/live"}
-"""The events of jobs are server-sent with names, which a form cannot ask for."""
+"""Operations of the events. Job events are left out: their server-sent events have names, which a
+form cannot request."""
 DEEPEST = 1
-"""Depth up to which nested models are included: a client checks what it sends by them. Deeper ones
-are in the OpenAPI document."""
+"""Depth up to which nested models are included, so that a client can validate what it sends. Deeper
+ones are in the OpenAPI document."""
 OPEN = ("estop",)
-"""Security of operations that need no key."""
+"""Operations whose security needs no key."""
 FIXED = {"plan": "dry_run=true", "result": "wait=terminal&timeout_s=60"}
-"""Queries by which one path is two affordances."""
+"""Queries that distinguish two affordances of one path."""
 LEFT_OUT = ("discriminator", "example", "examples")
-"""Keys of schemas that are left out: words for other tools."""
+"""Schema keys that are left out, since only other tools use them."""
 
 
 def thing(
@@ -67,7 +68,7 @@ def thing(
     keys: bool = False,
     others: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Describe a rig, by the OpenAPI document of its supervisor.
+    """Describe a rig, based on the OpenAPI document of its supervisor.
 
     ``base`` is where the supervisor answers; ``keys`` whether it wants keys; ``others`` are the
     other rigs that it serves.
@@ -101,14 +102,14 @@ class _Described:
         self._document, self._rig = document, rig
 
     def property(self, name: str) -> dict[str, Any]:
-        """Return what is read."""
+        """Return the affordance of a property, which can be read."""
         operation = self._operation(PROPERTIES[name], "get")
         form = self._form(name, PROPERTIES[name], "GET", "readproperty")
         told = self._answer(operation)
         return {**told, **self._words(operation), "readOnly": True, "forms": [form]}
 
     def action(self, name: str, *, keys: bool, several: bool) -> dict[str, Any]:
-        """Return what is done; a plan does nothing."""
+        """Return the affordance of an action; a plan moves nothing."""
         operation = self._operation(ACTIONS[name], "post")
         form = self._form(name, ACTIONS[name], "POST", "invokeaction")
         form["additionalResponses"] = [
@@ -125,7 +126,7 @@ class _Described:
         return {**found, "safe": safe, "idempotent": safe or name in OPEN, "forms": [form]}
 
     def _name_rig(self, schema: dict[str, Any], *, wanted: bool) -> None:
-        """State the rig in what a request may be; where there are several it must be sent."""
+        """Fix the rig in the request schema; it is required if there are several rigs."""
         for one in schema.get("oneOf", [schema]):
             if "rig" not in one.get("properties", {}):
                 continue
@@ -134,14 +135,14 @@ class _Described:
                 one["required"] = sorted({*one.get("required", ()), "rig"})
 
     def event(self, name: str) -> dict[str, Any]:
-        """Return what comes as server-sent events."""
+        """Return the affordance of an event, which arrives as server-sent events."""
         operation = self._operation(EVENTS[name], "get")
         form = self._form(name, EVENTS[name], "GET", "subscribeevent")
         form["subprotocol"] = "sse"
         return {**self._words(operation), "data": self.schema("LiveBatch"), "forms": [form]}
 
     def schema(self, name: str) -> dict[str, Any]:
-        """Return a model as a data schema, with all that it refers to."""
+        """Return a model as a data schema that includes all models it refers to."""
         schemas = self._document["components"]["schemas"]
         return self._inlined(schemas[name]) if name in schemas else {"type": "object"}
 
@@ -174,7 +175,7 @@ class _Described:
         return {"type": "object", **found}  # of a union too, which a client wants to be told
 
     def _inlined(self, node: Any, within: tuple[str, ...] = ()) -> Any:
-        """Return a schema without references, which a data schema has not."""
+        """Return a schema without references, which a data schema cannot have."""
         if isinstance(node, list):
             return [self._inlined(one, within) for one in cast("list[Any]", node)]
         if not isinstance(node, dict):
@@ -198,7 +199,7 @@ class _Described:
 
 
 TURN_S = 1.0
-"""The event loop is expected to come round at least this often."""
+"""Longest permitted time between two turns of the event loop, in s."""
 PLAIN = "text/plain"
 EXAMPLE = 'pincette_trips_total{cause="command_age",rig="demo"} 0.0\n'
 
@@ -209,7 +210,7 @@ documents = APIRouter(tags=["documents"], route_class=StrictRoute)
 
 @router.get("/livez")
 async def livez() -> Alive:
-    """Whether the event loop turns, and how long one turn of it takes."""
+    """Report whether the event loop runs, and how long one turn of it takes."""
     begun_s = monotonic()
     await asyncio.sleep(0)
     turn_s = monotonic() - begun_s
@@ -218,10 +219,10 @@ async def livez() -> Alive:
 
 @router.get("/readyz", responses={503: {"model": Readiness, "description": "with the reasons"}})
 def readyz(rigs: AllRigs, response: Response) -> Readiness:
-    """Whether a rig is whole: all its programs answer and agree on the rig file.
+    """Report whether a rig is ready: all its programs reply and agree on the rig file.
 
-    Of several rigs one is enough, so that one that is down takes the others from nobody; the
-    reasons name it. A latched actuator is whole: it waits for a person.
+    Of several rigs, one ready rig is enough, so that one that is down does not make the others
+    unavailable; the reasons name it. A rig with a latched actuator is ready: it waits for a person.
     """
     own = of_supervisor(rigs.store)
     found = dict(zip([one.name for one in rigs.all()], rigs.map(_looked_at), strict=True))
@@ -249,7 +250,7 @@ def readyz(rigs: AllRigs, response: Response) -> Readiness:
 def metrics(
     rigs: AllRigs, accept: Annotated[str, Header(include_in_schema=False)] = ""
 ) -> Response:
-    """Metrics of all rigs for Prometheus; no program is asked for them."""
+    """Return the metrics of all rigs for Prometheus; no program is queried for them."""
     try:
         encode, kind = choose_encoder(accept)
     except (TypeError, ValueError):  # Accept names a version that is no number
@@ -259,7 +260,7 @@ def metrics(
 
 @router.get("/version")
 async def version(rigs: AllRigs) -> dict[str, str | dict[str, str]]:
-    """The program's version, its own rig, and the digest of the rig file of each it serves."""
+    """Return the program's version, its own rig, and the digests of the rig files it serves."""
     own = rigs.own
     return {
         "version": __version__,
@@ -271,7 +272,7 @@ async def version(rigs: AllRigs) -> dict[str, str | dict[str, str]]:
 
 @documents.get("/asyncapi.json", response_model=dict[str, Any])
 def asyncapi() -> Response:
-    """Every key and message of the bus, as an AsyncAPI document."""
+    """Return every key and message of the bus, as an AsyncAPI document."""
     return Response(document(), media_type="application/json")
 
 
@@ -282,7 +283,7 @@ async def thing_description(
     access: AccessState,
     rig: Annotated[str | None, Query(max_length=200)] = None,
 ) -> JSONResponse:
-    """The Thing Description of a rig; of the supervisor's own where none is named."""
+    """Return the Thing Description of a rig; by default of the supervisor's own."""
     name = rigs.own.name if rig is None else rigs.get(rig).name
     base = str(request.base_url).rstrip("/")
     others = [one.name for one in rigs.all() if one.name != name]

@@ -55,16 +55,17 @@ from pincette_supervisor.rigs.live import LISTENERS_MAX, LiveCursor
 from pincette_supervisor.rigs.standing import standing
 
 LIVE_INTERVAL_S = 1.0 / 15.0
-"""Between two live events."""
+"""Interval between two live events, in s."""
 KEEP_ALIVE_S = 1.0
-"""A live event is sent at least this often, so that a listener knows that the line works."""
+"""Longest interval between two live events, in s, so that a listener knows that the connection
+works."""
 
 router = APIRouter(tags=["rigs"], route_class=StrictRoute)
 
 
 @router.post("/estop")
 async def estop_all(rigs: AllRigs, by: Sender, supervisor: SupervisorId) -> StoppedList:
-    """Stop every rig at once; see the one of a rig. 503 where one has not confirmed.
+    """Stop every rig at once; see the stop of one rig. 503 if a rig has not confirmed.
 
     Rigs that are not served are stopped too. A liveliness token alone is no rig: where no program
     on the bus takes the stop of its actuator, it is left out.
@@ -105,19 +106,21 @@ def _stopped(rig: str) -> Stopped:
 
 @router.get("/rigs", dependencies=[OBSERVE])
 def every_rig(rigs: AllRigs) -> RigList:
-    """The rigs this supervisor serves, its own first."""
+    """Return the rigs that this supervisor serves, its own first."""
     return RigList(rigs=rigs.map(rig_view))
 
 
 @router.get("/rigs/{rig}", responses=responses(404), dependencies=[OBSERVE])
 def rig_state(manager: Manager) -> Rig:
-    """One rig: programs, interlocks, limits, latch, and whether a job can start."""
+    """Return one rig: programs, interlocks, limits, latch, and whether a job can start."""
     return rig_view(manager)
 
 
 @router.post("/rigs/{rig}/estop", responses=responses(404))
 async def estop(rig: str, rigs: AllRigs, by: Sender, supervisor: SupervisorId) -> Stopped:
-    """Stop at once: freeze a held part, ramp a free arm, latch. No key, no body: always taken.
+    """Stop at once: freeze a held part, ramp a free arm, latch.
+
+    Needs no key and no body; never rejected.
 
     Every spelling of the path is accepted: repeated or trailing slashes and upper case too.
     """
@@ -133,7 +136,7 @@ async def estop(rig: str, rigs: AllRigs, by: Sender, supervisor: SupervisorId) -
 async def reset(
     manager: Manager, _body: ResetRequest, asker: Asking, supervisor: SupervisorId
 ) -> Stopped:
-    """Clear the latch, once a person has seen the cause; a held part stays held."""
+    """Clear the latch after a person has seen the cause; a held part stays held."""
 
     def perform() -> Stopped:
         manager.claims.require(asker.claim)
@@ -158,7 +161,7 @@ def claim(
         ),
     ],
 ) -> Claim:
-    """Claim the rig, or renew the claim: others begin nothing there, and everybody may stop."""
+    """Claim the rig, or renew the claim: others can start nothing there, but anyone can stop it."""
     note(f"{body.lease_s:g} s {body.note}".strip())
     return manager.claims.take(x_claim, by=by, note=body.note, lease_s=body.lease_s)
 
@@ -169,7 +172,7 @@ def give_back(
     asker: Asking,
     force: Annotated[bool, Query(description="break the claim of somebody else")] = False,
 ) -> Rig:
-    """End the caller's claim, or with ``force`` break another's; all see who did."""
+    """End the caller's claim, or with ``force`` that of another caller; everyone sees who did."""
     asker.note("broken" if force else "given back")
     manager.claims.give_back(asker.claim, by=asker.by, force=force)
     return rig_view(manager)
@@ -181,7 +184,7 @@ def give_back(
     dependencies=[OPERATE],
 )
 def order_queue(manager: Manager, body: QueueRequest, asker: Asking) -> Rig:
-    """Let a halted queue go on, stop all jobs that wait, or move one of them."""
+    """Resume a halted queue, stop all waiting jobs, or move one of them."""
     asker.note(body.type if body.job is None else f"{body.type} {body.job} to {body.position}")
     if body.type != "clear":
         manager.claims.require(asker.claim)
@@ -191,19 +194,19 @@ def order_queue(manager: Manager, body: QueueRequest, asker: Asking) -> Rig:
 
 @router.get("/rigs/{rig}/timing", responses=responses(404), dependencies=[OBSERVE])
 def timing(manager: Manager) -> LoopTiming:
-    """How punctual the programs of the loop have been since they were armed."""
+    """Return the timing of the programs of the loop since they were armed."""
     return loop_timing(manager.context.bus)
 
 
 @router.get("/rigs/{rig}/model", responses=responses(404), dependencies=[OBSERVE])
 def model(manager: Manager) -> ModelView:
-    """The model in use: every quantity that can be calibrated, and the versions there are."""
+    """Return the model in use: every quantity that can be calibrated, and the existing versions."""
     return model_view(manager.context.model)
 
 
 @router.get("/rigs/{rig}/checklist", responses=responses(404), dependencies=[OBSERVE])
 def calibration_checklist(manager: Manager) -> Checklist:
-    """The calibrations in the order to make them: what each needs and has found, what is next."""
+    """Return the calibrations in their order: what each needs and has found, and which is next."""
     return checklist(manager.context.model, manager.calibrations)
 
 
@@ -213,7 +216,7 @@ def calibration_checklist(manager: Manager) -> Checklist:
     dependencies=[ADMIN],
 )
 def use_model(manager: Manager, body: ModelAction, asker: Asking) -> ModelView:
-    """Go back to a version of the model, or with 0 to the rig file alone."""
+    """Use an earlier version of the model, or with 0 the rig file alone."""
     asker.note(f"{body.type} {body.version}")
     manager.claims.require(asker.claim)
     with manager.free():
@@ -238,7 +241,7 @@ def history(
         ),
     ] = None,
 ) -> History:
-    """The course of the rig over hours, of the records of its jobs; nothing between the jobs."""
+    """Return the course of the rig over hours, from the records of its jobs; empty between jobs."""
     if job is not None:
         row = require_job(store, job)
         if row.rig != manager.name:
@@ -256,7 +259,7 @@ async def newest_samples(
         Query(ge=0, le=LARGEST, description="`next` of the last reply; default: the last minute"),
     ] = None,
 ) -> LiveList:
-    """Samples in batches, as the stream has them, for a client that holds no connection."""
+    """Return samples in batches, as in the stream, for a client that holds no connection."""
     cursor = manager.context.live.since(after)
     state = standing(manager.context)
     batches = [
@@ -268,7 +271,7 @@ async def newest_samples(
 async def _live_cursor(
     manager: Manager, caller: AnyCaller, access: AccessState
 ) -> AsyncIterator[LiveCursor]:
-    """A listener's place, found before the answer begins and given back at its end."""
+    """Yield a listener's cursor, opened before the response begins and released at its end."""
     live, clients = manager.context.live, access.clients_per_address if caller.name is None else 1
     try:
         cursor = live.open(caller.client, clients * LISTENERS_MAX)
@@ -293,7 +296,10 @@ async def samples(
     cursor: Annotated[LiveCursor, Depends(_live_cursor)],
     permitted: Permitted,
 ) -> AsyncIterator[LiveBatch]:
-    """Samples in batches, 15 events a second at most; the first bring the last minute."""
+    """Stream samples in batches, up to 15 events per second.
+
+    The first ones bring the last minute.
+    """
     while not manager.closed and permitted():
         for batch in cursor.batches(KEEP_ALIVE_S):
             yield batch.model_copy(update={"standing": standing(manager.context)})
@@ -309,7 +315,7 @@ simulation_router = APIRouter(tags=["simulation"], route_class=StrictRoute)
     dependencies=[OBSERVE],
 )
 def operations(manager: Manager) -> SimulationOperationList:
-    """What can be done to this simulated rig, with units and bounds of the values."""
+    """Return the operations of this simulated rig, with units and bounds of their values."""
     _require_simulated(manager)
     return SimulationOperationList(
         operations=[
@@ -324,7 +330,7 @@ def operations(manager: Manager) -> SimulationOperationList:
     dependencies=[OPERATE],
 )
 def command(manager: Manager, body: SimulationCommand, asker: Asking) -> SimulationCommand:
-    """Operate the simulated rig, or let a fault befall it; answered once the rig has taken it."""
+    """Operate the simulated rig, or inject a fault; responds once the rig has applied it."""
     asker.note(f"{body.target} {body.what}")
     manager.claims.require(asker.claim)
     _require_simulated(manager)

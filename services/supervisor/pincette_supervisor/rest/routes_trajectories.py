@@ -1,4 +1,4 @@
-"""Trajectories over REST: plan, check, predict, keep, look at, and make jobs of them."""
+"""Trajectories over REST: plan, check, predict, store, display, and start them as jobs."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -62,7 +62,7 @@ SAMPLES = "one sample each control period"
 
 @dataclass(frozen=True, slots=True)
 class Stored:
-    """A trajectory of the journal, and the rig that it was made for."""
+    """A stored trajectory, and the rig for which it was planned."""
 
     manager: JobManager
     store: TrajectoryStore
@@ -102,7 +102,7 @@ def create(
     note: Note,
     dry_run: DryRunQuery = False,
 ) -> object:
-    """Plan a grip, a track or a move, predict it, and keep it where it breaks no limit."""
+    """Plan a grip, a track or a move, predict it, and store it if it exceeds no limit."""
     note(DRY_RUN if dry_run or body.dry_run else body.kind)
     manager = rigs.select(body.rig)
     row, planned = _planned_anew(manager, body)
@@ -125,7 +125,7 @@ def create(
     dependencies=[OPERATE],
 )
 def plot_anew(body: TrajectoryBody, rigs: AllRigs, note: Note) -> Response:
-    """Draw the plan of a request, feasible or not; nothing is kept."""
+    """Draw the plan of a request, feasible or not; nothing is stored."""
     note(DRY_RUN)
     manager = rigs.select(body.rig)
     _, planned = _planned_anew(manager, body)
@@ -140,7 +140,7 @@ def trajectories(
         str | None, Query(description="trajectories after this digest", max_length=NAME_LENGTH)
     ] = None,
 ) -> TrajectoryList:
-    """Trajectories, the newest first."""
+    """Return trajectories, newest first."""
     book = TrajectoryStore(rigs.own.context).book
     after = None if before is None else book.get(before)
     if before is not None and after is None:
@@ -156,7 +156,7 @@ def trajectories(
 
 @router.get("/{digest}", responses=responses(404), dependencies=[OBSERVE])
 def trajectory(stored: StoredTrajectory) -> Trajectory:
-    """One trajectory, planned and predicted with the model that it was made with."""
+    """Return one trajectory, as planned and predicted with its model."""
     manager = stored.manager
     planned = stored.store.planned(stored.row)
     if planned is not None:
@@ -170,7 +170,7 @@ def trajectory(stored: StoredTrajectory) -> Trajectory:
     responses={200: {"description": SAMPLES}, **responses(404, 409)},
 )
 def samples(stored: StoredTrajectory) -> TrajectorySamples:
-    """References, and what is predicted of position, force and voltage, sample by sample."""
+    """Return the references and the predicted position, force and voltage of each sample."""
     planned, dry_run = _played(stored)
     return TrajectorySamples(
         digest=stored.row.digest,
@@ -188,7 +188,7 @@ def samples(stored: StoredTrajectory) -> TrajectorySamples:
     responses={200: {"description": SAMPLES, "content": CSV}, **responses(404, 409)},
 )
 def samples_csv(stored: StoredTrajectory) -> Response:
-    """The samples as CSV, after comments that name the columns with their units."""
+    """Return the samples as CSV, after comments that name the columns with their units."""
     return _file(stored, as_csv, CSV, "csv")
 
 
@@ -199,7 +199,7 @@ def samples_csv(stored: StoredTrajectory) -> Response:
     responses={200: {"description": SAMPLES, "content": BINARY}, **responses(404, 409)},
 )
 def samples_parquet(stored: StoredTrajectory) -> Response:
-    """The samples as Parquet, with the units of the columns in its metadata."""
+    """Return the samples as Parquet, with the units of the columns in its metadata."""
     return _file(stored, as_parquet, BINARY, "parquet")
 
 
@@ -235,7 +235,7 @@ def _file(
     responses={**PICTURE, **responses(404, 409)},
 )
 def plot(stored: StoredTrajectory) -> Response:
-    """References, what is predicted, and the limits, as a picture."""
+    """Return a picture of the references, the prediction and the limits."""
     planned = stored.manager.predictions.predicted(stored.store.require_planned(stored.row))
     return _png(stored.manager, planned, stored.row.digest)
 
@@ -259,7 +259,7 @@ def start(
     body: TrajectoryStart | None = None,
     idempotency_key: IdempotencyKey = None,
 ) -> object:
-    """Take a job that does what the trajectory says, with rig file and model as they were."""
+    """Create a job that follows the trajectory, with the rig file and model of its planning."""
     request = stored.store.request(stored.row, body or TrajectoryStart())
     return take(
         stored.manager,
@@ -273,7 +273,7 @@ def start(
 
 
 def _planned_anew(manager: JobManager, body: TrajectoryBody) -> tuple[TrajectoryRow, Planned]:
-    """Plan and predict from rest at the safe voltage, wherever the arm is."""
+    """Plan and predict from rest at the safe voltage, regardless of the arm's position."""
     resolved = replace(manager.resolve(body), present=None)
     row = TrajectoryStore(manager.context).row_of(resolved)
     return row, manager.predictions.predicted(planner.plan(manager.context, resolved))

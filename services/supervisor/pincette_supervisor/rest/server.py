@@ -1,4 +1,4 @@
-"""The HTTP server: its connections, and which of them make room for others."""
+"""The HTTP server: its connections, and which of them are closed to make room for others."""
 
 import asyncio
 import ssl
@@ -26,27 +26,29 @@ from pincette_supervisor.rest.limits import (
 )
 
 MOST = 600
-"""Connections; each is an open file, of which the program has 4096 where the system allows it."""
+"""Largest number of connections; each is an open file, of which the program has 4096 if the system
+permits."""
 HEAD_S = 10.0
-"""Time from the first byte of a request to the end of its head."""
+"""Longest time from the first byte of a request to the end of its head, in s."""
 HEAD_BYTES = 16_384
-"""Largest size of a head; a longer one is refused with 400."""
+"""Largest size of a head, in bytes; a longer one is rejected with 400."""
 HEADERS_MAX = 100
-"""Headers of a request; more are refused with 431."""
+"""Largest number of headers of a request; more are rejected with 431."""
 SLICE_BYTES, CHUNKED_BYTES = 2048, 256
-"""Bytes of one connection that are processed before others have their turn; fewer of a chunked
-body, of which each chunk takes some 7 µs, however small it is."""
+"""Bytes of one connection that are processed before others have their turn; fewer for a chunked
+body, since each chunk takes some 7 µs even if it is tiny."""
 LINE_BYTES = 512
-"""Bytes of a request in which its line is looked for, to serve a stop first."""
+"""Number of bytes of a request in which its first line is searched, to serve a stop first."""
 REQUEST_BYTES = 1_048_576
-"""Bytes of one request on the wire, of which the framing of tiny chunks may be the most."""
+"""Largest size of one request on the wire, in bytes; the framing of tiny chunks may take most of
+it."""
 DRAINED_BYTES = 65_536
-"""Largest body that is still read after an answer that came before its end. Clients that send head
-and body in two writes use the connection again; without this their next request would fail."""
+"""Largest body that is still read after a response that preceded its end. Clients that send head
+and body in two writes reuse the connection; without this their next request would fail."""
 PIPELINED_S = 0.5
-"""Time from an answer to the next request of a client that has not waited for the answer."""
+"""Time from a response to the next request of a client that did not wait for the response, in s."""
 LINGER_S = 2.0
-"""Time in which a client can read an answer that came before the end of its body."""
+"""Time in which a client can read a response that preceded the end of its body, in s."""
 TOO_MANY_HEADERS = (
     b"HTTP/1.1 431 Request Header Fields Too Large\r\nContent-Type: text/plain\r\n"
     b"Connection: close\r\n\r\nmore than %d headers: send fewer\n" % HEADERS_MAX
@@ -56,36 +58,37 @@ NOT_HTTP = (
     b"Invalid HTTP request received.\n"
 )
 ACCEPT_BATCH = 16
-"""Connections accepted in one turn of the event loop; asyncio takes its ``backlog`` for that."""
+"""Connections accepted in one turn of the event loop; asyncio uses its ``backlog`` for that."""
 BACKLOG = 1024
-"""Connections that wait in the system to be accepted."""
+"""Number of connections that the system queues until they are accepted."""
 KEEP_S = 75
-"""An idle connection is kept for longer than clients do, or a request crosses with its end."""
+"""Time for which an idle connection is kept, in s. It is longer than that of clients, since a
+request could otherwise cross with the end of its connection."""
 STOP_S = 2
 WORKERS = 6
-"""Threads that work out answers; an emergency stop needs none of them. They take turns with the
-thread that reads requests, which waits for all of them each time it has something to do."""
+"""Threads that compute responses; an emergency stop needs none of them. The thread that reads
+requests competes with all of them each time it has work to do."""
 
 
 class SlicedReading(FlowControl):
-    """Flow control that first processes what the connection has received already."""
+    """Flow control that first processes the data that the connection has already received."""
 
     def __init__(self, transport: asyncio.Transport, process: Callable[[], None]) -> None:
         super().__init__(transport)
         self._process = process
 
     def resume_reading(self) -> None:
-        """Go on with the connection's data."""
+        """Continue with the connection's data."""
         if self.read_paused:
             self.read_paused = False
             self._process()
 
 
 class Connection(H11Protocol):
-    """One connection. While nothing is asked over it, it makes room for others, the oldest first.
+    """One connection. An idle one can be closed to make room for others, the oldest first.
 
-    So a flood of connections shuts nobody out: whoever comes in order to stop the rig finds one.
-    ``limit_concurrency`` of uvicorn would refuse by number alone, whoever comes.
+    A flood of connections therefore blocks nobody who wants to stop the rig. ``limit_concurrency``
+    of uvicorn would reject by number alone, whoever connects.
 
     Data are processed in slices, which wait for their turn in a queue of all connections. Only the
     data of a stop are processed as soon as they arrive.
@@ -93,13 +96,13 @@ class Connection(H11Protocol):
 
     _head: asyncio.TimerHandle | None = None
     _head_data = b""
-    """Data of the request whose head is being read, to recognise a stop that is no valid HTTP."""
+    """Data of the request whose head is being read, to recognise a stop that is invalid HTTP."""
     _lingers = False
     _size = _lines = 0
     _is_stop = False
-    """Whether the request that is being read or answered stops a rig or a job."""
+    """True if the request that is being read or answered stops a rig or a job."""
     _was_served = False
-    """True after the first request of this connection that was not refused."""
+    """True after the first request of this connection that was not rejected."""
 
     def __init__(self, queue: WorkQueue, refusals: Refusals, **given: Any) -> None:
         super().__init__(**given)
@@ -107,7 +110,7 @@ class Connection(H11Protocol):
         self._received = bytearray()
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]  as in uvicorn
-        """Take a connection, at the cost of another one where there are too many."""
+        """Accept a connection; close another one if there are too many."""
         super().connection_made(transport)
         self.flow = SlicedReading(transport, self._go_on)
         self._await_head()
@@ -118,13 +121,13 @@ class Connection(H11Protocol):
                 other.abort()
 
     def _held(self) -> "Connection | None":
-        """Return a connection whose request is refused, and whose answer is being held back."""
+        """Return a connection whose request is rejected and whose response is being delayed."""
         others = cast("set[Connection]", self.connections)
         return next((one for one in others if one.is_held), None)
 
     @property
     def is_held(self) -> bool:
-        """Whether the answer is a refusal that is being held back."""
+        """Return whether the response is a rejection that is being delayed."""
         return not self.idle and HELD in self.scope
 
     def _note_silent(self) -> None:
@@ -132,12 +135,12 @@ class Connection(H11Protocol):
 
     @property
     def idle(self) -> bool:
-        """Whether nothing is being answered."""
+        """Return whether no response is pending."""
         cycle = cast("RequestResponseCycle | None", self.cycle)  # None until there is one
         return cycle is None or cycle.response_complete
 
     def data_received(self, data: bytes) -> None:
-        """Process data of a stop at once; all others wait for their turn."""
+        """Process data of a stop at once; other connections wait for their turn."""
         if self._lingers:
             return
         self._received += data
@@ -157,7 +160,7 @@ class Connection(H11Protocol):
             self.transport.pause_reading()
 
     def work(self) -> bool:
-        """Process one slice or a pipelined request; returns whether a request has begun."""
+        """Process one slice or a pipelined request; return whether a request has begun."""
         begun = len(self.tasks)
         if self.idle and self.conn.our_state is h11.DONE and not self._drains():
             super().on_response_complete()
@@ -200,27 +203,27 @@ class Connection(H11Protocol):
             self._go_on()
 
     def _go_on(self) -> None:
-        """Enqueue what has been received, or else read again."""
+        """Enqueue the data that has been received, or else resume reading."""
         if self._received and not self._lingers:
             self._enqueue()
         else:
             self.transport.resume_reading()
 
     def _has_too_many_headers(self, data: bytes) -> bool:
-        """Whether a head is too long before its end is seen; a stop is parsed however long."""
+        """Return whether an incomplete head is too long already; a stop is parsed at any length."""
         ends = b"\n\r\n" in data or b"\n\n" in data
         self._lines = 0 if ends else self._lines + data.count(b"\n")
         return self._lines > HEADERS_MAX and not self._is_stop
 
     def eof_received(self) -> bool:  # pyright: ignore[reportIncompatibleMethodOverride]  as in asyncio
-        """Keep a connection whose client has sent its stop and closed its side, to answer it."""
+        """Keep a connection whose client has sent a stop and closed its side, to answer it."""
         if not self._is_stop or self.idle or self.scheme == "https":  # TLS has no half-closed state
             return False
         self.cycle.keep_alive = False
         return True
 
     def send_400_response(self, msg: str) -> None:  # noqa: ARG002  uvicorn's name
-        """Refuse what is no valid HTTP, except an emergency stop, for example without ``Host``."""
+        """Reject invalid HTTP, except an emergency stop, for example without ``Host``."""
         estop = estop_of_malformed(self._head_data)
         if estop is None:
             if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
@@ -233,7 +236,7 @@ class Connection(H11Protocol):
         super().data_received(estop)
 
     def on_response_complete(self) -> None:
-        """Wait for the next request, or end where a long body of this one has not been read."""
+        """Wait for the next request, or close if a long body of this one has not been read."""
         self._head_data = b""
         self._size = self._lines = 0
         self._is_stop = False
@@ -258,16 +261,16 @@ class Connection(H11Protocol):
             self._queue.add(self)
 
     def _drains(self) -> bool:
-        """Whether the request has been answered and its body has not come to its end."""
+        """Return whether the request has a response and its body has not ended."""
         return self.idle and self.conn.their_state is h11.SEND_BODY
 
     def _length(self) -> int | None:
-        """Return the length of the body by its header; None where the body is chunked."""
+        """Return the length of the body by its header; None if the body is chunked."""
         length = dict(self.scope["headers"]).get(b"content-length", b"")
         return int(length) if length.isdigit() else None
 
     def _refuse(self, answer: bytes) -> None:
-        """Send an answer that ends the connection, at once or held back."""
+        """Send a response that closes the connection, at once or delayed."""
         hold_s = self._refusals.hold_s("" if self.client is None else self.client[0])
         if hold_s:
             self._lingers = True
@@ -284,7 +287,7 @@ class Connection(H11Protocol):
             self._linger()
 
     def _linger(self) -> None:
-        """End the connection; ignore what comes until the client has read its answer."""
+        """Close the connection; ignore incoming data until the client has read its response."""
         self._lingers = True
         self._received.clear()
         self._note_silent()
@@ -300,15 +303,15 @@ class Connection(H11Protocol):
         self.loop.call_later(LINGER_S, self.abort)
 
     def has_unread_data(self) -> bool:
-        """Return whether a request has arrived; what comes after a last answer is ignored."""
+        """Return whether a request has arrived; data after a last response is ignored."""
         return not self._lingers and has_data(self.transport)
 
     def abort(self) -> None:
-        """End the connection at once."""
+        """Close the connection at once."""
         self.transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget it."""
+        """Remove the connection from the queue."""
         self._queue.discard(self)
         self._cancel()
         self._received.clear()
@@ -325,7 +328,7 @@ class Connection(H11Protocol):
 
 
 class UnambiguousLength:
-    """Refuses a request with two lengths, and ends its connection.
+    """Rejects a request with two lengths, and closes its connection.
 
     Programs before this one may believe the other length, and take the rest for a request of
     somebody else (RFC 9112, section 6.1).
@@ -335,7 +338,7 @@ class UnambiguousLength:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer 400 where both lengths are told; else pass the request on."""
+        """Respond with 400 if both lengths are given; otherwise pass the request on."""
         estop = estop_path(scope["method"], scope["path"]) if scope["type"] == "http" else None
         if scope["type"] == "http" and len(scope["headers"]) > HEADERS_MAX and estop is None:
             await self._refuse(send, 431, f"more than {HEADERS_MAX} headers: send fewer\n")
@@ -363,17 +366,17 @@ class UnambiguousLength:
 
 
 async def _send_and_close(send: Send, message: Message) -> None:
-    """Send a response whose connection ends with it."""
+    """Send a response and close its connection."""
     if message["type"] == "http.response.start":
         message["headers"] = [*message["headers"], (b"connection", b"close")]
     await send(message)
 
 
 class Server(uvicorn.Server):
-    """Works out as many answers at once as leave an emergency stop its turn."""
+    """HTTP server that limits concurrent responses so that an emergency stop gets its turn."""
 
     async def startup(self, sockets: list[socket] | None = None) -> None:
-        """Begin to serve."""
+        """Start serving."""
         current_default_thread_limiter().total_tokens = WORKERS
         for listener in sockets or ():
             # Connections inherit it. asyncio sets it on sockets of protocol IPPROTO_TCP alone, and
@@ -385,7 +388,10 @@ class Server(uvicorn.Server):
 
 
 def server_of(app: ASGIApp, tls: ssl.SSLContext | None = None) -> uvicorn.Server:
-    """The server of an application; nothing of a request is logged, least of all its head."""
+    """Return the server of an application.
+
+    Requests are not logged, in particular not their heads.
+    """
     refusals = Refusals()
     door: Any = partial(Connection, WorkQueue(), refusals)
     if tls is not None:

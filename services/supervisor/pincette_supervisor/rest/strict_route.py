@@ -1,4 +1,4 @@
-"""A route that accepts no request that it does not understand completely.
+"""A route that rejects each request that it does not understand completely.
 
 FastAPI ignores a query parameter that no route knows, and of one that comes twice takes the last.
 So ``?dryrun=true`` would move the arm. An emergency stop alone ignores everything: a wrong word is
@@ -35,7 +35,7 @@ NUMBER = re.compile(r"-?[0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?")
 
 
 def numeric_names(dependant: Dependant) -> Iterator[tuple[str, type]]:
-    """Yield each query parameter that is a number, with ``int`` or ``float``."""
+    """Yield each numeric query parameter, with ``int`` or ``float``."""
     for field in dependant.query_params:
         annotation = field.field_info.annotation
         kinds = [one for one in (annotation, *get_args(annotation)) if one in (int, float)]
@@ -46,7 +46,7 @@ def numeric_names(dependant: Dependant) -> Iterator[tuple[str, type]]:
 
 
 def require_numbers(request: Request, numeric: Mapping[str, type]) -> None:
-    """Raise RequestValidationError for each number in the query that JSON would not have."""
+    """Raise RequestValidationError for each number in the query that is invalid in JSON."""
     errors: list[dict[str, Any]] = []
     for name, kind in numeric.items():
         text = request.query_params.get(name)
@@ -62,21 +62,22 @@ def require_numbers(request: Request, numeric: Mapping[str, type]) -> None:
 
 JSON = "application/json"
 SIGNS, SIGNS_MAX = b",:[{", 24_000
-"""Characters that separate the parts of a body, and how many a body may have: a path of 4000
-points has 20 000, two paths of 2000 points each as many."""
+"""Characters that separate the parts of a body, and their largest number: a path of 4000 points has
+20 000, two paths of 2000 points each as many."""
 MEMBERS_MAX = 200
-"""Members of one object of a body, so that few of them can be wrong at once."""
+"""Largest number of members of one object of a body, which bounds the number of its errors."""
 PARAMETERS_MAX = 50
-"""Query parameters of one request."""
+"""Largest number of query parameters of one request."""
 TINY_BYTES = 512
-"""A body up to this size, as that of a stop, is parsed at once and waits for no thread."""
+"""Largest size of a body, in bytes, that is parsed at once without a thread, such as that of a
+stop."""
 PARSERS = ThreadPoolExecutor(2, thread_name_prefix="parse")
 """Threads that parse and validate all other bodies."""
 Handler = Callable[[Request], Coroutine[Any, Any, Response]]
 
 
 class RepeatedKeyError(ValueError):
-    """An object of a body names a member twice."""
+    """An object of a body contains a member twice."""
 
 
 class CheckedRequest(Request):
@@ -99,10 +100,10 @@ class CheckedRequest(Request):
 
 
 class StrictRoute(APIRoute):
-    """Refuses unknown and repeated query parameters, bodies of another type, and broken JSON."""
+    """Rejects unknown and repeated query parameters, bodies of another type, and invalid JSON."""
 
     def get_route_handler(self) -> Handler:
-        """Return the handler of the route, behind the checks."""
+        """Return the handler of the route, preceded by the checks."""
         handler = super().get_route_handler()
         if self.path.endswith(ESTOP):
             return handler
@@ -114,7 +115,7 @@ class StrictRoute(APIRoute):
         most_bytes = int((self.openapi_extra or {}).get(MOST_BYTES, SMALL_BYTES))
 
         def validated(body: bytes) -> Any:
-            """Return the value of a body, or the answer that refuses it."""
+            """Return the value of a body, or the response that rejects it."""
             assert field is not None
             value, errors = field.validate(parsed(body), loc=("body",))
             return problems.invalid(errors) if errors else value
@@ -144,7 +145,7 @@ class StrictRoute(APIRoute):
 
 
 def query_names(dependant: Dependant) -> Iterator[str]:
-    """Yield names of the query parameters of a route and of all that it depends on."""
+    """Yield the query parameters of a route and of its dependencies."""
     for field in dependant.query_params:
         yield field.alias
     for inner in dependant.dependencies:
@@ -152,7 +153,7 @@ def query_names(dependant: Dependant) -> Iterator[str]:
 
 
 def require_known(request: Request, known: list[str]) -> None:
-    """Raise RequestValidationError for each query parameter that is unknown or repeated."""
+    """Raise RequestValidationError for each unknown or repeated query parameter."""
     count = request.scope["query_string"].count(b"&") + 1
     if count > PARAMETERS_MAX:
         raise problems.unusable(f"{count} query parameters: the limit is {PARAMETERS_MAX}")
@@ -194,7 +195,7 @@ def _unsupported(why: str) -> ProblemError:
 
 
 def parsed(body: bytes) -> Any:
-    """Parse a body; raises ProblemError, 400 where it is not JSON and 413 where it has too much."""
+    """Parse a body; raises ProblemError: 400 for invalid JSON, 413 for too many parts."""
     signs = sum(body.count(sign) for sign in SIGNS)
     if signs > SIGNS_MAX:
         raise ProblemError(

@@ -1,1 +1,1 @@
-"""Results from the samples of a job: values, figures, pictures, and their files."""
+"""Results computed from the samples of a job: values, pictures, and their files."""

@@ -1,4 +1,4 @@
-"""From the samples of a job to its folder and its result."""
+"""Records of jobs: from the samples of a job to its folder and its result."""
 
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
@@ -50,9 +50,9 @@ def zero_returns(result: JobResult, table: Columns, rig: RigFile) -> dict[str, Z
 
 
 def zero_return_of(table: Columns, rig: RigFile) -> ZeroReturn | None:
-    """Return the closure of the force at the place of the last zero before the part was met.
+    """Return the force at the position of the last zero before the contact, after the return.
 
-    None where the job took no zero, held no part, or did not go back free past that place.
+    None if the job took no zero, held no part, or did not return free past that position.
     """
     x_um, force_mN, age_s = (series(table, name) for name in ("x_um", "force_mN", "zero_age_s"))
     held = np.array([bool(one) for one in table["held"]])
@@ -98,16 +98,16 @@ def zero_return_of(table: Columns, rig: RigFile) -> ZeroReturn | None:
 
 
 def trim_memory() -> None:
-    """Return freed memory to the system; glibc would keep it, in pieces, for each thread.
+    """Return freed memory to the system; glibc would keep it in fragments for each thread.
 
-    The interpreter runs on meanwhile. Another library of C may have no such call.
+    The interpreter continues meanwhile. Other C libraries may not have this call.
     """
     with suppress(AttributeError):
         CDLL(None).malloc_trim(0)
 
 
 def archivist() -> ThreadPoolExecutor:
-    """Return one thread that makes records, one after another."""
+    """Return the thread that writes records, one after another."""
     return ThreadPoolExecutor(1, thread_name_prefix="archive")
 
 
@@ -118,7 +118,7 @@ class Take:
     epoch: int
     messages: Iterable[Message]
     dropped: int = 0
-    """Messages that found no room."""
+    """Number of messages that were lost because the queue was full."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +132,7 @@ class Subject:
 
 
 def picture(subject: Subject) -> Picture:
-    """Draw what a job has gathered."""
+    """Draw the data that a job has recorded."""
     run = subject.run
     plot = functions_of(job_kinds()[run.planned.plan.kind]).plot
     drawn = plot(run, subject.evaluation, subject.name)
@@ -142,7 +142,7 @@ def picture(subject: Subject) -> Picture:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A job's samples in columns, and what came of them."""
+    """A job's samples in columns, and their evaluation."""
 
     job: JobRow
     run: Run
@@ -151,23 +151,23 @@ class Record:
 
     @property
     def result(self) -> JobResult:
-        """The result."""
+        """Return the result."""
         return self.evaluation.result
 
     @property
     def fault(self) -> str:
-        """Why the samples do not give what was asked for; empty where they do."""
+        """Return why the samples do not fulfil the purpose of the job; empty if they do."""
         return self.evaluation.fault
 
     @property
     def tree(self) -> dict[str, Any]:
-        """The result as it is stored and sent."""
+        """Return the result in the form that is stored and sent."""
         return self.result.model_dump(mode="json")
 
     def write(
         self, folder: Path, recorded: Recorded | str = NOT_RECORDED, draw: Runner = run_here
     ) -> None:
-        """Write everything but the samples, which are the recorder's; raises OSError."""
+        """Write all files except the samples, which the recorder writes; raises OSError."""
         run, job = self.run, self.job
         subject = Subject(run, self.evaluation, f"{run.rig.rig.name} · {job.id}")
         with ATTENTION.at("drawing"):
@@ -185,7 +185,7 @@ class Record:
 
 
 def about(planned: Planned, job: JobRow, epoch: int) -> dict[str, str]:
-    """Whose a record is, and with which rig file and model it was made."""
+    """Return the metadata of a record: its job, and the rig file and model that were used."""
     model = planned.model
     return said_of(job) | {
         "requested_by": job.requested_by or "",
@@ -202,15 +202,15 @@ def about(planned: Planned, job: JobRow, epoch: int) -> dict[str, str]:
 
 
 def gather(rig: RigFile, job: JobRow, planned: Planned, take: Take) -> Record:
-    """Join the samples and work out the result."""
+    """Join the samples and compute the result."""
     samples = RunSamples.of(take.messages, rig.rig.period_s, thinned=thinned(planned))
     return gathered(rig, job, planned, take.epoch, samples, take.dropped)
 
 
 def thinned(planned: Planned) -> frozenset[str]:
-    """Return the phases of which evenly spaced rows are enough for the result of a job.
+    """Return the phases whose rows may be thinned out evenly for the result of a job.
 
-    A calibration needs all rows but those in which it waits for a person.
+    A calibration needs all rows except those in which it waits for a person.
     """
     if planned.plan.kind != "calibrate":
         return THINNED
@@ -225,7 +225,7 @@ def gathered(
     samples: RunSamples,
     dropped: int = 0,
 ) -> Record:
-    """Work out the result of the samples so far; ``dropped``: messages that found no room."""
+    """Compute the result of the samples so far; ``dropped`` is the number of lost messages."""
     tables, period_s = samples.tables(), rig.rig.period_s
     run = Run(rig, planned, tables.even, tables.bursts, dropped)
     kind = job_kinds()[planned.plan.kind]

@@ -31,16 +31,16 @@ TITLES = {
     "limits_acted": "Limits that acted",
     "assumptions": "Assumptions",
 }
-"""Explanations of result parts whose names are not clear by themselves, by name."""
+"""Explanations of result parts whose names are not self-explanatory, by name."""
 WORDS = {
     "sliding_in_band": "samples in which the law's sliding function is within its band "
     "(outside of it the law brings it back)"
 }
-"""Explanations of figures whose names are not clear alone."""
+"""Explanations of result values whose names are not self-explanatory, by name."""
 SHARES = frozenset({"sliding_in_band"})
 """Values from 0 to 1 that are shown in percent."""
 DECIMALS = {"µm": 3, "mN": 2, "V": 4, "s": 2, "%": 2, "mN/µm": 2}
-"""Number of decimals by unit: a tenth of what the instruments resolve. Other values have four
+"""Number of decimals by unit: a tenth of the instruments' resolution. Other values have four
 digits."""
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #22282f; background: #fff;
@@ -69,7 +69,7 @@ def report(
     state: Mapping[str, bool | str],
     timing: LoopTiming | None = None,
 ) -> str:
-    """Draw up the page.
+    """Write the report page.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def report(
 
 
 def verdict(kind: JobKind, result: Mapping[str, Any]) -> str:
-    """Return how a job ended, and the figures that say most, in one line."""
+    """Return the outcome of a job and its most important values, in one line."""
     outcome = str(result.get("outcome", ""))
     told = [OUTCOMES.get(outcome, outcome.replace("_", " "))]
     for figure in kind.figures_of(result):
@@ -133,7 +133,7 @@ def verdict(kind: JobKind, result: Mapping[str, Any]) -> str:
 
 
 def _whose(whose: Mapping[str, str], job: str, rig: str) -> str:
-    """On what, by whom, and where it was done."""
+    """Return sample, operator, job and rig of a record, in words."""
     parts = [f"{name} {whose[name]}" for name in ("sample", "batch", "operator") if whose.get(name)]
     by = whose.get("requested_by", "")
     return ", ".join(
@@ -147,7 +147,7 @@ def _whose(whose: Mapping[str, str], job: str, rig: str) -> str:
 
 
 def _times(whose: Mapping[str, str]) -> list[str]:
-    """Return when the samples were recorded, and when the job was asked for."""
+    """Return when the samples were recorded, and when the job was requested."""
     names = ("created_at", SAMPLE_0, END, UNCERTAINTY)
     asked, begin, end, spread_s = (whose.get(name) for name in names)
     certain = f" (begin ± {spread_s} s)" if spread_s else ""
@@ -176,7 +176,7 @@ def _section(heading: str, content: str) -> str:
 def _scalars(
     tree: Mapping[str, Any], but: Sequence[str] = (), before: str = ""
 ) -> list[tuple[str, Any]]:
-    """Return every value that is neither list nor map; those of a map within by both names."""
+    """Yield every value that is neither list nor map; values of a nested map by both names."""
     found: list[tuple[str, Any]] = []
     for name, value in tree.items():
         if name in but:
@@ -193,14 +193,14 @@ def _scalars(
 
 
 def _figures(kind: JobKind, result: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """Return every figure of a result, those that the kind names first."""
+    """Return every value of a result, those that the kind names first."""
     first = [figure.name.partition(".")[0] for figure in kind.figures_of(result)]
     ordered = {name: result[name] for name in (*first, *result) if name in result}
     return _scalars(ordered, but=("outcome", "statement"))
 
 
 def _end(name: str, unit: str) -> str:
-    """Return the end of a name that tells the unit of what is in it."""
+    """Return the suffix of a name that states the unit of its content."""
     return name.removeprefix(bare(name)) if unit else ""
 
 
@@ -213,7 +213,7 @@ def _pairs(pairs: Iterable[tuple[str, Any]], *, exact: bool = False) -> str:
 
 
 def _list(items: Sequence[Any]) -> str:
-    """Return a table of what has names, else a list."""
+    """Return a table for items with names, otherwise a list."""
     if not items:
         return "<p>none</p>"
     if not all(isinstance(item, Mapping) for item in items):
@@ -238,7 +238,7 @@ def _headed(name: str) -> str:
 
 
 def _told(name: str, value: Any, *, exact: bool) -> str:
-    """Return a figure; what was asked for stands there as it was asked for."""
+    """Return a table cell of a value; requested values are shown as requested."""
     if name in SHARES and isinstance(value, float):
         return f'<td class="number">{100.0 * value:.0f} %</td>'
     return _cell(value, unit_of(name), exact=exact)
@@ -269,12 +269,12 @@ def _text(value: Any, unit: str = "") -> str:
 
 SAID = ("sample", "batch", "operator", "notes")
 LABEL = "label "
-"""Begin of the names of labels in a manifest, and in the metadata of files of samples."""
+"""Prefix of the names of labels in a manifest, and in the metadata of sample files."""
 NOT_RECORDED = "no recorder has reported on its record"
 
 
 def completeness(recorded: Recorded | str) -> dict[str, bool | str]:
-    """Return what the manifest says of a record: whether it is complete, and why not."""
+    """Return the manifest's statement whether a record is complete, and why not."""
     if isinstance(recorded, str):
         return {"complete": False, "detail": recorded}
     return {"complete": recorded.complete, "detail": recorded.detail}
@@ -290,7 +290,7 @@ def write_documents(
     whose: Mapping[str, str],
     recorded: Recorded | str,
 ) -> None:
-    """Write everything but the samples, which are the recorder's; raises OSError."""
+    """Write all files except the samples, which the recorder writes; raises OSError."""
     make_folder(folder)
     kind, state = job_kinds()[planned.plan.kind], completeness(recorded)
     whose = {**whose, **files.times(folder)}
@@ -315,7 +315,7 @@ def write_documents(
 
 
 def said_of(job: JobRow) -> dict[str, str]:
-    """Return what was said of a job, as its files state it; what is empty is left out."""
+    """Return the annotations of a job, as its files state them, without empty ones."""
     texts = {
         **{name: str(getattr(job, name)) for name in SAID},
         **{f"{LABEL}{name}": text for name, text in job.labels.items()},
@@ -324,9 +324,10 @@ def said_of(job: JobRow) -> dict[str, str]:
 
 
 def restate(folder: Path, job: JobRow) -> None:
-    """State in report and manifest what is said of a job by now; raises OSError.
+    """Update a job's annotations in report and manifest; raises OSError.
 
-    Files of samples are never written again: they say what was said when they were made.
+    Files of samples are never rewritten: they contain the annotations of the time when they were
+    made.
     """
     kind = job_kinds().get(job.kind)
     manifest = files.read_manifest(folder)
@@ -356,7 +357,7 @@ def restate(folder: Path, job: JobRow) -> None:
 
 
 def _timing(folder: Path) -> LoopTiming | None:
-    """Return what the recorder has kept of the programs' loop_timing."""
+    """Return the programs' loop_timing messages that the recorder has stored."""
     with suppress(OSError, ValueError):
         return LoopTiming.model_validate_json((folder / files.TIMING).read_bytes())
     return None

@@ -1,4 +1,4 @@
-"""The course of a rig over hours: the records of its jobs, reduced to what a screen shows."""
+"""Course of a rig over hours, from the records of its jobs, reduced to what a screen shows."""
 
 import threading
 from collections import OrderedDict
@@ -29,22 +29,23 @@ NAMES = (
     "force_error_mN",
 )
 GRID_S = 1.0
-"""Records are kept reduced to this grid of the clock; no stretch is shorter."""
+"""Grid of the time of day to which records are reduced, in s; no interval is shorter."""
 LEAST_S = 1e-4
-"""Shortest stretch of a job that is read alone."""
+"""Shortest interval when a single job is read, in s."""
 JOBS_MOST, KEPT_JOBS = 500, 128
 STRETCHES_OF_A_JOB, KEPT_STRETCHES = 20_000, 250_000
-"""Stretches to which a record is reduced, beyond which its grid is wider, and those of all records
-that are kept."""
+"""Largest number of intervals of a reduced record, above which its grid is wider, and of all
+records in memory."""
 LONGEST_JOB_S = 35 * 86400.0
-"""Longest time before the requested one at which a job that reaches into it may have begun."""
+"""Longest time before the requested interval at which a job that extends into it may have begun, in
+s."""
 Reduced = tuple[Series, Series, Series]
-"""Middle of each second, and rows of smallest and largest values by ``NAMES``."""
+"""Middle of each interval, and rows of smallest and largest values by ``NAMES``."""
 NOTHING: Reduced = (np.empty(0), np.empty((len(NAMES), 0)), np.empty((len(NAMES), 0)))
 
 
 class HistoryReader:
-    """Reads records of one rig; what was read of an ended job is kept."""
+    """Reads records of one rig; data of ended jobs is kept in memory."""
 
     def __init__(self, rig: str, records: Path, *, lockstep: bool) -> None:
         self.rig, self.records, self.lockstep = rig, records, lockstep
@@ -52,7 +53,7 @@ class HistoryReader:
         self._lock = threading.Lock()
 
     def read(self, store: Store, from_s: float, to_s: float, points: int) -> History:
-        """Return the course from one time to another, in ``points`` stretches at most."""
+        """Return the course from one time to another, in at most ``points`` intervals."""
         rows, left_out = _jobs(store, self.rig, from_s, to_s)
         step_s = max(GRID_S, ceil((to_s - from_s) / points / GRID_S) * GRID_S)
         found: list[Reduced] = []
@@ -77,7 +78,7 @@ class HistoryReader:
         )
 
     def read_job(self, row: JobRow, points: int) -> History:
-        """Return the course of one job over its own time, in about ``points`` stretches."""
+        """Return the course of one job over its own time, in about ``points`` intervals."""
         from_s = seconds(row.started_at or row.created_at)
         try:
             with self._lock:
@@ -123,7 +124,10 @@ class HistoryReader:
 
 
 def _read(path: Path, begun_s: float, spent_s: float | None, points: int | None = None) -> Reduced:
-    """Reduce a record part by part, to the grid or to ``points``; raises as ``parquet.parts``."""
+    """Reduce a record in parts, to the grid or ``points``.
+
+    Raises the errors of ``parquet.parts``.
+    """
     ends = [part["t_s"][-1] for part in parquet.parts(path, ["t_s"]) if part["t_s"]]
     if not ends:
         return NOTHING
@@ -146,13 +150,13 @@ def seconds(at: str) -> float:
 
 
 def text_of(at_s: float) -> str:
-    """Return the same as the journal writes it."""
+    """Return a time in seconds since 1970 in the journal's format."""
     stamp = datetime.fromtimestamp(at_s, UTC)
     return stamp.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 def _jobs(store: Store, rig: str, from_s: float, to_s: float) -> tuple[list[JobRow], int]:
-    """Return jobs that have run in between, the oldest first, and how many were too many."""
+    """Return the jobs that ran in a period, oldest first, and the number of omitted ones."""
     wanted = JobFilter(
         rig=rig, created_from=text_of(from_s - LONGEST_JOB_S), created_to=text_of(to_s)
     )
@@ -183,10 +187,11 @@ def reduce(
     last_s: float | None = None,
     grid_s: float = GRID_S,
 ) -> Reduced:
-    """Smallest and largest values of each stretch of ``grid_s`` of a record, or of a part of it.
+    """Return smallest and largest values in each interval of a record, or of a part of it.
 
-    ``spent_s`` stretches the samples over the time that a job took, where its own time is not the
-    clock's; ``last_s`` is then the time of the record's last sample, by default of the last here.
+    ``spent_s`` scales the time of the samples to the duration of a job whose own time is not the
+    clock's; ``last_s`` is then the time of the record's last sample, by default of the last one
+    here.
     """
     t_s = columns["t_s"]
     if not t_s.size:
@@ -213,7 +218,7 @@ def reduce(
 
 
 def _grouped(at_s: Series, low: Series, high: Series, step_s: float) -> Reduced:
-    """Stretches of the clock that have samples, whose times must rise."""
+    """Group samples into intervals of the clock; their times must be ascending."""
     stretch = np.floor(at_s / step_s)
     first = np.flatnonzero(np.diff(stretch, prepend=-np.inf))
     middle: Series = (stretch[first] + 0.5) * step_s
@@ -221,7 +226,7 @@ def _grouped(at_s: Series, low: Series, high: Series, step_s: float) -> Reduced:
 
 
 def joined(found: Sequence[Reduced], from_s: float, to_s: float, step_s: float) -> Reduced:
-    """Return several records as one, within the time that is asked for."""
+    """Return several records as one, within the requested period."""
     if not found:
         return NOTHING
     at_s = np.concatenate([each[0] for each in found])

@@ -1,4 +1,4 @@
-"""Many jobs as one table: a row for each, a column for whatever any of them has."""
+"""Many jobs as one table: a row for each job, and a column for each value that any job has."""
 
 import operator
 import re
@@ -22,39 +22,41 @@ SAID = ("sample", "batch", "operator", "notes")
 FIXED = (*FIRST, "ending", *SAID)
 """Columns of every table; they come first."""
 LABEL, VALUE, RESULT = BEGINS = ("label", "value", "result")
-"""Begins of the names of all other columns, in their order: one for each map of a job."""
+"""Prefixes of the names of all other columns, in their order: one for each map of a job."""
 GROUP_ROWS = 2_000
-"""Rows of a row group of a Parquet file."""
+"""Number of rows of a row group of a Parquet file."""
 EXACT: Mapping[parquet.Kind, frozenset[Any]] = {
     "text": frozenset({str, NoneType}),
     "bool": frozenset({bool, NoneType}),
     "float": frozenset({float, NoneType}),
 }
-"""Types that a column of a Parquet file takes as they are."""
+"""Types that a column of a Parquet file stores unchanged."""
 NUMBERS = frozenset({int, float})
 MAPS = frozenset({dict, list})
-"""Types of values that have no column of their own."""
+"""Types of values that have no column themselves."""
 TIMES = tuple(name for name in FIXED if name.endswith("_at"))
 MOST_WORDS = 1_000
-"""Different words of a column of numbers at most; a column with more, but ``id``, is left out."""
+"""Largest number of different words in a column of numbers; a column with more, except ``id``, is
+left out."""
 MOST_TYPES = 200
-"""Types that are made for the jobs of one kind at most; jobs beyond are decoded more slowly."""
+"""Largest number of types that are made for the jobs of one kind; further jobs are decoded more
+slowly."""
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""Begins of texts that a spreadsheet would work out."""
+"""First characters of texts that a spreadsheet would evaluate."""
 QUOTED = re.compile(r'[",\r\n]')
-"""What a text is quoted for in a CSV."""
+"""Characters for which a text in a CSV is quoted."""
 Rows = Callable[[], Iterator[Sequence[TableRow]]]
-"""Begins to read the jobs, a page at a time."""
+"""Function that starts reading the jobs, a page at a time."""
 Tree = Mapping[str, Any]
 _TREE = msgspec.json.Decoder(dict[str, Any] | None)
 
 
 class _List(msgspec.Struct, array_like=True, gc=False):
-    """A list of a job, which a table has not; the decoder passes over its items."""
+    """A list within a job, which has no column; the decoder skips its items."""
 
 
 def row_of(job: Job) -> TableRow:
-    """Return what a table takes from a job."""
+    """Return the row of a job in a table."""
     ending = None if job.ending is None else job.ending.code
     said = [getattr(job, name) for name in SAID]
     return TableRow(
@@ -70,7 +72,7 @@ def _json(tree: Any) -> str:
 
 
 def _trees(row: TableRow) -> tuple[Tree, ...]:
-    """Return labels, values and result of a job, whatever their keys are."""
+    """Return labels, values and result of a job as maps with any keys."""
     return tuple((_TREE.decode(text) or {}) for text in (row.labels, row.values, row.result))
 
 
@@ -79,14 +81,14 @@ class _Map:
 
     def __init__(self, name: str) -> None:
         self._name = name
-        """Begin of the names of the columns."""
+        """Prefix of the names of the columns."""
         self._types: dict[str, set[Any]] = {}
         """Types of the values of each key."""
         self._inner: dict[str, _Map] = {}
         self._places: list[int] = []
-        """Number of the column of each key; -1 for a list or a map, which has none."""
+        """Column number of each key; -1 for a list or a map, which has none."""
         self._maps: list[tuple[int, _Map]] = []
-        """Places of the keys that have maps."""
+        """Positions of the keys whose values are maps."""
 
     def add(self, tree: Tree) -> None:
         """Note the keys of a map, and the types of their values."""
@@ -98,7 +100,7 @@ class _Map:
                 self._inner[key].add(cast(Tree, value))
 
     def decoded(self) -> Any:
-        """Return the type that such a map is decoded to; raises ValueError where there is none."""
+        """Return the type to which such a map is decoded; raises ValueError if there is none."""
         names = {f"m{number}": key for number, key in enumerate(self._types)}
         return msgspec.defstruct(
             "Map",
@@ -124,7 +126,7 @@ class _Map:
         return member
 
     def columns(self) -> Iterator[tuple[str, set[Any]]]:
-        """Yield name and types of each column."""
+        """Yield the name and types of each column."""
         for key, types in self._types.items():
             if types - MAPS - {NoneType} or not types & MAPS:
                 yield f"{self._name}.{key}", types - MAPS
@@ -132,7 +134,7 @@ class _Map:
             yield from inner.columns()
 
     def place(self, numbers: Mapping[str, int]) -> None:
-        """Look up the columns by their names, once all are known."""
+        """Look up the columns by name, once all are known."""
         self._places = [
             -1 if types & MAPS else numbers[f"{self._name}.{key}"]
             for key, types in self._types.items()
@@ -143,7 +145,7 @@ class _Map:
             inner.place(numbers)
 
     def fill(self, values: list[Any], found: msgspec.Struct) -> None:
-        """Move the values of a map to their columns."""
+        """Copy the values of a map to their columns."""
         members = msgspec.structs.astuple(found)
         for place, value in zip(self._places, members, strict=True):
             values[place] = value
@@ -153,10 +155,10 @@ class _Map:
 
 
 class _Reader:
-    """Decodes the jobs of one kind, which have the same keys.
+    """Decoder of the jobs of one kind, which have the same keys.
 
     A type with these keys is decoded three times as fast as maps are. A job with another key, or
-    with another type of a value, gives a new type.
+    with another type of a value, leads to a new type.
     """
 
     def __init__(self) -> None:
@@ -179,7 +181,7 @@ class _Reader:
             self._decoders = tuple(map(msgspec.json.Decoder, types))
 
     def decode(self, row: TableRow) -> tuple[Any, Any] | None:
-        """Return values and result of a job; None where it has other keys or types."""
+        """Return values and result of a job; None if it has other keys or types."""
         if not self._decoders:
             return None
         values, result = self._decoders
@@ -190,7 +192,7 @@ class _Reader:
 
 
 class _Columns:
-    """Finds the columns of a table, and moves the values of rows to them."""
+    """Columns of a table, into which the values of rows are copied."""
 
     def __init__(self) -> None:
         self.types: dict[str, set[Any]] = {name: {str} for name in FIXED}
@@ -200,7 +202,7 @@ class _Columns:
         self._readers: dict[str | None, _Reader] = {}
 
     def find(self, row: TableRow, words: "_Words | None") -> None:
-        """Add the columns that a row needs, and its words."""
+        """Add the columns of a row, and its words."""
         reader = self._reader(row)
         if words is None and reader.decode(row) is not None:
             self._labels.add(_TREE.decode(row.labels) or {})
@@ -218,7 +220,7 @@ class _Columns:
         return self._readers[kind]
 
     def complete(self) -> None:
-        """Add no more columns."""
+        """Declare the columns complete."""
         readers = self._readers.values()
         maps = [self._labels, *(one.maps[0] for one in readers), *(one.maps[1] for one in readers)]
         for one in maps:
@@ -229,7 +231,7 @@ class _Columns:
             one.place(self._numbers)
 
     def values(self, row: TableRow) -> list[Any]:
-        """Return the values of a row by the numbers of their columns; what it lacks is None."""
+        """Return the values of a row by column number; missing ones are None."""
         values = [*row.fixed, *[None] * (len(self._numbers) - len(FIXED) + 1)]
         reader = self._reader(row)
         found = reader.decode(row)
@@ -245,7 +247,7 @@ class _Columns:
         return values
 
     def _fill(self, values: list[Any], begin: str, tree: Tree) -> None:
-        """Move the values of a map to their columns; one of another type is left out."""
+        """Copy the values of a map to their columns; values of another type are left out."""
         for key, value in tree.items():
             name = f"{begin}.{key}"
             if isinstance(value, dict):
@@ -256,7 +258,7 @@ class _Columns:
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    """The columns that were found, and what puts the values of a row into them."""
+    """Columns of a table, with the functions that fill them from rows."""
 
     fields: Mapping[str, parquet.Field]
     """Columns by name, in their order."""
@@ -297,7 +299,7 @@ class _Words:
             found[word] = None
 
     def codes(self) -> dict[str, dict[str, int]]:
-        """Return the number of each word, by the column, without columns of too many words."""
+        """Return the number of each word by column, without columns of too many words."""
         return {
             name: {word: code for code, word in enumerate(reversed(found), start=1)}
             for name, found in self._newest_first.items()
@@ -306,7 +308,7 @@ class _Words:
 
 
 def _scan(rows: Rows, words: _Words | None = None) -> Generator[bytes, None, _Table]:
-    """Find the columns; yields nothing (``b""``) after each page, so that a client can hang up."""
+    """Find the columns; yields an empty part after each page, so that a client can disconnect."""
     columns = _Columns()
     for page in rows():
         for row in page:
@@ -317,10 +319,10 @@ def _scan(rows: Rows, words: _Words | None = None) -> Generator[bytes, None, _Ta
 
 
 def csv_of(rows: Rows) -> Iterator[bytes]:
-    """Yield parts of a CSV; a number reads back bit for bit, and no text is a formula.
+    """Yield parts of a CSV; numbers are read back bit for bit, and no text acts as a formula.
 
     The jobs are read twice: for the columns and for the rows. The names of the fixed columns come
-    at once. No more than a page of jobs is in memory.
+    at once. At most one page of jobs is in memory.
     """
     yield ",".join(FIXED).encode()
     table = yield from _scan(rows)
@@ -340,7 +342,7 @@ NOTHING = msgspec.Raw(b"")
 
 @lru_cache(512)
 def _cell(text: str) -> msgspec.Raw:
-    """Return a text as RFC 4180 has it."""
+    """Return a text as a field of RFC 4180."""
     if text.startswith(FORMULA):
         text = f"'{text}"
     if QUOTED.search(text):
@@ -355,7 +357,7 @@ def _line(values: Iterable[Any]) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class _Numbers:
-    """A table of numbers alone; see ``number_table``."""
+    """A table of numbers only; see ``number_table``."""
 
     table: _Table
     fields: Sequence[parquet.Field]
@@ -379,18 +381,18 @@ class _Numbers:
 
     @property
     def names(self) -> list[str]:
-        """Names of the columns."""
+        """Return the names of the columns."""
         return [one.name for one in self.fields]
 
     def _reader(self, field: parquet.Field) -> Callable[[Any], Any] | None:
-        """Return what makes a number of a value; None where it is one."""
+        """Return the function that converts a value to a number; None for a number."""
         if field.name in TIMES:
             return _seconds
         return self.codes[field.name].get if field.kind == "text" else None
 
 
 WORDS_OF_JSON = (b"null", number_table.NONE.encode()), (b"true", b"1"), (b"false", b"0")
-"""Words that JSON has for values that are no numbers, and what stands for them."""
+"""JSON words for values that are no numbers, and their replacements."""
 
 
 def _numbers(rows: Rows) -> Generator[bytes, None, _Numbers]:
@@ -408,7 +410,7 @@ def _seconds(time: str) -> float:
 
 
 def numbers_of(rows: Rows) -> Iterator[bytes]:
-    """Yield parts of a CSV of numbers alone; see ``csv_of``."""
+    """Yield parts of a CSV with numbers only; see ``csv_of``."""
     yield FIXED[0].encode()
     numbers = yield from _numbers(rows)
     yield b"".join(b"," + _cell(name) for name in numbers.names[1:]) + b"\n"
@@ -416,7 +418,7 @@ def numbers_of(rows: Rows) -> Iterator[bytes]:
 
 
 def metadata_of(rows: Rows, name: str) -> Iterator[bytes]:
-    """Yield parts of the CSVW metadata of that table, which has a name."""
+    """Yield parts of the CSVW metadata of that table; ``name`` is the name of its file."""
     numbers = yield from _numbers(rows)
     left_out = [one for one in numbers.table.fields if one not in set(numbers.names)]
     about = {"left out": ", ".join(left_out)} if left_out else {}
@@ -424,7 +426,7 @@ def metadata_of(rows: Rows, name: str) -> Iterator[bytes]:
 
 
 def parquet_of(rows: Rows) -> Iterator[bytes]:
-    """Parts of a Parquet file with the unit of each column in its metadata; see ``csv_of``."""
+    """Yield parts of a Parquet file with column units in its metadata; see ``csv_of``."""
     yield parquet.MAGIC
     table = yield from _scan(rows)
     fields = [*table.fields.values()]

@@ -1,4 +1,4 @@
-"""The picture of a plan: references, what is predicted, the limits, and where one is broken."""
+"""Picture of a plan: references, prediction, limits, and where one of them is exceeded."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -13,20 +13,20 @@ from pincette_supervisor.plugin.drawing import FAINT, MEASURED, REFERENCE, SECON
 
 BROKEN, LIMIT = "#b3261e", "#a1383d"
 NEAR = 1.0
-"""A limit is drawn where it lies within this share of the course's span from it."""
+"""Largest distance of a limit that is drawn, as a share of the course's span."""
 TOLD = 3
-"""Number of violations that are written below the title; all are marked."""
+"""Number of violations that are listed below the title; all are marked."""
 BELOW = 0.1
-"""Room below the lowest line, for the words of a limit, as a share of the height."""
+"""Space below the lowest line for the label of a limit, as a share of the height."""
 LATE = 0.7
-"""Share of the time beyond which words stand to the left of a mark."""
+"""Share of the time axis beyond which labels are to the left of a mark."""
 ROW = 0.021
-"""Height of a line of words, as a share of the picture's."""
+"""Height of a line of text, as a share of the picture's height."""
 AXIS_OF = {"position": 0, "acceleration": 0, "force": 1, "voltage": 2, "slew": 2}
 
 
 class Limit(NamedTuple):
-    """A limit, and the axes it belongs to."""
+    """A limit, and the axes in which it is drawn."""
 
     axis: int
     value: float
@@ -106,7 +106,7 @@ def _courses(axes: Sequence[Axis], samples: Samples) -> None:
 
 
 def _planned_voltage(axis: Axis, planned: Planned) -> None:
-    """The voltage that the plan expects, where it says one."""
+    """Return the voltage that the plan expects; None if it states none."""
     curves = getattr(planned.plan, "curves", None)
     if curves is not None:
         t_s, values = np.array(curves.t_s), np.array(curves.voltage_V)
@@ -146,7 +146,7 @@ def _draw_limit(axis: Axis, limit: Limit) -> None:
 
 
 def _mark(axes: Sequence[Axis], violations: Sequence[Violation]) -> None:
-    """Mark where a limit is broken, with its time."""
+    """Mark where a limit is exceeded, with the time."""
     marked = [0] * len(axes)
     for violation in violations:
         index = AXIS_OF.get(violation.quantity)

@@ -1,4 +1,4 @@
-"""The samples of a run in bounded memory: all rows, but only evenly spaced ones of a long hold."""
+"""Samples of a run in bounded memory: all rows, but a long hold is thinned out evenly."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,13 +18,13 @@ from pincette_supervisor.plugin.figures import series, within
 from pincette_supervisor.plugin.result import LIMITS, PRESSED, force_error, phases, position_error
 
 HELD_ROWS = 32_768
-"""Rows of holds that are kept at most; eleven minutes at 50 Hz are kept in full."""
+"""Largest number of rows of holds in memory; eleven minutes at 50 Hz are kept in full."""
 PART_ROWS = 8192
-"""Rows that are kept in one piece at most."""
+"""Largest number of rows in one block."""
 THINNED = frozenset({"hold", "stopped"})
-"""Phases without an end, of which evenly spaced rows are enough."""
+"""Phases without an end, which may be thinned out evenly."""
 EXTREME_ROWS, EXTREMES_OF = 4096, 32
-"""Rows of extremes that are kept at most, and rows of which the extremes are kept beyond that."""
+"""Largest number of rows with extremes, and number of rows that share the extremes beyond that."""
 EXTREMES = ("x_um", "force_mN")
 """Columns whose smallest and largest values are kept."""
 HELD: Mapping[str, tuple[str, str]] = {
@@ -33,9 +33,9 @@ HELD: Mapping[str, tuple[str, str]] = {
     "force error": ("force_mN", "force_r_mN"),
     "position error": ("x_um", "x_r_um"),
 }
-"""Quantities of a hold of which all samples are summed: a column, less its reference."""
+"""Quantities of a hold that are summed over all samples: a column minus its reference."""
 LAST_S, LAST_ROWS = 0.5, 500
-"""The newest rows, of which none is left out: so much time, and so many rows at most."""
+"""Extent of the newest rows, which are kept in full: a time in s, and a largest number of rows."""
 TEXTS = frozenset(column.name for column in (*COLUMNS, *SECOND_COLUMNS) if column.kind == "text")
 KINDS: Mapping[str, type[Any]] = {
     "seq": int,
@@ -48,14 +48,14 @@ Indices = NDArray[np.intp]
 
 
 class Sums(NamedTuple):
-    """Number, sum and sum of squares of some values."""
+    """Number, sum and sum of squares of values."""
 
     number: int = 0
     total: float = 0.0
     squares: float = 0.0
 
     def plus(self, values: NDArray[np.float64]) -> "Sums":
-        """Add values; those that never came are left out."""
+        """Return the sums with further values; missing ones are left out."""
         known = values[~np.isnan(values)]
         return Sums(
             self.number + known.size,
@@ -66,7 +66,7 @@ class Sums(NamedTuple):
 
 @dataclass(slots=True)
 class LeftOut:
-    """Summary of the rows that are not in a table."""
+    """Summary of the rows that a table lacks."""
 
     rows: int = 0
     unanswered: int = 0
@@ -77,7 +77,7 @@ class LeftOut:
     """Sums over the rows of holds, by the names of ``HELD``."""
 
     def add(self, rows: "Rows") -> None:
-        """Count rows."""
+        """Add rows to the summary."""
         self.rows += len(rows)
         self.unanswered += int(np.sum(rows.numbers["answered"] == 0.0))
         bits = rows.numbers["limits_active"]
@@ -93,12 +93,12 @@ class LeftOut:
             self.sums[name] = self.sums.get(name, Sums()).plus(values)
 
     def copy(self) -> "LeftOut":
-        """Copy the counts."""
+        """Return a copy of the summary."""
         return LeftOut(self.rows, self.unanswered, {**self.limits}, {**self.sums})
 
 
 class Rows:
-    """Rows of a table, packed: 8 bytes for each number, and shared texts."""
+    """Packed rows of a table: 8 bytes for each number, and shared texts."""
 
     def __init__(
         self, numbers: dict[str, NDArray[np.float64]], texts: dict[str, list[str | None]]
@@ -131,7 +131,7 @@ class Rows:
         )
 
     def split(self, chosen: NDArray[np.bool_]) -> "tuple[Rows, Rows]":
-        """Return the rows that are chosen, and the others."""
+        """Return the chosen rows, and the others."""
         return self.at(np.flatnonzero(chosen)), self.at(np.flatnonzero(~chosen))
 
     def extremes(self) -> "Rows":
@@ -162,20 +162,20 @@ def joined(parts: Sequence[Rows]) -> Columns:
 
 @dataclass(frozen=True, slots=True)
 class RunTables:
-    """Tables of a run."""
+    """Tables of a run, complete and thinned out."""
 
     even: Columns
-    """All rows, but of a long hold evenly spaced ones: means over these are means over all."""
+    """All rows, with a long hold thinned out evenly: means over them are means over all rows."""
     extreme: Columns
-    """The same with the extremes of the rows left out, and all of the newest rows."""
+    """The rows of ``even``, with the extremes of the rows left out and all of the newest rows."""
     left_out: LeftOut
     """Summary of the rows that ``even`` lacks."""
     bursts: Sequence[Message]
-    """Acquisitions of the sensor's buffer."""
+    """Buffered acquisitions of the sensor."""
 
 
 class RunSamples:
-    """Takes the messages of a run. A run without a long hold is kept in full."""
+    """Collects the messages of a run. A run without a long hold is kept in full."""
 
     # Rows of a hold whose number is a multiple of the stride stay. The stride doubles whenever they
     # are too many, so that all stretches of all holds are kept alike.
@@ -183,7 +183,7 @@ class RunSamples:
     def __init__(
         self, period_s: float, *, every_tick: bool = True, thinned: frozenset[str] = THINNED
     ) -> None:
-        """``every_tick``: see ``RowBlocks``; ``thinned``: phases of which rows may be left out."""
+        """Create the samples; see ``RowBlocks`` for ``every_tick``. Rows of ``thinned`` may go."""
         self._blocks = RowBlocks(period_s, every_tick=every_tick)
         self._thinned = thinned
         self._last = min(LAST_ROWS, ceil(LAST_S / period_s))
@@ -192,20 +192,20 @@ class RunSamples:
         self._extremes: list[Rows] = []
         self._stride = 1
         self._course: tuple[str | None, str | None] = None, None
-        """Phase and outcome of the newest row that was added."""
+        """Phase and outcome of the newest row."""
         self._left_out = LeftOut()
         self._bursts: list[Message] = []
 
     @classmethod
     def of(cls, messages: Iterable[Message], period_s: float, **wishes: Any) -> "RunSamples":
-        """Take all messages of a run."""
+        """Return the samples of all messages of a run."""
         samples = cls(period_s, **wishes)
         for message in messages:
             samples.add(message)
         return samples
 
     def add(self, message: Message) -> None:
-        """Take a message, in order of arrival."""
+        """Add a message, in order of arrival."""
         if isinstance(message, Burst):
             self._bursts.append(message)
         self._blocks.add(message)
@@ -213,7 +213,7 @@ class RunSamples:
             self.add_rows(self._blocks.take())
 
     def add_rows(self, table: Columns) -> None:
-        """Take rows that are joined already, in order."""
+        """Add rows that are already joined, in order."""
         rows = Rows.of(table)
         held, others = rows.split(self._may_go(rows))
         if len(rows):
@@ -230,7 +230,7 @@ class RunSamples:
             self._leave_out(gone)
 
     def _may_go(self, rows: Rows) -> NDArray[np.bool_]:
-        """Find the rows of long phases, and of pauses, in which nothing changes."""
+        """Find rows that may be dropped: those of long phases and pauses without a change."""
         texts = rows.texts
         course = [*zip(texts["phase"], texts["outcome"], strict=True)]
         # A part that is held after a stop carries the outcome "stopped" in each row.
@@ -268,7 +268,7 @@ class RunSamples:
             ]
 
     def tables(self) -> RunTables:
-        """Make the tables of what has come so far; more may be added later."""
+        """Build the tables of the rows so far; more rows may be added later."""
         rest = self._blocks.rest()
         if not self._others:
             return RunTables(rest, rest, LeftOut(), self._bursts)
@@ -286,7 +286,7 @@ class RunSamples:
 
 
 def _extend(parts: list[Rows], rows: Rows) -> None:
-    """Add rows to the last of some parts as long as it is small, so that there are few parts."""
+    """Append rows to the last part as long as it is small, so that there are few parts."""
     if parts and len(parts[-1]) + len(rows) <= PART_ROWS:
         parts[-1] = _one([parts[-1], rows])
     else:
@@ -308,9 +308,9 @@ def _one(parts: Sequence[Rows]) -> Rows:
 
 
 def completed(result: JobResult, tables: RunTables, period_s: float) -> JobResult:
-    """Add what the rows that were left out change: counts, extremes, sums, and where phases end.
+    """Add the effect of the rows that were left out: counts, extremes, sums, and ends of phases.
 
-    Percentiles, causes of errors, and the figures of two arms are those of the evenly spaced rows.
+    Percentiles, causes of errors, and the results of two arms are those of the thinned rows.
     """
     left, extreme = tables.left_out, tables.extreme
     if not left.rows:

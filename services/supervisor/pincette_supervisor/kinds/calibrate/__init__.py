@@ -1,4 +1,4 @@
-"""``calibrate``: find quantities of the rig; each calibration is registered on its own."""
+"""``calibrate``: identify quantities of the rig; each calibration is registered separately."""
 
 from typing import Annotated, Literal
 
@@ -19,9 +19,10 @@ class CalibrationRequest(ZeroingRequest, frozen=True):
     kind: Literal["calibrate"] = "calibrate"
     calibration: str
     arm: Literal[1, 2] = 1
-    """Arm that is calibrated, on a rig of two driven arms; the other rests."""
+    """Number of the arm to calibrate on a rig with two driven arms; the other arm rests."""
     tries: Annotated[int, Field(ge=1, le=10), WHOLE] = TRIES
-    """Number of attempts in all if a stall trips it; that trip is acknowledged beforehand."""
+    """Largest number of attempts if stalls trip the job; the request acknowledges these trips in
+    advance."""
 
 
 KIND = JobKind(

@@ -40,21 +40,22 @@ from pincette_supervisor.plugin.drawing import Sheet
 from pincette_supervisor.plugin.figures import MOST_MISSING, Series, series, table_of_arm
 
 CalibrationProgram = tuple[Program, dict[str, Any], dict[int, Wait]]
-"""A program, the values it was made of, and its waits by the number of their segment."""
+"""A program, the values behind it, and the confirmations it waits for, by segment number."""
 MOST_UNLIKE = 0.1
-"""Share by which an arm, left as it is, may have changed since; a part in the way makes more."""
+"""Largest relative change of an untouched arm since its calibration; a part in the way causes a
+larger one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Analysis:
-    """Values, figures, residuals, and how sure they are."""
+    """Identified values, further figures, residuals, and their reliability."""
 
     values: tuple[Identified, ...]
     figures: tuple[Figure, ...]
     residuals: Residuals
     statement: str
     drawn: Any
-    """Data of the plot."""
+    """Data for the plot."""
     warnings: tuple[str, ...] = ()
 
 
@@ -67,30 +68,34 @@ class CalibrationFunctions:
     """The functions of one calibration; all are pure."""
 
     program: Callable[[Any, ModelInUse, Present], CalibrationProgram]
-    """Plans the motion of a request, from where the rig stands."""
+    """Function that plans the motion of a request, from the present state of the rig."""
     analyse: Callable[[Run], Analysis]
-    """Works out the quantities; raises ValueError where the samples do not give them."""
+    """Function that computes the quantities; raises ValueError where the samples do not determine
+    them."""
     draw: Callable[[Sheet, Any], None]
-    """Draws ``drawn`` of the analysis."""
+    """Function that draws ``drawn`` of the analysis."""
     assumes: tuple[str, ...] = ()
-    """Quantities of the model in use that it takes for granted."""
+    """Quantities of the model in use that the calibration takes for granted."""
     finds: tuple[str, ...] = ()
-    """Quantities of the model that it proposes; what assumes one of them comes after it."""
+    """Quantities of the model that the calibration proposes. A calibration that assumes one of them
+    comes later."""
     needs: tuple[NeedCode, ...] = ("part_removed",)
-    """What a person does at the rig."""
+    """Tasks of a person at the rig."""
     needed: Callable[[RigFile], bool] = _needed
-    """Whether a rig cannot do without it."""
+    """Function that returns True if a rig cannot do without the calibration."""
     of_bring_up: bool = True
-    """Whether the checklist has it; what belongs to one program is not of a rig's bring-up."""
+    """True if the calibration belongs to the bring-up checklist; a calibration for a single program
+    does not."""
     meets_part: bool = False
-    """A part is expected, and a law leads the arm to it."""
+    """True if a part is expected, and a law moves the arm against it."""
     goes_on: Callable[[Any, Run], tuple[Any, str]] | None = None
-    """After a stall has tripped it, the request that keeps what is measured, and words that say
-    where it goes on. None: it begins again from its start, since the voltage went to the safe one
-    and no branch of the hysteresis was left as it was."""
+    """Function that returns the request that continues after a stall has tripped the calibration
+    and keeps the measured values, and a message that says where it continues. None: the
+    calibration starts again, since the voltage went to the safe one and the state of the
+    hysteresis was lost."""
     moves_less: Callable[[Any, Run], tuple[Any, str] | None] | None = None
-    """After it has led the arm beyond a limit of position, the request of a smaller motion, and
-    words that say which; None where there is none."""
+    """Function that returns the request of a smaller motion after the arm has exceeded a position
+    limit, and a message that describes it; None: there is no smaller motion."""
 
 
 def functions_of(calibration: str) -> CalibrationFunctions:
@@ -100,14 +105,14 @@ def functions_of(calibration: str) -> CalibrationFunctions:
 
 
 def identified(quantity: str, value: float, uncertainty: float) -> Identified:
-    """Return a number with its standard uncertainty."""
+    """Return an identified value with its standard uncertainty."""
     return Identified(
         quantity=quantity, value=float(value), unit=UNITS[quantity], uncertainty=float(uncertainty)
     )
 
 
 def sure(value: float, uncertainty: float, unit: str, of: str) -> str:
-    """Return how sure a value is, in words."""
+    """Return the reliability of a value, in words."""
     return (
         f"{value:.5g} ± {2.0 * uncertainty:.2g} {unit} at about 95 % (two standard uncertainties, "
         f"{of})"
@@ -115,7 +120,7 @@ def sure(value: float, uncertainty: float, unit: str, of: str) -> str:
 
 
 def residuals(of: str, unit: str, values: Sequence[float] | NDArray[np.float64]) -> Residuals:
-    """Return what a fit has left, in two numbers."""
+    """Return the residuals of a fit, as two numbers."""
     found = np.asarray(values, dtype=np.float64)
     return Residuals(
         of=of,
@@ -127,7 +132,7 @@ def residuals(of: str, unit: str, values: Sequence[float] | NDArray[np.float64])
 
 
 def path_of(planned: Planned, phase: str) -> Path:
-    """Return the path of a phase of the program; raises ValueError where there is none."""
+    """Return the path of a phase of the program; raises ValueError if there is none."""
     paths = [path for s in planned.program.segments if s.phase == phase for path in paths_of(s)]
     if not paths:
         raise ValueError(f"the program has no path in its phase {phase!r}")
@@ -135,12 +140,12 @@ def path_of(planned: Planned, phase: str) -> Path:
 
 
 def figure(name: str, value: float, unit: str, meaning: str) -> Figure:
-    """Something that the measurement says beside its values."""
+    """Return a figure that the measurement yields in addition to its values."""
     return Figure(name=name, value=float(value), unit=unit, meaning=meaning)
 
 
 def require_like_in_use(model: ModelInUse, quantity: str, value: float) -> None:
-    """Refuse what no arm becomes by itself; of an assumed value nothing follows.
+    """Reject a change that no arm makes by itself; assumed values are not compared.
 
     Raises
     ------
@@ -164,9 +169,9 @@ def require_like_in_use(model: ModelInUse, quantity: str, value: float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """N samples, one each period from the first to the last; NaN where one never came.
+    """N samples, one for each period from the first to the last; NaN for missing ones.
 
-    Voltage and position are of matched ages: the voltage is the one that led to the position.
+    Voltage and position are aligned in time: the voltage is the one that caused the position.
     """
 
     period_s: float
@@ -174,10 +179,10 @@ class Samples:
     x_um: Series
     voltage_V: Series
     force_mN: Series
-    """Estimated force, unfiltered."""
+    """Estimated force, unfiltered, in mN."""
 
     def of(self, phase: str) -> slice:
-        """Return the samples of a phase, from its first to its last.
+        """Return the samples of a phase.
 
         Raises
         ------
@@ -190,7 +195,7 @@ class Samples:
         return slice(places[0], places[-1] + 1)
 
     def filled(self, values: Series, place: slice, what: str) -> Series:
-        """Return values with the few that are missing interpolated.
+        """Return values with a few missing ones interpolated.
 
         Raises
         ------
@@ -212,7 +217,7 @@ class Samples:
 
 
 def samples(table: Columns, period_s: float) -> Samples:
-    """Put the columns of one epoch on their even grid."""
+    """Put the columns of one epoch on their uniform time grid."""
     numbers = np.array(table["seq"], dtype=int)
     count = int(numbers[-1]) + 1 if len(numbers) else 0
 
@@ -238,7 +243,7 @@ def samples(table: Columns, period_s: float) -> Samples:
 
 @dataclass(frozen=True, slots=True)
 class Acquisition:
-    """Samples that the sensor acquired from its buffer, one each 1/``rate_hz``."""
+    """Samples from a buffered acquisition of the sensor, at the rate ``rate_hz``."""
 
     rate_hz: float
     x_um: Series
@@ -246,7 +251,7 @@ class Acquisition:
 
 
 def acquisition(messages: Iterable[Message]) -> Acquisition | None:
-    """Join the bursts of one epoch; None without one. Raises as ``joined`` does."""
+    """Join the bursts of one epoch; None without a burst. Raises the errors of ``joined``."""
     found = joined(messages)
     if found is None:
         return None
@@ -257,7 +262,10 @@ SECOND = "second."
 
 
 def model_of_arm(model: ModelInUse, arm: int) -> ModelInUse:
-    """The rig as one of this arm alone; raises FaultyRequestError where it has no such arm."""
+    """Return the rig reduced to one of its arms.
+
+    Raises FaultyRequestError if that arm does not exist.
+    """
     arms = model.rig.arms
     if arm > len(arms):
         raise FaultyRequestError("/arm", f"arm = {arm}, and this rig has one driven arm")
@@ -273,7 +281,7 @@ def model_of_arm(model: ModelInUse, arm: int) -> ModelInUse:
 
 
 def program_for_both(program: Program, rig: RigFile, arm: int) -> Program:
-    """Return the program on the arm's voltage, the other at rest; of a rig of one arm as it is.
+    """Return the program for one arm of two, the other at rest; unchanged for a rig of one arm.
 
     Raises
     ------
@@ -305,7 +313,7 @@ def _on_first(segment: Segment) -> Segment:
 
 
 def run_of_arm(run: Run, arm: int) -> Run:
-    """Return what a job has gathered of this arm, as if it were the only one."""
+    """Return the recorded data of one arm, under the names of a rig with a single arm."""
     planned = run.planned
     model = model_of_arm(planned.model, arm)
     segments = planned.program.segments if arm == 1 else map(_on_first, planned.program.segments)
@@ -316,7 +324,7 @@ def run_of_arm(run: Run, arm: int) -> Run:
 
 
 def named_of_arm(analysis: Analysis, arm: int) -> Analysis:
-    """Return quantities under the names that the rig file of two arms has for them."""
+    """Return quantities under the names that the rig file of two arms uses."""
     if arm == 1:
         return analysis
     values = tuple(

@@ -25,19 +25,19 @@ from pincette_supervisor.plugin import ModelInUse, Present, Run, Wait, drawing
 from pincette_supervisor.plugin.drawing import DOT, MEASURED, REFERENCE, Sheet
 
 ROOM_SHARE = 0.5
-"""Share of the limits of force and position for weights that the request leaves out."""
+"""Share of the limits of force and position that default weights may use."""
 ROUND_DIGITS = (1.0, 2.0, 5.0)
 WEIGHT_SHARES = (0.25, 0.5, 1.0)
 SEGMENTS = 3
 """Segments of a weight: hang, settle, measure."""
 SAME_V = 1e-3
-"""Voltages that are equal."""
+"""Difference below which voltages count as equal, in V."""
 SURE = 10.0
-"""Standard uncertainties by which a compliance must be above 0."""
+"""Ratio to its standard uncertainty that a compliance must exceed."""
 
 
 def program(request: ComplianceRequest, model: ModelInUse, _present: Present) -> CalibrationProgram:
-    """Wait for each weight, there and back, and read; but for those that are taken."""
+    """Plan a wait and a reading for each weight, up and down, without those already taken."""
     weights_mN = request.weights_mN or weights_within(model.rig)
     steps, taken = there_and_back(weights_mN), len(request.taken)
     if taken >= len(steps):
@@ -58,9 +58,9 @@ def program(request: ComplianceRequest, model: ModelInUse, _present: Present) ->
 
 
 def weights_within(rig: RigFile) -> list[float]:
-    """Weights from 0 to the largest of 1, 2, 5, 10, … that takes up half of the limits at most.
+    """Return weights from 0 to the largest of 1, 2, 5, 10, … mN within half of the limits.
 
-    The other half is for an arm that is softer than the model in use has it.
+    The other half is reserved for an arm that is softer than in the model in use.
     """
     limits, s_p = rig.limits, rig.model.compliance_um_per_mN
     room_mN = (derived.X_START_UM - limits.position_min_um) / s_p
@@ -80,7 +80,7 @@ def _instruction(weight_mN: float) -> str:
 
 
 def analyse(run: Run) -> Analysis:
-    """Analyse positions under weights; raises ValueError where they make no line."""
+    """Fit positions under weights; raises ValueError if they do not lie on a line."""
     planned = run.planned
     steps = there_and_back(planned.values["weights_mN"])
     read = [WeighedStep(**step) for step in planned.values.get("taken", [])]
@@ -115,7 +115,7 @@ def analyse(run: Run) -> Analysis:
 
 
 def _reading(taken: Samples, number: int) -> WeighedStep:
-    """Return the mean position under a weight, its uncertainty and its time; raises ValueError."""
+    """Return mean position, its uncertainty and time under a weight; raises ValueError."""
     place = taken.of(f"measure {number}")
     values = taken.filled(taken.x_um, place, f"weight {number}")
     return WeighedStep(
@@ -126,10 +126,11 @@ def _reading(taken: Samples, number: int) -> WeighedStep:
 
 
 def goes_on(request: ComplianceRequest, run: Run) -> tuple[ComplianceRequest, str]:
-    """Keep the weights that were read to their end, and go on with the next.
+    """Keep the weights that were read completely, and continue with the next one.
 
-    Each is a reading by itself, of an arm that nothing but the weight moves. That holds where it
-    stood at the safe voltage, at which the trip has left it; else all begins anew.
+    Each weight is a separate reading of an arm that only the weight moves. This holds only if the
+    arm was at the safe voltage, to which the trip has set it; otherwise the measurement starts
+    again.
     """
     weights_mN: list[float] = run.planned.values["weights_mN"]
     count = len(there_and_back(weights_mN))

@@ -1,4 +1,4 @@
-"""Program, analysis and plot of a press at several levels: stiffness and place of a contact."""
+"""Program, analysis and plot of a press at several levels: contact stiffness and position."""
 
 from dataclasses import dataclass
 
@@ -45,13 +45,13 @@ from pincette_supervisor.plugin.plans import (
 EARLY_PRESS = 3.0
 """Force, as a multiple of the contact force, up to which a press belongs to the first touch."""
 BRING_UP_MIN = 10.0
-"""Time in minutes by which the place of the part in the rig file, which is a reading, may be older
-than this calibration: a bring-up takes so long. The sensor drifts meanwhile."""
+"""Age in minutes by which the part position in the rig file, which is a reading, may exceed that of
+this calibration: a bring-up takes so long, and the sensor drifts meanwhile."""
 
 
 @dataclass(frozen=True, slots=True)
 class ContactFound:
-    """Both halves of a press."""
+    """Results of both halves of a press."""
 
     stiffness: ContactStiffness
     touch: FirstTouch
@@ -62,8 +62,8 @@ def program(
 ) -> CalibrationProgram:
     """Press the part by a sinusoid of voltage at several levels; raises FaultyRequestError.
 
-    Voltage alone presses, and a straight line does not tell the force by which a limit could hold:
-    without an identified response 77 mN acted where 40 are allowed, on a part 7 µm too near.
+    The voltage alone presses, and a straight-line model cannot give the force for a limit: without
+    an identified response, 77 mN acted where 40 are allowed, on a part 7 µm too near.
     """
     rig = model.rig
     if rig.model.free_response is None:
@@ -147,12 +147,12 @@ def analyse(run: Run) -> Analysis:
 
 
 def _error_um(rig: RigFile, way_V: float) -> float:
-    """Return the standard error of x_1 that far from a zero."""
+    """Return the standard error of x_1 at a distance from a zero, in µm."""
     return derived.free_response(rig.model).begin(0.0).follow(way_V, 0.0).error_um()
 
 
 def _approach(taken: Samples, up_to_mN: float) -> slice:
-    """Return samples of the seek and of the press as long as it is light."""
+    """Return the samples of the seek and of the light part of the press."""
     begin, end = taken.of("contact").start, taken.of("press").stop
     beyond = np.flatnonzero(taken.force_mN[begin:end] > up_to_mN)
     return slice(begin, begin + int(beyond[0]) if len(beyond) else end)

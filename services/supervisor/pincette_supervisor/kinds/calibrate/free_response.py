@@ -37,22 +37,23 @@ from pincette_supervisor.plugin.drawing import MEASURED, REFERENCE, Sheet
 from pincette_supervisor.plugin.plans import GAIN_GROWTH, SPEED_FACTOR
 
 BELOW_REST = 0.1
-"""Distance that the free motion goes below rest, as a share of its height above."""
+"""Distance of the free motion below rest, as a share of its height above rest."""
 LARGEST_GAIN = 1.6
-"""Gain of an arm that no model knows, as a share of the assumed one. The course goes no lower than
-the limit of position allows for it: conditioning strokes need depth, but no certain one."""
+"""Largest gain of an arm without a model, as a multiple of the assumed one. The position limit for
+this gain bounds the lowest voltage: conditioning strokes need depth, but no exact one."""
 LESS = 0.8
-"""Reduction of the voltage from rest at which the arm exceeded a limit of position."""
+"""Factor applied to the voltage, counted from rest, at which the arm exceeded a position limit."""
 QUICKEST = 0.9
 """Share of the slew limit up to which a grip is rehearsed at the speed of a quick one."""
 GAIN_DIFFERENCE = 0.01
-"""Share by which the model's own gain may differ from the measured one before it is said."""
+"""Relative difference of the model's own gain from the measured one above which a warning is
+given."""
 
 
 def program(
     request: FreeResponseRequest, model: ModelInUse, _present: Present
 ) -> CalibrationProgram:
-    """Over the voltages that a grip needs, within the limits, where the request names no range."""
+    """Plan a motion over the voltages that a grip needs, where the request names no range."""
     rig = _within(model.rig, request)
     limits, d_p, rest_V = rig.limits, rig.model.piezo_um_per_V, rig.safety.safe_V
     high_V = request.high_V
@@ -80,7 +81,7 @@ def program(
 
 
 def _within(rig: RigFile, request: FreeResponseRequest) -> RigFile:
-    """Return the rig with the voltages of the request as limits, where they are closer."""
+    """Return the rig with the voltages of the request as limits, where they are narrower."""
     limits = rig.limits
     least_V, most_V = limits.voltage_min_V, limits.voltage_max_V
     if request.least_V is not None:
@@ -92,16 +93,16 @@ def _within(rig: RigFile, request: FreeResponseRequest) -> RigFile:
 
 
 def _fitted_V(motion: FreeMotion) -> tuple[float, float]:
-    """Return the least and the largest voltage of the course, from which the model is fitted."""
+    """Return the lowest and the highest voltage of the part of the course that is fitted."""
     voltages_V = motion.voltage_V[motion.course]
     return float(np.min(voltages_V)), float(np.max(voltages_V))
 
 
 def moves_less(request: FreeResponseRequest, run: Run) -> tuple[FreeResponseRequest, str] | None:
-    """Keep to ``LESS`` of the voltage at which the arm came beyond a limit of position.
+    """Reduce the motion to ``LESS`` of the voltage at which the arm exceeded a position limit.
 
-    The gain of an arm that no model knows may be 1.6 times the assumed one, and its remanence moves
-    the rest. None where cycles of 2 V would not find room.
+    The gain of an arm without a model may be 1.6 times the assumed one, and its remanence shifts
+    the rest position. The result is None if there is no room for cycles of 2 V.
     """
     rig = _within(run.rig, request)
     taken, limits, rest_V = samples(run.table, run.period_s), rig.limits, rig.safety.safe_V
@@ -124,7 +125,7 @@ def moves_less(request: FreeResponseRequest, run: Run) -> tuple[FreeResponseRequ
 
 
 def _pressed_um(rig: RigFile) -> float:
-    """Free travel that the grip's force on the softest and furthest part admitted takes up.
+    """Return the free travel that the grip's force uses up on the softest and furthest part, in µm.
 
     The arm presses with F at x_e + F/K_e where, free, it would be s_p·F further.
     """
@@ -135,7 +136,7 @@ def _pressed_um(rig: RigFile) -> float:
 
 
 def analyse(run: Run) -> Analysis:
-    """Analyse the free motion; raises ValueError where it admits no model."""
+    """Analyse the free motion; raises ValueError if it does not admit a model."""
     taken, planned = samples(run.table, run.period_s), run.planned
     cycles, path = taken.of("cycles"), path_of(planned, "cycles")
     whole = full_cycles(path, taken.period_s, GAIN_CYCLES)

@@ -1,4 +1,4 @@
-"""Program, analysis and plot of a sweep: the mode of the arm."""
+"""Program, analysis and plot of a sweep, which identifies the mode of the arm."""
 
 from math import pi
 
@@ -56,7 +56,7 @@ def program(
 
 
 def sweep_amplitude_V(model: ModelInUse) -> float:
-    """Limit of a sweep, or where less, what moves the arm by a share of its room at resonance."""
+    """Return the sweep's amplitude, in V: its limit, or less for lack of room at resonance."""
     limits, arm = model.rig.limits, model.rig.model
     room_um = min(limits.position_max_um, -limits.position_min_um)
     swing_V = 2.0 * arm.damping_ratio * SWING_SHARE * room_um / arm.piezo_um_per_V
@@ -64,10 +64,10 @@ def sweep_amplitude_V(model: ModelInUse) -> float:
 
 
 def _require_sweep(rig: RigFile, to_hz: float, capture_hz: float) -> None:
-    """Refuse a frequency response that the instruments are too slow for.
+    """Reject a frequency response for which the instruments are too slow.
 
-    The mode is identified from samples at four times its highest frequency at least, acquired
-    and put out from buffers whose clocks do not wait for the loop.
+    The mode is identified from samples at no less than four times its highest frequency;
+    acquisition and output are buffered, so their clocks do not wait for the loop.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def _fault(part: InstrumentBandwidth, rate_hz: float) -> str:
 
 
 def analyse(run: Run) -> Analysis:
-    """Analyse a sweep; raises ValueError where it shows no resonance."""
+    """Analyse a sweep; raises ValueError if it shows no resonance."""
     acquired = acquisition(run.messages)
     if acquired is None:
         raise ValueError("the sensor has acquired nothing from its buffer")
@@ -175,7 +175,7 @@ def analyse(run: Run) -> Analysis:
 
 
 def draw(sheet: Sheet, found: SweptMode) -> None:
-    """Draw magnitude and phase over the frequency."""
+    """Draw magnitude and phase over frequency."""
     magnitude, phase = drawing.grid(sheet, 2)
     for axis, label, measured, fitted in (
         (magnitude, "magnitude / dB of 1 µm/V", found.magnitude_db, found.model_magnitude_db),
@@ -191,7 +191,7 @@ def draw(sheet: Sheet, found: SweptMode) -> None:
 def _moves_fast(rig: RigFile) -> bool:
     """Return whether the estimator takes the mode into account; a quasi-static one does not.
 
-    Where bursts at the period of the loop show the mode, ``output_timing`` finds it.
+    ``output_timing`` identifies the mode if bursts at the period of the loop show it.
     """
     return rig.model.force_observer != "quasi_static" and not bursts_are_needed(rig)
 

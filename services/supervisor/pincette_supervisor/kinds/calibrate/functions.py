@@ -1,4 +1,4 @@
-"""Plan, predicted voltages, result and plot of a calibration, whichever it is."""
+"""Plan, predicted voltages, result and plot of any calibration."""
 
 from textwrap import shorten
 
@@ -50,15 +50,15 @@ from pincette_supervisor.plugin.laws import rig_law, unstable
 from pincette_supervisor.plugin.result import course, outcome_of
 
 SOFTER = 1.5
-"""Compliance of an arm by which weights hang, over that of the model in use, at most."""
+"""Largest ratio of the compliance of an arm with weights to that of the model in use."""
 WIDEST_LOOP = 0.5
-"""Width of the hysteresis loop of an arm that no model knows, as a share of its stroke."""
+"""Width of the hysteresis loop of an arm without a model, as a share of its stroke."""
 BEND_SHARE = 0.7
-"""Stiffness below which a kink is a bend of the arm where a person has confirmed that no part is
-there, over that of the softest part. It allows for a loop that makes the arm move more as it goes
-on, by which a part seems softer."""
+"""Ratio to the stiffness of the softest part below which a kink counts as a bend of the arm, if a
+person has confirmed that there is no part. It allows for a hysteresis loop that makes the arm move
+more as it proceeds, so that a part seems softer."""
 WIDEST = 150
-"""Letters of a statement that have room."""
+"""Largest number of characters of a statement in the picture."""
 BY_HAND = "a person begins it again from its start, since it presses a part"
 NO_MORE = "it has begun as often as `tries` says"
 
@@ -117,7 +117,7 @@ def plan(request: CalibrationRequest, model: ModelInUse, present: Present) -> Pl
 def _guarded(
     program: Program, rig: RigFile, *, weights: bool, range_V: float, no_part: bool
 ) -> Program:
-    """Add the rig's limits of position, which no law keeps while the voltage alone moves the arm.
+    """Add the rig's position limits: no law enforces them while the voltage moves the arm.
 
     Where no part is expected, add those of force too: weights are forces that a person hangs, and
     an arm that is softer than the model in use makes more of them. As long as no free response is
@@ -147,7 +147,10 @@ def _guarded(
 
 
 def _unknown_loop_mN(rig: RigFile, range_V: float) -> float:
-    """Return the force that the loop of an arm can be taken for; 0 where a response is known."""
+    """Return the force that an uncalibrated hysteresis loop may imitate, in mN.
+
+    0 if it is calibrated.
+    """
     model = rig.model
     if model.free_response is not None or model.recorded_response is not None:
         return 0.0
@@ -155,7 +158,7 @@ def _unknown_loop_mN(rig: RigFile, range_V: float) -> float:
 
 
 def assumptions(calibration: str, model: ModelInUse) -> list[Assumption]:
-    """Return quantities that a calibration takes for granted, and where they come from."""
+    """Return quantities that a calibration takes for granted, with their sources."""
     return [
         Assumption(
             quantity=quantity,
@@ -168,7 +171,7 @@ def assumptions(calibration: str, model: ModelInUse) -> list[Assumption]:
 
 
 def _violations(program: Program, sweep_limit_V: float) -> list[Violation]:
-    """Return a violation if a sweep is too wide; all other limits are checked before."""
+    """Return a violation if a sweep is too wide; all other limits are checked earlier."""
     sweeps = (one.sweep for one in program.segments if isinstance(one, PlayedSweep))
     widest_V = max((sweep.amplitude_V for sweep in sweeps), default=0.0)
     if widest_V <= sweep_limit_V:
@@ -188,7 +191,7 @@ def _violations(program: Program, sweep_limit_V: float) -> list[Violation]:
 
 
 def evaluate(run: Run) -> Evaluation:
-    """Analyse the samples of a motion that was played to its end."""
+    """Analyse the samples of a completed motion."""
     name, arm = run.planned.values["calibration"], run.planned.values.get("arm", 1)
     analysis, fault = None, ""
     if outcome_of(run.table) in GOOD_OUTCOMES:
@@ -219,7 +222,7 @@ def evaluate(run: Run) -> Evaluation:
 
 
 def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
-    """Draw what was measured, what was fitted, and what the fit leaves."""
+    """Draw the measured and the fitted data, and the residuals."""
     result, analysis = evaluation.result, evaluation.analysis
     assert isinstance(result, CalibrationResult)
     sheet, title = Sheet(), result.calibration.replace("_", " ")
@@ -233,7 +236,7 @@ def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
 
 
 def _draw_course(sheet: Sheet, table: Columns) -> None:
-    """Position and voltage over time, of a calibration that gave no values."""
+    """Draw position and voltage over time, for a calibration that gave no values."""
     position, voltage = drawing.grid(sheet, 2)
     t_s: Series = series(table, "t_s")
     drawing.prepare(position, "position / µm")
@@ -243,7 +246,7 @@ def _draw_course(sheet: Sheet, table: Columns) -> None:
 
 
 def goes_on(request: CalibrationRequest, run: Run, why: Interruption) -> NextJob | None:
-    """Say how a calibration goes on; one that presses a part is left to a person."""
+    """Return how a calibration continues; one that presses a part is left to a person."""
     functions = functions_of(request.calibration)
     left: dict[str, object] = {"tries": request.tries - 1, "autostart": True, "queue": False}
     following = request.model_copy(update=left) if request.tries > 1 else None
@@ -268,7 +271,7 @@ FUNCTIONS = JobFunctions(plan=plan, evaluate=evaluate, plot=plot, goes_on=goes_o
 def planned_phases(
     program: Program, rig: PlannedRig, contact_um: float, rest_V: float
 ) -> tuple[list[PlannedPhase], float, float]:
-    """Return phases of a program, its lowest and its highest voltage.
+    """Return the phases of a program, its lowest and its highest voltage.
 
     Parameters
     ----------
@@ -310,7 +313,10 @@ def planned_phases(
 
 
 def _voltages(segment: Segment, from_V: float, led_V: float | None) -> tuple[float, float, float]:
-    """Lowest, highest and last voltage of a segment; ``led_V`` is where a law leads it."""
+    """Return lowest, highest and last voltage of a segment.
+
+    ``led_V`` is the one at which a law ends.
+    """
     paths = voltage_paths(segment)
     if paths:
         path, base_V = paths[0], from_V if paths[0].relative else 0.0

@@ -1,4 +1,4 @@
-"""Program, analysis and plot of a gain check: the way after conditioning strokes."""
+"""Program, analysis and plot of a gain check: the motion after conditioning strokes."""
 
 from dataclasses import dataclass
 from math import sqrt
@@ -41,15 +41,15 @@ from pincette_supervisor.plugin.figures import Series
 from pincette_supervisor.plugin.plans import SPEED_FACTOR
 
 WAYS = 2
-"""Number of conditioned ways."""
+"""Number of measured motions, each after conditioning strokes."""
 HIGH = 0.5
-"""Voltage at which a way ends, as a share of the highest one that was identified."""
+"""Ratio of the final voltage of a motion to the highest voltage that was identified."""
 HIGH_S, BACK_S = 1.0, 0.4
-"""Rest at the end of a way, and after the way back."""
+"""Rest at the end of a motion, and after the return, in s."""
 
 
 def program(_request: GainCheckRequest, model: ModelInUse, present: Present) -> CalibrationProgram:
-    """Condition the arm and go to a voltage, twice."""
+    """Condition the arm and move it to a voltage, twice."""
     rig = model.rig
     taught = _taught(rig)
     branch, limits = taught.branch, rig.limits
@@ -90,14 +90,14 @@ def _taught(rig: RigFile) -> IdentifiedFreeResponse:
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """Data of the plot."""
+    """Data for the plot."""
 
     t_s: Series
     left_um: Series
 
 
 def analyse(run: Run) -> Analysis:
-    """Compare the ways; raises ValueError where the arm was not conditioned."""
+    """Compare the motions; raises ValueError if the arm was not conditioned."""
     rig = run.planned.model.rig
     taught, taken = _taught(rig), samples(run.table, run.period_s)
     found, left_um = _changes(rig, taken)
@@ -132,7 +132,7 @@ def analyse(run: Run) -> Analysis:
 
 
 def _changes(rig: RigFile, taken: Samples) -> tuple[list[StrokeChange], Series]:
-    """Return the change of each way, and the position less the model over all samples."""
+    """Return the change of each motion, and the position minus the model over all samples."""
     response = derived.free_response(rig.model)
     assert isinstance(response, IdentifiedResponse)
     last = taken.of(f"go back {WAYS}").stop
@@ -171,7 +171,7 @@ def _change(
 
 
 def draw(sheet: Sheet, found: Drawn) -> None:
-    """Draw the position less the model."""
+    """Draw the position minus the model."""
     (left,) = drawing.grid(sheet, 1)
     drawing.prepare(left, "measured less model / µm", "time / s")
     drawing.line(left, found.t_s, found.left_um, MEASURED, "", width=0.7)

@@ -23,12 +23,12 @@ SURE = 2.0
 
 
 def program(request: NoiseRequest, _model: ModelInUse, _present: Present) -> CalibrationProgram:
-    """Hold the voltage and read."""
+    """Hold the voltage and read the sensor."""
     return noise_program(request.duration_s), {"duration_s": request.duration_s}, {}
 
 
 def analyse(run: Run) -> Analysis:
-    """Analyse readings at rest; raises ValueError where they are too few or all the same."""
+    """Analyse readings at rest; raises ValueError if they are too few or all equal."""
     taken = samples(run.table, run.period_s)
     x_um = taken.filled(taken.x_um, taken.of("noise"), "noise")
     found = sensor_noise(x_um, taken.period_s, run.planned.model.rig.model.force_filter_s)
@@ -72,10 +72,10 @@ def analyse(run: Run) -> Analysis:
 
 
 def _drift_um_per_min(found: Noise, model: ModelInUse) -> tuple[float, float]:
-    """Return the largest drift that the rest admits, and the standard uncertainty of its slope.
+    """Return the largest drift that the readings admit, and the standard uncertainty of its slope.
 
-    It is |slope| + 2·u. Creep of the arm is part of it: at rest nothing tells the two apart. A rest
-    of seconds cannot exclude a larger drift that the rig file states, so it is not lowered below
+    It is |slope| + 2·u. Creep of the arm is part of it, since both look the same at rest. A rest of
+    seconds cannot exclude a larger drift stated in the rig file, so the value is not lowered below
     that.
     """
     u_um_per_min = 60.0 * found.drift_uncertainty_um_per_s
@@ -86,7 +86,7 @@ def _drift_um_per_min(found: Noise, model: ModelInUse) -> tuple[float, float]:
 
 
 def draw(sheet: Sheet, found: Noise) -> None:
-    """Draw the readings over time and their spread."""
+    """Draw the readings over time and their distribution."""
     trace, spread = drawing.grid(sheet, 2)
     drawing.prepare(trace, "position less drift / µm", "time / s")
     drawing.line(trace, found.t_s, found.deviation_um, MEASURED, "readings", width=0.7)

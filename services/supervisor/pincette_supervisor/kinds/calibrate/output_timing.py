@@ -28,16 +28,16 @@ from pincette_supervisor.plugin.drawing import MEASURED, REFERENCE, Sheet
 from pincette_supervisor.plugin.figures import Series
 
 SLEW_SHARE = 0.45
-"""Share of the slew limit; a step from one side to the other uses twice this."""
+"""Share of the slew limit of one step; a step from one side to the other uses twice this."""
 LEAST_EXPLAINED = 0.9
-"""Smallest share of the bursts' variance that must be explained: something touching the arm lowers
-it."""
+"""Smallest share of the bursts' variance that must be explained; an object that touches the arm
+lowers it."""
 
 
 def program(
     request: OutputTimingRequest, model: ModelInUse, _present: Present
 ) -> CalibrationProgram:
-    """Play bursts of voltages; raises UnsupportedError where the period does not show the mode."""
+    """Play bursts of voltages; raises UnsupportedError if the period does not show the mode."""
     rig = model.rig
     period_s = rig.rig.period_s
     omega_n = rig.model.natural_frequency_rad_per_s
@@ -59,14 +59,14 @@ def program(
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """Data of the plot."""
+    """Data for the plot."""
 
     period_s: float
     found: IdentifiedTiming
 
 
 def analyse(run: Run) -> Analysis:
-    """Find delay, lag and mode; raises ValueError where the bursts do not show them."""
+    """Find delay, lag and mode; raises ValueError if the bursts do not show them."""
     rest_V, period_s = run.planned.values["rest_V"], run.period_s
     taken = samples(run.table, period_s)
     bursts = [_burst(taken, f"burst {number + 1}", rest_V) for number in range(BURSTS)]
@@ -129,14 +129,14 @@ def _statement(found: IdentifiedTiming) -> str:
 
 
 def _burst(taken: Samples, phase: str, rest_V: float) -> Burst:
-    """Return samples of one burst, and the voltages that answer them."""
+    """Return samples of one burst, and the voltages that caused them."""
     place = taken.of(phase)
     taken.filled(taken.x_um, place, phase)  # refuses what lacks too many
     return Burst(_answers(taken, place) - rest_V, taken.x_um[place])
 
 
 def _answers(taken: Samples, place: slice) -> Series:
-    """Return voltages that answer the samples of a burst: the last one where none is known."""
+    """Return the voltages that caused the samples of a burst; an unknown one is the last known."""
     found = taken.voltage_V[place.start + 1 : place.stop + 1].copy()
     for number in np.flatnonzero(np.isnan(found)):
         found[number] = found[number - 1] if number else taken.voltage_V[place.start]
@@ -144,7 +144,7 @@ def _answers(taken: Samples, place: slice) -> Series:
 
 
 def draw(sheet: Sheet, drawn: Drawn) -> None:
-    """Draw the first burst as measured, and what the fit leaves of all."""
+    """Draw the measured first burst, and the residuals of all bursts."""
     found = drawn.found
     burst, left = drawing.grid(sheet, 2)
     seen, missed = found.moved_um[0], found.residual_um[0]

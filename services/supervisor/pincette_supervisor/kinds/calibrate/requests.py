@@ -1,4 +1,4 @@
-"""The installed calibrations: the request of each, its form, and where its functions are."""
+"""The installed calibrations: the request and form of each, and the module of its functions."""
 
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -35,11 +35,14 @@ class WeighedStep(Model):
     scatter_um: NotNegative
     """Standard uncertainty of the mean."""
     at_s: float
-    """Since the job began; below 0 s of a reading before it."""
+    """Time of the reading since the job began, in s; negative for a reading of an earlier job."""
 
 
 class ComplianceRequest(CalibrationRequest, frozen=True):
-    """Hang known weights at the tip, there and back, as the job asks for them; the part away."""
+    """Hang known weights at the tip, up and down, as the job asks for them.
+
+    No part in the gripper.
+    """
 
     model_config = example(
         kind="calibrate", calibration="compliance", autostart=True, weights_mN=[0.0, 5.0, 10.0]
@@ -47,12 +50,13 @@ class ComplianceRequest(CalibrationRequest, frozen=True):
 
     calibration: Literal["compliance"]
     weights_mN: list[NotNegative] | None = Field(default=None, min_length=2, max_length=WEIGHTS_MAX)
-    """Ascending from 0; they pull as a part presses, against the closing of the gripper. Left out,
-    three round weights that the limits of the rig bear."""
+    """Weights in ascending order from 0. They pull in the direction in which a part presses,
+    against the closing of the gripper (default: three round weights within the limits of the
+    rig)."""
     weight_uncertainty: Annotated[float, Field(ge=0, le=0.2)] = 0.0
-    """Standard uncertainty of the weights, as a share common to all of them."""
+    """Relative standard uncertainty of the weights, common to all of them."""
     taken: list[WeighedStep] = Field(default_factory=list[WeighedStep], max_length=2 * WEIGHTS_MAX)
-    """The first steps, as a job has read them that a stall has tripped; this one goes on."""
+    """First readings, taken by an earlier job that a stall has tripped; this job continues."""
 
 
 COMPLIANCE = Variant(
@@ -84,9 +88,10 @@ class ContactStiffnessRequest(CalibrationRequest, frozen=True):
 
     calibration: Literal["contact_stiffness"]
     levels_V: list[Positive] | None = Field(default=None, min_length=3, max_length=LEVELS_MAX)
-    """Peak to peak; left out, the paper's, scaled down to what the limits of the rig allow."""
+    """Levels of the sinusoid, peak to peak (default: those of the paper, scaled down to the
+    limits of the rig)."""
     load_s: Duration | None = None
-    """Duration of the press to the mean, and of the unload."""
+    """Duration of the press up to the mean voltage, and of the unload."""
     approach_um_per_s: Speed | None = None
     """Speed of the free arm on its way to the part."""
     seek_um_per_s: Speed | None = None
@@ -112,29 +117,31 @@ CONTACT_STIFFNESS = Variant(
 
 
 class FreeResponseRequest(CalibrationRequest, frozen=True):
-    """Move the free arm by voltage alone: gain, loop, creep and the model of both; the part away.
+    """Move the free arm by voltage alone, to find gain, loop, creep and the model of both.
 
-    What is left out comes from the rig file's limits and its nominal gain.
+    There must be no part in the gripper. Defaults follow from the rig file's limits and its nominal
+    gain.
     """
 
     model_config = example(kind="calibrate", calibration="free_response", autostart=True)
 
     calibration: Literal["free_response"]
     low_V: float | None = None
-    """Lowest voltage of the motion."""
+    """Lowest voltage of the motion that is fitted; with ``high_V`` it includes the voltages that a
+    grip needs."""
     high_V: float | None = None
-    """Voltages that a grip needs lie between both."""
+    """Highest voltage of the motion that is fitted."""
     least_V: float | None = None
-    """Below it no part of the motion goes, nor above ``most_V``; the cycles of 2 V make room.
-    Where the arm has gone beyond a limit of position, the next try has them."""
+    """Lower limit of all voltages of the motion, as ``most_V`` is the upper one; the cycles of 2 V
+    stay within them. The next attempt sets both after the arm has exceeded a position limit."""
     most_V: float | None = None
-    """Highest voltage of all the motion."""
+    """Upper limit of all voltages of the motion."""
     rate_V_per_s: Positive | None = None
     """Peak rate of the fastest moves."""
     no_part: bool = False
-    """A person has seen that no part is in the gripper. A motion that breaks at one position, as
-    with a part in the way, then gives a warning and is not refused: some free arms show that. What
-    is as hard as a part still ends the motion as ``contact``, at twice the contact force."""
+    """A person has verified that no part is in the gripper. A kink at one position, as a part in
+    the way would cause, then gives a warning instead of an error, since some free arms show one. An
+    obstacle as hard as a part still ends the motion as ``contact``, at twice the contact force."""
 
     @model_validator(mode="after")
     def _ordered(self) -> "FreeResponseRequest":
@@ -164,7 +171,7 @@ Frequency = Annotated[float, Field(ge=0.1, le=5000)]
 
 
 class FrequencyResponseRequest(CalibrationRequest, frozen=True):
-    """Sweep a sine through the resonance, acquired from the sensor's buffer; the part away."""
+    """Sweep a sine through the resonance, with buffered acquisition. No part in the gripper."""
 
     model_config = example(
         kind="calibrate", calibration="frequency_response", autostart=True, to_hz=800.0
@@ -176,11 +183,11 @@ class FrequencyResponseRequest(CalibrationRequest, frozen=True):
     to_hz: Frequency = SWEEP_TO_HZ
     """Highest frequency."""
     duration_s: Annotated[float, Field(ge=1, le=120)] = SWEEP_S
-    """Time of the measurement."""
+    """Duration of the measurement."""
     amplitude_V: Positive | None = None
-    """Left out, as large as limits and resonance bear."""
+    """Amplitude of the sine (default: the largest that limits and resonance permit)."""
     capture_hz: Annotated[float, Field(ge=LEAST_CAPTURE_HZ, le=100_000)] = LEAST_CAPTURE_HZ
-    """Rate of the sweep's wave and of its acquisition."""
+    """Sample rate of the sweep's output and of its acquisition."""
 
     @model_validator(mode="after")
     def _ascending(self) -> "FrequencyResponseRequest":
@@ -213,10 +220,10 @@ FREQUENCY_RESPONSE = Variant(
 
 
 class GainCheckRequest(CalibrationRequest, frozen=True):
-    """Compare the stroke of the arm with its calibration, in a few seconds; the part away.
+    """Compare the stroke of the arm with its calibration, in a few seconds. No part in the gripper.
 
-    Accept what it finds where amplifier or piezo are the cause of a changed stroke. Where the
-    sensor is the cause, correct the sensor's scale instead.
+    Accept the result if amplifier or piezo have caused a change of the stroke. If the sensor is the
+    cause, correct the sensor's scale instead.
     """
 
     model_config = example(kind="calibrate", calibration="gain_check", autostart=True)
@@ -236,13 +243,13 @@ GAIN_CHECK = Variant(
 
 
 class NoiseRequest(CalibrationRequest, frozen=True):
-    """Hold the voltage and read: noise, resolution and drift of the sensor."""
+    """Hold the voltage and read the sensor, to find its noise, resolution and drift."""
 
     model_config = example(kind="calibrate", calibration="noise", autostart=True)
 
     calibration: Literal["noise"]
     duration_s: Annotated[float, Field(ge=2, le=600)] = NOISE_S
-    """Time of the measurement."""
+    """Duration of the measurement."""
 
 
 NOISE = Variant(
@@ -260,13 +267,14 @@ NOISE = Variant(
 
 
 class OutputTimingRequest(CalibrationRequest, frozen=True):
-    """Ring the mode by bursts at the period of the loop: delay and lag of the output, the mode."""
+    """Excite the mode by bursts at the loop's period, to find output delay, lag and mode."""
 
     model_config = example(kind="calibrate", calibration="output_timing", autostart=True)
 
     calibration: Literal["output_timing"]
     amplitude_V: Positive | None = None
-    """Left out, as large as the limits of position, slew and sweeps bear."""
+    """Amplitude of the bursts (default: the largest that the limits of position, slew and sweeps
+    permit)."""
 
 
 OUTPUT_TIMING = Variant(
@@ -286,7 +294,7 @@ OUTPUT_TIMING = Variant(
 
 
 def bursts_are_needed(rig: "RigFile") -> bool:
-    """Return whether the law looks ahead, and samples show the mode by which it is told when."""
+    """Return whether the law looks ahead and samples show the mode, which determines how far."""
     looks_ahead = law_definition(rig.law.scheme).previews
     return looks_ahead and shows_mode(rig.model.natural_frequency_rad_per_s, rig.rig.period_s)
 
@@ -295,9 +303,9 @@ RUNS = 2
 
 
 class ResidualRequest(CalibrationRequest, frozen=True):
-    """Play the voltages of a recorded job without the part, and keep what the model misses.
+    """Replay the voltages of a recorded job without the part, and store what the model misses.
 
-    It holds for jobs of the same motion: the same request, part and free response.
+    The table applies to jobs of the same motion: the same request, part and free response.
     """
 
     model_config = example(
@@ -309,15 +317,15 @@ class ResidualRequest(CalibrationRequest, frozen=True):
 
     calibration: Literal["residual"]
     of_job: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,60}$")] | None = None
-    """Job whose voltages are played, a grip or a track; default: the newest that succeeded."""
+    """Job whose voltages are replayed, a grip or a track (default: the newest that succeeded)."""
     runs: Annotated[int, Field(ge=2, le=10), WHOLE] = RUNS
-    """Number of runs; their difference is the error of the stored values."""
+    """Number of runs; their difference gives the error of the stored values."""
     confirm: bool = True
-    """Wait for a person before the first run, until the part is away, and after the last."""
+    """Wait for a person to remove the part before the first run, and again after the last run."""
 
     @property
     def plays(self) -> str:
-        """Job whose recorded motion it plays; empty: the newest."""
+        """Return the job whose recorded motion is replayed; empty: the newest."""
         return self.of_job or ""
 
 

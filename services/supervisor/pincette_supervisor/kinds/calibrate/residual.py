@@ -1,4 +1,4 @@
-"""Program, analysis and plot of the residual of a motion that is played without the part."""
+"""Program, analysis and plot of the residual of a motion that is replayed without the part."""
 
 from dataclasses import dataclass
 from math import hypot
@@ -50,7 +50,7 @@ MOST_MISSING = 0.02
 
 
 def program(request: ResidualRequest, model: ModelInUse, present: Present) -> CalibrationProgram:
-    """Play the recorded voltages, run after run."""
+    """Replay the recorded voltages, run after run."""
     motion, rig = present.recorded, model.rig
     if motion is None:
         raise FaultyRequestError("/of_job", "grip or track first: it plays a recorded job")
@@ -78,17 +78,17 @@ def program(request: ResidualRequest, model: ModelInUse, present: Present) -> Ca
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """Data of the plot."""
+    """Data for the plot."""
 
     t_s: Series
     runs_um: list[Series]
     residual_um: Series
     begins_s: list[float]
-    """Begin of each segment."""
+    """Begin of each segment, in s."""
 
 
 def analyse(run: Run) -> Analysis:
-    """Find what the model missed; raises ValueError where something touched the arm."""
+    """Compute the residual of the model; raises ValueError if something touched the arm."""
     values, rig = run.planned.values, run.planned.model.rig
     places = [
         Place(segment, tick)
@@ -170,7 +170,7 @@ def analyse(run: Run) -> Analysis:
 def _scatter(
     pressed: list[list[float]], table: ResidualTable, compliance_um_per_mN: float
 ) -> ContactScatter | None:
-    """Return how the force of the recorded job scatters without the table and with it."""
+    """Return the scatter of the recorded job's force without the table and with it."""
     samples = [Pressed(int(one[0]), int(one[1]), one[2], one[3]) for one in pressed]
     known = [(one, table.at(one.segment, one.tick)) for one in samples]
     rows = [
@@ -185,9 +185,9 @@ def _scatter(
 
 
 def _ring_um(motion: RecordedMotion, rig: RigFile) -> float:
-    """Return the r.m.s. uncertainty of a free arm by the ring of the mode, along the motion.
+    """Return the r.m.s. uncertainty of a free arm due to the ring of the mode, along the motion.
 
-    The table has the ring of the free arm in it, which is none of a pressed arm.
+    The table contains the ring of the free arm, which a pressed arm does not have.
     """
     steps_V = np.diff(np.concatenate([np.asarray(one.voltages_V) for one in motion.segments]))
     if not steps_V.size:
@@ -198,7 +198,7 @@ def _ring_um(motion: RecordedMotion, rig: RigFile) -> float:
 
 
 def _rest(places: list[Place], zeroes: list[bool], period_s: float) -> slice:
-    """Return ticks of the rest on which the recorded job made its last zero."""
+    """Return the ticks of the rest in which the recorded job made its last zero."""
     if not any(zeroes):
         raise ValueError("the recorded job never zeroed its force")
     last = len(zeroes) - 1 - zeroes[::-1].index(True)
@@ -209,7 +209,10 @@ def _rest(places: list[Place], zeroes: list[bool], period_s: float) -> slice:
 def _residual_um(
     table: Columns, begin: int, places: list[Place], rest: slice, rig: RigFile
 ) -> Series:
-    """Residual of one run at each of its ticks: x_k answers to the voltage of the tick before."""
+    """Return the residual of one run at each of its ticks.
+
+    Position x_k follows the voltage of the tick before.
+    """
     s_p, period_s = rig.model.compliance_um_per_mN, rig.rig.period_s
     numbers, ticks = series(table, "segment"), series(table, "segment_tick")
     missed_um = -s_p * series(table, "force_mN")
@@ -243,7 +246,7 @@ def _drawn(
 
 
 def draw(sheet: Sheet, found: Drawn) -> None:
-    """Draw what the model missed in each run, and what is kept of it."""
+    """Draw the residual of each run, and the stored values."""
     residual, left = drawing.grid(sheet, 2)
     drawing.prepare(residual, "measured less model / µm")
     drawing.prepare(left, "runs less kept / µm", "time / s")

@@ -1,4 +1,4 @@
-"""``grip``: grip the part, hold it, let it go."""
+"""``grip``: grip a part, hold it and release it."""
 
 from typing import Literal
 
@@ -14,7 +14,7 @@ from pincette_supervisor.kinds import fields
 
 
 class GripJobRequest(ContactJobRequest, frozen=True):
-    """Grip a part with the arm or both arms of a rig; what is left out comes from the rig file."""
+    """Grip a part with the arm or both arms of a rig. Defaults come from the rig file."""
 
     model_config = example(kind="grip", autostart=True, force_mN=20.0, labels={"part": "bead 12"})
 
@@ -22,19 +22,20 @@ class GripJobRequest(ContactJobRequest, frozen=True):
     force_mN: Positive | None = None
     """Force to hold."""
     hold_s: Duration | None = None
-    """Time to hold it."""
+    """Duration of the hold."""
     until_released: bool = False
     """Hold until the action ``release``; excludes ``hold_s``."""
     profile: Literal["quick", "gentle"] | None = None
-    """``quick``: the load begins at the touch without a stop; ``gentle``: the arm stops there."""
+    """``quick``: the load begins at the touch without a stop; ``gentle``: the arm stops at the
+    touch."""
     load_um_per_s: Speed | None = None
     """Peak speed of a quick load and unload; excludes ``load_s``."""
     place_um: float | None = None
     """Two arms only: place q = (x_1 - x_2)/2 to which the held part is carried. None: where it was
     met."""
     centre: bool = False
-    """Two arms only: find the part with one arm after the other, then grip it where it lies. The
-    ground must hold the part by more than the contact force. The part may lie off by the rig file's
+    """Two arms only: find the part with one arm after the other, then grip it where it is. The
+    support must hold the part by more than the contact force. The part may be off by the rig file's
     ``part.contact_tolerance_um``."""
 
     @model_validator(mode="after")
@@ -53,7 +54,7 @@ class GripJobRequest(ContactJobRequest, frozen=True):
 
 
 class GripResult(ClosedLoopResult):
-    """Figures of a grip; a figure is null where the grip did not come that far."""
+    """Results of a grip; a value is null if the grip did not reach its phase."""
 
     model_config = example(
         outcome="gripped",
@@ -69,17 +70,17 @@ class GripResult(ClosedLoopResult):
 
     force_target_mN: float
     force_held_mN: float | None
-    """Mean of the estimate over the hold, its first half second left out."""
+    """Mean of the estimated force over the hold without its first half second."""
     force_error_mN: float | None
-    """Mean of the estimate less F_r over the same time."""
+    """Mean of the estimate minus F_r over the same time."""
     rmse_position_um: float | None
-    """Over the hold."""
+    """R.m.s. of x minus x_r over the hold."""
     rmse_force_mN: float | None
-    """Over the hold."""
+    """R.m.s. of the estimate minus F_r over the hold."""
     true_force_held_mN: float | None
-    """Known to a simulated rig alone; null on a real one."""
+    """Mean of the true force, which only a simulated rig knows; null on a real one."""
     error_sources: ErrorSources | None = None
-    """Where the errors over the same time come from; null where nothing was held."""
+    """Causes of the errors over the same time; null if nothing was held."""
 
 
 FIGURES: tuple[ResultField, ...] = (

@@ -98,12 +98,12 @@ def _plan_pair(
 
 
 def pointer(quantity: str, phase: str) -> str:
-    """Return the member of a request that leads beyond a limit; empty where none can be named."""
+    """Return the request member that exceeds a limit; empty if none can be named."""
     return "/force_mN" if phase in PRESSING else contact_pointer(quantity, phase)
 
 
 def evaluate(run: Run) -> Evaluation:
-    """Work out the figures of a grip."""
+    """Compute the results of a grip."""
     if run.rig.second is not None:
         return pairs.evaluate(run)
     table, rig = run.table, run.planned.armed.rig
@@ -125,7 +125,10 @@ def evaluate(run: Run) -> Evaluation:
 
 
 def held_uncertainty_mN(table: Columns, hold: Mask, rig: RigFile) -> float | None:
-    """Uncertainty of the force held, which is a mean over the settled hold; None without one."""
+    """Return the uncertainty of the mean force over the settled hold, in mN.
+
+    None without a hold.
+    """
     stated_mN = chosen(series(table, "force_uncertainty_mN"), hold)
     if not stated_mN.size:
         return None
@@ -135,7 +138,7 @@ def held_uncertainty_mN(table: Columns, hold: Mask, rig: RigFile) -> float | Non
 
 
 def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
-    """Draw position, force, their errors and voltage over one time."""
+    """Draw position, force, their errors and voltage over a common time axis."""
     table, result = run.table, evaluation.result
     if not isinstance(result, GripResult):
         return pairs.plot(run, evaluation, name)
@@ -168,7 +171,7 @@ def _subtitle(result: GripResult) -> str:
 
 
 def chosen_speeds(request: GripJobRequest, rig: RigFile) -> QuickSpeeds | None:
-    """Return speeds of a quick grip; None where it is to be a gentle one.
+    """Return the speeds of a quick grip; None for a gentle one.
 
     Raises
     ------
@@ -188,7 +191,7 @@ def chosen_speeds(request: GripJobRequest, rig: RigFile) -> QuickSpeeds | None:
 
 
 def _speeds(request: GripJobRequest, rig: RigFile, *, asked: bool) -> QuickSpeeds | None:
-    """Return speeds of a quick grip; None where nobody asks for one and it cannot be."""
+    """Return the speeds of a quick grip; None if it is not requested and not possible."""
     if rig.model.free_response is None:
         if asked:
             raise FaultyRequestError(

@@ -27,37 +27,40 @@ POSE_NAME = r"^[A-Za-z0-9_.-]{1,40}$"
 
 
 class MoveJobRequest(GoalRequest, ZeroingRequest, frozen=True):
-    """Move the free arm, and let it rest there; the voltage is kept.
+    """Move the free arm and let it rest there, with the voltage kept.
 
-    A position is gone to by the law, a voltage without one. Before that the hysteresis may be
-    brought into a known state, and the arm be warmed up, by cycles of voltage.
+    The law moves the arm to a position; a voltage is applied without a law. Cycles of voltage
+    before the move can bring the hysteresis into a known state and warm up the arm.
     """
 
     model_config = example(kind="move", autostart=True, to_um=12.5, conditioning_cycles=3)
 
     kind: Literal["move"]
     to_um: float | None = None
-    """Target position, by the law."""
+    """Target position, reached by the law."""
     by_um: float | None = None
-    """From the target of the last move where the arm still stands there, else from its position."""
+    """Distance from the target of the last move if the arm is still there, otherwise from its
+    position."""
     to_V: float | None = None
-    """Target voltage, without a law."""
+    """Target voltage, applied without a law."""
     by_V: float | None = None
-    """From the voltage that is applied."""
+    """Change from the applied voltage."""
     speed_um_per_s: Speed | None = None
-    """Peak speed; left out, that of the rig file's approach. Of a voltage, by the nominal gain."""
+    """Peak speed; for a voltage, by the nominal gain (default: the speed of the rig file's
+    approach)."""
     conditioning_cycles: Annotated[int, Field(ge=0, le=CYCLES_MAX), WHOLE] = 0
     """Full cycles of voltage before the move, each from ``low_V`` to ``high_V`` and back."""
     warm_up_s: Annotated[float, Field(ge=0, le=3600)] = 0.0
-    """Time for which the arm is cycled before that."""
+    """Duration of the cycles that warm up the arm before that."""
     low_V: float | None = None
     """Lowest voltage of the cycles, or of a grip."""
     high_V: float | None = None
-    """Of the cycles; left out, as far as the rig file's limits and its part allow."""
+    """Highest voltage of the cycles (default: as high as the rig file's limits and its part
+    permit)."""
     rate_V_per_s: Positive | None = None
     """Peak rate of the cycles."""
     zero: bool = True
-    """Zero the force where the arm stands, so that a contact on the way is noticed."""
+    """Zero the force at the start, so that a contact on the way is detected."""
     teach: Annotated[str, Field(pattern=POSE_NAME)] | None = None
     """Name under which the result states the pose that is reached."""
 
@@ -134,26 +137,26 @@ MOVE = JobKind(
 
 
 class HoldJobRequest(PolicyRequest, frozen=True):
-    """Keep what is in the gripper, and let it go at the end.
+    """Keep holding the part in the gripper, and release it at the end.
 
     For a part that is held when the job begins: in or after another job, or after a trip and a
-    reset. Without ``force_mN`` the voltage stays as it is applied: no law and no zero is needed,
-    and the limits of position are watched. With it the law loads or unloads the part to that force.
+    reset. Without ``force_mN`` the applied voltage stays: no law and no zero is needed, and the
+    position limits are monitored. With it, the law loads or unloads the part to that force.
     """
 
     model_config = example(kind="hold", autostart=True, until_released=True)
 
     kind: Literal["hold"]
     force_mN: Positive | None = None
-    """Force to load or unload the held part to. None: the voltage stays as it is."""
+    """Force to which the held part is loaded or unloaded. None: the voltage stays as it is."""
     load_s: Duration | None = None
-    """Time of the way to ``force_mN``; left out, as long as a grip loads."""
+    """Duration of the change to ``force_mN`` (default: as long as a grip loads)."""
     hold_s: Duration | None = None
-    """Left out: until the action ``release``."""
+    """Duration of the hold (default: until the action ``release``)."""
     until_released: bool = False
-    """Whether to hold without an end, as without ``hold_s``, which it excludes."""
+    """Hold without an end, as without ``hold_s``, which this excludes."""
     release_s: Duration | None = None
-    """How long the way to the safe voltage takes; left out, as in a release."""
+    """Duration of the motion to the safe voltage (default: as in a release)."""
 
     @model_validator(mode="after")
     def _way_to_a_force(self) -> "HoldJobRequest":
@@ -168,7 +171,7 @@ class HoldJobRequest(PolicyRequest, frozen=True):
 
 
 class HoldResult(MotionResult):
-    """Figures of a hold; those of the force are null where the request has none."""
+    """Results of a hold; those of the force are null if the request has no force."""
 
     model_config = example(
         outcome="released",
@@ -188,9 +191,9 @@ class HoldResult(MotionResult):
 
     force_target_mN: float | None = None
     force_held_mN: float | None = None
-    """Mean of the estimate over the hold, its first half second left out."""
+    """Mean of the estimated force over the hold without its first half second."""
     force_error_mN: float | None = None
-    """Mean of the estimate less F_r over the same time."""
+    """Mean of the estimate minus F_r over the same time."""
 
 
 HOLD = JobKind(
@@ -235,16 +238,17 @@ HOLD = JobKind(
 
 
 class ReleaseJobRequest(JobRequest, frozen=True):
-    """Let go what is in the gripper: a smooth way from the voltage applied to the safe voltage.
+    """Release the part in the gripper by a smooth motion from the applied to the safe voltage.
 
-    Until its end the part counts as held: a fault on the way freezes the voltage first.
+    Until its end the part counts as held: a fault on the way first freezes the voltage.
     """
 
     model_config = example(kind="release", autostart=True, release_s=2.0)
 
     kind: Literal["release"]
     release_s: Duration | None = None
-    """Left out, as long as a grip takes to unload, or as the slew limit asks for."""
+    """Duration of the release (default: as long as a grip takes to unload, or as the slew limit
+    requires)."""
 
 
 RELEASE = JobKind(
@@ -265,18 +269,20 @@ RELEASE = JobKind(
 
 
 class CarryJobRequest(PairJobRequest, frozen=True):
-    """Move a held part along, and keep holding it: for a job that has ended with the part held.
+    """Carry a held part to another place and keep holding it.
 
-    The force is not known without a zero; the law keeps it as it is.
+    For a job that has ended with the part held. The force is unknown without a zero; the law keeps
+    it unchanged.
     """
 
     model_config = example(kind="carry", autostart=True, by_um=5.0)
 
     kind: Literal["carry"]
     by_um: float | None = None
-    """How far, towards the second arm where positive."""
+    """Distance of the carry, positive towards the second arm."""
     to_um: float | None = None
-    """The place q = (x_1 - x_2)/2 to go to, from where both tips stand as the job is planned."""
+    """Target place q = (x_1 - x_2)/2; the carry starts where both tips are when the job is
+    planned."""
 
     @model_validator(mode="after")
     def _one_target(self) -> "CarryJobRequest":

@@ -44,11 +44,11 @@ from pincette_supervisor.plugin.plans import (
 from pincette_supervisor.plugin.result import common
 
 LAST_REST_S = 0.3
-"""The last part of a motion, over which its pose is taken."""
+"""Duration of the last part of a motion, over which its pose is measured, in s."""
 
 
 def evaluate(run: Run) -> Evaluation:
-    """Work out the figures of a motion."""
+    """Compute the results of a motion."""
     table, period_s, values = run.table, run.period_s, run.planned.values
     ends, begins = _edge(table, period_s, last=True), _edge(table, period_s, last=False)
     x_um, to_um = figures.mean(series(table, "x_um"), ends), values.get("to_um")
@@ -77,7 +77,7 @@ def evaluate(run: Run) -> Evaluation:
 
 
 def _edge(table: Columns, period_s: float, *, last: bool) -> Mask:
-    """Return the first sample, or those of the last rest."""
+    """Return the first sample, or the samples of the last rest."""
     count = len(table["seq"])
     mask = np.zeros(count, dtype=np.bool_)
     if last:
@@ -88,7 +88,7 @@ def _edge(table: Columns, period_s: float, *, last: bool) -> Mask:
 
 
 def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
-    """Draw position, contact force, their errors and voltage of a motion over one time."""
+    """Draw position, contact force, their errors and voltage of a motion over common time."""
     result = evaluation.result
     assert isinstance(result, MotionResult)
     sheet = Sheet()
@@ -122,13 +122,13 @@ def _subtitle(result: MotionResult) -> str:
 
 
 JUDGED_S = 0.2
-"""Time of the rest after the settling time, over which a goal is judged."""
+"""Part of the rest after the settling time over which a goal is evaluated, in s."""
 WARM_UP_EXCESS = 1.5
 """Factor by which a warm-up may exceed the requested time without a warning."""
 
 
 def move_job(request: MoveJobRequest, model: ModelInUse, present: Present) -> Planned:
-    """Plan a move from where the arm stands."""
+    """Plan a move from the present position of the arm."""
     rig, stand = model.rig, stand_of(present, model.rig)
     to_um, by_um = request.to_um, request.by_um
     if by_um is not None:
@@ -187,7 +187,7 @@ def _warnings(
 
 
 def _overridden(request: MoveJobRequest, made: MotionPlan, rig: RigFile) -> list[str]:
-    """Return a warning for each requested value that the output or whole cycles override."""
+    """Return a warning for each requested value that the output or whole cycles change."""
     found: list[str] = []
     step_V, d_p = rig.output.step_V, rig.model.piezo_um_per_V
     for name, way, step, unit in (
@@ -210,12 +210,15 @@ def _overridden(request: MoveJobRequest, made: MotionPlan, rig: RigFile) -> list
 
 
 def _touch_um(rig: RigFile) -> float:
-    """Return the position from which on the arm may touch the part of the rig file."""
+    """Return the position from which the arm may touch the part of the rig file, in µm."""
     return rig.part.contact_um - rig.part.contact_tolerance_um
 
 
 def _cycles(request: MoveJobRequest, rig: RigFile) -> Cycles | None:
-    """Return cycles of the request over what it names, else as far as limits and the part allow."""
+    """Return the requested cycles.
+
+    Their default voltages are as far as limits and the part permit.
+    """
     if not request.conditioning_cycles and not request.warm_up_s:
         return None
     limits, d_p, safe_V = rig.limits, rig.model.piezo_um_per_V, rig.safety.safe_V
@@ -264,7 +267,7 @@ MOVE = JobFunctions(plan=move_job, evaluate=evaluate, plot=plot)
 
 
 def release_job(request: ReleaseJobRequest, model: ModelInUse, present: Present) -> Planned:
-    """Plan a release from where the arm stands."""
+    """Plan a release from the present state of the rig."""
     return releasing_job(request, model, present, request.release_s, plan_release, {})
 
 

@@ -43,7 +43,7 @@ POINTERS = {"load": "/force_mN", "hold": "/force_mN", "load slew": "/load_s"}
 
 
 def plan(request: HoldJobRequest, model: ModelInUse, present: Present) -> Planned:
-    """Plan a hold from where the arms stand."""
+    """Plan a hold from the present state of the rig."""
     values: dict[str, Any] = {"hold_s": request.hold_s}
     if request.force_mN is None:
         make = partial(plan_hold, request.hold_s)
@@ -72,7 +72,7 @@ def plan(request: HoldJobRequest, model: ModelInUse, present: Present) -> Planne
 def _wanted(
     request: HoldJobRequest, force_mN: float, load_s: float, rig: RigFile
 ) -> HeldForceRequest:
-    """Return the force to hold; its release takes as long as the way to it, unless stated."""
+    """Return the force to hold; its release takes as long as its load, unless stated."""
     return HeldForceRequest(
         force_mN=force_mN,
         load_s=load_s,
@@ -92,7 +92,7 @@ def _plan_pair(
     values: dict[str, Any],
     uncertainty_mN: float,
 ) -> Planned:
-    """Plan a new force of both arms; the place of the part stays."""
+    """Plan a new force of both arms; the part stays in its place."""
     rig, safe_V = model.rig, model.rig.safety.safe_V
     wanted = replace(wanted, release_s=request.release_s or release_duration_s(rig, present))
     limits = replace(derived.planned_rig(rig).limits, force_max_mN=most_mN(rig))
@@ -127,10 +127,10 @@ def _plan_pair(
 
 
 def _acting_mN(force_mN: float, present: Present) -> tuple[float, float]:
-    """Return the force that acts on the part as the plan begins, and its uncertainty.
+    """Return the force on the part at the begin of the plan, and its uncertainty, in mN.
 
-    Where nothing has been heard of the rig, or no part is held, the new force is assumed: such a
-    plan shows what the request makes, and cannot begin.
+    If the state of the rig is unknown, or no part is held, the new force is assumed: such a plan
+    shows the effect of the request, and cannot be started.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def _acting_mN(force_mN: float, present: Present) -> tuple[float, float]:
 
 
 def evaluate(run: Run) -> Evaluation:
-    """Work out the figures of a hold, with those of its force where it was asked for one."""
+    """Compute the results of a hold, with those of its force if the request has one."""
     target_mN = run.planned.values.get("force_mN")
     if target_mN is not None and run.rig.second is not None:
         return pairs.evaluate(run)
@@ -168,7 +168,7 @@ def evaluate(run: Run) -> Evaluation:
 
 
 def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
-    """Draw one arm with its contact force, or both with a new force, over one time."""
+    """Draw one arm with its contact force, or both with a new force, over a common time axis."""
     of_pair = isinstance(evaluation.result, PairResult)
     return (pairs if of_pair else functions).plot(run, evaluation, name)
 

@@ -1,4 +1,4 @@
-"""``track``: grip the part and let position and force follow a path."""
+"""``track``: grip a part and let position and force follow a path."""
 
 from typing import Annotated, Literal
 
@@ -22,12 +22,12 @@ MEMBERS = {
     "step": ("levels_mN", "dwell_s"),
     "waypoints": ("points",),
 }
-"""Members of each shape; ``x_pp_um`` may replace ``force_pp_mN``."""
+"""Request members of each shape; ``x_pp_um`` may replace ``force_pp_mN``."""
 PATH = frozenset(("shape", "x_pp_um", *(name for names in MEMBERS.values() for name in names)))
 
 
 class TrackPoint(Model):
-    """A force at a time since the begin of the path."""
+    """Force at a time since the begin of the path."""
 
     model_config = example(t_s=1.0, force_mN=12.0)
 
@@ -36,7 +36,7 @@ class TrackPoint(Model):
 
 
 class PlacePoint(Model):
-    """A place at a time since the begin of the paths."""
+    """Place at a time since the begin of the paths."""
 
     model_config = example(t_s=1.0, place_um=2.0)
 
@@ -45,37 +45,37 @@ class PlacePoint(Model):
 
 
 class ForcePath(Model):
-    """A path of force: a swing, levels or points; the shape says which members it takes."""
+    """A force path: a swing, levels or points; the shape determines its members."""
 
     model_config = example(shape="sinusoid", mean_mN=15.0, pp_mN=10.0, frequency_hz=0.3, cycles=3)
 
     shape: Shape = "sinusoid"
     mean_mN: Positive | None = None
-    """Mean of a swing; left out, the force of the rig file's track."""
+    """Mean of a swing (default: the force of the rig file's track)."""
     pp_mN: Positive | None = None
-    """Its height, peak to peak."""
+    """Height of a swing, peak to peak."""
     frequency_hz: Positive | None = None
     cycles: Cycles | None = None
-    """At full amplitude; one more before and one after blend in and out."""
+    """Number of cycles at full amplitude; one more before and one after blend in and out."""
     levels_mN: list[NotNegative] | None = Field(default=None, min_length=1, max_length=LEVELS_MAX)
     dwell_s: Duration | None = None
-    """Time to stay at each level."""
+    """Duration of each level."""
     points: list[TrackPoint] | None = Field(
         default=None, min_length=2, max_length=POINTS_MAX, fail_fast=True
     )
-    """The first at 0 s."""
+    """Points of the path; the first one is at 0 s."""
 
 
 class PlacePath(Model):
-    """A path of the place q = (x_1 - x_2)/2, likewise."""
+    """A path of the place q = (x_1 - x_2)/2: a swing, levels or points."""
 
     model_config = example(shape="sinusoid", pp_um=8.45, frequency_hz=0.5, cycles=5)
 
     shape: Shape = "sinusoid"
     mean_um: float | None = None
-    """Mean of a swing; left out, the place where the part is expected."""
+    """Mean of a swing (default: the place where the part is expected)."""
     pp_um: Positive | None = None
-    """Its height, peak to peak."""
+    """Height of a swing, peak to peak."""
     frequency_hz: Positive | None = None
     cycles: Cycles | None = None
     levels_um: list[float] | None = Field(default=None, min_length=1, max_length=LEVELS_MAX)
@@ -86,7 +86,7 @@ class PlacePath(Model):
 
 
 class TrackJobRequest(ContactJobRequest, frozen=True):
-    """Grip a part and let position and force follow a path; what is left out is as in the rig file.
+    """Grip a part and let position and force follow a path. Defaults come from the rig file.
 
     A sinusoid and a triangle have a mean, a height, a frequency and cycles; steps have levels and
     a dwell; waypoints have points. With one arm, one path gives position and force: the members of
@@ -100,31 +100,32 @@ class TrackJobRequest(ContactJobRequest, frozen=True):
 
     kind: Literal["track"]
     shape: Shape | None = None
-    """Of the path."""
+    """Shape of the path."""
     force_mean_mN: Positive | None = None
     """Mean force of a swing."""
     force_pp_mN: Positive | None = None
-    """Peak to peak."""
+    """Height of a swing of the force, peak to peak."""
     x_pp_um: Positive | None = None
-    """Instead of ``force_pp_mN``, which is then K_e of the rig file's part times it."""
+    """Height of a swing of the position, peak to peak, instead of ``force_pp_mN``, which is then
+    K_e of the rig file's part times it."""
     frequency_hz: Positive | None = None
-    """Its frequency."""
+    """Frequency of a swing."""
     cycles: Cycles | None = None
-    """At full amplitude; one more before and one after blend in and out."""
+    """Number of cycles at full amplitude; one more before and one after blend in and out."""
     levels_mN: list[NotNegative] | None = Field(default=None, min_length=1, max_length=LEVELS_MAX)
     """Forces of a step path."""
     dwell_s: Duration | None = None
-    """Time to stay at each level."""
+    """Duration of each level."""
     points: list[TrackPoint] | None = Field(
         default=None, min_length=2, max_length=POINTS_MAX, fail_fast=True
     )
-    """The first at 0 s."""
+    """Points of the path; the first one is at 0 s."""
     rate_um_per_s: Speed | None = None
-    """Highest speed of x_r along the path; steps use it up."""
+    """Highest speed of x_r along the path, which steps reach."""
     acceleration_um_per_s2: Positive | None = None
-    """Highest acceleration of x_r along the path; steps and corners use it up."""
+    """Highest acceleration of x_r along the path, which steps and corners reach."""
     learn: bool | None = None
-    """Correct each cycle by what the cycles before it missed; of a sinusoid or a triangle."""
+    """Sinusoid or triangle only: correct each cycle by the errors of the cycles before it."""
     force: ForcePath | None = None
     """Two arms only: path of the force."""
     place: PlacePath | None = None
@@ -132,7 +133,8 @@ class TrackJobRequest(ContactJobRequest, frozen=True):
     force_mN: Positive | None = None
     """Two arms only: force to hold without a path of the force."""
     centre: bool = False
-    """Two arms only: find the part from both sides first. A place still counts from the tips."""
+    """Two arms only: find the part from both sides first. A place is still counted from the
+    tips."""
 
     @model_validator(mode="after")
     def _one_force(self) -> "TrackJobRequest":
@@ -156,15 +158,15 @@ class CycleErrors(Model):
     model_config = example(position_um=0.094, force_mN=0.21, true_force_mN=0.24)
 
     position_um: float | None
-    """x less x_r; null where a sample is missing."""
+    """R.m.s. of x minus x_r; null if a sample is missing."""
     force_mN: float | None
-    """The estimate less F_r."""
+    """R.m.s. of the estimate minus F_r."""
     true_force_mN: float | None
-    """The true force less F_r; known to a simulated rig alone."""
+    """R.m.s. of the true force minus F_r; known only to a simulated rig."""
 
 
 class Learned(Model):
-    """Corrections that a job has learned across its cycles, including those known before."""
+    """Corrections that a job has learned over its cycles, including earlier ones."""
 
     model_config = example(
         program="5f0c1e2a9b7d4c3e",
@@ -180,24 +182,27 @@ class Learned(Model):
     program: str
     """Name under which they are stored; see ``/rigs/{rig}/learning``."""
     cycles: int
-    """Number of cycles that were used."""
+    """Number of cycles from which the corrections were learned."""
     largest_um: float
     """Largest correction of x_r."""
     over: bool
-    """Whether no more is learned: after twelve cycles, or since nothing of an error comes back."""
+    """True if learning has ended: after twelve cycles, or because the remaining errors do not
+    repeat."""
     errors_um: list[float]
-    """R.m.s. of x less x_r of each cycle that was learned from."""
+    """R.m.s. of x minus x_r of each cycle from which the corrections were learned."""
     kept: bool = True
-    """True where cycles that the corrections were not learned from were better than the first one
-    without corrections, by more than chance. Otherwise the next job begins without corrections."""
+    """True if the errors of cycles that were not used for learning are smaller than those of the
+    first cycle without corrections, by more than chance. Otherwise the next job begins without
+    corrections."""
     before_um: float | None = None
-    """R.m.s. of x less x_r of the first cycle without corrections."""
+    """R.m.s. of x minus x_r of the first cycle without corrections."""
     after_um: float | None = None
-    """R.m.s. of x less x_r over the cycles that judged the corrections; null where none did."""
+    """R.m.s. of x minus x_r over the cycles by which the corrections were evaluated; null without
+    such a cycle."""
 
 
 class TrackResult(ClosedLoopResult):
-    """Figures of a tracked path, over its part at full amplitude: whole cycles where it swings."""
+    """Results of a tracked path, over its part at full amplitude: whole cycles where it swings."""
 
     model_config = example(
         outcome="tracked",
@@ -214,23 +219,23 @@ class TrackResult(ClosedLoopResult):
 
     shape: Shape
     x_pp_um: float | None
-    """Of x_r, peak to peak."""
+    """Height of x_r, peak to peak."""
     force_pp_mN: float | None
-    """Of F_r, peak to peak."""
+    """Height of F_r, peak to peak."""
     tracked_samples: int
     """Number of samples at full amplitude."""
     position_um: Tracking | None
-    """x less x_r."""
+    """Errors x minus x_r."""
     force_mN: Tracking | None
-    """The estimate less F_r."""
+    """Errors of the estimate, minus F_r."""
     true_force_mN: Tracking | None
-    """The true force less F_r; known to a simulated rig alone, null on a real one."""
+    """Errors of the true force, minus F_r; known only to a simulated rig, null on a real one."""
     cycles: list[CycleErrors] = Field(default_factory=list[CycleErrors])
-    """Errors over the cycles at full amplitude, in order; none between knots."""
+    """Errors of the cycles at full amplitude, in order; empty for paths without cycles."""
     learned: Learned | None = None
-    """Null where nothing was to be learned."""
+    """Learned corrections; null if the job did not learn."""
     error_sources: ErrorSources | None = None
-    """Where the errors at full amplitude come from; null where the path was not tracked."""
+    """Causes of the errors at full amplitude; null if the path was not tracked."""
 
 
 SWINGS = {"shape": ("sinusoid", "triangle")}

@@ -1,4 +1,4 @@
-"""Path, plan and result of a tracked path, and what is learned across its cycles."""
+"""Path, plan and result of a tracked path, and learning over its cycles."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -77,7 +77,7 @@ LONGEST_S = 3600.0
 
 
 def requested_path(request: TrackJobRequest, rig: RigFile) -> tuple[Path, dict[str, Any], str]:
-    """Return the path of one arm, its values completed by the rig file, and what gives its height.
+    """Return the path of one arm, its values, and the member that determines its height.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def requested_path(request: TrackJobRequest, rig: RigFile) -> tuple[Path, dict[s
 
 
 def path_of_two(path: ForcePath | PlacePath, rig: RigFile, place_um: float) -> Path:
-    """Return the path of the force or of the place of a part between two arms.
+    """Return the force or place path of a part between two arms.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def path_of_two(path: ForcePath | PlacePath, rig: RigFile, place_um: float) -> P
 
 
 def _bare(name: str) -> str:
-    """Return the name of a member without its quantity and its unit."""
+    """Return the name of a member without its quantity and unit."""
     return name.removeprefix("force_").removesuffix("_mN").removesuffix("_um")
 
 
@@ -180,7 +180,7 @@ def _path(
     pointer: str,
     long_pointer: str,
 ) -> Path:
-    """Return a path of a shape.
+    """Return a path of the requested shape.
 
     Parameters
     ----------
@@ -220,10 +220,10 @@ def _path(
 
 PAIR_POINTERS = {"load": "/force", "settle": "/place", "track": "", "unload": "/force"}
 LEARNED_CYCLES = 3
-"""Number of last cycles of a learned path by which its errors are divided: before, learning changes
-them from cycle to cycle, which would count as noise."""
+"""Number of last cycles of a learned path whose errors are broken into causes. Before them,
+learning changes the errors from cycle to cycle, which would count as noise."""
 NOISE_IN_ERROR = 1.15
-"""Noise of x - x_r over that of a reading: the loop follows some of it."""
+"""Ratio of the noise of x - x_r to that of a reading: the loop follows some of it."""
 
 
 def plan(request: TrackJobRequest, model: ModelInUse, present: Present) -> Planned:
@@ -279,7 +279,7 @@ def _plan_pair(request: TrackJobRequest, model: ModelInUse, present: Present) ->
 
 
 def evaluate(run: Run) -> Evaluation:
-    """Work out the figures of a tracked path."""
+    """Compute the results of a tracked path."""
     if run.rig.second is not None:
         return pairs.evaluate(run)
     table, path, period_s = run.table, run.planned.path, run.period_s
@@ -321,7 +321,7 @@ def evaluate(run: Run) -> Evaluation:
 
 
 def learning(planned: Planned, path: Path, period_s: float) -> Planned:
-    """The plan with a program that learns; raises FaultyRequestError where nothing repeats."""
+    """Return the plan with a program that learns; raises FaultyRequestError if nothing repeats."""
     if path.knots:
         raise FaultyRequestError(
             "/learn", f"learn = true with a {path.shape}: only a sinusoid or a triangle has cycles"
@@ -335,7 +335,7 @@ def learning(planned: Planned, path: Path, period_s: float) -> Planned:
 
 
 def whole_cycle(path: Path, period_s: float) -> int:
-    """Return ticks of a cycle; 0 where nothing swings, or not in whole ticks."""
+    """Return the number of ticks of a cycle; 0 without a swing, or if it is not a whole number."""
     if path.knots:
         return 0
     try:
@@ -345,7 +345,7 @@ def whole_cycle(path: Path, period_s: float) -> int:
 
 
 def learned_of(run: Run, path: Path) -> Corrections | None:
-    """Return what the program has learned, by the samples as the controller met them."""
+    """Return what the program has learned, from the samples as the controller received them."""
     begun = run.planned.program.corrections
     if begun is None:
         return None
@@ -371,10 +371,10 @@ def learned_of(run: Run, path: Path) -> Corrections | None:
 
 
 def judged(run: Run, learned: Corrections, cycles: Sequence[CycleErrors]) -> HeldOut | None:
-    """Hold what was learned against the cycles of this job that it was not learned from.
+    """Compare cycles of this job that were not used for learning with one without corrections.
 
-    Without earlier corrections the first cycle is the one to be better than; else it is the first
-    cycle of the first job.
+    Without earlier corrections, the first cycle is the reference; otherwise the first cycle of the
+    first job is.
     """
     begun = run.planned.program.corrections
     errors_um = [one.position_um for one in cycles if one.position_um is not None]
@@ -387,15 +387,15 @@ def judged(run: Run, learned: Corrections, cycles: Sequence[CycleErrors]) -> Hel
 
 
 def kept(learned: Corrections) -> Corrections:
-    """Return what the next job begins with: the corrections that led the best cycle.
+    """Return the corrections with which the next job begins: those of the best cycle.
 
-    The newest ones have not led a cycle yet.
+    The newest corrections have not been used in a cycle yet.
     """
     return changed(learned, values_um=learned.best_um or learned.values_um)
 
 
 def told_of(learned: Corrections, program: str, held: HeldOut | None) -> Learned:
-    """Return what was learned, for people."""
+    """Return the learned corrections as they are reported to users."""
     return Learned(
         program=program,
         cycles=len(learned.errors_um),
@@ -409,7 +409,7 @@ def told_of(learned: Corrections, program: str, held: HeldOut | None) -> Learned
 
 
 def cycle_errors(table: Columns, path: Path, period_s: float, full: Mask) -> list[CycleErrors]:
-    """R.m.s. errors over each cycle at full amplitude; none between knots."""
+    """Return the r.m.s. errors of each cycle at full amplitude; empty for a path without cycles."""
     if path.knots:
         return []
     t_s = (series(table, "segment_tick") - 1.0) * period_s - path.full_from_s

@@ -1,4 +1,4 @@
-"""The picture of a tracked path: over time from the load on, and force over position."""
+"""Picture of a tracked path: over time from the load phase on, and force over position."""
 
 from collections.abc import Sequence
 
@@ -28,7 +28,7 @@ TOP, BOTTOM = 0.875, 0.06
 
 
 def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
-    """Draw a track job, 1400 by 1180 pixels."""
+    """Draw a track job on a sheet of 1400 by 1180 pixels."""
     table, result = run.table, evaluation.result
     if not isinstance(result, TrackResult):
         return pairs.plot(run, evaluation, name)
@@ -119,7 +119,7 @@ def _over_time(axes: list[Axis], table: Columns, result: TrackResult, period_s: 
 
 
 def _loops(line: Axis, loop: Axis, table: Columns, tracked: Mask) -> None:
-    """Force over position, where plan and contact agree on one line, and position over voltage."""
+    """Draw force over position, if plan and contact agree on one line; position over voltage."""
     drawing.prepare(line, "contact force / mN", "position / µm")
     drawing.prepare(loop, "position / µm", "voltage / V")
     for axis in (line, loop):
@@ -150,7 +150,7 @@ def _loops(line: Axis, loop: Axis, table: Columns, tracked: Mask) -> None:
 
 
 def _by_cycle(axis: Axis, errors_um: Sequence[float | None]) -> None:
-    """Error of the position over the cycles at full amplitude."""
+    """Draw the position error over the cycles at full amplitude."""
     drawing.prepare(axis, "RMSE of $x$ / µm", "cycle at full amplitude")
     known = [(float(n + 1), error) for n, error in enumerate(errors_um) if error is not None]
     numbers, errors = np.array([n for n, _ in known]), np.array([error for _, error in known])
