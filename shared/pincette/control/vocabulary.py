@@ -1,4 +1,4 @@
-"""Codes, choices and limits that REST names too: what a client knows of control.
+"""Codes, choices and limits of control that REST uses too.
 
 It needs the standard library alone, as the distribution ``pincette-client`` does.
 """
@@ -43,11 +43,11 @@ LARGEST: Mapping[str, float] = {
     "µm/V": 1e9,
     "": 1e15,
 }
-"""Magnitude of a number by its unit; without one for gains and shares."""
+"""Largest magnitude of a number by its unit; the empty unit is for gains and shares."""
 
 
 class FaultCode(StrEnum):
-    """Everything that a program can find wrong; ``core.wording`` has a text for each."""
+    """All faults that a program can detect; ``core.wording`` has a text for each."""
 
     # An instrument, by the cause of its driver's error, whose words go with it.
     INSTRUMENT_CANNOT_OPEN = auto()

@@ -1,4 +1,4 @@
-"""Voltages that a plan has stated, which the actuator keeps to from the arming on."""
+"""Voltages stated by a plan, which the actuator keeps to from the arming on."""
 
 from collections.abc import Sequence
 
@@ -27,15 +27,15 @@ class VoltageRange(FrozenRecord, frozen=True):
     def from_voltage(self, present_V: float) -> tuple[float, float]:
         """Return the lowest and highest voltage allowed next, in V.
 
-        An output that is outside the range may stay there or come nearer, and move no further out.
+        An output outside the range may stay there or come nearer, but move no further out.
         """
         return min(self.min_V, present_V), max(self.max_V, present_V)
 
 
 def around(voltages_V: Sequence[float], share: float, margin_V: float) -> VoltageRange:
-    """Return the range of some voltages and of 0 V, wider by a share of it and by a margin in V.
+    """Return the range of some voltages and of 0 V, widened by a share of it and a margin in V.
 
-    The rest at 0 V is part of every range, since every program may be stopped and led back.
+    The rest at 0 V is part of every range, since every program may be stopped and moved back.
     """
     low_V, high_V = min(0.0, *voltages_V), max(0.0, *voltages_V)
     beyond_V = share * (high_V - low_V) + margin_V

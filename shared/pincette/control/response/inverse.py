@@ -39,7 +39,7 @@ def voltage_for(
     um_per_V: float,
     period_s: float,
 ) -> float:
-    """Return the voltage in V that leads from a memory to a displacement in µm, a period ahead.
+    """Return the voltage in V that leads from a memory to a displacement in µm a period later.
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ class Choice(NamedTuple):
 
     @property
     def possible(self) -> bool:
-        """Whether there is such a model: bends go with curvature and with plays that keep."""
+        """Return whether the model exists: bends need curvature and plays that keep memory."""
         keeps = not any(self.families) and self.rates is None
         return not self.bent or (self.curved and keeps)
 

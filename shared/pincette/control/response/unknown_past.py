@@ -113,7 +113,7 @@ class UnknownPast(FrozenRecord, frozen=True):
     def compared(
         self, response: FreeResponse, residual_um: float, standard_um: float
     ) -> "UnknownPast":
-        """Return pasts narrowed by the deviation of a free resting arm from x_1 since the zero.
+        """Return the pasts narrowed by a free resting arm's deviation from x_1 since the zero.
 
         Parameters
         ----------
@@ -163,7 +163,7 @@ class UnknownPast(FrozenRecord, frozen=True):
         return worst_um
 
     def matters(self, response: FreeResponse) -> bool:
-        """Whether it may make more than the error that x_1 is stated with for a whole stroke."""
+        """Return whether the past may exceed the stated error of x_1 over a whole stroke."""
         low_V, high_V = self.ends_V
         stroke = response.follow(low_V, 0.0).begin(0.0).follow(high_V, 0.0)
         return not self.known and self.worst_um(response) > stroke.error_um()

@@ -1,7 +1,8 @@
-"""Which commands may act: authority, numbers, order, sample, age; and what a good one does.
+"""Admission of commands: authority, numbers, order, sample, age; and the effect of a good one.
 
-A command is heard only from the owner and in the epoch that the arming named. What it knows of its
-sample is held against the hard limits whether it is valid or not; then it is taken or refused.
+A command is considered only from the owner and in the epoch that the arming named. Its facts about
+its sample are compared with the hard limits whether it is valid or not; then it is accepted or
+refused.
 """
 
 from itertools import chain, repeat
@@ -56,15 +57,15 @@ class CommandFacts(FrozenRecord, frozen=True):
     final: bool
     valid: bool
     fault: Fault | None = None
-    """Why it is not valid; None where it is, or does not say."""
+    """Why the command is not valid; None if it is valid, or does not say."""
     sweep_V: float | None = None
-    """Amplitude of a sweep about the voltage of the first arm; None: without one."""
+    """Amplitude of a sweep about the voltage of the first arm, in V; None without a sweep."""
 
 
 def sampled(
     limits: SafetyLimits, state: S, seq: int, x_um: tuple[float | None, ...], now: float
 ) -> S:
-    """Note a sample of this epoch and hold the position of each arm against its limits.
+    """Add a sample of this epoch and compare the position of each arm with its limits.
 
     An older or equal number changes nothing.
 
@@ -93,7 +94,7 @@ def sampled(
 
 
 def _watched(state: S, index: int, watches: Watches) -> S:
-    """Replace what was seen of one arm."""
+    """Return the state with other observations of one arm."""
     arms = list(state.arms)
     arms[index] = replace(arms[index], watches=watches)
     return replace(state, arms=tuple(arms))
@@ -104,9 +105,10 @@ def _tripped(limits: SafetyLimits, state: S, index: int, found: Finding, now: fl
 
 
 def unheard(state: SafetyState, command: CommandFacts) -> Fault | None:
-    """Return why a command is ignored; None if it is not.
+    """Return why a command is ignored; None if it is considered.
 
-    Without authority, or so far ahead of the samples that it cannot have overtaken its own.
+    It is ignored without authority, or so far ahead of the samples that it cannot have overtaken
+    its own.
     """
     if command.epoch != state.epoch:
         return fault(FaultCode.OTHER_EPOCH, epoch=command.epoch, armed_epoch=state.epoch)
@@ -119,9 +121,9 @@ def unheard(state: SafetyState, command: CommandFacts) -> Fault | None:
 
 
 def turned_away(state: S, command: CommandFacts, why: Fault) -> S:
-    """Count a command that is not listened to; several of strangers are an alarm.
+    """Count an ignored command; several commands of another sender raise an alarm.
 
-    One that is not valid asks for nothing: a controller says so of every sample before it is armed.
+    An invalid command requests nothing: a controller sends one for every sample before it is armed.
     """
     if not command.valid:
         return state
@@ -135,9 +137,9 @@ def early(state: SafetyState, command: CommandFacts) -> bool:
 
 
 def judged(limits: SafetyLimits, state: S, command: CommandFacts, now: float) -> S:
-    """Take a command that is listened to, or refuse it, or trip by what it knows.
+    """Accept a command with authority, or refuse it, or trip by its facts about the sample.
 
-    One that is not valid is never taken; why it is not is remembered for the trip that may follow.
+    An invalid command is never accepted; its reason is stored for the trip that may follow.
     """
     if why := unusable(limits, command):
         why = why.with_values(seq=command.seq)
@@ -156,7 +158,7 @@ def judged(limits: SafetyLimits, state: S, command: CommandFacts, now: float) ->
 
 
 def unusable(limits: SafetyLimits, command: CommandFacts) -> Fault | None:
-    """Return why the numbers of a command may not be used; None where all may.
+    """Return why the numbers of a command may not be used; None if all may.
 
     A command has numbers for each arm of the rig: no arm is moved alone because the command leaves
     the other out. A command that is not valid requests nothing, so it may leave arms out.
@@ -173,7 +175,7 @@ def unusable(limits: SafetyLimits, command: CommandFacts) -> Fault | None:
 def nonsense(
     limits: VoltageLimits, voltage_V: float, force_mN: float | None, x_d_um: float | None
 ) -> Fault | None:
-    """Return why a number of one arm's command may not be used; None where all may."""
+    """Return why a number of one arm's command may not be used; None if all may."""
     if why := absurd(limits, voltage_V):
         return why
     if force_mN is not None and not isfinite(force_mN):
@@ -186,7 +188,7 @@ def nonsense(
 def _monitored(
     limits: SafetyLimits, state: S, command: CommandFacts, sample: Arrival, now: float
 ) -> S:
-    """Hold force and aim of each arm against its limits; only the force ends a freeze."""
+    """Compare force and aim of each arm with its limits; only the force ends a freeze."""
     if state.mode not in (Mode.ARMED, Mode.FROZEN):
         return state
     arms = zip(limits.arms, command.arms, chain(sample.x_um, repeat(None)), strict=False)
@@ -216,7 +218,7 @@ def objection(
     sample: Arrival | None,
     now: float,
 ) -> Fault | None:
-    """Return why a valid command with authority is not accepted; None if it may be."""
+    """Return why a valid command with authority is not accepted; None if it is."""
     if state.mode != Mode.ARMED:
         return fault(FaultCode.NOT_ARMED, seq=command.seq)
     if command.seq <= state.taken_seq:
@@ -233,16 +235,16 @@ def objection(
 
 
 def parts_s(limits: SafetyLimits, sample: Arrival, now: float) -> float:
-    """Return how long the parts of a step take that is written at ``now``; 0: in one part.
+    """Return the duration of a step's parts if it is written at ``now``; 0 for a single part.
 
     A step whose last part would be a period old, and come after the next sample, is written at
-    once: the estimate of that sample would else go by a voltage that is not there yet.
+    once. The estimate of that sample would otherwise assume a voltage that is not there yet.
     """
     return limits.parts_s if now - sample.at_s + limits.parts_s < limits.period_s else 0.0
 
 
 def _taken(limits: SafetyLimits, state: S, command: CommandFacts, sample: Arrival, now: float) -> S:
-    """Follow a good command; ``final`` ends the arming and keeps the voltage."""
+    """Apply a good command; ``final`` ends the arming and keeps the voltage."""
     if state.shaped is not None:
         state = broken_off(limits, state, now)
     had_s, share = None, 1.0

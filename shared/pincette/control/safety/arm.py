@@ -23,16 +23,16 @@ class ArmLimits:
 
 
 class ArmOutput(FrozenRecord, frozen=True):
-    """Voltage of one arm, and what the rules remember of the arm from one event to the next."""
+    """Voltage of one arm, and the state of its rules from one event to the next."""
 
     voltage_V: float = 0.0
     ramp_from_V: float = 0.0
-    """Voltage at the begin of the ramp."""
+    """Voltage at the begin of the ramp, in V."""
     limits_active: int = 0
     """Bits of the voltage limits that acted on the newest command."""
     watches: Watches = UNSEEN
     planned: VoltageRange | None = None
-    """Voltages that the plan of this arming has stated; None: the limits of the rig."""
+    """Voltages stated by the plan of this arming; None for the limits of the rig."""
 
 
 class ArmFacts(FrozenRecord, frozen=True):
@@ -44,7 +44,7 @@ class ArmFacts(FrozenRecord, frozen=True):
 
 
 def with_arm(found: Fault, arm: int) -> Fault:
-    """Return the fault with the number of its arm, where that is not the first.
+    """Return the fault with the number of its arm, unless that is the first one.
 
     Parameters
     ----------

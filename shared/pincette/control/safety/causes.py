@@ -1,4 +1,4 @@
-"""Modes of the actuator, why it trips, and how the one before it has ended."""
+"""Modes of the actuator, causes of a trip, and how the previous program ended."""
 
 from enum import StrEnum
 
@@ -20,49 +20,49 @@ AT_REST = frozenset({Mode.IDLE, Mode.LATCHED})
 
 
 class Cause(StrEnum):
-    """Why a rig is latched; the faults beside it have the numbers."""
+    """Why a rig is latched; the accompanying faults have the numbers."""
 
     NONE = ""
     """Not tripped."""
     BOOT = "boot"
-    """The actuator has just started, and none before it has died."""
+    """The actuator has just started, and no previous one has died."""
     COMMAND_AGE = "command_age"
-    """No command in time."""
+    """No command arrived in time."""
     FORCE = "force"
-    """The estimated force is beyond the hard limit."""
+    """The estimated force exceeds the hard limit."""
     FOLLOWING_ERROR = "following_error"
-    """The arm is not where the law wants it."""
+    """The arm is too far from the position that the law requests."""
     POSITION = "position"
-    """The measured position is beyond the hard limits."""
+    """The measured position exceeds the hard limits."""
     DEVICE = "device"
-    """The voltage output failed or refused."""
+    """The voltage output failed or refused a command."""
     SUSPEND = "suspend"
-    """The machine was suspended: nobody knows what has become of arm and part meanwhile."""
+    """The machine was suspended: what happened to arm and part meanwhile is unknown."""
     SHUTDOWN = "shutdown"
-    """The program was told to end."""
+    """The program was requested to end."""
     RESTART = "restart"
-    """The actuator was restarted after one that has died."""
+    """The actuator was restarted after the previous one had died."""
     ESTOP = "estop"
     ABORT = "abort"
     LEASE = "lease"
     SUPERVISOR = "supervisor"
     ASKED = "asked"
-    """Another program asked for it, and did not say why."""
+    """Another program requested the trip without a reason."""
 
 
 class Predecessor(StrEnum):
     """How the previous actuator program has ended."""
 
     NONE = "none"
-    """None is known."""
+    """No previous program is known."""
     CLEAN = "clean"
-    """It was told to end, with the arm free and nothing latched that a person had not seen."""
+    """It ended on request, with the arm free and no latch that an operator had not seen."""
     DIED = "died"
     """It was killed, failed, or left an unseen latch; or the note is damaged."""
 
 
 CAUSES = tuple(cause for cause in Cause if cause != Cause.NONE)
-"""All that the actuator tells."""
+"""All causes that the actuator reports."""
 OWN = frozenset(
     {
         Cause.BOOT,
@@ -78,15 +78,15 @@ OWN = frozenset(
 )
 """Causes that only the actuator itself finds."""
 BOOTED = frozenset({Cause.BOOT, Cause.RESTART})
-"""Causes of an actuator that has tripped by nothing that it has seen itself."""
+"""Causes of an actuator that has itself detected no fault."""
 LETS_GO = frozenset({Cause.FORCE})
-"""Causes for which a held part is let go at once: to freeze would be to press on."""
+"""Causes for which a held part is released at once: a freeze would go on pressing."""
 
 
 def as_asked(cause: Cause) -> Cause:
     """Return the cause of a trip that another program requests.
 
-    A cause that only the actuator itself can find is reported as requested: a rig that has only
+    A cause that only the actuator itself can detect is reported as ``ASKED``: a rig that has only
     booted is cleared more easily than one that was tripped.
     """
     return Cause.ASKED if not cause or cause in OWN else cause

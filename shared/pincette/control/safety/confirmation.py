@@ -1,9 +1,9 @@
-"""Output voltages that are not confirmed: read back first, and only then moved.
+"""Unconfirmed output voltages: they are read back first, and moved only then.
 
-A write that failed may have been heard or not, and an output that is back may have lost its
-voltage with its supply. Nobody knows then what is put out, and any write may be a step. So nothing
-is written until the output has said where it stands; it is asked again and again, with samples or
-without; and the ramp begins from what it says.
+A write that failed may have had an effect or not, and an output that is back may have lost its
+voltage with its supply. The present voltage is then unknown, and any write may be a step. So
+nothing is written until the output has reported its voltage. The request is repeated, with samples
+or without, and the ramp begins from the reported voltage.
 """
 
 from typing import TypeVar
@@ -21,29 +21,29 @@ S = TypeVar("S", bound=SafetyState)
 
 
 READ_BACK_V = 0.01
-"""An output that says less than this beside a voltage has only rounded it."""
+"""Largest difference between a voltage and its read-back that counts as rounding, in V."""
 
 
 def waits_for_read_back(limits: SafetyLimits, state: SafetyState) -> bool:
     """Return whether the output must be read back before it is written again.
 
-    Not in lockstep, where a write ends the tick and a failure ends the run.
+    In lockstep it never must: there a write ends the tick and a failure ends the run.
     """
     return not_located(limits, state) and state.mode in TRIPPED
 
 
 def read_back_due(limits: SafetyLimits, state: SafetyState, now: float) -> bool:
-    """Return whether it is to be asked now: at once, and then once a period."""
+    """Return whether to request a read-back now: at once, and then once a period."""
     return waits_for_read_back(limits, state) and now - state.asked_s >= limits.period_s
 
 
 def failed(state: S) -> S:
-    """Note that the output has failed: nobody knows where it stands."""
+    """Record that the output has failed, so that its voltage is unknown."""
     return replace(state, unconfirmed=True, located=False)
 
 
 def begun(limits: SafetyLimits, state: S, found_V: tuple[float, ...]) -> S:
-    """Begin from the voltages that the outputs of the arms put out.
+    """Begin from the voltages at the outputs of the arms.
 
     Where one is nearer to the safe voltage than to the one that the output was given, the output
     has released a part by itself.
@@ -69,8 +69,8 @@ def differs(state: SafetyState, found_V: tuple[float, ...]) -> bool:
 def found(limits: SafetyLimits, state: S, found_V: tuple[float, ...], now: float) -> S:
     """Continue from the voltages that the outputs have read back.
 
-    A ramp begins again from there, also where the actuator was latched already, and stays
-    unconfirmed until a write of it is confirmed; a freeze, and the latch of a boot, keep the
+    A ramp begins again from there, including one of an already latched actuator, and stays
+    unconfirmed until a write of it is confirmed. A freeze, and the latch of a boot, keep the
     voltages. But where one of two outputs has released a part by itself, a freeze ends: the other
     follows.
     """
@@ -89,7 +89,7 @@ def found(limits: SafetyLimits, state: S, found_V: tuple[float, ...], now: float
 
 
 def suspended(limits: SafetyLimits, state: S, slept_s: float, now: float) -> S:
-    """Trip an armed actuator after a sleep: no age counts it, and no standstill excuses it.
+    """Trip an armed actuator after a suspension, which no age shows and no allowance excuses.
 
     The output's own watchdog may have acted meanwhile, so that it is read back first.
     """
@@ -100,10 +100,10 @@ def suspended(limits: SafetyLimits, state: S, slept_s: float, now: float) -> S:
 
 
 def stands(state: SafetyState) -> bool:
-    """Whether the output has nothing to be told: it keeps its voltage, or stands at the safe one.
+    """Return whether no write is needed: the voltage is to stay, or is the confirmed safe one.
 
-    One that has said so since it failed, and may refuse to be told, is left in peace. A step that
-    was broken off between two parts must be written.
+    An output that has reported the safe voltage since its failure, and may refuse commands, is not
+    written again. A step that was broken off between two parts must be written.
     """
     if state.interrupted:
         return False

@@ -1,4 +1,4 @@
-"""Arming, trip, freeze, ramp, latch and reset: which modes there are, and what leads where.
+"""Arming, trip, freeze, ramp, latch and reset: the modes and the transitions between them.
 
 What a trip does is decided before the fault: the last good command says whether a part is held.
 With the arm free the voltage ramps to the safe value; with a part held it is frozen, for a bounded
@@ -27,15 +27,15 @@ S = TypeVar("S", bound=SafetyState)
 
 
 def booted(state: S, predecessor: Predecessor) -> S:
-    """Begin latched, by a restart where the one before has died."""
+    """Begin latched; the cause is a restart if the previous program has died."""
     cause = Cause.RESTART if predecessor is Predecessor.DIED else Cause.BOOT
     return replace(state, cause=cause, predecessor=predecessor)
 
 
 def ending(state: SafetyState) -> Predecessor:
-    """Return how an actuator that is told to end here is reported to the next one.
+    """Return how an actuator that ends in this state is reported to the next one.
 
-    One whose latch nobody has cleared is no better than the one before it.
+    One whose latch has not been cleared counts as the one before it.
     """
     if state.part_held or state.unconfirmed:
         return Predecessor.DIED
@@ -49,8 +49,8 @@ def ending(state: SafetyState) -> Predecessor:
 def arming_objection(state: SafetyState) -> str:
     """Return why the actuator may not be armed; empty if it may.
 
-    If whoever armed it left before the loop began, no sample ends that arming: another one takes
-    its place.
+    If the program that armed it left before the loop began, no sample ends that arming: another
+    arming replaces it.
     """
     if state.mode == Mode.IDLE or (state.mode == Mode.ARMED and not state.arrivals):
         return ""
@@ -67,9 +67,9 @@ def armed(
     now: float,
     planned: tuple[VoltageRange | None, ...] = (),
 ) -> S:
-    """Give the authority to one owner for one epoch, at the voltage and with the part there are.
+    """Give the authority to one owner for one epoch, with the present voltage and part.
 
-    Until the first command says otherwise a part stays held: a fault before it must not drop it.
+    Until the first command states otherwise a part stays held: a fault before it must not drop it.
 
     Parameters
     ----------
@@ -109,8 +109,8 @@ def trip(
 ) -> S:
     """Begin the safe state, unless it has begun; the first cause is kept.
 
-    A part is let go only where that is asked for, or lies in the cause: then a freeze ends in its
-    ramp at once. Where no tick will come to play a ramp, the safe voltage is there at once.
+    A part is released only on request, or by the cause itself; then a freeze becomes a ramp at
+    once. Where no tick will come to play a ramp, the safe voltage is set at once.
     """
     let_go = let_go or cause in LETS_GO
     if state.mode == Mode.FROZEN and let_go:
@@ -128,7 +128,7 @@ def trip(
 
 
 def standing_V(limits: SafetyLimits, state: SafetyState, now: float) -> float:
-    """Return the voltage of the first arm: between two parts of a step, that of the newest."""
+    """Return the voltage of the first arm, in V; within a step, that of the newest part."""
     step, interval_s = state.shaped, limits.shaping_s
     if step is None or interval_s is None or limits.lockstep:
         return state.arms[0].voltage_V
@@ -136,7 +136,7 @@ def standing_V(limits: SafetyLimits, state: SafetyState, now: float) -> float:
 
 
 def broken_off(limits: SafetyLimits, state: S, now: float) -> S:
-    """End a step that is written in parts at the part that is put out."""
+    """End a step that is written in parts at the part that has been put out."""
     if state.shaped is None:
         return state
     voltage_V, (first, *others) = standing_V(limits, state, now), state.arms
@@ -146,9 +146,9 @@ def broken_off(limits: SafetyLimits, state: S, now: float) -> S:
 
 
 def explained(state: S, found: Fault) -> S:
-    """Add to the cause of a trip for want of commands that the sensor's answers came late.
+    """Add late answers of the sensor to the faults of a trip by missing commands.
 
-    The first late answers look lost; only what comes after the trip shows that they are late.
+    The first late answers look lost; only their arrival after the trip shows that they are late.
     """
     told = any(one.code is FaultCode.INSTRUMENT_LATE for one in state.faults)
     if state.cause != Cause.COMMAND_AGE or state.mode == Mode.ARMED or told:
@@ -159,7 +159,7 @@ def explained(state: S, found: Fault) -> S:
 
 
 def ramped(state: S, now: float) -> S:
-    """Begin the ramp of each arm to the safe voltage from where its voltage is."""
+    """Begin the ramp of each arm from its present voltage to the safe one."""
     arms = tuple([replace(arm, ramp_from_V=arm.voltage_V) for arm in state.arms])
     return replace(state, mode=Mode.RAMPING, since_s=now, arms=arms)
 
@@ -171,10 +171,10 @@ def at_safe(limits: SafetyLimits, state: S) -> S:
 
 
 def released(state: S, pressed: Fault, now: float) -> S:
-    """End a freeze because the part seems to be pressed too hard, which is added to the cause.
+    """End a freeze because the part seems to be pressed too hard, and add that to the faults.
 
-    The force follows from the voltage. Where the output does not confirm that, the force is
-    unknown and no number is stated.
+    The force follows from the voltage. Where the output does not confirm that, the force is unknown
+    and no number is stated.
     """
     values = pressed.values
     if state.unconfirmed:
@@ -188,7 +188,7 @@ def released(state: S, pressed: Fault, now: float) -> S:
 def reset_objection(limits: SafetyLimits, state: SafetyState, *, acknowledged: bool) -> str:
     """Return why the latch is not cleared; empty if it may be.
 
-    Only the latch of a start after a clean end needs nobody who has seen its cause.
+    Only the latch of a start after a clean end needs no acknowledgement of its cause.
     """
     if not acknowledged and (state.mode != Mode.LATCHED or state.cause != Cause.BOOT):
         return "a reset needs acknowledge = true"
@@ -200,8 +200,8 @@ def reset_objection(limits: SafetyLimits, state: SafetyState, *, acknowledged: b
 def reset(limits: SafetyLimits, state: S) -> S:
     """Clear the latch; a part that is held stays so, and the voltage with it.
 
-    In real time a ramp must have come to its end. In lockstep, where a program has died, no tick
-    will come to end it.
+    In real time a ramp must have ended. In lockstep, where a program has died, no tick will come to
+    end it.
     """
     if state.mode == Mode.RAMPING:
         state = at_safe(limits, state)
@@ -213,10 +213,10 @@ def reset(limits: SafetyLimits, state: S) -> S:
 
 
 def awake(limits: SafetyLimits, state: S, now: float, busy_s: float = 0.0) -> S:
-    """Note that the actuator runs; a standstill before that is left out of every age.
+    """Record that the actuator runs, and subtract an earlier standstill from every age.
 
-    At rest nothing ages, and the actuator looks at its clock less often. While its program was at
-    work for another service, for ``busy_s``, it did not stand still.
+    At rest nothing ages, and the actuator checks its clock less often. While its program worked for
+    another service, for ``busy_s``, it did not stand still.
     """
     if limits.lockstep or state.ran_s is None or state.mode in AT_REST:
         return replace(state, ran_s=now)
@@ -234,7 +234,10 @@ def awake(limits: SafetyLimits, state: S, now: float, busy_s: float = 0.0) -> S:
 
 
 def not_located(limits: SafetyLimits, state: SafetyState) -> bool:
-    """Whether the output has failed and not said since what it puts out; never in lockstep."""
+    """Return whether the output has failed and not reported its voltage since.
+
+    Never in lockstep.
+    """
     return state.unconfirmed and not state.located and not limits.lockstep
 
 
@@ -266,9 +269,9 @@ def _silence(limits: SafetyLimits, state: SafetyState, now: float) -> tuple[Faul
 
 
 def shutdown(limits: SafetyLimits, state: S, now: float) -> tuple[S, bool]:
-    """Ramp to the safe voltage because the program is told to end, with or without a part.
+    """Ramp to the safe voltage because the program is to end, with or without a part.
 
-    True once it is there.
+    The second result is True once the voltage is safe.
     """
     at_safe_voltage = all(arm.voltage_V == limits.safe_V for arm in state.arms)
     if at_safe_voltage and standing_V(limits, state, now) == limits.safe_V:

@@ -1,9 +1,9 @@
-"""Force, following error and position held against hard limits, sample by sample.
+"""Monitors that compare force, following error and position with hard limits in each sample.
 
-The hard limits lie beyond those that the controller's guards watch, so that its gentle reaction
-comes first; a limit acts once it has been exceeded for some samples in a row. A sample of which a
-quantity is not known neither counts nor clears. The following error is counted leakily: a sample
-within its bound takes back one beyond it, so that an aim that comes and goes is found too.
+The hard limits lie beyond those of the controller's guards, so that its gentle reaction comes
+first. A limit acts once it has been exceeded for some samples in a row. A sample with an unknown
+quantity neither counts nor clears. The following error is counted leakily: a sample within its
+bound cancels one beyond it, so that an aim that alternates is detected too.
 """
 
 from dataclasses import dataclass
@@ -19,41 +19,42 @@ from pincette.control.safety.causes import Cause
 
 @dataclass(frozen=True, slots=True)
 class MonitorLimits:
-    """Hard limits, and for how many samples in a row each may be exceeded."""
+    """Hard limits, and the number of samples in a row for which each may be exceeded."""
 
     period_s: float
     force_mN: float
     force_samples: int
     following_um: float
-    """Largest |x - x_d| while x_d rests, and"""
+    """Largest |x - x_d| while x_d rests, in µm."""
     following_s: float
-    """how much more for each µm/s of x_d."""
+    """Increase of that bound with the speed of x_d, in µm per µm/s."""
     following_samples: int
     position_min_um: float
     position_max_um: float
     position_samples: int
     fastest_um_per_s: float = inf
-    """Speed of the arm at the slew limit: no faster aim can be a plan's, and widens the bound."""
+    """Speed of the arm at the slew limit, in µm/s: a faster aim is not a plan's, and does not widen
+    the bound."""
 
 
 class Watch(FrozenRecord, frozen=True):
-    """Samples in a row beyond a limit, and by how much the newest was."""
+    """Count of samples in a row beyond a limit, and the newest excess."""
 
     count: int = 0
     newest: Fault | None = None
 
     def follow(self, excess: Fault | None) -> "Watch":
-        """Count a sample; one without excess begins anew."""
+        """Count a sample; one without excess resets the count."""
         return QUIET if excess is None else Watch(self.count + 1, excess)
 
     def leak(self, excess: Fault | None) -> "Watch":
-        """Count a sample; one without excess takes one back."""
+        """Count a sample; one without excess decrements the count."""
         if excess is not None:
             return Watch(self.count + 1, excess)
         return QUIET if self.count <= 1 else Watch(self.count - 1, self.newest)
 
     def found(self, samples: int) -> Fault | None:
-        """Return the limit that acts, with the number of samples; None if it does not."""
+        """Return the fault if the limit acts, with the number of samples; None if it does not."""
         if self.newest is None or self.count < samples:
             return None
         return self.newest.with_values(samples=self.count)
@@ -66,27 +67,27 @@ class Watches(FrozenRecord, frozen=True):
     """Observations of each quantity, and the last position that the law requested."""
 
     seq: int = -1
-    """The newest command that was seen."""
+    """Number of the newest command's sample."""
     force: Watch = QUIET
     following: Watch = QUIET
     position: Watch = QUIET
     aim_seq: int = -1
     aim_um: float | None = None
-    """x_d of that sample; None before the first."""
+    """Position x_d of that sample, in µm; None before the first."""
 
 
 UNSEEN = Watches()
 
 
 class Finding(NamedTuple):
-    """Why the actuator trips by itself, with the numbers."""
+    """Why the actuator trips by its own monitors, with the numbers."""
 
     cause: Cause
     fault: Fault
 
 
 def force_excess(limits: MonitorLimits, force_mN: float) -> Fault | None:
-    """Return a fault if a force, compressive ones positive, is beyond its limit."""
+    """Return a fault if a force, positive in compression, exceeds its limit."""
     if force_mN <= limits.force_mN:
         return None
     return fault(FaultCode.FORCE_BEYOND_LIMIT, force_mN=force_mN, limit_mN=limits.force_mN)
@@ -97,7 +98,7 @@ def following_excess(
 ) -> Fault | None:
     """Return a fault if |x - x_d| > following_um + following_s·min(|dx_d/dt|, fastest_um_per_s).
 
-    The bound grows with the commanded speed, as that of a machine tool does: a fast arm lags.
+    The bound grows with the commanded speed, as that of a machine tool does, since a fast arm lags.
     """
     credited_um_per_s = min(speed_um_per_s, limits.fastest_um_per_s)
     bound_um, error_um = limits.following_um + limits.following_s * credited_um_per_s, x_um - x_d_um
@@ -121,7 +122,7 @@ def position_excess(limits: MonitorLimits, x_um: float) -> Fault | None:
 
 
 def watch_position(limits: MonitorLimits, watches: Watches, x_um: float) -> Watches:
-    """Follow a measured sample."""
+    """Update the monitors by a measured sample."""
     excess = position_excess(limits, x_um)
     if excess is None and watches.position is QUIET:
         return watches
@@ -137,7 +138,7 @@ def watch_command(
     x_d_um: float | None,
     force_mN: float | None,
 ) -> Watches:
-    """Follow what a command knows of its sample ``seq``; each sample counts once."""
+    """Update the monitors by a command's facts about its sample; each sample counts once."""
     if seq <= watches.seq:
         return watches
     force, following = watches.force, watches.following

@@ -11,7 +11,8 @@ from pincette.control.safety.causes import Cause, Mode, Predecessor
 from pincette.control.safety.freshness import AgeLimits, Arrivals
 
 ALARM = 3
-"""Commands of a stranger from which on it is no remnant but a second controller."""
+"""Number of commands of another sender that are taken for a second controller instead of leftovers.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,32 +21,32 @@ class SafetyLimits:
 
     period_s: float
     lockstep: bool
-    """Whether time passes only with ticks, none of which comes while nothing is armed."""
+    """True if time passes only with ticks, which do not come while nothing is armed."""
     age: AgeLimits
     arms: tuple[ArmLimits, ...]
-    """One or two."""
+    """Limits of each arm, one or two."""
     ramp_s: float
     freeze_s: float
-    """Time for which a held part is kept after a trip, before the ramp releases it."""
+    """Time for which a held part is kept after a trip, before the ramp releases it, in s."""
     safe_V: float
     shaping_s: float | None = None
-    """Time between two of the three parts in which a step is written; None: it has one part. Only
-    rigs of one arm write steps in parts."""
+    """Time between two of the three parts of a step, in s; None for steps in one part. Only rigs of
+    one arm write steps in parts."""
 
     @property
     def parts_s(self) -> float:
-        """Return the time from the first to the last part of a step; 0 if it is written at once."""
+        """Return the time from the first to the last part of a step, in s; 0 for a single part."""
         return 0.0 if self.shaping_s is None else LAST * self.shaping_s
 
 
 class Strangers(FrozenRecord, frozen=True):
-    """Commands without authority in this arming, and the owner of the newest one."""
+    """Commands without authority in this arming, and the fault of the newest one."""
 
     count: int = 0
     newest: Fault | None = None
 
     def alarm(self) -> tuple[Fault, ...]:
-        """Return an alarm for the operator; none if a message or two may have been left over."""
+        """Return an alarm for the operator; empty for one or two possibly leftover messages."""
         if self.count < ALARM or self.newest is None:
             return ()
         return fault(FaultCode.SECOND_CONTROLLER, commands=self.count), self.newest
@@ -55,48 +56,51 @@ NO_STRANGERS = Strangers()
 
 
 class SafetyState(FrozenRecord, frozen=True):
-    """Authority, latch, voltage of each arm, and what the rules have seen."""
+    """Authority, latch, voltage of each arm, and observations of the rules."""
 
     mode: Mode = Mode.LATCHED
     cause: Cause = Cause.BOOT
     faults: tuple[Fault, ...] = ()
-    """Behind the cause: what was found, why the commands before were not valid, why a freeze has
-    ended early."""
+    """Faults that explain the cause: the detected limits, why the preceding commands were not
+    valid, why a freeze ended early."""
     epoch: int = 0
     owner: int = 0
     arms: tuple[ArmOutput, ...] = (ArmOutput(),)
-    """Outputs, as many as the limits have; everything else is common to all arms."""
+    """State of each arm's output, as many as there are limits; everything else is common to all
+    arms."""
     part_held: bool = False
-    """Whether a part is held by the last good command: it decided beforehand what a fault means."""
+    """True if a part is held according to the last good command; it determines the reaction to a
+    fault."""
     moved_s: float = -inf
-    """Time of the last change of a voltage."""
+    """Time of the last change of a voltage, in s."""
     slewing_s: float | None = None
-    """What the newest command had of the time since then; None in lockstep, which has no clock."""
+    """Time since then for which the newest command could slew, in s; None in lockstep, which has no
+    clock."""
     taken_seq: int = -1
     fresh_s: float = 0.0
-    """Arrival of the sample on which the last good command was based."""
+    """Arrival of the sample on which the last good command was based, in s."""
     arrivals: Arrivals = ()
     since_s: float = 0.0
-    """Begin of the freeze or the ramp."""
+    """Time of the begin of the freeze or the ramp, in s."""
     blind: Fault | None = None
-    """Why the newest command is not valid; None where it is, or does not say."""
+    """Why the newest command is not valid; None if it is valid, or does not say."""
     ran_s: float | None = None
-    """When the actuator ran last."""
+    """Time at which the actuator last ran, in s; None before its first run."""
     excused_s: float = 0.0
-    """Standstill left out since the last good command."""
+    """Standstill excluded since the last good command, in s."""
     standstills: int = 0
     refused: int = 0
     refusal: Fault | None = None
-    """Why a command was refused last."""
+    """Reason of the newest refusal of a command."""
     strangers: Strangers = NO_STRANGERS
     predecessor: Predecessor = Predecessor.NONE
-    """How the previous actuator program has ended."""
+    """How the previous actuator program ended."""
     unconfirmed: bool = False
-    """Whether the output has not confirmed its last command."""
+    """True if the output has not confirmed its last command."""
     located: bool = False
-    """Since it has failed it has said what it puts out."""
+    """True if the output has reported its voltage since it failed."""
     asked_s: float = -inf
-    """Time at which it was last asked for its voltage."""
+    """Time of the last request for the output's voltage, in s."""
     shaped: ShapedStep | None = None
     """Newest step that was written in parts; the voltage of the arm is its end."""
     interrupted: bool = False
@@ -104,7 +108,7 @@ class SafetyState(FrozenRecord, frozen=True):
 
     @property
     def findings(self) -> tuple[Fault, ...]:
-        """Return what a person asks for first, besides the cause: alarm, refusal, standstills."""
+        """Return the faults to report besides the cause: alarm, refusal, standstills."""
         found = self.strangers.alarm()
         if self.refusal is not None and self.refusal not in found:
             found = (*found, self.refusal)

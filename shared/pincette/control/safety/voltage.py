@@ -7,9 +7,9 @@ from pincette.control.faults import Fault, FaultCode, fault
 from pincette.control.voltage_range import VoltageRange
 
 VOLTAGE_MAX, VOLTAGE_MIN, SLEW_UP, SLEW_DOWN = 1, 2, 4, 8
-"""Bits that say which limit has acted."""
+"""Bits of the limits that have acted."""
 ABSURD_SPANS = 10.0
-"""Spans of the range beyond it from which on a voltage is no wish but an error."""
+"""Multiple of the range beyond its ends from which a voltage counts as an error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,17 +19,17 @@ class VoltageLimits:
     min_V: float
     max_V: float
     slew_V: float
-    """Largest change in a control period, and from one command to the next."""
+    """Largest change in a control period and from one command to the next, in V."""
     sweep_V: float
-    """Largest amplitude of a sweep, to which the slew limit does not apply."""
+    """Largest amplitude of a sweep, in V, to which the slew limit does not apply."""
     step_V: float = 0.0
-    """Step of the output, whose voltages are its multiples; 0: not known."""
+    """Step of the output, whose voltages are its multiples, in V; 0 if not known."""
 
 
 def within(limits: VoltageLimits, planned: VoltageRange | None, present_V: float) -> VoltageLimits:
-    """Return the limits narrowed to what the plan has stated; None: the limits as they are.
+    """Return the limits narrowed to those of the plan; unchanged without a plan.
 
-    A voltage outside the plan, as where an earlier job has left it, may only come nearer.
+    A voltage outside the plan, such as one left by an earlier job, may only come nearer.
     """
     if planned is None:
         return limits
@@ -38,10 +38,10 @@ def within(limits: VoltageLimits, planned: VoltageRange | None, present_V: float
 
 
 def slewing_s(period_s: float, since_s: float) -> float:
-    """Return how much of the time since the output's last move its slew may use, in s, to the µs.
+    """Return the time since the output's last move that its slew may use, in s.
 
-    At most a period: a command after a silence moves no further than one in time. To the µs, so
-    that a record can state it.
+    It is at most a period: a command after a silence moves no further than one in time. It is
+    rounded to 1 µs, so that a record can state it.
     """
     return round(min(max(since_s, 0.0), period_s), 6)
 
@@ -102,7 +102,7 @@ def absurd(limits: VoltageLimits, wanted_V: float) -> Fault | None:
 
 
 def too_wide(limits: VoltageLimits, about_V: float, amplitude_V: float) -> Fault | None:
-    """Return why a sweep is not played; None if it may be."""
+    """Return why a sweep is not played; None if it is."""
     if not amplitude_V <= limits.sweep_V:
         return fault(FaultCode.SWEEP_TOO_WIDE, amplitude_V=amplitude_V, limit_V=limits.sweep_V)
     low_V, high_V = about_V - amplitude_V, about_V + amplitude_V
@@ -118,8 +118,8 @@ def too_wide(limits: VoltageLimits, about_V: float, amplitude_V: float) -> Fault
 
 
 def ramp(from_V: float, safe_V: float, share: float) -> float:
-    """Return the straight way from a voltage to the safe one, in V; ``share`` of its time.
+    """Return a ramp's voltage, in V, at ``share`` of its time.
 
-    u = u_0 + clip(share, 0, 1)·(u_safe - u_0): never beyond either end, whatever the clock says.
+    u = u_0 + clip(share, 0, 1)·(u_safe - u_0): never beyond either end, whatever the clock reads.
     """
     return from_V + min(max(share, 0.0), 1.0) * (safe_V - from_V)

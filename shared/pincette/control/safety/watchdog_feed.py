@@ -1,4 +1,4 @@
-"""When the output's own watchdog may receive the host's heartbeat.
+"""Conditions under which the output's own watchdog receives the host's heartbeat.
 
 A loop that hangs cannot say so. One that runs says so only while its output stands as the rules
 want it: a ramp, or a safe voltage, that the output does not confirm is left to the hardware, which
@@ -13,11 +13,11 @@ from pincette.control.safety.causes import Mode
 from pincette.control.safety.state import SafetyLimits, SafetyState
 
 OVERDUE = 2.0
-"""Age limits after which an armed actuator that has not tripped is not to be believed."""
+"""Multiple of the age limit after which an armed actuator that has not tripped counts as hung."""
 
 
 def may_kick_watchdog(limits: SafetyLimits, state: SafetyState, now: float) -> bool:
-    """Return whether the loop is healthy."""
+    """Return whether the loop may feed the watchdog."""
     if state.mode == Mode.ARMED:
         return now - state.fresh_s <= OVERDUE * limits.age.limit_s
     if state.mode == Mode.FROZEN and not (len(state.arms) > 1 and state.unconfirmed):

@@ -1,7 +1,7 @@
-"""Stability before motion: whether a law may run on a rig, judged at the worst it may meet.
+"""Stability before motion: whether a law may run on a rig, judged by its worst case.
 
-The laws' backward differences do not see the arm's nearly undamped mode, so that a higher sampling
-rate or another gain is no mere change of a parameter. What decides is the worst spectral radius of
+The laws' backward differences ignore the arm's nearly undamped mode, so that a higher sampling rate
+or another gain is more than a change of a parameter. The criterion is the worst spectral radius of
 the loop as it runs, over intervals of ω_n, K_e and delay.
 """
 
@@ -26,18 +26,18 @@ class Assessment:
     """The worst case of a loop, and whether it is good enough to move."""
 
     radius: float
-    """Spectral radius, one tick to the next."""
+    """Spectral radius from one tick to the next."""
     limit_radius: float
     case: LoopCase
-    """Case in which it occurs."""
+    """Case with this radius."""
     settling_s: float
-    """Until a disturbance has fallen to 2 % in that case; infinite where it does not."""
+    """Time in which a disturbance falls to 2 % in that case, in s; infinite if it does not."""
     reason: str
-    """Why the loop must not run, and what to change; "" where it may."""
+    """Why the loop must not run, and what to change; "" if it may run."""
     sensitivity_peak: float
-    """M_s at its worst; infinite for a loop that is unstable."""
+    """Worst peak M_s; infinite for an unstable loop."""
     limit_peak: float
-    """Which it must not pass; infinite at periods that are long against the mode."""
+    """Limit of the peak M_s; infinite at periods that are long against the mode."""
 
     @property
     def stable(self) -> bool:
@@ -48,7 +48,7 @@ class Assessment:
 def assess(loop: Loop, intervals: Intervals, limit_radius: float | None = None) -> Assessment:
     """Judge a loop by its worst case over the intervals, ``widened`` at a short period.
 
-    ``limit_radius`` None is that of the period.
+    ``limit_radius`` None selects that of the period.
 
     The search for the worst case is a grid and a climb from its highest points (``worst_case``):
     what it gives is reached, and a dense search finds at most some 0.01 more. M_s is looked for at

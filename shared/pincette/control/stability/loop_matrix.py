@@ -1,10 +1,10 @@
-"""The closed loop as it runs, as one matrix a case: arm, force observer and law.
+"""The closed loop as it runs, as one matrix for each case: arm, force observer and law.
 
 A tick takes the position, lets the observer find the force from it and from x_1 = d_p·u_{k-1}, lets
-the law compute u_k, and puts that out. The arm is exact (``sampled_arm``); the other two are read
-off the code that runs each tick, switching slope K_S/δ included: with references at zero, inside
-the boundary layer and off every limit, a step is linear in what it is given and in its state, and
-column j of its matrix is what it makes of a small j-th input. States that nothing reads are left
+the law compute u_k, and puts that out. The arm is exact (``sampled_arm``). The other two are
+derived from the code that runs each tick, switching slope K_S/δ included: with references at zero,
+inside the boundary layer and within every limit, a step is linear in its inputs and its state, and
+column j of its matrix is the response to a small j-th input. States that nothing reads are left
 out.
 """
 
@@ -38,7 +38,7 @@ ARM_STATES = 4
 X, VOLTAGE = 0, 3
 """Indices of x and u_{k-1} among the states."""
 SMALL = 2.0**-200
-"""Size of an input: inside any boundary layer, and a power of two, so that it scales exactly."""
+"""Size of an input: inside any boundary layer, and a power of two for exact scaling."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,20 +53,20 @@ class Loop:
 
     law: LawSettings
     arm: ArmParameters
-    """The rig's, as identified: the law's and the estimator's model, unless the law has its own."""
+    """Identified arm of the rig: the model of law and estimator, unless the law has its own."""
     period_s: float
     force_filter_s: float = 0.0
-    """Time constant of the low-pass over F - F_r, which acts with planned forces."""
+    """Time constant of the low-pass over F - F_r, in s, which acts with planned forces."""
     output_lag_s: float = 0.0
-    """First-order lag between output and arm."""
+    """Time constant of the first-order lag between output and arm, in s."""
     told: OutputTiming = PROMPT
-    """When a voltage acts, as given to a law that looks ahead."""
+    """Delay and lag of a voltage, as given to a law that looks ahead."""
     force: ForceOfLaw = "estimated"
     """``true`` gives the law K_e·x instead of the observer's force."""
     observer: ForceObserver | None = None
-    """None: the quasi-static one."""
+    """Force observer of the loop; None for the quasi-static one."""
     force_when_free: bool = False
-    """Whether the law gets the force of the free arm, too, instead of F = F_r = 0."""
+    """True if the law gets the force of the free arm, too, instead of F = F_r = 0."""
 
     def __post_init__(self) -> None:
         require_positive("period", self.period_s, "s")
@@ -74,7 +74,7 @@ class Loop:
         require_not_negative("output lag", self.output_lag_s, "s")
 
     def with_gains(self, **gains: float) -> "Loop":
-        """Return the loop with other gains; raises ValueError where the law has no such gain."""
+        """Return the loop with other gains; raises ValueError if the law lacks such a gain."""
         return replace(self, law=self.law.with_gains(**gains))
 
 
@@ -122,9 +122,9 @@ def matrix_of(step: Callable[[list[float]], list[float]], inputs: int) -> Array:
 def law_matrix(law: Law, told_mN_per_um: float = 0.0) -> Array:
     """Return the matrix of ``law.step``: (x in µm, F in mN, u_{k-1} in V, state) to (u_k, state).
 
-    Shape (1 + n, 3 + n) with n floats of state, u_k in V. It is the law's own ``linearise`` where
-    the law brings one, which may order its n states as it likes. ``told_mN_per_um`` is the contact
-    that a law which looks ahead is told of; 0: none.
+    Its shape is (1 + n, 3 + n) with n floats of state, u_k in V. It is the law's own ``linearise``
+    if the law has one, which may order its n states differently. ``told_mN_per_um`` is the contact
+    stiffness that is given to a law which looks ahead; 0 for none.
     """
     if law.definition.linearise is not None:
         return law.definition.linearise(law)
@@ -160,8 +160,8 @@ def law_block(
 ) -> Array:
     """Return ``law_matrix`` of a law; arguments and exceptions are those of ``law.build``.
 
-    A law of the identified set inverts the free response that it takes the arm to have: the loop
-    is that of the line, and what H misses of the slope is ``LoopCase.gain_factor``.
+    A law of the identified set inverts its model of the free response. The loop is then that of the
+    straight line, and the error of H in the slope is ``LoopCase.gain_factor``.
     """
     if settings.set == "identified":
         settings = replace(settings, set="consistent")
@@ -173,7 +173,7 @@ def law_block(
 def observer_block(observer: ForceObserver) -> Array:
     """Return the matrix of ``observe``: (x, x_1 in µm, u_{k-1} in V, state) to (F̂ in mN, state).
 
-    Shape (1 + n, 3 + n) with n floats of state.
+    Its shape is (1 + n, 3 + n) with n floats of state.
     """
 
     def step(given: list[float]) -> list[float]:
@@ -187,9 +187,9 @@ def observer_block(observer: ForceObserver) -> Array:
 def loop_matrices(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
     """Return z_{k+1} = A z_k of every case with zero references, shape (cases, n, n).
 
-    The states are (x, ẋ/ω_n in µm, y, u_{k-1} in V), the observer's, the law's. Those that reach
-    the position in no case are dropped, and they are 0 in the cases in which they do not reach it:
-    such is ε without a switching term, an integrator that nothing reads.
+    The states are (x, ẋ/ω_n in µm, y, u_{k-1} in V), the observer's, the law's. Those that
+    influence the position in no case are dropped, and those that do not in some cases are 0 there:
+    an example is ε without a switching term, an integrator that nothing reads.
     """
     found = _closed(loop, cases)
     acts = _acting(found)

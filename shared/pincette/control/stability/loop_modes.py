@@ -1,4 +1,4 @@
-"""The modes of a closed loop: its spectral radius, and which slow mode does not matter."""
+"""The modes of a closed loop: its spectral radius, and slow modes that do not matter."""
 
 from math import log
 
@@ -13,7 +13,7 @@ SETTLED = 0.02
 ROUNDING = 1e-9
 """Rounding error by which an eigenvalue of 1 may exceed 1."""
 NEXT_TO = 1e-8
-"""Shift of the inverse iteration."""
+"""Shift of the inverse iteration from the eigenvalue."""
 
 
 def settling_ticks(radius: float) -> float:
@@ -46,7 +46,7 @@ def _shares(matrices: Array, values: Array, piezo_um_per_V: float) -> Array:
     """Return the share of each matrix's real mode λ in the position's response, (matrices,).
 
     With right and left eigenvectors v and w of λ it is v_x·w_j/(wᵀv) for a disturbance of state j;
-    both are found by inverse iteration. A mode that is not alone has wᵀv near 0: a large share.
+    both are found by inverse iteration. A multiple mode has wᵀv near 0, which gives a large share.
     """
     count, size = matrices.shape[:2]
     # Off the eigenvalue by little against its distance to the others, or it could not be solved.

@@ -1,4 +1,4 @@
-"""Why a loop must not run, in words: the case, where samples show the mode, and what would help."""
+"""Refusal of a loop in words: the case, where samples show the mode, and possible remedies."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -20,14 +20,14 @@ from pincette.control.stability.worst_case import (
 )
 
 RC_S = 3.3e-3
-"""Time constant of the RC before the amplifier that a refusal recommends: at 388 Hz it leaves an
-eighth."""
+"""Time constant, in s, of the RC before the amplifier that a refusal recommends: at 388 Hz it
+passes an eighth."""
 ADVICE = 2
-"""Most changes that a refusal proposes."""
+"""Largest number of changes that a refusal proposes."""
 NOTICEABLE = 0.01
-"""Increase of the radius from which a refusal blames a switching term."""
+"""Increase of the radius from which a refusal names a switching term as the cause."""
 LONGEST_PERIOD_S = 0.05
-"""Longest period that a refusal proposes."""
+"""Longest period that a refusal proposes, in s."""
 
 
 def describe(loop: Loop, case: LoopCase) -> str:
@@ -52,7 +52,7 @@ def aliased_hz(frequency_hz: float, period_s: float) -> float:
 def reason(loop: Loop, intervals: Intervals, fault: str, case: LoopCase, *, by_radius: bool) -> str:
     """Return the fault, the case in which it occurs, and the remedy.
 
-    ``by_radius``: whether the radius exceeds its limit, or else M_s.
+    With ``by_radius`` the radius exceeds its limit, otherwise M_s does.
     """
     advice = ", ".join(islice(_advice(loop, intervals, case, by_radius=by_radius), ADVICE))
     found = (
@@ -71,7 +71,7 @@ def reason(loop: Loop, intervals: Intervals, fault: str, case: LoopCase, *, by_r
 
 
 def _seen(loop: Loop, case: LoopCase) -> str:
-    """Return where samples show a mode that is beyond half of their rate."""
+    """Return the apparent frequency of a mode above half the sampling rate, as text; else empty."""
     stiffer = (1.0 + case.K_e_mN_per_um / loop.arm.k) ** 0.5
     mode_hz = (loop.arm.k / loop.arm.m) ** 0.5 * case.frequency_factor * stiffer / (2.0 * pi)
     if not short(loop) or mode_hz * loop.period_s <= 0.5:
@@ -122,7 +122,7 @@ def _advice(loop: Loop, intervals: Intervals, case: LoopCase, *, by_radius: bool
 
 
 def _families(loop: Loop) -> Iterator[list[tuple[str, Loop]]]:
-    """Return changes of one thing each, the mildest first."""
+    """Yield series of changes of one kind each, the mildest first."""
     remedies = loop.law.definition.remedies
     for name, values in remedies(loop.law.gains) if remedies is not None else ():
         yield [(f"{name} = {value:.4g}", loop.with_gains(**{name: value})) for value in values]
@@ -142,19 +142,19 @@ def _families(loop: Loop) -> Iterator[list[tuple[str, Loop]]]:
 
 
 def _with_lag(loop: Loop, lag_s: float) -> Loop:
-    """Return the loop with a lag of its output that law and observer know."""
+    """Return the loop with a lag of its output that is given to law and observer."""
     told = loop.told._replace(lag_s=lag_s)
     return _observed(replace(loop, output_lag_s=lag_s, told=told))
 
 
 def _at_period(loop: Loop, period_s: float) -> Loop:
-    """Return the loop at another period, with its delay in proportion."""
+    """Return the loop at another period, with its delay scaled in proportion."""
     told = loop.told._replace(delay_s=loop.told.delay_s * period_s / loop.period_s)
     return _observed(replace(loop, period_s=period_s, told=told))
 
 
 def _observed(loop: Loop) -> Loop:
-    """Return the loop with the observer of its period and output, if it is one of these."""
+    """Return the loop with the quasi-static observer of its period and output, if it has one."""
     if loop.observer is None or not isinstance(loop.observer, QuasiStatic):
         return loop
     p = loop.observer.parameters

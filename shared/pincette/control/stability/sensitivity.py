@@ -1,4 +1,4 @@
-"""The peak of sensitivity M_s of a loop: how near it is to instability, at any frequency.
+"""The peak of sensitivity M_s of a loop: its distance from instability, at any frequency.
 
     S(z) = 1/(1 - P(z)·C(z)),   M_s = max |S(e^{jωT})|,   0 < ωT ≤ π
 
@@ -20,11 +20,12 @@ from pincette.control.stability.loop_matrix import VOLTAGE, Loop, X, controller_
 
 Complex = npt.NDArray[np.complex128]
 LOW, MIDDLE = 2e-3, 0.2
-"""ωT from which frequencies are taken, and from which they are evenly spaced."""
+"""Lowest ωT of the frequencies, and the ωT above which they are evenly spaced."""
 LOW_POINTS, POINTS = 40, 220
-"""The mode, ζ of some 2 %, is at least two points wide where it lies within half the rate."""
+"""Number of frequencies below ``MIDDLE`` and above it; a mode within half the rate, with ζ of some
+2 %, is at least two points wide."""
 BATCH = 64
-"""Cases at once, for the memory that it takes."""
+"""Number of cases evaluated at once, which bounds the memory used."""
 
 
 def angles() -> Array:

@@ -1,8 +1,8 @@
-"""Gains by search: how well a law tracks on the identified model, and the Pareto front of it.
+"""Gains by search: tracking of a law on the identified model, and the Pareto front of it.
 
-The paper tunes by trial and error. Here each candidate plays the real law on the identified arm
-in contact, with the sensor's noise and a plan that errs by what the identification of the contact
-leaves open; what it trades is position against force.
+The paper tunes by trial and error. Here each candidate plays the real law on the identified arm in
+contact, with the sensor's noise and a plan whose error is that of the identified contact. The
+trade-off is between position and force.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -27,32 +27,32 @@ Grid = Mapping[str, Sequence[float]]
 
 @dataclass(frozen=True, slots=True)
 class TuningRig:
-    """The identified arm in contact, as the search plays it."""
+    """The identified arm in contact, for the search."""
 
     arm: ArmParameters
     natural_frequency_rad_per_s: float
     damping_ratio: float
     response: FreeResponse
-    """Standing at the voltage of first touch."""
+    """Free response at the voltage of first touch."""
     stiffness_mN_per_um: float
-    """K_e."""
+    """Stiffness K_e of the contact, in mN/µm."""
     stiffness_error: float
-    """Share by which the plan's K_e may err, either way."""
+    """Largest relative error of the plan's K_e, in both directions."""
     force_error_mN: float
-    """Error of the estimated force, in both directions, from the free response."""
+    """Error of the estimated force from the free response, in both directions, in mN."""
     noise_um: tuple[float, ...]
-    """Sensor noise, sample by sample; as many as the path has, or more."""
+    """Sensor noise of each sample, in µm; at least as many as the path has."""
     period_s: float
     delay_s: float
-    """Delay from the sample to the arrival of the voltage."""
+    """Delay from the sample to the arrival of the voltage, in s."""
     force_filter_s: float
     slope_error: float = 0.0
-    """Share by which the slope of the response may err, either way."""
+    """Largest relative error of the response's slope, in both directions."""
 
 
 @dataclass(frozen=True, slots=True)
 class TuningPath:
-    """Force references from the first touch, one a period, and where the errors begin to count."""
+    """Force references since the first touch, one a period, and the first sample that counts."""
 
     force_r_mN: tuple[float, ...]
     settled: int
@@ -60,7 +60,7 @@ class TuningPath:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """Gains and their errors, r.m.s. in per cent of peak to peak."""
+    """Gains and their errors, r.m.s. in percent of peak to peak."""
 
     settings: LawSettings
     position_percent: float
@@ -69,21 +69,21 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class Tuning:
-    """Candidates, those that no other beats in both errors, and the balanced one."""
+    """Candidates, those that no other one beats in both errors, and the balanced one."""
 
     candidates: tuple[Candidate, ...]
-    """All but those of the front that were found beyond the limit of the radius."""
+    """All candidates except those of the front that exceed the limit of the radius."""
     front: tuple[Candidate, ...]
     chosen: Candidate
     radius: float
-    """Worst spectral radius of the chosen one."""
+    """Worst spectral radius of the chosen candidate."""
 
 
 Sides = Sequence[tuple[float, float, float]]
-"""Plans: their stiffness in mN/µm, by how much the force is read too high in mN, and how much
-steeper the free response is than its model, 1 for as steep."""
+"""Plans: their stiffness in mN/µm, the excess of the read force in mN, and the ratio of the free
+response's slope to that of its model."""
 Tracked = Sequence[tuple[float, float]]
-"""Errors of each candidate in µm and mN, r.m.s."""
+"""Errors of each candidate, r.m.s., in µm and mN."""
 
 
 def tune(
@@ -98,7 +98,7 @@ def tune(
 ) -> Tuning:
     """Search the gains of a law on a grid, the others at their defaults.
 
-    The balanced candidate is that of the front whose larger error, in per cent, is smallest.
+    The balanced candidate is that of the front whose larger error, in percent, is smallest.
 
     Parameters
     ----------
@@ -158,8 +158,10 @@ def pareto_front(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
 
 
 def _sides(rig: TuningRig) -> Sides:
-    """Plans too stiff and too soft, the force read too high and too low, the response too steep
-    and too flat: half of the combinations, in which each pair of errors meets with both signs."""
+    """Return errors of plans: stiffness, force and slope too high and too low.
+
+    They are half of the combinations, in which each pair of errors occurs with both signs.
+    """
     return [
         (
             rig.stiffness_mN_per_um * (1.0 + side * rig.stiffness_error),
@@ -248,7 +250,7 @@ def law_on(rig: TuningRig, settings: LawSettings) -> Law:
 
 
 class _Arm:
-    """The arm pressed on its contact: the old voltage for the delay, the new one for the rest."""
+    """The arm pressed on its contact: the old voltage during the delay, the new one afterwards."""
 
     def __init__(self, rig: TuningRig, steeper: float) -> None:
         ratio = rig.stiffness_mN_per_um / rig.arm.k

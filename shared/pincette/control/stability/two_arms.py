@@ -1,12 +1,12 @@
-"""Whether the law of two arms may move a pair, judged at the worst that it may meet.
+"""Stability of the law of two arms on a pair, judged by its worst case.
 
 The closed loop is exact from sample to sample: both arms with their modes, free, on a part that
-both hold, or one of them alone against a part that the ground holds; the law is read off its step.
-Where the law is told of the contact there is, a disturbance must die within the limit of the
-period, and at a period that is short against the mode the largest singular value of the sensitivity
-from position to position must stay below M_s. Where it is not told, which lasts until a touch or a
-loss is found, nothing may double by then: arms that have lost their part and are told to press it
-close on each other, faster where the real slope of the response is above the identified one.
+both hold, or one of them alone against a fixed part. The law is derived from its step. Where the
+law is given the true contact, a disturbance must decay within the limit of the period, and at a
+period that is short against the mode the largest singular value of the sensitivity from position to
+position must stay below M_s. Where it is not yet, until a touch or a loss is detected, nothing may
+double in that time: arms that have lost their part and are commanded to press it close on each
+other, faster if the real slope of the response is above the identified one.
 """
 
 from collections.abc import Iterator
@@ -32,31 +32,32 @@ Complex = npt.NDArray[np.complex128]
 Contact = Literal["free", "held", "first"]
 """Neither arm touches, both hold the part, or the first alone presses on it."""
 STATE = 12
-"""Floats of the law's state that move: H and x̄ of the sample before, and eight stages."""
+"""Number of varying floats in the law's state: H and x̄ of the sample before, and eight stages."""
 LEAST_PART_UM_PER_MN = 0.005
-"""c of a part that is taken for rigid; nothing between two arms is stiffer."""
+"""Compliance c of a part that counts as rigid, in µm/mN; nothing between two arms is stiffer."""
 PLACES = 6
-"""x_1, x_2, their speeds over ω, and both voltages behind the lag, as displacements."""
+"""Number of the arms' states: x_1, x_2, their speeds over ω, and both voltages behind the lag, as
+displacements."""
 FOUND_S = 0.1
-"""Within which a touch or a loss is found: five samples at 20 ms."""
+"""Time within which a touch or a loss is detected, in s: five samples at 20 ms."""
 BATCH = 64
 
 
 @dataclass(frozen=True, slots=True)
 class TwoArmLoop:
-    """The law of two arms on a pair as identified."""
+    """The law of two arms on an identified pair."""
 
     arms: tuple[ArmParameters, ArmParameters]
     gains: tuple[tuple[str, float], ...]
     period_s: float
     part_um_per_mN: float
-    """c."""
+    """Compliance c of the part, in µm/mN."""
     output: OutputTiming = PROMPT
-    """When voltages act, as given to the law; the lag is assumed to be true."""
+    """Timing of voltages, as given to the law; the lag is assumed to be true."""
 
     @property
     def short(self) -> bool:
-        """Whether the period is short against the mode of either arm."""
+        """True if the period is short against the mode of either arm."""
         rates = [(arm.k / arm.m) ** 0.5 for arm in self.arms]
         return any(self.period_s < least_period_s(rate) for rate in rates)
 
@@ -68,38 +69,38 @@ class TwoArmCase:
     contact: Contact
     told_pressed: bool
     frequency_factors: Pair = (1.0, 1.0)
-    """Real ω_i over the identified one, and"""
+    """Ratio of each arm's real ω_i to the identified one."""
     gain_factors: Pair = (1.0, 1.0)
-    """real slope of H_i over the identified one."""
+    """Ratio of the real slope of each H_i to the identified one."""
     delay_periods: float = 0.0
     damping_factor: float = 1.0
     part_factor: float = 1.0
-    """Real stiffness of the part over 1/c."""
+    """Ratio of the real stiffness of the part to 1/c."""
 
     @property
     def told(self) -> bool:
-        """Whether the law knows of the contact there is."""
+        """True if the law is informed of the true contact."""
         return self.told_pressed == (self.contact == "held") and self.contact != "first"
 
 
 @dataclass(frozen=True, slots=True)
 class TwoArmAssessment:
-    """The worst of a loop, and whether it may move."""
+    """The worst case of a loop, and whether it may move."""
 
     radius: float
     limit_radius: float
     case: TwoArmCase
     untold_radius: float
-    """Spectral radius if the law is not informed of the contact; 1 is a steady motion."""
+    """Spectral radius while the law is not informed of the contact; 1 is a steady motion."""
     limit_untold_radius: float
     sensitivity_peak: float
     limit_peak: float
     reason: str
-    """Why it must not move; "" where it may."""
+    """Why it must not move; "" if it may."""
 
 
 def assess_two_arms(loop: TwoArmLoop) -> TwoArmAssessment:
-    """Judge a pair; raises ValueError where the law cannot be made of its gains."""
+    """Judge a pair; raises ValueError if the law is impossible with its gains."""
     cases = tuple(_cases(loop))
     radii = np.concatenate(
         [_radii(loop, cases[first : first + BATCH]) for first in range(0, len(cases), BATCH)]
@@ -145,9 +146,9 @@ def loop_matrices(loop: TwoArmLoop, cases: tuple[TwoArmCase, ...]) -> Array:
 
 
 def law_matrix(loop: TwoArmLoop, *, pressed: bool) -> Array:
-    """Return (x_1, x_2, X_1, X_2 of k-1, state) to (X_1, X_2 of k, state), from the law's step.
+    """Return the law's matrix: (x_1, x_2, X_1, X_2 of k-1, state) to (X_1, X_2 of k, state).
 
-    Both estimators are quasi-static, of the ages of the law.
+    Both estimators are quasi-static, with the ages of the law.
     """
     made = two_arms.build(
         loop.arms, dict(loop.gains), loop.period_s, loop.part_um_per_mN, loop.output
@@ -204,7 +205,7 @@ def _law_response(loop: TwoArmLoop, z: Complex, *, pressed: bool) -> Complex:
 
 
 def sampled_pair(loop: TwoArmLoop, cases: tuple[TwoArmCase, ...]) -> tuple[Array, Array]:
-    """Transition with X of k-1, shape (cases, 6, 8), and the effect of X of k, (cases, 6, 2)."""
+    """Return the transition with X of k-1, (cases, 6, 8), and the effect of X, (cases, 6, 2)."""
     count, lag_s = len(cases), loop.output.lag_s
     rate = np.zeros((count, PLACES + 2, PLACES + 2))
     delay_s = loop.period_s * np.array([case.delay_periods for case in cases])
@@ -238,7 +239,7 @@ def sampled_pair(loop: TwoArmLoop, cases: tuple[TwoArmCase, ...]) -> tuple[Array
 
 
 def _cases(loop: TwoArmLoop) -> Iterator[TwoArmCase]:
-    """Return a grid of cases: at a short period as wide as that of one arm."""
+    """Yield a grid of cases; at a short period as wide as that of one arm."""
     if loop.short:
         shifts, apart = (0.8, 0.9, 1.0, 1.1, 1.2), (0.9, 1.0, 1.1)
         delays, damping = (0.3, 0.65, 1.0), 0.77

@@ -1,8 +1,8 @@
-"""The worst case of a loop: the largest spectral radius over intervals of what is not known.
+"""The worst case of a loop: the largest spectral radius over intervals of unknown properties.
 
-The arm's mode is nearly undamped, so that where it lies against the sampling decides: the radius
-has peaks, narrow in the phases ω·T and ω·delay. A grid that follows the phases finds their
-feet, and a search from its highest points climbs them.
+The arm's mode is nearly undamped, so that its frequency relative to the sampling decides: the
+radius has peaks, narrow in the phases ω·T and ω·delay. A grid that follows the phases finds the
+foot of each peak, and a search from its highest points climbs it.
 """
 
 from collections.abc import Iterator
@@ -22,18 +22,19 @@ Axis = tuple[float, ...]
 Axes = tuple[Axis, Axis, Axis, Axis, Axis]
 
 PHASE = 0.4
-"""Spacing of the grid in rad of the mode."""
+"""Spacing of the grid, in rad of the mode."""
 POINTS = 17
-"""Most points of the grid along one quantity; the mode is well damped where more were wanted."""
+"""Largest number of grid points along one quantity; the mode is well damped where more would be
+needed."""
 STIFFNESSES = 7
 GAINS = 3
 WIDE_STIFFNESSES = 4
-"""Number of stiffnesses if every interval is wide; the gain then has its ends alone."""
+"""Number of stiffnesses if every interval is wide; the gain then has only its ends."""
 NAMES = ("K_e_mN_per_um", "frequency_factor", "delay_periods", "gain_factor", "damping_factor")
 CLIMBS = 8
-"""Points from which to climb, of the free arm and of the arm in contact, and"""
+"""Number of points from which to climb, for the free arm and for the arm in contact."""
 HALVINGS = 7
-"""how often the step is halved."""
+"""Number of times that the step of a climb is halved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,21 +48,22 @@ class Intervals:
     """
 
     K_e_mN_per_um: tuple[float, float] | None
-    """Of the contact; None where nothing is touched."""
+    """Stiffness of the contact, in mN/µm; None if nothing is touched."""
     free: bool = True
-    """Whether the arm also moves free."""
+    """True if the arm also moves free."""
     frequency_factor: tuple[float, float] = (0.95, 1.05)
-    """Factor of ω_n relative to the identified one."""
+    """Ratio of ω_n to the identified one."""
     delay_periods: tuple[float, float] = (0.0, 0.5)
-    """Delay from the sample to the new voltage."""
+    """Delay from the sample to the new voltage, in periods."""
     gain_factor: tuple[float, float] = (1.0, 1.0)
-    """Factor of the free response's slope relative to the one that the law assumes."""
+    """Ratio of the free response's slope to the one that the law assumes."""
     damping_factor: tuple[float, float] = (1.0, 1.0)
-    """Factor of ζ relative to the identified one."""
+    """Ratio of ζ to the identified one."""
     told_mN_per_um: float | None = None
-    """Stiffness that a law which looks ahead is given in contact; None: the contact's own."""
+    """Stiffness that a law which looks ahead is given in contact, in mN/µm; None for the contact's
+    own."""
     untold: bool = False
-    """Whether a touch, or the loss of one, may occur before the law is informed."""
+    """True if a touch, or the loss of one, may occur before the law is informed."""
 
     def __post_init__(self) -> None:
         if self.K_e_mN_per_um is None and not self.free:
@@ -81,7 +83,7 @@ class Intervals:
             LoopCase(*values)
 
     def middle(self) -> tuple[LoopCase, ...]:
-        """Return the cases in the middle: free, and in contact."""
+        """Return the middle cases: free, and in contact."""
         factor, delay = _middle(self.frequency_factor), _middle(self.delay_periods)
         gain, damping = _middle(self.gain_factor), _middle(self.damping_factor)
         stiffness = [0.0] if self.free else []
@@ -93,7 +95,7 @@ class Intervals:
         )
 
     def kinds(self) -> "Iterator[tuple[Intervals, float | None]]":
-        """Yield free arm and arm in contact, which are two loops, with what the law is told."""
+        """Yield the loops of the free and the pressed arm, with the stiffness given to the law."""
         free = replace(self, K_e_mN_per_um=None, free=True)
         pressed = None if self.K_e_mN_per_um is None else replace(self, free=False)
         if self.free:
@@ -124,7 +126,7 @@ def around(
 def worst_case(
     loop: Loop, intervals: Intervals, limit_radius: float, *, enough: float = inf
 ) -> tuple[LoopCase, float]:
-    """Find the case of the largest counted radius, and that radius.
+    """Find the case with the largest counted radius, and that radius.
 
     Parameters
     ----------
@@ -144,7 +146,7 @@ def worst_case(
 def worst_sensitivity(loop: Loop, intervals: Intervals) -> tuple[LoopCase, float]:
     """Find the largest M_s and its case, at the ends and in the middle of each interval.
 
-    Where a law is told of the contact that is there: before it is told, the radius decides.
+    The law is taken to be informed of the contact; before that the radius decides.
     """
     cases = corners(replace(intervals, untold=False))
     peaks = sensitivity_peaks(loop, cases)
@@ -153,7 +155,7 @@ def worst_sensitivity(loop: Loop, intervals: Intervals) -> tuple[LoopCase, float
 
 
 def corners(intervals: Intervals) -> tuple[LoopCase, ...]:
-    """Return cases at the ends and in the middle of each interval, hardly damped."""
+    """Return cases at the ends and in the middle of each interval, with the least damping."""
     cases: list[LoopCase] = []
     for kind, told in intervals.kinds():
         stiffness = kind.K_e_mN_per_um or (0.0, 0.0)
@@ -194,7 +196,7 @@ def _worst_of(
 
 
 def _axes(loop: Loop, kind: Intervals) -> Axes:
-    """Return values of K_e and of the factors and the delay that make the grid, as ``NAMES``."""
+    """Return the grid's values of K_e, the factors and the delay, in the order of ``NAMES``."""
     stiffness = kind.K_e_mN_per_um or (0.0, 0.0)
     # Of the mode over a period, where the contact is stiffest.
     phase = sqrt((loop.arm.k + stiffness[1]) / loop.arm.m) * loop.period_s
