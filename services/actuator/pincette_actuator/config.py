@@ -49,9 +49,9 @@ def configure(rig: RigFile) -> SafetyLimits:
 def wake_s(period_s: float, natural_frequency_rad_per_s: float) -> float:
     """Return the time between two looks at the clock, and so between two steps of a ramp, in s.
 
-    An odd number of the mode's half swings π/ω_n, of those within T/4 the nearest to 0.2·T: each
-    step of the ramp then takes back what the one before it has set swinging. Where not even one
-    fits into T/4 it is 0.2·T, since the mode takes such steps for a straight line.
+    It is an odd number of the mode's half swings π/ω_n, of those within T/4 the nearest to 0.2·T:
+    each step of the ramp then cancels the swing of the step before. Where not even one fits into
+    T/4 it is 0.2·T, since the mode follows such steps like a straight line.
     """
     half_swing_s = pi / natural_frequency_rad_per_s
     about, most = WAKE_PERIODS * period_s / half_swing_s, MOST_PERIODS * period_s / half_swing_s

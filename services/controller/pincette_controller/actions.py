@@ -223,7 +223,7 @@ def lease_objection(lease: Lease, epoch: int, *, playing: bool, ended: bool) -> 
 def lease_end(running: RunningLease, outcome: Outcome, now: float) -> Action | None:
     """Return the action that stops a program whose lease has ended.
 
-    None if there is nothing to stop.
+    Returns None if there is nothing to stop.
     """
     if outcome == Outcome.STOPPED:  # there is nothing left to stop
         return None

@@ -26,8 +26,8 @@ class ArmMemory(FrozenRecord, frozen=True):
     def follow(self, estimate: Estimate, voltage_V: float, period_s: float) -> "ArmMemory":
         """Update the memory by the voltage applied to this arm.
 
-        Where it is missing, the next one counts for longer. A sample that has been followed already
-        is not followed again.
+        Where the voltage is missing, the next one counts for longer. A sample that has been
+        followed already is not followed again.
         """
         if estimate.degraded or estimate.seq <= self.followed_seq:
             return self

@@ -48,8 +48,8 @@ class Felt(FrozenRecord, frozen=True):
     def follow(self, arms: Arms, period_s: float, most_drift_mN: float) -> "Felt":
         """Add the newest sample.
 
-        What rises by more than ``most_drift_mN`` above the drift is a touch, which the drift does
-        not follow; nor does it go further than that from 0.
+        A rise by more than ``most_drift_mN`` above the drift is a touch, which the drift does not
+        follow. The drift itself stays within ``most_drift_mN`` of 0.
         """
         first, second = arms
         tips = mean_um = first.x_um, second.x_um

@@ -177,9 +177,9 @@ def _await_zero(
 ) -> Player:
     """Continue once the zero of each arm is confirmed, or end if one is refused or too late.
 
-    The estimate of the sample after the command with the zero answers it. One that does not has
-    missed it: the reading, the voltage or the command was lost. The zero is then requested again,
-    in the same rest.
+    The estimate of the sample after the command with the zero answers it. If that estimate does
+    not, the reading, the voltage or the command was lost. The zero is then requested again, in the
+    same rest.
     """
     waited, guards = player.watch.count + 1, program.guards
     confirmed, refused, newest_s = True, False, CONFIRMED_PERIODS * period_s
@@ -237,7 +237,7 @@ def _watch_frozen(program: Program, player: Player, estimate: ArmEstimate) -> Pl
 def _watch_part(program: Program, player: Player, arms: Arms, x_um: float) -> Player:
     """End as ``lost`` if the least force on the part is far below its reference.
 
-    Both arms open if either has none of its force: neither lets go alone.
+    Both arms open if either has none of its force, so that neither releases the part alone.
     """
     guards, count, force_mN = program.guards, player.watch.count, arms[0].force_mN
     if player.felt is not None:

@@ -33,7 +33,7 @@ ARM_NUMBERS_OF = attrgetter(*[name for name, _ in ARM_NUMBERS])
 def known_force_mN(estimate: Estimate, arm: int, player: Player | None) -> float | None:
     """Return the force that is compared with an arm's hard limit, as the guards take it.
 
-    None within a sweep.
+    The result is None within a sweep.
     """
     if not estimate.valid or (player is not None and player.segment.hides_force):
         return None

@@ -186,9 +186,10 @@ def _outcome(program: Program, player: Player) -> Outcome:
 def _settle_contact(program: Program, player: Player, estimate: ArmEstimate) -> Player:
     """Adopt the contact line fitted over the load, so that x_r and F_r agree from here on.
 
-    K_e is wrong where it is so for every force within F ± U: K_e errs by the same share. A fit that
-    no part can have leaves the planned K_e, through the newest sample, for the way back. So does a
-    load whose highest force is not above U: the fit means nothing there.
+    K_e counts as wrong only if it is inadmissible for every force within F ± U, since it has the
+    same relative error. A fit that no part can have leaves the planned K_e, through the newest
+    sample, for the way back. So does a load whose highest force is not above U, where the fit is
+    meaningless.
     """
     fit, guards = player.line.fit(), program.guards
     highest_mN = max(abs(estimate.force_mN), player.entry.ref.force_mN)

@@ -1,7 +1,7 @@
 """Reaction of the controller to a step of the position that the voltage does not explain.
 
-The first sample that shows the step freezes the voltage; the next one confirms it, or the program
-goes on. What a confirmed step means depends on its direction and on what the references do:
+The first sample that shows the step freezes the voltage. The next one confirms it, or the program
+goes on. The meaning of a confirmed step depends on its direction and on the references:
 
     backwards                   ``sensor_jump``: no slip moves the arm back
     forwards, references move   ``slipped``: the part has given way; the line begins anew there
@@ -172,7 +172,7 @@ def _act(program: Program, player: Player, estimate: ArmEstimate, *, forwards: b
 def within_plan(program: Program, player: Player, x_um: float) -> Player:
     """End a program whose references are about to leave the range of its plan.
 
-    A force that cannot be reached there is not chased: the part has slipped, or is softer than any
+    A force that cannot be reached there is not pursued: the part has slipped, or is softer than any
     that the plan admits.
     """
     planned = program.planned_range

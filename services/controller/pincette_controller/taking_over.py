@@ -1,10 +1,10 @@
 """Programs that begin with a held part, at the force that acts on it.
 
-The references begin where the arm is measured, with the force that is estimated, so that neither
+The references begin at the measured place of the arm, with the estimated force, so that neither
 they nor the voltage jump. The contact line of one arm goes through that sample with the stiffness
 of the hardest part, and follows the samples of the load from there, whether the force rises or
 falls: a falling force is then above its reference, and the contact is not lost. Two arms have no
-contact line: their law leads the force itself.
+contact line: their law controls the force itself.
 
 A force without a zero may hide any force. No voltage is moved for it: the part is kept as it is.
 """

@@ -3,8 +3,8 @@
 On its way through free space an arm must meet nothing, from the first sample on. A touch that the
 estimator has found stops the motion, and the arms go back to where they were free.
 
-A part between two arms counts as held from the moment that the sides which are looked for have
-touched together.
+A part between two arms counts as held from the moment at which the required sides have touched
+together.
 """
 
 from math import exp, inf

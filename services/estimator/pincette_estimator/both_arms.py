@@ -1,7 +1,7 @@
 """Two arms: each has its own estimate, by the same code, and the two forces are compared.
 
-What both press is one force. The mean of F̂_1 - F̂_2 while a part is held says that a model of one
-of them is wrong, or that something else holds the part.
+Both arms press with one force. A mean of F̂_1 - F̂_2 other than 0 while a part is held shows that a
+model of one of them is wrong, or that something else holds the part.
 """
 
 from math import exp, hypot

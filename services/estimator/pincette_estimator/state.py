@@ -2,7 +2,7 @@
 
 ``StuckWatch`` finds a sensor that shows the same reading while the voltage moves. Noise makes a
 laser's readings differ even at rest, but a coarse display may hide it, so a constant reading alone
-says nothing. It does where the arm was meant to move by much more than the noise.
+proves nothing. It is a fault if the voltage should have moved the arm by much more than the noise.
 """
 
 from math import copysign, inf
@@ -45,7 +45,7 @@ NOISES = 10.0
 def moved_V(noise_um: float, piezo_um_per_V: float) -> float:
     """Return the change of voltage, in V, that moves a free arm by ``NOISES``.
 
-    Infinite without noise.
+    The result is infinite without noise.
     """
     return NOISES * noise_um / piezo_um_per_V if noise_um > 0.0 else float("inf")
 
@@ -100,7 +100,7 @@ class FreeMotion(FrozenRecord, frozen=True):
     def rests(self, count: int) -> bool:
         """Return whether the voltage rests for ``count`` samples.
 
-        Checked at the end of a ``CHUNK``.
+        This is checked only at the end of a ``CHUNK``.
         """
         if self.newer or len(self.older) < count:
             return False
@@ -118,7 +118,7 @@ class FreeMotion(FrozenRecord, frozen=True):
 class Inputs(FrozenRecord, frozen=True):
     """One position, and the voltage applied at the sample before.
 
-    None if it did not arrive in time.
+    ``applied`` is None if it did not arrive in time.
     """
 
     position: Position | None
@@ -255,15 +255,16 @@ def touched(
 ) -> tuple[float | None, float | None]:
     """Where an arm that should be free has met something, and at least how hard; or None, None.
 
-    By the largest of three forces: by how far it lags behind the slope of its way since a kink on
-    new ground; F less ``SURE`` times U, the sign kept, at voltages that x_1 has followed in an
-    earlier arming: on the first stroke of an arm it errs by more than U; and, while nothing shows
-    that no part pressed as the force was zeroed, F where it is above U. Such a part has no kink,
-    and presses harder by each step of the way. The U of a straight line does not hold on the first
-    way after a start, so that it shows no such touch.
+    The largest of three forces counts. The first is the lag of the arm behind the slope of its way
+    since a kink on new ground. The second is F minus ``SURE`` times U, with the sign of F, at
+    voltages that x_1 has followed in an earlier arming; on the first stroke of an arm its error
+    exceeds U. The third, while nothing shows that no part pressed when the force was zeroed, is F
+    where it is above U. Such a part has no kink, and presses harder with each step of the way. The
+    U of a straight line does not hold on the first way after a start, so that it shows no such
+    touch.
 
-    Noise bends about one way in a hundred as a part does, and the lag that is read from such a kink
-    grows with the way. So after a zero it counts to F + ``NOT_TOUCHED``·U, up to a step of
+    Noise bends about one way in a hundred as a part does, and the lag computed from such a kink
+    grows with the way. So after a zero it counts up to F + ``NOT_TOUCHED``·U, as far as a step of
     ``KinkLimits``, ``step_um``, beyond the voltages that x_1 has followed.
     """
     touch, met = state.contact_detector.touch, (None, None)

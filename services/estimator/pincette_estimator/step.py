@@ -172,9 +172,9 @@ def _found_in_place(
 def _begin(config: ArmConfig, state: ArmState, x_um: float, applied: Applied) -> ArmState:
     """Put x_1 through the first sample of an epoch, unless it goes through an earlier zero.
 
-    An earlier zero stays where a part is held, and where the arm stands on it or behind it: what
-    pushes the arm back may be a part, which a new begin would hide. An arm ahead of it by more than
-    a zero may change is not pushed by any part, so that the earlier zero was wrong.
+    An earlier zero stays where a part is held, and where the arm is on it or behind it: a part may
+    be pushing the arm back, which a new begin would hide. An arm ahead of it by more than a zero
+    may change is not pushed by any part, so that the earlier zero was wrong.
     """
     response, limits = state.response, config.zero_limits
     if state.zero_kept:
@@ -196,8 +196,8 @@ def _begun_detector(
 ) -> ContactDetector:
     """Begin the search for a touch at the first sample of an epoch.
 
-    The ground up to there counts as free, so that a kink on it is one of the arm's own, where x_1
-    goes through an earlier zero: the force then shows a part that presses the arm as it is found.
+    Where x_1 goes through an earlier zero, the ground up to this sample counts as free, so that a
+    kink on it is one of the arm's own: the force then shows a part that presses the arm already.
     Without such a zero nothing shows it, and an arm that holds a part is not free either. Such an
     arm meets the part again once it has been lower.
     """
@@ -314,7 +314,7 @@ def _stroke_um(state: ArmState, compared: StrokeChange | None) -> float:
     """Return how far a changed stroke, which the zero corrects, has moved x_1 on its way.
 
     At the rest after the strokes the arm is compared with its last zero there, so that a change of
-    the stroke explains nothing: what shortens the way from the bottom may be a part that presses.
+    the stroke explains nothing: the way from the bottom may be shortened by a part that presses.
     """
     if compared is None or state.way_base is None:
         return 0.0
@@ -378,8 +378,8 @@ def handle(
 
     The force has no zero until the new epoch takes one. The last offset outlives the arming, so
     that a zero which would hide the force of a part is refused, however often it is tried. Only
-    ``zero_confirmed``, a person's word that nothing touches the arm, gives it up. With
-    ``zero_kept`` the zero of the epoch before counts for a part that is still held. What no
+    ``zero_confirmed``, an operator's confirmation that nothing touches the arm, discards it. With
+    ``zero_kept`` the zero of the epoch before counts for a part that is still held. A past that no
     program has followed stays unknown to a new model too, until a stroke has wiped it out.
     """
     if not isinstance(request, Arm):

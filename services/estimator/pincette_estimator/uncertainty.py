@@ -65,11 +65,11 @@ def _free_error_um(config: ArmConfig, response: FreeResponse) -> float:
 
         E² = E(reach)² + a·[E_return² - E(reach)²] + (1 - a)·(s·fall)²
 
-    The error by the way since a zero was measured on ways up, that on the way back at the place of
-    the zero. In between its square grows with the way back, as it does on the way up: a rises from
-    0 at a fall of ``FRESH_V`` to 1 at that place. A smaller fall, such as creep makes in a hold, is
-    no way back; it errs by the slope of x_1 just after a turn, s, which was measured up to
-    ``TURN_V``.
+    The error over the way since a zero was measured on ways up, the error on the way back at the
+    place of the zero. In between its square grows with the way back, as it does on the way up: a
+    rises from 0 at a fall of ``FRESH_V`` to 1 at that place. A smaller fall, as caused by creep in
+    a hold, is no way back; its error is that of the slope s of x_1 just after a turn, which was
+    measured up to ``TURN_V``.
     """
     error_um = response.error_um()
     if not isinstance(response, IdentifiedResponse):
@@ -131,7 +131,7 @@ def rested_past(config: ArmConfig, state: ArmState) -> UnknownPast:
 def narrowed_past(config: ArmConfig, state: ArmState, t_s: float) -> UnknownPast:
     """Return the past narrowed by a free arm since the last zero.
 
-    Unchanged before the first zero.
+    It is unchanged before the first zero.
     """
     if state.zero_s is None or not config.approach_tells:
         return state.unknown

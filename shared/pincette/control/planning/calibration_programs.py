@@ -208,7 +208,7 @@ def output_timing_program(
         segments.append(Drive(f"burst {number + 1}", duration_s, courses=courses))
     segments.append(Drive("rest", BURST_REST_S))
     made = free_program(*segments)
-    # No sample tells a ring from a touch: the way was felt before.
+    # A sample cannot distinguish a ring from a touch; the way was found free before.
     felt = tuple(replace(one, guarded=not one.phase.startswith("burst")) for one in made.segments)
     return replace(made, segments=felt)
 

@@ -103,7 +103,7 @@ class ContactLine(FrozenRecord, frozen=True):
             return None
         K_e = cov_Fz / cov_xz
         x_e = self.first_x_um + x - (self.first_force_mN + F) / K_e
-        # Mean square of what F is off the line, by the means of squares and products.
+        # Mean square deviation of F from the line, by the means of squares and products.
         var_F, var_x = self.sum_FF / n - F * F, self.sum_xx / n - x * x
         off = var_F - 2.0 * K_e * (self.sum_xF / n - x * F) + K_e * K_e * var_x
         sigma = sqrt(max(0.0, off) / (n - 2))

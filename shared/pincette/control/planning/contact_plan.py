@@ -146,7 +146,7 @@ def plan_contact(
         free_response=rig.free_response,
         memory=rig.memory,
     )
-    # A quick one may begin where no part was met, or one is lost, and must not be too fast then.
+    # A quick retreat may begin after a missed or lost part, and must not be too fast then.
     from_um = request.furthest_um if flying else request.contact_um
     retreat_s = move_duration(from_um - arm.x_start_um, request.approach_um_per_s)
     highest_mN = max(_highest_mN(segment) for segment in pressing)
@@ -162,7 +162,7 @@ def plan_contact(
     begin_um, way_out = _way_out(request, arm, rig.stands_um, back_um)
     strokes: Sequence[Segment] = ()
     if rig.condition_V is not None:
-        # At 0 V the arm is at its start, whatever remanence and drift make of the reading.
+        # At 0 V the arm is at its start, whatever remanence and drift do to the reading.
         stands_um = arm.x_start_um
         if rig.stands_um is not None and rig.rest_um is None:
             stands_um = rig.stands_um
@@ -213,7 +213,7 @@ def _way_out(
     if stands_um is None or stands_um <= free_um:
         return arm.x_start_um, ()
     back_s = move_duration(stands_um - arm.x_start_um, request.approach_um_per_s)
-    # Unguarded: a force that acts as it begins is not known yet, and less of it is no touch.
+    # Unguarded: a force that acts at its begin is not known yet, and its decrease is no touch.
     return stands_um, (Move("open", back_s, to_um=(back_um,)),)
 
 
@@ -227,7 +227,7 @@ def _way_there(
     stand_off_um = request.stand_off_um
     seek_to_um, up_s = request.furthest_um, 0.0
     if flying_s is not None:
-        # At speed the samples of the guard are a way of their own.
+        # At speed the arm moves on during the samples of the guard.
         seek_to_um += CONTACT_SAMPLES * flying_s * request.seek_um_per_s
         up_s = RUN_UP_PERIODS * flying_s
     seek_s = (seek_to_um - stand_off_um) / request.seek_um_per_s + 0.5 * up_s

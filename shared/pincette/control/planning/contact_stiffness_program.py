@@ -101,7 +101,7 @@ def contact_stiffness_program(
         stiffness_min_mN_per_um=request.stiffness_mN_per_um / WIDE,
         stiffness_max_mN_per_um=request.stiffness_mN_per_um * WIDE,
     )
-    # The stiffness is what is looked for: only the rig's own limits hold.
+    # The stiffness is unknown, so only the rig's own limits hold.
     return replace(plan.program, segments=segments, guards=guards, planned_range=None)
 
 

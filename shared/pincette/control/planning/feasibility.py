@@ -147,7 +147,7 @@ def _beyond(
     found: list[Excursion] = []
     begin: int | None = None
     for index in range(len(values) + 1):
-        # What touches the limit is within it, rounding included.
+        # A value at the limit is within it, rounding included.
         outside = index < len(values) and side * (values[index] - limit) > 1e-9
         if outside and begin is None:
             begin = index

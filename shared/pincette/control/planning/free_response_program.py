@@ -126,7 +126,7 @@ def free_response_program(
     teach = voltage_moves([(rest_V, rate_V_per_s, 0.0), *course, (mean_V, rate_V_per_s, 0.0)])
     cycles = sinusoid("voltage", mean_V, GAIN_PP_V, GAIN_HZ, SETTLING_CYCLES + GAIN_CYCLES)
     press_V = from_V + 0.5 * (PRESS_LOW + PRESS_HIGH) * way_V
-    # From above, as after the first press on a part.
+    # The voltage arrives from above, as after the first press on a part.
     crest_V = from_V + PRESS_HIGH * way_V
     lead = voltage_moves(
         [(mean_V, rate_V_per_s, 0.0), (crest_V, rate_V_per_s, 0.5), (press_V, rate_V_per_s, 0.5)]
@@ -137,7 +137,7 @@ def free_response_program(
     require_within("rate of the free motion", fastest, "V/s", 0.0, rig.limits.slew_V_per_s)
     follow = voltage_moves([(press_V, rate_V_per_s, 0.0), (mean_V, rate_V_per_s, 0.5)])
     before = voltage_moves([(mean_V, rate_V_per_s, 0.0), (from_V, rate_V_per_s, CREEP_BEFORE_S)])
-    # As fast as may be: creep is looked at from the middle of the step on.
+    # The step is as fast as possible, since creep counts from its middle.
     step = voltage_moves([(from_V, 0.0, 0.0), (to_V, rig.limits.slew_V_per_s, 0.0)])
     back = voltage_moves([(to_V, rate_V_per_s, 0.0), (rest_V, rate_V_per_s, 0.5)])
     quick_V_per_s = grip_V_per_s or rate_V_per_s

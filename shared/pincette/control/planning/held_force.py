@@ -113,7 +113,7 @@ def plan_held_force(
 
     def follow(segment: Segment, entry: Entry, ref: Reference) -> Reference:
         if segment.open_loop:
-            # The part keeps the arm from following its voltage: the gain of the way to rest.
+            # The part keeps the arm from following its voltage: use the gain of the way to rest.
             begin, (begin_V,) = entry.ref, entry.ref.voltages_V
             way_V = begin_V - safe_V
             gain = d_p if not way_V else (begin.x_um - rig.x_start_um - d_p * safe_V) / way_V
@@ -203,7 +203,7 @@ def _voltages_V(rig: PlannedRig, from_V: float, way_um: float) -> list[list[floa
         for to_V in stops_V:
             memory = swept(model, memory, to_V)[-1]
         voltages_V = free_voltages(model, ways_um, SWEPT_STEP_S, memory)
-        # A model that creeps finds another voltage for the place where it stands already.
+        # A creeping model finds another voltage for its present place.
         shift_V = from_V - voltages_V[0]
         found.append([one + shift_V for one in voltages_V])
     return found

@@ -251,7 +251,7 @@ def _closing(request: PairRequest) -> Seek:
     """Return a motion of both arms that close at the same speed about the place."""
     stand, furthest = request.stand_offs_um, request.furthest_um
     if request.centred:
-        # Each from ``BACK_UM`` off to as far beyond, as the place that was found errs a little.
+        # Each arm moves from ``BACK_UM`` off to as far beyond, since the found place is inexact.
         on_um = BACK_UM + request.contact_force_mN / request.stiffness_mN_per_um
         goals_um, way_um = (on_um, on_um), 2.0 * (BACK_UM + on_um)
     else:

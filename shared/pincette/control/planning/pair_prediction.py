@@ -176,7 +176,7 @@ def predict_held_pair(
     course = predict_pair(program, rigs, held.tips_um, touch_um, held.force_mN)
     if held.voltages_V is None:
         return course
-    # What an arm remembers of its grip is not known: the voltages go on from those applied.
+    # The memory of a held arm is not known: its voltages continue from those applied.
     first, second = (
         replace(arm, voltage_V=[one - arm.voltage_V[0] + from_V for one in arm.voltage_V])
         for arm, from_V in zip(course.arms, held.voltages_V, strict=True)

@@ -1,16 +1,16 @@
 """Speeds of a quick grip, whose load begins at the touch without a stop.
 
-The touch is believed after n samples above the contact force. Until then the voltage goes on, and
+The touch is accepted after n samples above the contact force. Until then the voltage goes on, and
 the force rises by the stiffness K_e/S of part and arm in series:
 
     F = F_touch + K_e/S·v·n·T,    K_e/S = 1/(1/K_e + s_p),  S = 1 + s_p·K_e
 
-At the touch this must be below half of the planned force, of the hardest part there may be, so that
-the other half is left for the load. On the approach, where a part is met that is nearer than
-planned, it may be three quarters: no load follows, and the rest is left for turning back.
+At the touch this must be below half of the planned force for the hardest possible part, so that the
+other half is left for the load. On the approach, where a part is met nearer than planned, it may be
+three quarters: no load follows, and the rest is left for turning back.
 
 From the touch F_r is a quintic that begins with the rate K_e·v and ends at rest. With the way
-ΔF/K_e still to go it falls smoothly from v to 0 in 2·ΔF/(K_e·v), and passes its end where it takes
+ΔF/K_e still to go it falls smoothly from v to 0 in 2·ΔF/(K_e·v), and overshoots its end if it takes
 more than 2.5·ΔF/(K_e·v).
 """
 

@@ -114,7 +114,7 @@ def recorded_program(
         stiffness_min_mN_per_um=0.0,
         stiffness_max_mN_per_um=1.0,
         zero_wait_s=ZERO_WAIT_S,
-        # Open loop the arm stands a little beside where the law held it, perhaps too far to be
+        # In open loop the arm rests a little beside where the law held it, perhaps too far to be
         # zeroed beside a part; the residual counts from that rest all the same.
         zero_needed=False,
     )

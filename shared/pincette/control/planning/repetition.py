@@ -6,13 +6,14 @@ with ē_i = x - x_r at tick i of the last whole cycle of N ticks, cyclic in i: i
 control of P-type with a zero-phase filter (D. Bristow, M. Tharayil and A. Alleyne, IEEE Control
 Systems Magazine 26(3), 2006). It learns what repeats, whatever its cause: hysteresis, lag, creep.
 
-It ends by itself. What repeats comes back in the next cycle 1 - L times as large; noise does not
-come back, but what was learned of it does, with the other sign. So with the errors e of cycle j,
+It ends without a request. A repeated error comes back in the next cycle 1 - L times as large. Noise
+does not come back, but the correction learned from it does, with the other sign. So with the errors
+e of cycle j,
 
     c_j = Σ_i e_{i,j}·e_{i,j-1} / Σ_i e²_{i,j-1}
 
 is near 1 - L while there is something to learn, and not above 0 where there is not. After the end
-those corrections hold that led the cycle of the lowest error.
+the corrections of the cycle with the lowest error stay.
 """
 
 from collections.abc import Sequence
@@ -67,7 +68,7 @@ class Corrections(FrozenRecord, frozen=True):
 
         Once the learning is over they stay as they are.
 
-        ``before_um``: those of the cycle just before; none if it was not whole.
+        ``before_um``: errors of the cycle just before; empty if it was not complete.
         """
         if self.over:
             return self

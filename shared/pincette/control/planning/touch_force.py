@@ -55,10 +55,10 @@ def weak_force(
 class SafeTouch(NamedTuple):
     """Limits of the speed at which an arm that stops at the touch may meet a part.
 
-    The arm goes on until ``CONTACT_SAMPLES`` samples show the touch, as ``force_at_touch_mN`` has
-    it. Where the part is expected, at the speed of the seek, a share of the planned force may be
-    there then, so that the arm can still stop. A part that is met early, at the speed of the
-    approach, must not be pressed harder than planned.
+    The arm goes on until ``CONTACT_SAMPLES`` samples show the touch, which gives
+    ``force_at_touch_mN``. Where the part is expected, at the speed of the seek, only a share of the
+    planned force may have been reached then, so that the arm can still stop. A part that is met
+    early, at the speed of the approach, must not be pressed harder than planned.
     """
 
     force_mN: float

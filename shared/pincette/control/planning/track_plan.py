@@ -1,8 +1,8 @@
 """A path tracked in contact, in position and force at once.
 
 The load goes to the highest force of the path and back to its start, so that the contact line is
-identified over all of it, and a force that lags or has hysteresis errs to both sides alike. The
-arm then settles on that line where the path begins.
+identified over all of it, and a force that lags or has hysteresis deviates to both sides equally.
+The arm then settles on that line where the path begins.
 """
 
 from dataclasses import dataclass, replace

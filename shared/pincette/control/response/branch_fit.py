@@ -114,7 +114,7 @@ def measured_branch(
     spread = _way_spread(stairs, noise_um)
     strokes = _arrivals(voltage_V[grips[0][0].strokes], voltages_V[0])
     nothing_um = (0.0,) * len(added_um)
-    # The table is kept only where grips that it is not made from become better by it.
+    # The table is kept only if it improves grips that it is not made from.
     judged = [
         _judged(
             ConditionedBranch(

@@ -93,7 +93,7 @@ class ConditionedBranch(FrozenRecord, frozen=True):
 
         Between two measured places the ratio is interpolated. Its deviation grows with the distance
         from the nearer one: up to half of their difference, and up to ``way_uneven``. Beyond the
-        outer ones it grows up to the difference of all.
+        outermost places it grows up to the full difference of the ratios.
         """
         places_V, ratios = self.places_V, self.way_ratios
         if not places_V:

@@ -4,11 +4,11 @@ Beyond x_c, where the arm meets a part of stiffness K, it does not come to its f
 
     x = f - c·max(0, x - x_c),    c = s_p·K
 
-so its slope falls to 1/(1 + c) of that below, and does so at one position, on the way up and on the
-way down, while hysteresis makes f come there at different voltages. Both facts are used: f is put
-together from columns of the voltage (plays, creep, u²) and from x² and x³, with which branches may
-bend as they like, but not break. What the columns leave of x is then explained by a break at each
-of many positions, and the best is looked at.
+so its slope falls to 1/(1 + c) of the slope below x_c. It does so at one position, on the way up
+and on the way down, while hysteresis makes f arrive there at different voltages. Both facts are
+used: f is composed of columns of the voltage (plays, creep, u²) and of x² and x³, with which
+branches may bend freely, but not break. The residual of x is then explained by a break at each of
+many positions, of which the best is evaluated.
 """
 
 from typing import NamedTuple

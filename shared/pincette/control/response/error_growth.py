@@ -1,11 +1,11 @@
 """Growth of a free response model's error with the way of the voltage since a zero.
 
-A zero takes off what the model errs by there; what it errs by later is a difference of two errors,
+A zero removes the error that the model has there; its later error is a difference of two errors,
 
     E(w) = √⟨[r(t) - r(t_0)]²⟩,    |u(t) - u(t_0)| = w,    r = x - x_1
 
-over grips that are rehearsed without a part, t_0 being where they would be zeroed:
-``model_errors.rehearsed_errors`` finds it, the estimator reads it.
+over grips that are rehearsed without a part, with t_0 the time at which they would be zeroed.
+``model_errors.rehearsed_errors`` computes it, the estimator uses it.
 """
 
 from collections.abc import Sequence

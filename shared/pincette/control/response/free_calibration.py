@@ -59,9 +59,8 @@ Column = NDArray[np.float64]
 class FreeMotion:
     """One record of a free arm, N samples of matched ages: ``voltage_V[k]`` led to ``x_um[k]``.
 
-    It begins with the course that the model is identified from. Slices of it are those of the
-    cycles and the presses at full amplitude, of the rest before the step, of the rest after it, and
-    of the rehearsed grips.
+    It begins with the course that the model is identified from. Its slices are the cycles and the
+    presses at full amplitude, the rest before the step, the rest after it, and the rehearsed grips.
     """
 
     voltage_V: Sequence[float] | Column
@@ -176,7 +175,7 @@ def calibrate_free_response(
     rehearsed = rehearsed_errors(u, left, motion.period_s, motion.grips)
     branch = None if measured is None else measured.branch
     if identified.model.return_fadings_per_V:
-        # Such a model fits rehearsed grips better than any other motion. Grips differ from them:
+        # Such a model fits rehearsed grips better than any other motion. Real grips differ:
         # noise and the law turn the voltage, and this arm remembers each turn.
         least_um = sqrt(max(0.0, identified.residual_um**2 - noise_um**2))
         rehearsed = rehearsed._replace(growth=rehearsed.growth.at_least(least_um))

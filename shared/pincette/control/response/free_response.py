@@ -297,7 +297,7 @@ def _branch_gain(samples: Sequence[FreeSample], end: int, rest: FreeSample) -> f
         sample = samples[index]
         travel_V = abs(sample.voltage_V - rest.voltage_V)
         furthest_V = max(furthest_V, travel_V)
-        # Back in time the travel grows until the voltage turned round; a fifth is for its noise.
+        # Back in time the travel grows until the last reversal; a fifth allows for noise.
         if travel_V > 2.0 * MIN_TRAVEL_V or travel_V < furthest_V - 0.2 * MIN_TRAVEL_V:
             break
         if travel_V >= MIN_TRAVEL_V:

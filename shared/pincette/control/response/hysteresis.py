@@ -10,15 +10,15 @@ falls throughout by |Δu|:
     creep          τ_j·ċ_j = y - c_j
     displacement   y + Σ κ_j·c_j
 
-Without fading, λ_i = 0, these are the plays of Prandtl and Ishlinskii,
-y_i ← max(u - r_i, min(u + r_i, y_i)), which return from a small loop to where they were. With it a
-play that does not yield forgets as the voltage travels, by e^(-λ_i·|Δu|), so that small loops wear
-off what large ones left, and each starts in a slope of its own (accommodation). A play with
-r_i·λ_i ≥ 1 never yields: its z tends to 1/λ_i. Such a play is the operator of Dahl, and with a rate
-μ_i of its own on the way back to z = 0 that of Bouc and Wen, whose b and g are (λ + μ)/2 and
-(λ - μ)/2. The curvature q bends rising and falling branches alike. Loops of plays without bends are
-as wide at every voltage; with bends they are not: a Preisach operator of any density is a sum of
-functions g_i of plays.
+Without fading, λ_i = 0, these are the plays of Prandtl and Ishlinskii, y_i ← max(u - r_i, min(u +
+r_i, y_i)), which return from a small loop to where they were. With fading a play that does not
+yield loses its memory as the voltage travels, by e^(-λ_i·|Δu|), so that small loops erase the
+memory of large ones, and each starts with its own slope (accommodation). A play with r_i·λ_i ≥ 1
+never yields: its z tends to 1/λ_i. Such a play is the operator of Dahl, and with a separate rate
+μ_i on the way back to z = 0 that of Bouc and Wen, whose b and g are (λ + μ)/2 and (λ - μ)/2. The
+curvature q bends rising and falling branches equally. Loops of plays without bends are equally wide
+at every voltage; with bends they are not: a Preisach operator of any density is a sum of functions
+g_i of plays.
 
 The plays depend on the path of the voltage alone, not on its speed; the creep states are linear.
 Sources: M. Brokate and J. Sprekels, Hysteresis and Phase Transitions, Springer 1996, chapter 2;
@@ -288,7 +288,7 @@ def _require_possible(plays: list[_Play]) -> None:
     for play in ascending:
         slope += play.weight_um_per_V
         require_positive(f"slope up to {play.threshold_V} V", slope, "µm/V")
-    # At a turn all plays stand at their thresholds, and what fades of them goes the other way.
+    # At a turn all plays are at their thresholds, and their fading acts the other way.
     # Plays that never yield are left out: an arm of Bouc-Wen hysteresis with a wide loop goes on
     # for a moment when its voltage turns.
     slope = linear.weight_um_per_V

@@ -49,7 +49,7 @@ def play_columns(
     r = np.asarray(thresholds_V, dtype=float)
     fading = np.asarray(fadings_per_V, dtype=float) if len(fadings_per_V) else np.zeros(len(r))
     fades = fading > 0.0
-    # Any rate does where none is used.
+    # Where nothing fades the rate is not used.
     rate = np.where(fades, fading, 1.0)
     returning = np.asarray(return_fadings_per_V, dtype=float) if return_fadings_per_V else fading
     uneven, fading_at_all = bool(np.any(returning != fading)), bool(fades.any())

@@ -1,17 +1,17 @@
 """Identification of the free response from a recorded free motion, by least squares.
 
-The plays p_i(u) are known, and the displacement is linear in their weights; the creep is that of
-the static output which the weights make, so weights and creep are found together:
+The plays p_i(u) are known, and the displacement is linear in their weights. The creep is that of
+the static output given by the weights, so weights and creep are found together:
 
     x_k ≈ y_k + Σ κ_j·c_j(y)_k + offset,    y = q·u² + Σ (w_i·p_i + a_i·p_i² + b_i·p_i³)
 
-Neighbouring plays are nearly collinear: the solution is held by a ridge. Weights may be negative,
-so that a branch may bend either way; what must hold, a displacement that rises with the voltage,
-is checked of the model that results. The residual is that of this model, simulated.
+Neighbouring plays are nearly collinear, so a ridge regularises the solution. Weights may be
+negative, so that a branch may bend either way. The necessary condition, a displacement that rises
+with the voltage, is checked for the resulting model. The residual is that of this model, simulated.
 
-What least squares cannot give, the families of plays, the rates of a play that never yields,
-curvature, bends and ridge, is chosen by motion that the coefficients were not fitted to; and motion
-that the choice has not seen gives the residual.
+The settings that least squares cannot give (the families of plays, the rates of a play that never
+yields, curvature, bends and ridge) are chosen by motion that the coefficients were not fitted to.
+Motion that was not used for the choice either gives the residual.
 """
 
 from collections.abc import Callable, Sequence
@@ -175,14 +175,14 @@ def _choose(record: Record, fitted: int, candidates: Candidates) -> Choice:
     best = _best(plain, left)
     if candidates.beside and any(left(choice) > POOR * _noise_um(record) for choice in best):
         best = _best([*best, *_unyielding(record, until, candidates)], left)
-    # Bends have so many coefficients that they want most of the record, part after part.
+    # Bends have so many coefficients that they are judged over all parts of the record.
     found = _best([*best, *bent], lambda choice: _left_in_turn(record, fitted, choice))[0]
     if found.rates is None:
         return found
     try:
         return found._replace(rates=fitted_rates(record, fitted, found.rates))
     except ValueError:
-        return found  # the rates of the first part are kept where more samples do not converge
+        return found  # more samples do not converge: the rates of the first part stay
 
 
 def _unyielding(record: Record, until: int, candidates: Candidates) -> list[Choice]:
@@ -193,7 +193,7 @@ def _unyielding(record: Record, until: int, candidates: Candidates) -> list[Choi
     try:
         rates = fitted_rates(record, until)
     except ValueError:
-        return []  # a creep that does not converge makes no candidate
+        return []  # the creep does not converge: no candidate
     return [
         Choice(families, curved, False, candidates.ridges[0], rates)
         for families, curved in product(candidates.beside, candidates.curved)
@@ -238,5 +238,5 @@ def _left(record: Record, until: int, end: int, choice: Choice) -> float:
     try:
         model = fitted_until(record, until, choice)
     except ValueError:
-        return inf  # a candidate that makes an impossible model is none
+        return inf  # the model is impossible: no candidate
     return missed_um(record, model, choice, slice(until, end))

@@ -1,9 +1,10 @@
 """The inverse of the free response: the voltage that leads to a displacement one period ahead.
 
-With H_{k-1}(u) the displacement after a period at u, creep included and with the memory as it
-stands at k-1, u = H_{k-1}⁻¹(x) is sought by the secant and, once two voltages enclose it, by false
-position (Illinois): G. Dahlquist and Å. Björck, Numerical Methods, Prentice-Hall 1974, section 6.4.
-H rises with u, so that there is one u. Two to four evaluations are usual; ``MOST`` bounds them.
+H_{k-1}(u) is the displacement after a period at u, with creep and with the memory at k-1. The
+equation u = H_{k-1}⁻¹(x) is solved by the secant and, once two voltages enclose the solution, by
+false position (Illinois): G. Dahlquist and Å. Björck, Numerical Methods, Prentice-Hall 1974,
+section 6.4. H rises with u, so that there is one solution. Two to four evaluations are usual;
+``MOST`` bounds them.
 """
 
 from collections.abc import Sequence
@@ -51,7 +52,7 @@ def voltage_for(
     other_um = displacement_at(other_V) - wanted_um
     if abs(other_um) <= TOLERANCE_UM:
         return other_V
-    # Two voltages that were tried, each with H less the displacement; ``other_V`` is the newer one.
+    # Two tried voltages, each with H minus the displacement; ``other_V`` is the newer one.
     one_V, one_um = other_V, other_um
     next_V = other_V - other_um / um_per_V
     for tried in range(1, MOST + 1):
@@ -83,9 +84,9 @@ def free_voltages(
 
     ``begins`` is its memory, from whose displacement the others count; None for an unpoled arm.
 
-    The displacement a voltage leads to is continuous in it, and rises over the states that a
-    model was identified by. Each is found by false position (Illinois) between two voltages that
-    enclose it, to ``TOLERANCE_UM``; where it did not rise, one of several would be found.
+    The displacement is continuous in the voltage, and rises over the states that a model was
+    identified from. Each voltage is found by false position (Illinois) between two that enclose it,
+    to ``TOLERANCE_UM``. If the displacement did not rise, one of several solutions would be found.
     """
     state, voltages = start(model) if begins is None else begins, list[float]()
     from_um = displacement_um(model, state)

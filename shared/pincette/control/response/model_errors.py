@@ -56,8 +56,8 @@ def line_error(loops: Sequence[SecantGain]) -> Value:
 
     It is that of x - d·(u - u_0) over d·(u - u_0), with u_0 the lowest voltage of the loops.
 
-    A straight line through a zero there misses both branches; the loops' difference is the
-    uncertainty. Raises ValueError without a settled loop.
+    A straight line through a zero there misses both branches; the difference between the loops is
+    the uncertainty. Raises ValueError without a settled loop.
     """
     shares: list[float] = []
     for loop in loops:
@@ -113,11 +113,11 @@ def unknown_forgetting(
     fits = [_fitted(ways, moved, scale_V) for scale_V in SCALES_V]
     errors_um, _ = min(fits, key=lambda fit: fit[1])
     lefts = np.array([left for _, left in fits])
-    # Scales that leave hardly more than the best one cannot be told from it, nor those between.
+    # Scales with nearly the best residual, and those between them, fit equally well.
     like = np.array(SCALES_V)[lefts <= SCALES_ALIKE * lefts.min()]
     between_V = (float(like[-1]) * sqrt(2.0) - float(like[0]) / sqrt(2.0)) / sqrt(12.0)
     scale = Value(SCALES_V[int(np.argmin(lefts))], between_V)
-    # Each is one draw of what it is the standard deviation of.
+    # Each error is one draw from the distribution whose standard deviation is estimated.
     return Forgetting(
         _together("small swings", errors_um, [abs(error) / sqrt(2.0) for error in errors_um]), scale
     )
@@ -150,11 +150,12 @@ def rehearsed_errors(
 ) -> Rehearsed:
     """Return the growth of the error of x_1 with the way since a zero, and with its age.
 
-    Of each grip r(t) - r(t_0), r the position less x_1: of the rest at the contact against that
-    before the approach; of the begin of the hold, once the arm is at rest, and of its end, against
-    the rest at the contact. Their root mean squares stand at their mean ways; on a shorter way the
-    error is that of a random walk, √w, of which one point more is given. From begin to end of the
-    hold the mean square grows by c²·[log10(1 + t/1 s)]², t the age of the zero.
+    Let r be the position minus x_1. Each grip gives three differences r(t) - r(t_0): the rest at
+    the contact against that before the approach; the begin of the hold, once the arm is at rest,
+    and its end, both against the rest at the contact. Their root mean squares apply to their mean
+    ways. On a shorter way the error is that of a random walk, √w, for which one more point is
+    given. From begin to end of the hold the mean square grows by c²·[log10(1 + t/1 s)]², with t the
+    age of the zero.
 
     Parameters
     ----------
@@ -196,7 +197,7 @@ def rehearsed_errors(
     )
     require_positive("way of a rehearsed press", way_V, "V")
     creep_um = sqrt(max(0.0, late - early) / (late_decades - early_decades))
-    # The standard error of a root mean square of so many draws; less cannot be told from nothing.
+    # The standard error of a root mean square of so many draws; less is not significant.
     least_um = sqrt(late / late_decades / (2.0 * len(rows)))
     points = [(0.25 * way_V, 0.5 * sqrt(early)), (way_V, sqrt(early))]
     if further_V > way_V:
@@ -258,7 +259,7 @@ def turn_error(
             continue
         moved_um = left_um[grip.let_go][: len(begin)] - float(np.mean(left_um[rest]))
         squares.append((float(begin @ moved_um) / lever_V2) ** 2)
-        # The mean of the rest errs too, and with it each sample after it by as much.
+        # The error of the mean over the rest is common to all samples after it.
         shared = float(np.sum(begin)) ** 2 / (lever_V2 * count)
         noises.append(float(np.var(left_um[rest], ddof=1)) * (1.0 + shared) / lever_V2)
     if not squares:

@@ -186,7 +186,7 @@ def fitted_to(record: Record, known: NDArray[np.int_], choice: Choice) -> Hyster
         bent_V=_range_V(record) if choice.bent else (0.0, 0.0),
         return_fadings_per_V=plays.return_fadings_per_V,
     )
-    # The model's own check knows neither its curvature nor how its families lie to each other.
+    # The model's own check covers neither its curvature nor its families together.
     slopes = slopes_um_per_V(model, plays.columns[:, :count], record.u)
     if choice.rates is not None:
         # An arm with a wide loop of this class goes on for a moment when its voltage turns.

@@ -5,9 +5,9 @@ a turning point (u_r, x_r) the arm goes towards the turning point before, (u_p, 
 
     x = x_r + (x_p - x_r)·shape((u - u_r)/(u_p - u_r))
 
-with the shape of the branch that runs in that direction; and once it has passed (u_p, x_p), the
-loop between the two is forgotten and the branch before it goes on (return-point memory).
-Source: E. Madelung, Annalen der Physik 322(10), 1905. Creep is not in it, and adds to its error.
+with the shape of the branch that runs in that direction. Once it has passed (u_p, x_p), the loop
+between the two is forgotten and the branch before it goes on (return-point memory). Source: E.
+Madelung, Annalen der Physik 322(10), 1905. Creep is not modelled, and adds to the error.
 """
 
 from dataclasses import dataclass
@@ -135,7 +135,7 @@ def _passed(branches: RecordedBranches, turns: tuple[Turn, ...], at_V: float) ->
         if at_V == target.voltage_V or (at_V < target.voltage_V) == rising:
             return turns
         if len(turns) == 2:
-            # Beyond what was recorded the end of the branch goes straight on.
+            # Beyond the recorded range the branch continues straight.
             return _on_line(branches, target, at_V), origin
         turns = (turns[1], turns[0]) if len(turns) == 3 else turns[:-2]
 

@@ -120,7 +120,7 @@ def _knots(way: Column, x: Column) -> Column:
     rows = np.arange(len(way))
     hats[rows, cell] = 1.0 - (place - cell)
     hats[rows, cell + 1] = place - cell
-    # Where a cell holds no sample its knot is put on the line between its neighbours.
+    # The knot of a cell without samples lies on the line between its neighbours.
     bend = 1e-3 * np.diff(np.eye(CELLS + 1), n=2, axis=0)
     stacked = np.vstack([hats, bend])
     target = np.concatenate([x, np.zeros(CELLS - 1)])

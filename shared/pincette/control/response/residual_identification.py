@@ -69,8 +69,8 @@ def identify_residual(
         ((width, _missed_um(runs, width)) for width in WIDTHS), key=lambda pair: pair[1]
     )
     mean_um = smoothed(np.mean(runs, axis=0), width)
-    # A later run meets the error of the table, and what it does not repeat itself: what was missed
-    # above was predicted by one run fewer. Few runs tell little of how far others go astray.
+    # A later run has the error of the table and its own deviation. The prediction above used one
+    # run fewer. A small number of runs determines the deviation poorly.
     few = (len(runs) + 1) / (len(runs) - 1)
     error_um = sqrt(few * max(0.0, missed_um**2 - noise_um**2))
     stride = _stride(width, places)

@@ -17,8 +17,9 @@ with a margin. Wider loops are in the motion that a model is identified and judg
 class ReversalMemory(FrozenRecord, frozen=True):
     """A voltage, and the way that it has gone to and fro within ``SMALL_V``.
 
-    A play operator of half that width is dragged along; the way within the play counts, that by
-    which the play is dragged does not. The count does not depend on how finely the way is sampled.
+    A play operator of half that width follows the voltage. The way within the play counts; the way
+    by which the play is dragged does not. The count does not depend on how finely the way is
+    sampled.
     """
 
     voltage_V: float

@@ -9,10 +9,9 @@ position and voltage alone do not tell which. A change is explained up to
     3·sqrt(s^2 + (4·sigma^2/n + c^2)/L^2) + (drift + p)/L,    s = 0.13 %, or what was calibrated
 
 with the noise sigma of a sample, n samples of the shorter rest, the way L in um, the standard
-uncertainty c of creep from before the strokes, and the most that the sensor may have drifted
-meanwhile. An arm of an unknown past may creep otherwise than the model; p is the most of that, and
-counts for the way from the bottom. Where the limit is above ``LARGEST_CHANGE``, nothing is
-compared.
+uncertainty c of creep from before the strokes, and the largest drift of the sensor in between. The
+creep of an unknown past may differ from the model's; p is the largest difference, and counts for
+the way from the bottom. Where the limit is above ``LARGEST_CHANGE``, nothing is compared.
 """
 
 from math import hypot, sqrt
@@ -153,8 +152,8 @@ def stroke_change(
 ) -> StrokeChange | None:
     """Compare the way from a base to a rest with that of the calibration.
 
-    Returns None where the arm is not on the rising branch after strokes, the way is too short, or
-    more than ``LARGEST_CHANGE`` would be explained.
+    Returns None if the arm is not on the rising branch after strokes, the way is too short, or its
+    limit exceeds ``LARGEST_CHANGE``.
 
     Parameters
     ----------

@@ -1,15 +1,15 @@
 """Unknown creep of an arm after its turning points are known, and what its free way shows.
 
-Pasts whose plays have been led to the same places differ by creep alone, and each difference decays
-by itself, with the time of its creep state, whatever the voltage does:
+Pasts whose plays have reached the same places differ by creep alone, and each difference decays
+separately, with the time of its creep state, whatever the voltage does:
 
     D_j(t) = κ_j·[c_j(t) - c_j,model(t)] = D_j(0)·e^(-t/τ_j),    low_j ≤ D_j ≤ high_j
 
 A free arm that is found at rest twice has left the model by Σ_j [D_j(t_2) - D_j(t_1)], within the
-error of x_1. That bounds what the same D_j may still make of x_1 after a zero: the extremes of one
-sum of D_j where another is bounded, a linear program in a box with one row, which is solved by
-taking the D_j in the order of their ratios (G. B. Dantzig, Operations Research 5(2), 1957). Creep
-times are told apart, so that a quick creep that is over says nothing of a slow one.
+error of x_1. That bounds the effect of the same D_j on x_1 after a zero: the extremes of one sum of
+D_j where another is bounded, a linear program in a box with one row, which is solved by taking the
+D_j in the order of their ratios (G. B. Dantzig, Operations Research 5(2), 1957). Creep times are
+treated separately, since a quick creep that is over shows nothing of a slow one.
 """
 
 from collections.abc import Sequence

@@ -8,10 +8,10 @@ weights are not negative. Each follows the same voltages as the model in use. Th
 arises between the two after a zero bounds the error of x_1; a stroke that wipes the past out ends
 it.
 
-What a free arm does between two zeros tells how far from the model's its past is: an outermost past
-would have led it away from x_1 by a known way, and it has come by another. In proportion, the pasts
-that are left reach up to a share of the outermost one. Once the turning points are wiped out, what
-is left is creep, which ``unknown_creep`` bounds by its times.
+The motion of a free arm between two zeros shows how far its past is from the model's: an outermost
+past would have moved the arm away from x_1 by a known amount, and the actual amount is measured. In
+proportion, the pasts that remain possible reach up to a share of the outermost one. Once the
+turning points are wiped out, only creep remains, which ``unknown_creep`` bounds by its times.
 """
 
 from math import sqrt
@@ -137,8 +137,8 @@ class UnknownPast(FrozenRecord, frozen=True):
 
             max_m a_m·|[y_m - y] - [y_m - y]_zero|
 
-        with the displacement y of the model in use, y_m of each outermost past, a_m its share; or
-        what creep can make of it, if that is less.
+        with the displacement y of the model in use, y_m of each outermost past, and a_m its share;
+        or the largest effect of creep, if that is less.
         """
         if self.known:
             return 0.0

@@ -1,8 +1,7 @@
 """Rules that the actuator enforces on every command, and that the controller checks too.
 
-Read ``causes`` for modes and causes, ``state`` for what is remembered, ``admission`` for which
-commands may act, ``voltage`` and ``monitors`` for the limits, ``latch`` for what a trip does and
-undoes, ``freshness`` for ages, and ``watchdog_feed`` for the hardware's own watchdog. Everything is
-scalars and small frozen records: no message, no clock. Where the time is an argument it is
-monotonic, in s.
+Read ``causes`` for modes and causes, ``state`` for the state, ``admission`` for which commands may
+act, ``voltage`` and ``monitors`` for the limits, ``latch`` for trips and resets, ``freshness`` for
+ages, and ``watchdog_feed`` for the hardware's own watchdog. Everything is scalars and small frozen
+records: no message, no clock. Where the time is an argument it is monotonic, in s.
 """

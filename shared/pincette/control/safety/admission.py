@@ -149,7 +149,7 @@ def judged(limits: SafetyLimits, state: S, command: CommandFacts, now: float) ->
         state = _monitored(limits, state, command, sample, now)
     if not command.valid:
         return replace(state, blind=command.fault)
-    # A sample that was lost on its way here is no older than the one before it.
+    # A sample that was lost on its way is at most as old as the one before it.
     oldest = sample or arrival_of(state.arrivals, command.seq - 1)
     why = objection(limits, state, command, oldest, now)
     if why or oldest is None:

@@ -45,8 +45,8 @@ def failed(state: S) -> S:
 def begun(limits: SafetyLimits, state: S, found_V: tuple[float, ...]) -> S:
     """Begin from the voltages at the outputs of the arms.
 
-    Where one is nearer to the safe voltage than to the one that the output was given, the output
-    has released a part by itself.
+    An output whose voltage is nearer to the safe voltage than to the commanded one has released a
+    part without a command.
     """
     arms: list[ArmOutput] = []
     let_go = False
@@ -71,8 +71,8 @@ def found(limits: SafetyLimits, state: S, found_V: tuple[float, ...], now: float
 
     A ramp begins again from there, including one of an already latched actuator, and stays
     unconfirmed until a write of it is confirmed. A freeze, and the latch of a boot, keep the
-    voltages. But where one of two outputs has released a part by itself, a freeze ends: the other
-    follows.
+    voltages. But where one of two outputs has released a part without a command, a freeze ends: the
+    other follows.
     """
     was_held = state.part_held
     state = replace(begun(limits, state, found_V), unconfirmed=False, located=True)

@@ -49,7 +49,7 @@ def newest_seq(arrivals: Arrivals) -> int:
 def skipped_seq(arrivals: Arrivals, seq: int) -> int:
     """Return the number before a new sample's, if that sample did not arrive.
 
-    -1 if none is missing.
+    Returns -1 if none is missing.
     """
     newest = newest_seq(arrivals)
     return seq - 1 if 0 <= newest < seq - 1 else -1

@@ -1,13 +1,14 @@
 """Arming, trip, freeze, ramp, latch and reset: the modes and the transitions between them.
 
-What a trip does is decided before the fault: the last good command says whether a part is held.
-With the arm free the voltage ramps to the safe value; with a part held it is frozen, for a bounded
-time and up to a bounded force, and then ramped, unless the cause asks to let go at once. Either way
-the actuator is latched until a person resets it, and nothing resumes by itself; a reset while it is
-frozen keeps the part, at the voltage that holds it.
+The reaction to a trip is determined before the fault: the last good command states whether a part
+is held. With the arm free the voltage ramps to the safe value. With a part held it is frozen, for a
+bounded time and up to a bounded force, and then ramped, unless the cause requires an immediate
+release. In both cases the actuator is latched until an operator resets it, and nothing resumes
+automatically. A reset during a freeze keeps the part, at the voltage that holds it.
 
-The latch of a boot asks a person for nothing where there was no actuator before, or where the last
-one had nothing to be seen when it was told to end. After any other end it is that of a death.
+The latch of a boot needs no acknowledgement if there was no actuator before, or if the last one
+ended on request without anything to see. After any other end it is the latch of a program that
+died.
 """
 
 from itertools import chain, repeat
@@ -236,7 +237,7 @@ def awake(limits: SafetyLimits, state: S, now: float, busy_s: float = 0.0) -> S:
 def not_located(limits: SafetyLimits, state: SafetyState) -> bool:
     """Return whether the output has failed and not reported its voltage since.
 
-    Never in lockstep.
+    In lockstep the result is always False.
     """
     return state.unconfirmed and not state.located and not limits.lockstep
 
@@ -249,7 +250,7 @@ def pass_time(limits: SafetyLimits, state: S, now: float) -> S:
         state = ramped(state, now)
     if state.mode != Mode.RAMPING:
         return state
-    # One step ahead of its clock: the first step comes with the trip.
+    # The ramp is one step ahead of its clock, since its first step comes with the trip.
     share = (now - state.since_s + limits.age.wake_s) / limits.ramp_s
     if not_located(limits, state):
         # Nothing is written until the output is read back: see ``confirmation``.

@@ -1,12 +1,12 @@
 """Conditions under which the output's own watchdog receives the host's heartbeat.
 
-A loop that hangs cannot say so. One that runs says so only while its output stands as the rules
-want it: a ramp, or a safe voltage, that the output does not confirm is left to the hardware, which
-goes to its safe value when the heartbeats end. A freeze is different: it writes nothing, and what
-keeps the part is the heartbeat; so it is fed for the freeze's bounded time. A latched actuator is
-the one that holds the safe voltage, and goes on to feed. Of two arms, a frozen one is not fed while
-the other does not confirm its voltage: what hears no heartbeat lets go by itself, and the other
-must not be left to press alone.
+A loop that hangs cannot report it. A running loop feeds the watchdog only while its output is as
+the rules require. A ramp, or a safe voltage, that the output does not confirm is left to the
+hardware, which goes to its safe value when the heartbeats end. A freeze is different: it writes
+nothing, and only the heartbeat keeps the part, so the watchdog is fed for the freeze's bounded
+time. A latched actuator holds the safe voltage itself, and goes on feeding. With two arms, a frozen
+one is not fed while the other does not confirm its voltage: an output without a heartbeat releases
+its side, and the other must not be left to press alone.
 """
 
 from pincette.control.safety.causes import Mode

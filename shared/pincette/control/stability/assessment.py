@@ -51,8 +51,8 @@ def assess(loop: Loop, intervals: Intervals, limit_radius: float | None = None) 
     ``limit_radius`` None selects that of the period.
 
     The search for the worst case is a grid and a climb from its highest points (``worst_case``):
-    what it gives is reached, and a dense search finds at most some 0.01 more. M_s is looked for at
-    the ends and in the middle of each interval.
+    its result is attained, and a dense search finds at most some 0.01 more. M_s is computed at the
+    ends and in the middle of each interval.
 
     Raises
     ------

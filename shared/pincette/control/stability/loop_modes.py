@@ -24,11 +24,10 @@ def settling_ticks(radius: float) -> float:
 def counted_radii(loop: Loop, cases: tuple[LoopCase, ...], limit_radius: float) -> Array:
     """Return the spectral radius of each case, without irrelevant slow modes; shape (cases,).
 
-    A switching term of small slope makes s, thus ε, leak away slowly: a real λ just below 1 that
-    leaves next to nothing in the position. Such a mode does not count where its share w of the
-    position's response, to a disturbance of the position or of the voltage, has
-    w·λ^N < 2 % at the N ticks that ``limit_radius`` takes to 2 %. Nothing that rings or grows is
-    left out.
+    A switching term of small slope makes s, thus ε, leak away slowly: a real λ just below 1 with
+    almost no effect on the position. Such a mode does not count where its share w of the position's
+    response, to a disturbance of the position or of the voltage, has w·λ^N < 2 % at the N ticks
+    that ``limit_radius`` takes to 2 %. No mode that rings or grows is left out.
     """
     matrices = loop_matrices(loop, cases)
     modes = np.linalg.eigvals(matrices)
@@ -49,7 +48,7 @@ def _shares(matrices: Array, values: Array, piezo_um_per_V: float) -> Array:
     both are found by inverse iteration. A multiple mode has wᵀv near 0, which gives a large share.
     """
     count, size = matrices.shape[:2]
-    # Off the eigenvalue by little against its distance to the others, or it could not be solved.
+    # A small shift off the eigenvalue, without which the system would be singular.
     shifted = matrices - (values + NEXT_TO)[:, None, None] * np.eye(size)
     right = np.ones((count, size, 1))
     left = np.ones((count, size, 1))
@@ -60,7 +59,7 @@ def _shares(matrices: Array, values: Array, piezo_um_per_V: float) -> Array:
             left = np.linalg.solve(np.swapaxes(shifted, 1, 2), left)
             left /= np.max(np.abs(left), axis=1, keepdims=True)
     except np.linalg.LinAlgError:
-        # So stiff that the shift is lost to rounding, on some processors: nothing is left out.
+        # On some processors the shift of a stiff loop is lost to rounding: no mode is left out.
         return np.full_like(values, np.inf)
     product = np.abs(np.sum(left * right, axis=1))[:, 0]
     disturbed = np.maximum(np.abs(left[:, X, 0]), np.abs(left[:, VOLTAGE, 0]) / piezo_um_per_V)

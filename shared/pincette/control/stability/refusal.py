@@ -89,12 +89,12 @@ def _advice(loop: Loop, intervals: Intervals, case: LoopCase, *, by_radius: bool
     def reached(other: Loop) -> float:
         """Return the radius, or infinity if it or M_s exceeds its limit."""
         limit = limit_radius_at(other.period_s)
-        # Most changes fail in the very case that calls for one; the search is for the rest.
+        # Most changes fail in the refused case already, which saves the search.
         try:
             if by_radius and here(other) >= limit and short(other) == short(loop):
                 return inf
         except ValueError:
-            return inf  # a law that cannot be made so
+            return inf  # no law exists with this change
         met = widened(other, intervals)
         if np.max(counted_radii(other, corners(met), limit)) >= limit:
             return inf
@@ -128,7 +128,7 @@ def _families(loop: Loop) -> Iterator[list[tuple[str, Loop]]]:
         yield [(f"{name} = {value:.4g}", loop.with_gains(**{name: value})) for value in values]
     if short(loop) and loop.output_lag_s == 0.0:
         yield [(f"an RC of {1e3 * RC_S:g} ms before the amplifier", _with_lag(loop, RC_S))]
-    # Any other observer is made for its period.
+    # Any other observer is designed for its own period.
     if loop.observer is None or (
         isinstance(loop.observer, QuasiStatic) and loop.observer.parameters.share == 1.0
     ):

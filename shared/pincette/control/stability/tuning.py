@@ -133,7 +133,7 @@ def tune(
     radii: dict[LawSettings, float] = {}
     while left:
         front = pareto_front(left)
-        # A radius costs far more than a track, and only the front's are wanted.
+        # A radius costs far more than a track, so it is computed for the front alone.
         for item in front:
             if item.settings not in radii:
                 radii[item.settings] = radius(item.settings)

@@ -198,7 +198,7 @@ def _law_response(loop: TwoArmLoop, z: Complex, *, pressed: bool) -> Complex:
     """Return C at each z, from (x_1, x_2) to (X_1, X_2), shape (angles, 2, 2)."""
     law = law_matrix(loop, pressed=pressed)
     size = 2 + STATE
-    # The law's inputs are positions, and what it has put out and kept a tick before.
+    # The law's inputs are positions, its outputs of the tick before, and its state.
     given = np.broadcast_to(law[:, :2].astype(np.complex128), (len(z), size, 2))
     solved = np.linalg.solve(np.eye(size) - law[:, 2:] / z, given).astype(np.complex128)
     return solved[:, :2]
@@ -233,7 +233,7 @@ def sampled_pair(loop: TwoArmLoop, cases: tuple[TwoArmCase, ...]) -> tuple[Array
     moved: npt.NDArray[np.float64] = after[:, :PLACES, :PLACES] @ before[:, :PLACES]
     driven: npt.NDArray[np.float64] = after[:, :PLACES, PLACES:]
     if lag_s == 0.0:
-        # Without a lag there is no voltage behind it.
+        # Without a lag there is no separate voltage behind it.
         moved[:, 4:], driven[:, 4:] = 0.0, 0.0
     return moved, driven
 

@@ -72,7 +72,7 @@ class Intervals:
             interval: tuple[float, float] | None = getattr(self, name)
             if interval is not None and not interval[0] <= interval[1]:
                 raise ValueError(f"{name}: from {interval[0]} to {interval[1]}, must be ascending")
-        # A case refuses what is impossible in itself.
+        # Each ``LoopCase`` validates its own values.
         for values in product(
             self.K_e_mN_per_um or (0.0,),
             self.frequency_factor,
@@ -198,7 +198,7 @@ def _worst_of(
 def _axes(loop: Loop, kind: Intervals) -> Axes:
     """Return the grid's values of K_e, the factors and the delay, in the order of ``NAMES``."""
     stiffness = kind.K_e_mN_per_um or (0.0, 0.0)
-    # Of the mode over a period, where the contact is stiffest.
+    # Phase of the mode over a period, with the stiffest contact.
     phase = sqrt((loop.arm.k + stiffness[1]) / loop.arm.m) * loop.period_s
     return (
         _spaced(stiffness, WIDE_STIFFNESSES if kind.untold else STIFFNESSES),
