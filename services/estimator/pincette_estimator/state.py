@@ -253,7 +253,7 @@ def touched(
     F_mN: float,
     u_F_mN: float,
 ) -> tuple[float | None, float | None]:
-    """Where an arm that should be free has met something, and at least how hard; or None, None.
+    """Return where an arm that should be free met something, and its least force; or None, None.
 
     The largest of three forces counts. The first is the lag of the arm behind the slope of its way
     since a kink on new ground. The second is F minus ``SURE`` times U, with the sign of F, at

@@ -27,7 +27,7 @@ class ArmParameters:
 
 
 class OutputTiming(NamedTuple):
-    """When a voltage acts on the arm."""
+    """Delay and lag with which a voltage acts on the arm."""
 
     delay_s: float = 0.0
     """Time from a sample until the voltage that answers it is applied."""
@@ -130,7 +130,7 @@ def perturbation(
     voltage_V: float,
     force_mN: float,
 ) -> float:
-    """Lumped perturbation p of one sample in mN, known once its position is measured.
+    """Return the lumped perturbation p of one sample in mN, known once its position is measured.
 
         p_{k-1} = -d̄ u_{k-1} + m̄ x_{k-3} + b̄ x_{k-2} + k̄ x_{k-1} + F_{k-1}               (6)
 
@@ -155,7 +155,7 @@ def predict_position(
     x_3_um: float,
     force_step_mN: float,
 ) -> float:
-    """Position x_k in µm that (17) predicts from x_{k-1}, x_{k-2}, x_{k-3}, with p̃_k = 0.
+    """Return x_k in µm that (17) predicts from x_{k-1}, x_{k-2}, x_{k-3}, with p̃_k = 0.
 
     x_k = (1/k̄)[d̄(u_k - u_{k-1}) + m̄ x_{k-3} + (b̄ - m̄) x_{k-2} + (k̄ - b̄) x_{k-1}
                 - (F_k - F_{k-1}) - p̃_k]                                             (17)
@@ -170,5 +170,5 @@ def predict_position(
 
 
 def perturbation_bound(rate_mN_per_s: float, period_s: float) -> float:
-    """Bound of the estimation error |p̃_k| in mN where |dp/dt| ≤ Δ: |p̃_k| < Δ·T (9)."""
+    """Return the bound Δ·T of the estimation error |p̃_k| in mN where |dp/dt| ≤ Δ (9)."""
     return rate_mN_per_s * period_s

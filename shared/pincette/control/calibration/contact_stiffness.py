@@ -1,6 +1,4 @@
-"""Stiffness of a contact from four levels of voltage, as in Fig.
-
-8, and the place of the contact.
+"""Stiffness of a contact from four levels of voltage (Fig. 8), and the place of the contact.
 
 In contact F = K_e·(x - x_e) whatever the voltage does, so peak-to-peak force is proportional to
 peak-to-peak position,

@@ -1,6 +1,4 @@
-"""Mode of the arm from a recorded sweep: ω_n, ζ and gain, and the curves of a Bode plot (Fig.
-
-5).
+"""Mode of the arm from a recorded sweep: ω_n, ζ and gain, and the Bode plot of Fig. 5.
 
 The input is the drive as measured beside the position, so that a lag of the output does not
 enter. What delays the position (averaging of the sensor) and what turns the phase at every

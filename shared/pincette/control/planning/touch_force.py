@@ -76,7 +76,7 @@ class SafeTouch(NamedTuple):
     def limit(self, name: str) -> float:
         """Return the highest safe speed in µm/s.
 
-        Infinite for a force that is refused in any case.
+        The speed is infinite for a force that is refused in any case.
 
         Parameters
         ----------

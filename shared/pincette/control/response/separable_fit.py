@@ -143,10 +143,7 @@ def _step(problem: _Problem, shares: Vector, now: _Solved) -> Vector:
 def _shortened(
     problem: _Problem, shares: Vector, step: Vector, now: _Solved
 ) -> tuple[Vector, _Solved] | None:
-    """Return the shares after the longest allowed step that lowers the cost, or None.
-
-    None if there is none.
-    """
+    """Return the shares after the longest allowed step that lowers the cost, or None."""
     rise, room = float(np.sum(step)), MOST_CREEP - float(np.sum(shares))
     length = min(1.0, room / rise) if rise > room else 1.0
     while length >= SHORTEST_STEP:

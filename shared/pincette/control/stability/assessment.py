@@ -41,7 +41,7 @@ class Assessment:
 
     @property
     def stable(self) -> bool:
-        """Whether the loop may run."""
+        """True if the loop may run."""
         return self.radius < self.limit_radius and self.sensitivity_peak <= self.limit_peak
 
 
