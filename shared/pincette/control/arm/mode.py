@@ -2,8 +2,8 @@
 
     ẍ + 2ζω_n·ẋ + ω_n²·(x - q) = 0
 
-with q the equilibrium, x_1 - s_p·F in (53). Where q is held or moves straight over a period, so
-are these transitions, at any period; backward differences (2), (3) do not see a mode that is
+with q the equilibrium, x_1 - s_p·F in (53). If q is constant or moves straight over a period, these
+transitions are exact at any period; backward differences (2), (3) cannot represent a mode that is
 short against it.
 """
 
@@ -34,8 +34,8 @@ def sample_mode(natural_frequency_rad_per_s: float, damping_ratio: float, period
 
         x - q ← e^(-σT)[(cos ω_d T + σ/ω_d sin ω_d T)(x - q) + (1/ω_d) sin ω_d T·ẋ]
 
-    with σ = ζω_n, ω_d² = ω_n² - σ². For q = t/T the motion is t/T - 2ζ/(ω_n T), rising by 1/T,
-    plus what the start has of the free motion.
+    with σ = ζω_n, ω_d² = ω_n² - σ². For q = t/T the motion is t/T - 2ζ/(ω_n T), rising by 1/T, plus
+    the free motion of the initial state.
 
     Raises
     ------

@@ -81,7 +81,7 @@ def sampled_arms(
     rate = np.zeros((len(cases), 4, 4))
     rate[:, 0, 1] = omega
     rate[:, 1, 0] = -omega * stiffening
-    # b/m = 2ζω_n grows with ω_n where ζ is kept.
+    # With ζ kept, b/m = 2ζω_n grows with ω_n.
     damping = np.array([case.damping_factor for case in cases])
     rate[:, 1, 1] = -arm.b / arm.m / omega_n * omega * damping
     rate[:, 1, 2 if output_lag_s > 0.0 else 3] = omega * gain

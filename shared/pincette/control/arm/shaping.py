@@ -4,7 +4,7 @@ A quarter, a half and a quarter of a step, each h after the one before, ring a m
 
     |¼ + ½·e^(-iωh) + ¼·e^(-2iωh)| = cos²(ω·h/2)
 
-of what the whole step would. It is 0 at h = π/ω and flat there, so that one h serves the free arm
+of the ring of the whole step. It is 0 at h = π/ω and flat there, so that one h serves the free arm
 at ω_n and the pressed one at ω_n·√(1 + s_p·K_e). Units: V, s, rad/s.
 """
 

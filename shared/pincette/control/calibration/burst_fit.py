@@ -1,7 +1,7 @@
 """Least-squares fit of the sampled arm to bursts of voltages.
 
-The parameters are log ω_n, log ζ, D/T and τ/T, with D = δ + τ; see ``output_timing``. Both gains
-and a slow curve below each burst are worked out for each of them (projection).
+The parameters are log ω_n, log ζ, D/T and τ/T, with D = δ + τ; see ``output_timing``. For each set
+of them both gains and a slow curve below each burst are computed by projection.
 
 Source: G. H. Golub and V. Pereyra, SIAM J. Numer. Anal. 10(2), 1973.
 """

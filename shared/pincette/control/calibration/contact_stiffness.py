@@ -5,12 +5,12 @@ peak-to-peak position,
 
     K_e = Σ F_pp·x_pp/Σ x_pp²
 
-Both come of a periodic fit, that of ``periodic``, in which noise neither widens the peaks nor links
-x to an F̂ that is worked out from the same x. A line with an offset, as the paper draws it, is
-given beside it: its offset is what the free response errs by at small swings, and taking it for one
-of the contact would turn the slope by as much. With F̂ = (x_1 - x)/s_p an error of s_p is one of
-K_e with the other sign, and an error e of x_1 one of F̂ of e/s_p, of which the residuals show a
-part at most: both are stated. Levels share the errors of x_1, so those add up,
+Both come from the fit of ``periodic``, in which noise neither widens the peaks nor correlates x
+with an F̂ that is computed from the same x. A line with an offset, as the paper draws it, is given
+in addition. Its offset is the error of the free response at small swings; attributed to the
+contact, it would change the slope by as much. With F̂ = (x_1 - x)/s_p an error of s_p is one of K_e
+with the other sign, and an error e of x_1 is an error e/s_p of F̂, of which the residuals show at
+most a part; both are stated. Levels share the errors of x_1, so those add up,
 
     u(K_e) = Σ u(x_1)·x_pp/(s_p·Σ x_pp²)
 Equation and figure numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.

@@ -1,12 +1,12 @@
 """Place at which a closing arm meets a part, from the kink over its free response.
 
-With z = x_1 the free response, and D = z - x what the arm lacks to it,
+With z = x_1 the free response, and D = z - x the distance of the arm from it,
 
     D = D_0 + β·max(0, z - z_e),    β = s_p·K_e/(1 + s_p·K_e),    x_e = z_e - D_0
 
-by least squares in D_0, β, z_e. z is a model of the voltage and knows nothing of the sensor's
-noise, so no error stands on the right. D_0 is what the zero of the force has left. The errors of z
-are shared by neighbouring samples, which then count as fewer.
+by least squares in D_0, β, z_e. z is a model of the voltage and does not contain the sensor's
+noise, so the right side has no error. D_0 is the remaining error of the zero of the force.
+Neighbouring samples share the errors of z, and therefore count as fewer.
 """
 
 from collections.abc import Sequence

@@ -36,9 +36,9 @@ def swept_response(
     """Return the frequency response of a recorded sweep that begins and ends at rest.
 
     Over the spectra of the whole record, in bands of even width, G = Σ X·U*/Σ |U|², and from the
-    coherence γ² of n lines u(log|G|) = √((1 - γ²)/(2·n·γ²)). The record is taken whole: a window
-    would smear the peak of a lightly damped mode. The means are taken off, no more. Bands driven
-    with less than ``least_drive`` of the strongest, in power, are left out.
+    coherence γ² of n lines u(log|G|) = √((1 - γ²)/(2·n·γ²)). The record is used whole: a window
+    would smear the peak of a lightly damped mode. Only the means are subtracted. Bands driven with
+    less than ``least_drive`` of the strongest, in power, are left out.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def swept_response(
             f"must be at least {LEAST_POINTS}: a longer sweep or wider bands"
         )
     count, drive, answer, product = count[kept], drive[kept], answer[kept], product[kept]
-    # The drive's centre within the band is where its gain belongs.
+    # The gain of a band belongs to the centre of the drive within it.
     center_hz = banded(lines_hz * np.abs(U) ** 2)[kept] / drive
     coherence = np.minimum(np.abs(product) ** 2 / (drive * answer), 1.0)
     log_uncertainty = np.sqrt((1.0 - coherence) / (2.0 * count * coherence))

@@ -1,9 +1,9 @@
 """Straight lines of the calibration: compliance (55), and the line of Fig. 8.
 
-Equation and figure numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013. Every result carries its
-residuals and standard uncertainties; those are of the scatter alone, and hold for errors that are
-independent from sample to sample. Where they are not, ``correlated_samples`` says by how much fewer
-samples there are.
+Equation and figure numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013. Every result has its
+residuals and standard uncertainties. The uncertainties are from the scatter alone, and hold for
+errors that are independent from sample to sample. If they are not, ``correlated_samples`` gives the
+factor by which fewer samples count.
 """
 
 from collections.abc import Sequence
@@ -72,8 +72,8 @@ def correlated_samples(residuals: Sequence[float] | NDArray[np.float64]) -> floa
     τ = 1 + 2·Σ ρ_i, ρ_i = Σ r_k·r_{k+i}/Σ r_k², i = 1, 2, ... while ρ_i > 0
 
     An error of the free response is shared by neighbouring samples, the sensor's noise is not. A
-    variance worked out for independent errors is to be multiplied by τ. Source: C. J. Geyer,
-    Practical Markov Chain Monte Carlo, Statistical Science 7(4), 1992.
+    variance computed for independent errors must be multiplied by τ. Source: C. J. Geyer, Practical
+    Markov Chain Monte Carlo, Statistical Science 7(4), 1992.
     """
     r = np.asarray(residuals, dtype=np.float64)
     square = float(r @ r)
@@ -125,7 +125,7 @@ def compliance(
 def stiffness_line(x_pp_um: Sequence[float], force_pp_mN: Sequence[float]) -> Line:
     """Return the line of Fig. 8: F_pp = K_e·x_pp + offset, in mN over µm.
 
-    ``at`` plans F_pp for an x_pp: the paper's 2.47·x_pp - 0.87.
+    ``at`` gives F_pp for an x_pp; in the paper it is 2.47·x_pp - 0.87.
 
     Raises
     ------

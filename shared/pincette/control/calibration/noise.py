@@ -1,9 +1,9 @@
 """Noise of a position sensor from readings of an arm at rest.
 
-With d_k = x_{k+1} - x_k less their mean, white noise has σ² = ½·mean(d²): differences know nothing
-of a drift that is slow against the period. The statement's own uncertainty comes from the spread
-of d², so that it holds for quantised readings as for Gaussian ones.
-Source of the estimator: J. von Neumann, Annals of Mathematical Statistics 12(4), 1941.
+With d_k = x_{k+1} - x_k minus their mean, white noise has σ² = ½·mean(d²): differences are
+independent of a drift that is slow against the period. The uncertainty of σ comes from the spread
+of d², so that it holds for quantised readings as well as for Gaussian ones. Source of the
+estimator: J. von Neumann, Annals of Mathematical Statistics 12(4), 1941.
 """
 
 from collections.abc import Sequence

@@ -14,11 +14,12 @@ lag is a delay, so that D is known well. To second order it is part of the gains
 
     e^(sτ)/(1 + sτ) = 1 + s²τ²/2 - s³τ³/3 + …,    s²·x = ω_n²·(g·y - x) - 2ζω_n·s·x
 
-What tells it from a delay is the third, and a lag far below 1/ω_n is hardly told from none.
-Uncertainties come from leaving out one burst after the other (jackknife), so that they contain
-what the model misses as far as it differs from burst to burst. What does not is bounded by
-hysteresis: a loss turns the phase of every frequency alike, by φ_h, and at the mode that looks
-like a delay of φ_h/ω_n, or like a lag that is another by φ_h·√(1 + ω_n²τ²)/ω_n.
+Only the third order distinguishes it from a delay, and a lag far below 1/ω_n can hardly be
+distinguished from none. Uncertainties come from leaving out one burst after the other (jackknife),
+so that they contain those errors of the model that differ from burst to burst. The error that does
+not differ is bounded by hysteresis: a loss turns the phase of every frequency equally, by φ_h, and
+at the mode that looks like a delay of φ_h/ω_n, or like a change of the lag by
+φ_h·√(1 + ω_n²τ²)/ω_n.
 
 Sources: G. H. Golub and V. Pereyra, SIAM J. Numer. Anal. 10(2), 1973 (projection); B. Efron, The
 Jackknife, SIAM 1982. Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
@@ -150,7 +151,7 @@ def _by_lag(some: Sequence[PreparedBurst], period_s: float, mode: Column) -> tup
     def at(delay: float, lag: float) -> Column:
         return np.array([*mode, delay + lag, lag])
 
-    # Near 0 the samples hardly change with a lag, so that a slope there leads nowhere.
+    # Near a lag of 0 the samples hardly change with it, so that a slope there is useless.
     prompt = min((at(delay, 0.0) for delay in DELAYS), key=squares)
     behind = min((at(delay, lag) for delay in DELAYS for lag in LAGS), key=squares)
     none = fit(some, period_s, prompt, lagged=False)

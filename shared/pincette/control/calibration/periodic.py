@@ -2,10 +2,10 @@
 
     value(t) = mean + drift·t + Σ a_k·cos kωt + b_k·sin kωt,  k = 1 … HARMONICS
 
-by least squares. Hysteresis makes a cycle that no single harmonic describes, and the largest less
-the smallest reading is a peak-to-peak value that grows with the noise and with the length of the
-record; the fitted cycle has neither fault. What noise still adds to the extremes of a fit,
-Var(slope)/|curvature| in all, is taken off.
+by least squares. Hysteresis makes a cycle that no single harmonic describes. The difference between
+the largest and the smallest reading would grow with the noise and with the length of the record;
+the peak-to-peak value of the fitted cycle does not. The remaining effect of noise on the extremes
+of a fit, Var(slope)/|curvature| in all, is subtracted.
 """
 
 from collections.abc import Sequence
@@ -58,7 +58,7 @@ def periodic(values: Sequence[float] | Column, samples_per_cycle: float) -> Peri
         raise ValueError(
             f"{samples_per_cycle:g} samples a cycle, must be at least {LEAST_SAMPLES_PER_CYCLE}"
         )
-    # Half a sample short is whole: cycles end between samples where they do not divide evenly.
+    # Cycles may end between samples, so a record half a sample short counts as whole.
     if not len(y) >= LEAST_CYCLES * samples_per_cycle - 0.5:
         raise ValueError(
             f"{len(y) / samples_per_cycle:.2f} cycles, must be at least {LEAST_CYCLES:g}"

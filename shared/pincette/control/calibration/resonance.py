@@ -4,9 +4,9 @@ Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013. With ω_n in rad/s 
 
     X/U = d_p·ω_n²/(s² + 2·ζ·ω_n·s + ω_n²)                                               (54)
 
-Higher modes of an arm answer, far below their own resonance, like a spring: with a share ρ that is
-constant. It is small beside the resonance, but moves the flanks of the peak, by which ω_n and ζ
-are found: with the second mode of a cantilever left out, ζ errs by some per cent.
+Higher modes of an arm respond, far below their own resonance, like a spring, with a constant share
+ρ. It is small compared with the resonance, but moves the flanks of the peak, which determine ω_n
+and ζ: without the second mode of a cantilever, ζ is wrong by some percent.
 
     X/U = d_p/(1 + ρ)·[1/(1 - r² + 2·j·ζ·r) + ρ],    r = ω/ω_n
 
@@ -35,7 +35,7 @@ SETTLED = 1e-10
 class SecondOrder:
     """Model (54) with standard uncertainties, and the residuals of the natural log of |gain|.
 
-    The uncertainties are of the scatter alone, and hold for points that are independent.
+    The uncertainties are from the scatter alone, and hold for independent points.
     """
 
     natural_frequency_rad_per_s: float
@@ -69,9 +69,9 @@ def fit_second_order(
 
         log|X/U| = log g + log|1 + ρ·D| - log|D|,    D = 1 - r² + 2·j·ζ·r,    d_p = g·(1 + ρ)
 
-    by Levenberg and Marquardt in log ω_n, log ζ, log g, and ρ where ``higher_modes`` are looked
-    for; else it is 0. Magnitudes alone will do; delays of output and sensor, which turn the phase,
-    do not disturb. With ``log_gain_uncertainty`` points weigh by it.
+    by Levenberg and Marquardt in log ω_n, log ζ, log g, and ρ if ``higher_modes`` are sought; else
+    ρ is 0. Magnitudes alone are sufficient: delays of output and sensor, which turn the phase, have
+    no effect on them. With ``log_gain_uncertainty`` points are weighted by it.
 
     Raises
     ------

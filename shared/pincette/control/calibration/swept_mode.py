@@ -1,8 +1,8 @@
 """Mode of the arm from a recorded sweep: ω_n, ζ and gain, and the Bode plot of Fig. 5.
 
-The input is the drive as measured beside the position, so that a lag of the output does not
-enter. What delays the position (averaging of the sensor) and what turns the phase at every
-frequency alike (hysteresis, as a rate-independent loss) are fitted to the phase alone:
+The input is the measured drive, so that a lag of the output does not enter. A delay of the position
+(averaging of the sensor) and a phase lag that is equal at every frequency (hysteresis, as a
+rate-independent loss) are fitted to the phase alone:
 
     arg(X/U) = arg(model) - φ_h - ω·τ
 
@@ -127,7 +127,7 @@ def require_even_swing(x_um: Column, rate_hz: float) -> None:
     """
     span, rest = max(1, round(SWING_S * rate_hz)), max(1, round(REST_S * rate_hz))
     if len(x_um) < 2 * rest + span:
-        return  # too short for a mode as well, which says so
+        return  # too short for a mode as well, whose fit reports it
     ends = (float(np.mean(x_um[:rest])), float(np.mean(x_um[-rest:])))
     about = x_um - np.linspace(*ends, len(x_um))
     spans = about[: len(about) // span * span].reshape(-1, span)
@@ -161,7 +161,7 @@ def _sure(response: FrequencyResponse) -> FrequencyResponse:
 def _drawn(response: FrequencyResponse, model: SecondOrder) -> SweptMode:
     f = response.frequency_hz
     fitted = model.gain_at(f)
-    # The least that the coherence says keeps one clean band from deciding alone.
+    # A lower bound of the uncertainty prevents one clean band from deciding alone.
     weights = 1.0 / np.maximum(
         response.log_gain_uncertainty, float(np.median(response.log_gain_uncertainty))
     )

@@ -1,6 +1,6 @@
 """Test whether samples at a period show the mode.
 
-Separate, so that a request does not load NumPy.
+It is a separate module, so that a request does not load NumPy.
 """
 
 from math import pi

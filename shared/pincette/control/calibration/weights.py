@@ -3,7 +3,7 @@
     x = x_0 - s_p·F + drift·t                                               (55), with its drift
 
 A weight pulls as a contact presses: the arm gives way towards falling x. Weights that go up and
-come back by the same steps are uncorrelated with time, so that the drift takes nothing of s_p.
+come back by the same steps are uncorrelated with time, so that the drift does not change s_p.
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
 
@@ -100,7 +100,7 @@ def weighed_compliance(
 def _require_straight(F: NDArray[np.float64], x: NDArray[np.float64], noise_um: float) -> None:
     """Refuse weights of which the light ones bend the arm less per mN than the heavy ones.
 
-    Two positions under one weight say how well they repeat.
+    Two positions under one weight show their repeatability.
     """
     weights = np.unique(F)
     if len(weights) < 3:

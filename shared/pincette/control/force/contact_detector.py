@@ -1,8 +1,8 @@
 """Detection of the kink in the position of a closing arm where it meets something.
 
 Along one branch of rising voltage the position of a free arm rises with d_p·u, at a slope that
-hysteresis changes little by little. Where the arm touches a spring K_e the slope drops at once, by
-the share s_p·K_e/(1 + s_p·K_e) of what it was.
+hysteresis changes gradually. Where the arm touches a spring K_e the slope drops at once, by the
+share s_p·K_e/(1 + s_p·K_e) of its value.
 
 Two straight lines are fitted to adjacent windows of the branch, the later one up to the newest
 position. A kink is where the later slope is lower by half of that share or more and the later
@@ -198,7 +198,7 @@ class ContactDetector(FrozenRecord, frozen=True):
             if x_um <= least_um + REFUTED * limits.noise_um:
                 return self
             touch = None
-        # A kink where the arm has been before does not hide one where it has not.
+        # A kink on known ground does not hide one on new ground.
         met = self._kink(limits)
         if met is not None and (touch is None or met.on_new_ground):
             touch = met

@@ -17,9 +17,9 @@ def force(x_um: float, free_um: float, compliance_um_per_mN: float) -> float:
 
         F̂ = -(x - x_1)/s_p                                                               (53)
 
-    G⁻¹ ≈ 1 where the period is long against the resonance's. x_k answers to the voltage applied
-    at k-1, hence x_1 is taken from that one. Then the printed term d_p/s_p·[u(t) - u(t - T)]
-    is left out: it belongs to an x_1 of another age, and on a moving free arm it reads as force.
+    G⁻¹ ≈ 1 holds if the period is long against the resonance's. x_k responds to the voltage applied
+    at k-1, hence x_1 is that of this voltage. The printed term d_p/s_p·[u(t) - u(t - T)] is then
+    left out: it belongs to an x_1 of another age, and on a moving free arm it would read as force.
     """
     return (free_um - x_um) / compliance_um_per_mN
 
@@ -27,10 +27,10 @@ def force(x_um: float, free_um: float, compliance_um_per_mN: float) -> float:
 def smoothing(period_s: float, time_constant_s: float) -> float:
     """Return the share 1 - e^(-T/τ) by which a first-order low-pass follows each sample.
 
-    1 for τ = 0.
+    It is 1 for τ = 0.
 
     The sensor's noise is amplified by 1/s_p into F̂, and by the law into a to-and-fro of the
-    voltage, which wears the hysteresis.
+    voltage, which erodes the memory of the hysteresis.
     """
     return 1.0 - exp(-period_s / time_constant_s) if time_constant_s > 0.0 else 1.0
 
@@ -78,8 +78,8 @@ def uncertainty_of_mean(stated_mN: Sequence[float], *, noise_mN: float, reading_
 
         U = ⟨√(U_k² - (2·σ_F)² + (2·σ)²/n)⟩
 
-    What the free response, creep and forgetting make of the force is common to all samples; only
-    noise is averaged.
+    The errors of the force from the free response, creep and forgetting are common to all samples;
+    only noise is averaged.
 
     Parameters
     ----------

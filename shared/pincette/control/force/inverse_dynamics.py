@@ -139,7 +139,7 @@ def _noise_gain(gain: float, zero_1: float, zero_2: float, pole: float) -> float
     """Return the root of the sum of squares of the impulse response."""
     inputs = [1.0, -zero_1, zero_2]
     squares = before = before_2 = 0.0
-    # The response falls as k·p^k; what is left at the end is below 1e-12 of it.
+    # The response falls as k·p^k; its rest after the end is below 1e-12 of it.
     for index in range(100_000):
         put_in = inputs[index] if index < len(inputs) else 0.0
         now = gain * put_in + pole * (2.0 * before - pole * before_2)

@@ -38,9 +38,9 @@ class AugmentedKalman(FrozenRecord, frozen=True):
         F ← F + w                                       a random walk, straight within a period
         y = x + v                                       v white, of the sensor's r.m.s.
 
-    As F moves straight from sample to sample and not in a step, as a force does that a spring
-    makes, F̂ has the age of x. Where the period is long against the mode, F̂ becomes (x_1 - x)/s_p
-    less what is left of the ring.
+    F moves straight from sample to sample and not in a step, as the force of a spring does, so that
+    F̂ has the age of x. If the period is long against the mode, F̂ becomes (x_1 - x)/s_p minus the
+    rest of the ring.
     """
 
     parameters: KalmanParameters
@@ -90,7 +90,7 @@ def augmented_kalman(
 
         P⁻ = A P Aᵀ + (rate·T)² g gᵀ,   K = P⁻cᵀ/(c P⁻ cᵀ + noise²),   P = P⁻ - K c P⁻
 
-    Written out in floats, so that a gain is the same to the last bit everywhere.
+    It is written out in floats, so that a gain is the same to the last bit everywhere.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Interface of the observers that estimate the contact force from the position.
 
-An observer is immutable and linear: its reading and what it becomes are linear in its inputs
-and in its own state. Its field ``parameters`` is fixed; every other field is a float of its state,
-which ``state_of`` and ``with_state`` take out and put in.
+An observer is immutable and linear: its force and its next state are linear in its inputs and in
+its own state. Its field ``parameters`` is fixed; every other field is a float of its state, which
+``state_of`` and ``with_state`` read and replace.
 """
 
 from dataclasses import dataclass
@@ -64,8 +64,8 @@ def held_age(delay_periods: float) -> float:
     """Return φ, by how many periods x_k is older than x_1 of the voltage of k-1.
 
     A voltage that comes δ periods after its sample and is held for one acts on average at δ + 1/2,
-    where the mode is slow against the period and averages the steps; x_k is measured at 1. Where δ
-    is below 1/2 nothing older is mixed in. At most 1.
+    if the mode is slow against the period and averages the steps; x_k is measured at 1. If δ is
+    below 1/2, no older x_1 is mixed in. The result is at most 1.
     """
     return min(1.0, max(0.0, delay_periods - 0.5))
 
@@ -73,7 +73,7 @@ def held_age(delay_periods: float) -> float:
 def kept(period_s: float, lag_s: float) -> float:
     """Return e^(-T/τ), the share of its state that a first-order lag keeps over a period.
 
-    0 without a lag.
+    It is 0 without a lag.
     """
     return exp(-period_s / lag_s) if lag_s > 0.0 else 0.0
 

@@ -1,6 +1,6 @@
 """Detection of position steps that the voltage does not explain: slips and sensor jumps.
 
-A pressed arm stands where the free arm and the part balance. With x_1 the free place and
+A pressed arm rests where the free arm and the part balance. With x_1 the free place and
 kappa = s_p·K_e,
 
     x = (x_1 + kappa·x_e)/(1 + kappa),    so that    Δx = Δx_1/(1 + kappa)
@@ -11,21 +11,22 @@ jumps by J, the position changes by
     slip:    Δx = δ·kappa/(1 + kappa),    ΔF = -K_e·δ/(1 + kappa) = -Δx/s_p
     jump:    Δx = J,                      ΔF = 0, while the estimate changes by -J/s_p
 
-so that a slip only ever moves the arm forwards. The unexplained step of a sample is held against
+so that a slip only ever moves the arm forwards. The unexplained step of a sample is compared with
 the noise: with r.m.s. noise sigma of one reading and the mean over m samples before,
 
     r = Δx - Δx_1/(1 + kappa),    |r| > 5.5·sigma·√(1 + 1/m) + 0.02 µm + 0.1·|Δx_1|
 
 is an alarm. The last term allows for an error of kappa. While kappa is not known, as in the first
-samples of a load, only a step forwards can be judged, by the softest part that there may be:
+samples of a load, only a step forwards can be judged, with the softest possible part:
 
     r = Δx - max(0, Δx_1)/(1 + least kappa) > 5.5·sigma·√(1 + 1/m) + 0.02 µm
 
 A falling force under a rising position is no criterion: noise moves both against each other in
 almost every load.
 
-Along a path the mode rings by each step of the voltage. Its share of the position goes with the
-speed of the samples before, so that it is largest over the threshold where the path turns:
+Along a path the mode rings with each step of the voltage. Its contribution to the position is
+proportional to the speed of the samples before, so that it exceeds the threshold most where the
+path turns:
 
     |r| > 5.5·sigma·√(1 + 1/m) + 0.02 µm + 0.1·|Δx_1| + 0.2·max|Δx_1|
 
@@ -152,8 +153,8 @@ class StepWatch(FrozenRecord, frozen=True):
     def step(self, limits: StepLimits, kappa: Kappa, *, along_path: bool = False) -> Step | None:
         """Return the unexplained step of the newest sample; None where the voltage explains it.
 
-        Along a path the threshold allows for the ring of the mode, by the fastest of the newest
-        samples.
+        Along a path the threshold allows for the ring of the mode, by the largest step of the
+        newest samples.
         """
         end = len(self.x_um) - limits.span
         if end < limits.mean_of:
@@ -176,8 +177,8 @@ class StepWatch(FrozenRecord, frozen=True):
     def _at_rest(self, begin: int, limits: StepLimits) -> bool:
         """Return whether the free place has moved by less than the threshold since a sample.
 
-        A long mean of a moving arm lies several samples back, and an error of kappa then counts for
-        the way of all of them.
+        A long mean of a moving arm lies several samples back, and an error of kappa then acts on
+        the way over all of them.
         """
         way_um = max(self.free_um[begin:]) - min(self.free_um[begin:])
         return way_um <= limits.resting_um

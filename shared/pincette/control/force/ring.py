@@ -6,15 +6,15 @@ sample a standard uncertainty of
 
     A · e^(-ζω_n(T - δ))/√2 / √(1 + (ω·τ)²),    A² ← Δx_1² + e^(-2ζω_n·T)·A²
 
-is left, with the lag τ of the output. A part that is pressed makes the mode stiffer,
-ω = ω_n·√(1 + kappa) with kappa = s_p·K_e, and the ring of the position smaller, e/(1 + kappa) in
-place of e. But the force rings too, against what the observer reads of it: -e/(s_p·(1 + kappa)) is
-read while K_e·e/(1 + kappa) is true. They differ by e/s_p, as for a free arm.
-The lag itself lacks the share e^(-(T - δ)/τ) of the step then. A adds the steps before by their
-squares, since the phase of the ring is not used: an error of δ by 1 ms is 0.4 of a cycle at 388 Hz.
-The ring of the free arm is another one than that of the pressed arm, so that what the free arm
-shows corrects nothing in contact. A step in three parts rings by a share of that
-(``control.arm.shaping``). Units: µm, V, s, rad/s.
+remains, with the lag τ of the output. A pressed part makes the mode stiffer, ω = ω_n·√(1 + kappa)
+with kappa = s_p·K_e, and the ring of the position smaller, e/(1 + kappa) in place of e. But the
+force rings too, opposite to the observer's reading: -e/(s_p·(1 + kappa)) is read while
+K_e·e/(1 + kappa) is true. They differ by e/s_p, as for a free arm. Because of the lag itself the
+share e^(-(T - δ)/τ) of the step is still missing then. A adds the earlier steps by their squares,
+since the phase of the ring is not used: an error of δ by 1 ms is 0.4 of a cycle at 388 Hz. The ring
+of the free arm differs from that of the pressed arm, so that a correction measured on the free arm
+does not apply in contact. A step in three parts rings by a share of that (``control.arm.shaping``).
+Units: µm, V, s, rad/s.
 """
 
 from collections.abc import Sequence

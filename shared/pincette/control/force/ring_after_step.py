@@ -8,8 +8,8 @@ are
     w = w_n·√(1 + kappa),  d = zeta·w_n,  kappa = s_p·K_e
 
 with any A and B, since the step falls anywhere between two samples. The share of the samples'
-squares that the best A and B explain is compared with what noise alone explains. No ring proves
-nothing: friction may damp a slip.
+squares that the best A and B explain is compared with the share that noise alone explains. The
+absence of a ring proves nothing: friction may damp a slip.
 
 Units: µm, s, rad/s.
 """

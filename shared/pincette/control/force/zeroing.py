@@ -1,7 +1,7 @@
 """Conditions under which the force may be zeroed: only where the arm is known to be free.
 
-A zero states that the force at a rest is none. In contact it would hide the force for as long as it
-holds, so that each doubt is a reason to refuse.
+A zero declares the force at a rest to be none. In contact it would hide the force for as long as it
+holds, so each doubt is a reason to refuse it.
 """
 
 from collections.abc import Sequence
@@ -86,10 +86,9 @@ def zero_refusal(
 ) -> Fault | None:
     """Return why the force must not be zeroed at the end of ``samples``, or None.
 
-    Refused while a part is held, before there are enough samples, where the arm has not settled,
-    where it stands beyond the first touch that is planned, where it has met something on the way
-    and been pushed back since, and where x_1 would move by more than hysteresis, an error of the
-    model and creep explain.
+    It is refused while a part is held, before there are enough samples, if the arm has not settled,
+    if it is beyond the planned first touch, if it has met something on the way and been pushed back
+    since, and if x_1 would move by more than hysteresis, an error of the model and creep explain.
 
     Parameters
     ----------

@@ -35,8 +35,8 @@ class BuildLaw(Protocol):
 class StartLaw(Protocol):
     """Function that begins a segment without a bump, before the step with the same ``x_um``.
 
-    The state that is returned is a frozen dataclass of floats and of such dataclasses; its field
-    ``history`` is the ``History`` that was given.
+    The returned state is a frozen dataclass of floats and of such dataclasses; its field
+    ``history`` is the given ``History``.
     """
 
     def __call__(
@@ -140,7 +140,7 @@ class LawDefinition:
     def resolve(self, spec: LawSpec) -> "LawSettings":
         """Return the complete law that a motion program names.
 
-        Raises ValueError as ``settings``.
+        Raises ValueError as ``settings`` does.
         """
         gains = {gain.name: gain.value for gain in spec.gains}
         return self.settings(spec.set, force_age=spec.force_age, **gains)

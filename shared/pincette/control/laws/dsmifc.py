@@ -51,8 +51,8 @@ def start(
     """Begin a segment without a bump, just before the step that gets the same ``x_um``.
 
     ζ = 0, and the arm counts as having rested where it is. The step that follows keeps the voltage
-    of a resting arm where x_{r,k} = x and F_k = F_{r,k} = F_{k-1}; of an error ε left at this
-    moment it keeps the share K̃_P/(K̃_P + K̃_I), and so on from step to step.
+    of a resting arm where x_{r,k} = x and F_k = F_{r,k} = F_{k-1}. If an error ε is left at this
+    moment, each step keeps the share K̃_P/(K̃_P + K̃_I) of it.
     """
     error_um = x_um - x_r_um
     return DsmifcState(

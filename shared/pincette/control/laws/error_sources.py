@@ -1,20 +1,21 @@
 """Causes of the error of a path or of a hold: five parts, each an r.m.s.
 
-With the measured position x, the references x_r and F_r, the target x_d of the impedance (10), what
-learning adds to the reference l, and the estimate F̂ of every sample,
+With the measured position x, the references x_r and F_r, the target x_d of the impedance (10), the
+learned correction l of the reference, and the estimate F̂ of every sample,
 
     x - x_r = d + g,    g = x_d - x_r - l,    d = x - x_d + l
 
-g is what the impedance gives way because F̂ and x do not lie on the contact line of the references;
-d is what the law itself misses. d falls apart further:
+g is the part by which the impedance gives way because F̂ and x do not lie on the contact line of
+the references; d is the error of the law itself. d is divided further:
 
     d = τ·ẋ_r + c·ẍ_r + r + n
 
-The first two, by least squares, go with the speed of the reference: lag. Of the rest, what comes
-back in each cycle (or, where nothing swings, what is slow) is the response r that the model of the
-free arm misses. Of g, what goes with ẋ_r is lag too, of the estimate, since no line goes with the
-speed; the contact line has the rest that comes back. The remainder of both is noise.
-Samples at which a limit acted, and those just after, count for the limits alone.
+The first two, by least squares, are proportional to speed and acceleration of the reference: lag.
+Of the remainder, the part that repeats in each cycle (or, where nothing swings, the slow part) is
+the response r that the model of the free arm lacks. In g, the part proportional to ẋ_r is lag too,
+of the estimate, since no line depends on the speed; the rest of its repeating part belongs to the
+contact line. The remainder of both is noise. Samples at which a limit acted, and those just after,
+count for the limits alone.
 
 Of the true force, which no instrument shows, the causes are
 
@@ -23,9 +24,9 @@ Of the true force, which no instrument shows, the causes are
     contact line  F̂ - F_r - K_e·d, what comes back of it and does not go with ẋ_r
     lag           K_e times that of the position
 
-The causes count over all N samples, so that their squares can be added up. Of the position, each of
-those that come back has the share N⁻¹·Σ c·(r + g + lag) of the square of their sum, 0 at least: an
-estimate that is wrong makes the impedance give way and the law miss by the same, which is no error.
+The causes count over all N samples, so that their squares can be added up. Each repeating cause of
+the position has the share N⁻¹·Σ c·(r + g + lag) of the square of their sum, at least 0: a wrong
+estimate makes the impedance give way and the law deviate by the same amount, which is no error.
 """
 
 from collections.abc import Mapping
@@ -122,7 +123,7 @@ def error_sources(seen: Tracked) -> tuple[Sources, Sources]:
     free = ~limited
     own_lag_um = _with_speed(own_um, seen.x_r_um, free)
     rest_um = own_um - own_lag_um
-    # No line goes with the speed, but an estimate does that is late.
+    # No contact line depends on the speed, but a late estimate does.
     late_um = _with_speed(gives_um, seen.x_r_um, free, derivatives=1)
     gives_um = gives_um - late_um
     lag_um = own_lag_um + late_um
@@ -180,7 +181,7 @@ def _with_speed(
     """Return the part of an error proportional to speed and acceleration of the reference."""
     speed = np.gradient(x_r_um)
     moving = np.column_stack((speed, np.gradient(speed))[:derivatives])
-    # Of a reference that rests, or has no second derivative to speak of, nothing can be told.
+    # A reference at rest, or with hardly any second derivative, shows no such part.
     moving = moving[:, np.ptp(moving, axis=0) > 1e-6]
     if not moving.shape[1] or there.sum() <= moving.shape[1]:
         return np.zeros_like(error)

@@ -18,12 +18,13 @@ def input_force(
 ) -> tuple[float, float]:
     """Return F_k and the low-passed F - F_r, in mN.
 
-    The estimate F̂ belongs to the newest sample, that is to k-1, while F_{r,k} holds for k. Used as
-    it is, it makes the law see a moving F_r as an error of one period. Carried on, F_k is
+    The estimate F̂ belongs to the newest sample, that is to k-1, while F_{r,k} holds for k. If F̂
+    is used unchanged, the law sees a moving F_r as an error of one period. If it is carried on, F_k
+    is
 
         F_k = F_{r,k} + δ_k,  δ_k = δ_{k-1} + share·(F̂ - F_{r,k-1} - δ_{k-1})
 
-    so that the low-pass takes the noise off the error and does not lag the force itself.
+    so that the low-pass removes the noise from the error and does not delay the force itself.
 
     Parameters
     ----------

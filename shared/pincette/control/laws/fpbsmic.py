@@ -3,8 +3,8 @@
 At a short period the one-sample-late p̂_k = p_{k-1} of PBSMIC takes up all of the arm's mode, and
 backward differences of x are noise. Here the perturbation passes a filter of n equal poles, the
 prediction is quasi-static, and the planned motion goes through the model ahead of time. With the
-displacement H of the free response, S = 1 + κ_e and κ_e = s_p·K_e of the contact that the plan is
-told of (0 free), φ = max(0, δ - 1/2), and δT from a sample until its voltage is put out:
+displacement H of the free response, S = 1 + κ_e and κ_e = s_p·K_e of the contact in the plan (0 if
+free), φ = max(0, δ - 1/2), and δT from a sample until its voltage is put out:
 
     x̄_1,k  = (1-φ)·H_k + φ·H_{k-1}              of the age of x_k: delay and half a hold        F2
     l(t)   = 2ζ/ω_n·ẋ_r + ẍ_r/ω_n²              by which x_1 leads x, from the plan
@@ -14,9 +14,10 @@ told of (0 free), φ = max(0, δ - 1/2), and δT from a sample until its voltage
     u_k    = H⁻¹[ S·x_ff - κ_e·x_e - Ŵ_k ]                                                      F6
     F̂ - F_r = F(z)[ (x̄_1 - x - l)/s_p - F_r ]   x_d by (16), of this error low-passed at f_F    F7
 
-W is S times the w of a perturbation in the position: a better K_e changes no state. Where a touch
-or its loss is told, F4 may have taken up the force: its stages move so that H(u) goes on by T·ẋ_r.
-Through a lag τ between output and arm x̄_1 goes as well, and F5 leads by τ·ẋ_r more.
+W is S times the w of a perturbation in the position: a better K_e changes no state. When the plan
+states a touch or its loss, F4 may already contain the force: its stages are moved so that H(u)
+continues by T·ẋ_r. Through a lag τ between output and arm x̄_1 is filtered as well, and F5 leads by
+τ·ẋ_r more.
 
 As a sliding mode: with n = 1, s_k = p·e_k + (1-p)·Σe is W_k/S less its start, and p = K_P/(K_P +
 K_I) makes it the reaching law of PBSMIC; with n > 1 the sliding motion is that of F(z).

@@ -19,8 +19,8 @@ IMPEDANCE_GAINS = (
 )
 """Gains of a law that renders (10), with the paper's values of section VI.C.2.
 
-Where the law knows the free response, K_f need not fight hysteresis, and a smaller one lets less
-of the force estimate's error into the position.
+If the law knows the free response, K_f need not counteract hysteresis, and a smaller K_f passes
+less of the force estimate's error to the position.
 """
 
 

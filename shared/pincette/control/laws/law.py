@@ -5,10 +5,10 @@ works with the voltage v = (k/d)·H(u), of which its model d·v is k·H(u), and
 
     u_k = H_{k-1}⁻¹[ H_{k-1}(u_{k-1}) + (d/k)·(v_k - v_{k-1}) ],    d/k = d_p
 
-with H_{k-1}(u_{k-1}) where H stands at the newest sample, and H_{k-1}⁻¹ of ``response.inverse`` one
-period ahead. Only differences of H enter, so that no zero concerns it. What (6) calls p is then
-k times what H misses, and everything else, the theorems among it, holds as it is printed; where H
-is the line d_p·u, v is u.
+where H_{k-1}(u_{k-1}) is H at the newest sample, and H_{k-1}⁻¹ is that of ``response.inverse``, one
+period ahead. Only differences of H enter, so that zeros have no effect. The p of (6) is then k
+times the error of H, and everything else, including the theorems, holds as printed. If H is the
+line d_p·u, v is u.
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
@@ -170,16 +170,17 @@ def rebase(
 ) -> LawState:
     """Begin another segment or law without a bump, before the step with ``x_um``.
 
-    What was measured and applied stays; F_k - F_{k-1} counts from ``force_mN``, so that a force
-    which the law was not given before does not act as a step. The step that follows keeps the
-    voltage of a resting arm where x_{r,k} = x and F_k = F_{r,k}.
+    Measured and applied values stay; F_k - F_{k-1} counts from ``force_mN``, so that a force which
+    the law was not given before does not act as a step. The step that follows keeps the voltage of
+    a resting arm where x_{r,k} = x and F_k = F_{r,k}.
 
-    ``x_r_um`` and ``force_r_mN`` are x_{r,k-1} and F_{r,k-1}, those of the sample ``x_um``, where
-    references go on; then a change of law in motion is not seen in the voltage where the model
-    holds. Where they begin anew there are none of k-1, and those of k take their place.
+    ``x_r_um`` and ``force_r_mN`` are x_{r,k-1} and F_{r,k-1}, those of the sample ``x_um``, if the
+    references go on. A change of law in motion then does not show in the voltage as far as the
+    model holds. If the references start again, there are none of k-1, and those of k take their
+    place.
 
-    ``seen_V`` is given where the law before saw the voltage otherwise: v of ``other_view``. The
-    residual of the step that follows is then 0.
+    ``seen_V`` is given if the law before had another equivalent of the voltage: v of
+    ``other_view``. The residual of the step that follows is then 0.
     """
     history = replace(state.law.history, force_mN=force_mN)
     if seen_V is not None:

@@ -49,8 +49,8 @@ def start(
 
     x_d starts from ``x_um`` and ε = 0. The step that follows keeps the voltage of a resting arm
     where x_{r,k} = x and F_k = F_{r,k} = F_{k-1}; a distance x_r - x or a force error left at this
-    moment is taken up with the impedance (14). By (15), x_d(0) = x_r(0), it would be an error e
-    instead; both are the same where the reference starts from the arm.
+    moment is reduced with the impedance (14). By (15), x_d(0) = x_r(0), it would be an error e
+    instead; both are the same if the reference starts from the arm.
     """
     deviation_um = x_um - x_r_um
     return PbsmicState(
@@ -75,9 +75,9 @@ def step(
 ) -> tuple[PbsmicState, LawOutput]:
     """Compute u_k (25) with sat (32) in place of sgn.
 
-    Which sample is which: (4) is backward Euler, so x_k is the position *after* u_k has acted.
-    At the tick that computes u_k the newest measurement is therefore x_{k-1}, while the newest
-    force serves as F_k:
+    Sample indices: (4) is backward Euler, so x_k is the position *after* u_k has acted. At the tick
+    that computes u_k the newest measurement is therefore x_{k-1}, while the newest force serves as
+    F_k:
 
     ==================  ============  ====================================================
     ``x_um``            x_{k-1}       newest measurement
@@ -91,8 +91,8 @@ def step(
 
         u_k = u_{k-1} + (k̄/d̄)[x_{d,k} + K_P e_{k-1}/(K_P + K_I) - x̂_k] - (K_S/d̄) sat(s_{k-1}/δ)
 
-    since s_{k-1} - K_I ε_{k-1} = K_P e_{k-1}: ε moves the voltage through the switching term
-    alone. ``limited`` is as ``winds_up`` takes it; what winds up is not added to ε.
+    since s_{k-1} - K_I ε_{k-1} = K_P e_{k-1}: ε moves the voltage through the switching term alone.
+    ``limited`` is that of ``winds_up``; an error that winds up is not added to ε.
     """
     seen = look(parameters.plant, state.history, x_um=x_um, force_mN=force_mN, applied_V=applied_V)
     x_d_um = desired_position(

@@ -143,8 +143,8 @@ def sliding_band(per_mN: float, K_S_mN: float, perturbation_error_mN: float) -> 
 def winds_up(limited: int, error: float) -> bool:
     """Return whether an integral of ``error`` would push the voltage further against a limit.
 
-    ``limited`` is +1 where the voltage may not rise, -1 where it may not fall, else 0. A position
-    below its target, a negative error, asks for more voltage.
+    ``limited`` is +1 if the voltage may not rise, -1 if it may not fall, else 0. A position below
+    its target, a negative error, requires more voltage.
     """
     return limited * error < 0.0
 

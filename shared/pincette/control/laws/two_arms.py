@@ -1,13 +1,14 @@
 """Law of two driven arms on one part, for its place and the force on it, separately.
 
 Both arms count towards the part. With the displacements X_i that the arms would have if they were
-free, what they are free of is decoupled in the place q of the part's middle and the force F:
+free, the motion decouples into the place q of the part's middle and the force F:
 
     q = (x_1 - x_2)/2,   x_i = X_i - s_i·F,   x_1 + x_2 = g + c·F                       (1), (53)
     a = (X_1 - X_2)/2 = q + (s_1 - s_2)/2·F,   b = X_1 + X_2 = g + S·F,   S = s_1 + s_2 + c
 
-c is the compliance of part and faces together. What the model misses is filtered over time, in each
-of both by itself; δT is from a sample until its voltages are put out, φ = max(0, δ - 1/2):
+c is the compliance of part and faces together. The error of the model is filtered over time,
+separately for each of both; δT is from a sample until its voltages are put out, φ = max(0,
+δ - 1/2):
 
     x̄_i,k = (1-φ)·H_i,k + φ·H_i,k-1            of the age of x_i,k
     l_i   = 2ζ_i/ω_i·q̇_r + q̈_r/ω_i²           by which X_i leads q along the plan
@@ -19,13 +20,13 @@ of both by itself; δT is from a sample until its voltages are put out, φ = max
     X_1   = b_k/2 + a_k,   X_2 = b_k/2 - a_k,   u_i = H_i⁻¹[X_i]
 
 at t = (k + δ + 1/2)T, further ahead by T·κ/(1 - κ) where an output lags, with F(z) as in
-``fpbsmic``; d_r is the sum x_1 + x_2 that free arms are led along. Arms that look for the part keep
-Ŵ, so that a touch meets their own compliance and no law that makes its force good. The offset
-between x_i and H_i, and g, are part of W. With n = 1 and p = K_P/(K_P + K_I) each of both is the
-reaching law of PBSMIC. Neither has a share in the other: no line binds place and force, and no gain
-trades them.
+``fpbsmic``; d_r is the sum x_1 + x_2 that free arms follow. Arms that look for the part keep Ŵ, so
+that a touch meets their own compliance and no law that compensates its force. The offset between
+x_i and H_i, and g, are part of W. With n = 1 and p = K_P/(K_P + K_I) each of both is the reaching
+law of PBSMIC. They are independent: no line connects place and force, and no gain trades one for
+the other.
 
-Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013, of which two arms are the future work.
+Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013, which names two arms as future work.
 """
 
 from collections.abc import Mapping

@@ -1,8 +1,8 @@
 """Open-loop motions that calibrate a rig: noise, compliance, frequency response, timing.
 
-Those of the free response and of the contact stand in ``free_response_program`` and
-``contact_stiffness_program``. A motion that a limit of the rig forbids is refused as it is made:
-nothing has moved then. The motion of the arm is predicted by nominal values.
+The programs of the free response and of the contact are in ``free_response_program`` and
+``contact_stiffness_program``. A motion that a limit of the rig forbids is refused when it is
+planned, before anything has moved. The motion of the arm is predicted by nominal values.
 """
 
 from collections.abc import Sequence
@@ -119,7 +119,7 @@ def frequency_response_program(
     """Return a swept sine about the resting voltage, recorded with its drive; phase ``sweep``.
 
     No sample of the loop shows a swing at resonance, and so nothing stops it. Therefore the arm
-    first goes slowly through twice as much of its way, phase ``feel``, where a part stops it.
+    first moves slowly through twice as much of its way, phase ``feel``, where a part stops it.
 
     Raises
     ------
@@ -175,7 +175,7 @@ def output_timing_program(
     """Return bursts of random voltage steps at each tick, phases ``burst 1``, ``burst 2``, …
 
     Each voltage is an amplitude above the resting one or below it. Such a burst rings the mode, and
-    shows when a voltage acts. As before a sweep, the arm first feels its way.
+    shows when a voltage acts. As before a sweep, the arm first moves slowly through its way.
 
     Raises
     ------

@@ -3,10 +3,10 @@
 A voltage stroke to a low end wipes out the turning points of an unknown past, as far as they lie
 above that end. Arms of the Bouc-Wen class have no wiping-out and forget with the length of the way
 instead, so one stroke to -1 V leaves up to 1.5 mN of 20 mN there and three leave 0.2 mN; shallower
-strokes must be more. What is left is creep of the old past, 0.13 mN (95 %) after a rest of 2 s.
+strokes must be more numerous. Creep of the old past remains: 0.13 mN (95 %) after a rest of 2 s.
 
-The strokes lead away from the part and no lower than the voltages that the free response was
-identified from: below them the model is not known, and strokes there make a grip worse.
+The strokes move away from the part, and no lower than the voltages that the free response was
+identified from. Below them the model is not known, and strokes there make a grip worse.
 """
 
 from pincette.control.planning.contact_request import MARGIN_UM
@@ -49,8 +49,8 @@ def conditioning(
 ) -> list[Drive]:
     """Return the segments of a conditioning: a watch, a move to 0 V, the strokes, and a rest.
 
-    The strokes end at 0 V, which may be nearer to the part than where the arm stands. A part that
-    presses the arm there already is found by the last zero, before the voltage changes.
+    The strokes end at 0 V, which may be nearer to the part than the arm's present place. A part
+    that already presses the arm there is found by the last zero, before the voltage changes.
 
     Parameters
     ----------

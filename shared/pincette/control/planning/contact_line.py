@@ -1,8 +1,8 @@
 """Contact line F = K_e·(x - x_e), identified while the force on a part increases.
 
-The estimated force is worked out from the measured position, so that noise enters both at once:
-least squares of F on x then errs in K_e by noise²/spread², times 1 + 1/(s_p·K_e). The planned
-force F_r, by which both move and which has no noise, serves as the instrument instead:
+The estimated force is computed from the measured position, so that noise enters both at once. Least
+squares of F on x then gives a K_e that is wrong by noise²/spread², times 1 + 1/(s_p·K_e). The
+planned force F_r, by which both move and which has no noise, serves as the instrument instead:
 
     K_e = cov(F, F_r)/cov(x, F_r),    x_e = mean x - mean F/K_e
 
@@ -27,7 +27,7 @@ class LoadLine(NamedTuple):
 class ContactFit(NamedTuple):
     """Position of first touch x_e and contact stiffness K_e, with their standard errors.
 
-    The errors are those that white noise about the line would make.
+    The errors are those of white noise about the line.
     """
 
     x_e_um: float
@@ -86,9 +86,8 @@ class ContactLine(FrozenRecord, frozen=True):
     def fit(self, minimum_spread_um: float = 0.1) -> ContactFit | None:
         """Return x_e and K_e.
 
-        None where there are fewer than three samples, where the standard deviation that x has
-        along F_r is below ``minimum_spread_um``, or where F does not change with F_r, so that no
-        x_e exists.
+        Returns None if there are fewer than three samples, if the standard deviation of x along F_r
+        is below ``minimum_spread_um``, or if F does not change with F_r, so that no x_e exists.
         """
         n = self.count
         if n < 3:

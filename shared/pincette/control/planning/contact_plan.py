@@ -119,9 +119,9 @@ def plan_contact(
 ) -> ContactPlan:
     """Plan zero, approach, zero, contact, the pressed part, and the retreat.
 
-    An arm that stands where it may touch the part, as after a stop on the way or a move, first goes
-    back home: no force could be zeroed where it stands. Conditioning strokes, where the rig asks
-    for them, come first and begin with that way back.
+    An arm that is where it may touch the part, as after a stop on the way or a move, first goes
+    back home, since no force could be zeroed there. Conditioning strokes, if the rig requires them,
+    come first and begin with that way back.
 
     Parameters
     ----------
@@ -280,7 +280,7 @@ def _range(
 def voltage_range(voltages_V: Sequence[float], rig: PlannedRig) -> VoltageRange:
     """Return the range of voltages that a plan states, from those that its course needs.
 
-    Limits of the rig are not part of it: what they keep back is a violation of the plan.
+    Limits of the rig are not part of it: exceeding them is a violation of the plan.
     """
     share = UNKNOWN_SHARE if rig.free_response is None else RANGE_SHARE
     found = around(voltages_V, share, RANGE_V)

@@ -1,13 +1,12 @@
 """The press in voltage of Fig. 8: the way to a part as in a grip, then four levels about a mean.
 
-The arm is zeroed, seeks the part, and presses under the law, first lightly, which identifies
-the contact line, then until the force at the crest of the widest level. From the voltage that this
-took the law is off: the voltage falls by half the widest level, to its mean, and swings about it,
-the widest level first. So no crest is higher than the force that was reached under the law, but
-for creep and for what a hysteresis shifts from cycle to cycle, whichever branch it is on; and once
-it has been through the widest swing the others shift it no more. The trough is planned to stay in
-contact with the stiffest part that is admitted. Figure numbers are those of Q. Xu, IEEE T-ASE
-10(3), 2013.
+The arm is zeroed, seeks the part, and presses under the law, first lightly, which identifies the
+contact line, then up to the force at the crest of the widest level. From the voltage reached there
+the law is off. The voltage falls by half the widest level, to its mean, and swings about it, the
+widest level first. So no crest exceeds the force that was reached under the law, except for creep
+and for a shift by hysteresis from cycle to cycle, on whichever branch it is; after the widest swing
+the others shift it no more. The trough is planned to stay in contact with the stiffest admitted
+part. Figure numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
 
 from bisect import bisect_left
@@ -134,8 +133,8 @@ def levels_within(request: ContactRequest, rig: PlannedRig) -> tuple[float, ...]
 def crest_force_mN(request: ContactRequest, rig: PlannedRig, widest_V: float) -> float:
     """Return the force at the crest of the widest level that leaves ``TROUGH_MN`` at its trough.
 
-    F_trough + Δ/(s_p + 1/K_e) for the stiffest part, Δ being how far the free arm comes back in the
-    swings: by d_p, or by the identified free response where that is further.
+    It is F_trough + Δ/(s_p + 1/K_e) for the stiffest part, with Δ the way that the free arm comes
+    back in the swings: by d_p, or by the identified free response if that is further.
     """
     series_um_per_mN = rig.compliance_um_per_mN + 1.0 / request.hardest_mN_per_um
     crest_mN = TROUGH_MN + rig.piezo_um_per_V * widest_V / series_um_per_mN

@@ -1,9 +1,9 @@
 """Free motion in voltage from which free response, gain, loop and creep are identified.
 
-The course of ``teaching``, in voltage and without a law; then cycles of 2 V peak to peak and
-0.5 Hz, the paper's largest drive, until they are settled; then a step with a rest after it; then
-grips rehearsed without a part, by which the model's error in a grip is judged. The part is away:
-nothing is touched.
+The course of ``teaching``, in voltage and without a law; then cycles of 2 V peak to peak and 0.5
+Hz, the paper's largest drive, until they are settled; then a step with a rest after it; then grips
+rehearsed without a part, by which the model's error in a grip is judged. The part is removed, so
+that nothing is touched.
 """
 
 from collections.abc import Callable, Sequence
@@ -279,7 +279,8 @@ def _small_swings(rig: PlannedRig, mean_V: float) -> Path:
 def cycles_mean_V(rig: PlannedRig, rest_V: float = 0.0) -> float:
     """Return the mean of the cycles: the rest voltage if the limits leave 1 V on both sides.
 
-    Else the nearest that those of voltage, and of position by nominal gain, allow.
+    Otherwise it is the nearest mean that the limits of voltage, and of position by nominal gain,
+    allow.
 
     Raises
     ------

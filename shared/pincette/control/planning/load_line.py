@@ -10,10 +10,10 @@ its samples admit:
 
 for n samples whose position has the standard deviation s, and the r.m.s. noise sigma of one
 reading, which enters x and F at once. The error e falls along the load, so that the references end
-on the fitted line. A softer part is pressed with less force than F_r meanwhile, never with more. A
-line across a slip that was not noticed is not straight: its stiffness is left out.
+on the fitted line. Meanwhile a softer part is pressed with less force than F_r, never with more. A
+line across an unnoticed slip is not straight: its stiffness is not used.
 
-Both numbers go towards these with a time constant of 20 ms, so that no reference jumps.
+Both numbers approach these with a time constant of 20 ms, so that no reference jumps.
 """
 
 from math import exp, isfinite, sqrt
@@ -38,9 +38,9 @@ fit_line, spread_um = ContactLine.fit, ContactLine.spread_um
 def stiffness_bounds(planned_mN_per_um: float, guards: Guards) -> tuple[float, float]:
     """Return the least and the largest contact stiffness that may be used, in mN/µm.
 
-    They are 0.3 and 3 times the planned one; a program that looks for the stiffness itself has
-    guards with wider bounds, which hold then. Guards without an upper bound give none, since a load
-    cannot begin on a line of infinite stiffness.
+    They are 0.3 and 3 times the planned one. A program that looks for the stiffness itself has
+    guards with wider bounds, which hold instead. Guards without an upper bound give none, since a
+    load cannot begin on a line of infinite stiffness.
     """
     least = min(LEAST_STIFFNESS * planned_mN_per_um, guards.stiffness_min_mN_per_um)
     most = MOST_STIFFNESS * planned_mN_per_um
@@ -71,8 +71,8 @@ def stiffness_error(
 ) -> float:
     """Return the relative standard error of a fitted stiffness.
 
-    It is the larger one of what the noise makes and what the scatter shows: a few samples may show
-    too little.
+    It is the larger of the errors from noise and from the scatter: a few samples may show too
+    little scatter.
     """
     K_e = fit.K_e_mN_per_um
     readings = spread_um(line) * sqrt(line.count)

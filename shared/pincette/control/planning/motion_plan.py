@@ -1,9 +1,9 @@
 """Motions without a part, and those that hold or release a part.
 
-A move may begin with cycles of voltage: to warm the arm up, and then to bring its hysteresis into
-a known state, at the lowest voltage, from which it is approached upwards. A position is then gone
-to under the law, a voltage without one. A hold and a release know nothing of the part but that
-it is there: the voltage alone keeps it, and leads to rest smoothly where it is let go.
+A move may begin with cycles of voltage: to warm the arm up, and then to bring its hysteresis into a
+known state, at the lowest voltage, from which it is approached upwards. A move to a position is
+under the law, one to a voltage without a law. A hold and a release only know that a part is there:
+the voltage alone keeps it, and moves smoothly to rest at its release.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,6 +1,6 @@
 """Motions of two arms that meet a part (grip, track, centre) or carry a held one.
 
-Both arms close about the place where the part lies, each from a stand-off of its own at which both
+Both arms close about the place where the part lies, each from its own stand-off at which both
 forces are zeroed. ``centre`` first looks for the part with one arm after the other, and closes
 about the place that both have found.
 """
@@ -190,7 +190,7 @@ def carry_program(
     """Return a program that carries a held part at its present force, and keeps it held.
 
     Without a zero that force is not known: the arms keep it as it is. The unload after the end is
-    for an action, or a guard, that lets the part go.
+    for an action, or a guard, that releases the part.
     """
     segments = (
         Press("move", move_duration(by_um, speed_um_per_s), place_um=by_um, relative=True),

@@ -231,7 +231,7 @@ def _course(
 def pair_conditioning(rigs: tuple[PlannedRig, PlannedRig]) -> PairStrokes | None:
     """Return the strokes of both arms, or None where neither rig has a ``condition_V``.
 
-    The nominal gain tells the voltages at which the arms stand.
+    The nominal gain gives the voltages of the arms' present places.
     """
     each = [_strokes(rig) for rig in rigs]
     if not any(each):

@@ -25,7 +25,7 @@ PATH_POINTS = 16_384
 class Peaks:
     """Extremes of a path and its derivatives, and when they are first reached.
 
-    Sampled at many points, hence too low by 1e-3 of the value at most.
+    They are sampled at many points, hence too low by at most 1e-3 of the value.
     """
 
     lowest: float
@@ -63,9 +63,9 @@ def triangle(
 ) -> Path:
     """Return a triangle about a mean, from the mean upwards, whose corners reach the peaks.
 
-    A corner turns with ``CORNER_SHARE`` of the acceleration given, so that the blend, which adds
-    to it, stays within it too. Where even a triangle of corners alone, two parabolas, needs more,
-    it is that one.
+    A corner turns with ``CORNER_SHARE`` of the acceleration given, so that the blend, which adds to
+    it, stays within it too. If even a triangle of corners alone, two parabolas, needs more, that
+    one is returned.
 
     Raises
     ------
@@ -186,8 +186,8 @@ def peaks(path: Path) -> Peaks:
 def ring_um(acceleration_um_per_s2: float, natural_frequency_rad_per_s: float) -> float:
     """Return the amplitude a/ω_n² in µm of the ringing after a sudden acceleration.
 
-    The quasi-static deflection of the mode under it, which no law at T ≫ 2π/ω_n can remove. It
-    leaves out the staircase of the voltage.
+    It is the quasi-static deflection of the mode under that acceleration, which no law at T ≫
+    2π/ω_n can remove. The staircase of the voltage is not included.
     """
     a = require_not_negative("acceleration", acceleration_um_per_s2, "µm/s²")
     omega_n = require_positive("natural frequency", natural_frequency_rad_per_s, "rad/s")

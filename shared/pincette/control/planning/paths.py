@@ -5,8 +5,8 @@ A sinusoid and a triangle swing about a mean, and blend in and out over whole cy
     value(t) = mean + amplitude·w(t)·c(t/cycle)
 
 with c odd, of period and amplitude 1, and w the quintic from 0 to 1 and back. Steps and waypoints
-are quintic pieces between knots. A path knows nothing but the time since its start, so that it has
-the same bits wherever it is worked out.
+are quintic pieces between knots. A path depends only on the time since its start, so that it has
+the same bits wherever it is computed.
 """
 
 from math import cos, isfinite, pi, sin
@@ -40,7 +40,7 @@ class Point(NamedTuple):
 class Path(FrozenRecord, frozen=True):
     """A path of force in mN, of position in µm, or of voltage in V.
 
-    Those of force are made by ``path_shapes``.
+    Paths of force are made by ``path_shapes``.
 
     Raises
     ------

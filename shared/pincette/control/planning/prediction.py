@@ -1,8 +1,8 @@
 """Predicted course of a plan: references of its segments in time, and broken limits.
 
-Where plan and rig agree, the arms are where the references of the segments lead them. Two functions
-state what a plan assumes of the arms: ``Follow`` completes the references of a sample, and
-``Touch`` tells when a seek meets the part.
+Where plan and rig agree, the arms follow the references of the segments. Two functions state a
+plan's assumptions about the arms: ``Follow`` completes the references of a sample, and ``Touch``
+determines when a seek meets the part.
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -16,7 +16,7 @@ SHORTEST_MOVE_S = 0.3
 def quintic(s: float) -> float:
     """Return the share of a move done at the share ``s`` of its time: q = 10s³ - 15s⁴ + 6s⁵.
 
-    0 before, 1 after; speed and acceleration vanish at both ends.
+    It is 0 before and 1 after; speed and acceleration vanish at both ends.
     """
     if s <= 0.0:
         return 0.0
@@ -125,7 +125,7 @@ def run_up_acceleration(distance: float, duration_s: float, up_s: float, t_s: fl
 def minimum_duration(distance: float, speed: float, acceleration: float | None = None) -> float:
     """Return the shortest time in s of a move from rest to rest within speed and acceleration.
 
-    The larger of (15/8)·|distance|/speed and √((10/√3)·|distance|/acceleration).
+    It is the larger of (15/8)·|distance|/speed and √((10/√3)·|distance|/acceleration).
 
     Raises
     ------

@@ -10,9 +10,9 @@ falls throughout by |Δu|:
     creep          τ_j·ċ_j = y - c_j
     displacement   y + Σ κ_j·c_j
 
-Without fading, λ_i = 0, these are the plays of Prandtl and Ishlinskii, y_i ← max(u - r_i, min(u +
-r_i, y_i)), which return from a small loop to where they were. With fading a play that does not
-yield loses its memory as the voltage travels, by e^(-λ_i·|Δu|), so that small loops erase the
+Without fading, λ_i = 0, these are the plays of Prandtl and Ishlinskii, y_i ← max(u - r_i,
+min(u + r_i, y_i)), which return from a small loop to where they were. With fading a play that does
+not yield loses its memory as the voltage travels, by e^(-λ_i·|Δu|), so that small loops erase the
 memory of large ones, and each starts with its own slope (accommodation). A play with r_i·λ_i ≥ 1
 never yields: its z tends to 1/λ_i. Such a play is the operator of Dahl, and with a separate rate
 μ_i on the way back to z = 0 that of Bouc and Wen, whose b and g are (λ + μ)/2 and (λ - μ)/2. The

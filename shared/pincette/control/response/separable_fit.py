@@ -7,8 +7,8 @@ creeps in with τ_j and v the weights of the displacement once all creep is over
 
 For given shares a this is linear in v and offset: a ridge regression. The remaining problem in the
 few a_j is solved by Gauss-Newton steps: the derivatives (L_j - P)·v are projected off the columns
-in use, so that a step allows for the change of v. In the model's own terms w = (1 - Σa)·v and κ_j =
-a_j/(1 - Σa).
+in use, so that a step allows for the change of v. In the model's own terms w = (1 - Σa)·v and
+κ_j = a_j/(1 - Σa).
 
 Sources: G. Golub and V. Pereyra, SIAM Journal on Numerical Analysis 10(2), 1973 (variable
 projection); L. Kaufman, BIT 15(1), 1975 (the derivative that is used).
