@@ -30,9 +30,9 @@ class OutputTiming(NamedTuple):
     """Delay and lag with which a voltage acts on the arm."""
 
     delay_s: float = 0.0
-    """Time from a sample until the voltage that answers it is applied."""
+    """Time from a sample until the voltage that answers it is applied, in s."""
     lag_s: float = 0.0
-    """Time constant of a first-order lag between output and arm."""
+    """Time constant of a first-order lag between output and arm, in s."""
 
 
 PROMPT = OutputTiming()

@@ -25,7 +25,7 @@ class LoopCase:
     """Conditions of a loop: the real arm, its contact, and when a voltage takes effect."""
 
     K_e_mN_per_um: float = 0.0
-    """Stiffness of the contact; 0 is the free arm."""
+    """Stiffness of the contact, in mN/µm; 0 is the free arm."""
     frequency_factor: float = 1.0
     """Natural frequency of the real arm divided by the identified one."""
     delay_periods: float = 0.0
@@ -35,7 +35,8 @@ class LoopCase:
     damping_factor: float = 1.0
     """Damping ratio of the real arm divided by the identified one."""
     told_mN_per_um: float | None = None
-    """Contact stiffness that the law is given, 0: no contact; None: the true one."""
+    """Contact stiffness that the law is given, in mN/µm; 0 for no contact, None for the true one.
+    """
 
     @property
     def told(self) -> float:

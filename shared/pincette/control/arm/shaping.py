@@ -25,7 +25,7 @@ class ShapedStep(FrozenRecord, frozen=True):
     from_V: float
     to_V: float
     began_s: float
-    """Time at which the first part is written."""
+    """Time at which the first part is written, in s."""
 
     def parts_V(self, step_V: float = 0.0) -> tuple[float, ...]:
         """Return the voltage of each part.

@@ -39,7 +39,7 @@ class Swing:
     """Whole cycles in contact at one level: N positions, and the unfiltered force (53) at each."""
 
     level_V: float
-    """Peak-to-peak voltage of the level."""
+    """Peak-to-peak voltage of the level, in V."""
     x_um: Sequence[float] | NDArray[np.float64]
     force_mN: Sequence[float] | NDArray[np.float64]
 
@@ -68,10 +68,10 @@ class ContactStiffness:
 
     stiffness_mN_per_um: float
     uncertainty_mN_per_um: float
-    """Standard uncertainty of K_e: root sum of squares of the parts from scatter, s_p and free
-    response."""
+    """Standard uncertainty of K_e, in mN/µm: root sum of squares of the parts from scatter, s_p and
+    free response."""
     scatter_mN_per_um: float
-    """Part of the uncertainty that comes from the scatter of the levels."""
+    """Part of the uncertainty that comes from the scatter of the levels, in mN/µm."""
     levels: tuple[Level, ...]
     line: Line
     """F_pp over x_pp with an offset, by which a plan finds the force that goes with a motion."""

@@ -37,7 +37,8 @@ class FirstTouch:
 
     contact_um: float
     uncertainty_um: float
-    """Standard uncertainty of the place, from the correlated scatter and from ``free_error_um``."""
+    """Standard uncertainty of the place, in µm, from the correlated scatter and from
+    ``free_error_um``."""
     stiffness_mN_per_um: float
     """Stiffness over the first µm after the touch, in mN/µm; much less certain than that of Fig. 8.
     """

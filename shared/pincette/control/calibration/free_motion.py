@@ -28,8 +28,8 @@ class SecantGain:
 
     gain_um_per_V: float
     uncertainty_um_per_V: float
-    """Standard uncertainty from the scatter alone, for errors that are independent between samples.
-    """
+    """Standard uncertainty from the scatter alone, in µm/V, for errors that are independent between
+    samples."""
     loop_percent: float
     """Largest distance between the branches at one voltage, in % of the stroke."""
     loop_uncertainty_percent: float

@@ -53,7 +53,8 @@ class Noise:
     """Smallest motion that a filtered reading shows, in µm: 6.6 times the filtered noise."""
     drift_um_per_s: float
     drift_uncertainty_um_per_s: float
-    """Standard uncertainty of the drift, for scatter that is independent between readings."""
+    """Standard uncertainty of the drift, in µm/s, for scatter that is independent between readings.
+    """
     t_s: NDArray[np.float64]
     deviation_um: NDArray[np.float64]
     """Readings minus the drift, in µm."""

@@ -50,8 +50,8 @@ class SweptMode:
 
     model: SecondOrder
     small_signal_gain_um_per_V: float
-    """Gain at low frequency and the sweep's amplitude; below d_p at a larger drive, because of
-    hysteresis."""
+    """Gain at low frequency and the sweep's amplitude, in µm/V; below d_p at a larger drive,
+    because of hysteresis."""
     delay_s: float
     """Delay τ from the drive to the reading, in s."""
     hysteresis_phase_rad: float

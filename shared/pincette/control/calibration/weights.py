@@ -30,8 +30,8 @@ class WeighedCompliance:
 
     compliance_um_per_mN: float
     uncertainty_um_per_mN: float
-    """Standard uncertainty: the larger of line scatter and reading noise, combined with that of the
-    weights."""
+    """Standard uncertainty, in µm/mN: the larger of line scatter and reading noise, combined with
+    that of the weights."""
     rest_um: float
     """Position x_0 without a weight at the first step, in µm."""
     drift_um_per_s: float

@@ -52,7 +52,7 @@ class KinkLimits:
     drop: float
     """Fall of the slope dx/(d_p·du), as a share of the slope before."""
     noise_um: float = 0.0
-    """Standard deviation of the sensor's noise."""
+    """Standard deviation of the sensor's noise, in µm."""
 
 
 def kink_limits(
@@ -149,9 +149,9 @@ class ContactDetector(FrozenRecord, frozen=True):
     """Position at the begin of the branch, in µm."""
     touch: DetectedContact | None = None
     free_to_um: float = -inf
-    """Furthest position before this branch and before the touch."""
+    """Furthest position before this branch and before the touch, in µm."""
     reached_um: float = -inf
-    """Furthest position on this branch before the touch."""
+    """Furthest position on this branch before the touch, in µm."""
     begun_um: float = 0.0
     """Value of d_p·u at which the open bin begins, relative to the begin of the branch, in µm."""
     open_bin: Sums = Sums()

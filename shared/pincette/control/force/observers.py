@@ -89,13 +89,13 @@ class QuasiStaticParameters:
     """
 
     compliance_um_per_mN: float
-    """Compliance s_p of the arm."""
+    """Compliance s_p of the arm, in µm/mN."""
     share: float = 1.0
     """Share by which the force follows each reading; 1 without a low-pass. See ``smoothing``."""
     newest_voltage: bool = False
     """Take x_1 for x_k from the voltage put out at k instead of the one applied at k-1."""
     printed_um_per_V: float = 0.0
-    """Coefficient d_p of the printed term; 0 leaves it out."""
+    """Coefficient d_p of the printed term, in µm/V; 0 leaves it out."""
     older: float = 0.0
     """Share of the previous x_1 in the one that is paired with x_k; see ``held_age``."""
     lag: float = 0.0

@@ -75,7 +75,7 @@ class StepLimits:
     noise_um: float
     """R.m.s. noise of one reading, in µm."""
     compliance_um_per_mN: float
-    """Compliance s_p of the arm."""
+    """Compliance s_p of the arm, in µm/mN."""
     period_s: float
 
     span: int = field(init=False)
@@ -83,12 +83,13 @@ class StepLimits:
     mean_of: int = field(init=False)
     """Number of samples before a step from whose mean it is measured."""
     limit_um: float = field(init=False)
-    """Part of the threshold from noise and resolution, for a mean of ``mean_of`` samples."""
+    """Part of the threshold from noise and resolution, in µm, for a mean of ``mean_of`` samples."""
     rest_limit_um: float = field(init=False)
-    """Part of the threshold from noise and resolution, for a mean of ``REST_MEAN`` samples."""
+    """Part of the threshold from noise and resolution, in µm, for a mean of ``REST_MEAN`` samples.
+    """
     resting_um: float = field(init=False)
-    """Way of the free place up to which the longer mean is used: an error of kappa then explains
-    at most a quarter of its threshold."""
+    """Way of the free place up to which the longer mean is used, in µm: an error of kappa then
+    explains at most a quarter of its threshold."""
 
     def __post_init__(self) -> None:
         noise_um = require_not_negative("noise", self.noise_um, "µm")
@@ -127,7 +128,7 @@ class Step(NamedTuple):
     """A step of the position that the voltage does not explain."""
 
     step_um: float
-    """Unexplained part of the step, r; positive towards the part."""
+    """Unexplained part of the step, r, in µm; positive towards the part."""
     before_x_um: float
     """Mean position before the step, in µm."""
     before_free_um: float
@@ -223,7 +224,7 @@ class RestNoise(FrozenRecord, frozen=True):
     """
 
     last_um: float | None = None
-    """Newest position of the rest; None between two rests."""
+    """Newest position of the rest, in µm; None between two rests."""
     count: int = 0
     sum_um2: float = 0.0
 

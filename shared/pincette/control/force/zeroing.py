@@ -26,7 +26,7 @@ class ZeroLimits:
     """Largest spread (maximum minus minimum) of x and of x - x_1 over the rest, without noise, in
     µm."""
     noise_um: float = 0.0
-    """Standard deviation of the sensor's noise."""
+    """Standard deviation of the sensor's noise, in µm."""
     offset_um: float = 5.0
     """Largest change of the offset without travel, where the memory of the arm is unknown, in µm.
     """
@@ -34,7 +34,7 @@ class ZeroLimits:
     """Share of d_p·|u - u_zero| by which the offset may change: the whole hysteresis and an error
     of d_p."""
     first_touch_um: float = inf
-    """Position from which on the arm may touch the part."""
+    """Position from which on the arm may touch the part, in µm."""
     touch_um: float = inf
     """Distance by which a touch may have pushed the arm back: the contact force times s_p, in µm.
     """

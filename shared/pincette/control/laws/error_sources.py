@@ -76,7 +76,7 @@ class Tracked:
     cycle_ticks: int
     """Number of samples of a cycle; 0 where nothing swings."""
     stiffness_mN_per_um: float
-    """Stiffness K_e of the contact line of the references."""
+    """Stiffness K_e of the contact line of the references, in mN/µm."""
     noise_um: float
     """R.m.s. noise σ of the sensor, in µm."""
 

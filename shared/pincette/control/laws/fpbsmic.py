@@ -55,9 +55,9 @@ class FpbsmicParameters:
 
     period_s: float
     um_per_V: float
-    """Gain d/k of the arm."""
+    """Gain d/k of the arm, in µm/V."""
     compliance_um_per_mN: float
-    """Compliance s_p of the arm."""
+    """Compliance s_p of the arm, in µm/mN."""
     lead_s: float
     """Coefficient 2ζ/ω_n of the lead l, in s."""
     lead_s2: float

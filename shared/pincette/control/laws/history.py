@@ -19,7 +19,7 @@ class History(FrozenRecord, frozen=True):
     applied_V: float
     """Voltage u_{k-2} that was applied, in V."""
     coasting_um: float
-    """x_{k-1} as (17) predicted it for an unchanged voltage u_{k-1} = u_{k-2}."""
+    """Position x_{k-1} as (17) predicted it for an unchanged voltage u_{k-1} = u_{k-2}, in µm."""
 
 
 class Outlook(FrozenRecord, frozen=True):

@@ -49,7 +49,7 @@ class FreeResponseInput:
     model: HysteresisModel
     """Free response H, whose memory each step advances by the applied voltage."""
     um_per_V: float
-    """Mean slope d/k = d_p of H."""
+    """Mean slope d/k = d_p of H, in µm/V."""
     period_s: float
 
 

@@ -94,23 +94,24 @@ class LawOutput(FrozenRecord, frozen=True):
     """
 
     voltage_V: float
-    """u_k, before any limit."""
+    """Voltage u_k before any limit, in V."""
     x_d_um: float
-    """Position that the impedance requests at k: (16), in DSMIFC with x in place of x_d."""
+    """Position that the impedance requests at k, in µm: (16), in DSMIFC with x in place of x_d."""
     error_um: float
-    """e_{k-1} = x_{k-1} - x_{d,k-1}; DSMIFC: ε_{k-1}/K̄ (33)."""
+    """Error e_{k-1} = x_{k-1} - x_{d,k-1}, in µm; DSMIFC: ε_{k-1}/K̄ (33)."""
     integral_um: float
-    """ε_{k-1} (19); DSMIFC: ζ_{k-1}/K̄ (35)."""
+    """Integral ε_{k-1} (19), in µm; DSMIFC: ζ_{k-1}/K̄ (35)."""
     sliding_um: float
-    """s_{k-1} (18); DSMIFC: s_{k-1}/K̄ (34)."""
+    """Sliding function s_{k-1} (18), in µm; DSMIFC: s_{k-1}/K̄ (34)."""
     band_um: float
-    """Half width of the band outside which |s| cannot have grown; see ``sliding_band``."""
+    """Half width of the band outside which |s| cannot have grown, in µm; see ``sliding_band``."""
     residual_um: float
-    """x_{k-1} as measured, minus what (17) predicted for the voltage applied."""
+    """Measured x_{k-1} minus the prediction of (17) for the voltage applied, in µm."""
     perturbation_mN: float
-    """p̂_k = p_{k-1} (6), with the law's own F."""
+    """Perturbation p̂_k = p_{k-1} (6), with the law's own F, in mN."""
     perturbation_error_mN: float
-    """p̃_{k-1} = p_{k-2} - p_{k-1} (8), with the law's own F: -k̄ times the residual."""
+    """Perturbation error p̃_{k-1} = p_{k-2} - p_{k-1} (8), with the law's own F, in mN: -k̄ times
+    the residual."""
 
 
 def saturation(s: float, delta: float) -> float:

@@ -64,7 +64,7 @@ class TwoArmParameters:
     leads_s2: Pair
     """Coefficients 1/ω_i² of the leads, in s²."""
     joint_um_per_mN: float
-    """Compliance S of arms and part together."""
+    """Compliance S of arms and part together, in µm/mN."""
     older: float
     """Share φ of the older free displacement."""
     ahead_s: float

@@ -35,7 +35,7 @@ class ContactFit(NamedTuple):
     x_e_error_um: float
     K_e_error_mN_per_um: float
     scatter_mN: float
-    """Standard deviation of F about the line."""
+    """Standard deviation of F about the line, in mN."""
 
 
 class ContactLine(FrozenRecord, frozen=True):

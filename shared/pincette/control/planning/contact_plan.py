@@ -62,17 +62,17 @@ class PlannedRig:
 
     limits: PlanLimits
     piezo_um_per_V: float
-    """Coefficient d_p."""
+    """Coefficient d_p, in µm/V."""
     compliance_um_per_mN: float
-    """Compliance s_p of the arm."""
+    """Compliance s_p of the arm, in µm/mN."""
     period_s: float
-    """Control period, at which the limits are checked."""
+    """Control period, in s, at which the limits are checked."""
     x_start_um: float = 0.0
-    """Position of the arm at rest at zero voltage."""
+    """Position of the arm at rest at zero voltage, in µm."""
     stands_um: float | None = None
-    """Position of the arm at the beginning of the plan; None: ``x_start_um``."""
+    """Position of the arm at the beginning of the plan, in µm; None: ``x_start_um``."""
     rest_um: float | None = None
-    """Reading of the arm at rest at 0 V as the plan begins; None if unknown."""
+    """Reading of the arm at rest at 0 V as the plan begins, in µm; None if unknown."""
     free_response: HysteresisModel | None = None
     """Identified free response; None: a straight line of slope d_p."""
     taught_V: tuple[float, float] | None = None
@@ -80,7 +80,8 @@ class PlannedRig:
     memory: HysteresisState | None = None
     """Memory of the free response as a plan begins; None: that of an unpoled arm."""
     condition_V: float | None = None
-    """Lowest voltage of the conditioning strokes at the begin of a plan; None without strokes."""
+    """Lowest voltage of the conditioning strokes at the begin of a plan, in V; None without
+    strokes."""
     strokes: int = STROKES
     """Number of those strokes."""
 

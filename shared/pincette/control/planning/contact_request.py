@@ -23,10 +23,10 @@ class ContactRequest:
     contact_force_mN: float
     zero_s: float
     contact_um: float
-    """Position x_e of the arm at the first touch."""
+    """Position x_e of the arm at the first touch, in µm."""
     contact_tolerance_um: float
     stiffness_mN_per_um: float
-    """Stiffness K_e of the contact."""
+    """Stiffness K_e of the contact, in mN/µm."""
     stiffness_tolerance: float
     """Share of K_e by which the part may differ; below 1."""
 

@@ -24,9 +24,9 @@ class GripRequest(ContactRequest):
 
     force_mN: float
     hold_s: float | None
-    """Duration of the hold; None: until an action ends it."""
+    """Duration of the hold, in s; None: until an action ends it."""
     unload_s: float | None = None
-    """Duration of the unload; None: equal to the load."""
+    """Duration of the unload, in s; None: equal to the load."""
     quick: bool = False
     """True if the load begins at the touch without a stop, and follows the contact line."""
 

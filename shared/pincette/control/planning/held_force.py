@@ -57,13 +57,13 @@ class HeldForceRequest:
 
     force_mN: float
     load_s: float
-    """Duration of the way to the force, up or down."""
+    """Duration of the way to the force, up or down, in s."""
     hold_s: float | None
-    """Duration of the hold; None: until an action ends it."""
+    """Duration of the hold, in s; None: until an action ends it."""
     release_s: float
     contact_force_mN: float
     stiffness_mN_per_um: float
-    """Planned stiffness K_e."""
+    """Planned stiffness K_e, in mN/µm."""
     stiffness_tolerance: float
     """Share of K_e by which the part may differ; below 1."""
 
@@ -80,7 +80,7 @@ class HeldStand(Stand):
 
     force_mN: float
     uncertainty_mN: float
-    """Expanded uncertainty of the force."""
+    """Expanded uncertainty of the force, in mN."""
 
 
 def plan_held_force(

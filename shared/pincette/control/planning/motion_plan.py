@@ -62,11 +62,11 @@ class Cycles:
     low_V: float
     high_V: float
     rate_V_per_s: float
-    """Peak rate of the voltage."""
+    """Peak rate of the voltage, in V/s."""
     count: int = 0
     """Number of cycles from the lowest to the highest voltage and back."""
     warm_up_s: float = 0.0
-    """Duration of the swing between both before the cycles."""
+    """Duration of the swing between both before the cycles, in s."""
 
     def __post_init__(self) -> None:
         require_positive("range of the cycles", self.high_V - self.low_V, "V")
@@ -94,7 +94,7 @@ class MoveRequest:
     """Rest before cycles and move on which the force is zeroed, in s; None: no zero."""
     cycles: Cycles | None = None
     rest_s: float = REST_S
-    """Rest after the move."""
+    """Rest after the move, in s."""
 
     def __post_init__(self) -> None:
         require_positive("speed_um_per_s", self.speed_um_per_s, "µm/s")

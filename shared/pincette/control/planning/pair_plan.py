@@ -47,18 +47,18 @@ class PairRequest:
     force_mN: float
     load_s: float
     approach_um_per_s: float
-    """Peak speed of each arm."""
+    """Peak speed of each arm, in µm/s."""
     seek_um_per_s: float
-    """Speed of the sum of both arms that close on the part; one that searches alone moves half as
-    fast, so that no arm meets it faster than when both close."""
+    """Speed of the sum of both arms that close on the part, in µm/s; one that searches alone moves
+    half as fast, so that no arm meets it faster than when both close."""
     contact_force_mN: float
-    """Force of each arm at which its touch is detected."""
+    """Force of each arm at which its touch is detected, in mN."""
     zero_s: float
     contacts_um: Pair
     """Tips of both arms at the first touch, for the expected place of the part."""
     contact_tolerance_um: float
     stiffness_mN_per_um: float
-    """Stiffness 1/c of part and faces together."""
+    """Stiffness 1/c of part and faces together, in mN/µm."""
     centred: bool = False
     """True if each arm first searches for the part from its side."""
     compliances_um_per_mN: Pair = (0.0, 0.0)
@@ -102,11 +102,11 @@ class PairHold:
     """A force to hold, and the place where it is held."""
 
     hold_s: float | None
-    """Duration of the hold; None: until an action ends it."""
+    """Duration of the hold, in s; None: until an action ends it."""
     place_to_um: float | None = None
-    """Place to which the part is carried first; None: where it was met."""
+    """Place to which the part is carried first, in µm; None: where it was met."""
     carry_um_per_s: float = 20.0
-    """Peak speed of the place on the way there."""
+    """Peak speed of the place on the way there, in µm/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

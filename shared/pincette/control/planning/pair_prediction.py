@@ -74,7 +74,7 @@ class PlannedPair:
     contacts_um: Pair
     """Both tips at first touch."""
     joint_um_per_mN: float
-    """Compliance c of part and faces."""
+    """Compliance c of part and faces, in µm/mN."""
 
     def follow(self, segment: Segment, entry: Entry, ref: Reference) -> Reference:
         """Return complete references of a sample, including the deflection of pressing arms."""
@@ -115,7 +115,7 @@ class HeldPair:
 
     tips_um: Pair
     force_mN: float = 0.0
-    """Force on the part; 0 where it is unknown."""
+    """Force on the part, in mN; 0 where it is unknown."""
     voltages_V: Pair | None = None
     """Applied voltages; None: those of the free responses."""
 

@@ -41,13 +41,13 @@ class PlannedArm:
     x_start_um: float
     """Position at which the arm rests at zero voltage, in µm."""
     piezo_um_per_V: float
-    """Piezoelectric constant d_p."""
+    """Piezoelectric constant d_p, in µm/V."""
     compliance_um_per_mN: float
-    """Compliance s_p of the arm."""
+    """Compliance s_p of the arm, in µm/mN."""
     contact_um: float
     """Position x_e of first touch, in µm."""
     stiffness_mN_per_um: float
-    """Contact stiffness K_e."""
+    """Contact stiffness K_e, in mN/µm."""
     free_response: HysteresisModel | None = None
     """Identified free response; None: a straight line of slope d_p."""
     memory: HysteresisState | None = None

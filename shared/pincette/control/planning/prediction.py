@@ -29,7 +29,7 @@ class Piece(NamedTuple):
     segment: Segment
     start_s: float
     duration_s: float
-    """Predicted duration; a segment without end is drawn ``SHORTEST_MOVE_S`` long."""
+    """Predicted duration, in s; a segment without end is drawn ``SHORTEST_MOVE_S`` long."""
     entry: Entry
     """State in which the segment begins."""
     end: Reference

@@ -25,9 +25,9 @@ class ContactScatter(NamedTuple):
     """R.m.s. of the force about a smooth function of the position, in mN."""
 
     without_mN: float
-    """Scatter of the force as estimated without the table."""
+    """Scatter of the force as estimated without the table, in mN."""
     with_mN: float
-    """Scatter of the force as corrected by the table."""
+    """Scatter of the force as corrected by the table, in mN."""
     samples: int
 
     @property

@@ -113,11 +113,12 @@ class LinearResponse(FrozenRecord, frozen=True):
     gain_um_per_V: float
     zero_V: float
     nominal_um_per_V: float
-    """Nominal gain d_p: used if no gain could be measured, and the reference for a measured one."""
+    """Nominal gain d_p, in µm/V: used if no gain could be measured, and the reference for a
+    measured one."""
     hysteresis_fraction: float = 0.0
     """Standard error of the line, as a share of the furthest travel since the zero."""
     voltage_V: float = 0.0
-    """Return the newest voltage."""
+    """Newest voltage, in V."""
     reach_V: float = 0.0
     """Largest distance of the voltage from that of the last zero, including before a new begin, in
     V."""
@@ -206,7 +207,7 @@ class MemoryResponse(FrozenRecord, frozen=True, kw_only=True):
     """
 
     nominal_um_per_V: float
-    """Return d_p."""
+    """Nominal gain d_p, in µm/V."""
     model_error_um: float
     """R.m.s. error of the model over free motion that it was not fitted to, in µm."""
     offset_um: float = 0.0
