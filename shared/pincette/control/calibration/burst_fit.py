@@ -26,7 +26,7 @@ MOST_DAMPING = 0.5
 LEAST_LOG_DAMPING = log(1e-4)
 """Smallest log ζ that a fit may reach; the largest is 0."""
 ORDERS = (3, 8)
-"""Orders of the difference equation in which the mode is first looked for: mode and lag, and a
+"""Orders of the difference equation in which the mode is first searched: mode and lag, and a
 longer one for noisy records."""
 ROUNDS = 30
 SETTLED = 1e-2

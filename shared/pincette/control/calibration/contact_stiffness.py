@@ -100,7 +100,7 @@ def contact_stiffness(
     Parameters
     ----------
     compliance_um_per_mN
-        The s_p by which F̂ was worked out.
+        Compliance s_p with which F̂ was computed.
     free_errors_um
         Standard error of x_1 over the swing of each level; none where it is known.
     least_force_mN

@@ -61,17 +61,17 @@ def first_touch(
     Parameters
     ----------
     x_um, force_mN
-        Positions, and the unfiltered force (53) worked out with ``compliance_um_per_mN``; the free
+        Positions, and the unfiltered force (53) computed with ``compliance_um_per_mN``; the free
         response follows from both, x_1 = x + s_p·F̂.
     free_error_um
-        Standard error of x_1 between two voltages, of which a kink of its model is taken for one
+        Standard error of x_1 between two voltages, by which a kink of its model may look like one
         of the arm.
 
     Raises
     ------
     ValueError
         Where lengths disagree, there are fewer than ``LEAST_SAMPLES``, one is not finite, or no
-        kink stands within them.
+        kink is found within them.
     """
     s_p = require_positive("compliance", compliance_um_per_mN, "µm/mN")
     require_not_negative("error of the free response", free_error_um, "µm")

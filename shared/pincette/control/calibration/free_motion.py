@@ -106,9 +106,9 @@ def creep_after_step(
     Parameters
     ----------
     since_s
-        Times since the step, if it took some time since its middle.
+        Times since the step in s, or since its middle if it took some time.
     before_um
-        Where the arm stood before it; the step counts from there to the first sample.
+        Position of the arm before it, in µm; the step counts from there to the first sample.
 
     Raises
     ------

@@ -106,8 +106,8 @@ def compliance(
         Steady state under each weight, the unloaded arm among them with its 0 mN. Two give the
         quotient, more the least-squares line.
     noise_um
-        Standard uncertainty of one displacement; what the uncertainty of two points is made of,
-        and the least that of more is.
+        Standard uncertainty of one displacement. It alone gives the uncertainty for two points, and
+        is a lower bound for more.
 
     Raises
     ------

@@ -45,7 +45,7 @@ from pincette.control.checks import require_positive
 
 LEAST_BURSTS = 4
 LONGEST_DELAY = 1.5
-"""Periods up to which a delay is looked for."""
+"""Largest delay that is searched, in periods."""
 DELAYS = np.arange(0.05, LONGEST_DELAY, 0.1)
 LAGS = (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.5, 4.0)
 """Start values of delay and lag, in periods."""

@@ -117,7 +117,7 @@ def swept_mode(
 
 
 def require_even_swing(x_um: Column, rate_hz: float) -> None:
-    """Refuse a sweep with more swing to one side, since an obstacle stands at the other.
+    """Refuse a sweep with more swing to one side, since an obstacle is at the other.
 
     Raises
     ------

@@ -54,9 +54,9 @@ def weighed_compliance(
     Parameters
     ----------
     noise_um
-        Standard uncertainty of one mean position; the least that the scatter is taken for.
+        Standard uncertainty of one mean position; lower bound of the scatter.
     weight_uncertainty
-        Of the weights, standard, as a share common to all of them.
+        Relative standard uncertainty that is common to all weights.
 
     Raises
     ------

@@ -86,9 +86,9 @@ def uncertainty_of_mean(stated_mN: Sequence[float], *, noise_mN: float, reading_
     stated_mN
         U_k, by ``uncertainty``; n of them, at least 1.
     noise_mN
-        Standard deviation σ_F that U_k has of noise.
+        Standard deviation σ_F of the noise in U_k.
     reading_mN
-        That of a single reading, σ, over s_p: a low-pass makes σ_F smaller, but not the mean's.
+        Standard deviation σ of a single reading, over s_p: a low-pass makes σ_F smaller, but not the mean's.
     """
     noise_mN2 = (COVERAGE * noise_mN) ** 2
     mean_mN2 = (COVERAGE * reading_mN) ** 2 / len(stated_mN)

@@ -97,10 +97,10 @@ def augmented_kalman(
     noise_um
         r.m.s. of the sensor's noise.
     rate_mN_per_s
-        The one knob: r.m.s. of how much F changes over a period, over the period. A lower rate
+        The only setting: r.m.s. change of F over a period, divided by the period. A lower rate
         averages longer and lags more. The default is above the 31 mN/s that 20 mN peak to peak
-        at 0.5 Hz reach; at T = 1 ms it takes 0.03 µm of noise from 0.065 to 0.036 mN, and lags a
-        ramp by 1.1 ms. At T = 20 ms it hardly averages.
+        at 0.5 Hz reach; at T = 1 ms it reduces the effect of 0.03 µm of noise from 0.065 to
+        0.036 mN, and lags a ramp by 1.1 ms. At T = 20 ms it hardly averages.
 
     Raises
     ------

@@ -99,10 +99,10 @@ def zero_refusal(
     touch
         What the arm has met since the last zero.
     zeroed
-        Whether there was a zero since the arming; without one the offset that is judged is that
+        True if there was a zero since the arming; without one the offset that is judged is that
         of where the arm was found, and has a code of its own.
     kept
-        Whether the zero in use is of an earlier arming. An arm ahead of it is then no reason to
+        True if the zero in use is of an earlier arming. An arm ahead of it is then no reason to
         refuse: no part in front pulls it there, so a part pressed it at that zero and is gone.
     memory_known
         As for ``ZeroLimits.change_um``.

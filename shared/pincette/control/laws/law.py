@@ -105,13 +105,13 @@ def build(
     Parameters
     ----------
     arm
-        The rig's m, b, k, d; the printed set puts its own in their place.
+        The rig's m, b, k, d; the printed set replaces them with its own.
     force_filter_s
-        Time constant of the low-pass over F - F_r; 0 has none.
+        Time constant of the low-pass over F - F_r, in s; 0 for none.
     response
         The identified free response, for the identified set.
     output
-        When a voltage acts on the arm, for laws that look ahead.
+        Delay and lag with which a voltage acts on the arm, for laws that look ahead.
 
     Raises
     ------
@@ -229,15 +229,15 @@ def step(
     Parameters
     ----------
     memory
-        Of the free response, led up to the newest sample: by u_{k-1} for a period last. Of no
-        matter to a law with the line.
+        Memory of the free response at the newest sample, last updated by u_{k-1} for a period. A
+        law with the straight line does not use it.
     plan
-        The motion that the references are part of, for a law that ``previews``.
+        Motion that the references belong to, for a law that ``previews``.
 
     Raises
     ------
     TypeError
-        Where the state belongs to another law, or the law wants a memory that is not given.
+        Where the state belongs to another law, or the law needs a memory that is not given.
     """
     if type(state.law) is not law.state_type:
         raise TypeError("the state belongs to another law: rebase it first")

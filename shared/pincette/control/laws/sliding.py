@@ -169,11 +169,11 @@ def sliding_output(
     Parameters
     ----------
     x_d_um
-        Where the impedance asks the arm to be at k.
+        Position that the impedance requests at k.
     error, integral
-        e_{k-1} or ε_{k-1}, and their sum up to k-2; what ``winds_up`` is not added to it.
+        e_{k-1} or ε_{k-1}, and their sum up to k-2; an error that ``winds_up`` is not added.
     per_um
-        c: how many units of the error make 1 µm; 1 in PBSMIC, K̄ in DSMIFC.
+        c: number of units of the error in 1 µm; 1 in PBSMIC, K̄ in DSMIFC.
     """
     plant, K_P, K_I = parameters.plant, parameters.K_P, parameters.K_I
     if not winds_up(limited, error):

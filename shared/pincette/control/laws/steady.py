@@ -61,11 +61,11 @@ def steady_error_ranges(
     forces_r_mN
         Lowest and highest F_r.
     x_e_um, K_e
-        The contact that the plan assumes, and
+        Contact that the plan assumes.
     x_e_tolerance_um, K_e_tolerance
-        by how much the true one may differ; the latter as a share of K_e, below 1.
+        Largest deviation of the true contact; that of K_e as a share of it, below 1.
     K, K_f
-        Of the impedance (10), in mN/µm and mN/mN.
+        Gains of the impedance (10), in mN/µm and mN/mN.
 
     Raises
     ------

@@ -154,7 +154,7 @@ def build(
     arms
         m, b, k of each arm as identified.
     part_um_per_mN
-        c, by which part and faces yield; they are stiff against the arms.
+        Compliance c of part and faces, which are stiff against the arms.
 
     Raises
     ------
@@ -226,12 +226,12 @@ def step(
     tips_um
         x_i,k, towards the part.
     free_um
-        H_i,k: where the free response stands at the sample, led by u_i of k-1.
+        H_i,k: free response of each arm at the sample, after u_i of k-1.
     forces_mN
         F̂_i,k of each arm's own estimator, not filtered.
     references
-        Of the coming sample. Where ``pressed`` changes, the sum of both arms begins without a bump:
-        at F_r = F̂ where they have touched, at d_r = x_1 + x_2 where they have left.
+        References of the coming sample. Where ``pressed`` changes, the sum of both arms begins
+        without a bump: at F_r = F̂ after a touch, at d_r = x_1 + x_2 after a loss of contact.
     """
     k, r = parameters, references
     s_1, s_2 = k.compliances_um_per_mN

@@ -131,7 +131,7 @@ def plan_contact(
     pointers
         The member of the request that leads beyond a limit, by the phase in which it does.
     flying
-        Whether the load begins at the touch without a stop, after an approach that watches for one.
+        True if the load begins at the touch without a stop, after an approach that watches for one.
 
     Raises
     ------

@@ -200,10 +200,10 @@ def voltage_moves(stops: Sequence[tuple[float, float, float]], *, relative: bool
     Parameters
     ----------
     stops
-        Of each the voltage in V, the peak rate in V/s of the move there, and the rest in s after
-        it. The path begins at the first one, whose rate is not used.
+        Voltage of each stop in V, peak rate of the move there in V/s, and rest after it in s. The
+        path begins at the first one, whose rate is not used.
     relative
-        Whether the voltages count from the one at which the path begins.
+        True if the voltages count from the one at which the path begins.
     """
     first_V, _, rest_s = stops[0]
     knots = [Knot(0.0, first_V, 0.0)]

@@ -94,9 +94,9 @@ def quick_speeds(
     Parameters
     ----------
     touch
-        What is to be met, at the stiffness of the hardest part that may be there.
+        Limits of the touch, at the stiffness of the hardest part that may be met.
     K_e
-        Stiffness of the part as it is expected.
+        Expected stiffness of the part, in mN/µm.
 
     Raises
     ------

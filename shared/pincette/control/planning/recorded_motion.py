@@ -147,7 +147,7 @@ def chained(force_um: Sequence[float], zeroed: Sequence[bool], rest: int) -> lis
     force_um
         x - x_1 at each tick as it was estimated, in µm.
     zeroed
-        Whether the estimate of this tick is the first after a zero.
+        True if the estimate of this tick is the first after a zero.
     rest
         Ticks of the rest that a zero is made of.
     """

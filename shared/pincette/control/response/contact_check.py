@@ -45,7 +45,7 @@ def contact_scatter(
     Parameters
     ----------
     correction_mN
-        What the table adds to the force of each sample.
+        Correction of each sample's force by the table.
     """
     x, force = np.asarray(x_um, np.float64), np.asarray(force_mN, np.float64)
     if len(x) < LEAST_SAMPLES or float(np.ptp(force)) < LEAST_SWING_MN:

@@ -128,18 +128,19 @@ def calibrate_free_response(
     Parameters
     ----------
     unpoled
-        Whether the actuator began at 0 V with nothing remembered, as one that has not moved since
-        it was switched on. None: whichever leaves less of what the model was not fitted to.
+        True if the actuator began at 0 V without a memory, as one that has not moved since it was
+        switched on. None selects the case with the smaller residual over motion that the model was
+        not fitted to.
     no_part
-        True where a person has confirmed that no part is in the gripper. A break of the motion,
+        True if an operator has confirmed that no part is in the gripper. A break of the motion,
         which free arms of some classes of hysteresis show too, is then returned as ``kink``.
 
     Raises
     ------
     ValueError
         As ``identify_free_response``, ``secant_gain`` and ``creep_after_step``; where the motion
-        breaks at one position as if a part were in the way and ``no_part`` is false, or the model
-        leaves more of it than noise and ``LARGEST_RESIDUAL`` explain.
+        breaks at one position as if a part were in the way and ``no_part`` is false, or the
+        residual of the model exceeds noise and ``LARGEST_RESIDUAL``.
     """
     u = np.asarray(motion.voltage_V, dtype=np.float64)
     x = np.asarray(motion.x_um, dtype=np.float64)

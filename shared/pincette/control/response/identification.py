@@ -108,18 +108,18 @@ def identify_free_response(
     period_s
         From one sample to the next.
     thresholds_V, creep_times_s
-        The linear part's 0 and the thresholds of each family; creep times. None for what
-        ``spread_thresholds`` and ``spread_creep_times`` make of travel and duration.
+        The linear part's 0 and the thresholds of each family; creep times. None for those of
+        ``spread_thresholds`` and ``spread_creep_times`` for travel and duration.
     candidates
         Families, curvature and ridge to choose from.
     unpoled
-        Whether the actuator begins at 0 V with nothing remembered. Elsewhere samples count from
-        where the voltage has travelled twice the largest threshold, which puts every play where
-        the voltage says, or near it where they fade; what still creeps from before falls to the
-        creep that is identified.
+        True if the actuator begins at 0 V without a memory. Otherwise samples count from where
+        the voltage has travelled twice the largest threshold, after which it determines every
+        play, or nearly so if they fade; remaining creep from before is attributed to the
+        identified creep.
     held_out
-        Share of the samples, the last ones, that the residual is taken on. Their mean is taken
-        off, as a zero of the estimator would do.
+        Share of the samples, at the end, from which the residual is computed. Their mean is
+        subtracted, as a zero of the estimator would do.
 
     Raises
     ------

@@ -89,7 +89,7 @@ def unknown_forgetting(
     Parameters
     ----------
     voltage_V, left_um
-        N samples of matched ages; position less x_1.
+        N samples of matched ages; position minus x_1.
     swings
         The samples of each; before them the voltage rests.
 
@@ -160,9 +160,9 @@ def rehearsed_errors(
     Parameters
     ----------
     voltage_V, left_um
-        N samples of matched ages; position less x_1.
+        N samples of matched ages; position minus x_1.
     grips
-        Of each the samples of its approach, with a rest at both ends, and of its press.
+        Samples of each grip's approach, with a rest at both ends, and of its press.
 
     Raises
     ------
@@ -216,9 +216,9 @@ def return_error(
     Parameters
     ----------
     x_um, left_um
-        N positions, and those less x_1.
+        N positions, and positions minus x_1.
     grips
-        Rehearsals; None is returned where no way back passes the place of its zero.
+        Rehearsals; the result is None if no way back passes the place of its zero.
     """
     count, squares = max(1, round(REST_S / period_s)), list[float]()
     for grip in grips:
@@ -243,9 +243,9 @@ def turn_error(
     Parameters
     ----------
     voltage_V, left_um
-        N samples of matched ages; position less x_1.
+        N samples of matched ages; position minus x_1.
     grips
-        Rehearsals; None is returned where no way back is known.
+        Rehearsals; the result is None without a way back.
     """
     count, squares, noises = max(1, round(REST_S / period_s)), list[float](), list[float]()
     for grip in grips:

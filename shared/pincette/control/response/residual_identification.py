@@ -51,7 +51,7 @@ def identify_residual(
     Parameters
     ----------
     places
-        Of each tick, N.
+        Places of the N ticks.
     runs_um
         Residual of each run, N each; at least two runs.
     noise_um

@@ -118,11 +118,11 @@ class UnknownPast(FrozenRecord, frozen=True):
         Parameters
         ----------
         response
-            The model in use, led through the same voltages.
+            Model in use, after the same voltages.
         residual_um
             x - x_1.
         standard_um
-            Standard uncertainty of x_1, the past left out; ``SURE`` times it is allowed for.
+            Standard uncertainty of x_1 without the past; the allowance is ``SURE`` times it.
         """
         if self.known:
             return self

@@ -97,12 +97,12 @@ def radius_map(
     Parameters
     ----------
     loop
-        Everything else; its own period and gain do not matter.
+        Loop with all other properties; its own period and gain do not matter.
     worst
-        The worst case of the intervals (some 20 to 100 ms a point), or else the worse of the
+        True for the worst case of the intervals (some 20 to 100 ms a point), else the worse of the
         cases in the middle, free and in contact.
     observer_at
-        Makes the observer for a period; without it the loop's is taken for every one.
+        Function that makes the observer for a period; without it the loop's is used for each.
 
     Raises
     ------

@@ -103,14 +103,14 @@ def tune(
     Parameters
     ----------
     radius
-        Worst spectral radius of a law on its intervals; see ``stability``. Of a law that reaches
-        the limit any that does so will do.
+        Worst spectral radius of a law on its intervals; see ``stability``. For a law that
+        reaches the limit any radius that reaches it is sufficient.
     radius_limit
         Candidates that reach it do not count.
     grid
-        None: that of the law.
+        Values to try; None for the grid of the law.
     parameter_set
-        Of the law; the identified one wants an ``IdentifiedResponse``.
+        Parameter set of the law; the identified one needs an ``IdentifiedResponse``.
 
     Raises
     ------

@@ -44,7 +44,7 @@ class Intervals:
     Raises
     ------
     ValueError
-        Where an interval is upside down, or a value in it impossible.
+        Where an interval is not ascending, or a value in it impossible.
     """
 
     K_e_mN_per_um: tuple[float, float] | None
@@ -132,7 +132,7 @@ def worst_case(
     ----------
     enough
         The search ends with the first case found that reaches this radius, though another may be
-        worse: all that a refusal wants.
+        worse; this is sufficient for a refusal.
     """
     tops: list[tuple[LoopCase, float]] = []
     for kind, told in intervals.kinds():
