@@ -52,8 +52,8 @@ Outputs = tuple[Message | DeviceCommand, ...]
 
 
 class Inputs(FrozenRecord, frozen=True):
-    """``device`` is the instrument's fault, what it says that it puts out, or what kept the program
-    from a look at the clock."""
+    """``device`` is the instrument's fault, its reported voltages, or a delay that kept the program
+    from checking its clock."""
 
     device: Fault | PutOut | Slept | Busy | None
     command: Command | None

@@ -74,7 +74,7 @@ class GuardWatch(FrozenRecord, frozen=True):
 
 
 class SlipWatch(FrozenRecord, frozen=True):
-    """Search for steps of the position of a pressed part, and what it has found."""
+    """Search for steps of the position of a pressed part, and its findings."""
 
     noise: RestNoise = field(default_factory=RestNoise)
     """Noise of the sensor, measured in the rests of this program."""

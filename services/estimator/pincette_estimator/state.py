@@ -218,7 +218,7 @@ class ArmState(FrozenRecord, frozen=True):
 
 
 class State(FrozenRecord, frozen=True):
-    """State of each arm, and what concerns both."""
+    """State of each arm, and the state common to both."""
 
     arms: tuple[ArmState, ...]
     epoch: int = 0

@@ -66,7 +66,7 @@ def late_creep_um(
         p/100·|stroke|·log10(age/known_to)/COVERAGE
 
     beyond ``known_to_s``, 0 before: creep times are fitted to a course of a minute, and a hold may
-    last for hours. ``percent_per_decade`` of the whole stroke bounds what is left.
+    last for hours. ``percent_per_decade`` of the whole stroke bounds the remaining creep.
     """
     if age_s <= known_to_s:
         return 0.0
@@ -88,7 +88,8 @@ def uncertainty_of_mean(stated_mN: Sequence[float], *, noise_mN: float, reading_
     noise_mN
         Standard deviation σ_F of the noise in U_k.
     reading_mN
-        Standard deviation σ of a single reading, over s_p: a low-pass makes σ_F smaller, but not the mean's.
+        Standard deviation σ of a single reading, over s_p: a low-pass makes σ_F smaller, but not
+        that of the mean.
     """
     noise_mN2 = (COVERAGE * noise_mN) ** 2
     mean_mN2 = (COVERAGE * reading_mN) ** 2 / len(stated_mN)

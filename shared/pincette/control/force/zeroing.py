@@ -97,7 +97,7 @@ def zero_refusal(
     creep_um
         How far creep may have moved the arm since the last zero.
     touch
-        What the arm has met since the last zero.
+        Touch of the arm since the last zero.
     zeroed
         True if there was a zero since the arming; without one the offset that is judged is that
         of where the arm was found, and has a code of its own.

@@ -201,7 +201,7 @@ def step(
     applied_V: float,
     x_r_um: float,
     force_r_mN: float,
-    limited: int,  # noqa: ARG001  the model is led by what is applied: nothing winds up
+    limited: int,  # noqa: ARG001  the model follows the applied voltage: nothing winds up
     plan: PlannedMotion,
 ) -> tuple[FpbsmicState, LawOutput]:
     """Compute u_k; arguments as ``pbsmic.step``, ``plan`` belongs to ``x_r_um``."""

@@ -36,7 +36,7 @@ presses."""
 
 @dataclass(frozen=True, slots=True)
 class PlannedArm:
-    """The arm and what it meets, as a plan assumes them."""
+    """The arm and the part that it meets, as a plan assumes them."""
 
     x_start_um: float
     """Position at which the arm rests at zero voltage, in µm."""

@@ -1,4 +1,4 @@
-"""Unknown creep of an arm after its turning points are known, and what its free way shows.
+"""Unknown creep of an arm after its turning points are known, and its bounds from free motion.
 
 Pasts whose plays have reached the same places differ by creep alone, and each difference decays
 separately, with the time of its creep state, whatever the voltage does:
