@@ -4,7 +4,7 @@ The first sample that shows the step freezes the voltage. The next one confirms 
 goes on. The meaning of a confirmed step depends on its direction and on the references:
 
     backwards                   ``sensor_jump``: no slip moves the arm back
-    forwards, references move   ``slipped``: the part has given way; the line begins anew there
+    forwards, references move   ``slipped``: the part has given way; the line starts again there
     forwards, references rest   ``position_step``: slip or sensor, which nothing can tell apart here
 
 After a slip in a load the program may load again, as often as it allows. A held part whose force is

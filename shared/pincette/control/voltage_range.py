@@ -12,7 +12,7 @@ class VoltageRange(FrozenRecord, frozen=True):
     Raises
     ------
     ValueError
-        Where the lowest is above the highest.
+        If the lowest is above the highest.
     """
 
     min_V: Volt

@@ -40,7 +40,7 @@ def sample_mode(natural_frequency_rad_per_s: float, damping_ratio: float, period
     Raises
     ------
     ValueError
-        Where ω_n, ζ or the period is not positive, or ζ is not below 1.
+        If ω_n, ζ or the period is not positive, or ζ is not below 1.
     """
     omega_n = require_positive("natural frequency", natural_frequency_rad_per_s, "rad/s")
     zeta = require_positive("damping ratio", damping_ratio, "")

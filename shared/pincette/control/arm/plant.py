@@ -71,7 +71,7 @@ def consistent_arm(
     Raises
     ------
     ValueError
-        Where one of them is not finite and positive.
+        If one of them is not finite and positive.
     """
     omega_n = require_positive("natural frequency", natural_frequency_rad_per_s, "rad/s")
     zeta = require_positive("damping ratio", damping_ratio, "")
@@ -101,7 +101,7 @@ def discretize(
     Raises
     ------
     ValueError
-        Where the period is not finite and positive.
+        If the period is not finite and positive.
     """
     T = require_positive("period", period_s, "s")
     m_bar = arm.m / T**2

@@ -161,7 +161,7 @@ def first_mode(bursts: Sequence[Burst], period_s: float) -> Column:
     Raises
     ------
     ValueError
-        Where no pole is that of a mode.
+        If no pole is that of a mode.
     """
     for order in ORDERS:
         modes = [

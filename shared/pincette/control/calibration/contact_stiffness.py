@@ -109,7 +109,7 @@ def contact_stiffness(
     Raises
     ------
     ValueError
-        Where there are fewer than ``LEAST_LEVELS``, the contact was lost at one, or a fit or the
+        If there are fewer than ``LEAST_LEVELS``, the contact was lost at one, or a fit or the
         line is impossible.
     """
     s_p = require_positive("compliance", compliance_um_per_mN, "µm/mN")

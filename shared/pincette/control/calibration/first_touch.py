@@ -70,7 +70,7 @@ def first_touch(
     Raises
     ------
     ValueError
-        Where lengths disagree, there are fewer than ``LEAST_SAMPLES``, one is not finite, or no
+        If lengths disagree, there are fewer than ``LEAST_SAMPLES``, one is not finite, or no
         kink is found within them.
     """
     s_p = require_positive("compliance", compliance_um_per_mN, "µm/mN")

@@ -69,7 +69,7 @@ def secant_gain(
     Raises
     ------
     ValueError
-        Where lengths disagree, a fit of ``periodic`` is impossible, the voltage rests, or the arm
+        If lengths disagree, a fit of ``periodic`` is impossible, the voltage rests, or the arm
         does not follow it.
     """
     require_as_many("voltages", voltage_V, "positions", x_um)
@@ -113,7 +113,7 @@ def creep_after_step(
     Raises
     ------
     ValueError
-        Where lengths disagree, there are fewer than ``LEAST_CREEP_SAMPLES``, times are not
+        If lengths disagree, there are fewer than ``LEAST_CREEP_SAMPLES``, times are not
         positive and rising over ``LEAST_DECADE``, a sample is not finite, or there was no step.
     """
     t, x = np.asarray(since_s, dtype=float), np.asarray(x_um, dtype=float)

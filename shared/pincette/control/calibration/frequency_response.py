@@ -43,7 +43,7 @@ def swept_response(
     Raises
     ------
     ValueError
-        Where lengths disagree, a sample is not finite, the frequencies do not ascend to half the
+        If lengths disagree, a sample is not finite, the frequencies do not ascend to half the
         rate, or fewer than ``LEAST_POINTS`` bands have three lines and were driven.
     """
     u, x = np.asarray(voltage_V, dtype=float), np.asarray(x_um, dtype=float)

@@ -39,7 +39,7 @@ def straight_line(x: Sequence[float], y: Sequence[float]) -> Line:
     Raises
     ------
     ValueError
-        Where lengths disagree, there are fewer than two points, one is not finite, or all x are
+        If lengths disagree, there are fewer than two points, one is not finite, or all x are
         the same.
     """
     a, b = np.asarray(x, dtype=float), np.asarray(y, dtype=float)

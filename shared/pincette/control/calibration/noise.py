@@ -73,7 +73,7 @@ def sensor_noise(
     Raises
     ------
     ValueError
-        Where there are fewer than ``LEAST_READINGS``, one is not finite, or all are the same.
+        If there are fewer than ``LEAST_READINGS``, one is not finite, or all are the same.
     """
     x = np.asarray(x_um, dtype=float)
     require_positive("period", period_s, "s")

@@ -95,7 +95,7 @@ def output_timing(bursts: Sequence[Burst], period_s: float) -> IdentifiedTiming:
     Raises
     ------
     ValueError
-        Where there are too few bursts, they show no mode, or the fit does not settle or
+        If there are too few bursts, they show no mode, or the fit does not settle or
         ends at a delay beyond ``LONGEST_DELAY`` periods.
     """
     T = require_positive("period", period_s, "s")

@@ -50,7 +50,7 @@ def periodic(values: Sequence[float] | Column, samples_per_cycle: float) -> Peri
     Raises
     ------
     ValueError
-        Where there are less than ``LEAST_CYCLES`` cycles or ``LEAST_SAMPLES_PER_CYCLE`` samples in
+        If there are less than ``LEAST_CYCLES`` cycles or ``LEAST_SAMPLES_PER_CYCLE`` samples in
         each, or a sample is not finite.
     """
     y = np.asarray(values, dtype=float)

@@ -76,7 +76,7 @@ def fit_second_order(
     Raises
     ------
     ValueError
-        Where lengths disagree, there are fewer than ``LEAST_POINTS`` points, one is not finite or
+        If lengths disagree, there are fewer than ``LEAST_POINTS`` points, one is not finite or
         not positive, no resonance lies within the frequencies, or the fit does not settle.
     """
     f, gain = np.asarray(frequency_hz, dtype=float), np.abs(np.asarray(gain_um_per_V))

@@ -61,7 +61,7 @@ def weighed_compliance(
     Raises
     ------
     ValueError
-        Where lengths disagree, there are fewer than ``LEAST_STEPS``, a number is not finite,
+        If lengths disagree, there are fewer than ``LEAST_STEPS``, a number is not finite,
         weight and time cannot be told apart, s_p is not positive, or the arm gives way less
         under light weights than under heavy ones, as it does until it leaves a part.
     """

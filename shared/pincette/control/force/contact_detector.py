@@ -63,7 +63,7 @@ def kink_limits(
     Raises
     ------
     ValueError
-        Where K_e or s_p is not positive, or the noise negative.
+        If K_e or s_p is not positive, or the noise negative.
     """
     K_e = require_positive("softest contact", softest_mN_per_um, "mN/µm")
     ratio = K_e * require_positive("compliance", compliance_um_per_mN, "µm/mN")

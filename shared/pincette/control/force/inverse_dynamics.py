@@ -114,7 +114,7 @@ def inverse_dynamics(
     Raises
     ------
     ValueError
-        Where a value is out of range, or the period is so close to a multiple of the mode's that
+        If a value is out of range, or the period is so close to a multiple of the mode's that
         a sampled ring looks like a constant: the inverse would amplify noise without bound.
     """
     mode = sample_mode(natural_frequency_rad_per_s, damping_ratio, period_s)

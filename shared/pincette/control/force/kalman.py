@@ -105,7 +105,7 @@ def augmented_kalman(
     Raises
     ------
     ValueError
-        Where a value is out of range, or the rate so low that the recursion does not converge.
+        If a value is out of range, or the rate so low that the recursion does not converge.
     """
     mode = sample_mode(natural_frequency_rad_per_s, damping_ratio, period_s)
     s_p = require_positive("compliance", compliance_um_per_mN, "µm/mN")

@@ -85,7 +85,7 @@ class QuasiStaticParameters:
     Raises
     ------
     ValueError
-        Where s_p is not positive, d_p negative, or the share not within (0, 1].
+        If s_p is not positive, d_p negative, or the share not within (0, 1].
     """
 
     compliance_um_per_mN: float

@@ -69,7 +69,7 @@ class StepLimits:
     Raises
     ------
     ValueError
-        Where the noise is negative, or compliance or period are not positive.
+        If the noise is negative, or compliance or period are not positive.
     """
 
     noise_um: float
@@ -211,7 +211,7 @@ def slip_um(step_um: float, kappa: float) -> float:
     Raises
     ------
     ValueError
-        Where kappa is not positive.
+        If kappa is not positive.
     """
     return step_um * (1.0 + 1.0 / require_positive("s_p·K_e", kappa, ""))
 

@@ -43,7 +43,7 @@ def ring_share(
     Raises
     ------
     ValueError
-        Where frequency or period are not finite and positive.
+        If frequency or period are not finite and positive.
     """
     omega = require_positive("natural frequency", natural_frequency_rad_per_s, "rad/s")
     left_s = max(0.0, require_positive("period", period_s, "s") - output.delay_s)

@@ -126,7 +126,7 @@ class LawDefinition:
         Raises
         ------
         ValueError
-            Where the law has no such gain, or cannot take its value.
+            If the law has no such gain, or cannot take its value.
         """
         values = {each.name: each.value(parameter_set) for each in self.parameters}
         found = LawSettings(
@@ -153,7 +153,7 @@ class LawSettings:
     Raises
     ------
     ValueError
-        Where the law cannot take a gain.
+        If the law cannot take a gain.
     """
 
     definition: LawDefinition

@@ -57,7 +57,7 @@ class Tracked:
     Raises
     ------
     ValueError
-        Where columns differ in length, samples are fewer than ``LEAST``, cycles are not whole, or a
+        If columns differ in length, samples are fewer than ``LEAST``, cycles are not whole, or a
         constant is impossible.
     """
 

@@ -60,7 +60,7 @@ def discretize_impedance(parameters: ImpedanceParameters, period_s: float) -> Di
     Raises
     ------
     ValueError
-        Where K or the period is not positive, or M, B or K_f is negative.
+        If K or the period is not positive, or M, B or K_f is negative.
     """
     T = require_positive("period", period_s, "s")
     M = require_not_negative("impedance mass M", parameters.M, "mN·s²/µm")

@@ -116,7 +116,7 @@ def build(
     Raises
     ------
     ValueError
-        Where the period is not positive, the law cannot be made of its gains, or its set is the
+        If the period is not positive, the law cannot be made of its gains, or its set is the
         identified one and there is no response.
     """
     definition = settings.definition
@@ -237,7 +237,7 @@ def step(
     Raises
     ------
     TypeError
-        Where the state belongs to another law, or the law needs a memory that is not given.
+        If the state belongs to another law, or the law needs a memory that is not given.
     """
     if type(state.law) is not law.state_type:
         raise TypeError("the state belongs to another law: rebase it first")

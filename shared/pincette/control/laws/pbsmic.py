@@ -84,7 +84,7 @@ def step(
     ``force_mN``        F_k           newest force; ``force_input`` for its age
     ``applied_V``       u_{k-1}       really applied in the last tick: the anti-windup
     ``x_r_um``          x_{r,k}       reference for after u_k has acted
-    ``force_r_mN``      F_{r,k}       likewise
+    ``force_r_mN``      F_{r,k}       reference for after u_k has acted
     ==================  ============  ====================================================
 
     With x̂_k the position (17) predicts for an unchanged voltage and p̃_k = 0, (25) reads

@@ -1,4 +1,4 @@
-"""Planned motion for a law that looks ahead, beside the next references."""
+"""Planned motion for a law that looks ahead, in addition to the next references."""
 
 from pincette.control.record import FrozenRecord
 

@@ -70,7 +70,7 @@ def steady_error_ranges(
     Raises
     ------
     ValueError
-        Where K_e or K is not positive, or a tolerance negative.
+        If K_e or K is not positive, or a tolerance negative.
     """
     require_positive("K_e", K_e, "mN/µm")
     require_positive("K", K, "mN/µm")

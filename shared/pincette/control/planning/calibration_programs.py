@@ -61,7 +61,7 @@ def there_and_back(weight_mN: Sequence[float]) -> tuple[float, ...]:
     Raises
     ------
     ValueError
-        Where there are fewer than two, the first is not 0 mN, or they do not ascend.
+        If there are fewer than two, the first is not 0 mN, or they do not ascend.
     """
     weights = tuple(weight_mN)
     if len(weights) < 2 or weights[0] != 0.0:
@@ -82,7 +82,7 @@ def compliance_program(rig: PlannedRig, weight_mN: Sequence[float]) -> Program:
     Raises
     ------
     ValueError
-        Where the weights do not ascend from 0 mN, or the heaviest would bend the arm out of its
+        If the weights do not ascend from 0 mN, or the heaviest would bend the arm out of its
         limits of force or position.
     """
     steps = there_and_back(weight_mN)
@@ -124,7 +124,7 @@ def frequency_response_program(
     Raises
     ------
     ValueError
-        Where the sweep is impossible, captured too slowly, or would leave the limits of voltage,
+        If the sweep is impossible, captured too slowly, or would leave the limits of voltage,
         or near the resonance, where the arm moves 1/(2ζ) times as far, those of position.
     """
     zeta = require_positive("damping ratio", damping_ratio, "")
@@ -180,7 +180,7 @@ def output_timing_program(
     Raises
     ------
     ValueError
-        Where it would leave the limits of voltage or position, or ask for more than the slew limit.
+        If it would leave the limits of voltage or position, or need more than the slew limit.
     """
     zeta = require_positive("damping ratio", damping_ratio, "")
     require_positive("amplitude of the bursts", amplitude_V, "V")
@@ -237,7 +237,7 @@ def full_cycles(path: Path, period_s: float, last: int) -> slice:
     Raises
     ------
     ValueError
-        Where the path has fewer.
+        If the path has fewer.
     """
     if not 1 <= last <= path.cycles:
         raise ValueError(f"{last} cycles of {path.cycles} at full amplitude, must be 1 to all")

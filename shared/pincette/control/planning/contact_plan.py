@@ -136,7 +136,7 @@ def plan_contact(
     Raises
     ------
     ValueError
-        Where d_p, s_p or the period is not finite and positive, or where it takes too long.
+        If d_p, s_p or the period is not finite and positive, or it takes too long.
     """
     arm = PlannedArm(
         x_start_um=rig.x_start_um,

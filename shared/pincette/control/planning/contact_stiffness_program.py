@@ -63,7 +63,7 @@ def contact_stiffness_program(
     Raises
     ------
     ValueError
-        Where there are fewer than three levels, one is not positive, or the press breaks a limit.
+        If there are fewer than three levels, one is not positive, or the press breaks a limit.
     """
     if len(levels_V) < 3:
         raise ValueError(f"{len(levels_V)} levels of voltage, must be at least 3")
@@ -110,7 +110,7 @@ def levels_within(request: ContactRequest, rig: PlannedRig) -> tuple[float, ...]
     Raises
     ------
     ValueError
-        Where it would have to be below ``LEAST_WIDEST_V``.
+        If it would have to be below ``LEAST_WIDEST_V``.
     """
     widest_V = max(LEVELS_V)
     steps = max(0, int((widest_V - LEAST_WIDEST_V) / STEP_V + 1e-9))

@@ -95,7 +95,7 @@ def free_response_program(
     Raises
     ------
     ValueError
-        Where the range, with ``rest_V``, or the rate lies beyond a limit of the rig, position by
+        If the range, with ``rest_V``, or the rate lies beyond a limit of the rig, position by
         nominal gain included, or the range of voltage is narrower than the 2 V of the cycles.
     """
     if not (isfinite(from_V) and isfinite(to_V)):
@@ -285,7 +285,7 @@ def cycles_mean_V(rig: PlannedRig, rest_V: float = 0.0) -> float:
     Raises
     ------
     ValueError
-        Where there is none.
+        If there is none.
     """
     limits, d_p = rig.limits, require_positive("gain", rig.piezo_um_per_V, "µm/V")
     lowest_V = max(limits.voltage_min_V, rest_V + (limits.position_min_um - rig.x_start_um) / d_p)

@@ -19,7 +19,7 @@ class GripRequest(ContactRequest):
     Raises
     ------
     ValueError
-        Where a number is impossible.
+        If a number is impossible.
     """
 
     force_mN: float

@@ -52,7 +52,7 @@ class HeldForceRequest:
     Raises
     ------
     ValueError
-        Where a number is impossible.
+        If a number is impossible.
     """
 
     force_mN: float
@@ -100,7 +100,7 @@ def plan_held_force(
     Raises
     ------
     ValueError
-        Where d_p, s_p or the period is not finite and positive, or where it takes too long.
+        If d_p, s_p or the period is not finite and positive, or it takes too long.
     """
     d_p = require_positive("piezoelectric constant", rig.piezo_um_per_V, "µm/V")
     s_p = require_positive("compliance", rig.compliance_um_per_mN, "µm/mN")

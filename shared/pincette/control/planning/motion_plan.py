@@ -81,7 +81,7 @@ class MoveRequest:
     Raises
     ------
     ValueError
-        Where the speed is not positive or there is not exactly one target.
+        If the speed is not positive or there is not exactly one target.
     """
 
     speed_um_per_s: float
@@ -116,7 +116,7 @@ def plan_move(
     Raises
     ------
     ValueError
-        Where d_p or the period is not finite and positive.
+        If d_p or the period is not finite and positive.
     """
     d_p = require_positive("piezoelectric constant", rig.piezo_um_per_V, "µm/V")
     zero: list[Segment] = []
@@ -154,7 +154,7 @@ def plan_hold(
     Raises
     ------
     ValueError
-        Where a time, d_p or the period is not finite and positive.
+        If a time, d_p or the period is not finite and positive.
     """
     if hold_s is not None:
         require_positive("hold_s", hold_s, "s")

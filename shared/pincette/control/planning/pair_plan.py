@@ -41,7 +41,7 @@ class PairRequest:
     Raises
     ------
     ValueError
-        Where a number is impossible.
+        If a number is impossible.
     """
 
     force_mN: float

@@ -70,7 +70,7 @@ def triangle(
     Raises
     ------
     ValueError
-        Where a number is not positive.
+        If a number is not positive.
     """
     amplitude = 0.5 * require_positive("peak to peak", peak_to_peak, "")
     cycle_s = 1.0 / require_positive("frequency", frequency_hz, "Hz")
@@ -97,7 +97,7 @@ def steps(
     Raises
     ------
     ValueError
-        Where there is no level, dwell, rate or acceleration is not positive, or there are more
+        If there is no level, dwell, rate or acceleration is not positive, or there are more
         levels than ``KNOTS_MAX``/2.
     """
     require_positive("dwell", dwell_s, "s")
@@ -127,7 +127,7 @@ def waypoints(quantity: Quantity, points: Sequence[tuple[float, float]]) -> Path
     Raises
     ------
     ValueError
-        Where there are fewer than two points or more than ``KNOTS_MAX``, times do not ascend
+        If there are fewer than two points or more than ``KNOTS_MAX``, times do not ascend
         from 0, or two of them are less than ``CLOSEST_S`` apart.
     """
     if not 2 <= len(points) <= KNOTS_MAX:

@@ -45,7 +45,7 @@ class Path(FrozenRecord, frozen=True):
     Raises
     ------
     ValueError
-        Where the numbers make no path.
+        If the numbers make no path.
     """
 
     quantity: Quantity

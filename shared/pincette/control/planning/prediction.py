@@ -113,7 +113,7 @@ def sample(pieces: Sequence[Piece], period_s: float) -> Iterator[tuple[float, Se
     Raises
     ------
     ValueError
-        Where the period is not finite and positive.
+        If the period is not finite and positive.
     """
     require_positive("period", period_s, "s")
     place = 0

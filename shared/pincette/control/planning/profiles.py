@@ -80,7 +80,7 @@ def move(
     Raises
     ------
     ValueError
-        Where the duration is not finite and positive.
+        If the duration is not finite and positive.
     """
     T = require_positive("duration of a move", duration_s, "s")
     distance = end - start
@@ -105,7 +105,7 @@ def run_up(distance: float, duration_s: float, up_s: float, t_s: float) -> tuple
     Raises
     ------
     ZeroDivisionError
-        Where the duration is half of ``up_s``.
+        If the duration is half of ``up_s``.
     """
     speed = distance / (duration_s - 0.5 * up_s)
     if t_s >= up_s:
@@ -130,7 +130,7 @@ def minimum_duration(distance: float, speed: float, acceleration: float | None =
     Raises
     ------
     ValueError
-        Where speed or acceleration is not finite and positive.
+        If speed or acceleration is not finite and positive.
     """
     length = require_not_negative("distance of a move", abs(distance), "")
     duration_s = PEAK_SPEED * length / require_positive("peak speed", speed, "1/s")
@@ -146,6 +146,6 @@ def move_duration(distance: float, speed: float) -> float:
     Raises
     ------
     ValueError
-        Where the speed is not finite and positive.
+        If the speed is not finite and positive.
     """
     return max(SHORTEST_MOVE_S, minimum_duration(distance, speed))

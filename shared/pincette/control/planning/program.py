@@ -78,7 +78,7 @@ class Program(FrozenRecord, frozen=True):
     Raises
     ------
     ValueError
-        Where it cannot be played: K_e or a duration is impossible, or a search has no segment
+        If it cannot be played: K_e or a duration is impossible, or a search has no segment
         after it.
     """
 
@@ -91,7 +91,7 @@ class Program(FrozenRecord, frozen=True):
     """Source of K_e and x_e: identified during the load, or K_e as planned and x_e from the first
     touch."""
     capture_hz: Hertz = 0.0
-    """Rate at which the sensor acquires beside the samples of the loop; 0: no capture."""
+    """Rate of acquisition in addition to the loop's samples, in Hz; 0 for no capture."""
     begins_held: bool = False
     """True if a part is held when the program begins."""
     corrections: Corrections | None = None

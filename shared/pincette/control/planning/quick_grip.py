@@ -101,7 +101,7 @@ def quick_speeds(
     Raises
     ------
     ValueError
-        Where a speed or a time is not finite and positive.
+        If a speed or a time is not finite and positive.
     """
     touch = touch._replace(seek_share=FORCE_SHARE, approach_share=EARLY_SHARE)
     if FORCE_SHARE * touch.force_mN <= touch.contact_force_mN:

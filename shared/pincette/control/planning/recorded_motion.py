@@ -71,7 +71,7 @@ def recorded_program(
     Raises
     ------
     ValueError
-        Where the motion has another period, is too long, or leads the free arm beyond a limit.
+        If the motion has another period, is too long, or moves the free arm beyond a limit.
     """
     limits = rig.limits
     if abs(motion.period_s - rig.period_s) > 1e-9:

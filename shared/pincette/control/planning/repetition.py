@@ -177,7 +177,7 @@ def cycle_ticks(cycle_s: float, period_s: float) -> int:
     Raises
     ------
     ValueError
-        Where it is no whole number of periods, or more than ``MOST_TICKS``.
+        If it is no whole number of periods, or more than ``MOST_TICKS``.
     """
     ticks = round(cycle_s / period_s)
     if ticks < 2 or abs(ticks * period_s - cycle_s) > 1e-6 * cycle_s:

@@ -156,7 +156,7 @@ class Seek(Move, frozen=True, tag="seek"):
     Raises
     ------
     ValueError
-        Where an arm that must touch has no goal, or no arm must touch.
+        If an arm that must touch has no goal, or no arm must touch.
     """
 
     run_up_s: Second = 0.0
@@ -275,7 +275,7 @@ class Track(SegmentBase, frozen=True, tag="track"):
     Raises
     ------
     ValueError
-        Where there is no path.
+        If there is no path.
     """
 
     force: Path | None = None
@@ -349,7 +349,7 @@ class Recorded(FrozenRecord, frozen=True, tag="recorded", tag_field="kind"):
     Raises
     ------
     ValueError
-        Where there is none.
+        If there is none.
     """
 
     values_V: Items[Volt]
@@ -375,7 +375,7 @@ class Drive(SegmentBase, frozen=True, tag="drive"):
     Raises
     ------
     ValueError
-        Where a ramp has no duration.
+        If a ramp has no duration.
     """
 
     courses: Arms[VoltageCourse] = (Stay(),)

@@ -21,7 +21,7 @@ class Sweep(FrozenRecord, frozen=True):
     Raises
     ------
     ValueError
-        Where the numbers make no sweep.
+        If the numbers make no sweep.
     """
 
     from_hz: Hertz

@@ -45,7 +45,7 @@ def teaching_program(from_um: float, to_um: float, speed_um_per_s: float) -> Pro
     Raises
     ------
     ValueError
-        Where the range or the speed is not finite and positive.
+        If the range or the speed is not finite and positive.
     """
     range_um = require_positive("range of the teaching motion", to_um - from_um, "µm")
     require_positive("speed of the teaching motion", speed_um_per_s, "µm/s")

@@ -32,7 +32,7 @@ class TrackRequest(ContactRequest):
     Raises
     ------
     ValueError
-        Where a number is impossible, or the path is not one of force.
+        If a number is impossible, or the path is not one of force.
     """
 
     path: Path

@@ -45,7 +45,7 @@ def fitted_rates(record: Record, until: int, begin: Rates | None = None) -> Rate
     Raises
     ------
     ValueError
-        Where the samples are too few or the creep of a fit does not converge.
+        If the samples are too few or the creep of a fit does not converge.
     """
     require_enough(until - record.known, COEFFICIENTS + len(record.creep_times_s))
     starts = [begin]

@@ -47,7 +47,7 @@ def checked_growth(ways_V: Sequence[float], errors_um: Sequence[float]) -> Error
     Raises
     ------
     ValueError
-        Where lengths disagree, there are none, ways do not rise from above 0, or errors fall.
+        If lengths disagree, there are none, ways do not rise from above 0, or errors fall.
     """
     require_as_many("ways of the voltage", ways_V, "errors", errors_um)
     if not ways_V:

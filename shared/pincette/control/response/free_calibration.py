@@ -48,8 +48,8 @@ BEFORE_S = 0.5
 """End of the rest before the step, in s, over which the arm's position is averaged."""
 
 LARGEST_RESIDUAL = 0.02
-"""Largest residual of a model besides noise, as a share of the range; actuators of any class of
-hysteresis leave 0.1 to 1 %."""
+"""Largest residual of a model in addition to noise, as a share of the range; actuators of any class
+of hysteresis leave 0.1 to 1 %."""
 NOISES = 3.0
 
 Column = NDArray[np.float64]

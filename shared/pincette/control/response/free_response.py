@@ -181,7 +181,7 @@ class LinearResponse(FrozenRecord, frozen=True):
         Raises
         ------
         ValueError
-            Where there are fewer than ``rest_samples``.
+            If there are fewer than ``rest_samples``.
         """
         rest = rest_mean(samples, rest_samples)
         gain = _branch_gain(samples, len(samples) - rest_samples, rest)

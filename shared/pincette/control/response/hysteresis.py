@@ -51,7 +51,7 @@ class HysteresisModel:
     Raises
     ------
     ValueError
-        Where lengths disagree, a number is not finite, the first threshold is not 0 or another is
+        If lengths disagree, a number is not finite, the first threshold is not 0 or another is
         not positive, a play occurs twice, a time is not positive, a fading is negative, or the
         displacement would, but for its curvature, fall on a branch
         of rising voltage.

@@ -124,7 +124,7 @@ def identify_free_response(
     Raises
     ------
     ValueError
-        Where lengths disagree, there are fewer than ``MIN_SAMPLES_PER_COEFFICIENT`` samples for
+        If lengths disagree, there are fewer than ``MIN_SAMPLES_PER_COEFFICIENT`` samples for
         each coefficient, a sample is not finite, the voltage travels less than 0.1 V or twice
         the largest threshold, it rests in the part fitted or in the part held out, the creep does
         not converge, or the displacement does not rise with the voltage.

@@ -96,7 +96,7 @@ def unknown_forgetting(
     Raises
     ------
     ValueError
-        Where there are none, or the voltage rests in one.
+        If there are none, or the voltage rests in one.
     """
     count = max(1, round(BLOCK_S / period_s))
     ways: list[Column] = []
@@ -167,7 +167,7 @@ def rehearsed_errors(
     Raises
     ------
     ValueError
-        Where there are none, or the voltage does not move.
+        If there are none, or the voltage does not move.
     """
     if not grips:
         raise ValueError("no rehearsed grips, at least one is needed")

@@ -158,7 +158,7 @@ def fitted_to(record: Record, known: NDArray[np.int_], choice: Choice) -> Hyster
     Raises
     ------
     ValueError
-        Where they are too few, the voltage rests in them, or the model would be none.
+        If they are too few, the voltage rests in them, or the model would be impossible.
     """
     plays = _plays(record, choice)
     count = len(plays.thresholds_V)

@@ -39,7 +39,7 @@ class RecordedBranches:
     Raises
     ------
     ValueError
-        Where the loop does not rise in u and in x, or a shape does not rise from 0 to 1.
+        If the loop does not rise in u and in x, or a shape does not rise from 0 to 1.
     """
 
     bottom: Turn

@@ -39,7 +39,7 @@ def record_free_response(voltage_V: Sequence[float], x_um: Sequence[float]) -> R
     Raises
     ------
     ValueError
-        Where lengths disagree, a sample is not finite, the motion before the part held out has
+        If lengths disagree, a sample is not finite, the motion before the part held out has
         no stroke up or none down over the range, or it has too few samples.
     """
     u, x = np.asarray(voltage_V, dtype=float), np.asarray(x_um, dtype=float)

@@ -60,7 +60,7 @@ def identify_residual(
     Raises
     ------
     ValueError
-        Where there are fewer than two runs, lengths differ, or the table would be too long.
+        If there are fewer than two runs, lengths differ, or the table would be too long.
     """
     runs = np.asarray(runs_um, dtype=np.float64)
     if runs.ndim != 2 or len(runs) < 2 or runs.shape[1] != len(places) or not len(places):

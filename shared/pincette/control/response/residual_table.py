@@ -30,7 +30,7 @@ class ResidualTable:
     Raises
     ------
     ValueError
-        Where stride or error are impossible, or the knots are too many.
+        If stride or error are impossible, or the knots are too many.
     """
 
     stride: int

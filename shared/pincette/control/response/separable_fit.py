@@ -75,7 +75,7 @@ def separable_fit(
     Raises
     ------
     ValueError
-        Where the shares have not come to rest after ``ROUNDS`` rounds.
+        If the shares have not come to rest after ``ROUNDS`` rounds.
     """
     scale = np.sqrt(np.mean(static**2, axis=0))
     scale[scale == 0.0] = 1.0

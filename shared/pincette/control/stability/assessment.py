@@ -57,7 +57,7 @@ def assess(loop: Loop, intervals: Intervals, limit_radius: float | None = None) 
     Raises
     ------
     ValueError
-        Where the limit is not between 0 and 1, or the law cannot be made.
+        If the limit is not between 0 and 1, or the law cannot be made.
     """
     if limit_radius is None:
         limit_radius = limit_radius_at(loop.period_s)
@@ -107,7 +107,7 @@ def radius_map(
     Raises
     ------
     ValueError
-        Where a period is not positive or a gain negative.
+        If a period is not positive or a gain negative.
     """
     found = np.empty((len(periods_s), len(gains)))
     for row, period_s in enumerate(periods_s):

@@ -48,7 +48,7 @@ class Loop:
     Raises
     ------
     ValueError
-        Where the period is not positive or a time constant negative.
+        If the period is not positive or a time constant negative.
     """
 
     law: LawSettings
@@ -84,7 +84,7 @@ def flatten(state: Any) -> list[float]:
     Raises
     ------
     TypeError
-        Where something else is among them, which no matrix can follow.
+        If something else is among them, which no matrix can follow.
     """
     if isinstance(state, float):
         return [state]

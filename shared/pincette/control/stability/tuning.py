@@ -115,7 +115,7 @@ def tune(
     Raises
     ------
     ValueError
-        Where the path is shorter than its settling, the law brings no grid, or no candidate is
+        If the path is shorter than its settling, the law brings no grid, or no candidate is
         within the limit.
     """
     searched = dict(definition.search) if grid is None else grid

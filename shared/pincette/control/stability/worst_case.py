@@ -44,7 +44,7 @@ class Intervals:
     Raises
     ------
     ValueError
-        Where an interval is not ascending, or a value in it impossible.
+        If an interval is not ascending, or a value in it impossible.
     """
 
     K_e_mN_per_um: tuple[float, float] | None
