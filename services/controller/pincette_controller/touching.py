@@ -146,9 +146,9 @@ def _seek_by_two(
 def watch_way(program: Program, player: Player, arms: Arms, x_um: float, period_s: float) -> Player:
     """Turn back where an arm meets something; it must first clear what it is still leaving.
 
-    A touch is what the estimator has found, or a jump of the force on a quick way to the stand-off.
-    The strongest counts. On the way back from a refused zero an arm whose own zero was refused is
-    not watched, since its force is not known.
+    A touch comes from the estimator, or is a jump of the force on a quick way to the stand-off. The
+    strongest counts. On the way back from a refused zero an arm whose own zero was refused is not
+    watched, since its force is not known.
     """
     guards, segment = program.guards, player.segment
     approaches = segment.phase == Phase.APPROACH and arms[0].zero_age_s is not None

@@ -159,7 +159,7 @@ def build(
     Raises
     ------
     ValueError
-        For a number that is none, an order that is none, or too long a delay.
+        For an impossible number or order, or too long a delay.
     """
     T = require_positive("period", period_s, "s")
     c = require_not_negative("compliance of the part", part_um_per_mN, "µm/mN")

@@ -110,7 +110,7 @@ def levels_within(request: ContactRequest, rig: PlannedRig) -> tuple[float, ...]
     Raises
     ------
     ValueError
-        If it would have to be below ``LEAST_WIDEST_V``.
+        If the widest level would have to be below ``LEAST_WIDEST_V``.
     """
     widest_V = max(LEVELS_V)
     steps = max(0, int((widest_V - LEAST_WIDEST_V) / STEP_V + 1e-9))

@@ -285,7 +285,7 @@ def cycles_mean_V(rig: PlannedRig, rest_V: float = 0.0) -> float:
     Raises
     ------
     ValueError
-        If there is none.
+        If the limits allow no mean.
     """
     limits, d_p = rig.limits, require_positive("gain", rig.piezo_um_per_V, "µm/V")
     lowest_V = max(limits.voltage_min_V, rest_V + (limits.position_min_um - rig.x_start_um) / d_p)

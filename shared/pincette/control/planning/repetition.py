@@ -4,7 +4,8 @@
 
 with ē_i = x - x_r at tick i of the last whole cycle of N ticks, cyclic in i: iterative learning
 control of P-type with a zero-phase filter (D. Bristow, M. Tharayil and A. Alleyne, IEEE Control
-Systems Magazine 26(3), 2006). It learns what repeats, whatever its cause: hysteresis, lag, creep.
+Systems Magazine 26(3), 2006). It learns every repeated error, whatever its cause: hysteresis, lag,
+creep.
 
 It ends without a request. A repeated error comes back in the next cycle 1 - L times as large. Noise
 does not come back, but the correction learned from it does, with the other sign. So with the errors

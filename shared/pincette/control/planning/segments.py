@@ -349,7 +349,7 @@ class Recorded(FrozenRecord, frozen=True, tag="recorded", tag_field="kind"):
     Raises
     ------
     ValueError
-        If there is none.
+        If there is no voltage.
     """
 
     values_V: Items[Volt]

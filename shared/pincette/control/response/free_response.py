@@ -169,9 +169,9 @@ class LinearResponse(FrozenRecord, frozen=True):
     def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> "LinearResponse":
         """Return the line through the rest that ends ``samples``, with the gain of the last branch.
 
-        The gain is the slope from the rest to the mean of those samples of the last branch that
-        lie between one and two ``MIN_TRAVEL_V`` away; one that differs from d_p by more than
-        ``GAIN_TOLERANCE``, or that could not be measured, gives way to d_p.
+        The gain is the slope from the rest to the mean of those samples of the last branch that lie
+        between one and two ``MIN_TRAVEL_V`` away. A gain that differs from d_p by more than
+        ``GAIN_TOLERANCE``, or that could not be measured, is replaced by d_p.
 
         Parameters
         ----------
