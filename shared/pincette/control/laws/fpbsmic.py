@@ -19,9 +19,9 @@ states a touch or its loss, F4 may already contain the force: its stages are mov
 continues by T·ẋ_r. Through a lag τ between output and arm x̄_1 is filtered as well, and F5 leads by
 τ·ẋ_r more.
 
-As a sliding mode: with n = 1, s_k = p·e_k + (1-p)·Σe is W_k/S minus its start, and p = K_P/(K_P +
-K_I) makes it the reaching law of PBSMIC; with n > 1 the sliding motion is that of F(z). Equation
-numbers without F are those of Q. Xu, IEEE T-ASE 10(3), 2013.
+As a sliding mode: with n = 1, s_k = p·e_k + (1-p)·Σe is W_k/S minus its start, and
+p = K_P/(K_P + K_I) makes it the reaching law of PBSMIC; with n > 1 the sliding motion is that of
+F(z). Equation numbers without F are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
 
 from collections.abc import Mapping, Sequence
