@@ -1,7 +1,7 @@
 """Settings of the documentation site: ``make site`` builds it from this folder as it is.
 
 The tables of docs/README.md and docs/decisions/README.md are its contents: a page that neither of
-them links is no part of any list, which is a warning, and every warning ends the build.
+them links is in no list, which is a warning, and every warning ends the build.
 """
 
 import re

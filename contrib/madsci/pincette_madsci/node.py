@@ -132,8 +132,8 @@ class Gripper(RestNode):
     def grip(self, force_mN: float) -> ActionResult:
         """Grip; ends when the part is held, and it stays held until release.
 
-        A part that this node holds is loaded or unloaded to the force without letting it go; one
-        that is held with it already is left as it is.
+        A part that this node holds is loaded or unloaded to the force without being released; a
+        part that already has this force stays unchanged.
         """
         key = uuid4().hex
         with self._noted(key):

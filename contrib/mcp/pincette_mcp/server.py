@@ -189,7 +189,7 @@ class Tools:
         """Grip as planned; takes some 5 s to 60 s, and the hold time that was given.
 
         It ends when the part is held, or with that hold time. A part that an earlier grip holds is
-        loaded or unloaded to the force; one that is held with it is held on as it is.
+        loaded or unloaded to the force; a part that already has this force stays unchanged.
         """
         with told():
             plan = self._tokens.take(token, session_of(context))

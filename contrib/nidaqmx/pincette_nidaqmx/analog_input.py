@@ -2,7 +2,7 @@
 
 From the package nidaqmx 1.7.0 and its documentation. Assumed: the module samples its channels at
 one instant (a multiplexed one is late by one conversion from the first to the second), and beyond
-its range it stays at the end of it. Voltages within the last step at either end are over range.
+its range it reads the end of the range. Voltages within the last step at either end are over range.
 """
 
 from dataclasses import dataclass

@@ -1,13 +1,13 @@
 """Voltage at an analog output of NI-DAQmx: single values, and waveforms from the buffer.
 
 From the package nidaqmx 1.7.0 and its documentation. Assumed: the output holds its voltage while no
-task owns it, and a finite wave may begin before all its samples are written, where old ones may not
-be put out again.
+task owns it, and a finite waveform may begin before all its samples are written, if old ones may
+not be put out again.
 
-A wave is written while it plays: half a second of it before it begins, a quarter at each look. So
-it begins at once, however long it is, and breaks off soon after its host.
+A waveform is written while it plays: half a second of it before it begins, a quarter of a second at
+each ``look``. So it begins at once, however long it is, and breaks off soon after its host.
 
-The parts of a step are a short wave by a task of its own, which is stopped, written and started
+The parts of a step are a short waveform with its own task, which is stopped, written and started
 again for each step. Assumed: its first sample is put out when it starts.
 """
 

@@ -6,8 +6,8 @@ A request is the method's full name, NUL and the serialized message. A reply beg
     ni-error NUL code NUL text    the instrument says no, in the metadata that NI's servers add
     status NUL name NUL text      the server cannot carry out the call
 
-so that calls are logged, recorded and replayed as the lines of a serial port are. What brings no
-reply at all is an InstrumentError. The only file that opens a gRPC channel.
+so that calls are logged, recorded and replayed like the lines of a serial port. A call without any
+reply raises InstrumentError. This is the only file that opens a gRPC channel.
 """
 
 import logging

@@ -1,11 +1,12 @@
 """Tasks of NI-DAQmx in this machine's driver or a device server; errors are InstrumentError.
 
-The url says where: ``ni:cDAQ1Mod1/ai0`` is this machine's driver, ``grpc://host:port/cDAQ1Mod1/ai0``
-an NI gRPC Device Server. Through the latter every call is an exchange of bytes over a link. From
-the package nidaqmx 1.7.0, its errors and its gRPC interpreter; nothing here has met a device.
+The url states the place: ``ni:cDAQ1Mod1/ai0`` is this machine's driver,
+``grpc://host:port/cDAQ1Mod1/ai0`` an NI gRPC Device Server. Through the latter every call is an
+exchange of bytes over a link. From the package nidaqmx 1.7.0, its errors and its gRPC interpreter;
+this code has never been tested with a device.
 
-A task at a device server outlives the program that made it, and keeps its channel reserved. So
-each has a name, by which a program that starts again takes it back.
+A task at a device server outlives the program that made it, and keeps its channel reserved. So each
+task has a name, by which a restarted program takes it back.
 """
 
 import logging

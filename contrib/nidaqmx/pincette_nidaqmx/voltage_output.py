@@ -3,12 +3,12 @@
 The url is ``ni:DEVICE/CHANNEL`` for this machine's driver, ``grpc://host:port/DEVICE/CHANNEL`` for
 an NI gRPC Device Server.
 
-An analog output cannot be read back. Where the voltage is also led to an analog input, or the
-device measures it within itself (M series: ``Dev1/_ao0_vs_aognd``), that input is ``read_channel``:
-on a device other than the position's, whose input is taken. Without it the voltage before the first
-write is *assumed* to be ``found_V``, with a warning: 0 V is right after power-on, wrong where a
-program that died left another one, for the module holds its last voltage. No watchdog on the host
-is known of it.
+An analog output cannot be read back. If the voltage is also connected to an analog input, or the
+device measures it internally (M series: ``Dev1/_ao0_vs_aognd``), that input is ``read_channel``; it
+must be on a device other than the position's, whose input is in use. Without it the voltage before
+the first write is *assumed* to be ``found_V``, with a warning: 0 V is right after power-on, and
+wrong if a program that died left another voltage, since the module holds its last one. The module
+has no known watchdog.
 """
 
 from pydantic import model_validator

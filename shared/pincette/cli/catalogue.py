@@ -1,4 +1,4 @@
-"""Drivers and laws that a rig file can name, and keys of a rig, for ``pincette doctor``."""
+"""Drivers and laws for rig files, and keys of a rig, for ``pincette doctor``."""
 
 import json
 import sys

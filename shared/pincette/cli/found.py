@@ -187,7 +187,7 @@ def describe(
     ] = None,
     **texts: Any,
 ) -> None:
-    """Say more of a job, also after its end; --label takes the place of all its labels."""
+    """Add details to a job, also after its end; --label replaces all its labels."""
     given = {name: text for name, text in texts.items() if text is not None}
     if labels:
         given["labels"] = dict(labels)

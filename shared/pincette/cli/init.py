@@ -188,7 +188,7 @@ def init(
     ] = False,
     **given: Any,
 ) -> int:
-    """Ask what a rig file needs to know of a bench, and write it; nothing is overwritten."""
+    """Ask for the data of a bench, and write its rig file; nothing is overwritten."""
     from pincette.config import ConfigError
     from pincette.config.bench_form import ARM, PART, RIG, bench_file
 

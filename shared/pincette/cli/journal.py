@@ -45,7 +45,8 @@ def backup(
 ) -> None:
     """Write journal, recipes, models and keys to one file; the supervisor may be at work.
 
-    The journal has jobs, results, recipes and alarms. The file is as secret as the keys in it.
+    The journal contains jobs, results, recipes and alarms. The file must be kept as secret as its
+    keys.
     """
     journal = data / JOURNAL
     if os.environ.get(STORE_URL):
@@ -97,7 +98,7 @@ def _copy_journal(journal: Path, copy: Path) -> None:
 
 @command(app, "restore")
 def restore(form: Json, file: File, data: DataFolder = DATA) -> None:
-    """Make a data folder of a backup.
+    """Restore a data folder from a backup.
 
     Each file is checked by its SHA-256, and the journal and the keys for damage, before any is
     kept.

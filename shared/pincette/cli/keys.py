@@ -164,7 +164,7 @@ def set_password(form: Json, name: Name, data: DataFolder = DATA) -> None:
 
 @command(key_app, "revoke")
 def revoke(form: Json, name: Name, data: DataFolder = DATA) -> None:
-    """Revoke a key or a user, and sign out its pages; the name stays with what was done."""
+    """Revoke a key or a user, and sign out its pages; recorded actions keep the name."""
     with opened_keys(data) as keys:
         done = keys.revoke(name)
         found = [*keys.all(), *keys.all(users=True)]

@@ -54,13 +54,13 @@ def show(
 
 @command(model_app, "accept")
 def accept(target: Target, name: Calibration) -> None:
-    """Use what a calibration proposes, as a new version of the model."""
+    """Accept the proposal of a calibration as a new version of the model."""
     _decide(target, name, "accept")
 
 
 @command(model_app, "discard")
 def discard(target: Target, name: Calibration) -> None:
-    """Do not use what a calibration proposes."""
+    """Discard the proposal of a calibration."""
     _decide(target, name, "discard")
 
 
@@ -68,7 +68,7 @@ def discard(target: Target, name: Calibration) -> None:
 def use(
     target: Target, version: Annotated[int, Argument(metavar="VERSION", parser=integer)]
 ) -> None:
-    """Go back to a version of the model; 0 is the rig file alone."""
+    """Return to a version of the model; 0 uses only the rig file."""
     _answer(target, target.rig().use_model(version))
 
 

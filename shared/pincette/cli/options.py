@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 SHOWN_ITEMS = 20
 """Length of the longest list that is shown completely."""
 PREFIX = "request_"
-"""Prefix of a field's name beside the other parameters of a command."""
+"""Prefix of a field's name among the parameters of a command."""
 NOT_OPTIONS = ("kind", "autostart", "dry_run", "rig", "labels", "queue")
 
 

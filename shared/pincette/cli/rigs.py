@@ -123,7 +123,7 @@ def figure(value: float | str | None, unit: str = "") -> str:
 
 @command(queue_app, "resume")
 def resume_queue(target: Target) -> None:
-    """Let a halted queue go on with its next job."""
+    """Resume a halted queue with its next job."""
     handle = target.rig()
     _queue(target, handle, handle.queue("resume"))
 
@@ -136,14 +136,14 @@ def move_queued(
         Any, Argument(metavar="PLACE", parser=integer, help="its new place; 1 is the next")
     ],
 ) -> None:
-    """Give a job that waits another place in the queue."""
+    """Move a waiting job to another place in the queue."""
     handle = target.rig()
     _queue(target, handle, handle.move(job, place))
 
 
 @command(queue_app, "clear")
 def clear_queue(target: Target) -> None:
-    """Stop all jobs that wait."""
+    """Stop all waiting jobs."""
     handle = target.rig()
     _queue(target, handle, handle.queue("clear"))
 
@@ -188,9 +188,9 @@ def take_claim(
     ] = 600.0,
     note: Annotated[str, Option("--note", help="its purpose, shown to others")] = "",
 ) -> None:
-    """Claim a rig, or renew the claim: others begin nothing there, and everybody may stop.
+    """Claim a rig, or renew the claim: others cannot start anything there, but all may stop it.
 
-    It prints what your shell needs to know: eval "$(pincette claim take)"
+    It prints the variables for your shell: eval "$(pincette claim take)"
     """
     secret = os.environ.get(CLAIM) or secrets.token_urlsafe(24)
     os.environ[CLAIM] = secret
@@ -210,7 +210,7 @@ def give_back(
         ),
     ] = False,
 ) -> None:
-    """End the claim of this shell, which is that of PINCETTE_CLAIM."""
+    """End the claim of this shell, which PINCETTE_CLAIM contains."""
     rig = target.rig()
     if not force:
         now = rig.give_back().claim

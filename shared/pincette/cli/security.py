@@ -167,7 +167,7 @@ def renew(
     ] = None,
     days: Days = DAYS,
 ) -> None:
-    """Renew certificates before they end."""
+    """Renew certificates before they expire."""
     folder, now = Folder(path), _now()
     wanted = tuple(map(folder.named, names or ())) or tuple(due(folder, now))
     for who in wanted:
@@ -187,7 +187,7 @@ def revoke(
         bool, Option("--anew", help="begin an empty list in place of one that is lost or damaged")
     ] = False,
 ) -> None:
-    """Withdraw the certificate of a person or a program; its links are ended within 2 s."""
+    """Revoke the certificate of a person or a program; its links end within 2 s."""
     if anew == (name is not None):
         raise CliError("revoke: give either the NAME of a certificate or --anew")
     folder = Folder(path)

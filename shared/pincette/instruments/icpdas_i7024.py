@@ -2,19 +2,19 @@
 
 From the I-7021/7022/7024 user manual: lines end with CR; ``#AAN±dd.ddd`` sets channel N of the
 module at address AA (hexadecimal) and answers ``>``; ``?`` is a value out of range, ``?AA`` an
-invalid command, ``!`` a command ignored because the host watchdog has tripped and the output is
-at its safe value; ``$AA8N`` answers ``!AA±dd.ddd``, the voltage that is put out. A wrong address
-or a bad line is met with silence. An optional checksum, two hexadecimal digits, is the sum of the
-preceding bytes modulo 256.
+invalid command, ``!`` a command ignored because the host watchdog has tripped and the output is at
+its safe value; ``$AA8N`` answers ``!AA±dd.ddd``, the output voltage. A wrong address or a bad line
+gets no answer. An optional checksum, two hexadecimal digits, is the sum of the preceding bytes
+modulo 256.
 
 ``$AA2`` answers ``!AATTCCFF``: output range, line speed, and data format with slew rate. The driver
-needs ±10 V (33), immediate changes and engineering units. It refuses any other setting before it
+needs ±10 V (33), immediate changes and engineering units. It rejects any other setting before it
 moves anything, since the module would confirm the same commands with another meaning.
 
 The host watchdog: ``~AA3EVV`` switches it on (E = 1) or off, VV in tenths of a second in
-hexadecimal; ``~**`` says that the host lives, and has no answer; ``~AA0`` answers ``!AASS``, the
-status; ``~AA1`` clears it; ``~AA5N`` makes the present output the safe value. Assumed: bit 2 of the
-status is the trip, and a heartbeat carries the checksum where lines do.
+hexadecimal; ``~**`` is the heartbeat of the host, and has no answer; ``~AA0`` answers ``!AASS``,
+the status; ``~AA1`` clears it; ``~AA5N`` makes the present output the safe value. Assumed: bit 2 of
+the status is the trip, and a heartbeat has a checksum if lines do.
 """
 
 import logging

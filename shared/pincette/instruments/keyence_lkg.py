@@ -2,19 +2,20 @@
 
 From the RS-232 command reference of its user's manual: 8N1, no flow control, lines end with CR;
 ``MS,nn`` answers ``MS,nn,value`` with 8 characters, sign and point included; ``XXXXXXXX`` is an
-invalid reading, ``±FFFFFFF`` over range; ``ER,command,code`` an error; ``R0`` asks for measuring
-mode and answers ``ER,R0,01`` where it holds. Lines that begin with ``TG,`` come unasked and are
-skipped. ``MM,`` with a mask of twelve digits reads several outputs and repeats the mask.
+invalid reading, ``±FFFFFFF`` over range; ``ER,command,code`` an error; ``R0`` requests measuring
+mode and answers ``ER,R0,01`` if it is active already. Lines that begin with ``TG,`` are unsolicited
+and are skipped. ``MM,`` with a mask of twelve digits reads several outputs and repeats the mask.
 
-The unit is not transmitted: it is the display's, and so is the place of the decimal point, which a
-display of whole units leaves out. One step of the last digit, in the unit of the rig file, must be
-within ``FINEST_UM`` and ``COARSEST_UM``, and must not change while the sensor is open. So a display
-that is too coarse is refused at the first reading, and so is one of the usual resolution in mm that
-is read as µm, or the reverse. A display in mm with one to three decimals cannot be told from one in
-µm by its values. To be compared by a person, too: zero, scaling, direction, averaging.
+The unit is not transmitted: it is that of the display. The display also determines the place of the
+decimal point, which it omits for whole units. One step of the last digit, in the unit of the rig
+file, must be within ``FINEST_UM`` and ``COARSEST_UM``, and must not change while the sensor is
+open. So a display that is too coarse is rejected at the first reading, as is one of the usual
+resolution in mm that is read as µm, or the reverse. A display in mm with one to three decimals
+cannot be distinguished from one in µm by its values. A person must also compare zero, scaling,
+direction and averaging.
 
-Assumed: a change of mode takes one second, and the error codes of the LK-G5000, whose numbers alone
-are known, mean what those of the LK-G3000 mean, in the same order.
+Assumed: a change of mode takes one second, and the error codes of the LK-G5000, of which only the
+numbers are known, have the meanings of those of the LK-G3000, in the same order.
 """
 
 import logging

@@ -1,8 +1,7 @@
 """Line to a real instrument: a serial port, a socket in its place, or a recording.
 
-The only file that imports serial. Where the port has a descriptor it never blocks
-(``timeout=0``) and the wait is a select, so that an answer is taken as it arrives, in as few calls
-as it has pieces.
+This is the only file that imports serial. A port with a descriptor never blocks (``timeout=0``);
+the wait is a select, so that an answer is read as it arrives, in as few calls as it has pieces.
 """
 
 import errno
@@ -100,7 +99,7 @@ def open_link(
 ) -> Link:
     """Open a line: ``/dev/…`` at 8N1 without flow control, ``socket://host:port``, ``replay:FILE``.
 
-    Within ``one_line_for_each_url`` a second one at a url is an end of the first.
+    Within ``one_line_for_each_url``, opening the same url again returns an end of the first line.
 
     Parameters
     ----------

@@ -1,18 +1,18 @@
 """Stanford Research Systems DC205 voltage source: ±1, ±10 or ±100 V, over USB or RS-232.
 
 From chapter 3 of its operation and service manual (revision 0.30): 8N1, lines end with LF after
-``TERM LF``, commands of one line are parted by ``;`` and so are the answers to its queries.
-``VOLT 1.234567`` sets the voltage, ``SOUT 1`` switches the output on, ``RNGE RANGE10`` sets the
-range, only while the output is off. Settings have no reply: ``LEXE?;LCME?`` answers ``0;0``, the
-last execution and command error, cleared by reading. USB is fixed at 115200 baud; RS-232 starts at
-9600, at which a write lasts 40 ms and misses T = 20 ms.
+``TERM LF``, ``;`` separates the commands of one line, and the answers to its queries. ``VOLT
+1.234567`` sets the voltage, ``SOUT 1`` switches the output on, ``RNGE RANGE10`` sets the range,
+only while the output is off. Settings have no reply: ``LEXE?;LCME?`` answers ``0;0``, the last
+execution and command error, cleared by reading. USB is fixed at 115200 baud; RS-232 starts at 9600,
+at which a write lasts 40 ms and misses T = 20 ms.
 
 From public drivers, not seen in the manual: the execution errors' meanings, and that ``VOLT?`` is
 the setting, not a measurement. Unverified: how fast the output may be updated and settles, the
 resolution within a range, whether an overload is latched, what the terminals do while the output
 is off (0 V is assumed). The ±100 V range needs the instrument's interlock closed.
 
-No watchdog on the host is known of it: where the program or the host dies, the last voltage stays.
+The instrument has no known watchdog: if the program or the host dies, the last voltage stays.
 """
 
 import logging

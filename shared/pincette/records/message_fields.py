@@ -15,7 +15,7 @@ def fields_of(kind: type) -> tuple[inspect.Field, ...]:
 def scalar_of(kind: type[Message], field: str) -> type[inspect.Type]:
     """Return the type of a field, without None if it is optional.
 
-    ``VarTupleType`` for several values.
+    It is ``VarTupleType`` for several values.
     """
     (node,) = (item.type for item in fields_of(kind) if item.name == field)
     inner, _, repeated = plain_type(node)

@@ -24,7 +24,7 @@ def utc_text(time_ns: int) -> str:
 def sample_0_ns(message: Message, arrival_ns: int, period_ns: int) -> int | None:
     """Return when sample 0 arrived, in ns of UTC, estimated from the arrival of this message.
 
-    None for a message that has no sample number.
+    Returns None for a message that has no sample number.
     """
     if not isinstance(message, Sample) or message.seq < 0:
         return None
@@ -34,8 +34,8 @@ def sample_0_ns(message: Message, arrival_ns: int, period_ns: int) -> int | None
 class RecordTimes:
     """Times of one record, from the arrivals of its messages.
 
-    All arrivals are of one clock that never steps: the time of day at the begin of the record, and
-    the monotonic clock from there.
+    All arrivals are times of one clock that never steps: the time of day at the beginning of the
+    record, continued by the monotonic clock.
     """
 
     def __init__(self, about: Mapping[str, str], period_s: float) -> None:
@@ -73,7 +73,7 @@ class RecordTimes:
         A record without samples has no time of sample 0.
 
         ``end_at`` is the arrival of the last message so far. A sample is taken within the control
-        period before its arrival, or earlier where the next ones show that it came late.
+        period before its arrival, or earlier if the next ones show that it came late.
         """
         found = {} if self._begin_at is None else {BEGIN: self._begin_at}
         if self._sample_0_ns is not None:

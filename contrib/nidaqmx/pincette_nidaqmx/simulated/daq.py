@@ -3,8 +3,8 @@
 A request is a method's name, NUL and its message; a reply ``ok`` NUL message, ``ni-error`` NUL code
 NUL text, or ``status`` NUL name NUL text. Messages are those of the package nidaqmx 1.7.0; that a
 refusal travels as NI's code beside the status UNKNOWN, and the status of a buffered read within its
-reply, is as in NI's server. Known are the calls that the drivers make. Assumed: the statuses of
-sessions that are there already, or are not there.
+reply, is as in NI's server. It knows the calls that the drivers make. Assumed: the statuses of
+sessions that exist already, or do not exist.
 """
 
 import threading

@@ -4,8 +4,8 @@ If the module receives no heartbeat for ``limit_s`` it goes to its safe value an
 until the trip is cleared. A trip stays until ``clear``: a voltage that was computed before it is
 outdated, and applying it would move an arm that has been released.
 
-Where the module has heard a write and not confirmed it, further writes bring no heartbeat until one
-is confirmed: a host that cannot get its voltage out must not keep the old one there.
+If the module has received a write and not confirmed it, further writes send no heartbeat until one
+is confirmed: a host that cannot apply its voltage must not keep the old one applied.
 """
 
 import logging

@@ -1,10 +1,10 @@
 """Arrival times of answers over TCP, and what they show about the device server on the way.
 
 A server that forwards at once lets the bytes arrive one after the other, as the serial line carries
-them. ser2net's ``chardelay``, and what boxes call packing time or inter-character time, holds them
-back until the line has been silent for a time, so that an answer arrives whole, and later by that
-time. ser2net 4.3 waits for two characters at 9600 baud whatever the rate of the line is, rounded up
-to whole milliseconds: 3 ms.
+them. ser2net's ``chardelay``, called packing time or inter-character time in other device servers,
+holds them back until the line has been silent for a time, so that an answer arrives whole, and
+later by that time. ser2net 4.3 waits for two characters at 9600 baud at any rate of the line,
+rounded up to whole milliseconds: 3 ms.
 """
 
 from collections import deque
@@ -115,7 +115,7 @@ class Arrivals:
     def hop(self) -> Hop:
         """Return the estimate from the longest answers.
 
-        An empty ``Hop`` while there are too few.
+        Returns an empty ``Hop`` while there are too few.
         """
         enough = [
             lengths
@@ -134,7 +134,7 @@ class Arrivals:
     def _slower(self, byte_s: float) -> int:
         """Return the usual baud rate nearest to a time of a byte.
 
-        0 if it is not below the stated one.
+        Returns 0 if it is not below the stated one.
         """
         if byte_s < SLOWER * BITS_PER_BYTE / self.baud:
             return 0

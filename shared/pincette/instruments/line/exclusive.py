@@ -31,8 +31,8 @@ LONGEST = 256
 def uucp_lock(url: str) -> Generator[None]:
     """Hold the UUCP lock files of a serial port within the block.
 
-    A file whose program has ended is replaced. Where this user may not write, no file is made:
-    ``flock`` still keeps this system's own programs apart.
+    A file whose program has ended is replaced. If this user may not write there, no file is made:
+    ``flock`` still separates this system's own programs.
 
     Raises
     ------

@@ -1,15 +1,16 @@
 """Recordings of exchanges with an instrument, one line for each exchange.
 
-A text file. Lines that begin with ``#`` are the head: the version of the format, the url, the
-terminator. Then, parted by tabs, with bytes as Python escapes them:
+A recording is a text file. Lines that begin with ``#`` are the head: the version of the format, the
+url, the terminator. Each further line has fields separated by tabs, with bytes as Python escapes
+them:
 
     seconds   request   reply                 an exchange
     seconds   request   !cause text           one that failed, with its InstrumentError
     seconds   line                            a line that has no answer
     seconds   !open                           a lost port was opened again, and the driver prepares
 
-``seconds`` are those since the recording began, at the end of the exchange. Where bytes begin with
-``!`` and a small letter, the ``!`` is written ``\x21``. Unsolicited lines are not recorded.
+``seconds`` is the time at the end of the exchange, since the recording began. If bytes begin with
+``!`` and a lower-case letter, the ``!`` is written ``\x21``. Unsolicited lines are not recorded.
 """
 
 import logging

@@ -1,7 +1,7 @@
 """Line of requests and answers over any port.
 
-An answer carries no number, so the line keeps account of the requests whose answers have not come.
-While one is open, no request is sent whose answer could be confused with it. First the line sends a
+An answer carries no number, so the line keeps a list of requests without an answer. While one is
+open, no request is sent whose answer could be confused with its answer. First the line sends a
 probe, whose answer differs from all others. An instrument answers in order, so the probe's answer
 closes every earlier request, whether its answer came late or never. Without a probe the line waits,
 at most ``patience_s``, and then opens the port again.
@@ -95,9 +95,9 @@ def escaped(data: bytes) -> str:
 class Line:
     """One line to an instrument.
 
-    A port that is lost is opened again by the next exchange, at most once each ``RETRY_S``, and
-    ``on_open`` prepares the instrument before that exchange continues; all of it takes at most
-    ``timeout_s``. The exchange that lost the port has failed, and is not sent again.
+    The next exchange opens a lost port again, at most once each ``RETRY_S``, and ``on_open``
+    prepares the instrument before that exchange continues; all of it takes at most ``timeout_s``.
+    The exchange that lost the port has failed, and is not sent again.
     """
 
     url: str

@@ -1,12 +1,12 @@
 """The Stanford Research Systems DC205 as its serial line shows it: settings, queries, error codes.
 
-Known are TERM, TOKN, *IDN?, RNGE, SOUT, VOLT, OVLD?, LEXE? and LCME?; others leave command error 2.
-The command errors and the line's length are those of the manual, chapter 3, the execution errors
-those of public drivers. Assumed, since no source says it: a range change while the output is on
-is execution error 5; a wrong command does not stop the rest of its line; commands are upper case;
-the voltage is resolved to 1 µV in each range; the terminals are at 0 V while the output is off; a
-voltage beyond a smaller range becomes 0 V when that range is set. It starts as after *RST (±1 V,
-0 V, off), with names for tokens. Not simulated: TERM other than LF, interlock, settling, the
+It knows TERM, TOKN, *IDN?, RNGE, SOUT, VOLT, OVLD?, LEXE? and LCME?; other commands cause command
+error 2. The command errors and the line's length are those of the manual, chapter 3, the execution
+errors those of public drivers. Assumed, since no source says it: a range change while the output is
+on is execution error 5; a wrong command does not stop the rest of its line; commands are upper
+case; the voltage is resolved to 1 µV in each range; the terminals are at 0 V while the output is
+off; a voltage beyond a smaller range becomes 0 V when that range is set. It starts as after *RST
+(±1 V, 0 V, off), with names for tokens. Not simulated: TERM other than LF, interlock, settling, the
 update limit, status registers, scanning.
 """
 

@@ -1,9 +1,9 @@
 """The ICP DAS I-7024 as its RS-485 line shows it: DCON commands, safe value, host watchdog.
 
-Commands the analog output manual lists and this module does not know answer ``?AA``. Assumed: a
-watchdog of no time is an invalid command; bit 2 of the status is the trip; a trip switches the
-watchdog off; with its supply a module loses the trip and the watchdog, and keeps the safe and the
-power-on values.
+Commands that the analog output manual lists and this module does not know get the answer ``?AA``.
+Assumed: a watchdog time of 0 is an invalid command; bit 2 of the status is the trip; a trip
+switches the watchdog off; without its supply a module loses the trip and the watchdog, and keeps
+the safe and the power-on values.
 """
 
 import re

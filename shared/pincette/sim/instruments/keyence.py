@@ -1,9 +1,9 @@
 """The Keyence LK-G5000, or LK-G3000, as its RS-232 line shows it: modes, values, settings.
 
-Beside what ``keyence_commands`` assumes: while the mode changes, commands of either mode are
+Assumed in addition to ``keyence_commands``: while the mode changes, commands of either mode are
 answered as if the mode were wrong; VR,n ends the zero of output n, and its reading is that of the
-head again; KL,1 locks the panel's keys, of which ``press_zero`` is one; a setting holds from its
-answer on. It starts in measuring mode, at 20 µs without averaging.
+head again; KL,1 locks the panel's keys, of which ``press_zero`` is one; a setting takes effect with
+its answer. It starts in measuring mode, at 20 µs without averaging.
 """
 
 from collections.abc import Callable

@@ -1,8 +1,8 @@
 """Commands of the Keyence controllers: fields, error codes, and the form of a value.
 
-Assumed: the error codes of the LK-G5000, whose numbers alone are known, mean what those of the
-LK-G3000 mean, in the same order; a line longer than any command is one of wrong length; outputs are
-numbered from 1, of two digits where they are read and of one or two where they are set.
+Assumed: the error codes of the LK-G5000, of which only the numbers are known, have the meanings of
+those of the LK-G3000, in the same order; a line longer than any command has the error of a wrong
+length; outputs are numbered from 1, with two digits in readings and one or two in settings.
 """
 
 from dataclasses import dataclass
@@ -70,7 +70,7 @@ class Refused(Exception):
 def value(position_um: float | None, unit: Unit) -> bytes:
     """Return eight characters: sign, then 7 with the point, zero padded.
 
-    None is an invalid reading.
+    ``None`` means an invalid reading.
     """
     if position_um is None or not isfinite(position_um):
         return INVALID

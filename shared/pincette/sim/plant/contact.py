@@ -1,7 +1,7 @@
 """Contact of a ball with a flat arm: compression, pull-off, weight and friction; pure.
 
-Sources: Johnson, Contact Mechanics, for Hertz and for Johnson-Kendall-Roberts; the numbers of the
-project's facts of instruments, 25 nm at 1 mN for R = 25 µm among them.
+Sources: Johnson, Contact Mechanics, for Hertz and for Johnson-Kendall-Roberts; the numbers are from
+the project's data of instruments, for example 25 nm at 1 mN for R = 25 µm.
 """
 
 import math
@@ -12,7 +12,7 @@ GRAVITY_M_PER_S2 = 9.81
 def hertz_um_per_mN23(radius_um: float, modulus_GPa: float) -> float:
     """B of δ = B·F^(2/3) in µm and mN, for one face: B = (3/(4·E*·√R))^(2/3).
 
-    E* in GPa is mN/µm² as it stands.
+    The unit of E*, GPa, equals mN/µm².
     """
     return (0.75 / (modulus_GPa * math.sqrt(radius_um))) ** (2.0 / 3.0)
 
@@ -53,7 +53,7 @@ def cube_root(value: float) -> float:
 def pull_off_mN(radius_um: float, adhesion_J_per_m2: float, roughness: float) -> float:
     """Return the pull-off force in mN: 3/2·π·w·R of smooth faces, times the roughness factor.
 
-    J/m² is mN/mm, hence the thousandth.
+    J/m² is mN/mm, hence the factor 0.001.
     """
     return 1.5 * math.pi * adhesion_J_per_m2 * radius_um * 1e-3 * roughness
 

@@ -133,8 +133,8 @@ def drive_substeps(
 
     Fills x_f after each, and returns the electrical part at the end.
 
-    The output goes to ``target_V``; where ``targets_V`` has a target for each substep, to those,
-    and ``voltages_V`` is filled with the voltage after each. ``scratch`` is as long as
+    The output approaches ``target_V``, or the targets of each substep in ``targets_V`` if there are
+    any; then ``voltages_V`` receives the voltage after each substep. ``scratch`` is as long as
     ``rests_um``.
     """
     # The same place holds w, then y, then x_f of a substep.

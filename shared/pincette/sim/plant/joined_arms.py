@@ -1,17 +1,17 @@
 """Arms with modes of their own, and a part between them that they touch and leave; pure.
 
 Apart and joined the arms move by their own exact modes. The part is rigid and lies against the
-passive arm; its first touch is at x - y = x_b. What decides on touching (x - y reaches the part)
-and leaving (F falls below minus the pull-off force) is bounded within each substep by the modes'
-amplitudes; where the bound does not exclude it, the substep is cut into pieces and the moment is
-found by the secant.
+passive arm; its first touch is at x - y = x_b. Touching (x - y reaches the part) and leaving (F
+falls below minus the pull-off force) are excluded within a substep by bounds from the modes'
+amplitudes. If a bound does not exclude them, the substep is cut into pieces and the time of the
+change is found by the secant method.
 
     touch   both tips get one speed by an impulse, which keeps the momentum and takes energy
     leave   nothing jumps
     Hertz   the faces are pressed in by δ(F) of the force at rest, followed within ``PRESS_S``;
             fed from the input alone, it cannot feed an oscillation
 
-A part is lost where it was lifted and the force falls below what carries it, broken above its
+A lifted part is lost if the force falls below the carrying force, and any part breaks above its
 limit; from then on there is nothing to touch.
 """
 
@@ -152,7 +152,7 @@ def rest_arms(p: PlantParameters, state: PlantState, dt_s: float, rest_um: float
 def arms_force_mN(p: PlantParameters, state: PlantState, rest_um: float) -> float:
     """Return the contact force with x_f at ``rest_um``, in mN.
 
-    Negative if the part sticks and is pulled.
+    It is negative if the part sticks and is pulled.
     """
     k = motion_constants(p, p.substep_s)
     return force_mN(k, motion_of(k, tips(state), rest_um, there=touchable(p, state)))

@@ -13,7 +13,7 @@ it, and by Δ over the step h (a = e^(-h/τ); τ = 0 is a jump at the beginning)
 
 |φ_i| <= 1, so no motion within the step exceeds 2·Σ |R_i|·(|w_i| + |L_i·(r; 0)·Δ|).
 
-The eigenvalues come from LAPACK: the same bits on one machine, not on every one.
+The eigenvalues come from LAPACK: they have the same bits on one machine, but not on all machines.
 """
 
 import math

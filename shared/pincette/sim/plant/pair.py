@@ -1,9 +1,9 @@
 """Two driven arms and one part between them, as time passes; pure.
 
 Each arm has its own hysteresis, creep and mode. The part lies on the ground, is pushed, squeezed,
-lifted once both arms carry it, and stays on one of them where that face lets go last. Over a
-substep in which nothing can touch, leave or slip the motion is exact for an x_f that is constant
-over it (``pair_modes``), else it goes in pieces, with changes at their ends.
+lifted once both arms carry it, and stays on the arm whose face releases it last. Over a substep in
+which nothing can touch, leave or slip the motion is exact for a constant x_f (``pair_modes``);
+otherwise the substep is cut into pieces, with changes at their ends.
 """
 
 import math

@@ -1,13 +1,13 @@
 """Two driven tips and the part between them, in one state of contact: exact over any time; pure.
 
-x_1 and x_2 count towards the part, its place z along x_1. Faces are springs K_f, the
-ground holds the part by a spring k_r from where it lies, z_a, up to the friction f:
+x_1 and x_2 count towards the part, its place z along x_1. Faces are springs K_f, the ground holds
+the part at its place z_a by a spring k_r, up to the friction f:
 
     m_i·ẍ_i + c_i·ẋ_i + k_i·(x_i - x_f,i) = -F_i,   F_1 = K_f·(x_1 - z),   F_2 = K_f·(x_2 - g + z)
     F_1 - F_2 = R:   k_r·(z - z_a) where the ground holds, ±f where the part slips, 0 where lifted
 
-The part has no mass, so that z follows from the tips. What decides on the next change is bounded by
-the energy E of the departure e from rest, which only falls: |a·e| ≤ √(aᵀK⁻¹a·2E).
+The part has no mass, so that z follows from the tips. The quantity that decides on the next change
+is bounded by the energy E of the deviation e from rest, which only decreases: |a·e| ≤ √(aᵀK⁻¹a·2E).
 """
 
 from dataclasses import dataclass

@@ -3,11 +3,10 @@
     mode        ẍ + 2·ζ·ω_n·ẋ + ω_n²·(x - x_f) = -F/m,  m = k/ω_n²,  k = 1/s_p
     contact     F = K_e·max(0, x - x_b)
 
-Free and in contact the mode has its own matrix, exact for an input that is constant over a
-substep. Where the tip cannot reach the point of first touch within a substep, judged by the
-energy of the mode, that is exact too; where it might, the substep is cut into
-``CROSSING_PARTS``, since a whole one is half a period of the mode and a change of the matrix at
-its ends would feed the oscillation.
+Free and in contact the mode has its own matrix, exact for an input that is constant over a substep.
+If the tip cannot reach the point of first touch within a substep, by the energy of the mode, the
+solution is exact too; otherwise the substep is cut into ``CROSSING_PARTS``, since a whole one is
+half a period of the mode and a change of the matrix at its ends would feed the oscillation.
 """
 
 import math

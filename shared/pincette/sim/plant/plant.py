@@ -72,7 +72,7 @@ def set_voltage(parameters: PlantParameters, state: PlantState, voltage_V: float
 def contact_force_mN(parameters: PlantParameters, state: PlantState) -> float:
     """Return the contact force in mN, compressive and positive.
 
-    Negative if a part sticks and is pulled.
+    It is negative if a part sticks and is pulled.
     """
     if not parameters.elaborate:
         return plain_force_mN(parameters, state)

@@ -1,12 +1,13 @@
 """Hysteresis of relays after Preisach, by the Everett function; pure.
 
 A relay is up (+1) once u has risen to α, and down (-1) once it has fallen to β <= α. With a density
-μ(α, β) of relays, a way from the last turning point u_i to u turns those whose α and β lie between:
+μ(α, β) of relays, a change from the last turning point u_i to u switches those whose α and β are in
+between:
 
     P = P_i ± 2·E(max(u, u_i), min(u, u_i)),    E(α, β) = ∬ μ dα' dβ'  over  β <= β' <= α' <= α
 
-A turning point is forgotten as u goes past the one before it ("wiping out"); all others are kept.
-From the unpoled state, in which a relay is up where α + β < 0, u leads along P = ±E(|u|, -|u|).
+A turning point is removed when u passes the previous one ("wiping out"); all others are kept. From
+the unpoled state, in which a relay is up where α + β < 0, u leads along P = ±E(|u|, -|u|).
 
     μ = sech²((α - c)/w)·sech²((β + c)/w)
 

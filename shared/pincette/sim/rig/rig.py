@@ -41,12 +41,12 @@ class Snapshot:
 class SimulatedRig(Orders):
     """A plant in simulated time; raises ValueError.
 
-    Real time: each call first brings the plant to ``clock()``. Lockstep: time moves by
-    ``put_out``, ``put_out_wave`` and ``go_on`` alone, one period at a time; the old voltage holds
-    for ``actuation_delay_s`` and the new one for the rest. While nothing is written the plant
-    stands still, and looking at it changes nothing: the noise of a sample is keyed by the number
-    of ticks, not of looks. A voltage is taken at once, so that whoever wrote it need not wait for
-    the plant, which moves by ``pass_time`` or before anything looks at it.
+    Real time: each call first brings the plant to ``clock()``. Lockstep: time passes only by
+    ``put_out``, ``put_out_wave`` and ``go_on``, one period at a time; the old voltage holds for
+    ``actuation_delay_s`` and the new one for the rest. Without a write the plant does not move, and
+    reading it changes nothing: the noise of a sample depends on the number of ticks, not of
+    readings. A voltage is accepted at once, so that its writer need not wait for the plant, which
+    moves by ``pass_time`` or before the next reading.
     """
 
     def __init__(

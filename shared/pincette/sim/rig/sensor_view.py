@@ -36,7 +36,7 @@ class Average:
     def mean_um(self) -> float:
         """Return the mean over the window before the last time.
 
-        Before the first position, that one counts.
+        Before the first position, the first one counts.
         """
         now_s, total = self._times_s[-1], self._integrals[-1]
         begin_s = now_s - self.window_s

@@ -1,9 +1,9 @@
 """Script for a simulated rig: orders that are executed at their time on the rig's clock.
 
-It stands between the rig and its instruments, and between them and their lines. In lockstep the
-rig's time moves by the voltages that reach it, so while an output is unplugged no time passes.
-Faults of readings and voltages are those of single ones: a buffered acquisition and a wave are
-right, unless their line is not.
+It is placed between the rig and its instruments, and between the instruments and their lines. In
+lockstep the rig's time passes by the voltages that reach it, so no time passes while an output is
+unplugged. Faults of readings and voltages affect single values only: buffered acquisitions and
+waveforms are correct unless their line fails.
 """
 
 import logging
