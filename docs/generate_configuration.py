@@ -97,7 +97,7 @@ def _gains() -> Iterator[str]:
         if plugins.origin(entry).partition(" ")[0] not in OWN:
             continue
         if entry.name not in installed_laws():
-            continue  # of two arms: no rig file names it
+            continue  # only for two arms: no rig file names it
         law = law_definition(entry.name)
         yield f'With `scheme = "{law.name}"`, {law.title}, {words.cell(law.summary)}:\n\n'
         rows = [

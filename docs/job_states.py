@@ -32,7 +32,7 @@ FRAMES: Mapping[str, tuple[int, int, int, int]] = {
     "nothing has moved": (20, 135, 140, 300),
     "the program plays": (205, 40, 430, 268),
 }
-EVERYWHERE: tuple[JobState, ...] = ("failed", "interrupted")  # told in words
+EVERYWHERE: tuple[JobState, ...] = ("failed", "interrupted")  # described in the text
 INK, FAINT, END, LABEL = "#1f2a33", "#8a97a3", "#eef3f6", "#47545f"
 
 HEAD = """\
@@ -259,7 +259,7 @@ def _line(x0: int, y0: int, x1: int, y1: int, words: str, *, beside: bool = Fals
     course = f"M{x0} {y0} L{x1} {y1}"
     if beside:
         return _path(course, x0 + 6, y0 + min(40, (y1 - y0) // 2) + 4, words, anchor="start")
-    # Of a level arrow off the middle, where another one may cross.
+    # The label of a horizontal arrow is off its middle, where another arrow may cross.
     x = x0 + 2 * (x1 - x0) // 3 if y0 == y1 else (x0 + x1) // 2
     return _path(course, x, (y0 + y1) // 2 - 6 * (y0 == y1) + 4 * (y0 != y1), words)
 

@@ -74,7 +74,7 @@ def climb(rig: RunningRig, driver: Driver, folder: Path) -> None:
         assert peak_mN <= max(begin_mN, most_mN) + NOISE_MN, (
             f"{job}: {peak_mN:.3f} of {force_mN} mN"
         )
-        # What the estimate does not see, as creep of an arm that is new, is within its uncertainty.
+        # Errors of the estimate, such as creep of a new arm, are within its uncertainty.
         surely_mN = max(one.true_force_mN - one.uncertainty_mN for one in samples)
         assert surely_mN <= most_mN, f"{job}: at least {surely_mN:.3f} of {force_mN} mN"
         least_mN = min(one.true_force_mN for one in samples)

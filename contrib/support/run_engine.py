@@ -18,7 +18,7 @@ from pincette_bluesky import Gripper
 from tests.support.adapters import until
 from tests.support.running import RunningRig
 
-# They say little of types.
+# Their types are incomplete.
 bps = cast("Any", bluesky.plan_stubs)
 bpp = cast("Any", bluesky.preprocessors)
 check_limits = cast("Any", bluesky.simulators).check_limits

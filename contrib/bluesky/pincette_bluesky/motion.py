@@ -25,7 +25,7 @@ class Motion:
     async def stop(self, rig: AsyncRigHandle, *, as_planned: bool) -> None:
         """Stop the motion; with ``as_planned`` its status then ends without an error."""
         self.stopped_as_planned = as_planned
-        if self.job is None:  # no job has come of it yet, and none shall
+        if self.job is None:  # it has no job yet, and must not get one
             await rig.stop(self.key)
         else:
             await rest(self.job)

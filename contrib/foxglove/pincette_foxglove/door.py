@@ -75,7 +75,7 @@ class Door:
         for one in others:
             one.cancel()
         await asyncio.gather(*others, return_exceptions=True)
-        await asyncio.sleep(0)  # what they have closed ends in the next turn
+        await asyncio.sleep(0)  # connections closed by them end in the next turn
 
     async def _take(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._open += 1

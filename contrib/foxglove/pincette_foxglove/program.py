@@ -48,7 +48,7 @@ def run(context: Started) -> None:
 
     def send(topic: Topic, message: Message) -> None:
         one = channels[topic.name]
-        if one.has_sinks():  # nobody pays for what nobody looks at
+        if one.has_sinks():  # no cost without a viewer
             one.log(SCHEMAS[topic.name].pack(message), log_time=time_ns())
 
     bus = context.open_bus()
@@ -57,7 +57,7 @@ def run(context: Started) -> None:
     try:
         for topic in TOPICS:
             bus.subscribe(topic, send)
-        # No page can guess where this is; everybody else may come through the door anyway.
+        # No page can guess this address; all other clients may connect through the door anyway.
         behind = f"127.{'.'.join(str(1 + secrets.randbelow(254)) for _ in range(3))}"
         server = start(
             name=f"pincette {rig}",

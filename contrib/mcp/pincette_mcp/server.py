@@ -253,7 +253,7 @@ class Tools:
 
     async def emergency_stop(self) -> Done:
         """Stop at once and latch the rig. Only a person can reset it."""
-        # Neither the rig's name nor its state is asked for first: reading may want a key, or fail.
+        # Do not read the rig's name or its state first: reading may require a key, or fail.
         at_once = self._supervisor.patient(0.0)
         with told():
             if self._name is None:

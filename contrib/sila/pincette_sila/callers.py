@@ -72,7 +72,7 @@ class Callers:
             session = self._background.call(supervisor.session())
         except (ClientError, CommandError, ValueError) as error:
             raise AuthenticationFailed(str(error)) from error
-        if not session.keys:  # it would take any word
+        if not session.keys:  # it would accept any word
             raise AuthenticationFailed("the supervisor has no keys; make one: pincette key add")
         if session.scope is None:
             raise AuthenticationFailed("the supervisor does not know this key")

@@ -112,7 +112,7 @@ class Pausing(FeatureImplementationBase):
             raise _paused("InvalidCommandState", f"{name} has no motion yet that could {action}")
 
         async def act() -> None:
-            # A pause asks for no token, since it only lets a motion rest; a resume does.
+            # A pause needs no token, since it only lets a motion rest; a resume does.
             own = self._gripper.rigs.get(execution) if action == "pause" else None
             found = await (own or self._callers.rig(metadata)).job(job.id)
             if action not in found.job.allowed_actions:

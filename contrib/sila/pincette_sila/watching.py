@@ -101,7 +101,7 @@ def _resume(
     node = command(name)
 
     def follow(instance: Any) -> Any:
-        # The instance was given an execution UUID of its own; the client knows the earlier one.
+        # The instance got a new execution UUID; the client knows the earlier one.
         found = gripper.resume(name, instance, job, execution)
         return node.responses.to_message(found)
 

@@ -133,7 +133,7 @@ def record(messages: Sequence[Message], phase: str, period_s: float) -> Record:
         tripped = [applied_text(m) for m in messages if isinstance(m, Applied) and m.cause]
         raise StudyError(f"no {phase}: ended {outcome(messages) or tripped[-1:]}")
     estimates = {m.seq: m for m in messages if isinstance(m, Estimate)}
-    # The rig counts on over programs, the loop begins anew with each.
+    # The rig continues to count over programs; the loop starts again with each.
     told = [m for m in messages if isinstance(m, GroundTruth)]
     truths = {m.seq - told[0].seq: m for m in told}
     rows = [

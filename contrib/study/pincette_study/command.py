@@ -56,7 +56,7 @@ def paper(
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    # Loaded here: a help text does without two seconds of imports.
+    # Loaded here, so that a help text does not wait for two seconds of imports.
     from pincette_study.closed_loop import StudyError
     from pincette_study.study import run_study
 

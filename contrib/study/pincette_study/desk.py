@@ -68,7 +68,7 @@ class Desk:
         moves = ((turn_V, rate_V_per_s, REST_S) for turn_V in turns_V)
         back = (0.0, rate_V_per_s, rest_s)
         path = voltage_moves([(0.0, rate_V_per_s, 0.0), *moves, back])
-        # A model that does not know the past reads force off the first stroke: nothing may end it.
+        # A model without the history mistakes the first stroke for force, so no guard may end it.
         guards = replace(FREE, force_max_mN=FORCE_MAX_MN)
         strokes = Drive("strokes", path.duration_s, courses=(Follow(path),))
         ended = outcome(self._without_part(Program((strokes,), guards, 1.0)))

@@ -71,7 +71,7 @@ def _planning_errors(reading: Reading) -> tuple[Series, Series]:
     """Return planned minus actual over the last cycle: position in µm, negative force in mN."""
     cycle = len(reading.force_mN) // CYCLES
     x_um, force_mN = reading.motion.x_um[-cycle:], reading.force_mN[-cycle:]
-    # The position answers to the voltage of the sample before.
+    # The position follows the voltage of the previous sample.
     share = 0.5 * (1.0 - np.cos(2.0 * pi * (np.arange(cycle) - 1.0) / cycle))
     x_planned_um = float(np.min(x_um)) + printed.X_PP_UM * share
     planned_mN = float(np.min(force_mN)) + printed.FORCE_PP_MN * share

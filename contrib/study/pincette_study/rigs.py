@@ -165,7 +165,7 @@ def _lockstep(base: RigFile, simulation: Simulation) -> RigFile:
                 update={"time": "lockstep", "period_s": printed.PERIOD_S, "name": "paper"}
             ),
             "limits": base.limits.model_copy(update={"slew_V_per_s": SLEW_V_PER_S}),
-            # The paper's laws, which know a straight line; ``beyond`` takes the others.
+            # The paper's laws, which use a straight line; ``beyond`` uses the others.
             "law": base.law.model_copy(update={"set": "consistent"}),
             "simulation": simulation,
         }

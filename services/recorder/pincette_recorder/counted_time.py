@@ -112,7 +112,7 @@ class CountedTime:
                 state.stepped = False
                 self._save()
         elif not state.stepped:
-            with suppress(OSError):  # it would be of an earlier step
+            with suppress(OSError):  # it would belong to an earlier step
                 (self._records / files.CLOCK_AGREED).unlink()
             state.stepped = True
             log.error(

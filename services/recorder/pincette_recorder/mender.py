@@ -146,7 +146,7 @@ class Mender:
         retention.sweep(config.records)
         kept = retention.ended(config.records)
         ages_s = self.counted.ages_s([one.name for one in kept])
-        if self.counted.step_s is not None:  # a person has to agree first
+        if self.counted.step_s is not None:  # a person must confirm first
             return
         for name in retention.records_to_delete(kept, ages_s, config.keep_s, config.keep_bytes):
             retention.delete(config.records, name)

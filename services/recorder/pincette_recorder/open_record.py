@@ -86,7 +86,7 @@ class OpenRecord:
 
     def put(self, topic: str, message: Message, arrival_ns: int, now_s: float) -> None:
         """Write a message."""
-        if isinstance(message, Timing):  # which a loop tells of itself however idle it is
+        if isinstance(message, Timing):  # which even an idle loop sends
             self._timings[message.service] = message, arrival_ns
             if now_s - self._timed_at_s >= TIMING_S:
                 self._timed_at_s = now_s
@@ -116,7 +116,7 @@ class OpenRecord:
             self.file.add(message, arrival_ns)
             self._note_chunks()
             self._tables.add(message, arrival_ns)
-        except ValueError as error:  # a number that no file has room for
+        except ValueError as error:  # a number too large for the file format
             self.refused[topic] += 1
             self._log_error(f"a message of {topic} cannot be kept: {error}")
         except OSError as error:

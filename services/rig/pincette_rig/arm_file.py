@@ -63,7 +63,7 @@ class ArmFile:
         saved = self._read()
         if saved is not None:
             away_s = STARTING_S
-            if not self._lockstep:  # where simulated time passes with the voltages alone
+            if not self._lockstep:  # where only voltages make simulated time pass
                 away_s = max(away_s, self._clock() - saved.saved_s)
             self._rig.resume(saved.arms, away_s)
         self.save()

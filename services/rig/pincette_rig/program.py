@@ -74,7 +74,7 @@ def run(context: Context) -> None:
     try:
         script = script_of(rig)
         pace = Pace(simulation.pace) if rig.lockstep and simulation.pace else None
-        # From the output's thread, before the write is answered.
+        # Runs in the output's thread, before the reply to the write.
         truth = bus.publish if simulation.truth else None
         bench = open_bench(rig, time.monotonic, truth, script, pace)
         with bench.offer(), kept_arm(ArmFile(rig, context.data, bench.rig)):

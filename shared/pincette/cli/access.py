@@ -30,7 +30,7 @@ PATIENCE_S = 0.5
 """Time that a person waits until a supervisor counts as unreachable, in s."""
 FOLLOWED_S = 30.0
 """Time for which a job is followed while its supervisor does not answer, as in a restart, in s."""
-STATUSES = {  # of refusals, by their codes
+STATUSES = {  # exit status by the code of a refusal
     **dict.fromkeys(("estop-engaged", "rig-latched", "rig-not-ready"), Exit.NOT_READY),
     "limit-violation": Exit.LIMIT,
 }

@@ -77,7 +77,7 @@ def _copy_journal(journal: Path, copy: Path) -> None:
 
     Raises CliError where the journal cannot be read, and sqlite3.Error where the copy fails.
     """
-    # Nobody else opens the copy, so that it may lie on a share without locks.
+    # No other program opens the copy, so it may be on a share without locks.
     copied = f"{copy.absolute().as_uri()}?nolock=1"
     place = f"{journal.absolute().as_uri()}?mode=ro"
     with (

@@ -155,7 +155,7 @@ def progress(for_s: float) -> "Generator[Report]":
         yield lambda what, part_s: console.print(f"{what}: {part_s:.1f} s")
         return
     name, share = TextColumn("{task.description:<24}"), TextColumn("{task.percentage:>3.0f} %")
-    # It refreshes itself seldom: what draws takes the time of what is measured.
+    # It is redrawn rarely, since drawing takes time from the measurement.
     with Progress(
         name, BarColumn(), share, console=console, auto_refresh=False, transient=True
     ) as bar:

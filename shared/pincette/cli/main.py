@@ -156,7 +156,7 @@ def application() -> TyperGroup:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status."""
-    # httpx would load Rich and Pygments for a command line of its own, where they are installed.
+    # httpx would load Rich and Pygments, if installed, for its own command line.
     sys.modules.setdefault("httpx._main", cast("Any", None))
     prepare_streams()
     given = sys.argv[1:] if arguments is None else list(arguments)

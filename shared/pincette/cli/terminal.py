@@ -56,7 +56,7 @@ def screen(*, machine: bool = False) -> "Console":
     Lines are broken between words, and only in a terminal. A word that is longer than a line, such
     as a path, stays whole, so that it can be copied.
     """
-    # Rich is loaded where something is printed: a help text does without.
+    # Rich is loaded only for printing; a help text does not need it.
     from pincette.cli.screen import Screen
 
     return Screen(sys.stderr if machine else sys.stdout)

@@ -168,7 +168,7 @@ def up(
             file = file.secured(pki)
             _print(console, f"certificates in {pki}; for tools: {PKI}={pki.resolve()}")
         if measure:
-            # A process of its own: what it loads is not for a program that stays.
+            # A separate process, since this program would keep the modules that it loads.
             grid = ["--seconds", MEASURE_S, "--period-s", f"{file.rig.period_s:g}"]
             task = ["latency", *grid, "--rig", str(path), "--data", str(data)]
             subprocess.run([sys.executable, "-m", "pincette", *task], check=False)

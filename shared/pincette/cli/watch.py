@@ -226,7 +226,7 @@ class _Bar(AbstractContextManager[None]):
         elapsed_s = 0.0 if live is None else live.elapsed_s
         planned_s = None if live is None else live.planned_s
         if job.state == "succeeded":
-            # Where contact comes sooner than planned, the course is shorter.
+            # If contact comes sooner than planned, the motion is shorter.
             planned_s = elapsed_s
         self._progress.update(
             self._bar,

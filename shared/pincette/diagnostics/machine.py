@@ -62,7 +62,7 @@ def disk(data: Path) -> Finding:
 
 def priority() -> Finding:
     """Check whether the loop gets the fixed priority requested in real time, or which it gets."""
-    # On Linux a thread has a priority of its own, and this one ends with it.
+    # On Linux each thread has its own priority, which ends with this thread.
     with ThreadPoolExecutor(1) as pool:
         got = pool.submit(_granted).result()
     fixed = f"fixed priority (SCHED_FIFO {FIFO}) permitted"
@@ -163,7 +163,7 @@ def _version(url: str) -> dict[str, Any]:
     import httpx
 
     try:
-        # Whoever it is: nothing is sent, and what is told is only shown.
+        # The sender need not be known: no data is sent, and the reply is only shown.
         answer: Any = httpx.get(
             f"{url}/version", timeout=ASK_S, trust_env=False, verify=False
         ).json()

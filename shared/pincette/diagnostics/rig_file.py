@@ -140,7 +140,7 @@ def composed(rig: RigFile) -> Iterator[Finding]:
         try:
             shared_timeout_s(rig, [services[one] for one in member_services(name)])
         except plugins.PluginError:
-            continue  # told with the drivers
+            continue  # reported with the drivers
         except ConfigError as error:
             yield Finding(False, f"composed: {error}", "mend [rig] composed in the rig file")
     having = rig.program_of("actuator")

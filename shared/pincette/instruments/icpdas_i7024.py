@@ -146,7 +146,7 @@ def timing(settings: Output) -> Timing:
     lets_go_s = None
     if options.watchdog_s > 0.0:
         count += HostWatchdog.heartbeat_bytes(checksum=options.checksum)
-        # The module counts whole ticks, of which the first may have been all but over.
+        # The module counts whole ticks, and the first one may have been nearly over.
         lets_go_s = options.watchdog_s - TICK_S
     return Timing(exchange_s(count, options.baud), RESPONSE_S, lets_go_s=lets_go_s)
 

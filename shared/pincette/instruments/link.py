@@ -235,7 +235,7 @@ def _why_closed(url: str, error: Exception) -> str:
             "a link-local address needs its network interface, as in socket://[fe80::1%eth0]:4001"
         )
     unknown = f"cannot be opened ({type(error).__name__}: {error}); check the url in the rig file"
-    # The number is told by pyserial's own error, or for ``socket://`` by the one behind it.
+    # pyserial's own error has the number, or for ``socket://`` its cause.
     behind = (error, error.__context__)
     numbers = (one.errno for one in behind if isinstance(one, OSError) and one.errno is not None)
     return REMEDIES.get(next(numbers, 0), unknown)
@@ -333,13 +333,13 @@ class _SocketPort:
 
     def __init__(self, url: str, where: _Address, timeout_s: float, write_timeout_s: float) -> None:
         host, port = where.found or _host_and_port(url)
-        # Many serial servers end one client's connection, or mix both, where a second one comes.
+        # If a second client connects, many serial servers end the first connection, or mix both.
         with lock_address(url, host, port) as held:
             self._socket = held.enter_context(connected(host, port, timeout_s))
-            # Each of these raises OSError where the other end has reset the connection meanwhile.
+            # Each of these raises OSError if the other end has reset the connection meanwhile.
             found = _address_of(self._socket), port
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            # Or what was sent to a host that is gone is sent again for a quarter of an hour.
+            # Otherwise data to a lost host would be sent again for a quarter of an hour.
             most_ms = round(1000.0 * max(UNSENT_PERIODS * write_timeout_s, LEAST_UNSENT_S))
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, most_ms)
             self._socket.settimeout(write_timeout_s)
@@ -353,7 +353,7 @@ class _SocketPort:
     def receive(self, wait_s: float) -> bytes:
         """Return the bytes that have arrived, waiting for the first one; empty if none came."""
         # A device server may forward byte by byte, and wait for each to be acknowledged (Nagle);
-        # an acknowledgement is delayed by 40 ms otherwise. Linux takes the option back by itself.
+        # an acknowledgement is delayed by 40 ms otherwise. Linux resets the option.
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
         ready, _, _ = select.select([self._socket], [], [], wait_s)
         if not ready:

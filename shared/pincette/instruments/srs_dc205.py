@@ -172,7 +172,7 @@ class DC205:
         (name,) = self._ask(b"TERM LF;*IDN?", 1)
         if b",DC205," not in name:
             raise InstrumentError(f"DC205: {name[:40]!r} names another instrument", "garbled")
-        # The first two answers are what went wrong before, and are cleared by this.
+        # The first two answers are earlier errors, which this clears.
         _, _, found, switch, voltage = self._ask(b"LEXE?;LCME?;RNGE?;SOUT?;VOLT?", 5)
         found_V = tuple(RANGES)[_token(found, tuple(RANGES.values()))]
         voltage_V, on = _voltage_V(voltage), _token(switch, SWITCH) == 1

@@ -148,7 +148,7 @@ def restore(file: Path, data: Path, read_keys: Callable[[Path], object]) -> list
     aside = Path(tempfile.mkdtemp(prefix=".restore-", dir=data))
     try:
         names = _unpack(file, aside, read_keys)
-        # The journal last: without it the folder is not taken for one with data.
+        # The journal comes last: without it the folder does not count as one with data.
         for path in sorted(aside.iterdir(), key=lambda path: path.name == JOURNAL):
             sync_folder(data)  # the names before it outlast a power cut if the journal's does
             path.rename(data / path.name)

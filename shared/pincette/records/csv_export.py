@@ -31,7 +31,7 @@ def csv_rows(path: Path) -> Iterator[str]:
 
 def _lines(source: Any) -> Iterator[str]:
     """Yield comments on the samples, unit and meaning of each column, names, then samples."""
-    # A value that never came is empty, and numbers read back bit for bit.
+    # A missing value is empty, and numbers read back bit for bit.
     schema = source.schema_arrow
     for name, value in parquet.about_of(schema).items():
         yield _comment(f"{name}: {value}")

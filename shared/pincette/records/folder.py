@@ -251,7 +251,7 @@ def _is_as_listed(folder: Path, entry: Mapping[str, Any]) -> bool:
     path = folder / Path(entry["name"]).name
     try:
         state = path.stat()
-        # Equal sizes first: most damage is a file that was cut, and costs no digest.
+        # Compare sizes first: most damage is a truncated file, which needs no digest.
         return state.st_size == entry.get("bytes") and entry.get("sha256") == _sha256(
             path, state.st_size, state.st_mtime_ns
         )

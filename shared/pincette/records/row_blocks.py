@@ -172,7 +172,7 @@ class RowBlocks:
                 self._tripped = True
             if self._tripped or seq > self._newest_applied:
                 break
-            self._places += seq - self._placed_seq  # ticks of which nothing came
+            self._places += seq - self._placed_seq  # ticks without any message
             self._placed_seq = seq + 1
             answered = not isinstance(tick, Applied) or tick.answered
             if not (answered or self._every_tick):

@@ -197,7 +197,7 @@ def _alike(described: descriptor_pb2.DescriptorProto) -> bool:
 
 def _without_proto3(described: descriptor_pb2.DescriptorProto) -> None:
     """Turn optional fields into fields of proto2, in which every field is optional."""
-    # A message that stands for a union has no optional fields, and keeps its choice.
+    # A message that represents a union has no optional fields, and keeps its choice.
     if any(field.proto3_optional for field in described.field):
         for field in described.field:
             field.ClearField("proto3_optional")
@@ -209,7 +209,7 @@ def _without_proto3(described: descriptor_pb2.DescriptorProto) -> None:
 
 def _reader(kind: type, described: Any = None) -> Callable[[Any], Any]:
     """Return a reader for a Protobuf message, by a file's descriptor or the present one."""
-    # Fields that an older file does not know get their defaults; KeyError where one has none.
+    # Fields that an older file does not contain get their defaults; KeyError without a default.
     there = None if described is None else described.fields_by_name
     takes: dict[str, Callable[[Any], Any]] = {}
     missing: list[str] = []

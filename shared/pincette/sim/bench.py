@@ -165,7 +165,7 @@ def _setting(
             pace(rig.now_s())
         return rig.measure_um()
 
-    # One arm is looked at first in each tick.
+    # The first arm, which is measured first in each tick, waits for the pace.
     measure_um = rig.measure_um if pace is None or prefix else paced_um
     if script is None:
         return Setting(

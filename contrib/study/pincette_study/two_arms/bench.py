@@ -126,7 +126,7 @@ class PairBench:
             forces_mN=tick.forces_mN,
             references=references,
         )
-        # The response a period ahead is H and what is then missed of it.
+        # The response one period ahead is H plus its known error at that time.
         missed = self._missed_um()
         V_1, V_2 = (
             voltage_for(

@@ -55,7 +55,7 @@ class PairDesk:
         if planned.plan.violations:
             raise StudyError(f"{body['kind']}: {planned.plan.violations[0].message}")
         self._epoch += 1
-        # A reset before it says once more where the job before has ended.
+        # A reset before the job reports the end of the previous job again.
         messages = [
             message
             for message in self.loop.play(planned.program, self._epoch)

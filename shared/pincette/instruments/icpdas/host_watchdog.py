@@ -47,7 +47,7 @@ class HostWatchdog:
         """Clear an earlier trip, and make 0 V the safe value if the output is at 0 V."""
         if self._state == "off":
             return
-        # That of a host before this one may still run: the first sign of life is yet to come.
+        # The watchdog of an earlier host may still run, and no heartbeat has been sent yet.
         self._module.tell(HEARTBEAT)
         if self._has_tripped():
             _log.warning("I-7024: its host watchdog had tripped; cleared")
@@ -88,7 +88,7 @@ class HostWatchdog:
         if code == "tripped":
             self._state = "tripped"
         elif code is None and self._state == "tripped":
-            # Somebody else has cleared it, and a module that has tripped is not armed.
+            # Another program has cleared the trip; a module that has tripped is not armed.
             self._state = "waiting"
         elif code in UNHEARD and self._state == "armed":
             self._state = "unsure"
@@ -104,7 +104,7 @@ class HostWatchdog:
             return False
         self._module.ordered(b"~", b"31%02X" % self._ticks, "host watchdog on")
         self._state = "armed"
-        # One that ran before may have tripped between the two lines.
+        # An earlier watchdog may have tripped between the two lines.
         return not self._found_tripped()
 
     def clear(self) -> None:
@@ -133,7 +133,7 @@ class HostWatchdog:
         return len(HEARTBEAT) + 1 + CHECKSUM_BYTES * checksum
 
     def _clear(self) -> None:
-        # A module may take a watchdog as on while it is tripped, and would trip again at once.
+        # A tripped module may accept a watchdog, and would trip again at once.
         self._module.ordered(b"~", b"30%02X" % self._ticks, "host watchdog off")
         self._module.ordered(b"~", b"1", "clearing the trip")
 

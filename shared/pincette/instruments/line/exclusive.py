@@ -146,7 +146,7 @@ def _served(address: str, port: int) -> str:
         try:
             probe.bind((address, 0))
         except OSError:
-            return address  # of another host
+            return address  # address of another host
     listening = set[str]()
     for table in ("tcp", "tcp6"):
         with suppress(OSError):

@@ -364,7 +364,7 @@ class Line:
                 return
             else:
                 self._wait_for(port, other, request, until_s)
-                # A line that doubles its answers has a second one under way.
+                # On a line that doubles its answers, a second one is on its way.
                 in_doubt = self._drain(port, wanted, until_s, self.quiet_s)
 
     def _drain(
@@ -395,7 +395,7 @@ class Line:
                 text = f"{self.url}: never silent; check baud rate and instrument type"
                 raise InstrumentError(text, "garbled")
             self._pending += data
-        # The rest of a line that has stopped half way would be taken for the begin of the next.
+        # The rest of a line that was cut off would be taken for the start of the next.
         self._pending = b""
         self._unexpected_run = self._unexpected_run + 1 if unexpected else 0
         if self._unexpected_run >= MOST_UNEXPECTED:

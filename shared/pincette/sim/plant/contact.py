@@ -36,7 +36,7 @@ def static_force_mN(
         lower = root - value / ((3.0 * s * root + 2.0 * b) * root)
         if lower >= root:
             break
-        # The error squares from step to step: after one as small as this it is beyond a double's.
+        # The error squares in each step: after a step this small it is below a double's resolution.
         settled = root - lower < 1e-9 * root
         root = lower
         if settled:

@@ -95,7 +95,7 @@ def modal_system(
 
 def _eigen(by_position: Matrix, by_speed: Matrix) -> tuple[Eigen, Eigen, Eigen]:
     """Return eigenvalues above the real axis, vectors (columns) and the rows of the inverse."""
-    # Arms that are apart are solved one by one: two alike would make one repeated eigenvalue.
+    # Separate arms are solved one by one: two equal ones would give a repeated eigenvalue.
     count = len(by_position)
     if not np.any(by_position - np.diag(np.diag(by_position))):
         sigma, squared = 0.5 * np.diag(by_speed), np.diag(by_position)

@@ -87,7 +87,7 @@ def pair_modes(numbers: PairNumbers, contact: Contact, dt_s: float) -> PairModes
     rate[:2, 2:] = np.eye(2)
     rate[2:, :2] = -stiffness / masses
     rate[2:, 2:] = -np.diag(numbers.dampings) / masses
-    # Arms are underdamped, so that there is a whole set of eigenvectors.
+    # Arms are underdamped, so the set of eigenvectors is complete.
     values, vectors = np.linalg.eig(rate)
     step = ((vectors * np.exp(values * dt_s)) @ np.linalg.inv(vectors)).real
     inverse = np.linalg.inv(stiffness)

@@ -112,7 +112,7 @@ class SimulatedPair(PairOrders):
                 )
                 if arm == 1:
                     self._end_tick(timeline.state)
-                else:  # told again with the second's: its own watchdog may have moved it alone
+                else:  # reported again with the second: a watchdog may have changed only this arm
                     self._tell(self._ticks, self._sample or timeline.state, timeline.state)
                 return
             self._written_V[arm] = voltage_V

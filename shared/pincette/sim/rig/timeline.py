@@ -154,7 +154,7 @@ class Timeline:
         rest_s = (end_ns - self.time_ns) * 1e-9
         substep_s = self.parameters.substep_s
         if self._average is not None:
-            # Of a long rest, the sensor sees the last window alone.
+            # The sensor averages only the last window of a long rest.
             unseen_s = rest_s - self._average.window_s - 2.0 * substep_s
             if unseen_s > substep_s:
                 self._advance(unseen_s)

@@ -108,7 +108,7 @@ class Past:
         """Add the newest value."""
         self._known.append((now_s, value))
         old_s = now_s - self._kept_s
-        # The newest of those that are too old is what was true at the edge.
+        # The newest value that is too old was valid at the edge.
         while self._known[1][0] <= old_s:
             del self._known[0]
 

@@ -77,7 +77,7 @@ class Wire:
 
     def _run(self) -> None:
         while (line := self._port.next_line(self._wait)) is not None:
-            # A client may be gone, or deaf, in the middle of an answer; the next begins afresh.
+            # A client may be lost, or stop reading, within an answer; the next one starts fresh.
             with suppress(OSError):
                 self._converse(line)
             line.close()
@@ -116,7 +116,7 @@ class Wire:
         began_s, sent = time.monotonic(), 0
         while sent < len(data):
             self._pass(began_s + self._byte_s * min(sent + piece, len(data)) - time.monotonic())
-            # Half a byte's time for what the clock loses between two looks at it.
+            # Half a byte's time, for the time between two readings of the clock.
             carried = int((time.monotonic() - began_s) / self._byte_s + 0.5)
             line.sendall(data[sent:carried])
             sent = max(sent, carried)
