@@ -1,8 +1,8 @@
-"""Write what a rig does as CSV until Ctrl-C; needs zenoh and msgpack.
+"""Write the samples of a rig as CSV until Ctrl-C; needs zenoh and msgpack.
 
-A row is one sample. What the programs say of it is joined by its number, never by what came last. A
-cell is empty where the value is not valid, where the output has not confirmed the voltage, or where
-the message was lost.
+A row is one sample. Messages of the programs are joined to it by its number, not by their order of
+arrival. A cell is empty if the value is not valid, if the output has not confirmed the voltage, or
+if the message was lost.
 """
 # pyright: basic
 
@@ -15,7 +15,8 @@ import zenoh
 
 FIELDS = ("epoch", "seq", "t_s", "x_um", "force_mN", "force_uncertainty_mN", "voltage_V")
 WAITING = 50
-"""Samples that may wait for a message; one that waits longer is written without it."""
+"""Number of samples that may wait for a message; a sample that waits longer is written without it.
+"""
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--router", default="tcp/127.0.0.1:7447")
@@ -26,7 +27,7 @@ given = parser.parse_args()
 
 
 def cells(topic, message):
-    """Return what a message adds to its row, of the first arm: only values that may be used."""
+    """Return the cells that a message adds to its row, for the first arm: only valid values."""
     arm = message["arms"][0]
     if topic == "position":
         return {"t_s": message["t_s"], "x_um": arm["x_um"] if arm["valid"] else None}

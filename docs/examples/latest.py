@@ -12,7 +12,7 @@ TOPICS = ("position", "burst", "estimate", "command", "applied", "telemetry", "g
 TOPICS += tuple(f"{topic}/{service}" for topic in ("request_log", "timing") for service in LOOP)
 """Topics of a rig; `request_log` and `timing` have a key for each service."""
 WILDCARDS = ("*", "request_log/*", "timing/*")
-"""Key expressions that cover them, within what a certificate of a viewer permits."""
+"""Key expressions that cover the topics, within the permissions of a viewer's certificate."""
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--router", default="tcp/127.0.0.1:7447")
@@ -23,9 +23,9 @@ given = parser.parse_args()
 def newest(session, key):
     """Yield the newest messages on a key expression, by topic, from the programs themselves.
 
-    Zenoh's defaults would ask the best matching queryable only, which may be somebody's store, and
-    would keep one reply for each key. A program returns the attachment with its reply. A store
-    replies from memory, so it cannot, and its replies are ignored.
+    By default Zenoh would query only the best matching queryable, which may be a store, and would
+    keep one reply for each key. A program returns the attachment with its reply. A store replies
+    from memory, so it cannot, and its replies are ignored.
     """
     mark = secrets.token_bytes(16)
     for reply in session.get(

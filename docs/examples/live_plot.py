@@ -28,7 +28,7 @@ import matplotlib.pyplot as plt  # noqa: E402  (once the backend is chosen)
 
 arrived, gap = queue.SimpleQueue(), float("nan")
 rows = {}
-"""What the messages of a sample say, joined by its number: only values that may be used."""
+"""Valid values from the messages of each sample, joined by its number."""
 
 figure, axes = plt.subplots(len(PANELS), sharex=True, layout="constrained")
 curves = {}
@@ -41,7 +41,7 @@ axes[-1].set_xlabel("time in s")
 
 
 def draw():
-    """Show the newest seconds of the newest arming, whose time begins anew."""
+    """Draw the newest seconds of the newest arming, whose time starts from 0."""
     while not arrived.empty():
         message = msgpack.unpackb(arrived.get().payload.to_bytes())
         message |= message.pop("arms")[0]  # of two arms the first is shown

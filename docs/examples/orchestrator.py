@@ -1,4 +1,4 @@
-"""Pick parts one after the other, hold each while the cell works on it, and let it go.
+"""Pick parts one after the other, hold each while the cell works on it, and release it.
 
     python docs/examples/orchestrator.py --parts 3 --force-mN 15
 
@@ -15,17 +15,20 @@ from pincette.client import ClientError, JobHandle, ProblemError, RigHandle, Sup
 
 DONE, FAILED, PERSON_NEEDED, INTERRUPTED = 0, 1, 4, 130
 BUSY_S = 2.0
-"""How long to wait while another job has the rig."""
+"""Time to wait while another job uses the rig, in s."""
 
 
 class PartError(Exception):
-    """A part was not gripped, or was lost; the rig can go on with the next one."""
+    """Error for a part that was not gripped, or was lost.
+
+    The rig can continue with the next one.
+    """
 
 
 def start(rig: RigHandle, part: str, force_mN: float) -> JobHandle:
-    """Start a grip that holds until it is told to let go.
+    """Start a grip that holds until it is released.
 
-    The key makes this safe to repeat: whoever starts the same part again gets the same job.
+    The key makes a repetition safe: a second request for the same part returns the same job.
     """
     while True:
         try:
@@ -38,7 +41,7 @@ def start(rig: RigHandle, part: str, force_mN: float) -> JobHandle:
 
 
 def await_hold(job: JobHandle) -> None:
-    """Follow a job to the begin of its hold; a line that breaks on the way is taken up again."""
+    """Follow a job to the start of its hold; a broken connection is opened again."""
     for event in job.events():
         if event.kind == "phase":
             print(f"{job.id}: {event.body['phase']}")
@@ -48,13 +51,13 @@ def await_hold(job: JobHandle) -> None:
 
 
 def work(part: str, duration_s: float) -> None:
-    """Whatever the cell does with a part that is held."""
+    """Do the work of the cell with a held part."""
     print(f"{part}: held; the cell works for {duration_s:g} s")
     time.sleep(duration_s)
 
 
 def let_go(job: JobHandle) -> None:
-    """Release the part and wait for the end; one that was lost has ended its job by itself."""
+    """Release the part and wait for the end; the job of a lost part has ended already."""
     try:
         job.release()
     except ProblemError as problem:
@@ -64,7 +67,7 @@ def let_go(job: JobHandle) -> None:
 
 
 def handle(rig: RigHandle, part: str, force_mN: float, work_s: float) -> str:
-    """Pick, hold and release one part; returns what came of it, in words."""
+    """Pick, hold and release one part; return the result in words."""
     job = start(rig, part, force_mN)
     try:
         await_hold(job)
@@ -80,7 +83,7 @@ def handle(rig: RigHandle, part: str, force_mN: float, work_s: float) -> str:
 
 
 def handle_all(rig: RigHandle, parts: int, force_mN: float, work_s: float) -> int:
-    """Handle parts one after the other; returns how many were not gripped, or lost."""
+    """Handle parts one after the other; return how many were not gripped, or were lost."""
     failed, run = 0, uuid4().hex[:8]
     for number in range(1, parts + 1):
         part = f"{run}-part-{number}"

@@ -1,7 +1,7 @@
-"""Fetch the samples of a finished job as CSV over REST; needs nothing but Python.
+"""Fetch the samples of a finished job as CSV over REST; needs only Python.
 
-Lines that begin with # say whose samples they are, and what each column means. Without a job it is
-the newest that has ended.
+Lines that begin with # describe the samples, and the meaning of each column. Without a job, the
+newest one that has ended is used.
 """
 # pyright: basic
 
@@ -22,7 +22,7 @@ given = parser.parse_args()
 
 
 def fetch(path):
-    """Open a resource; an error of the supervisor is told in its own words."""
+    """Open a resource; an error of the supervisor is reported in its own words."""
     try:
         return urllib.request.urlopen(f"{given.api}{path}", timeout=30.0)
     except urllib.error.HTTPError as error:

@@ -16,7 +16,7 @@ import msgpack
 import zenoh
 
 DOMAIN = 0
-"""ROS_DOMAIN_ID of the nodes that shall see it."""
+"""ROS_DOMAIN_ID of the nodes that are to see the topics."""
 FLOAT64 = (
     "std_msgs::msg::dds_::Float64_",
     "RIHS01_705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a",
@@ -25,15 +25,17 @@ JOINT_STATE = (
     "sensor_msgs::msg::dds_::JointState_",
     "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e",
 )
-"""Types and their hashes (REP 2016), pinned: a subscriber of another hash gets nothing, unsaid."""
+"""Types and their hashes (REP 2016), pinned: a subscriber with another hash gets no message and no
+error."""
 QOS = "::,10:,:,:,,"
-"""Reliable, volatile, the last 10: what differs from the defaults of rmw_zenoh."""
+"""Quality of service that differs from the defaults of rmw_zenoh: reliable, volatile, the last 10.
+"""
 LITTLE_ENDIAN = b"\x00\x01\x00\x00"
-"""Begin of every message in CDR; places are counted from after it."""
+"""Start of every CDR message; positions are counted from its end."""
 
 
 def float64(value: float) -> bytes:
-    """A std_msgs/Float64 in CDR."""
+    """Return a std_msgs/Float64 in CDR."""
     return LITTLE_ENDIAN + struct.pack("<d", value)
 
 
@@ -48,18 +50,18 @@ def joint_state(at_ns: int, name: str, position_m: float, effort_N: float) -> by
 
 
 def text(words: str) -> bytes:
-    """A string in CDR, with its length and the zero at its end."""
+    """Return a string in CDR, with its length and the zero at its end."""
     data = words.encode() + b"\x00"
     return struct.pack("<I", len(data)) + data
 
 
 def aligned(body: bytes, size: int) -> bytes:
-    """Filled up to a place that is a multiple of ``size``."""
+    """Return bytes padded to a position that is a multiple of ``size``."""
     return body + bytes(-len(body) % size)
 
 
 class Topic:
-    """A publisher that nodes of ROS 2 see in their graph; ``number`` is its own in its session."""
+    """Publisher that nodes of ROS 2 see in their graph; ``number`` is its own in its session."""
 
     def __init__(self, session: zenoh.Session, number: int, name: str, kind: tuple[str, str]):
         node = f"@ros2_lv/{DOMAIN}/{session.info.zid()}/0"
@@ -73,14 +75,14 @@ class Topic:
         self._publisher = session.declare_publisher(f"{DOMAIN}{name}/{typed}/{digest}")
 
     def publish(self, data: bytes, at_ns: int) -> None:
-        """Send a message with what rmw_zenoh attaches: a number, a time, and who sends it."""
+        """Send a message with the attachment of rmw_zenoh: a number, a time, and the sender."""
         self._count += 1
         attached = struct.pack("<qqB", self._count, at_ns, len(self._gid)) + self._gid
         self._publisher.put(data, attachment=attached)
 
 
 def bridge(rig_session: zenoh.Session, ros_session: zenoh.Session, rig: str) -> zenoh.Subscriber:
-    """Hand on every valid sample of a rig, until the subscriber that is returned is undeclared."""
+    """Forward every valid sample of a rig, until the returned subscriber is undeclared."""
     base = f"/pincette/{rig.replace('-', '_')}"  # a name of ROS has no hyphen
     force = Topic(ros_session, 1, f"{base}/force_mN", FLOAT64)
     joints = Topic(ros_session, 2, f"{base}/joint_states", JOINT_STATE)
@@ -99,7 +101,7 @@ def bridge(rig_session: zenoh.Session, ros_session: zenoh.Session, rig: str) -> 
 
 
 def client_of(place: str) -> zenoh.Session:
-    """A client of a router."""
+    """Return a client session of a router."""
     wanted = f'{{mode: "client", connect: {{endpoints: ["{place}"]}}}}'
     return zenoh.open(zenoh.Config.from_json5(wanted))
 

@@ -1,4 +1,4 @@
-"""A displacement sensor made up for this example: ``POS1?`` is answered by ``+00012.58``, in µm."""
+"""Displacement sensor for this example: ``POS1?`` is answered by ``+00012.58``, in µm."""
 
 import re
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ class _LDS:
 
 
 def open_sensor(settings: Sensor, link: Link | None = None) -> PositionSensor:
-    """Open the port, or take ``link``, and make sure that an LDS answers."""
+    """Open the port, or use ``link``, and check that an LDS answers."""
     options = read_options(_Options, "example_lds", settings.options)
     link = link or open_link(
         settings.url,

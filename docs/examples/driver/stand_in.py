@@ -1,4 +1,4 @@
-"""An LDS that is none: answers on a socket as the real one would on its serial line."""
+"""Stand-in for an LDS: answers on a socket as the real one would on its serial line."""
 
 import argparse
 import socketserver
@@ -6,10 +6,10 @@ from contextlib import suppress
 
 
 class Line(socketserver.StreamRequestHandler):
-    """One caller, who asks line by line; every line ends with a carriage return."""
+    """Connection of one client, which sends lines; every line ends with a carriage return."""
 
     def handle(self) -> None:
-        """Answer until the caller has gone."""
+        """Answer until the client has hung up."""
         line = b""
         while byte := self.rfile.read(1):
             if byte != b"\r":

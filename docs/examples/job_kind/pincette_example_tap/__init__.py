@@ -1,4 +1,4 @@
-"""``tap``: touch the part lightly, and say where it is and how stiff."""
+"""``tap``: touch the part lightly, and report its position and stiffness."""
 
 from typing import Annotated, Literal
 
@@ -12,17 +12,17 @@ from pincette.api.results import JobResult
 
 
 class TapRequest(ContactJobRequest, frozen=True):
-    """Touch the part with a small force, and let go of it at once."""
+    """Touch the part with a small force, and release it at once."""
 
     model_config = example(kind="tap", autostart=True, force_mN=8.0)
 
     kind: Literal["tap"]
     force_mN: Annotated[float, Field(ge=5, le=20)] = 8.0
-    """Force to touch with; a lighter touch does not tell the stiffness."""
+    """Force of the touch, in mN; a lighter touch does not show the stiffness."""
 
 
 class TapResult(JobResult):
-    """Where the part is and how stiff; null where none was met."""
+    """Position and stiffness of the part; null if no part was met."""
 
     contact_x_um: float | None
     contact_x_error_um: float | None

@@ -25,7 +25,7 @@ HOLD_S = 0.2
 
 
 def plan(request: TapRequest, model: ModelInUse, _present: Present) -> Planned:
-    """Plan a grip that is let go at once."""
+    """Plan a grip that is released at once."""
     rig = model.rig
     values = {"force_mN": request.force_mN, "hold_s": HOLD_S}
     values |= contact_values(request, CONTACT_FIELDS, rig)
@@ -34,7 +34,7 @@ def plan(request: TapRequest, model: ModelInUse, _present: Present) -> Planned:
 
 
 def evaluate(run: Run) -> Evaluation:
-    """Take the contact from the figures that every job at a part has."""
+    """Return the contact from the figures that every job at a part has."""
     found = common(run)
     return Evaluation(TapResult(**{name: found[name] for name in TapResult.model_fields}))
 

@@ -29,7 +29,7 @@ from pincette.control.laws.sliding import LawOutput
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """What the law knows."""
+    """Parameters of the law."""
 
     plant: DifferenceEquation
     impedance: DiscreteImpedance
@@ -38,15 +38,15 @@ class Parameters:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """What the law remembers, named as it stands before the tick that computes u_k."""
+    """State of the law, named as before the tick that computes u_k."""
 
     history: History
     x_d_um: float
-    """x_{d,k-1}."""
+    """Desired position x_{d,k-1}, in µm."""
     deviation_1_um: float
-    """x_{d,k-1} - x_{r,k-1}."""
+    """Deviation x_{d,k-1} - x_{r,k-1}, in µm."""
     deviation_2_um: float
-    """x_{d,k-2} - x_{r,k-2}."""
+    """Deviation x_{d,k-2} - x_{r,k-2}, in µm."""
 
 
 def build(plant: DifferenceEquation, gains: Mapping[str, float], period_s: float) -> Parameters:
@@ -62,7 +62,7 @@ def start(
     x_r_um: float,
     force_error_mN: float,  # noqa: ARG001  the impedance takes it up from here
 ) -> State:
-    """Let x_d begin where the arm is: a resting arm keeps its voltage."""
+    """Start x_d at the position of the arm, so that a resting arm keeps its voltage."""
     return State(history, x_um, x_um - x_r_um, x_um - x_r_um)
 
 
@@ -77,7 +77,7 @@ def step(
     force_r_mN: float,
     limited: int,  # noqa: ARG001  nothing winds up
 ) -> tuple[State, LawOutput]:
-    """Compute u_k."""
+    """Compute the voltage u_k."""
     plant = parameters.plant
     seen = look(plant, state.history, x_um=x_um, force_mN=force_mN, applied_V=applied_V)
     x_d_um = desired_position(
