@@ -19,7 +19,7 @@ NODE_WOT = (
 DRIVE = Path(__file__).parent / "node_wot/drive.js"
 """Script that drives a rig by its Thing Description."""
 HOLD = DRIVE.with_name("hold.js")
-"""Script that does the same in successive processes."""
+"""Script that drives a rig by its Thing Description from successive processes."""
 
 
 def npm_folder(folder: Path, script: Path, *packages: str) -> Path:

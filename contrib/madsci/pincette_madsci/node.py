@@ -151,7 +151,7 @@ class Gripper(RestNode):
 
     @action
     def release(self) -> ActionResult:
-        """Let go of what is held, also of what an earlier node has gripped."""
+        """Release the held part, also one that an earlier node has gripped."""
         key = uuid4().hex
         with self._noted(key):
             try:
@@ -162,7 +162,7 @@ class Gripper(RestNode):
         return ActionSucceeded(json_result={"job": job.id})
 
     def cancel(self) -> AdminCommandResponse:
-        """Bring a motion to rest, also one that is being planned; a held part stays held."""
+        """Stop a motion, also one that is being planned; a held part stays held."""
 
         def stop() -> None:
             for key, job in list(self._actions.items()):
@@ -173,7 +173,7 @@ class Gripper(RestNode):
         return done(stop)
 
     def safety_stop(self) -> AdminCommandResponse:
-        """Stop at once and latch. There is no reset here: a person must look first."""
+        """Stop at once and latch. There is no reset here: a person must inspect the rig first."""
 
         def stop() -> str:
             found = self._supervisor.patient(0.0).rig(self.config.rig).estop()

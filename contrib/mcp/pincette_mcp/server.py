@@ -59,7 +59,7 @@ class Status(BaseModel):
 
     rig: str
     state: str
-    """State of the actuator. Latched: a person must look. Unknown: no news from the rig for 1 s."""
+    """State of the actuator. Latched: a person must inspect the rig. Unknown: no news for 1 s."""
     age_s: float | None
     """Time since the last message of the actuator, in s; null if it is not known."""
     part: str
@@ -137,7 +137,7 @@ class Tools:
         """Names of the plans whose grip is running."""
 
     async def status(self) -> Status:
-        """Whether the rig is ready, what it holds, and its newest sample."""
+        """Report whether the rig is ready, what it holds, and its newest sample."""
         with told():
             found = await self._status()
         newest = found.newest
@@ -227,7 +227,7 @@ class Tools:
         return _gripped(job, result.get("outcome", ""), *figures)
 
     async def release(self, context: Context) -> Done:
-        """Let go of what is held, whoever has gripped it; ends once the arm rests, in some 5 s."""
+        """Release the held part, whoever has gripped it; ends once the arm rests, in some 5 s."""
         with told():
             rig = await self._rig()
             job = await rig.let_go(labels={LABEL: "release"})
@@ -235,7 +235,7 @@ class Tools:
             return Done(job=job.id, part=(await rig.state()).part, detail="released")
 
     async def stop(self) -> Done:
-        """Bring a motion to rest; a held part stays held. It may be called at any time.
+        """Stop a motion; a held part stays held. It may be called at any time.
 
         It ends once the motion rests, and the next one can start: in 30 s at the latest.
         """

@@ -45,7 +45,7 @@ class _State(msgspec.Struct):
     wall_at_s: Seconds = 0.0
     """Counted time at ``wall_s``, in s."""
     stepped: bool = False
-    """True if the time of day has stepped since then and no person has confirmed it yet."""
+    """True if the time of day has stepped since ``wall_s`` and no person has confirmed it yet."""
     ended: dict[str, Seconds] = msgspec.field(default_factory=dict[str, float])
     """Counted time at which each record was first seen closed, by record name, in that order."""
 

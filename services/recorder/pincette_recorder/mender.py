@@ -50,7 +50,7 @@ class Mender:
         self._sound.append(name)
 
     def tidy(self, left: Iterable[Path]) -> None:
-        """Close the records left open, then delete what the rig file does not keep; log errors."""
+        """Close unfinished records, then delete those beyond the rig file's limits; log errors."""
         self._pool.submit(self.tidy_now, tuple(left)).add_done_callback(log_failure)
 
     def tell_end(self, request: Finish, reply: Reply) -> None:

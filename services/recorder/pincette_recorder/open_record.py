@@ -59,7 +59,7 @@ class OpenRecord:
         self.trouble = ""
         """Reason why the disk accepts no more data; empty while it does."""
         self.refused: Counter[str] = Counter()
-        """Number of messages that came after that or could not be stored, by topic."""
+        """Number of messages that came after ``trouble`` or could not be stored, by topic."""
         self.over_seq: int | None = None
         """Number of the sample with which the actuator reported the end of the arming; None before.
         """

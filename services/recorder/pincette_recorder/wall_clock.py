@@ -21,7 +21,7 @@ class WallClock:
         self._steps: list[tuple[float, float]] = []
         """Time in s since the beginning, and size in s, of each of the first steps."""
         self._more = 0
-        """Number of steps beyond those."""
+        """Number of steps beyond ``MOST``."""
         self._begun_ns = self._offset_ns = self._seen_ns = 0
         self.begin()
 

@@ -94,7 +94,7 @@ def path_warnings(rig: "RigHandle") -> list[str]:
 def _show_exchanges(rig: "Rig", console: "Console") -> None:
     """Show the exchange times that the programs measured at their instruments.
 
-    Nothing in lockstep.
+    Show nothing in lockstep.
     """
     from pincette.diagnostics.hops import hop_findings
 

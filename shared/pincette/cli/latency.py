@@ -83,7 +83,7 @@ def latency(
     ] = None,
     data: DataFolder = DATA,
 ) -> int:
-    """Measure, keep it, and print what is supported; the exit status is 1 if no period is."""
+    """Measure and store the timing; print the supported period. Exit status 1 without one."""
     if of_rig:
         return _show_rig(target)
     from pincette.bus.protocol import BusError

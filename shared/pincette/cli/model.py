@@ -34,7 +34,7 @@ def show(
         bool, Option("--proposals", help="list what calibrations propose, the newest first")
     ] = False,
 ) -> None:
-    """Show the model in use: every quantity that can be calibrated, and where it comes from."""
+    """Show the model in use: every quantity that can be calibrated, with its source."""
     if not proposals:
         _answer(target, target.rig().model())
         return

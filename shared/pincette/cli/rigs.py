@@ -188,7 +188,7 @@ def take_claim(
     ] = 600.0,
     note: Annotated[str, Option("--note", help="its purpose, shown to others")] = "",
 ) -> None:
-    """Claim a rig, or renew the claim: others cannot start anything there, but all may stop it.
+    """Claim a rig, or renew the claim: others cannot start anything there, but anyone may stop it.
 
     It prints the variables for your shell: eval "$(pincette claim take)"
     """

@@ -69,7 +69,7 @@ def alarms(
         ),
     ] = None,
 ) -> None:
-    """List the alarms that are open, the newest first, or acknowledge them; nothing moves."""
+    """List the open alarms, newest first, or acknowledge them; nothing moves."""
     if acknowledge:
         _acknowledge(target, acknowledge)
         return

@@ -128,7 +128,7 @@ def rig(
         Option("--for-s", parser=number("s"), metavar="s", help="how long a fault lasts, in s"),
     ] = None,
 ) -> None:
-    """Give one command to a rig that is up; without words, list what there is."""
+    """Send one command to a running rig; without words, list all commands."""
     if not words:
         names = ("target", "what", "value", "meaning")
         form.answer([dict(zip(names, row, strict=True)) for row in operation_rows()], listing())

@@ -122,7 +122,7 @@ class I7024:
         self._watchdog.clear()
 
     def close(self) -> None:
-        """Switch the watchdog off and close the port; the output stays as it is."""
+        """Switch the watchdog off and close the port; the output keeps its voltage."""
         self._watchdog.leave()
         self._link.close()
 

@@ -147,7 +147,7 @@ class DC205:
         return voltage_V if _token(switch, SWITCH) else 0.0
 
     def close(self) -> None:
-        """Close the port; the output stays as it is."""
+        """Close the port; the output keeps its voltage."""
         self._link.close()
 
     def _set(self, settings: bytes, what: str) -> None:

@@ -42,7 +42,7 @@ class Unbuffered:
         self._file: IO[bytes] = cast("IO[bytes]", path.open(mode, buffering=0))
 
     def write(self, data: bytes) -> int:
-        """Write all bytes; raises OSError if the disk takes fewer."""
+        """Write all bytes; raises OSError if the disk accepts fewer."""
         left = memoryview(data)
         while left:
             left = left[self._file.write(left) :]

@@ -1,4 +1,4 @@
-"""The Stanford Research Systems DC205 as its serial line shows it: settings, queries, error codes.
+"""Stanford Research Systems DC205 as seen from its serial line: settings, queries, error codes.
 
 It knows TERM, TOKN, *IDN?, RNGE, SOUT, VOLT, OVLD?, LEXE? and LCME?; other commands cause command
 error 2. The command errors and the line's length are those of the manual, chapter 3, the execution

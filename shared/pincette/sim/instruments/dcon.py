@@ -1,4 +1,4 @@
-"""The ICP DAS I-7024 as its RS-485 line shows it: DCON commands, safe value, host watchdog.
+"""ICP DAS I-7024 as seen from its RS-485 line: DCON commands, safe value, host watchdog.
 
 Commands that the analog output manual lists and this module does not know get the answer ``?AA``.
 Assumed: a watchdog time of 0 is an invalid command; bit 2 of the status is the trip; a trip

@@ -1,4 +1,4 @@
-"""The Keyence LK-G5000, or LK-G3000, as its RS-232 line shows it: modes, values, settings.
+"""Keyence LK-G5000, or LK-G3000, as seen from its RS-232 line: modes, values, settings.
 
 Assumed in addition to ``keyence_commands``: while the mode changes, commands of either mode are
 answered as if the mode were wrong; VR,n ends the zero of output n, and its reading is that of the

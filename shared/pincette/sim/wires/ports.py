@@ -146,7 +146,7 @@ class PtyPort:
 def open_port(url: str) -> Port:
     """Open a port for a driver's url: ``socket://host:port`` (port 0: any), else a path.
 
-    Or WireError.
+    Raises WireError.
     """
     if "://" not in url:
         return PtyPort(Path(url))
