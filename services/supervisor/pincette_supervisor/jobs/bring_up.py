@@ -1,4 +1,4 @@
-"""Calibrations in the order to make them, and the progress of a rig."""
+"""Order of the calibrations, and the progress of a rig through them."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -40,12 +40,12 @@ from pincette_supervisor.problems import ProblemError, not_found
 
 BASE = "/api/v1"
 PAGE = 500
-"""Proposals that are read at once."""
+"""Number of proposals that are read at once."""
 
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """Outcome of a proposal, and the value that was in use before."""
+    """Decision on a proposal, and the value that was in use before."""
 
     state: ProposalState
     at: str
@@ -61,16 +61,16 @@ class Calibrations:
         self._store, self._model = store, model
         self._rig = model.file.rig.name
         self._refusals: tuple[ModelInUse, dict[str, StepReason | None]] = model.in_use, {}
-        """Why calibrations would be refused with a model, by name; see ``refusal``."""
+        """Reasons why calibrations would be rejected with a model, by name; see ``refusal``."""
 
     def newest(self, limit: int, before: int | None = None) -> list[tuple[int, Proposal]]:
-        """Return proposals with the numbers of their jobs, the newest first."""
+        """Return proposals with the numbers of their jobs, newest first."""
         rows = self._rows(limit, before)
         decisions = self._decisions(rows)
         return [(row.number or 0, self._view(row, decisions.get(row.id))) for row in rows]
 
     def in_use(self) -> list[Proposal]:
-        """Return the proposals whose values are in use, the newest first."""
+        """Return the proposals whose values are in use, newest first."""
         sources = {*self._model.in_use.calibration.sources.values()}
         rows = [row for row in self._store.several([*sources]) if row.rig == self._rig]
         rows.sort(key=lambda row: row.number or 0, reverse=True)
@@ -78,7 +78,7 @@ class Calibrations:
         return [self._view(row, decisions.get(row.id)) for row in rows]
 
     def one(self, name: str) -> Proposal:
-        """Return one proposal; raises ProblemError where there is none of this name."""
+        """Return one proposal; raises ProblemError if there is none of this name."""
         return self._view(self._row(name), self._decision(name))
 
     def _rows(self, limit: int, before: int | None = None) -> list[JobRow]:
@@ -96,7 +96,7 @@ class Calibrations:
         return None if noted is None else Decision(**json.loads(noted))
 
     def _decisions(self, rows: Sequence[JobRow]) -> dict[str, Decision]:
-        """Return the decisions about proposals, by the name of the job; read in one query."""
+        """Return the decisions on proposals, by the name of the job; read in one query."""
         noted = self._store.get_notes([_note(row.id) for row in rows])
         found = ((row.id, noted.get(_note(row.id))) for row in rows)
         return {name: Decision(**json.loads(text)) for name, text in found if text is not None}
@@ -104,10 +104,11 @@ class Calibrations:
     def refusal(
         self, step: "Step", request: Mapping[str, Any], used: ModelInUse
     ) -> StepReason | None:
-        """Return why a calibration would be refused with a model; None where it would not.
+        """Return why a calibration would be rejected with a model; None if it would not.
 
         A plan depends on the model, with its rig file, and on the request, which is always the
-        same. It is made once for each model in use, since a plan can take a quarter of a second.
+        same. It is computed once for each model in use, since a plan can take a quarter of a
+        second.
         """
         model, known = self._refusals
         if model is not used:
@@ -178,7 +179,7 @@ class Calibrations:
         return used.version
 
     def _supersede(self, accepted: JobRow) -> None:
-        """What was accepted before of the same kind, or waits since before, is superseded."""
+        """Mark older proposals of the same kind, accepted or undecided, as superseded."""
         kind = _result(accepted).calibration
         before: int | None = None
         while rows := self._rows(PAGE, before):
@@ -231,7 +232,7 @@ def _result(row: JobRow) -> CalibrationResult:
 def _beside(
     value: dict[str, Any], in_use: dict[str, Any], sources: dict[str, str]
 ) -> ProposedValue:
-    """Return a proposed value with the one in use, and the difference where both are numbers."""
+    """Return a proposed value with the one in use, and the difference if both are numbers."""
     quantity, found = value["quantity"], value["value"]
     present = in_use[quantity]
     numbers = isinstance(found, int | float) and isinstance(present, int | float)
@@ -250,12 +251,12 @@ def _percent(difference: float, of: float) -> float | None:
 
 
 LOOKED_AT = 500
-"""Newest proposals among which the checklist looks for those that wait for a decision."""
+"""Number of newest proposals that the checklist searches for undecided ones."""
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A calibration with its functions, and what those before it find."""
+    """A calibration with its functions, and the quantities that the steps before it find."""
 
     variant: Variant
     functions: CalibrationFunctions
@@ -264,7 +265,7 @@ class Step:
 
 @cache
 def ordered() -> tuple[Step, ...]:
-    """Return every calibration after those that find what it assumes; else by its place."""
+    """Return all calibrations, each after those that find what it assumes, otherwise by place."""
     found = {name: functions_of(name) for name in KIND.variants}
     waiting = {name: functions for name, functions in found.items() if functions.of_bring_up}
     steps: list[Step] = []
@@ -276,7 +277,7 @@ def ordered() -> tuple[Step, ...]:
 
 
 def _first(waiting: dict[str, CalibrationFunctions]) -> str:
-    """Return the first that assumes nothing which another finds; where each does, the first."""
+    """Return the first calibration that assumes nothing another one finds; otherwise the first."""
     for name, functions in waiting.items():
         others = (other for other in waiting.values() if other is not functions)
         if not any(set(functions.assumes) & set(other.finds) for other in others):
@@ -285,7 +286,7 @@ def _first(waiting: dict[str, CalibrationFunctions]) -> str:
 
 
 def checklist(model: RigModel, calibrations: Calibrations) -> Checklist:
-    """Return the checklist of a rig, by the model in use and the proposals."""
+    """Return the checklist of a rig, from the model in use and the proposals."""
     newest = [proposal for _, proposal in calibrations.newest(LOOKED_AT)]
     proposals = [*calibrations.in_use(), *newest]
     steps: list[ChecklistStep] = []
@@ -303,7 +304,7 @@ def checklist(model: RigModel, calibrations: Calibrations) -> Checklist:
 def _step(
     step: Step, model: RigModel, calibrations: Calibrations, proposals: Sequence[Proposal]
 ) -> ChecklistStep:
-    """Return one step; one that is still to be made is ``later``."""
+    """Return one step; a step that has to be done is marked ``later``."""
     used, variant = model.in_use, step.variant
     accepted = next((p for p in proposals if p.id in used.calibration.sources.values()), None)
     newest = next((p for p in proposals if p.state == "proposed"), None)
@@ -342,7 +343,7 @@ def _step(
 def _reasons(
     step: Step, model: RigModel, accepted: Proposal | None, newest: Proposal | None
 ) -> Iterator[StepReason]:
-    """Yield why a calibration is to be made or decided about; nothing where it is done."""
+    """Yield reasons why a calibration must be done or decided on; empty if it is finished."""
     if newest is not None:
         yield StepReason(
             code="proposed", text=f"{newest.id} proposes values: accept or discard them"
@@ -366,7 +367,7 @@ def _reasons(
 
 
 def _refusal(step: Step, request: Mapping[str, Any], used: ModelInUse) -> StepReason | None:
-    """Return why a calibration would be refused with a model; None where it would not."""
+    """Return why a calibration would be rejected with a model; None if it would not."""
     try:
         step.functions.program(step.variant.request.model_validate(request), used, Present())
     except UnsupportedError as error:
@@ -391,7 +392,7 @@ def _need(code: NeedCode, rig: RigFile) -> BenchNeed:
 
 
 def model_view(model: RigModel) -> ModelView:
-    """Return what is in use, quantity by quantity, and the versions there are."""
+    """Return the model in use, by quantity, and the existing versions."""
     used, now = model.in_use, datetime.now(UTC)
     return ModelView(
         rig=model.file.rig.name,
@@ -442,7 +443,7 @@ def _version(model: RigModel, number: int) -> ModelVersion:
 
 
 def use_model(model: RigModel, version: int) -> ModelView:
-    """Go over to a version; raises ProblemError where it cannot be used."""
+    """Change to a version of the model; raises ProblemError if it cannot be used."""
     there = model.files.numbers()
     if version and version not in there:
         raise not_found("version of the model", str(version), [str(one) for one in (0, *there)])

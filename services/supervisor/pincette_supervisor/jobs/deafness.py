@@ -1,4 +1,4 @@
-"""Whether the loop is silent, or the supervisor does not hear it.
+"""Decision whether the loop is silent, or the supervisor does not receive its messages.
 
 A supervisor that is not scheduled, or whose router is not, hears nothing of a loop that is well:
 the programs of the loop are linked to each other, not through the supervisor. To trip it then would
@@ -27,27 +27,30 @@ OTHERS = (Position, Estimate, Telemetry)
 ACTUATOR = "actuator"
 CAUSE = "supervisor.deaf"
 BESIDE_THE_SUPERVISOR = ("supervisor", "recorder")
-"""Programs that a rig with a router upstream has on the supervisor's side."""
+"""Programs that run on the supervisor's side if a rig has a router upstream."""
 HEARD_SHARE = 0.5
-"""Share of the limit of silence within which another program has been heard that is heard now. One
-that was cut off together with the actuator was heard last a little after it."""
+"""Share of the limit of silence within which another program must have been received to count as
+present. One that was cut off together with the actuator was last received a little after it."""
 
 
 class Silence:
-    """Judges silences of one job's loop in real time; of a loop in lockstep by its words alone."""
+    """Detects a silent loop of one job in real time; in lockstep by the programs' state alone."""
 
     def __init__(self, context: RigContext, tracker: Tracker, epoch: int, lease_s: float) -> None:
-        """``lease_s``: after so long without the supervisor the loop ends by itself; 0: never."""
+        """Create the detector.
+
+        ``lease_s``: time without supervisor after which the loop ends; 0: never.
+        """
         self._context, self._tracker, self._epoch = context, tracker, epoch
         self._lease_s = lease_s
         self._told = False
         self.excused = False
-        """Whether what was asked last has shown that the loop is well, or has ended."""
+        """True if the last query has shown that the loop works, or has ended."""
         self.cut_off = False
-        """True where no program was heard or has answered, so that the loop ends by its lease."""
+        """True if no program was received or has replied, so that the loop ends by its lease."""
 
     def words(self, lasts_s: float, job: str) -> str:
-        """Why the loop counts as silent after so long without a sample; empty where it does not."""
+        """Return why the loop counts as silent after this time without a sample; empty if not."""
         self.excused = self.cut_off = False
         words = silent_words(self._context, self._tracker, lasts_s)
         if not words or self._context.rig.lockstep or self._actuator_has_ended():
@@ -71,13 +74,13 @@ class Silence:
         return ""
 
     def _actuator_has_ended(self) -> bool:
-        """Return whether the actuator's token has vanished while others on its side are seen."""
+        """Return whether the actuator's token has vanished while others on its side are present."""
         observer = self._context.observer
         without = BESIDE_THE_SUPERVISOR if self._context.rig.bus.apart else ()
         return bool(observer.gone((ACTUATOR,))) and observer.sees_any(without)
 
     def _cut_off_words(self, lasts_s: float) -> str:
-        """Return why a job ends of which nothing has been heard for longer than its lease."""
+        """Return the cause of a job's end after a silence longer than its lease."""
         return (
             f"no program of the rig was heard or has answered for {lasts_s:.1f} s: the router has "
             "ended or hangs, or the network is cut. The controller stops by itself when its lease "
@@ -85,14 +88,14 @@ class Silence:
         )
 
     def _hears(self) -> bool:
-        """Return whether any other program of the loop is heard."""
+        """Return whether messages of any other program of the loop arrive."""
         observer = self._context.observer
         limit_s = HEARD_SHARE * silence_limit_s(self._context.rig)
         ages_s = [observer.silent_s(kind) for kind in OTHERS]
         return any(age_s is not None and age_s <= limit_s for age_s in ages_s)
 
     def _tell(self, lasts_s: float, job: str) -> None:
-        """Once a job, since what follows is the same."""
+        """Raise the alarm, once for each job, since later silences have the same cause."""
         if self._told:
             return
         self._told = True

@@ -1,8 +1,8 @@
 """Rules that decide what a running job does next.
 
-``STATES`` defines the transitions between states. ``RULES`` defines which event, or which order to
-the rig, follows from the facts that ``JobMonitor`` has collected. The first rule that applies gives
-the command. After the command is carried out, the facts are collected again.
+``STATES`` defines the transitions between states. ``RULES`` defines which event, or which command
+to the rig, follows from the facts that ``JobMonitor`` has collected. The first rule that applies
+gives the command. After the command is carried out, the facts are collected again.
 """
 
 from collections.abc import Callable
@@ -27,9 +27,9 @@ ABORTING: States = frozenset({"aborting"})
 PLAYED: States = TRIPPABLE | ABORTING
 """States of a job whose program is loaded and that has not ended."""
 Asked = Literal["no", "refused", "accepted", "effective"]
-"""Progress of the order that the present state gives the controller."""
+"""Progress of the command that the present state gives the controller."""
 Why = tuple[str, Ending]
-"""Words and code of a cause."""
+"""Message and code of a cause."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -56,20 +56,20 @@ class Facts:
     lease: Why | None = None
     """Cause if the controller has stopped because its lease expired."""
     cut_short: Why | None = None
-    """Cause if the part was let go before the force or path asked for had begun."""
+    """Cause if the part was released before the requested force or path had begun."""
     lack: Why | None = None
     """Cause if more samples are missing than the kind of job allows."""
     asked: Asked = "no"
     stop_acts: bool = False
     """True once a stop has taken effect."""
     pause_asked: bool = False
-    """True from the order to pause until the program goes on."""
+    """True from the request to pause until the program continues."""
     trip_asked: bool = False
-    """True once the actuator was ordered to trip."""
+    """True once the actuator was requested to trip."""
     given_up: bool = False
     """True once the job was stopped because samples are missing."""
     on_stop: ActionCode = ActionCode.STOP
-    """Order to the controller for a stop."""
+    """Command to the controller for a stop."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,14 +82,14 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class Ask:
-    """Order an action of the controller; sent once in each state."""
+    """Request an action of the controller; sent once in each state."""
 
     action: ActionCode
 
 
 @dataclass(frozen=True, slots=True)
 class AskTrip:
-    """Order the actuator to trip."""
+    """Request a trip of the actuator."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""A live job: its state, moved by events along the transition table."""
+"""A live job: its state, which events move along the transition table."""
 
 import asyncio
 import logging
@@ -22,7 +22,7 @@ from pincette_supervisor.rigs.rig_context import RigContext
 
 log = logging.getLogger(__name__)
 URGENT: tuple[Event, ...] = ("stop", "abort", "trip", "overdue")
-"""Events that stop a rig: they take effect before they are stored."""
+"""Events that stop a rig; they take effect before they are stored."""
 DEFAULT_ENDING: Mapping[JobState, EndingCode] = {
     "succeeded": "done",
     "stopped": "requested",
@@ -80,7 +80,7 @@ class JobStatus:
     """Time in states in which the program plays, without the present one."""
     cause: str = ""
     ending: Ending | None = None
-    """Reason of the end, by what was found first; of an ended job never None."""
+    """Reason of the end, by what was found first; never None for an ended job."""
     held: bool = False
     """True while the job holds a part."""
     letting_go: bool = False
@@ -90,9 +90,9 @@ class JobStatus:
     waiting: int | None = None
     """Segment of the program that waits for a person."""
     next_job: JobRequest | None = None
-    """Request of the job that goes on after a stall, or after the arm went too far."""
+    """Request of the job that continues after a stall or an exceeded position limit."""
     stalled: bool = False
-    """True if a stall tripped the job; the job that goes on resets the latch."""
+    """True if a stall tripped the job; the job that continues resets the latch."""
 
     @property
     def terminal(self) -> bool:
@@ -123,18 +123,18 @@ class LiveJob:
     ) -> None:
         self.id, self.kind, self.request = row.id, row.kind, request
         self.row = row
-        """The journal's row as it was at the start, with the actions since then."""
+        """Journal row at the start of the job, with the actions since then."""
         self.planned = planned
         """Plan; None for a queued job until it starts."""
         self.epoch = 0
         """Epoch of its samples; 0 before it is armed."""
         self.renewal: Renewal | None = None
-        """Renews the lease under which its program plays."""
+        """Renewal of the lease under which the program plays."""
         self.status = JobStatus(
             id=row.id, state=row.state, revision=row.revision, entered_at=context.clock()
         )
         self.interrupted = False
-        """Set where the supervisor ends."""
+        """Set when the supervisor shuts down."""
         self.wake = threading.Event()
         self.done = threading.Event()
         """Set once nothing moves any more and the rig is free."""
@@ -143,18 +143,18 @@ class LiveJob:
         self.recorded.set()
         self._context, self._store, self._changes = context, context.store, out
         self._lock = threading.RLock()
-        """Held by a change of the state or of the actions until its write is submitted."""
+        """Lock held by a change of the state or of the actions until its write is submitted."""
         self._replacing = threading.RLock()
-        """Held while the status is replaced; never while anything else is waited for."""
+        """Lock held while the status is replaced; never during any other wait."""
         self._passed = -1
         """Newest segment whose wait a person has confirmed."""
         self._actions: list[tuple[int, ActionType]] = []
-        """Actions without effect so far, each with its number within the job."""
+        """Actions that have not taken effect yet, each with its number within the job."""
         self._action_count = len(row.actions)
 
     @property
     def rests_with_part(self) -> bool:
-        """True while the job does nothing but keep a part at rest, until it is told to go on."""
+        """Return True while the job only keeps a part at rest, until a request continues it."""
         status, planned = self.status, self.planned
         if not status.held or status.letting_go:
             return False
@@ -168,7 +168,7 @@ class LiveJob:
             self.status = replace(self.status, **values)
 
     def revise(self, revision: int) -> None:
-        """Note a revision of the journal's row."""
+        """Set the revision of the journal's row."""
         with self._replacing:
             self.update(revision=max(self.status.revision, revision))
 
@@ -180,7 +180,7 @@ class LiveJob:
         only_from: JobState | None = None,
         ending: Ending | None = None,
     ) -> bool:
-        """Follow an event, if in ``only_from``; raises TransitionError where it has no place."""
+        """Apply an event, if in ``only_from``; raises TransitionError if it is not permitted."""
         with self._lock:
             if only_from is not None and self.status.state != only_from:
                 return False
@@ -216,7 +216,7 @@ class LiveJob:
         return True
 
     def _enter(self, state: JobState, moves: int, revision: int) -> None:
-        """Set the state, unless it has changed ``moves`` times already."""
+        """Set the state, unless the job has already moved ``moves`` times."""
         with self._replacing:
             self.revise(revision)
             before, now = self.status, self._context.clock()
@@ -236,7 +236,7 @@ class LiveJob:
         then: Callable[[int], None] | None = None,
         wait: bool = True,
     ) -> None:
-        """Write a change of the job to the journal, with an event where a kind is given.
+        """Write a change of the job to the journal, with an event if a kind is given.
 
         Parameters
         ----------
@@ -293,7 +293,7 @@ class LiveJob:
                 self.move(event if known else "confirm", cause, ending=ending if known else None)
 
     def abort_trip(self, why: str = "") -> Trip:
-        """Return the trip of an abort: a freeze, unless the request says ramp.
+        """Return the trip of an abort: a freeze, unless the request asks for a ramp.
 
         Parameters
         ----------
@@ -316,7 +316,7 @@ class LiveJob:
             self.update(cause=known.cause or cause, ending=known.ending or ending)
 
     def append_cause(self, cause: str) -> None:
-        """Add a cause after the job's end."""
+        """Append a cause after the job's end."""
         with self._replacing:
             known = self.status.cause
             self.update(cause=f"{known}; {cause}" if known else cause)
@@ -340,7 +340,7 @@ class LiveJob:
         self.notify()
 
     def confirm_wait(self, segment: int) -> None:
-        """Note that a person has confirmed the wait of a segment."""
+        """Record that a person has confirmed the wait of a segment."""
         with self._replacing:
             self._passed = max(self._passed, segment)
             waits = self.status.waiting == segment
@@ -350,7 +350,7 @@ class LiveJob:
             self.store()
 
     def record_action(self, action: ActionType, by: str) -> None:
-        """Note an action, and have it stored; waits for no disk."""
+        """Record an action and submit its write, without waiting for the disk."""
         row = ActionRow(action, utc_now(), by)
 
         def change() -> int:
@@ -390,7 +390,7 @@ class LiveJob:
         self.wake.clear()
 
     def finish_record(self) -> None:
-        """Note that its record is written."""
+        """Mark the record as written."""
         self.recorded.set()
         self.store()
 

@@ -1,6 +1,7 @@
-"""The jobs of a rig by name: how each stands, whether it waits, lives, or is over.
+"""Jobs of a rig by name, with their state: queued, live or ended.
 
-Requests that wait for a change ask here again and again; of these only ``job`` reads the journal.
+Requests that wait for a change poll this index; of its methods for them only ``job`` reads the
+journal.
 """
 
 import hashlib
@@ -31,7 +32,7 @@ from pincette_supervisor.rigs.rig_context import RigContext
 # A new job's row in the journal, and a job's form in REST.
 
 SAID = ("sample", "batch", "operator", "notes", "labels", "pinned")
-"""Members of a job that a person writes."""
+"""Members of a job that a person edits."""
 
 
 def new_row(request: JobRequest, planned: Planned, rig: str, by: str | None) -> JobRow:
@@ -59,7 +60,7 @@ def new_row(request: JobRequest, planned: Planned, rig: str, by: str | None) -> 
 
 
 def fingerprint_of(request: JobRequest) -> str:
-    """Return a digest that is equal for equal requests."""
+    """Return a digest of a request, which is the same for equal requests."""
     tree = request.model_dump(mode="json", exclude_unset=True)
     text = json.dumps({**tree, "kind": request.kind}, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
@@ -73,7 +74,7 @@ def _ending(row: JobRow) -> Ending | None:
 def job_view(
     row: JobRow, live: LiveJob | None, position: int | None, records: Path, left: Left = NOTHING
 ) -> Job:
-    """Return one job, with its live state and its place in the queue where it has one."""
+    """Return one job, with its live state and its place in the queue if it has one."""
     status = None if live is None else live.status
     if status is not None and status.revision > row.revision:  # not written to the journal yet
         ended = status.ending.model_dump(mode="json") if status.terminal and status.ending else None
@@ -141,23 +142,23 @@ class JobIndex:
     def __init__(self, context: RigContext, queue: JobQueue, changes: ChangeNotifier) -> None:
         self._context, self._queue, self._changes = context, queue, changes
         self._lives: tuple[LiveJob, ...] = ()
-        """The job that was started last, after those whose records are still being written."""
+        """The most recently started job, after those whose records are still being written."""
         self.left = NOTHING
-        """The job whose record an earlier supervisor has left open."""
+        """Job whose record an earlier supervisor has left open."""
 
     @property
     def newest(self) -> LiveJob | None:
-        """The job that was started last."""
+        """Return the most recently started job."""
         return next(reversed(self._lives), None)
 
     @property
     def active(self) -> LiveJob | None:
-        """The job that has the rig; a stopped job keeps it while it holds a part."""
+        """Return the job that has the rig; a stopped job keeps it while it holds a part."""
         live = self.newest
         return None if live is None or live.done.is_set() else live
 
     def started(self, live: LiveJob) -> None:
-        """Add a job that starts, and drop the jobs whose records are complete."""
+        """Add a job that starts, and remove the jobs whose records are complete."""
         self._lives = (*(one for one in self._lives if not one.recorded.is_set()), live)
 
     def job(self, name: str) -> Job:
@@ -171,16 +172,16 @@ class JobIndex:
         return self.view(refusals.require_job(self._context.store, name))
 
     def view(self, row: JobRow) -> Job:
-        """Return a job of the journal as it stands."""
+        """Return a job of the journal in its present state."""
         live, place = self._live(row.id), self._queue.position(row.id)
         return job_view(row, live, place, self._context.records, self.left)
 
     def has_job(self, name: str) -> bool:
-        """Return whether a job is queued or was started last."""
+        """Return whether a job is queued or was started most recently."""
         return self._queue.entry(name) is not None or self._live(name) is not None
 
     def is_over(self, name: str) -> bool:
-        """Return whether a job has ended, and no release of its part is going on."""
+        """Return whether a job has ended, and no release of its part is in progress."""
         waits = self._queue.entry(name) is not None
         if waits or (live := self._live(name)) is None:
             return not waits
@@ -188,7 +189,7 @@ class JobIndex:
         return live.done.is_set() or (status.terminal and not status.letting_go)
 
     def is_recorded(self, name: str) -> bool:
-        """Return whether a job has ended, and its record is written."""
+        """Return whether a job has ended and its record is written."""
         if not self.is_over(name):  # asked first: from its end on the event tells of its record
             return False
         live = self._live(name)
@@ -196,7 +197,7 @@ class JobIndex:
         return written and not self.left.being_written(name)
 
     def wait_for_records(self, timeout_s: float) -> None:
-        """Wait until the records of ended jobs are written, together for ``timeout_s`` at most."""
+        """Wait until the records of ended jobs are written, for at most ``timeout_s`` in total."""
         deadline = monotonic() + timeout_s
         for live in self._lives:
             if live.status.terminal:
@@ -216,14 +217,14 @@ class JobIndex:
         return self._queue.entry(name) is None and (live is None or live.done.is_set())
 
     def is_settled(self, name: str) -> bool:
-        """Return whether a job follows from its journal row alone, at each revision of it."""
+        """Return whether a job depends on its journal row alone, at each revision of it."""
         if self._queue.entry(name) is not None or self.left.being_written(name):
             return False
         live = self._live(name)
         return live is None or (live.done.is_set() and live.recorded.is_set())
 
     def note_revision(self, name: str, revision: int) -> None:
-        """Let those who wait for a change of a job know of one that the journal has."""
+        """Notify those who wait for a change of a job of a new revision in the journal."""
         if (entry := self._queue.entry(name)) is not None:
             entry.revision = max(entry.revision, revision)
         if (live := self._live(name)) is not None:
@@ -231,7 +232,7 @@ class JobIndex:
         self._changes.notify_all()
 
     def edit(self, name: str, said: JobEdit, by: str) -> Job:
-        """Keep what a person says of a job, in the journal and in the documents of its record."""
+        """Store a person's annotations of a job, in the journal and in its record's documents."""
         context = self._context
         values = said.model_dump(exclude_none=True)
         refusals.require_job(context.store, name)
@@ -249,7 +250,7 @@ class JobIndex:
         return self.job(name)
 
     def delete_record(self, name: str, by: str) -> Job:
-        """Delete the files of a job that has ended; the journal keeps the job and its result."""
+        """Delete the files of an ended job; the journal keeps the job and its result."""
         context, active = self._context, self.active
         row = refusals.require_job(context.store, name)
         if active is not None and active.id == name:
@@ -271,7 +272,7 @@ class JobIndex:
         return self.job(name)
 
     def _live(self, name: str) -> LiveJob | None:
-        """Return a job that was started and may not be recorded yet; look into the queue first."""
+        """Return a started job that may not be recorded yet; search the queue first."""
         return next((live for live in self._lives if live.id == name), None)
 
 

@@ -43,9 +43,9 @@ from pincette_supervisor.watch import AlarmMonitor
 # A key may be stopped before its job is there, as long as this supervisor runs: no job comes of it.
 
 WAITING = 12
-"""Requests that wait for another one with their key, at most: each keeps a thread."""
+"""Largest number of requests that wait for another one with their key: each uses a thread."""
 STOPPED = 1000
-"""Keys that are known as stopped, the newest of them."""
+"""Largest number of stopped keys in memory; newer ones replace the oldest."""
 
 
 @dataclass(slots=True)
@@ -65,7 +65,7 @@ class KeyTurns:
         self._created: dict[str, str] = {}
 
     def note_created(self, key: str | None, job: str) -> None:
-        """Note which job a key has created, so that its stop need not read the journal."""
+        """Store which job a key has created, so that its stop need not read the journal."""
         if key is None:
             return
         while len(self._created) >= STOPPED:
@@ -73,17 +73,20 @@ class KeyTurns:
         self._created[key] = job
 
     def created(self, key: str) -> str | None:
-        """Return the job that a key has created while this supervisor runs; None if unknown."""
+        """Return the job that a key has created since the supervisor started; None if unknown."""
         return self._created.get(key)
 
     def stop(self, key: str) -> None:
-        """Let no job come of a key; one that is being accepted is in the journal on return."""
+        """Prevent any job of a key; a job that is being accepted is in the journal on return."""
         with self._accepting:
             self._stopped.append(key)
 
     @contextmanager
     def accepting(self, key: str | None) -> Generator[None]:
-        """While a job is written to the journal; raises ProblemError where its key is stopped."""
+        """Guard the write of a new job to the journal.
+
+        Raises ProblemError if its key is stopped.
+        """
         with self._accepting:
             if key in self._stopped:
                 raise ProblemError(
@@ -96,7 +99,7 @@ class KeyTurns:
 
     @contextmanager
     def of(self, key: str | None) -> Generator[None]:
-        """Hold a key, once no other request holds it; raises ProblemError where too many wait."""
+        """Hold a key once no other request does; raises ProblemError if too many wait."""
         if key is None:
             yield
             return
@@ -137,25 +140,25 @@ ARMED: tuple[JobState, ...] = (
     "stopping",
     "stopped",
 )
-"""States in which an abort is asked of the actuator."""
+"""States in which an abort is requested from the actuator."""
 Moving = Literal["start", "pause", "resume", "stop", "abort"]
-"""Actions that change the state of a job by themselves."""
+"""Actions that change the state of a job directly."""
 ENDS: dict[ActionType, JobState] = {"stop": "stopped", "abort": "aborted"}
 
 FREED_S = 15.0
-"""Longest wait for a job that has ended to release the rig, in s; usually a few milliseconds."""
+"""Longest wait in s until an ended job has released the rig; usually a few milliseconds."""
 KEPT_S = 15.0
-"""Within this time a job that only holds a part hands it over, and its record is closed."""
+"""Time in s within which a job that only holds a part hands it over, and its record is closed."""
 
 
 class JobActions:
-    """Takes actions on jobs; each is stored with its requester, and waits for no disk."""
+    """Performs actions on jobs; each is stored with its requester, without waiting for a disk."""
 
     def __init__(self, context: RigContext) -> None:
         self._context = context
 
     def on_queued(self, queue: JobQueue, entry: Entry, action: ActionType, by: str) -> None:
-        """Take a job out of the queue; raises ProblemError for another action."""
+        """Remove a job from the queue; raises ProblemError for another action."""
         allowed = allowed_actions("queued", held=False)
         if action not in allowed:
             raise invalid_action(action, "queued", allowed)
@@ -167,13 +170,19 @@ class JobActions:
         queue.remove(entry, ENDS[action])
 
     def on_ended(self, row: JobRow, action: ActionType) -> bool:
-        """True where an ended job has the state of the action; raises ProblemError otherwise."""
+        """Return True if an ended job has the state of the action.
+
+        Raises ProblemError otherwise.
+        """
         if row.state in HOLDS[action]:
             return True
         raise invalid_action(action, row.state, [])
 
     def on_live(self, live: LiveJob, action: ActionType, by: str) -> bool:
-        """Act on a live job; true where it has the action's state already; raises ProblemError."""
+        """Act on a live job; return True if it has the action's state already.
+
+        Raises ProblemError.
+        """
         status = live.status
         state, waiting = status.state, status.waiting
         allowed = allowed_actions(state, held=status.held, waiting=waiting is not None)
@@ -204,7 +213,7 @@ class JobActions:
 
 
 def _moved(live: LiveJob, action: Moving, state: JobState) -> bool:
-    """Whether a job takes an action; a stop goes on where the job's state has just gone on."""
+    """Return whether a job accepts an action; a stop continues if the job has just moved on."""
     while not live.status.terminal and state not in HOLDS[action]:
         if live.move(action, only_from=state):
             return True
@@ -222,9 +231,9 @@ def await_end(active: LiveJob | None) -> None:
 
 
 def hand_over(context: RigContext, active: LiveJob | None, planned: Planned) -> None:
-    """End a job that only holds a part where the next one begins held; raises ProblemError.
+    """End a job that only holds a part, for a next job with a held part; raises ProblemError.
 
-    A new force is also taken from a job that still runs, and that holds its part until a release.
+    A new force also takes the part from a job that still runs and holds it until a release.
     """
     if active is None or not planned.begins_held:
         return
@@ -262,21 +271,21 @@ class JobManager:
 
     @property
     def name(self) -> str:
-        """Name of the rig."""
+        """Return the name of the rig."""
         return self.context.rig.rig.name
 
     @property
     def closed(self) -> bool:
-        """Whether it accepts no more jobs: the supervisor ends, or the rig is served anew."""
+        """Return whether no more jobs are accepted: the supervisor ends, or the rig is reopened."""
         return self._closing
 
     @property
     def active(self) -> LiveJob | None:
-        """The job that has the rig; a stopped job keeps it while it holds a part."""
+        """Return the job that has the rig; a stopped job keeps it while it holds a part."""
         return self.index.active
 
     def recover(self, unfinished: list[str]) -> None:
-        """Recover from an earlier run of the supervisor; nothing moves by itself."""
+        """Recover from an earlier run of the supervisor; this moves nothing."""
         context = self.context
         # Marked already, unless the journal could not be written, as on a full disk.
         left = [name for name in context.store.unfinished() if name in unfinished]
@@ -294,12 +303,12 @@ class JobManager:
 
     @property
     def _moving(self) -> bool:
-        """True while a job moves the arm or is about to move it."""
+        """Return True while a job moves the arm or is about to move it."""
         live = self.active
         return live is not None and not live.status.terminal
 
     def resolve(self, request: JobRequest) -> ResolvedRequest:
-        """Look up what a request leaves out; raises ProblemError."""
+        """Resolve the missing members of a request; raises ProblemError."""
         if request.plays is not None:  # the job whose motion is repeated may just have ended
             self.index.wait_for_records(WRITTEN_S)
         return planner.resolve(self.context, request, moving=self._moving)
@@ -309,7 +318,7 @@ class JobManager:
         return planner.plan(self.context, self.resolve(request))
 
     def _feasible(self, request: JobRequest) -> tuple[ResolvedRequest, Planned]:
-        """Resolve and plan a request; raises ProblemError, also for a limit that it breaks."""
+        """Resolve and plan a request; raises ProblemError, also if it exceeds a limit."""
         resolved = self.resolve(request)
         return resolved, refusals.require_feasible(planner.plan(self.context, resolved))
 
@@ -323,7 +332,10 @@ class JobManager:
         gone: Callable[[], bool] = lambda: False,
         claim: str | None = None,
     ) -> tuple[Job, bool]:
-        """Take a job, unless its caller is ``gone``; the flag: its key has created it already."""
+        """Create a job, unless its caller is ``gone``.
+
+        The flag is True if its key created it earlier.
+        """
         fingerprint = fingerprint_of(request)
         with self.turns.of(key):
             known = None if key is None else self.context.store.created(key)
@@ -356,7 +368,7 @@ class JobManager:
         key: str | None = None,
         fingerprint: str = "",
     ) -> str:
-        """Store a job and start or queue it; returns its name. The caller holds the lock."""
+        """Store a job and start or queue it; return its name. The caller holds the lock."""
         request = resolved.kept
         if self._closing:
             raise refusals.unready(
@@ -390,7 +402,7 @@ class JobManager:
         self._thread.start()
 
     def _plan_queued(self, live: LiveJob) -> Planned:
-        """Resolve and plan a queued job whose turn has come; raises ProblemError."""
+        """Resolve and plan the queued job that is next; raises ProblemError."""
         resolved, planned = self._feasible(live.request)
         live.request = resolved.request
         return planned
@@ -417,7 +429,7 @@ class JobManager:
                     live.finish()
 
     def _go_on(self, live: LiveJob, request: JobRequest) -> None:
-        """Start the job that goes on; where that fails, halt the queue and say why."""
+        """Start the continuing job; if that fails, halt the queue with the reason."""
         by = f"job {live.id}"
         try:
             if live.status.stalled:
@@ -455,7 +467,10 @@ class JobManager:
         self.changes.notify_all()
 
     def perform(self, name: str, action: ActionType, by: str) -> tuple[Job, bool]:
-        """Perform an action on a job; the flag: nothing was left to do; raises ProblemError."""
+        """Perform an action on a job; the flag is True if nothing was left to do.
+
+        Raises ProblemError.
+        """
         live = self.active
         if live is None or live.id != name:
             # Whoever holds the lock may wait for a disk, which a stop of the live job must not.
@@ -474,14 +489,14 @@ class JobManager:
 
     @contextmanager
     def free(self) -> Generator[None]:
-        """Nothing runs and nothing begins within the block; raises ProblemError where one runs."""
+        """Block jobs within the block; raises ProblemError if one is running."""
         await_end(self.active)
         with self._lock:
             refusals.require_free(self.active)
             yield
 
     def retire(self) -> bool:
-        """Accept no more jobs; returns False, without effect, if one is active or queued."""
+        """Accept no more jobs; return False, without effect, if one is active or queued."""
         with self._lock:
             if self.active is not None or len(self.queue):
                 return False
@@ -489,7 +504,7 @@ class JobManager:
             return True
 
     def close(self) -> None:
-        """End: a job that runs becomes ``interrupted`` and the rig is asked to stop."""
+        """Shut down: a running job becomes ``interrupted``, and the rig is requested to stop."""
         self._closing = True
         live, thread = self.index.newest, self._thread
         if live is not None and thread is not None:

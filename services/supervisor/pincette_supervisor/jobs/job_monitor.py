@@ -1,4 +1,4 @@
-"""Follows the samples of a job to their end, and passes its actions on to the rig."""
+"""Monitoring of a job: follows its samples to their end and passes its actions to the rig."""
 
 from collections.abc import Callable
 from time import monotonic
@@ -45,14 +45,14 @@ from pincette_supervisor.rigs.rig_context import RigContext
 # has only not seen it yet: that time is not the job's.
 
 STANDSTILL_S = 0.25
-"""Between two looks; what goes beyond it was a standstill of the one who looks."""
+"""Longest normal interval between two checks, in s; the excess counts as a scheduling stall."""
 
 RELEASING = ("unload", "release", "retreat")
 """Phases that a stop plays if ``on_stop`` releases the part."""
 
 
 class Watch:
-    """The deadlines of one job."""
+    """Deadlines of one job."""
 
     def __init__(
         self,
@@ -62,7 +62,10 @@ class Watch:
         clock: Callable[[], float],
         look_clock: Callable[[], float] = monotonic,
     ) -> None:
-        """``clock`` is that of the job's states; ``look_clock`` measures the looks."""
+        """Create the deadlines.
+
+        ``clock`` is that of the states, ``look_clock`` that of the checks.
+        """
         self._job, self._planned, self._tracker = job, planned, tracker
         self._clock, self._look_clock = clock, look_clock
         self._looked_s = look_clock()
@@ -70,7 +73,7 @@ class Watch:
         self._moves = -1
 
     def look(self) -> None:
-        """Look once."""
+        """Check the clock once, and add the time of a scheduling stall."""
         now_s = self._look_clock()
         missed_s = max(0.0, now_s - self._looked_s - STANDSTILL_S)
         self._looked_s = now_s
@@ -99,7 +102,7 @@ class Watch:
 def deadline_s(
     state: JobState, planned: Planned | None, rig: RigFile, on_stop: OnStop
 ) -> float | None:
-    """Return the time in s after which a state has taken too long; None if it may last."""
+    """Return the time limit of a state, in s; None if it may last indefinitely."""
     row = STATES[state]
     if row.deadline_s is None:
         return None
@@ -122,9 +125,9 @@ def _release_s(planned: Planned) -> float:
 
 
 def silence_s(rig: RigFile, reason: TripReason) -> float | None:
-    """For how long no command came before a trip by a stall, in s; None of another trip.
+    """Return the time without a command before a trip by a stall, in s; None for another trip.
 
-    What is told beside the silence is its cause, such as a reading that failed; and lockstep has no
+    Faults in addition to the silence are its cause, such as a failed reading. Lockstep has no
     clock.
     """
     codes = [one.code for one in reason.faults]
@@ -138,9 +141,9 @@ INSTRUMENTS = {"sensor": "sensor", "actuator": "output"}
 
 
 def exchange_fault(context: RigContext, reason: TripReason) -> Fault | None:
-    """Return what the newest exchanges with the instruments took, for a trip by age; else None.
+    """Return the duration of the newest instrument exchanges for a trip by age; otherwise None.
 
-    Asks the programs, so that readings shortly before the trip are among them.
+    It queries the programs, so that readings shortly before the trip are included.
     """
     if context.rig.lockstep or reason.cause != Cause.COMMAND_AGE:
         return None
@@ -158,7 +161,7 @@ def exchange_fault(context: RigContext, reason: TripReason) -> Fault | None:
 
 
 def stall_words(context: RigContext, reason: TripReason) -> str:
-    """Return what this machine kept and what to change, for people; empty of another trip."""
+    """Return what delayed this machine and what to change, in words; empty for another trip."""
     rig = context.rig
     silent_s = silence_s(rig, reason)
     if silent_s is None:
@@ -179,11 +182,11 @@ def stall_words(context: RigContext, reason: TripReason) -> str:
 
 
 LOOK_S = 0.02
-"""Interval in which the run takes new messages."""
+"""Interval at which the run processes new messages, in s."""
 LATE_S = 0.5
-"""Time within which the last samples of a run may arrive after the one that ended it."""
+"""Time within which the last samples of a run may arrive after the one that ended it, in s."""
 PROGRESS_S = 0.2
-"""Shortest time between two progress events."""
+"""Shortest interval between two progress events, in s."""
 CUT_SHORT: Why = (
     "the part was released while it was loaded: the force asked for was not reached",
     Ending(code="requested"),
@@ -193,7 +196,7 @@ TOUCHED = (Outcome.CONTACT, Outcome.OVERFORCE)
 
 
 class JobMonitor:
-    """One job from its first sample to its last."""
+    """Monitors one job from its first sample to its last."""
 
     def __init__(
         self,
@@ -220,26 +223,26 @@ class JobMonitor:
         self._missing = MissingSamples(planned, job.epoch, self._rig.rig.period_s)
         self._last_message_at = context.observer.awake_clock()
         self._applied: Applied | None = None
-        """The actuator's newest sample."""
+        """Newest sample of the actuator."""
         self._over_at: float | None = None
         self._last_fetched = False
         """True once the controller's last sample was fetched, because samples did not arrive."""
         self._progress_sent_at = float("-inf")
         self._lease: Why | None = None
-        """Why the controller has stopped by itself."""
+        """Reason why the controller has stopped by itself."""
         self._lease_seq = -1
-        """Number of the sample at which it has."""
+        """Number of the sample at which the controller has stopped by itself."""
         self._moves = 0
-        """Number of the job's moves at the last look."""
+        """Number of the job's moves at the last check."""
         self._asked_in = -1
-        """Number of the job's moves in which the controller was last ordered."""
+        """Number of the job's moves at the last command to the controller."""
         self._effective_seq: int | None = None
-        """The seq at which that order takes effect; None where it was refused."""
+        """The seq at which that command takes effect; None if it was rejected."""
         self._pause_asked = self._given_up = False
         self._trip_asked = self._trip_reported = False
 
     def follow(self) -> None:
-        """Return when the arming is over by the actuator's sample, or all programs are silent."""
+        """Return when the actuator's sample ends the arming, or all programs are silent."""
         while True:
             facts = self._look()
             command = decide(facts)
@@ -248,7 +251,7 @@ class JobMonitor:
             self._job.wait(LOOK_S)
 
     def _look(self) -> Facts:
-        """Take new messages, publish the progress, and return the facts for the next command."""
+        """Process new messages, publish the progress, and return the facts for the next command."""
         tracker, job = self._tracker, self._job
         self._watch.look()
         messages = self._collection.drain()
@@ -286,7 +289,7 @@ class JobMonitor:
         )
 
     def _asked(self) -> Asked:
-        """Return the progress of the order that the present state gives the controller."""
+        """Return the progress of the command that the present state gives the controller."""
         if self._asked_in != self._moves:
             return "no"
         if self._effective_seq is None:
@@ -294,7 +297,7 @@ class JobMonitor:
         return "effective" if self._tracker.telemetry_seq >= self._effective_seq else "accepted"
 
     def _silent(self) -> Why | None:
-        """Return why the loop counts as silent; None where it does not."""
+        """Return why the loop counts as silent; None if it does not."""
         lasts_s = self._context.observer.awake_clock() - self._last_message_at
         # Once it is over, what comes late has a limit of its own.
         words = "" if self._tracker.over else self._silence.words(lasts_s, self._job.id)
@@ -303,7 +306,7 @@ class JobMonitor:
         return (words, Ending(code="silent", values={"silent_s": lasts_s})) if words else None
 
     def _late(self, state: JobState, silent: Why | None) -> Why | None:
-        """Return why the job does not go on: a silent loop, or a deadline that has passed."""
+        """Return why the job does not continue: a silent loop, or an exceeded deadline."""
         first = state == "aborting" or self._silence.cut_off
         if (silent and first) or not self._watch.overdue():
             return silent
@@ -313,12 +316,12 @@ class JobMonitor:
         return words, Ending(code="overdue")
 
     def _actuator_published(self) -> bool:
-        """Return whether a sample of the actuator came since this was last called."""
+        """Return whether a sample of the actuator has arrived since the last call."""
         before, self._applied = self._applied, self._context.observer.newest(Applied)
         return self._applied is not before
 
     def _awaits_last_samples(self) -> bool:
-        """Whether samples of the last tick are on their way; in lockstep none of them is lost."""
+        """Return whether samples of the last tick are pending; in lockstep none of them is lost."""
         if self._tracker.trip or self._tracker.complete or self._last_fetched:
             return False
         now = self._context.observer.awake_clock()
@@ -332,7 +335,7 @@ class JobMonitor:
         return False
 
     def _share(self) -> None:
-        """Update the progress of the run for requests and listeners."""
+        """Publish the progress of the run to requests and listeners."""
         job, tracker = self._job, self._tracker
         self._context.health.note_part(tracker.part_held)
         wait = self._planned.waits.get(tracker.segment)
@@ -362,7 +365,7 @@ class JobMonitor:
         return f"actuator tripped: {self._context.trip_words(trip)}"
 
     def _lease_ended(self, seq: int) -> None:
-        """Note that the controller has stopped by itself since its lease ended."""
+        """Record that the controller has stopped by itself since its lease ended."""
         length_s = lease_s(self._job.request, self._rig)
         words = ended_words(self._context.bus, length_s)
         self._lease = words, Ending(code="lease_ended", values={"limit_s": length_s})
@@ -372,7 +375,7 @@ class JobMonitor:
         )
 
     def _obey(self, command: Command, state: JobState) -> bool:
-        """Carry out a command; True where nothing more is expected of the rig."""
+        """Carry out a command; return True if nothing more is expected of the rig."""
         match command:
             case Move():
                 self._move(command, state)
@@ -392,7 +395,7 @@ class JobMonitor:
         return False
 
     def _move(self, move: Move, state: JobState) -> None:
-        """Follow an event, unless the job has just left the state."""
+        """Apply an event, unless the job has just left the state."""
         job, trip, why = self._job, self._tracker.trip, move.why
         if move.event == "trip" and trip is not None:
             why = self._trip_words(trip), trip_ending(trip)
@@ -408,7 +411,7 @@ class JobMonitor:
             self._given_up = True
 
     def _ask(self, action: ActionCode, state: JobState) -> None:
-        """Order the controller; the job is overdue where it does not answer."""
+        """Send a command to the controller; the job is overdue if it does not reply."""
         self._asked_in, self._effective_seq = self._moves, None
         self._pause_asked = self._pause_asked or action == ActionCode.PAUSE
         try:
@@ -422,7 +425,10 @@ class JobMonitor:
         self._effective_seq = reply.seq if isinstance(reply, Ack) else self._tracker.telemetry_seq
 
     def _ask_trip(self) -> bool:
-        """Order the actuator to trip; True where it does not answer, and the job has failed."""
+        """Request a trip of the actuator.
+
+        Return True if it does not reply, and the job has failed.
+        """
         job = self._job
         self._trip_asked = True
         self._last_message_at = self._context.observer.awake_clock()
@@ -444,7 +450,7 @@ class JobMonitor:
         self._recorder.write(tracker, over=True)
 
     def _close(self, close: Close) -> None:
-        """Work out the result, move the job to its terminal state, then have the record written."""
+        """Compute the result, move the job to its terminal state, then have the record written."""
         job, tracker, event = self._job, self._tracker, close.event
         gone = gone_words(self._context)
         if event == "fail":
@@ -477,7 +483,7 @@ class JobMonitor:
             self._recorder.write(tracker, over=close.over)
 
     def _prepare_next_job(self, trip: TripReason | None) -> None:
-        """Ask the kind how the job goes on after a stall, or after the arm went too far."""
+        """Ask the kind for the next job after a stall or an exceeded position limit."""
         job, run = self._job, self._recorder.run
         why: Interruption
         if trip is not None and silence_s(self._rig, trip) is not None:

@@ -1,4 +1,4 @@
-"""The queue of a rig's jobs: stored in the journal, in order, halted by a failure."""
+"""Queue of a rig's jobs: stored in the journal, ordered, and halted by a failure."""
 
 import hashlib
 import hmac
@@ -29,12 +29,12 @@ from pincette_supervisor.problems import ProblemError
 # emergency stop, and touches no job that was taken before it.
 
 ALWAYS: tuple[ActionType, ...] = ("stop", "abort")
-"""Actions that no claim bars."""
+"""Actions that no claim blocks."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Held:
-    """A claim as the journal keeps it; of its token the digest alone."""
+    """A claim as stored in the journal, with only the digest of its token."""
 
     digest: str
     by: str
@@ -64,11 +64,11 @@ class Claims:
         self._name = f"claim {events.rig}"
         self._held: _Held | None = None
         self._ends_at = 0.0
-        """End of the claim by a clock that never steps."""
+        """End of the claim, by a monotonic clock."""
         self._load()
 
     def _load(self) -> None:
-        """Take up what an earlier supervisor has granted."""
+        """Load the claim that an earlier supervisor has granted."""
         text = self._store.get_note(self._name)
         if text:
             self._held = _Held(**json.loads(text))
@@ -91,7 +91,7 @@ class Claims:
             )
 
     def require(self, token: str | None) -> None:
-        """Raise ProblemError where the rig is claimed, unless by the holder of a token."""
+        """Raise ProblemError if the rig is claimed, unless by the holder of a token."""
         with self._lock:
             claim = self.current()
             if claim is None or self._is_holder(token):
@@ -114,7 +114,7 @@ class Claims:
         )
 
     def take(self, token: str, *, by: str, note: str, lease_s: float) -> Claim:
-        """Take or renew a claim; raises ProblemError where it is another's."""
+        """Grant or renew a claim; raises ProblemError if another caller holds it."""
         with self._lock:
             self.require(token)
             now = datetime.now(UTC)
@@ -134,7 +134,7 @@ class Claims:
             return claim
 
     def give_back(self, token: str | None, *, by: str, force: bool) -> None:
-        """End the claim; another's only by ``force``; without one nothing is to be done."""
+        """End the claim, that of another caller only with ``force``; no effect without a claim."""
         with self._lock:
             if not force:
                 self.require(token)
@@ -146,7 +146,7 @@ class Claims:
             self._keep(how, by, holder)
 
     def _keep(self, how: str | None, by: str, holder: str = "") -> None:
-        """Have the claim stored; it holds all the same, but not beyond a restart."""
+        """Submit the write of the claim; without it, the claim is valid but lost at a restart."""
         held = self._held
         text = "" if held is None else json.dumps(asdict(held), ensure_ascii=False)
         until = None if held is None else held.expires_at
@@ -171,7 +171,7 @@ class Entry:
     request: JobRequest
     revision: int
     place: int | None = None
-    """As the journal has it."""
+    """Place in the queue, as stored in the journal."""
 
 
 class JobQueue:
@@ -181,7 +181,7 @@ class JobQueue:
         self._store, self._events = store, events
         self._entries: list[Entry] = []
         self.halted = ""
-        """Why no job starts by itself; empty if the next one does."""
+        """Reason why no job starts automatically; empty if the next one does."""
 
     def __len__(self) -> int:
         return len(self._entries)
@@ -199,32 +199,32 @@ class JobQueue:
         self.halt(RESTARTED)
 
     def add(self, row: JobRow, request: JobRequest) -> None:
-        """Add a job behind those of its priority, and before those with less."""
+        """Add a job behind those of its priority, and before those with a lower one."""
         before = [one for one in self._entries if one.request.priority >= request.priority]
         place = max((self._entries.index(one) + 1 for one in before), default=0)
         self._entries.insert(place, Entry(row, request, row.revision))
         self._moved_up()
 
     def move(self, entry: Entry, place: int) -> None:
-        """Give a job another place, from 1, whatever its priority."""
+        """Move a job to another place, counted from 1, regardless of its priority."""
         self._entries.remove(entry)
         self._entries.insert(place - 1, entry)
         self._moved_up()
 
     def halt(self, why: str) -> None:
-        """Let no job start by itself; has no effect on an empty queue."""
+        """Prevent that jobs start automatically; has no effect on an empty queue."""
         if self._entries and not self.halted:
             self.halted = why
             self.publish()
 
     def resume(self) -> None:
-        """Let the next job start when the rig is free."""
+        """Permit that the next job starts when the rig is free."""
         self.halted = ""
         self.publish()
 
     @property
     def first(self) -> Entry:
-        """The job whose turn comes next, halted or not; there is one."""
+        """Return the job that is next, halted or not; the queue must not be empty."""
         return self._entries[0]
 
     def next(self) -> Entry | None:
@@ -252,7 +252,7 @@ class JobQueue:
         self._moved_up()
 
     def clear(self) -> list[str]:
-        """Stop all queued jobs; returns their names."""
+        """Stop all queued jobs; return their names."""
         names = [entry.row.id for entry in self._entries]
         for entry in self._entries:
             self._end(entry.row, "stopped", "queue_cleared", "the queue was cleared")
@@ -267,7 +267,7 @@ class JobQueue:
             self._store.change(row.id, **values, ending=ending, ended_at=utc_now())
 
     def _moved_up(self) -> None:
-        """Keep the place of every job; the revision of each whose place has changed rises."""
+        """Store the place of every job, with a new revision for each job that has moved."""
         for place, entry in enumerate(self._entries, 1):
             if entry.place != place:
                 entry.place, entry.revision = place, self._store.change(entry.row.id, place=place)

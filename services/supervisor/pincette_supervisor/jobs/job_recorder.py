@@ -1,4 +1,4 @@
-"""The record of a job: opened before the arming, closed after the last sample or after a crash."""
+"""Record of a job: opened before the arming, closed after the last sample or after a crash."""
 
 import json
 import logging
@@ -60,35 +60,35 @@ FIGURES = (
     "voltage_V",
     "statement",
 )
-"""Figures of a result that its event has."""
+"""Values of a result that its event contains."""
 MOTION = ("shape", "frequency_hz", "force_mean_mN", "force_pp_mN")
-"""Values of a plan that say what a program does that has learned."""
+"""Values of a plan that describe the motion of a program that learns."""
 BEGIN_S = 5.0
 FINISH_S = 10.0
 FINISH_PER_SAMPLE_S = 6e-4
-"""Writing the tables takes longer with more samples."""
+"""Additional time limit for writing the tables, in s for each sample."""
 GOES_ON = "a part is held, and is still recorded"
 
 
 class JobRecorder:
-    """Lets the recorder record a job's samples, and stores its result."""
+    """Has a job's samples recorded, and stores its result."""
 
     def __init__(self, context: RigContext, job: LiveJob, planned: Planned, epoch: int) -> None:
         self._context, self._job, self._planned, self._epoch = context, job, planned, epoch
         self._figures: dict[str, Any] = {}
         self._row: JobRow | None = None
-        """As it was last read: a journal on a server may be out of reach at the end."""
+        """Journal row as last read: a journal on a server may be unreachable at the end."""
         self._gathered: Gathered | None = None
         self._writes, self._turn = 0, threading.Lock()
         """Number of the requested write: one more if a part was held beyond the end."""
 
     @property
     def run(self) -> Run | None:
-        """What was gathered, once it is evaluated."""
+        """Return the recorded data, once it is evaluated."""
         return None if self._gathered is None else self._gathered.run
 
     def begin(self, row: JobRow) -> str:
-        """Have a record begun; returns why there is none."""
+        """Open a record; return the reason if there is none."""
         self._row = row
         closer, whose = self._context.closer, (self._context.bus, self._job.id, self._epoch)
         trouble = closer.submit(begin_record, *whose, self._about(row)).result()
@@ -101,7 +101,7 @@ class JobRecorder:
         return about | {"request": json.dumps(row.request, ensure_ascii=False)}
 
     def evaluate(self, tracker: Tracker, collection: MessageBuffer) -> str:
-        """Store the result of the samples so far; returns the result's fault."""
+        """Store the result of the samples so far; return the result's fault."""
         job, planned = self._job, self._planned
         row = self._current_row()
         if row is None:
@@ -126,9 +126,9 @@ class JobRecorder:
 
     @contextmanager
     def expected(self) -> Generator[None]:
-        """Show the record as being written from here on.
+        """Mark the record as being written from now on.
 
-        Where the block fails nothing writes it, and it is not waited for.
+        If the block fails, nothing writes it, and nothing waits for it.
         """
         self._job.recorded.clear()
         try:
@@ -138,10 +138,10 @@ class JobRecorder:
             raise
 
     def write(self, tracker: Tracker, *, over: bool) -> None:
-        """Have the record written by the archivist; the rig is free meanwhile.
+        """Have the archivist write the record; the rig is free meanwhile.
 
         ``over``: no more samples come. A part that is held after a stop is still being recorded:
-        its record has the samples so far, and is closed when the part is let go.
+        its record has the samples so far, and is closed when the part is released.
         """
         if self._gathered is None:
             self._job.finish_record()
@@ -201,7 +201,7 @@ class JobRecorder:
         return self._row
 
     def _keep_learned(self, record: Gathered) -> None:
-        """Keep what the program has learned, for its next job; erase it where it did not help."""
+        """Store what the program has learned for its next job; erase it if it did not help."""
         learned, planned = record.evaluation.learned, self._planned
         context, rig = self._context, planned.armed.rig
         told = getattr(record.result, "learned", None)
@@ -228,7 +228,7 @@ class JobRecorder:
         self._close(row)
 
     def _close(self, row: JobRow) -> Recorded | str:
-        """Have the record closed; an incomplete record never fails the job."""
+        """Have the record closed; an incomplete record never makes the job fail."""
         whose = self._context.bus, self._job.id, self._epoch
         recorded = self._context.closer.submit(finish_record, *whose, None).result()
         self._job.store(plan={**row.plan, "record": completeness(recorded)})
@@ -243,12 +243,12 @@ class JobRecorder:
 
 
 def lacking(error: Exception) -> str:
-    """Return what the cause of a job says whose documents could not be written."""
+    """Return the text that a job's cause has if its documents could not be written."""
     return f"the record is incomplete: {str(error) or type(error).__name__}"
 
 
 def begin_record(bus: Bus, job: str, epoch: int, about: Mapping[str, str]) -> str:
-    """Open the record of an epoch, or write the tables of the open one; returns the error."""
+    """Open the record of an epoch, or write the tables of the open one; return the error."""
     document = Document(json.dumps(dict(about), ensure_ascii=False))
     try:
         bus.call(RECORD, Record(job, epoch, document), BEGIN_S)
@@ -258,7 +258,7 @@ def begin_record(bus: Bus, job: str, epoch: int, about: Mapping[str, str]) -> st
 
 
 def finish_record(bus: Bus, job: str, epoch: int, last_seq: int | None) -> Recorded | str:
-    """Close the record; returns its contents, or the error."""
+    """Close the record; return its contents, or the error."""
     patience_s = FINISH_S + FINISH_PER_SAMPLE_S * max(0, last_seq or 0)
     try:
         return cast(Recorded, bus.call(FINISH, Finish(job, epoch, last_seq), patience_s))
@@ -270,14 +270,14 @@ def finish_record(bus: Bus, job: str, epoch: int, last_seq: int | None) -> Recor
 
 ASK_S = 1.0
 RECENT = CAPACITY + 4
-"""Jobs among which those with a record left open are sought: those that wait are newer."""
+"""Number of newest jobs that are searched for open records: those that wait are newer."""
 COMPARED = 10
 """Number of the newest jobs whose records a start compares with their manifests."""
 
 
 @dataclass(frozen=True, slots=True)
 class Left:
-    """Jobs whose records an earlier supervisor has left open, and which are completed meanwhile."""
+    """Jobs whose records an earlier supervisor has left open, and which are being completed."""
 
     stored: Mapping[str, Future[None]] = field(default_factory=dict[str, Future[None]])
 
@@ -290,7 +290,7 @@ NOTHING = Left()
 
 
 def stop_left_program(context: RigContext, jobs: Sequence[str]) -> None:
-    """Stop a program that an earlier supervisor has left playing, and note it in its job."""
+    """Stop a program that an earlier supervisor has left running, and record it in its job."""
     # The program is asked once. A held part stays held until a person holds or releases it by a
     # job; a free arm comes to rest, and what a calibration presses is let go. No job is continued.
     row = context.store.get(jobs[-1]) if jobs else None
@@ -314,9 +314,9 @@ def stop_left_program(context: RigContext, jobs: Sequence[str]) -> None:
 
 
 def complete_left_records(context: RigContext, notify: Callable[[], None]) -> Left:
-    """Complete the records that an earlier supervisor has left; see ``Left``.
+    """Complete the records that an earlier supervisor has left open; see ``Left``.
 
-    ``notify`` is called as each is complete.
+    ``notify`` is called after each completed record.
     """
     applied = context.observer.newest(Applied)
     stored: dict[str, Future[None]] = {}
@@ -334,9 +334,9 @@ def complete_left_records(context: RigContext, notify: Callable[[], None]) -> Le
 
 
 def _unwritten(context: RigContext) -> list[JobRow]:
-    """Return jobs that have moved, whose supervisor ended before their record was written; by age.
+    """Return jobs that moved and whose supervisor ended before their record was written; by age.
 
-    The rig is free while a record is drawn, and so there may be several.
+    The rig is free while a record is drawn, so there may be several.
     """
     found = context.store.newest(RECENT, JobFilter(rig=context.rig.rig.name))
     return [row for row in reversed(found) if row.epoch is not None and _is_left(row)]
@@ -355,7 +355,7 @@ def _recorded(context: RigContext) -> list[JobRow]:
 
 
 def _compare(context: RigContext, row: JobRow) -> None:
-    """Compare a record with its manifest; have it repaired, and state what stays damaged."""
+    """Compare a record with its manifest; have it repaired, and report remaining damage."""
     where = context.records / row.id
     lost = _lost(where, row)
     if not lost:
@@ -416,7 +416,7 @@ def _stop(context: RigContext, how: ActionCode) -> str:
 
 
 def _stopped_by_itself(context: RigContext) -> str:
-    """Return why the controller stopped, where its lease ended while no supervisor ran."""
+    """Return why the controller stopped if its lease ended while no supervisor was running."""
     controller = context.health.status("controller")
     words = "" if controller is None else ended_text(controller)
     if not words:
@@ -434,7 +434,7 @@ def _closed(bus: Bus, job: str, epoch: int, last_seq: int | None) -> Recorded | 
 
 
 def _store_end(context: RigContext, row: JobRow, closed: Future[Recorded | str]) -> None:
-    """Store what the record gives that was closed after the restart, and write its documents."""
+    """Store the result of a record that was closed after the restart, and write its documents."""
     recorded = closed.result()
     row = context.store.get(row.id) or row
     values: dict[str, object] = {}
@@ -472,7 +472,7 @@ def _gathered(context: RigContext, row: JobRow) -> Gathered:
 
 
 def _result(samples: Path, period_s: float) -> JobResult | None:
-    """Return how far a job came, where its own figures cannot be worked out."""
+    """Return the progress of a job, if its own result cannot be computed."""
     taken = RunSamples(period_s)
     try:
         for part in parquet.parts(samples):

@@ -1,4 +1,4 @@
-"""The lease of a job's program: granted with its arming, and renewed by a thread of its own."""
+"""Lease of a job's program: granted with its arming, and renewed by a separate thread."""
 
 # A thread, so that neither a slow disk nor a long look at the samples lets it run out. In lockstep
 # there is none: there a machine may be as slow as it is, and the time of a renewal would change
@@ -21,7 +21,7 @@ from pincette.engine.arming import status
 from pincette_supervisor.plugin import kind_of
 
 RENEWALS = 5.0
-"""Within the length of a lease; all but one of them may fail."""
+"""Number of renewals within the length of a lease; all except one may fail."""
 ASK_S, JOIN_S = 1.0, 2.0
 STOPS: Mapping[OnStop, LeaseEnd] = {
     "hold": LeaseEnd.STOP,
@@ -32,25 +32,25 @@ STOPS: Mapping[OnStop, LeaseEnd] = {
 
 
 def lease_s(request: JobRequest, rig: RigFile) -> float:
-    """Return the time for which a program plays on without its supervisor; 0: to its end."""
+    """Return the time for which a program continues without its supervisor, in s; 0: to its end."""
     return rig.safety.lease_s * kind_of(request).lease_factor
 
 
 def lease_end(request: JobRequest) -> LeaseEnd:
-    """Return how the controller stops a job, also where its lease has ended."""
+    """Return how the controller stops a job, also when its lease has ended."""
     return STOPS[kind_of(request).stop_of(request)]
 
 
 def interruption(kind: JobKind | None) -> ActionCode:
-    """Return how a program is stopped whose supervisor ends, or has ended.
+    """Return how a program is stopped after its supervisor has ended.
 
-    A part stays held whatever the request says of a stop, unless the kind lets it go.
+    A part stays held whatever the request says about a stop, unless the kind releases it.
     """
     return ActionCode(STOPS["hold" if kind is None else kind.on_stop])
 
 
 def lease_of(rig: RigFile, request: JobRequest, epoch: int) -> Lease | None:
-    """Return the lease of a job's arming; None where the rig has none."""
+    """Return the lease of a job's arming; None if the rig has none."""
     length_s = lease_s(request, rig)
     if rig.lockstep or not length_s:
         return None
@@ -58,7 +58,7 @@ def lease_of(rig: RigFile, request: JobRequest, epoch: int) -> Lease | None:
 
 
 def ended_words(bus: Bus, length_s: float) -> str:
-    """Return why the controller has stopped by itself, by its status where it answers."""
+    """Return why the controller has stopped by itself, from its status if it replies."""
     text = ""
     with suppress(BusError):
         text = ended_text(status(bus, "controller", ASK_S))
@@ -66,7 +66,7 @@ def ended_words(bus: Bus, length_s: float) -> str:
 
 
 def ended_text(controller: Status) -> str:
-    """Return the controller's text of a lease that has ended; empty where none has."""
+    """Return the controller's text on a lease that has ended; empty if none has."""
     return faults_text([one for one in controller.findings if one.code is FaultCode.LEASE_ENDED])
 
 
@@ -82,7 +82,7 @@ class Renewal:
 
     @property
     def age_s(self) -> float:
-        """Time since the controller took it last."""
+        """Return the time since the controller last accepted the renewal, in s."""
         return self._clock() - self._heard_s
 
     def begin(self) -> None:
@@ -114,7 +114,7 @@ class Renewal:
 
 @contextmanager
 def renewing(renewal: Renewal | None) -> Generator[None]:
-    """Renew a lease, where there is one, within the block."""
+    """Renew a lease, if there is one, within the block."""
     if renewal is None:
         yield
         return

@@ -1,6 +1,6 @@
-"""Requests: resolved and planned with what a rig knows, and kept as trajectories.
+"""Planning of requests: resolved with the state of a rig, and stored as trajectories.
 
-Relative steps begin at the position after the last move, so that they do not add up the noise.
+Relative steps begin at the position after the last move, so that they do not accumulate noise.
 """
 
 from collections.abc import Generator, Mapping, Sequence
@@ -39,11 +39,11 @@ from pincette_supervisor.rigs.rig_context import RigContext
 from pincette_supervisor.rigs.standing import present
 
 LOOKED_AT = 20
-"""Number of jobs among which the last one that was armed is looked for."""
+"""Number of jobs that are searched for the most recently armed one."""
 
 
 def resolve(context: RigContext, request: JobRequest, *, moving: bool) -> ResolvedRequest:
-    """Look up what a request leaves out; raises ProblemError.
+    """Resolve the missing members of a request; raises ProblemError.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def resolve(context: RigContext, request: JobRequest, *, moving: bool) -> Resolv
 
 
 def plan(context: RigContext, resolved: ResolvedRequest) -> Planned:
-    """Plan a resolved request with what its program has learned; raises ProblemError."""
+    """Plan a resolved request with its learned corrections; raises ProblemError."""
     learned = LearnedRepository(context.store, context.rig.rig.name)
     with _refusals():
         return job_plans.plan(
@@ -92,7 +92,7 @@ def _refusals() -> Generator[None]:
 # Trajectories of a rig: made, looked up, and planned again as they were made.
 
 OF_A_START = set(PolicyRequest.model_fields) - {"kind", "recipe"}
-"""Members that say how a job begins and ends, which is no part of a trajectory."""
+"""Members on the start and end of a job, which are not part of a trajectory."""
 
 
 class TrajectoryStore:
@@ -104,7 +104,7 @@ class TrajectoryStore:
         self._find_recipe = RecipeRepository(context.store).find
 
     def row_of(self, resolved: ResolvedRequest) -> TrajectoryRow:
-        """Return a request with the rig file and the model that it was resolved with.
+        """Return a request with the rig file and the model with which it was resolved.
 
         Raises
         ------
@@ -127,14 +127,14 @@ class TrajectoryStore:
         )
 
     def get(self, digest: str) -> TrajectoryRow:
-        """Return one that is kept; raises ProblemError where there is none of this digest."""
+        """Return a stored trajectory; raises ProblemError if there is none of this digest."""
         row = self.book.get(digest)
         if row is None:
             raise problems.not_found("trajectory", digest)
         return row
 
     def stale(self, row: TrajectoryRow) -> list[str]:
-        """Return what has changed since it was made, in words."""
+        """Return what has changed since the trajectory was planned, in words."""
         model = self._context.model.in_use
         found: list[str] = []
         if (kind := row.request["kind"]) not in job_kinds():
@@ -155,7 +155,7 @@ class TrajectoryStore:
         return found
 
     def planned(self, row: TrajectoryRow) -> Planned | None:
-        """The plan as it was made; None where its rig file, model or kind is not there any more."""
+        """Return the original plan; None if its rig file, model or kind no longer exists."""
         model = self._model_of(row)
         if model is None or row.request["kind"] not in job_kinds():
             return None
@@ -164,14 +164,14 @@ class TrajectoryStore:
         return job_plans.plan(resolved)
 
     def require_planned(self, row: TrajectoryRow) -> Planned:
-        """Return the same; raises ProblemError."""
+        """Return the original plan; raises ProblemError if it cannot be made."""
         planned = self.planned(row)
         if planned is None:
             raise self._stale(row)
         return planned
 
     def request(self, row: TrajectoryRow, start: TrajectoryStart) -> JobRequest:
-        """Return the request for a job of it.
+        """Return the request of a job that follows the trajectory.
 
         Raises
         ------
@@ -226,16 +226,16 @@ class TrajectoryStore:
 
 
 SAME_V = 0.05
-"""Difference of the voltage up to which the arm has not been driven since."""
+"""Largest difference in V at which the voltage counts as unchanged since then."""
 NEAR_UM = 1.0
-"""Distance from the last target up to which the arm counts as being there."""
+"""Distance from the last target within which the arm counts as being there, in µm."""
 
 
 def last_pose_um(rows: Sequence[JobRow], present: Present) -> float | None:
-    """Return the target of the last move, or the mean position of its rest where it has none.
+    """Return the target of the last move, or the mean position of its rest if it has none.
 
-    None where the last job that was armed is not a move that succeeded, or where voltage or
-    position are not those that it ended with: then the newest reading is what is known.
+    None if the most recently armed job is not a successful move, or if voltage or position differ
+    from those at its end; then only the newest reading is known.
     """
     armed = [row for row in rows if row.epoch is not None]
     last = max(armed, key=lambda row: row.epoch or 0, default=None)

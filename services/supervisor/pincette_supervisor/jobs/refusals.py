@@ -1,8 +1,8 @@
-"""Readiness of a rig for a job, and refusals of jobs and actions as problem documents.
+"""Readiness of a rig for a job, and rejections of jobs and actions as problem documents.
 
 REST, the queue and the run of a job use the same decision on whether a job can start, and whether
-the stage of the gripper may move. The tables of ``pincette.api.rig_states`` say what follows from
-each state.
+the stage of the gripper may move. The tables of ``pincette.api.rig_states`` define what follows
+from each state.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from pincette_supervisor.rigs.rig_context import RigContext
 from pincette_supervisor.rigs.standing import PLAYING_S, is_playing, standing
 
 STEADY_SIGMAS = 3.0
-"""Deviation from its reference up to which a force is steady, in its standard uncertainties."""
+"""Deviation from its reference up to which a force is steady, in standard uncertainties."""
 ABOUT_TO: tuple[JobState, ...] = ("preparing", "resuming")
 
 
@@ -36,29 +36,29 @@ class Readiness:
     latched: TripReason | None
     """Reason of a latch that a person must clear; None without one."""
     faults: tuple[str, ...]
-    """Reasons for which no job can start, whoever has the rig; a latch is among them."""
+    """Reasons why no job can start, independent of who has the rig; a latch is among them."""
     unheard: str
-    """Why nothing can start because the actuator's state is unknown; empty if it is known. A
-    request is still admitted: a latched actuator refuses its program."""
+    """Reason why nothing can start because the actuator's state is unknown; empty if it is known. A
+    request is still accepted: a latched actuator rejects its program."""
     occupant: Occupant
     taken: str
-    """Why a job that needs an empty gripper cannot start; empty where it can."""
+    """Reason why a job that needs an empty gripper cannot start; empty if it can."""
     motion: MotionState
     unsafe: str
-    """Why the stage must not move; empty if it may."""
+    """Reason why the stage must not move; empty if it may."""
 
     def may_start(self, *, begins_held: bool) -> bool:
-        """Return True where a job can start; ``begins_held``: it begins with a held part."""
+        """Return True if a job can start; ``begins_held``: it begins with a held part."""
         return not self.faults and not self.unheard and self.is_free(begins_held=begins_held)
 
     def is_free(self, *, begins_held: bool) -> bool:
-        """Return True where nothing that has the rig prevents a job."""
+        """Return True if nothing that has the rig prevents a job."""
         row = OCCUPANTS[self.occupant]
         return row.may_take_over if begins_held else row.may_start
 
 
 def readiness(context: RigContext, job: JobStatus | None) -> Readiness:
-    """Return what can start beside the job that has the rig, by the newest samples and answers."""
+    """Return what can start besides the present job, by the newest samples and replies."""
     stands, faults = standing(context), tuple(_faults(context))
     occupant = occupant_of(stands.part, job, playing=is_playing(context))
     telemetry, age_s = context.observer.newest(Telemetry), context.observer.age_s(Telemetry)
@@ -83,7 +83,7 @@ def readiness(context: RigContext, job: JobStatus | None) -> Readiness:
 def lasting_readiness(context: RigContext) -> Readiness:
     """Return what can start on a free rig.
 
-    Where a program was late, or has just come up, the programs are asked once more.
+    If a program was late, or has just started, the programs are queried once more.
     """
     found = readiness(context, None)
     if found.faults and found.latched is None:
@@ -106,7 +106,7 @@ def occupant_of(part: PartState, job: JobStatus | None, *, playing: bool) -> Occ
 def motion_of(
     state: RigState, job: JobStatus | None, telemetry: Telemetry | None, estimate: Estimate | None
 ) -> MotionState:
-    """Return how the arm moves.
+    """Return the motion of the arm.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def reset_words(context: RigContext, reason: TripReason) -> str:
 
 
 def _faults(context: RigContext) -> list[str]:
-    """Return why no job can start, whoever has the rig."""
+    """Return why no job can start, independent of who has the rig."""
     found, state = context.reasons(), context.health.state
     if context.health.latched() is not None or state in ("frozen", "ramping"):
         found.append(f"actuator: {_state_words(context, state)}")
@@ -199,7 +199,7 @@ def _unsafe(context: RigContext, motion: MotionState, job: JobStatus | None) -> 
 
 
 def require_job(store: Store, name: str) -> JobRow:
-    """Return a job of the journal; raises ProblemError where there is none of this name."""
+    """Return a job of the journal; raises ProblemError if there is none of this name."""
     row = store.get(name)
     if row is None:
         raise not_found("job", name)
@@ -207,7 +207,7 @@ def require_job(store: Store, name: str) -> JobRow:
 
 
 def require_feasible(planned: Planned) -> Planned:
-    """Raise ProblemError where a plan breaks a limit of the rig."""
+    """Raise ProblemError if a plan exceeds a limit of the rig."""
     if planned.plan.feasible:
         return planned
     violations = [item.model_dump() for item in planned.plan.violations]
@@ -221,10 +221,10 @@ def require_feasible(planned: Planned) -> Planned:
 
 
 def require_ready(context: RigContext, *, begins_held: bool, queued: bool = False) -> None:
-    """Raise ProblemError where no job can start on the free rig.
+    """Raise ProblemError if no job can start on the free rig.
 
-    The programs are asked for their state: an actuator that has just taken the place of another is
-    latched, and would refuse a job that was admitted by the state of the other.
+    The programs are queried for their state: an actuator that has just replaced another one is
+    latched, and would reject a job that was accepted by the state of the other.
 
     Parameters
     ----------
@@ -254,7 +254,7 @@ def require_ready(context: RigContext, *, begins_held: bool, queued: bool = Fals
 
 
 def require_zero_confirmed(context: RigContext, request: JobRequest) -> None:
-    """Raise ProblemError where a person must first see that nothing touches the arm."""
+    """Raise ProblemError if a person must first verify that nothing touches the arm."""
     if touched := context.zero_doubt.blocking(request):
         raise ProblemError(
             409,
@@ -267,16 +267,16 @@ def require_zero_confirmed(context: RigContext, request: JobRequest) -> None:
 
 
 def require_startable(context: RigContext, entry: Entry) -> None:
-    """Raise ProblemError where the next job of the queue cannot start."""
+    """Raise ProblemError if the next job of the queue cannot start."""
     begins_held = kind_of(entry.request).begins_held
     require_ready(context, begins_held=begins_held, queued=True)
 
 
 def startable_entry(context: RigContext, queue: JobQueue) -> Entry | None:
-    """Return the next job; None of an empty or halted queue, and of one that is halted now.
+    """Return the next job; None for an empty or halted queue, and for one that is halted now.
 
-    An emergency stop between two jobs, a part that is held, or a program that is gone uses up no
-    job: it waits until a person has seen to it and resumes the queue.
+    An emergency stop between two jobs, a held part, or a missing program consumes no job: the job
+    waits until a person has resolved it and resumes the queue.
     """
     entry = queue.next()
     if entry is None:
@@ -290,7 +290,7 @@ def startable_entry(context: RigContext, queue: JobQueue) -> Entry | None:
 
 
 def require_resumable(context: RigContext, queue: JobQueue, active: LiveJob | None) -> None:
-    """Raise ProblemError where the next of a queue that is not empty could not begin."""
+    """Raise ProblemError if the next job of a non-empty queue could not start."""
     if active is None:
         require_startable(context, queue.first)
     elif (status := active.status).keeps_part:
@@ -301,19 +301,19 @@ def require_resumable(context: RigContext, queue: JobQueue, active: LiveJob | No
 
 
 def part_held(words: str) -> ProblemError:
-    """409 because a part is held."""
+    """Return a 409 problem because a part is held."""
     return ProblemError(409, "part-held", "The gripper holds a part", words)
 
 
 def unready(reasons: list[str]) -> ProblemError:
-    """503 with the reasons."""
+    """Return a 503 problem with the reasons."""
     return ProblemError(
         503, "rig-not-ready", "The rig is not ready", "; ".join(reasons), reasons=reasons
     )
 
 
 def held_by(active: LiveJob) -> ProblemError:
-    """409 because a job keeps a part at rest; with its labels and the force of the part."""
+    """Return a 409 problem: a job keeps a part at rest; with its labels and the part's force."""
     status, progress = active.status, active.status.progress
     force_mN = None if progress is None else progress.force_mN
     force = "" if force_mN is None else f" with {force_mN:.2f} mN"
@@ -333,7 +333,10 @@ def held_by(active: LiveJob) -> ProblemError:
 
 
 def job_active(active: LiveJob) -> ProblemError:
-    """409 because another job has the rig; ``part-held`` where it only keeps a part at rest."""
+    """Return a 409 problem: another job has the rig.
+
+    ``part-held`` if it only keeps a part at rest.
+    """
     status = active.status
     if active.rests_with_part:
         return held_by(active)
@@ -355,7 +358,7 @@ def job_active(active: LiveJob) -> ProblemError:
 
 
 def caller_gone() -> ProblemError:
-    """408 that nobody reads: the caller hung up before the job was planned, so nothing begins."""
+    """Return a 408 problem: the caller disconnected before the job was planned; nothing begins."""
     return ProblemError(
         408,
         "caller-gone",
@@ -365,7 +368,7 @@ def caller_gone() -> ProblemError:
 
 
 def queue_full(length: int) -> ProblemError:
-    """409 because too many jobs wait."""
+    """Return a 409 problem because too many jobs wait."""
     return ProblemError(
         409,
         "queue-full",
@@ -375,7 +378,7 @@ def queue_full(length: int) -> ProblemError:
 
 
 def model_changed() -> ProblemError:
-    """409 because the plan rests on a model that is not in use any more."""
+    """Return a 409 problem because the plan is based on a model that is no longer in use."""
     return ProblemError(
         409,
         "model-changed",
@@ -385,27 +388,27 @@ def model_changed() -> ProblemError:
 
 
 def require_free(active: LiveJob | None) -> None:
-    """Raise ProblemError where a job has the rig."""
+    """Raise ProblemError if a job has the rig."""
     if active is not None:
         raise job_active(active)
 
 
 def require_queued(entry: Entry | None, name: str) -> Entry:
-    """Return an entry of the queue; raises ProblemError where the job does not wait."""
+    """Return an entry of the queue; raises ProblemError if the job is not queued."""
     if entry is None:
         raise not_found("queued job", name)
     return entry
 
 
 def require_same(known: Creation | KeyTakenError, sent: str) -> str:
-    """The job that a key has created; raises ProblemError where another request comes with it."""
+    """Return the job that a key has created; raises ProblemError if the request differs."""
     if known.fingerprint != sent:
         raise key_reused(known.job)
     return known.job
 
 
 def key_reused(job: str) -> ProblemError:
-    """422 because an ``Idempotency-Key`` came with another request."""
+    """Return a 422 problem because an ``Idempotency-Key`` was reused with another request."""
     return ProblemError(
         422,
         "idempotency-key-reused",
@@ -418,7 +421,7 @@ def key_reused(job: str) -> ProblemError:
 def invalid_action(
     action: str, state: str, allowed: list[ActionType], why: str = ""
 ) -> ProblemError:
-    """409 because the state does not allow an action."""
+    """Return a 409 problem because the state does not allow an action."""
     detail = why or f"a job that is {state} cannot {action}"
     return ProblemError(
         409,

@@ -1,4 +1,4 @@
-"""One job from its preparation to its end, in a thread of its own; never inside the loop."""
+"""Run of one job from its preparation to its end, in a thread outside the loop."""
 
 import secrets
 from collections.abc import Callable
@@ -22,18 +22,18 @@ from pincette_supervisor.rigs.rig_context import RigContext
 from pincette_supervisor.rigs.standing import is_playing
 
 KEEP_S, LOOK_S = 2.0, 0.02
-"""Time within which a program hands its part over, and the interval of the checks."""
+"""Time within which a program hands its part over, and the interval of the checks, in s."""
 
 
 def ending_code(error: BusError | StoreError) -> EndingCode:
-    """Return why a job ends that has met an error."""
+    """Return the code of the ending of a job with an error."""
     if isinstance(error, StoreError):
         return "not_stored"
     return "refused" if isinstance(error, RefusalError) else "unanswered"
 
 
 class Run:
-    """Prepares and arms one job, and has it followed."""
+    """Prepares and arms one job, and has it monitored."""
 
     def __init__(
         self, context: RigContext, job: LiveJob, plan: Callable[[LiveJob], Planned]
@@ -41,7 +41,7 @@ class Run:
         self._context, self._job, self._plan = context, job, plan
 
     def main(self) -> None:
-        """Run the job; nothing of it moves any more when this returns."""
+        """Run the job; it causes no more motion when this returns."""
         job, observer = self._job, self._context.observer
         try:
             require_zero_confirmed(self._context, job.request)
@@ -95,7 +95,10 @@ class Run:
         return [found.taken] if found.occupant == "part" else []
 
     def _take_over(self) -> list[str]:
-        """End a program that only holds a part, which stays held; returns why that fails."""
+        """End a program that only holds a part, which stays held.
+
+        Return the reason of a failure.
+        """
         context = self._context
         if not is_playing(context):
             return []

@@ -1,4 +1,4 @@
-"""Follows the samples of a run: its progress, its end, and silent programs."""
+"""Tracking of the samples of a run: its progress, its end, and silent programs."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -32,16 +32,16 @@ EVERY_TICK = [topic for topic in TOPICS if topic.per_tick and topic.producer in 
 PROGRAMS = (*LOOP, "rig")
 STALE_S, STALE_PERIODS = 1.0, 10.0
 GONE_S = 1.0
-"""Lockstep: how long the loop may stand still once a program's token has vanished."""
+"""Lockstep: longest standstill of the loop after a program's token has vanished, in s."""
 SETTLE_S = 0.5
-"""Begin of a hold that is left out of the force held."""
+"""Begin of a hold that is left out of the held force, in s."""
 
 BEFORE_APPROACH = ("", "open", CONDITION, "zero", Phase.RETREAT, Phase.UNLOAD, Phase.STOPPING)
 """Phases of a job that has not moved towards a part yet, and those of its way back."""
 
 
 class Tracker:
-    """Takes the messages of one epoch in order of arrival."""
+    """Processes the messages of one epoch in order of arrival."""
 
     def __init__(
         self,
@@ -53,7 +53,7 @@ class Tracker:
         hold_at_s: float | None = None,
         thinned: frozenset[str] = THINNED,
     ) -> None:
-        """``hold_at_s``: when the hold is to begin; None where none is planned.
+        """Create the tracker; ``hold_at_s`` is the planned begin of the hold, or None.
 
         ``thinned``: see ``RunSamples``.
         """
@@ -79,9 +79,9 @@ class Tracker:
         self.effects: list[tuple[Acted, int]] = []
         """Actions that have taken effect since this list was last emptied, with their seq."""
         self._final_seq: int | None = None
-        """Number of the sample that ended the arming; an idle loop in real time goes on."""
+        """Number of the sample that ended the arming; an idle loop in real time continues."""
         self._paused_ticks = 0
-        """Samples that were paused."""
+        """Number of samples that were paused."""
         self._lockstep = lockstep
         self._epoch, self._period_s, self._planned_s = epoch, period_s, planned_s
         self._hold_at_s = hold_at_s
@@ -95,7 +95,7 @@ class Tracker:
         self._telemetry: Telemetry | None = None
 
     def update(self, messages: Iterable[Message]) -> bool:
-        """Follow new messages; False where none of them belongs to this epoch."""
+        """Process new messages; return False if none of them belongs to this epoch."""
         before = self.messages
         for message in messages:
             if isinstance(message, GroundTruth):
@@ -131,7 +131,7 @@ class Tracker:
 
     @property
     def zero_unconfirmed(self) -> bool:
-        """True where nothing shows that no part pressed as an arm's force was zeroed."""
+        """Return True if a part may have been pressing when an arm's force was zeroed."""
         estimate = self._estimate
         if estimate is None:
             return False
@@ -139,9 +139,9 @@ class Tracker:
 
     @property
     def part_held(self) -> bool | None:
-        """True where this run shows that the gripper holds a part; None where nothing shows it.
+        """Return True if this run shows that the gripper holds a part; None if it shows nothing.
 
-        The actuator's samples show a part that is held, and a confirmed zero an empty gripper.
+        The actuator's samples show a held part, and a confirmed zero shows an empty gripper.
         """
         if self._applied is not None and self._applied.part_held:
             return True
@@ -184,17 +184,17 @@ class Tracker:
 
     @property
     def cut_short(self) -> bool:
-        """True where the part was let go in the load, before its hold or its path had begun."""
+        """Return True if the part was released in the load, before its hold or path had begun."""
         return self.released and self._loaded and not self._pressed_as_asked
 
     @property
     def played_s(self) -> float:
-        """Time that the program has played, by the newest sample, without its pauses."""
+        """Return the time that the program has played by the newest sample, without pauses."""
         seq = -1 if self._position is None else self._position.seq
         return (seq + 1 - self._paused_ticks) * self._period_s
 
     def lagging_program(self) -> str:
-        """Return the program whose number lags: the first, in the order of a tick."""
+        """Return the first program, in the order of a tick, whose sample number lags."""
         seqs = [
             max(seq for topic, seq in self._seqs.items() if topic.producer == program)
             for program in LOOP
@@ -205,25 +205,28 @@ class Tracker:
 
     @property
     def over(self) -> bool:
-        """Whether the arming is over by the actuator's sample."""
+        """Return whether the arming is over according to the actuator's sample."""
         return self._final_seq is not None
 
     @property
     def complete(self) -> bool:
-        """Whether all samples of the last tick have come; each topic has a link of its own."""
+        """Return whether all samples of the last tick have arrived.
+
+        Each topic has a separate link.
+        """
         return self._final_seq is not None and min(self._seqs.values()) >= self._final_seq
 
     @property
     def last_seq(self) -> int:
-        """Number of the newest sample whose tick has ended; -1 before the first."""
+        """Return the number of the newest sample whose tick has ended; -1 before the first."""
         return self._seqs[APPLIED]
 
     def final_outcome(self) -> Outcome:
-        """Return how the program ended; ``Outcome.NONE`` where it has not come to its end."""
+        """Return the outcome of the program; ``Outcome.NONE`` before its end."""
         return self.outcome or (Outcome.RELEASED if self.released else Outcome.NONE)
 
     def final_words(self) -> str:
-        """Return how the program ended, in words."""
+        """Return the outcome of the program, in words."""
         return outcome_words(self.final_outcome(), self._telemetry, self._estimate)
 
     def progress(self, wait: Wait | None = None) -> Progress:
@@ -261,7 +264,7 @@ class Tracker:
         )
 
     def _force(self) -> tuple[float | None, float | None]:
-        """Return the newest force and its uncertainty, once it has a zero."""
+        """Return the newest force and its uncertainty, once there is a zero."""
         estimate = self._estimate
         arm = None if estimate is None or not estimate.valid else estimate.arms[0]
         if arm is None or arm.zero_age_s is None:
@@ -269,7 +272,7 @@ class Tracker:
         return arm.force_mN, arm.force_uncertainty_mN
 
     def _pressed_mN(self) -> float | None:
-        """What the part is pressed with: of two arms the mean, as their job's result has it."""
+        """Return the force on the part, in mN; the mean of two arms, as in their job's result."""
         force_mN, _ = self._force()
         if force_mN is None or self._estimate is None or len(self._estimate.arms) == 1:
             return force_mN
@@ -280,7 +283,7 @@ class Tracker:
 def outcome_words(
     outcome: Outcome, telemetry: Telemetry | None = None, estimate: Estimate | None = None
 ) -> str:
-    """Describe an outcome: its meaning, what was met, or why a zero was refused."""
+    """Describe an outcome: its meaning, the obstacle, or why a zero was rejected."""
     words = f"{outcome}: {OUTCOMES[outcome]}" if outcome else "unfinished"
     if outcome == Outcome.ZERO_REFUSED:
         return f"{words}; {_refusal_words(estimate)}"
@@ -297,7 +300,7 @@ def outcome_words(
 
 
 def _refusal_words(estimate: Estimate | None) -> str:
-    """Describe why the estimator took no zero; without its reason, the sample of it was lost."""
+    """Describe why the estimator rejected a zero; without its reason, the sample was lost."""
     refusals = () if estimate is None else [arm.zero_refusal for arm in estimate.arms]
     refusal = next((one for one in refusals if one is not None), None)
     return fault_text(refusal) or (
@@ -307,18 +310,18 @@ def _refusal_words(estimate: Estimate | None) -> str:
 
 
 def gone_words(context: RigContext) -> str:
-    """Return programs whose token has vanished, in words."""
+    """Return the programs whose token has vanished, in words."""
     gone = context.observer.gone(PROGRAMS)
     return f"killed or hung: {', '.join(gone)}" if gone else ""
 
 
 def silence_limit_s(rig: RigFile) -> float:
-    """In real time: how long a program of the loop may be silent."""
+    """Return how long a program of the loop may be silent in real time, in s."""
     return max(STALE_S, STALE_PERIODS * rig.rig.period_s)
 
 
 def silent_words(context: RigContext, tracker: Tracker, lasts_s: float) -> str:
-    """Return the silent program, in words; empty where all go on."""
+    """Return the silent program, in words; empty if none is silent."""
     # In lockstep the whole loop stands still when one program does; in real time the actuator
     # stands for the loop, since it notices by itself when the others are silent.
     killed = gone_words(context)
@@ -342,16 +345,16 @@ def silent_words(context: RigContext, tracker: Tracker, lasts_s: float) -> str:
 # is not played to its end.
 
 WAITING_ROWS = 10_000
-"""Number of positions that are remembered at most while a job waits for a person."""
+"""Largest number of positions that are stored while a job waits for a person."""
 
 
 class MissingSamples:
-    """The positions that one epoch lacks, phase by phase, where the kind of job needs them all."""
+    """Counts missing positions of an epoch by phase, if the kind of job needs all of them."""
 
     def __init__(self, planned: Planned, epoch: int, period_s: float) -> None:
         self._epoch = epoch
         self._planned: Counter[str] = Counter()
-        """Samples of each phase, as planned; of one that waits for a person there is no number."""
+        """Planned samples of each phase; a phase that waits for a person has no entry."""
         if job_kinds()[planned.plan.kind].needs_every_sample:
             for phase in planned.plan.phases:
                 if phase.duration_s is not None:
@@ -362,7 +365,7 @@ class MissingSamples:
         """Numbers of the valid positions since the phase began."""
 
     def follow(self, messages: Iterable[Message]) -> None:
-        """Take new messages; those of each topic come in order."""
+        """Process new messages; those of each topic arrive in order."""
         if not self._planned:
             return
         for message in messages:
@@ -378,14 +381,14 @@ class MissingSamples:
                 self._valid = {one for one in self._valid if one > message.seq - WAITING_ROWS // 2}
 
     def _begin(self, phase: str, seq: int) -> None:
-        """Count anew, unless it is the same phase."""
+        """Start counting again, unless the phase is the same."""
         if phase != self._phase:
             self._phase, self._first = phase, seq
             self._valid = {one for one in self._valid if one >= seq}
 
     @property
     def lack(self) -> tuple[str, Ending] | None:
-        """That a phase lacks too many, in words and as a code; None where it does not."""
+        """Return the cause if a phase lacks too many positions; None if it does not."""
         planned = self._planned[self._phase]
         count = self._newest - self._first + 1 - len(self._valid)
         if not planned or count <= MOST_MISSING * planned:

@@ -1,4 +1,4 @@
-"""Keys of the REST interface, sessions of signed-in pages and the audit log, as they are kept.
+"""Stored keys of the REST interface, sessions of signed-in pages, and the audit log.
 
 The key file is the only place where keys are kept.
 """
@@ -31,7 +31,8 @@ from pincette_supervisor.journal.database import (
 from pincette_supervisor.journal.tables import AUDIT, SESSIONS, utc_now, utc_text
 
 KEYS_WANTED = "keys_wanted"
-"""Note of the journal: the data folder has had keys, so a missing key file does not open REST."""
+"""Name of the journal's note that the data folder has had keys, so that a missing key file does not
+open REST."""
 
 
 class KeyNameTakenError(Exception):
@@ -40,7 +41,7 @@ class KeyNameTakenError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class KeyRow:
-    """A key without itself, or a user: name, what it may, and its times in UTC."""
+    """A key, without its secret, or a user: name, scope, and its times in UTC."""
 
     name: str
     digest: Annotated[str, StringConstraints(pattern="^[0-9a-f]{64}$")]
@@ -50,10 +51,11 @@ class KeyRow:
     revoked_at: str | None = None
     used_at: str | None = None
     password: str | None = None
-    """Of a user, as ``access.passwords`` keeps it; the digest is then of a key that nobody has."""
+    """Password hash of a user, see ``access.passwords``; the digest is then of a key that no one
+    has."""
 
     def usable(self, now: str) -> bool:
-        """Return whether it opens anything at a time."""
+        """Return whether the key is valid at a time."""
         return self.revoked_at is None and (self.expires_at is None or now < self.expires_at)
 
 
@@ -64,22 +66,22 @@ class _Content(BaseModel):
     version: int
     keys: list[KeyRow]
     latest_at: AwareDatetime | None = None
-    """Latest time that a supervisor has seen; ends of keys are judged by it too."""
+    """Latest time that a supervisor has seen; expiry of keys is also judged by it."""
 
 
 class KeyFile:
-    """The keys of a data folder, readable by their owner alone; raises StoreError."""
+    """The keys of a data folder, readable only by their owner; raises StoreError."""
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / KEY_FILE
 
     def read(self) -> list[KeyRow]:
-        """Return all keys, the revoked ones included, by name; an empty list without a file."""
+        """Return all keys by name, including revoked ones; an empty list without a file."""
         content = self._content()
         return [] if content is None else sorted(content.keys, key=lambda row: row.name)
 
     def latest_at(self) -> datetime | None:
-        """Return the latest time that a supervisor has noted; None before the first."""
+        """Return the latest time that a supervisor has stored; None before the first."""
         content = self._content()
         return None if content is None else content.latest_at
 
@@ -109,7 +111,7 @@ class KeyFile:
         expires_at: str | None = None,
         password: str | None = None,
     ) -> KeyRow:
-        """Keep a key; raises KeyNameTakenError: what the audit log names stays the same key."""
+        """Store a key; raises KeyNameTakenError, since names in the audit log must stay unique."""
         row = KeyRow(name, digest, scope, utc_now(), expires_at, password=password)
         with self._changed() as keys:
             if name in keys:
@@ -118,7 +120,7 @@ class KeyFile:
         return row
 
     def revoke(self, name: str) -> bool:
-        """Take a key out of force; false where there is none to be."""
+        """Revoke a key; return False if there is no valid one."""
         with self._changed() as keys:
             row = keys.get(name)
             if row is None or row.revoked_at is not None:
@@ -127,7 +129,7 @@ class KeyFile:
         return True
 
     def set_password(self, name: str, password: str, digest: str) -> bool:
-        """Give a user another password, and a new digest, which ends the user's sessions.
+        """Set a user's password and a new digest, which ends the user's sessions.
 
         Return False if there is no user of this name, or if the user was removed.
         """
@@ -139,19 +141,19 @@ class KeyFile:
         return True
 
     def note_use(self, used_at: dict[str, str]) -> None:
-        """Keep when keys, by name, were last used."""
+        """Store when keys, by name, were last used."""
         with self._changed() as keys:
             for name in used_at.keys() & keys.keys():
                 keys[name] = replace(keys[name], used_at=used_at[name])
 
     def note_latest(self, latest_at: datetime) -> None:
-        """Keep the latest time that was seen; has no effect without a file."""
+        """Store the latest time that was seen; has no effect without a file."""
         with self._changed(latest_at):
             pass
 
     @contextmanager
     def _changed(self, latest_at: datetime | None = None) -> Generator[dict[str, KeyRow]]:
-        """The keys by name, written as they are left, and a time; one program at a time."""
+        """Yield the keys by name, and write changes and a time; for one program at a time."""
         try:
             folder = os.open(self._path.parent, os.O_RDONLY)
         except OSError as error:
@@ -174,7 +176,7 @@ class KeyFile:
             os.close(folder)
 
     def _write(self, rows: Sequence[KeyRow], latest_at: datetime | None) -> None:
-        """Replace the file whole; another program reads the old one or the new one."""
+        """Replace the whole file; another program reads the old one or the new one."""
         content: dict[str, Any] = {"version": 1, "keys": [asdict(row) for row in rows]}
         if latest_at is not None:
             content["latest_at"] = utc_text(latest_at)
@@ -196,7 +198,7 @@ class KeyFile:
         )
 
     def missing(self) -> StoreError:
-        """Return the error to raise where keys are wanted and the file has none."""
+        """Return the error to raise if keys are required and the file has none."""
         return StoreError(
             f"the key file {self._path} is missing or has no keys, and this supervisor has "
             f"had keys: restore it from a backup, or {self._make_one}"
@@ -209,13 +211,13 @@ class KeyFile:
 
 
 AUDIT_KEPT = 200_000
-"""Number of the newest audit entries, which the journal refuses to delete."""
+"""Number of the newest audit entries, which the journal does not permit to delete."""
 AUDIT_SWEEP = 1000
 """Number of further entries after which the oldest are deleted."""
 CHAIN_ROWS = 5000
-"""Entries that are read at a time where the chain is followed."""
+"""Number of entries that are read at once when the chain is checked."""
 SESSIONS_MAX = 200
-"""Signed-in pages; the one that was seen least lately makes room for another."""
+"""Largest number of signed-in pages; a new one replaces the least recently used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,12 +274,12 @@ class AuditRow:
     status: int
     count: int = 1
     number: int | None = None
-    """Rises by one with every entry; None until it is kept."""
+    """Number of the entry, rising by one with each; None until it is stored."""
     link: str = ""
     """Link of the chain: SHA-256 of the entry and of the link before it, in hex."""
 
     def linked(self, number: int, before: str) -> "AuditRow":
-        """Return the same entry, in its place behind a link."""
+        """Return the same entry, linked to the one before it."""
         row = replace(self, number=number, link="")
         values = json.dumps([before, *asdict(row).values()], separators=(",", ":"))
         return replace(row, link=sha256(values.encode()).hexdigest())
@@ -289,12 +291,12 @@ class AuditChain:
 
     entries: int
     first: int | None
-    """Number of the oldest entry that is kept; it stands for those before it."""
+    """Number of the oldest stored entry; those before it have been deleted."""
     newest: AuditRow | None
     broken: int | None
     """Number of the first entry that does not follow from the one before it; None: all do."""
     found: bool
-    """Whether a link that was asked for is one of the log's."""
+    """True if the requested link is one of the log's."""
 
 
 class AuditRepository:
@@ -304,7 +306,7 @@ class AuditRepository:
         self._store = store
 
     def add(self, rows: Sequence[AuditRow]) -> None:
-        """Keep entries, in order."""
+        """Store entries, in order."""
         if not rows:
             return
         with self._store.writing() as connection:
@@ -320,7 +322,7 @@ class AuditRepository:
                 connection.execute(delete(AUDIT).where(AUDIT.c.number <= newest - AUDIT_KEPT))
 
     def chain(self, wanted: str = "") -> AuditChain:
-        """Follow the chain from its oldest entry on, and look for a link that was noted before."""
+        """Check the chain from its oldest entry, and search for an earlier link."""
         before: AuditRow | None = None
         entries, first, broken, found = 0, None, None, not wanted
         while rows := self._after(before):
@@ -340,7 +342,7 @@ class AuditRepository:
         return self._store.rows(AuditRow, query)
 
     def newest(self, limit: int, before: int | None = None) -> list[AuditRow]:
-        """Return entries, the newest first; those before a number, where one is named."""
+        """Return entries, newest first; those before a number, if it is given."""
         query = select(AUDIT).order_by(AUDIT.c.number.desc()).limit(limit)
         if before is not None:
             query = query.where(AUDIT.c.number < before)

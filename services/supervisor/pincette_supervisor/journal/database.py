@@ -17,11 +17,11 @@ from pincette_supervisor.journal import engines
 
 MIGRATIONS = Path(__file__).parent / "migrations"
 VERSION = table("alembic_version", column("version_num"))
-"""Table in which Alembic keeps the number of the schema."""
+"""Table in which Alembic stores the version of the schema."""
 KEY_FILE = "keys.json"
-"""Name of the key file, which lies beside the journal."""
+"""Name of the key file, in the folder of the journal."""
 TURN_S = 10.0
-"""Longest time for which a write waits for those before it."""
+"""Longest time for which a write waits for those before it, in s."""
 MOVE_AWAY = "move it away to begin a new one"
 SEE_DISK = "look at the disk's room and rights"
 USE_LOCAL_DISK = "keep the data folder on a local disk (--data FOLDER)"
@@ -34,15 +34,15 @@ DAMAGE = frozenset({"SQLITE_CORRUPT", "SQLITE_NOTADB"})
 NO_LOCKS = frozenset(
     {errno.EBADF, errno.EIO, errno.EINVAL, errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS}
 )
-"""Errors of ``flock`` on file systems without locks."""
+"""Error numbers of ``flock`` on file systems without locks."""
 UNFIT = frozenset({"SQLITE_IOERR", "SQLITE_NOLFS", "SQLITE_PROTOCOL"})
-"""Errors of SQLite on file systems that lack what it needs."""
+"""Error codes of SQLite on file systems that lack what it needs."""
 SEE_SERVER = "check that the server runs and admits this account, and that the database exists"
 T = TypeVar("T")
 
 
 class StoreError(OSError):
-    """The store cannot be used; the text names the file and the remedy."""
+    """The store cannot be used; the text states the file and the remedy."""
 
 
 class _UnknownSchemaError(Exception):
@@ -52,8 +52,8 @@ class _UnknownSchemaError(Exception):
 class Database:
     """One database; safe to use from several threads, never from the event loop.
 
-    ``path`` is the file, and names the folder of what lies beside it. With ``url`` the rows are in
-    a database of PostgreSQL instead.
+    ``path`` is the file, and its folder is that of the files next to it. With ``url``, the rows are
+    in a PostgreSQL database instead.
     """
 
     def __init__(self, path: Path, url: str = "") -> None:
@@ -62,9 +62,9 @@ class Database:
         self._let_go: Callable[[], None] | None = None
         self._closed = False
         self.troubles: dict[str, str] = {}
-        """What programs that use the database cannot do at present, by cause of an alarm."""
+        """Problems of programs that use the database, by the cause of an alarm."""
         self.trouble = ""
-        """Why the last write failed; empty if it succeeded."""
+        """Reason why the last write failed; empty if it succeeded."""
         # SQLite polls for its write lock; a lock of our own serves writers in order.
         self._turn = threading.RLock()
         self._written: Connection | None = None
@@ -104,7 +104,7 @@ class Database:
             ) from error
 
     def work_alone(self) -> None:
-        """Keep other supervisors off it until closed; raises StoreError."""
+        """Exclude other supervisors until closed; raises StoreError."""
         try:
             self._let_go = engines.work_alone(self._engine, self._path)
         except ValueError as error:
@@ -121,12 +121,12 @@ class Database:
 
     @property
     def folder(self) -> Path:
-        """Where the file lies."""
+        """Return the folder of the file."""
         return self._path.parent
 
     @contextmanager
     def reading(self) -> Generator[Connection]:
-        """A transaction that sees one state of the database; raises StoreError."""
+        """Open a transaction that sees one state of the database; raises StoreError."""
         self._require_open()
         try:
             with self._engine.begin() as connection:
@@ -136,10 +136,12 @@ class Database:
 
     @contextmanager
     def writing(self) -> Generator[Connection]:
-        """An atomic transaction, which a nested one joins; raises StoreError, ValueError (JSON).
+        """Open an atomic transaction, which a nested one joins.
 
-        It also raises StoreError where an earlier write has not ended within ``TURN_S``, as on a
-        disk that has stopped answering: no request waits for such a disk for ever.
+        Raises StoreError, ValueError (JSON).
+
+        It also raises StoreError if an earlier write has not ended within ``TURN_S``, as on a disk
+        that has stopped responding: no request waits for such a disk forever.
         """
         with self._in_turn():
             self._require_open()
@@ -175,7 +177,7 @@ class Database:
             self._turn.release()
 
     def rows(self, kind: Callable[..., T], query: Select[Any]) -> list[T]:
-        """The rows of a query in a transaction of its own; see ``rows``; raises StoreError."""
+        """Return the rows of a query in a separate transaction; see ``rows``; raises StoreError."""
         with self.reading() as connection:
             return rows(connection, kind, query)
 
@@ -214,19 +216,19 @@ def _remedy_of(cause: BaseException | None) -> str:
 
 
 def rows(connection: Connection, kind: Callable[..., T], query: Select[Any]) -> list[T]:
-    """Return the rows of a query as objects of a kind whose fields are named as the columns."""
+    """Return the rows of a query as objects of a class whose fields have the columns' names."""
     return [kind(**row) for row in connection.execute(query).mappings()]
 
 
 def first(connection: Connection, kind: Callable[..., T], query: Select[Any]) -> T | None:
-    """Return the first row of a query as ``rows`` does; None where there is none."""
+    """Return the first row of a query like ``rows``; None without a row."""
     return next(iter(rows(connection, kind, query.limit(1))), None)
 
 
 def keep_newest(
     connection: Connection, key: Column[Any], kept: int, *newest_first: Any, **values: object
 ) -> None:
-    """Delete all rows of a table but the newest, of those with these values in their columns.
+    """Delete all rows of a table except the newest, among those with these column values.
 
     Parameters
     ----------
@@ -241,7 +243,7 @@ def keep_newest(
 
 
 def columns(row: Any, *without: str) -> dict[str, Any]:
-    """Return the values of a row's columns, some left out."""
+    """Return the values of a row's columns, except some."""
     return {name: value for name, value in asdict(row).items() if name not in without}
 
 

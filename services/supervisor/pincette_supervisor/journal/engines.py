@@ -1,4 +1,4 @@
-"""The two places of a journal: an SQLite file, or a database of a PostgreSQL server."""
+"""The two kinds of journal: an SQLite file, or a database of a PostgreSQL server."""
 
 import fcntl
 import json
@@ -28,22 +28,24 @@ from sqlalchemy.pool import ConnectionPoolEntry
 from pincette.core.files import make_folder
 
 BUSY_S = 10.0
-"""Time that a statement waits for another program that has locked the file, or for the server."""
+"""Time that a statement waits for another program's lock on the file, or for the server, in s."""
 POOL, OVERFLOW = 8, 64
-"""Connections kept open, and allowed on top: together more than there are threads."""
+"""Number of connections that are kept open, and of additional ones: together more than there are
+threads."""
 WRITES = "journal_writes"
 PRIVATE = 0o600
 SERVER = "postgresql"
 DRIVER = "postgresql+psycopg"
 ALONE, MIGRATING = 0x70696E63, 0x70696E64
-"""Advisory locks: of the supervisor that works with a schema, and of whoever makes its tables."""
+"""Advisory locks of the supervisor that works with a schema, and of the program that creates its
+tables."""
 NUL = re.compile(r"(?<!\\)((?:\\\\)*)\\u0000")
-"""The escape of a character that PostgreSQL keeps in no text."""
+"""Escape of the character that PostgreSQL cannot store in a text."""
 _to_json = partial(json.dumps, allow_nan=False, ensure_ascii=False)
 
 
 def server_url(url: str) -> URL:
-    """Return the address of a database of PostgreSQL; raises ValueError."""
+    """Return the address of a PostgreSQL database; raises ValueError."""
     try:
         found = make_url(url)
     except ArgumentError as error:
@@ -54,7 +56,7 @@ def server_url(url: str) -> URL:
 
 
 def open_file(path: Path) -> Engine:
-    """Open an SQLite file that its owner alone can read; it is made where there is none."""
+    """Open an SQLite file that only its owner can read; it is created if it does not exist."""
     make_folder(path.parent)
     _keep_private(path)
     engine = create_engine(
@@ -93,7 +95,7 @@ def _to_server_json(value: Any) -> str:
 def _without_nul(
     _connection: Connection, _cursor: Any, statement: str, parameters: Any, *_: Any
 ) -> tuple[str, Any]:
-    """Replace what PostgreSQL keeps in no text."""
+    """Replace characters that PostgreSQL cannot store in a text."""
 
     def clean(row: Any) -> Any:
         if not isinstance(row, dict):
@@ -117,7 +119,7 @@ def writing(engine: Engine) -> Engine:
 
 
 def require_sound(connection: Connection) -> None:
-    """Raise ValueError with the first finding of a damaged file, before a job meets it."""
+    """Raise ValueError with the first error of a damaged file, before a job needs it."""
     if connection.dialect.name == SERVER:
         return
     found = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar()
@@ -126,7 +128,7 @@ def require_sound(connection: Connection) -> None:
 
 
 def migrate_alone(connection: Connection) -> None:
-    """Wait until no other program makes the tables of this schema."""
+    """Wait until no other program creates the tables of this schema."""
     if connection.dialect.name == SERVER:
         connection.execute(
             text("SELECT pg_advisory_xact_lock(:key, hashtext(current_schema()))"),
@@ -135,9 +137,9 @@ def migrate_alone(connection: Connection) -> None:
 
 
 def work_alone(engine: Engine, path: Path) -> Callable[[], None]:
-    """Keep other supervisors off a journal until the function that is returned is called.
+    """Exclude other supervisors from a journal until the returned function is called.
 
-    The lock is the system's or the server's, so it ends with the process, however that ends.
+    The lock is the system's or the server's, so it ends with the process in any case.
 
     Raises
     ------
@@ -169,7 +171,7 @@ def work_alone(engine: Engine, path: Path) -> Callable[[], None]:
 
 
 def _lock_beside(path: Path) -> Callable[[], None]:
-    """Lock a file beside the journal: whoever closes the journal's own loses SQLite's locks."""
+    """Lock a separate file: closing the journal's own file would release SQLite's locks."""
     lock = os.open(path.with_name(f"{path.name}-alone"), os.O_RDWR | os.O_CREAT, PRIVATE)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -186,7 +188,7 @@ def _lock_beside(path: Path) -> Callable[[], None]:
 
 
 def _keep_private(path: Path) -> None:
-    """Let the owner alone read the file; SQLite gives its other files the same mode."""
+    """Make the file readable only by its owner; SQLite gives its other files the same mode."""
     # A file that is there is not opened: to close it again would take SQLite's locks from this
     # process, and another one that closes the journal would remove the log that is in use.
     with suppress(OSError):  # what cannot be opened is told when SQLite opens it

@@ -23,9 +23,10 @@ from pincette_supervisor.journal.tables import ALARMS
 # Event queues from any thread to the listeners on the event loop.
 
 LISTENERS_MAX = 256
-"""Listeners of all clients at once; each client has a limit of its own, of all its streams."""
+"""Largest number of listeners of all clients; each client has a separate limit for all its
+streams."""
 CAPACITY = 256
-"""Events queued for one listener; a slower one reads the journal again."""
+"""Number of events queued for one listener; a slower one reads the journal again."""
 
 
 class TooManyListenersError(Exception):
@@ -42,7 +43,7 @@ class ListenerQueue:
         self._lock = threading.Lock()
         self._queue: deque[Event] = deque()
         self._behind = True
-        """Whether the journal has numbered events that are not queued here."""
+        """True if the journal has numbered events that are not queued here."""
         self._dropped = 0
         self.closed = False
 
@@ -60,7 +61,7 @@ class ListenerQueue:
         self._wake()
 
     def take(self) -> tuple[list[Event], int, bool]:
-        """The queued events, the number dropped, and whether the journal must be read instead."""
+        """Return the queued events, the number dropped, and whether to read the journal instead."""
         # A numbered event is in the journal before it is queued, so reading misses nothing.
         with self._lock:
             self._ready.clear()
@@ -81,7 +82,7 @@ class ListenerQueue:
             return
 
     def close(self) -> None:
-        """End; from any thread."""
+        """Close the queue; callable from any thread."""
         self.closed = True
         self._wake()
 
@@ -96,7 +97,7 @@ class Listeners:
 
     def __init__(self) -> None:
         self.order = threading.Lock()
-        """Held while an event is numbered and queued, so that numbers come in order."""
+        """Lock held while an event is numbered and queued, so that numbers are in order."""
         self._lock = threading.Lock()
         self._queues: WeakSet[ListenerQueue] = WeakSet()
         self._closed = False
@@ -119,12 +120,12 @@ class Listeners:
             self._queues.discard(queue)
 
     def put(self, event: Event) -> None:
-        """Queue an event for all; from any thread."""
+        """Queue an event for all listeners; callable from any thread."""
         for queue in self._all():
             queue.put(event)
 
     def close(self) -> None:
-        """End all queues."""
+        """Close all queues."""
         with self._lock:
             self._closed = True
         for queue in self._all():
@@ -138,20 +139,20 @@ class Listeners:
 # Events of a rig: stored and numbered in the journal, and passed to all listeners.
 
 PAGE = 200
-"""Events that are read from the journal at once."""
+"""Number of events that are read from the journal at once."""
 LIFE_S = 10.0
-"""Interval of keep-alives to a listener that gets no event."""
+"""Interval of keep-alives to a listener that gets no event, in s."""
 
 
 class EventLog:
-    """The events of one rig and its jobs; rigs that share a journal share ``listeners`` too."""
+    """Events of one rig and its jobs; rigs that share a journal share ``listeners`` too."""
 
     def __init__(self, store: Store, rig: str, listeners: Listeners | None = None) -> None:
         self._store, self.rig = store, rig
         self.listeners = Listeners() if listeners is None else listeners
 
     def append(self, kind: EventKind, /, job: str | None = None, **body: Any) -> None:
-        """Store an event, then pass it on; never from the event loop; raises StoreError."""
+        """Store an event, then pass it on; raises StoreError. Not for the event loop."""
         with self.transaction(kind, job, **body):
             pass
 
@@ -159,7 +160,7 @@ class EventLog:
     def transaction(
         self, kind: EventKind, /, job: str | None = None, **body: Any
     ) -> Generator[list[Callable[[], None]]]:
-        """Change the journal and store an event; yields callbacks for before it is passed on."""
+        """Change the journal and store an event; yields callbacks to run before it is passed on."""
         with self.listeners.order:
             callbacks: list[Callable[[], None]] = []
             with self._store.writing():
@@ -173,7 +174,7 @@ class EventLog:
             )
 
     def publish_progress(self, job: str, body: dict[str, Any]) -> None:
-        """Pass the progress of a job to current listeners, without storing it."""
+        """Pass the progress of a job to present listeners, without storing it."""
         self.listeners.put(
             Event(number=None, at=utc_now(), rig=self.rig, job=job, kind="progress", body=body)
         )
@@ -181,12 +182,12 @@ class EventLog:
     def subscribe(
         self, after: int | None = None, job: str | None = None, *, every_rig: bool = False
     ) -> "EventSubscription":
-        """Begin to listen; see ``EventSubscription``; raises TooManyListenersError."""
+        """Start listening; see ``EventSubscription``; raises TooManyListenersError."""
         return EventSubscription(self, self._store, after, job, None if every_rig else self.rig)
 
 
 class EventSubscription:
-    """One listener: past events beyond ``after`` (None: none), then new ones, without a gap."""
+    """One listener: past events after ``after`` (None: none), then new ones, without a gap."""
 
     # A slow listener reads the journal again; the progress events it misses meanwhile are counted,
     # and reported as ``dropped``.
@@ -198,16 +199,16 @@ class EventSubscription:
         self._job, self._rig = job, rig
         self._box = log.listeners.open(rig, job)
         self._given_up = 0
-        """Number of past events that the journal has given up."""
+        """Number of past events that the journal has deleted."""
         self._begun = self._reading = self._ended = False
 
     @property
     def caught_up(self) -> bool:
-        """Whether all past events have been returned."""
+        """Return whether all past events have been returned."""
         return self._begun and not self._reading
 
     async def begin(self) -> None:
-        """Find the number to begin at; later events will be returned."""
+        """Find the first number; all later events will be returned."""
         if self._begun:
             return
         oldest, newest = await asyncio.to_thread(self._store.event_span)
@@ -218,7 +219,7 @@ class EventSubscription:
         self._after, self._begun = after, True
 
     async def next(self, timeout_s: float = LIFE_S) -> list[Event] | None:
-        """New events, an empty list on timeout, or None at the end."""
+        """Return new events, an empty list on timeout, or None at the end."""
         if self._ended:
             return None
         await self.begin()
@@ -244,7 +245,7 @@ class EventSubscription:
         return self._passed(rows)
 
     def _passed(self, events: list[Event]) -> list[Event]:
-        """Note that events are passed on."""
+        """Record that events are passed on."""
         self._after = max((event.number or 0 for event in events), default=0) or self._after
         return events
 
@@ -267,7 +268,7 @@ Severity = Literal["alarm", "warning"]
 Clears = Literal["reset", "condition", "acknowledge"]
 
 ALARMS_KEPT = 10_000
-"""Alarms that are kept at least; the oldest go first."""
+"""Smallest number of alarms that are kept; the oldest are deleted first."""
 ALARMS_SWEEP = 100
 """Number of alarms after which the oldest are deleted."""
 
@@ -278,13 +279,13 @@ class AlarmRow:
 
     rig: str
     cause: str
-    """A code; ``words`` are for people."""
+    """Code of the cause; ``words`` is for people."""
     words: str
     raised_at: str
     severity: Severity
     clears: Clears
-    """What ends the alarm: the reset of the rig, the condition itself, or, if it is over at once,
-    the acknowledgement."""
+    """Event that ends the alarm: the reset of the rig, the end of the condition, or, for a
+    condition that ends at once, the acknowledgement."""
     job: str | None = None
     count: int = 1
     last_at: str = ""
@@ -293,7 +294,7 @@ class AlarmRow:
     acknowledged_by: str | None = None
     cleared_at: str | None = None
     number: int = 0
-    """Rises with every alarm; 0 until it is kept."""
+    """Number of the alarm, rising with each; 0 until it is stored."""
 
 
 class AlarmRepository:
@@ -303,7 +304,7 @@ class AlarmRepository:
         self._store = store
 
     def add(self, alarm: AlarmRow) -> AlarmRow:
-        """Keep an alarm; one that is open already is counted on its row, with the newest words."""
+        """Store an alarm; an open one is counted in its row, with the newest message."""
         at = alarm.raised_at
         over_at = at if alarm.clears == "acknowledge" else None
         with self._store.writing() as connection:
@@ -328,7 +329,7 @@ class AlarmRepository:
     def clear(
         self, rig: str, at: str, *, cause: str | None = None, clears: Clears
     ) -> list[AlarmRow]:
-        """Note that the condition of a rig's alarms is over: those of a cause, or all of a kind."""
+        """Record the end of the condition of a rig's alarms: those of a cause, or all of a kind."""
         query = select(ALARMS.c.number).where(ALARMS.c.cleared_at.is_(None))
         query = matching(query, rig=rig, clears=clears, cause=cause)
         with self._store.writing() as connection:
@@ -338,7 +339,7 @@ class AlarmRepository:
             return [_one(connection, number) for number in numbers]
 
     def acknowledge(self, number: int, at: str, by: str) -> AlarmRow | None:
-        """Note that a person has seen it, once; None where there is none of this number."""
+        """Record once that a person has seen the alarm; None if the number is unknown."""
         unseen = and_(ALARMS.c.number == number, ALARMS.c.acknowledged_at.is_(None))
         with self._store.writing() as connection:
             connection.execute(
@@ -347,7 +348,7 @@ class AlarmRepository:
             return _newest(connection, ALARMS.c.number == number)
 
     def get(self, number: int) -> AlarmRow | None:
-        """Return one alarm; None where there is none of this number."""
+        """Return one alarm; None if the number is unknown."""
         with self._store.reading() as connection:
             return _newest(connection, ALARMS.c.number == number)
 
@@ -362,7 +363,7 @@ class AlarmRepository:
         only_open: bool = False,
         before: int | None = None,
     ) -> list[AlarmRow]:
-        """Alarms, the newest first; only those that are as named, where something is named."""
+        """Return alarms, newest first; only those with the given values."""
         query = select(ALARMS).order_by(ALARMS.c.number.desc()).limit(limit)
         query = matching(query, rig=rig, job=job, cause=cause, severity=severity)
         if only_open:
@@ -372,12 +373,12 @@ class AlarmRepository:
         return self._store.rows(AlarmRow, query)
 
     def standing(self, rig: str) -> list[AlarmRow]:
-        """Alarms of a rig whose condition has not been seen to be over."""
+        """Return the alarms of a rig whose condition has not been seen to end."""
         query = select(ALARMS).where(ALARMS.c.rig == rig, ALARMS.c.cleared_at.is_(None))
         return self._store.rows(AlarmRow, query)
 
     def count_open(self, rig: str | None = None) -> int:
-        """Return how many are open, of a rig or of all."""
+        """Return the number of open alarms, of a rig or of all."""
         query = matching(select(func.count()).select_from(ALARMS).where(_open()), rig=rig)
         with self._store.reading() as connection:
             return int(connection.scalar(query) or 0)

@@ -11,15 +11,17 @@ from pincette_supervisor.journal.database import matching
 from pincette_supervisor.journal.tables import JOB_SEARCH, JOBS
 
 COLUMNS = ("kind", "state", "rig", "sample", "batch", "operator", "pinned")
-"""Conditions on one column each, which has an index."""
+"""Conditions on single columns, each of which has an index."""
 LISTED = ("kind", "state", "rig", "pinned")
-"""Those that ``ix_jobs_listed`` has too; most jobs of a laboratory may have the same values."""
+"""Conditions that ``ix_jobs_listed`` has too; most jobs of a laboratory may have the same
+values."""
 FIRST, LAST = "", "9999-12-31T24"
-"""Texts before and after every time of the journal."""
+"""Texts before and after every time in the journal."""
 UNINDEXED_NUMBER = literal_column("+jobs.number", Integer)
-"""Number for a condition without its own index, so that SQLite takes the one that has the times."""
+"""Job number in a form that keeps SQLite from using its index, so that it uses the one with the
+times."""
 TRIGRAM = 3
-"""Characters of the shortest text that the full-text index of a file finds."""
+"""Length of the shortest text that the full-text index of a file finds."""
 OUTCOME_ON_SERVER = literal_column("(jobs.result ->> 'outcome')", String)
 WORDS_ON_SERVER = literal_column(
     "(jobs.id || ' ' || jobs.cause || ' ' || coalesce(jobs.requested_by, '') || ' ' || jobs.sample "
@@ -27,8 +29,8 @@ WORDS_ON_SERVER = literal_column(
     "(jobs.labels::text))",
     String,
 )
-"""Expressions as in the indexes of ``migrations``; PostgreSQL uses an index only where they
-agree."""
+"""Expressions as in the indexes of ``migrations``; PostgreSQL uses an index only for equal
+expressions."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +41,7 @@ class JobFilter:
     state: JobState | None = None
     rig: str | None = None
     label: tuple[str, str] | None = None
-    """Name and value."""
+    """Name and value of a label."""
     outcome: str | None = None
     sample: str | None = None
     batch: str | None = None
@@ -49,7 +51,7 @@ class JobFilter:
     """Part of the job's id, sample, batch, operator, notes, labels, cause or requester. ASCII
     letters match in upper and lower case."""
     created_from: str | None = None
-    """Earliest creation time, in UTC, in the form of the journal."""
+    """Earliest creation time, in UTC, in the format of the journal."""
     created_to: str | None = None
     """Creation time before which the jobs were created."""
     before_number: int | None = None
@@ -78,8 +80,9 @@ class JobFilter:
     def _newest_by_several(self, limit: int, columns: dict[str, Any]) -> Select[Any]:
         """Return the query for conditions on several columns in a file.
 
-        By the index of one of them SQLite would read every job with its value. It reads only
-        ``ix_jobs_listed``, or the index of a sample, batch or operator, and then the jobs found.
+        By the index of one of them, SQLite would read every job with its value. This query reads
+        only ``ix_jobs_listed``, or the index of a sample, batch or operator, and then the jobs
+        found.
         """
         listed = {name: columns.pop(name) for name in LISTED}
         numbers = matching(select(JOBS.c.number), **columns).where(
@@ -96,7 +99,7 @@ class JobFilter:
         return JOBS.select().where(JOBS.c.number.in_(numbers)).order_by(JOBS.c.number.desc())
 
     def _conditions(self) -> list[ColumnElement[bool]]:
-        """Return the exact conditions, which no index has to support."""
+        """Return the exact conditions, which need no index."""
         found: list[ColumnElement[bool]] = []
         if self.label is not None:
             name, text = self.label
@@ -145,7 +148,7 @@ class JobFilter:
 
 
 def _quoted(text: str) -> str:
-    """Return a text in the form of the journal's JSON."""
+    """Return a text as JSON in the journal's format."""
     return json.dumps(text, ensure_ascii=False)
 
 

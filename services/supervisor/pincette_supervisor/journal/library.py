@@ -18,7 +18,7 @@ RECIPES_MAX, VERSIONS_MAX = 500, 200
 
 
 class RecipeLimitError(Exception):
-    """There are too many recipes, or versions of one; the text says which."""
+    """There are too many recipes, or versions of one; the text states which."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,13 +33,13 @@ class RecipeRow:
 
     @property
     def digest(self) -> str:
-        """Names the values."""
+        """Return the digest of the values."""
         text = json.dumps(self.values, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     @property
     def reference(self) -> str:
-        """Names this version in a request."""
+        """Return the reference to this version in a request."""
         return f"{self.name}@{self.version}"
 
 
@@ -50,7 +50,7 @@ class RecipeRepository:
         self._store = store
 
     def add(self, name: str, values: dict[str, Any], note: str) -> tuple[RecipeRow, bool]:
-        """Keep values as the next version unless the newest has them; raises RecipeLimitError."""
+        """Store values as the next version unless the newest has them; raises RecipeLimitError."""
         with self._store.writing() as connection:
             newest = _newest(connection, name)
             version = 1 if newest is None else newest.version + 1
@@ -67,7 +67,7 @@ class RecipeRepository:
             return row, True
 
     def find(self, reference: str) -> RecipeRow | None:
-        """A version by ``name@version``, the newest by ``name``; None where there is none."""
+        """Return a version by ``name@version``, the newest by ``name``; None if there is none."""
         name, _, version = reference.partition("@")
         if version:
             return self.version(name, int(version))
@@ -75,18 +75,18 @@ class RecipeRepository:
             return _newest(connection, name)
 
     def version(self, name: str, version: int) -> RecipeRow | None:
-        """Return one version of a recipe; None where there is none."""
+        """Return one version of a recipe; None if there is none."""
         wanted = select(RECIPES).where(RECIPES.c.name == name, RECIPES.c.version == version)
         with self._store.reading() as connection:
             return first(connection, RecipeRow, wanted)
 
     def versions(self, name: str) -> list[RecipeRow]:
-        """Return every version of a recipe, the newest first."""
+        """Return every version of a recipe, newest first."""
         wanted = select(RECIPES).where(RECIPES.c.name == name).order_by(RECIPES.c.version.desc())
         return self._store.rows(RecipeRow, wanted)
 
     def newest(self, limit: int = RECIPES_MAX, after: str | None = None) -> list[RecipeRow]:
-        """Return the newest version of recipes, by name; those after a name."""
+        """Return the newest version of recipes, by name, after a given name."""
         last = (
             select(RECIPES.c.name, func.max(RECIPES.c.version).label("version"))
             .group_by(RECIPES.c.name)
@@ -119,12 +119,12 @@ def _require_room(connection: Connection) -> None:
 # Trajectories as they are kept: the request, and what it was planned with, by their digest.
 
 TRAJECTORIES_MAX = 5000
-"""Trajectories that are kept; beyond, the oldest go."""
+"""Largest number of stored trajectories; beyond it, the oldest are deleted."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryRow:
-    """A trajectory: what was asked, and for which rig file and model."""
+    """A trajectory: its request, rig file and model."""
 
     rig: str
     request: dict[str, Any]
@@ -135,7 +135,7 @@ class TrajectoryRow:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the request with the digests of rig file and model, its first 20 digits."""
+        """Return 20 digits of the SHA-256 of the request with the digests of rig file and model."""
         tree = [self.rig, self.request, self.rig_file_digest, self.model_digest]
         text = json.dumps(tree, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
         return hashlib.sha256(text.encode()).hexdigest()[:20]
@@ -148,7 +148,7 @@ class TrajectoryRepository:
         self._store = store
 
     def add(self, row: TrajectoryRow) -> tuple[TrajectoryRow, bool]:
-        """Keep a trajectory; the flag says that it was not known."""
+        """Store a trajectory; the flag is True if it is new."""
         digest, made_at = row.digest, utc_now()
         with self._store.writing() as connection:
             known = _find_trajectory(connection, digest)
@@ -162,12 +162,12 @@ class TrajectoryRepository:
         return replace(row, created_at=made_at), True
 
     def get(self, digest: str) -> TrajectoryRow | None:
-        """Return one trajectory; None where there is none of this digest."""
+        """Return one trajectory; None if the digest is unknown."""
         with self._store.reading() as connection:
             return _find_trajectory(connection, digest)
 
     def newest(self, limit: int, before: TrajectoryRow | None = None) -> list[TrajectoryRow]:
-        """Return trajectories, the newest first; those that follow one, where it is named."""
+        """Return trajectories, newest first; those that follow one, if it is given."""
         table = TRAJECTORIES.c
         wanted = select(TRAJECTORIES).order_by(table.created_at.desc(), table.digest)
         if before is not None:
@@ -179,7 +179,7 @@ class TrajectoryRepository:
 def _trajectory_row(
     *, rig: str, request: dict[str, Any], created_at: str, **_digest: str
 ) -> TrajectoryRow:
-    """Return a row of the table, whose column ``request`` holds the other fields."""
+    """Return a row of the table, whose column ``request`` contains the other fields."""
     return TrajectoryRow(rig, **request, created_at=created_at)
 
 
@@ -191,7 +191,7 @@ def _find_trajectory(connection: Connection, digest: str) -> TrajectoryRow | Non
 # What programs have learned across their cycles, by a digest of the program.
 
 LEARNED_MAX = 32
-"""Programs that are kept for a rig; beyond, the one that learned longest ago goes."""
+"""Largest number of programs of a rig; beyond it, the one that learned longest ago is deleted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,7 +212,7 @@ class LearnedRow:
 
     @property
     def corrections(self) -> Corrections:
-        """As they travel with a program."""
+        """Return the corrections that are sent with a program."""
         return Corrections(self.values_um, self.errors_um, self.best_um, self.quiet)
 
 
@@ -223,17 +223,17 @@ class LearnedRepository:
         self._store, self._rig = store, rig
 
     def all(self) -> list[LearnedRow]:
-        """Return every program, the newest first."""
+        """Return every program, newest first."""
         newest_first = LEARNED.c.learned_at.desc(), LEARNED.c.program.desc()
         return self._store.rows(_learned_row, self._rows().order_by(*newest_first))
 
     def find(self, program: str) -> LearnedRow | None:
-        """Return one program; None where it has learned nothing."""
+        """Return one program; None if it has learned nothing."""
         with self._store.reading() as connection:
             return first(connection, _learned_row, self._rows(program=program))
 
     def keep(self, row: LearnedRow) -> None:
-        """Keep what a program has learned, in place of what it had learned before."""
+        """Store what a program has learned, in place of what it had learned before."""
         with self._store.writing() as connection:
             self._delete(connection, row.program)
             connection.execute(insert(LEARNED).values(rig=self._rig, **columns(row)))
@@ -241,11 +241,11 @@ class LearnedRepository:
             keep_newest(connection, LEARNED.c.program, LEARNED_MAX, *newest_first, rig=self._rig)
 
     def forget(self, program: str) -> None:
-        """Erase what a program has learned, if it has learned anything."""
+        """Erase what a program has learned, if anything."""
         self.erase(program)
 
     def erase(self, program: str | None = None) -> int:
-        """Erase what one program has learned, or all; returns the number of programs."""
+        """Erase what one program has learned, or all; return the number of programs."""
         with self._store.writing() as connection:
             return self._delete(connection, program)
 

@@ -49,9 +49,9 @@ __all__ = ["ActionRow", "JobRow", "KeyTakenError", "Store", "StoreError", "utc_n
 INTERRUPTED = "the supervisor ended while the job ran"
 PROBE, IDENTIFIER = "probe", "supervisor"
 PAGE = 250
-"""Jobs that are read at once where any number is asked for."""
+"""Number of jobs that are read at once for a list of any length."""
 EVENTS_KEPT = 200_000
-"""Events that are kept at least; some weeks of work."""
+"""Smallest number of events that are kept; some weeks of work."""
 EVENTS_SWEEP = 500
 """Number of events after which the oldest are deleted; at most twice as many at once."""
 CHANGING = ("state", "cause", "ending", "plan", "result", "started_at", "ended_at", "epoch")
@@ -72,7 +72,7 @@ TABLE_COLUMNS = (
 
 
 class KeyTakenError(Exception):
-    """The ``Idempotency-Key`` has created a job already."""
+    """The ``Idempotency-Key`` has already created a job."""
 
     def __init__(self, job: str, fingerprint: str) -> None:
         super().__init__(f"the key has created job {job}")
@@ -83,12 +83,12 @@ class Store(Database):
     """The journal in one file; safe to use from several threads."""
 
     def unfinished(self) -> list[str]:
-        """Return the jobs that have neither ended nor wait in a queue, the oldest first."""
+        """Return the jobs that have neither ended nor wait in a queue, oldest first."""
         with self.reading() as connection:
             return [name for name, _ in _live(connection)]
 
     def interrupt_unfinished(self, at: str) -> list[str]:
-        """Mark jobs that an earlier supervisor left unfinished, not queued; returns their names."""
+        """Mark jobs that an earlier supervisor left unfinished, not queued; return their names."""
         with self.writing() as connection:
             return _interrupt(connection, _live(connection), at)
 
@@ -98,7 +98,7 @@ class Store(Database):
             _interrupt(connection, [job for job in _live(connection) if job[0] in names], at)
 
     def add(self, job: JobRow, key: str | None = None, fingerprint: str = "") -> JobRow:
-        """Keep a new job and its key; returns it with its number; raises KeyTakenError."""
+        """Store a new job and its key; return it with its number. Raises KeyTakenError."""
         with self.writing() as connection:
             if key is not None and (taken := _creation(connection, key)) is not None:
                 raise KeyTakenError(taken.job, taken.fingerprint)
@@ -111,12 +111,12 @@ class Store(Database):
             return _select(connection, select(JOBS).where(JOBS.c.id == job.id))[0]
 
     def created(self, key: str) -> Creation | None:
-        """Return what an ``Idempotency-Key`` has created; None if the key is unknown."""
+        """Return the job that an ``Idempotency-Key`` has created; None if the key is unknown."""
         with self.reading() as connection:
             return _creation(connection, key)
 
     def change(self, name: str, **values: object) -> int:
-        """Change some of its columns; returns the revision; raises LookupError without the job."""
+        """Change columns of a job; return the revision. Raises LookupError without the job."""
         odd = values.keys() - {*CHANGING, *EDITABLE}
         if odd:
             raise ValueError(f"a job's {', '.join(sorted(odd))} cannot be changed")
@@ -124,7 +124,7 @@ class Store(Database):
             return _revise(connection, name, values)
 
     def add_action(self, name: str, action: ActionRow) -> int:
-        """Keep an action that was asked for; returns its number within the job."""
+        """Store a requested action; return its number within the job."""
         with self.writing() as connection:
             _revise(connection, name, {})
             count = select(func.count()).select_from(ACTIONS).where(ACTIONS.c.job == name)
@@ -133,20 +133,20 @@ class Store(Database):
         return number
 
     def action_took_effect(self, name: str, number: int, seq: int | None, at: str) -> None:
-        """Note when an action took effect, and at which sample."""
+        """Store when an action took effect, and at which sample."""
         which = and_(ACTIONS.c.job == name, ACTIONS.c.number == number)
         with self.writing() as connection:
             connection.execute(update(ACTIONS).where(which).values(seq=seq, applied_at=at))
             _revise(connection, name, {})
 
     def get(self, name: str) -> JobRow | None:
-        """Return one job; None where there is none of this name."""
+        """Return one job; None if there is none of this name."""
         with self.reading() as connection:
             found = _select(connection, select(JOBS).where(JOBS.c.id == name))
         return found[0] if found else None
 
     def newest(self, limit: int, found: JobFilter = EVERY_JOB) -> list[JobRow]:
-        """Return jobs, the newest first; only those that a filter lets through."""
+        """Return jobs, newest first; only those that match a filter."""
         with self.reading() as connection:
             return _select(connection, found.newest(limit, connection.dialect.name))
 
@@ -163,7 +163,7 @@ class Store(Database):
             return _select(connection, select(JOBS).where(JOBS.c.id.in_(names)))
 
     def table_pages(self, found: JobFilter, limit: int | None = None) -> Iterator[list[TableRow]]:
-        """Read what a table takes from jobs, newest first, at most ``PAGE`` jobs at once."""
+        """Read the values of jobs for a table, newest first, at most ``PAGE`` jobs at once."""
         left = limit
         while left is None or left > 0:
             size = PAGE if left is None else min(PAGE, left)
@@ -177,7 +177,7 @@ class Store(Database):
             left = None if left is None else left - len(page)
 
     def queued(self, rig: str) -> list[JobRow]:
-        """Return jobs of a rig that wait for their turn, the next first."""
+        """Return the queued jobs of a rig, the next one first."""
         query = select(JOBS).where(JOBS.c.state == "queued")
         with self.reading() as connection:
             found = _select(connection, query.order_by(JOBS.c.place, JOBS.c.number))
@@ -185,31 +185,34 @@ class Store(Database):
         return [job for job in found if job.rig == rig]
 
     def counted(self) -> dict[tuple[str, str, str], int]:
-        """Return how many jobs there are, by rig, kind and state; none where there is none."""
+        """Return the number of jobs by rig, kind and state.
+
+        Combinations without jobs are left out.
+        """
         names = JOBS.c.rig, JOBS.c.kind, JOBS.c.state
         with self.reading() as connection:
             found = connection.execute(select(*names, func.count()).group_by(*names)).all()
         return {(rig, kind, state): count for rig, kind, state, count in found}
 
     def add_event(self, at: str, rig: str, job: str | None, kind: str, body: dict[str, Any]) -> int:
-        """Keep an event; returns its number, which rises and is never given twice."""
+        """Store an event; return its number, which rises and is never reused."""
         with self.writing() as connection:
             return _add_event(connection, at, rig, job, kind, body)
 
     def events_after(
         self, number: int, *, rig: str | None = None, job: str | None = None, limit: int = 200
     ) -> list[Event]:
-        """Events beyond a number, the oldest first; of a rig or a job, where one is named."""
+        """Return events after a number, oldest first; of a rig or a job, if it is given."""
         query = matching(select(EVENTS).where(EVENTS.c.number > number), rig=rig, job=job)
         return self.rows(Event, query.order_by(EVENTS.c.number).limit(limit))
 
     def event_span(self) -> tuple[int, int]:
-        """Numbers of the oldest event that is kept and of the newest; 0 where there is none."""
+        """Return the numbers of the oldest stored event and of the newest; 0 if there is none."""
         with self.reading() as connection:
             return _event_span(connection)
 
     def set_note(self, name: str, value: str) -> None:
-        """Keep a fact of the rig beyond a restart."""
+        """Store a fact of the rig across restarts."""
         with self.writing() as connection:
             changed = connection.execute(
                 update(NOTES).where(NOTES.c.name == name).values(value=value)
@@ -218,7 +221,7 @@ class Store(Database):
                 connection.execute(insert(NOTES).values(name=name, value=value))
 
     def identifier(self) -> str:
-        """Return the identifier of the supervisor with this journal, made on its first start."""
+        """Return the identifier of the supervisor with this journal, created at its first start."""
         found = self.get_note(IDENTIFIER)
         if found is None:
             found = secrets.token_hex(8)
@@ -227,7 +230,7 @@ class Store(Database):
         return found
 
     def probe(self) -> bool:
-        """Return whether anything can be written; see ``trouble``."""
+        """Return whether the journal can be written; see ``trouble``."""
         try:
             self.set_note(PROBE, utc_now())
         except StoreError:
@@ -235,11 +238,11 @@ class Store(Database):
         return True
 
     def get_note(self, name: str) -> str | None:
-        """Return a fact kept under this name."""
+        """Return the fact stored under this name."""
         return self.get_notes([name]).get(name)
 
     def get_notes(self, names: Sequence[str]) -> dict[str, str]:
-        """Return the facts that are kept under these names, by name."""
+        """Return the facts stored under these names, by name."""
         query = select(NOTES.c.name, NOTES.c.value).where(NOTES.c.name.in_(names))
         with self.reading() as connection:
             return {row.name: row.value for row in connection.execute(query)}
@@ -256,14 +259,14 @@ def _creation(connection: Connection, key: str) -> Creation | None:
 
 
 def _live(connection: Connection) -> list[tuple[str, str]]:
-    """Names and rigs of the jobs that have neither ended nor wait in a queue, the oldest first."""
+    """Return names and rigs of jobs that have neither ended nor wait in a queue, oldest first."""
     live = [name for name, state in STATES.items() if not state.terminal and name != "queued"]
     query = select(JOBS.c.id, JOBS.c.rig).where(JOBS.c.state.in_(live)).order_by(JOBS.c.number)
     return [(name, rig) for name, rig in connection.execute(query)]
 
 
 def _interrupt(connection: Connection, jobs: Sequence[tuple[str, str]], at: str) -> list[str]:
-    """Mark jobs as interrupted; returns their names."""
+    """Mark jobs as interrupted; return their names."""
     ended = Ending(code="supervisor_ended")
     body = {"state": "interrupted", "cause": INTERRUPTED, "event": "interrupt"}
     body["ending"] = ended.code

@@ -56,7 +56,8 @@ JOBS = Table(
     Index("ix_jobs_listed", "number", "created_at", "rig", "kind", "state", "pinned"),
     Index("ix_jobs_counted", "rig", "kind", "state"),
 )
-"""``number`` rises with every job, ``revision`` with every change; ``place`` is in the queue."""
+"""Jobs. ``number`` rises with every job, ``revision`` with every change; ``place`` is in the
+queue."""
 
 JOB_SEARCH = table("job_search", column("rowid", Integer), column("words", String))
 """Full-text index of a journal file (FTS5 of SQLite): text, labels and outcome of each job, by the
@@ -162,7 +163,7 @@ AUDIT = Table(
     Column("link", String, nullable=False),
     sqlite_autoincrement=True,
 )
-"""Requests and their callers; triggers of the file refuse to change or delete a row."""
+"""Requests and their callers; triggers of the file prevent changing or deleting a row."""
 
 ALARMS = Table(
     "alarms",
@@ -188,7 +189,7 @@ ALARMS = Table(
 
 @dataclass(frozen=True, slots=True)
 class ActionRow:
-    """An action, and when and at which sample it took effect."""
+    """An action, with the time and the sample at which it took effect."""
 
     type: ActionType
     requested_at: str
@@ -199,7 +200,7 @@ class ActionRow:
 
 @dataclass(frozen=True, slots=True)
 class JobRow:
-    """A job as it is kept."""
+    """A job as it is stored."""
 
     id: str
     kind: str
@@ -210,19 +211,19 @@ class JobRow:
     created_at: str
     cause: str = ""
     ending: dict[str, Any] | None = None
-    """Why it has ended, as ``api.endings.Ending``."""
+    """Reason of the end, as ``api.endings.Ending``."""
     result: dict[str, Any] | None = None
     started_at: str | None = None
     ended_at: str | None = None
     actions: tuple[ActionRow, ...] = ()
     number: int = 0
-    """Rises with every job; 0 until it is kept."""
+    """Number of the job, rising with each; 0 until it is stored."""
     revision: int = 0
     """Rises with every change of the job and of its actions."""
     epoch: int | None = None
-    """Of its arming, once there is one."""
+    """Epoch of the job's arming; None before it."""
     requested_by: str | None = None
-    """Who asked for it; None of a job that was taken before that was kept."""
+    """Caller who requested the job; None for a job that is older than this column."""
     sample: str = ""
     batch: str = ""
     operator: str = ""
@@ -232,7 +233,7 @@ class JobRow:
     priority: int = 0
     """Priority in the queue; higher numbers come first."""
     place: int | None = None
-    """In the queue, from 1; None where it does not wait."""
+    """Place in the queue, from 1; None if the job is not queued."""
 
 
 class TableRow(NamedTuple):
@@ -243,7 +244,7 @@ class TableRow(NamedTuple):
     labels: str
     """Labels as JSON, like the fields below."""
     values: str
-    """Values that were requested, completed."""
+    """Requested values, completed, as JSON."""
     result: str
 
 
@@ -259,7 +260,7 @@ class Creation:
 
 
 def utc_text(time: datetime) -> str:
-    """Return a time as the journal keeps it: in UTC, to a millisecond."""
+    """Return a time in the journal's format: in UTC, to a millisecond."""
     return time.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 

@@ -1,8 +1,8 @@
-"""Journal writes in a thread of their own, so that no action on a rig waits for a disk.
+"""Journal writes in a separate thread, so that no action on a rig waits for a disk.
 
 A write that fails, as on a full disk, is repeated later in its order. A write that hangs, as on a
-disk that has stopped answering, holds up the writes behind it and nobody else: who submits one
-waits for a short time at most, and then goes on as if it had failed.
+disk that has stopped responding, delays only the writes behind it: a caller waits for a short time
+at most, and then continues as if the write had failed.
 """
 
 import logging
@@ -16,11 +16,11 @@ from pincette_supervisor.journal.store import StoreError
 
 log = logging.getLogger(__name__)
 CAPACITY = 5000
-"""Writes that may wait; beyond it the oldest is dropped, and the log says so."""
+"""Largest number of waiting writes; beyond it, the oldest is dropped, and the log says so."""
 WAIT_S = 0.25
-"""Longest time for which a caller waits for its write."""
+"""Longest time for which a caller waits for its write, in s."""
 IDLE_S = 5.0
-"""Time without a write after which the thread ends; the next write starts another one."""
+"""Time without a write after which the thread ends, in s; the next write starts another one."""
 
 Write = Callable[[], None]
 
@@ -29,14 +29,14 @@ Write = Callable[[], None]
 class _Entry:
     write: Write
     waited_for: bool
-    """Whether a caller waits for it and gets its errors."""
+    """True if a caller waits for the write and gets its errors."""
     done: bool = False
     logged: bool = False
     error: Exception | None = None
 
 
 class WriteQueue:
-    """Writes in order, each retried until the journal takes it."""
+    """Ordered writes, each retried until the journal accepts it."""
 
     def __init__(self, capacity: int = CAPACITY, wait_s: float = WAIT_S) -> None:
         self._capacity, self._wait_s = capacity, wait_s
@@ -45,9 +45,9 @@ class WriteQueue:
         self._under_way: _Entry | None = None
         self._begun_s = 0.0
         self._attempts = 0
-        """Number of writes that were begun."""
+        """Number of writes that were started."""
         self._due = False
-        """Whether the first write is to be tried now."""
+        """True if the first write is to be tried now."""
         self._thread: threading.Thread | None = None
 
     def __len__(self) -> int:
@@ -55,16 +55,16 @@ class WriteQueue:
 
     @property
     def late(self) -> bool:
-        """Whether a write has been under way for longer than callers wait: the disk hangs."""
+        """Return whether a write has taken longer than callers wait: the disk hangs."""
         return self._under_way is not None and monotonic() - self._begun_s > self._wait_s
 
     def post(self, write: Write) -> None:
-        """Have something written after all that waits, and wait for nothing."""
+        """Enqueue a write behind all others, without waiting."""
         with self._changed:
             self._add(_Entry(write, waited_for=False))
 
     def submit(self, write: Write) -> bool:
-        """Write after all that waits; False if it is to be written later.
+        """Write after all waiting writes; return False if it will be written later.
 
         Raises the write's own error, unless it is a StoreError.
         """
@@ -78,7 +78,7 @@ class WriteQueue:
         return entry.done
 
     def flush(self) -> bool:
-        """Try to write what waits; True if nothing is left."""
+        """Try to write what waits; return True if nothing is left."""
         with self._changed:
             if self._waiting:
                 self._await(self._wake(), lambda: not self._waiting)
@@ -95,7 +95,7 @@ class WriteQueue:
         return self._wake()
 
     def _wake(self) -> int:
-        """Have the first write tried; returns the number of writes begun before."""
+        """Have the first write tried; return the number of writes started before."""
         self._due = True
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="journal", daemon=True)
@@ -104,7 +104,7 @@ class WriteQueue:
         return self._attempts
 
     def _await(self, begun: int, done: Callable[[], bool]) -> None:
-        """Wait until ``done``, or until a write that began after that many has failed."""
+        """Wait until ``done``, or until a write that started after that many has failed."""
 
         def over() -> bool:
             failed = not self._due and self._under_way is None and self._attempts > begun
@@ -124,7 +124,7 @@ class WriteQueue:
             self._end(entry, error)
 
     def _next(self) -> _Entry | None:
-        """Wait for the next write, and begin it; None where none comes."""
+        """Wait for the next write, and start it; None if none comes."""
         with self._changed:
             self._changed.wait_for(lambda: self._due and bool(self._waiting), IDLE_S)
             if not (self._due and self._waiting):

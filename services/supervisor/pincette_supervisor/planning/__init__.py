@@ -1,1 +1,1 @@
-"""From a request to a program for the controller."""
+"""Planning: from a request to a program for the controller."""

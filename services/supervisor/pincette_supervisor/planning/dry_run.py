@@ -1,6 +1,6 @@
-"""A plan played by the services of the loop against the arm as the model in use has it.
+"""Dry run: the services of the loop play a plan against the arm of the model in use.
 
-The same engine as on the rig plays it in one thread, in lockstep and on a bus in memory.
+The engine is that of the rig, in one thread, in lockstep and on a bus in memory.
 """
 
 from collections.abc import Sequence
@@ -61,24 +61,24 @@ SWEEP = "a swept sine is played by the output alone"
 
 @dataclass(slots=True)
 class EmulatedInstruments:
-    """Sensor and output of each arm; what is put out moves the arms once the tick is over."""
+    """Sensor and output of each arm; output voltages move the arms at the end of the tick."""
 
     rig: RigFile
     arms: IdentifiedArm | IdentifiedPair
     put_V: dict[int, float] = field(default_factory=dict[int, float])
-    """Put out in this tick, by the index of the arm."""
+    """Voltage that was output in this tick, by the index of the arm."""
     plays_wave: bool = False
     missed_um: float | None = None
-    """What the model misses at the tick that is put out, where a residual table knows it; there are
-    none of two arms."""
+    """Model error at the tick of the output, in µm, if a residual table contains it; never for two
+    arms."""
 
     @property
     def device(self) -> Device:
-        """Each arm's sensor and output at once."""
+        """Return sensor and output of all arms as one device."""
         return of_arms([EmulatedDevice(self, arm) for arm in range(len(self.arms.targets_V))])
 
     def settle(self) -> None:
-        """Let the arms follow what was put out in this tick."""
+        """Move the arms by the output of this tick."""
         if not self.put_V:
             return
         voltages_V = [self.put_V.get(arm, at_V) for arm, at_V in enumerate(self.arms.targets_V)]
@@ -89,7 +89,7 @@ class EmulatedInstruments:
         self.put_V = {}
 
     def begun(self, applied: Applied) -> tuple[Applied, Position] | None:
-        """Return what the estimator is to have heard of arms that stand away from 0 V."""
+        """Return initial messages for the estimator if the arms are not at 0 V; otherwise None."""
         first_V, *others_V = self.arms.targets_V
         if not first_V and not any(others_V):
             return None
@@ -107,50 +107,50 @@ class EmulatedDevice:
     """Index of the arm."""
 
     def read_um(self) -> float:
-        """Return what the sensor shows of where the arm stands, in µm."""
+        """Return the position that the sensor shows, in µm."""
         sensor = self.instruments.rig.arms[self.arm].sensor
         return sensor.offset_um + sensor.direction * self.instruments.arms.tips_um[self.arm]
 
     def begin_capture(self, rate_hz: float) -> None:
-        """Acquire one sample a tick, whatever the rate: a sweep is not emulated."""
+        """Acquire one sample per tick at any rate: a sweep is not emulated."""
 
     def read_block(self) -> Block:
         """Return the sample of this tick."""
         return Block((self.read_um(),), (self.read_V(),))
 
     def end_capture(self) -> None:
-        """Acquire no more."""
+        """Stop the acquisition."""
 
     def read_V(self) -> float:
-        """Return the voltage that the arm goes to."""
+        """Return the target voltage of the arm, in V."""
         return self.instruments.arms.targets_V[self.arm]
 
     def write_V(self, voltage_V: float) -> None:
-        """Put out a voltage."""
+        """Output a voltage."""
         self.instruments.put_V[self.arm] = voltage_V
 
     def write_parts(self, voltages_V: Sequence[float], interval_s: float) -> None:  # noqa: ARG002
-        """Put out a step, whose parts the arm knows."""
+        """Output a step; its parts are modelled by the arm."""
         self.write_V(voltages_V[-1])
 
     def begin_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:  # noqa: ARG002
-        """Note that a wave is played, which is not emulated."""
+        """Record that a wave is played, which is not emulated."""
         self.instruments.plays_wave = True
 
     def look(self) -> None:
-        """The wave goes on."""
+        """Do nothing: the wave continues."""
 
     def close(self) -> None:
-        """Have nothing to give back."""
+        """Do nothing: there is nothing to release."""
 
 
 class RigEmulator:
-    """The four services and the arm, or both; ``tick`` takes all on by one sample."""
+    """The four services and the arm or arms; ``tick`` advances all of them by one sample."""
 
     def __init__(self, rig: RigFile, arm: IdentifiedArm | IdentifiedPair, program: Program) -> None:
         self.samples = Samples(len(rig.arms))
         self.heard: list[Message] = []
-        """All that was said, of two arms."""
+        """All messages, for two arms only."""
         self.ended = False
         self.told: Telemetry | None = None
         self._rig, self._program = rig, program
@@ -192,24 +192,24 @@ class RigEmulator:
 
     @property
     def outcome(self) -> str:
-        """How the program ends, as far as it is known."""
+        """Return the outcome of the program, as far as it is known."""
         if self._applied is not None and self._applied.state in TRIPPED:
             return "tripped"
         return "" if self.told is None else self.told.outcome
 
     @property
     def segment(self) -> Segment | None:
-        """The segment of the program that plays."""
+        """Return the segment of the program that plays."""
         return self._program.segments[self.place] if self.place >= 0 else None
 
     @property
     def place(self) -> int:
-        """Number of that segment; -1 where none of the program plays."""
+        """Return the number of that segment; -1 if none of the program plays."""
         number = -1 if self.told is None else self.told.segment
         return number if number < len(self._program.segments) else -1
 
     def _begin(self) -> None:
-        """Let all services begin where the arm stands."""
+        """Start all services at the position of the arm."""
         self._bus.call(RESET, Reset(acknowledge=True))
         rest = self._bus.latest(APPLIED)
         begun = None if rest is None else self._instruments.begun(cast(Applied, rest))
@@ -222,7 +222,7 @@ class RigEmulator:
         arm_loop(self._bus, self._program, epoch=1, digest=self._rig.digest())
 
     def tick(self, seq: int) -> str:
-        """Return one sample; returns why nothing can be predicted beyond it."""
+        """Advance by one sample; return why nothing can be predicted beyond it."""
         while (self._applied is None or self._applied.seq < seq) and self._bus.pump():
             pass
         applied, command = self._applied, self._command
@@ -243,7 +243,7 @@ class RigEmulator:
         return ""
 
     def act(self, action: str) -> str:
-        """Ask the controller for an action; returns why it refuses."""
+        """Request an action of the controller; return why it rejects the request."""
         try:
             self._bus.call(ACTION, Action(ActionCode(action)))
         except RefusalError as error:
@@ -252,33 +252,33 @@ class RigEmulator:
 
 
 LONGEST_S, LONGEST_SAMPLES = 120.0, 30_000
-"""Limits of the part of a plan that is played, by time and by samples: the shorter one counts."""
+"""Limits of the part of a plan that is played, in s and in samples; the shorter one counts."""
 ENDLESS_S = 0.3
-"""Duration for which a segment without an end is played, as its plan draws it."""
+"""Duration for which a segment without an end is played, as in its plan, in s."""
 
 
 @dataclass(frozen=True, slots=True)
 class DryRun:
-    """Samples, how the program ended, and why no more of it was played; empty: all of it was."""
+    """Samples, the outcome of the program, and why the rest was not played; empty: all was."""
 
     samples: Samples
     outcome: str
     cut: str
     instruments: Instruments
     figures: JobResult | None = None
-    """Of two arms: what the samples are evaluated to, as those of a job are."""
+    """Two arms only: result of the samples, evaluated like those of a job."""
 
 
 def stated_instruments(rig: RigFile) -> Instruments:
-    """Delay and lag as the drivers of a rig state them; none where they state nothing."""
+    """Return delay and lag as the drivers of a rig state them; 0 if they state nothing."""
     return Instruments(*stated_output(rig))
 
 
 def run_dry(planned: Planned, present: Present, *, part: bool) -> DryRun:
-    """Play a plan from where the arm stands.
+    """Play a plan from the present state of the arm.
 
-    What waits for a person goes on after ``ENDLESS_S``, with the weight hung that is asked for;
-    what is held without end is released then.
+    A wait for a person ends after ``ENDLESS_S``, with the requested weight hung; a hold without an
+    end is then released.
 
     Parameters
     ----------
@@ -305,7 +305,7 @@ def run_dry(planned: Planned, present: Present, *, part: bool) -> DryRun:
 
 
 def _figures(planned: Planned, rig: RigFile, emulator: RigEmulator) -> JobResult | None:
-    """Return the result of the predicted samples where the kind shows it; None without samples."""
+    """Return the result of the predicted samples if the kind shows it; None without samples."""
     kind = job_kinds()[planned.plan.kind]
     shown = kind.figures_in_prediction and rig.second is not None
     if not shown or not emulator.heard or not emulator.samples.t_s:
@@ -315,7 +315,7 @@ def _figures(planned: Planned, rig: RigFile, emulator: RigEmulator) -> JobResult
 
 
 def _played(emulator: RigEmulator, planned: Planned, period_s: float) -> tuple[str, bool]:
-    """Play to the end; returns why no more was played, and whether a part was released."""
+    """Play to the end; return why no more was played, and whether a part was released."""
     longest = min(int(LONGEST_S / period_s + 0.5), LONGEST_SAMPLES)
     prompted, released = -1, False
     for seq in range(longest):

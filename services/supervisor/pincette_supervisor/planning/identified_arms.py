@@ -35,29 +35,30 @@ from pincette_supervisor.plugin import Present
 
 SUBSTEP_S = 0.001
 SETTLED_S = 60.0
-"""Time for which the arm is assumed to have stood at its first voltage."""
+"""Time for which the arm is assumed to have been at its first voltage, in s."""
 STILL_V = 1e-9
-"""Way of the voltage within a period below which it rests."""
+"""Change of the voltage within a period below which it is constant, in V."""
 
 
 Stretch = tuple[float, list[float]]
-"""Length of a substep in s, and where the free arm rests in each, in µm."""
+"""Length of a substep in s, and the rest position of the free arm in each, in µm."""
 GROUND_MN = 1e6
-"""Force with which the ground holds the part; unlimited, as nothing is known of it."""
+"""Force with which the ground holds the part, in mN; unlimited, since it is unknown."""
 HOLD_MN, LIFT_S = 0.05, 0.1
-"""Force of both arms that carries the part, and for how long until it is theirs alone; assumed."""
+"""Assumed force of both arms that carries the part, in mN, and the time in s until they carry it
+alone."""
 SETTLE_S = 0.5
-"""Time for which arms are assumed to have pressed at their voltages."""
+"""Time for which arms are assumed to have pressed at their voltages, in s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Instruments:
-    """Delays and lags between a sample and the voltage that answers it."""
+    """Delays and lags between a sample and its voltage."""
 
     delay_s: float
-    """Time from the sample to the arrival of the voltage; less than a period."""
+    """Time from the sample to the arrival of the voltage, in s; less than a period."""
     lag_s: float
-    """Time constant of the output."""
+    """Time constant of the output, in s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,43 +73,43 @@ class IdentifiedArm:
     target_V: float
     output_V: float
     missed_um: float = 0.0
-    """Error of the free response at this place of the program, by a residual table."""
+    """Error of the free response at this place of the program, by a residual table, in µm."""
     shaping_s: float | None = None
-    """Time between two of the parts in which a step of the voltage is written; None: it has one."""
+    """Interval between the parts of a shaped voltage step, in s; None: steps are not shaped."""
     hung_mN: float = 0.0
-    """Weight at the tip, positive towards -x."""
+    """Weight at the tip, in mN, positive towards -x."""
 
     @property
     def tips_um(self) -> tuple[float, ...]:
-        """Position of the tip."""
+        """Return the position of the tip, in µm."""
         return (self.state.x_um,)
 
     @property
     def forces_mN(self) -> tuple[float, ...]:
-        """Contact force K_e·max(0, x - x_e)."""
+        """Return the contact force K_e·max(0, x - x_e), in mN."""
         return (plant.contact_force_mN(self.parameters, self.state),)
 
     @property
     def targets_V(self) -> tuple[float, ...]:
-        """Voltage that the arm goes to."""
+        """Return the target voltage of the arm, in V."""
         return (self.target_V,)
 
     def hang(self, weight_mN: float, arm: int = 1) -> "IdentifiedArm":
-        """Hang a weight at the tip in place of what hangs there."""
+        """Hang a weight at the tip, in place of the present one."""
         _ = arm
         return replace(self, hung_mN=weight_mN)
 
     def at(self, x_um: float) -> "IdentifiedArm":
-        """Return the free arm at rest where it was measured, by whatever it remembers of before."""
+        """Return the free arm at rest at a measured position, with the memory that leads to it."""
         response = self.response.begin(x_um)
         return replace(
             self, response=response, state=rest_plain_arm(self.parameters, self.state, x_um)
         )
 
     def moved(self, voltage_V: float, missed_um: float | None = None) -> "IdentifiedArm":
-        """Return the arm a period after a sample that is answered with a voltage.
+        """Return the arm one period after a sample that results in a voltage.
 
-        ``missed_um`` is what the free response misses then; None: as much as before.
+        ``missed_um`` is the error of the free response then; None: as before.
         """
         driven, stretches = self.driven(voltage_V, missed_um)
         state = self.state
@@ -119,9 +120,10 @@ class IdentifiedArm:
     def driven(
         self, voltage_V: float, missed_um: float | None = None
     ) -> tuple["IdentifiedArm", list[Stretch]]:
-        """Return the arm with its response a period later and its tip as it is, and the way of x_f.
+        """Return the arm with its response one period later, its tip unchanged, and the way of x_f.
 
-        That way is in stretches, each of substeps of one length and of where the free arm rests.
+        The way consists of stretches, each with substeps of one length and the rest positions of
+        the free arm.
         """
         held = list[list[tuple[float, float]]]()
         output_V = self.output_V
@@ -156,7 +158,7 @@ class IdentifiedArm:
         return driven, stretches
 
     def _targets(self, voltage_V: float) -> list[tuple[float, float]]:
-        """Return the voltages that the output aims at over a period, each after its length in s."""
+        """Return the target voltages of the output over a period, each with its length in s."""
         rest_s = self.period_s - self.instruments.delay_s
         targets = [(self.instruments.delay_s, self.target_V)]
         if self.shaping_s is not None:
@@ -168,7 +170,7 @@ class IdentifiedArm:
     def _stretch(
         self, length_s: float, target_V: float, output_V: float
     ) -> list[tuple[float, float]]:
-        """Substeps of equal length towards a target: each with its length, and the voltage then."""
+        """Return equal substeps towards a target, each with its length and final voltage."""
         if length_s <= 0.0:
             return []
         count = ceil(length_s / SUBSTEP_S - 1e-9)
@@ -183,7 +185,7 @@ class IdentifiedArm:
 def identified_arm(
     rig: RigFile, instruments: Instruments, start_V: float, part: Part | None
 ) -> IdentifiedArm:
-    """Return the arm at rest at a voltage that it was brought to from 0 V, unpoled.
+    """Return the arm at rest at a voltage that was applied from 0 V, unpoled.
 
     Parameters
     ----------
@@ -233,22 +235,22 @@ class IdentifiedPair:
 
     @property
     def tips_um(self) -> Pair:
-        """x_1 and x_2."""
+        """Return x_1 and x_2, in µm."""
         return self.state.tips_um
 
     @property
     def forces_mN(self) -> Pair:
-        """Of each arm on the part."""
+        """Return the forces of both arms on the part, in mN."""
         return pair_forces_mN(self.parameters, self.state)
 
     @property
     def targets_V(self) -> Pair:
-        """Voltages that both arms go to."""
+        """Return the target voltages of both arms, in V."""
         first, second = self.arms
         return first.target_V, second.target_V
 
     def hang(self, weight_mN: float, arm: int) -> "IdentifiedPair":
-        """Hang a weight at the tip of arm 1 or 2 in place of what hangs there."""
+        """Hang a weight at the tip of arm 1 or 2, in place of the present one."""
         first, second = (
             each.hang(weight_mN) if number == arm else each
             for number, each in enumerate(self.arms, start=1)
@@ -256,7 +258,7 @@ class IdentifiedPair:
         return replace(self, arms=(first, second))
 
     def moved(self, voltages_V: Pair) -> "IdentifiedPair":
-        """Return both arms a period after a sample that is answered with these voltages."""
+        """Return both arms one period after a sample that results in these voltages."""
         (first, ways_1), (second, ways_2) = (
             arm.driven(voltage_V) for arm, voltage_V in zip(self.arms, voltages_V, strict=True)
         )
@@ -270,7 +272,7 @@ class IdentifiedPair:
 def identified_pair(
     rig: RigFile, instruments: Instruments, present: Present, *, part: bool, held: bool
 ) -> IdentifiedPair:
-    """Return both arms at rest where they stand; raises ValueError on a rig of one arm.
+    """Return both arms at rest at their positions; raises ValueError on a rig of one arm.
 
     Parameters
     ----------

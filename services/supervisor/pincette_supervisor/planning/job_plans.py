@@ -1,4 +1,4 @@
-"""From a request to a plan: missing members are looked up once, also in a recipe."""
+"""From a request to a plan: missing members are resolved once, also from a recipe."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -31,13 +31,16 @@ from pincette_supervisor.plugin.model_in_use import (
 )
 
 OF_THE_JOB = set(ZeroingRequest.model_fields)
-"""Members that no recipe has: how a job begins, and what a person has seen before it."""
+"""Members that no recipe contains: how a job begins, and what a person has verified before it."""
 FindRecipe = Callable[[str], RecipeRow | None]
 FindLearned = Callable[[str], Corrections | None]
 
 
 class FaultyValuesError(ValueError):
-    """Values that make no recipe; ``errors`` are pydantic's, their ``loc`` within the values."""
+    """Values that do not form a recipe.
+
+    ``errors`` are pydantic's, their ``loc`` within the values.
+    """
 
     def __init__(self, errors: list[dict[str, Any]]) -> None:
         super().__init__(f"{len(errors)} of the values cannot be used")
@@ -45,12 +48,12 @@ class FaultyValuesError(ValueError):
 
 
 def completed_kinds() -> list[JobKind]:
-    """Return kinds whose requests a recipe completes."""
+    """Return the kinds whose requests a recipe can complete."""
     return [kind for kind in job_kinds().values() if kind.recipe is not None]
 
 
 def checked_values(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values of a recipe as they are kept.
+    """Return the values of a recipe as they are stored.
 
     Raises
     ------
@@ -111,25 +114,25 @@ class ResolvedRequest:
     """A request and everything that its plan depends on."""
 
     kept: JobRequest
-    """Request as the journal keeps it: its recipe has a version."""
+    """Request as stored in the journal: its recipe has a version."""
     request: JobRequest
-    """The kept request, completed by the recipe."""
+    """Stored request, completed by the recipe."""
     model: ModelInUse
     """Model in use when the request was resolved."""
     expecting: ModelInUse
     """The model with the part that the recipe expects."""
     present: Present | None = None
-    """Position of the rig; None: unknown."""
+    """State of the rig; None: unknown."""
     recipe: RecipeRow | None = None
 
     @property
     def kind(self) -> JobKind:
-        """Kind of the job."""
+        """Return the kind of the job."""
         return kind_of(self.request)
 
     @property
     def values(self) -> dict[str, Any]:
-        """Values that the journal keeps beside those of the plan: model, recipe and its part."""
+        """Return values that the journal stores besides the plan's: model, recipe and its part."""
         found: dict[str, Any] = {"model": self.model.stamp}
         if (recipe := self.recipe) is not None:
             stamp = {"name": recipe.name, "version": recipe.version, "digest": recipe.digest}
@@ -142,7 +145,7 @@ class ResolvedRequest:
 def resolve(
     request: JobRequest, model: ModelInUse, present: Present | None, find_recipe: FindRecipe
 ) -> ResolvedRequest:
-    """Look up what a request leaves out.
+    """Resolve the missing members of a request.
 
     Raises
     ------
@@ -163,7 +166,7 @@ def resolve(
 
 
 def plan(resolved: ResolvedRequest, find_learned: FindLearned = lambda _name: None) -> Planned:
-    """Plan a resolved request; limits it breaks are in ``plan.violations``.
+    """Plan a resolved request; exceeded limits are in ``plan.violations``.
 
     Parameters
     ----------
@@ -205,7 +208,7 @@ def plan(resolved: ResolvedRequest, find_learned: FindLearned = lambda _name: No
 def plan_job(
     request: JobRequest, rig: RigFile | ModelInUse, present: Present | None = None
 ) -> Planned:
-    """Plan a request that names no recipe; raises as ``resolve`` and ``plan`` do.
+    """Plan a request without a recipe; raises the errors of ``resolve`` and ``plan``.
 
     Parameters
     ----------
@@ -254,7 +257,7 @@ def _recipe(request: JobRequest, find: FindRecipe) -> RecipeRow:
 
 
 def _completed(request: JobRequest, recipe: RecipeRow, rig: RigFile) -> JobRequest:
-    """Return the request with what it leaves out taken from a recipe; raises FaultyRequestError."""
+    """Return the request with missing members from a recipe; raises FaultyRequestError."""
     own = request.model_dump(exclude_unset=True)
     offered = _offered(recipe, own, kind_of(request), len(rig.arms))
     try:
@@ -268,7 +271,7 @@ def _completed(request: JobRequest, recipe: RecipeRow, rig: RigFile) -> JobReque
 def _offered(recipe: RecipeRow, own: Mapping[str, Any], kind: JobKind, arms: int) -> dict[str, Any]:
     """Return the values of a recipe for a rig with this number of arms.
 
-    Values that contradict the request's own members are left out.
+    Values that contradict the request's members are left out.
     """
     rules = kind.recipe or RecipeRules()
     refused = OF_THE_JOB | own.keys() | kind.foreign(arms)

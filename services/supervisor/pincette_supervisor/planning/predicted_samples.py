@@ -11,7 +11,7 @@ from pincette.core.messages import Applied, Command, Telemetry
 from pincette.records import parquet
 
 Answers = tuple[Command, Applied, Telemetry]
-"""Answers of the loop to one sample."""
+"""Messages of the loop that follow one sample: command, output and telemetry."""
 COLUMNS = (
     SampleColumn(name="t_s", unit="s", meaning="time since the begin"),
     SampleColumn(name="phase", unit="", meaning="phase of the program"),
@@ -41,11 +41,11 @@ class Samples:
     phase: list[str] = field(default_factory=list[str])
     x_um: list[float] = field(default_factory=list[float])
     force_mN: list[float] = field(default_factory=list[float])
-    """Contact force; compressive forces are positive."""
+    """Contact force, in mN; compressive forces are positive."""
     asked_V: list[float] = field(default_factory=list[float])
-    """Voltage that the controller requests, which the actuator may limit."""
+    """Voltage that the controller requests, in V, which the actuator may limit."""
     voltage_V: list[float] = field(default_factory=list[float])
-    """Applied voltage."""
+    """Applied voltage, in V."""
     x_r_um: list[float] = field(default_factory=list[float])
     force_r_mN: list[float] = field(default_factory=list[float])
     sliding_um: list[float] = field(default_factory=list[float])
@@ -55,12 +55,12 @@ class Samples:
     second_asked_V: list[float] = field(default_factory=list[float])
     second_voltage_V: list[float] = field(default_factory=list[float])
     place_um: list[float] = field(default_factory=list[float])
-    """Place of the part between two arms, q = (x_1 - x_2)/2."""
+    """Place of the part between two arms, q = (x_1 - x_2)/2, in µm."""
     place_r_um: list[float] = field(default_factory=list[float])
-    """Reference of that place."""
+    """Reference of that place, in µm."""
 
     def of_arms(self) -> "list[Samples]":
-        """Return the samples of each arm as if it were the only one."""
+        """Return the samples of each arm under the names of a rig with a single arm."""
         if self.arms == 1:
             return [self]
         second = replace(
@@ -75,7 +75,7 @@ class Samples:
     def add(
         self, t_s: float, tips_um: Sequence[float], forces_mN: Sequence[float], told: Answers
     ) -> None:
-        """Add a sample: where the arms are, and what the services have answered to it.
+        """Add a sample: the positions of the arms, and the messages of the services.
 
         Raises
         ------
@@ -108,17 +108,17 @@ class Samples:
 
 
 def columns_of(samples: Samples) -> tuple[SampleColumn, ...]:
-    """Return what is known of each sample, of two arms more than of one."""
+    """Return the columns of the samples; two arms have more columns than one."""
     return COLUMNS if samples.arms == 1 else (*COLUMNS, *SECOND_COLUMNS)
 
 
 def table(samples: Samples) -> dict[str, list[Any]]:
-    """Return columns by their names."""
+    """Return the columns by name."""
     return {column.name: getattr(samples, column.name) for column in columns_of(samples)}
 
 
 def as_csv(samples: Samples, about: dict[str, str]) -> bytes:
-    """Comments that say whose they are and what each column is, names, a line for each sample."""
+    """Return a CSV: comments on origin and columns, the names, and a line for each sample."""
     stream = StringIO()
     for name, value in about.items():
         stream.write(f"# {name}: {value}\n")
@@ -133,7 +133,7 @@ def as_csv(samples: Samples, about: dict[str, str]) -> bytes:
 
 
 def as_parquet(samples: Samples, about: dict[str, str]) -> bytes:
-    """Return the same columns, with what is said of them beside each."""
+    """Return the same columns as Parquet, with their descriptions in the metadata."""
     fields = [
         parquet.Field(
             column.name, column.unit, column.meaning, "text" if column.name == "phase" else "float"

@@ -1,6 +1,7 @@
-"""Prediction of a plan on the model in use: curves, peaks, margins, violated limits.
+"""Prediction of a plan on the model in use: curves, peaks, margins, exceeded limits.
 
-Predictions are made one at a time, since each keeps a processor busy, and the last ones are kept.
+Predictions are computed one at a time, since each keeps a processor busy, and the last ones are
+cached.
 """
 
 import hashlib
@@ -52,19 +53,19 @@ ARM = (
 )
 PART = ("part.contact_um", "part.stiffness_mN_per_um")
 ROUNDING = 1e-9
-"""Tolerance for rounding: a value on a limit is within it."""
+"""Tolerance for rounding: a value at a limit is within it."""
 
 
 def played(planned: Planned) -> DryRun:
-    """Play a plan on the model that it was made with, from rest where the arm stands."""
+    """Play a plan on its model, from rest at the present position of the arm."""
     return run_dry(planned, planned.present or Present(), part=planned.meets_part)
 
 
 def with_prediction(planned: Planned, dry_run: DryRun) -> Planned:
-    """Return a plan with what its dry run predicts; a limit that it breaks makes it infeasible.
+    """Return a plan with the prediction of its dry run; an exceeded limit makes it infeasible.
 
-    The plan names its own violations first; of a loop that is not stable, which is no matter of
-    place and time, it says so last.
+    The plan lists its own violations first; that of an unstable loop, which has no place and time,
+    comes last.
     """
     prediction = predict(planned, dry_run)
     broken = sorted(
@@ -76,7 +77,7 @@ def with_prediction(planned: Planned, dry_run: DryRun) -> Planned:
 
 
 def predict(planned: Planned, dry_run: DryRun) -> Prediction:
-    """What a dry run of a plan says; raises ValueError where nothing of it could be played."""
+    """Return the prediction of a plan's dry run; raises ValueError if nothing could be played."""
     samples, rig = dry_run.samples, planned.armed.rig
     if not samples.t_s:
         raise ValueError(f"nothing of the plan can be played: {dry_run.cut}")
@@ -116,7 +117,7 @@ def predict(planned: Planned, dry_run: DryRun) -> Prediction:
 
 
 def _pointer(planned: Planned) -> Callable[[str, str], str]:
-    """Return what finds the member that leads beyond a limit, by quantity and phase."""
+    """Return a function that finds the member exceeding a limit, by quantity and phase."""
     by_phase = planned.pointers
     if not by_phase:
         return functions_of(job_kinds()[planned.plan.kind]).pointer
@@ -128,14 +129,14 @@ def _pointer(planned: Planned) -> Callable[[str, str], str]:
 
 
 def _of_arm(broken: Violation, arm: int, arms: int) -> Violation:
-    """Return a violation that says of which arm it is, where there are two."""
+    """Return a violation that names its arm if there are two."""
     if arms == 1:
         return broken
     return broken.model_copy(update={"message": f"arm {arm}: {broken.message}"})
 
 
 def _curves(of: type[C], samples: Samples) -> C:
-    """Return samples thinned out to ``CURVE_POINTS``, the first one kept."""
+    """Return samples thinned out to ``CURVE_POINTS``, including the first one."""
     stride = max(1, ceil(len(samples.t_s) / CURVE_POINTS))
     return of(**{name: getattr(samples, name)[::stride] for name in of.model_fields})
 
@@ -159,7 +160,7 @@ def phases(samples: Samples, period_s: float) -> list[PredictedPhase]:
 
 
 def _assumptions(planned: Planned, instruments: Instruments) -> list[str]:
-    """Return what a prediction takes for granted, in words."""
+    """Return the assumptions of a prediction, in words."""
     model = planned.armed
     words: list[str] = []
     for number, arm in enumerate(model.rig.arms, start=1):
@@ -198,18 +199,18 @@ def _free_response(rig: RigFile) -> str:
 
 
 class Limit(NamedTuple):
-    """A limit of a quantity, and the values that it holds for."""
+    """A limit of a quantity, and the values to which it applies."""
 
     quantity: Quantity
     unit: str
     limit: float
     side: float
-    """+1: values must not be above, -1: not below."""
+    """Direction of the limit. +1: values must not be above, -1: not below."""
     values: Sequence[float]
 
 
 def rates_V_per_s(samples: Samples, period_s: float) -> list[float]:
-    """Rate at which each voltage that is asked for would be come to from the one before."""
+    """Return the rates at which each requested voltage follows the voltage before it."""
     return [
         0.0 if index == 0 else (asked_V - samples.voltage_V[index - 1]) / period_s
         for index, asked_V in enumerate(samples.asked_V)
@@ -217,9 +218,9 @@ def rates_V_per_s(samples: Samples, period_s: float) -> list[float]:
 
 
 def limits_of(rig: RigFile, samples: Samples) -> list[Limit]:
-    """Return the limits of a rig file, each with the samples it holds for.
+    """Return the limits of a rig file, each with the samples to which it applies.
 
-    Of the voltage that is what the controller asks for: the actuator keeps its limits.
+    For the voltage, these are the controller's requests, since the actuator enforces its limits.
     """
     limits, slew = rig.limits, rates_V_per_s(samples, rig.rig.period_s)
     return [
@@ -234,7 +235,7 @@ def limits_of(rig: RigFile, samples: Samples) -> list[Limit]:
 
 
 def margins(rig: RigFile, samples: Samples, *, switches: bool) -> list[Margin]:
-    """Return the least distance to each limit, and to the band of the sliding function.
+    """Return the smallest distance to each limit, and to the band of the sliding function.
 
     Parameters
     ----------
@@ -263,12 +264,12 @@ def _margin(limit: Limit, samples: Samples) -> Margin:
 
 
 def _led(samples: Samples, index: int) -> str:
-    """The phase that has led to a sample; its own may be what the sample has brought about."""
+    """Return the phase before a sample; its own phase may be a consequence of the sample."""
     return samples.phase[max(0, index - 1)]
 
 
 def _band_margin(samples: Samples) -> Iterator[Margin]:
-    """Of |s| to its band, where a law leads; beyond it, the law brings s back."""
+    """Yield the margin of |s| to its band while a law is active; beyond it, the law returns s."""
     room = [band - abs(s) for s, band in zip(samples.sliding_um, samples.band_um, strict=True)]
     led = [index for index, band_um in enumerate(samples.band_um) if band_um > 0.0]
     if not led:
@@ -288,7 +289,7 @@ def _band_margin(samples: Samples) -> Iterator[Margin]:
 def violations(
     rig: RigFile, samples: Samples, pointer: Callable[[str, str], str]
 ) -> list[Violation]:
-    """Every limit that is broken, by the phases in which that begins, in the order of the limits.
+    """Return every exceeded limit, by the phases in which that begins, in the order of limits.
 
     Parameters
     ----------
@@ -334,7 +335,7 @@ def _broken(
 
 
 def peaks(rig: RigFile, samples: Samples) -> Peaks:
-    """Return extremes of the samples, of which there is one at least."""
+    """Return extremes of the samples; there must be at least one sample."""
     return Peaks(
         force_max_mN=max(samples.force_mN),
         x_min_um=min(samples.x_um),
@@ -348,12 +349,12 @@ def peaks(rig: RigFile, samples: Samples) -> Peaks:
 Play = Callable[[Planned], DryRun]
 KEPT = 8
 WAITING = 4
-"""Greatest number of callers that wait for their turn: their threads serve other requests too, and
+"""Largest number of callers that wait for their turn: their threads serve other requests too, and
 there are six of them (``WORKERS`` of the server)."""
 
 
 class PredictionCache:
-    """Plays plans on the model they were made with; safe to use from several threads."""
+    """Plays plans on their models and caches the results; safe to use from several threads."""
 
     def __init__(self, play: Play = played) -> None:
         self._play = play
@@ -362,7 +363,7 @@ class PredictionCache:
         self._kept: OrderedDict[str, DryRun] = OrderedDict()
 
     def dry_run(self, planned: Planned) -> DryRun:
-        """Play a plan, or return what the same plan has come to.
+        """Play a plan, or return the cached result of the same plan.
 
         Raises
         ------
@@ -382,10 +383,10 @@ class PredictionCache:
             self._room.release()
 
     def predicted(self, planned: Planned) -> Planned:
-        """Return a plan with what playing it predicts.
+        """Return a plan with its prediction.
 
-        A new force on a held part is planned alone: what its arm remembers of the grip is not known
-        to a model.
+        A new force on a held part is planned without prediction: the memory of its arm from the
+        grip is unknown to a model.
 
         Raises
         ------
@@ -402,11 +403,11 @@ class PredictionCache:
             ) from error
 
     def checked(self, planned: Planned) -> Planned:
-        """A plan before a job is made of it: where playing it breaks a limit, with what that says.
+        """Return a plan before its job, with its prediction if that exceeds a limit.
 
-        A part that is held must be let go whatever is predicted, and a calibration is there to find
-        the model that would predict it: neither is played. However many look ahead, a job that
-        is to begin waits for the one that is being played alone.
+        A held part must be released whatever is predicted, and a calibration is there to find the
+        model that would predict it: neither is played. With any number of predictions waiting, a
+        job that is to begin waits only for the one that is being played.
         """
         if not job_kinds()[planned.plan.kind].predicted:
             return planned

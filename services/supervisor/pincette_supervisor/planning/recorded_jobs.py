@@ -1,4 +1,4 @@
-"""Recorded jobs whose motion can be played again, from the journal and their records."""
+"""Recorded jobs whose motion can be replayed, from the journal and their records."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -28,15 +28,15 @@ COLUMNS = (
     "zero_age_s",
 )
 MOST_SAMPLES = 500_000
-"""Samples of a motion that is read; more need too much memory."""
+"""Largest number of samples of a motion that is read; more would need too much memory."""
 PRESSED = (Phase.LOAD, Phase.HOLD, Phase.TRACK, Phase.UNLOAD, Phase.STOPPED)
 """Phases in which a part is pressed."""
 MOST_PRESSED = 400
-"""Pressed samples that are kept of a job."""
+"""Largest number of pressed samples that are kept of a job."""
 
 
 def recorded_motion(store: Store, records: Path, rig: RigFile, job: str) -> RecordedMotion:
-    """Read the motion of a job; with an empty name of the newest that meets a part.
+    """Read the motion of a job; with an empty name, that of the newest job with a part.
 
     Raises
     ------
@@ -161,7 +161,7 @@ def motion_of(
 def _pressed(table: Columns, from_mN: float) -> tuple[Pressed, ...]:
     """Return samples of the pressed part after the last zero, thinned out.
 
-    A sample answers the voltage of the tick before it.
+    A sample follows the voltage of the tick before it.
     """
     names = ("segment", "segment_tick", "x_um", "force_mN", "zero_age_s")
     segment, tick, x_um, force_mN, age_s = (series(table, name) for name in names)

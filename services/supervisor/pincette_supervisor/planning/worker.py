@@ -1,7 +1,7 @@
-"""A process for what keeps a processor for longer than a moment.
+"""Process for work that keeps a processor busy for longer than a moment.
 
-Worked out in the supervisor itself it would hold the interpreter's lock, for which an emergency
-stop would have to wait in line.
+In the supervisor itself, the work would hold the interpreter's lock, for which an emergency stop
+would have to wait.
 """
 
 import logging
@@ -19,18 +19,18 @@ from pincette.engine.realtime.os_scheduling import lower_priority
 
 log = logging.getLogger("pincette")
 UNUSED_S = 600.0
-"""Time after which a process that is not used ends, which frees its 60 to 120 MB."""
+"""Time after which an unused process ends, in s, which frees its 60 to 120 MB."""
 SEMAPHORES = "/dev/shm"
-"""Folder in memory where the system keeps semaphores, which the queue to the process needs."""
+"""Folder in memory where the system stores semaphores, which the queue to the process needs."""
 A = TypeVar("A")
 R = TypeVar("R")
 
 
 class Runner(Protocol):
-    """Calls a pure function of a module, here or in another process."""
+    """Function that calls a pure function of a module, here or in another process."""
 
     def __call__(self, work: Callable[[A], R], argument: A, /) -> R:
-        """Return what the function returns; raise what it raises."""
+        """Return the result of the function; raise its errors."""
         ...
 
 
@@ -40,7 +40,7 @@ def run_here(work: Callable[[A], R], argument: A, /) -> R:
 
 
 class Worker:
-    """One process, which ends when it is not used for a while; safe to use from several threads."""
+    """One process, which ends when unused for some time; safe to use from several threads."""
 
     def __init__(self, *ahead: Callable[[Any], Any]) -> None:
         self._ahead = ahead
@@ -48,18 +48,18 @@ class Worker:
         self._lock = threading.Lock()
         self._pool: ProcessPoolExecutor | None = None
         self._first: Future[int] | None = None
-        """Done, with the number of the process, once that has begun."""
+        """Future with the number of the process, done once the process has begun."""
         self._callers = 0
         """Number of threads that wait for a result."""
         self._end: threading.Timer | None = None
-        """Ends the process once it has not been used for ``UNUSED_S``."""
+        """Timer that ends the process once it has not been used for ``UNUSED_S``."""
 
     def begin(self) -> None:
-        """Begin the process, and do not wait for it; otherwise it begins when it is first needed.
+        """Start the process without waiting for it; otherwise it starts when it is first needed.
 
-        What it loads takes seconds of a processor, and much longer where others keep that busy.
-        Where it cannot begin, that is logged, and tried again when it is needed. All else works
-        without it.
+        Its imports take seconds of a processor, and much longer while others keep that busy. If it
+        cannot start, that is logged, and retried when it is needed. Everything else works without
+        it.
         """
         try:
             with self._used():
@@ -69,14 +69,14 @@ class Worker:
 
     @property
     def pid(self) -> int:
-        """Number of the process; 0 before it has begun."""
+        """Return the number of the process; 0 before it has started."""
         first = self._first
         if first is None or not first.done() or first.exception() is not None:
             return 0
         return first.result()
 
     def run(self, work: Callable[[A], R], argument: A) -> R:
-        """Call a pure function of a module there; what it raises is raised here."""
+        """Call a pure function in the process; its errors are raised here."""
         with self._used():
             try:
                 return self._begun().submit(work, argument).result()
@@ -85,7 +85,7 @@ class Worker:
                 return self._begun().submit(work, argument).result()
 
     def run_somewhere(self, work: Callable[[A], R], argument: A) -> R:
-        """Call a pure function there, or here where that process cannot do it."""
+        """Call a pure function in the process, or here if the process cannot do it."""
         try:
             return self.run(work, argument)
         except Exception:  # an error of the function itself is raised again here
@@ -96,7 +96,7 @@ class Worker:
 
     @contextmanager
     def _used(self) -> Generator[None]:
-        """Keep the process meanwhile, and for ``UNUSED_S`` afterwards."""
+        """Keep the process within the block, and for ``UNUSED_S`` afterwards."""
         with self._lock:
             self._callers += 1
             if self._end is not None:
@@ -130,7 +130,7 @@ class Worker:
             return self._pool
 
     def close(self, *, if_unused: bool = False) -> None:
-        """End the process, and what it is at; ``if_unused``: unless a thread waits for it."""
+        """End the process and its work; ``if_unused``: unless a thread waits for a result."""
         with self._lock:
             if if_unused and self._callers:
                 return
@@ -152,7 +152,7 @@ def _begin(*_ahead: Callable[[Any], Any]) -> None:
 
 
 def _end_with_parent() -> None:
-    """A supervisor that is killed takes nothing along by itself."""
+    """End this process with its parent: a killed supervisor does not end its children."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

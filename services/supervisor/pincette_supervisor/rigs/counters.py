@@ -37,7 +37,7 @@ NS_PER_S = 1e9
 
 
 class MonotonicCounter:
-    """A count that goes on when its source restarts at zero."""
+    """A count that continues when its source restarts at zero."""
 
     __slots__ = ("_before", "_newest", "_start")
 
@@ -46,19 +46,19 @@ class MonotonicCounter:
         self._before = self._newest = 0
 
     def update(self, count: int, start: Hashable = None) -> None:
-        """Take the source's count; another ``start``, or a smaller count, means a restart."""
+        """Add the source's count; another ``start``, or a smaller count, means a restart."""
         if start != self._start or count < self._newest:
             self._before += self._newest
         self._start, self._newest = start, count
 
     @property
     def total(self) -> int:
-        """The total over all restarts."""
+        """Return the total over all restarts."""
         return self._before + self._newest
 
 
 class MonotonicHistogram:
-    """A histogram that goes on when its source restarts empty."""
+    """A histogram that continues when its source restarts empty."""
 
     __slots__ = ("_before", "_before_s", "_newest", "_start")
 
@@ -69,14 +69,14 @@ class MonotonicHistogram:
         self._newest = Distribution()
 
     def update(self, counted: Distribution, start: Hashable = None) -> None:
-        """Take the source's histogram; another ``start``, or a smaller count, means a restart."""
+        """Add the source's histogram; another ``start``, or a smaller count, means a restart."""
         if start != self._start or not _grown(self._newest, counted):
             self._before = self.counts()
             self._before_s = self.sum_s
         self._start, self._newest = start, counted
 
     def counts(self) -> list[int]:
-        """Return counts between each bound and the one before, and beyond the last."""
+        """Return the counts between each bound and the one before it, and beyond the last one."""
         counts = [*self._before]
         for bucket, count in zip(self._newest.buckets, self._newest.counts, strict=True):
             counts[bound_index(bucket)] += count
@@ -84,13 +84,13 @@ class MonotonicHistogram:
 
     @property
     def sum_s(self) -> float:
-        """Sum of all durations, each at the middle of its bucket: at most 1/64 off."""
+        """Return the sum of all durations, in s, from bucket middles: at most 1/64 off."""
         counted = zip(self._newest.buckets, self._newest.counts, strict=True)
         return self._before_s + sum(_middle_s(bucket) * count for bucket, count in counted)
 
 
 def bound_index(bucket: int) -> int:
-    """Index of the smallest bound that no duration of the bucket exceeds; at most 1/32 above."""
+    """Return the index of the smallest bound above a bucket's durations; at most 1/32 above."""
     return bisect_left(BOUNDS_NS, first_ns(bucket + 1) - 1)
 
 
@@ -138,13 +138,17 @@ class RigCounters:
     """Counters of one rig since this supervisor has served it; none ever falls."""
 
     def __init__(self, applied: Applied | None = None) -> None:
-        """``applied`` is the actuator's last message, if any; a trip in it is not counted."""
+        """Create the counters.
+
+        A trip in ``applied``, the actuator's last message, is not counted.
+        """
         self._lock = threading.Lock()
         self._trips: Counter[Cause] = Counter()
         self._trip: TripReason | None = None if applied is None else _trip_of(applied)
         self._armed = False
         self.unanswered = self.degraded = 0
-        """Ticks of an armed actuator without a command; estimates made of incomplete inputs."""
+        """Number of ticks of an armed actuator without a command, and of estimates from incomplete
+        inputs."""
         self._ages = Histogram()
         self._ages_s = 0.0
         self._numbers: dict[str, tuple[int, int]] = {}
@@ -152,7 +156,7 @@ class RigCounters:
         self._peak: tuple[int, float] | None = None
         """Epoch and highest force of the newest arming that had any."""
         self._arming = -1
-        """Epoch in which the actuator was last heard to be armed."""
+        """Epoch of the actuator's newest message as armed."""
         self._over = -1
         """Epoch of the newest arming whose peak is counted."""
         self._peaks = [0] * (len(FORCE_BOUNDS_MN) + 1)
@@ -168,7 +172,7 @@ class RigCounters:
         self._gone: Counter[str] = Counter()
         self._zero_returns: Counter[bool] = Counter()
         self.lost = MonotonicCounter()
-        """Messages missing from records."""
+        """Number of messages missing from records."""
 
     def take(self, topic: Topic, message: Message) -> None:
         """Count a sample, or a program's timing statistics."""
@@ -183,12 +187,12 @@ class RigCounters:
                 self._take_timing(message)
 
     def count_zero_return(self, *, verified: bool) -> None:
-        """Count a job whose arm came back to the place of its zero."""
+        """Count a job whose arm returned to the position of its zero."""
         with self._lock:
             self._zero_returns[verified] += 1
 
     def zero_returns(self) -> dict[bool, int]:
-        """Return how many jobs the return of their zero has verified, and has not."""
+        """Return the numbers of jobs whose zero was verified, and not verified, by the return."""
         with self._lock:
             return {verified: self._zero_returns[verified] for verified in (True, False)}
 
@@ -246,7 +250,7 @@ class RigCounters:
             self._durations[service, quantity].update(counted, timing.epoch)
 
     def update_status(self, status: Status) -> None:
-        """Take a program's status."""
+        """Update the counters from a program's status."""
         with self._lock:
             if status.service in self._refused:
                 self._refused[status.service].update(status.refused, status.instance)
@@ -258,12 +262,12 @@ class RigCounters:
                 self.lost.update(status.missed, status.instance)
 
     def note_gone(self, service: str) -> None:
-        """Take that a program is no longer seen on the bus."""
+        """Count the disappearance of a program from the bus."""
         with self._lock:
             self._gone[service] += 1
 
     def gone(self) -> dict[str, int]:
-        """Return how often each program was no longer seen on the bus."""
+        """Return the number of disappearances of each program from the bus."""
         with self._lock:
             return {service: self._gone[service] for service in OBSERVED}
 
@@ -273,38 +277,38 @@ class RigCounters:
             return {cause: self._trips[cause] for cause in CAUSES}
 
     def gaps(self) -> dict[str, int]:
-        """Missing sequence numbers, per topic."""
+        """Return the number of missing sequence numbers, by topic."""
         with self._lock:
             return {topic.name: self._gaps[topic.name] for topic in NUMBERED}
 
     def missed(self) -> dict[str, int]:
-        """Return ticks that each program of the loop has missed."""
+        """Return the number of ticks that each program of the loop has missed."""
         with self._lock:
             return {service: count.total for service, count in self._missed.items()}
 
     def refused(self) -> dict[str, int]:
-        """Return messages that each program has refused."""
+        """Return the number of messages that each program has rejected."""
         with self._lock:
             return {service: count.total for service, count in self._refused.items()}
 
     def instrument(self) -> dict[tuple[str, str], int]:
-        """Return exchanges with instruments that went wrong, by service and kind."""
+        """Return the number of failed exchanges with instruments, by service and kind."""
         with self._lock:
             return {pair: count.total for pair, count in self._instrument.items()}
 
     def durations(self, service: str, quantity: str) -> Durations:
-        """Lateness, age or execution time of a program of the loop."""
+        """Return lateness, age or execution time of a program of the loop."""
         with self._lock:
             found = self._durations[service, quantity]
             return Durations(tuple(accumulate(found.counts())), found.sum_s)
 
     def ages(self) -> Distribution:
-        """Return the age of commands when the actuator accepted them."""
+        """Return the distribution of the age of commands when the actuator accepted them."""
         with self._lock:
             return self._ages.distribution()
 
     def command_ages(self) -> Durations:
-        """Return the same over ``BOUNDS_S``."""
+        """Return the histogram of the same ages over ``BOUNDS_S``."""
         with self._lock:
             counted, sum_s = self._ages.distribution(), self._ages_s
         ages = MonotonicHistogram()
@@ -322,5 +326,5 @@ NUMBERED = tuple(TOPIC_OF[kind] for kind in (Position, Estimate, Command, Teleme
 
 
 def _trip_of(applied: Applied) -> TripReason | None:
-    """Return the trip that the actuator is in; None where it is in none."""
+    """Return the present trip of the actuator; None without a trip."""
     return reason_of(applied) if applied.state in TRIPPED else None

@@ -1,4 +1,4 @@
-"""Whether the programs of a rig can take part in a job, and if not, why, in words."""
+"""Decision whether the programs of a rig can take part in a job, with the reasons in words."""
 
 import threading
 from collections.abc import Callable
@@ -29,11 +29,12 @@ from pincette_supervisor.rigs.observer import Observer
 
 ASK_S = 0.7
 FRESH_S = 0.5
-"""Age up to which a status is used before the programs are asked again."""
+"""Age up to which a status is used before the programs are queried again, in s."""
 SENSOR_PERIODS, SENSOR_S = 10.0, 0.2
-"""The sensor may be silent, or read no position, this long, whichever is longer."""
+"""Longest silence of the sensor, or time without a position, in periods and in s; the larger one
+counts."""
 IDLE_SENSOR_S = 5.0 * SAMPLE_S
-"""The same while the sensor of an idle rig samples rarely."""
+"""Longest silence in s while the sensor of an idle rig samples at its slow rate."""
 PROGRAMS = (*LOOP, "recorder")
 """Programs that a job needs."""
 SIMULATION = "rig"
@@ -46,26 +47,26 @@ SHOWN: dict[Mode, RigState] = {
     Mode.LATCHED: "latched",
 }
 UNTRUSTED = -1
-"""Instance of no program."""
+"""Instance number of no program."""
 MET, CLEARED = "actuator_met", "actuator_boot_cleared"
 HOLDER = "part_holder"
-"""Note of the actuator that holds a part."""
+"""Name of the note of the actuator that holds a part."""
 
 
 class LatchState(NamedTuple):
-    """Mode of the actuator, None before its first sample, and reason of its latch."""
+    """Mode of the actuator, None before its first sample, and the reason of its latch."""
 
     mode: Mode | None = None
     reason: TripReason = TripReason(Cause.NONE)
 
     @property
     def shown(self) -> str:
-        """The mode in words of its own; for REST see ``Health.state``."""
+        """Return the mode in words; see ``Health.state`` for REST."""
         return "unknown" if self.mode is None else str(self.mode)
 
 
 class Health:
-    """Answers of the programs, and the actuator's latch."""
+    """Statuses of the programs, and the actuator's latch."""
 
     # An actuator boots latched. Where none was ever noted before it, or the last one has ended
     # cleanly, that latch means only that the rig was switched on, so it is cleared once without
@@ -89,33 +90,33 @@ class Health:
         )
         self._holder_instance = store.get_note(self._holder) or ""
         """Instance of the actuator that was last known to hold a part; empty: the gripper was last
-        known to be empty. In memory, as ``_cleared_instance``."""
+        known to be empty. It is kept in memory like ``_cleared_instance``."""
         self._budget = _budget(rig)
         self.lets_go_s = lets_go_s(rig)
-        """Time without its host after which the output may have released a part."""
+        """Time without its host after which the output may have released a part, in s."""
         self._asked_at = float("-inf")
         self._asked_of = -1
-        """Programs that were present then; see ``Observer.tokens_changed``."""
+        """Programs that were present at the last query; see ``Observer.tokens_changed``."""
         self._rounds, self._round = count(1), 0
         self._turn = threading.Lock()
         self._pool = ThreadPoolExecutor(len(PROGRAMS) + 1, thread_name_prefix="status")
         self.statuses: dict[str, Status | str] = {}
-        """For each service its answer, or why there is none."""
+        """Status of each service, or why there is none."""
         self.simulation: Status | None = None
         """Status of the program that simulates the rig, if any."""
         self._armed: tuple[int, str] | None = None
         self._trusted: int | None = None
         self._met_before = False
         self._seldom: tuple[int, int] | None = None
-        """Instance and epoch of the sensor that was asked to sample seldom."""
+        """Instance and epoch of the sensor that was set to its slow rate."""
         self._cleared_instance = ""
-        """Actuator whose latch was cleared last, in memory: streams ask for it on the event loop,
-        where no read may wait for a disk."""
+        """Instance of the actuator whose latch was last cleared. It is kept in memory: streams read
+        it on the event loop, where no read may wait for a disk."""
         self.changed = ""
-        """Why the served rig file differs from that of the programs, in words."""
+        """Difference of the served rig file from that of the programs, in words."""
 
     def refresh(self, *, force: bool = False) -> None:
-        """Ask all programs side by side, unless they have just answered and none came or went."""
+        """Query all programs concurrently, unless they have just replied and none came or went."""
         there, number = self._observer.tokens_changed, next(self._rounds)
         if not force and there == self._asked_of and self.clock() - self._asked_at < FRESH_S:
             return
@@ -138,8 +139,9 @@ class Health:
             self._meet(actuator)
 
     def _meet(self, actuator: Status) -> None:
-        """Trust the first actuator, unless it took the place of one that is not known to have
-        ended cleanly; one that was only switched on and off, and that was trusted, counts as such.
+        """Trust the first actuator, unless it replaced one that is not known to have ended cleanly.
+
+        An actuator that was only switched on and off, and that was trusted, counts as such.
         """
         self._cleared_instance = self._store.get_note(self._cleared) or ""
         noted = self._store.get_note(self._met)
@@ -154,12 +156,12 @@ class Health:
             self._trusted = UNTRUSTED
 
     def status(self, service: str) -> Status | None:
-        """Return the last status of a service; None where it did not answer."""
+        """Return the last status of a service; None if it did not reply."""
         answer = self.simulation if service == SIMULATION else self.statuses.get(service)
         return answer if isinstance(answer, Status) else None
 
     def findings(self, service: str, code: FaultCode) -> list[Fault]:
-        """Return what a service has found under one code; empty where it does not answer."""
+        """Return the faults of a service with one code; empty if it does not reply."""
         answer = self.status(service)
         return [] if answer is None else [one for one in answer.findings if one.code is code]
 
@@ -171,22 +173,25 @@ class Health:
 
     @property
     def asked_age_s(self) -> float | None:
-        """How long ago the programs were asked; None before the first time."""
+        """Return the time since the programs were queried, in s; None before the first query."""
         return None if self._asked_at == float("-inf") else self.clock() - self._asked_at
 
     def actuator_answer_age_s(self) -> float | None:
-        """How long ago the actuator answered; None where it did not, or another took its place."""
+        """Return the age of the actuator's reply, in s.
+
+        None without one, or after a replacement.
+        """
         actuator = self.status("actuator")
         if actuator is None or actuator.instance != self._trusted:
             return None
         return self.asked_age_s
 
     def note_armed(self, epoch: int, model_digest: str) -> None:
-        """Note with which model an epoch was armed; until the next one all must work with it."""
+        """Set the model of an epoch's arming; until the next arming all programs must use it."""
         self._armed = (epoch, model_digest)
 
     def latch(self) -> LatchState:
-        """State of the actuator and reason of its latch, as far as they are known."""
+        """Return the state of the actuator and the reason of its latch, as far as known."""
         actuator = self.status("actuator")
         if actuator is not None and actuator.instance != self._trusted:
             return LatchState(Mode.LATCHED, TripReason(Cause.RESTART))
@@ -197,7 +202,7 @@ class Health:
 
     @property
     def state(self) -> RigState:
-        """The actuator's state as last told; a latch that no person must clear is another one."""
+        """Return the actuator's last state; a latch that needs no person has a separate state."""
         if self._boot_may_be_cleared():
             return "switched_on"
         mode = self.latch().mode
@@ -220,7 +225,7 @@ class Health:
             self._reset(acknowledge=False)
 
     def reset(self) -> None:
-        """Clear the latch because a person has seen the cause; raises BusError."""
+        """Clear the latch after a person has seen the cause; raises BusError."""
         self._reset(acknowledge=True)
         self.refresh(force=True)
 
@@ -233,7 +238,7 @@ class Health:
         self._note(self._met, actuator.instance)
 
     def note_part(self, held: bool | None) -> None:
-        """Remember whether the gripper holds a part, over restarts of all programs.
+        """Store whether the gripper holds a part, across restarts of all programs.
 
         Parameters
         ----------
@@ -251,13 +256,13 @@ class Health:
             self._write_queue.submit(partial(self._store.set_note, self._holder, found))
 
     def earlier_held(self) -> bool:
-        """Return True where an earlier actuator held a part that nobody knows to be released."""
+        """Return True if an earlier actuator held a part that is not known to be released."""
         actuator = self.status("actuator")
         present = "" if actuator is None else str(actuator.instance)
         return self._holder_instance not in ("", present)
 
     def _note(self, name: str, instance: int) -> None:
-        """Store a note for the next supervisor, which otherwise asks for one more reset."""
+        """Store a note for the next supervisor, which otherwise requires one more reset."""
         self._write_queue.submit(partial(self._store.set_note, name, str(instance)))
 
     def latched(self) -> TripReason | None:
@@ -270,7 +275,7 @@ class Health:
         return reason
 
     def troubles(self) -> dict[str, str]:
-        """For each program that cannot take part, why."""
+        """Return the reason for each program that cannot take part."""
         found: dict[str, str] = {}
         digest = self._digest
         for service, answer in self.statuses.items():
@@ -293,12 +298,12 @@ class Health:
         return found
 
     def sensor_limit_s(self) -> float:
-        """How long the sensor of an idle rig may be silent; it owns the clock in real time."""
+        """Return the longest permitted silence of an idle rig's sensor, in s; it owns the clock."""
         most_s = IDLE_SENSOR_S if self.samples_seldom() else SENSOR_S
         return max(most_s, SENSOR_PERIODS * self._rig.rig.period_s)
 
     def let_sample_seldom(self) -> None:
-        """Ask the sensor to sample seldom until the next arming; no error if it does not answer."""
+        """Request the sensor's slow rate until the next arming; no error if it does not reply."""
         sensor = self.status("sensor")
         if sensor is None or self.samples_seldom():
             return
@@ -309,7 +314,7 @@ class Health:
         self._seldom = sensor.instance, sensor.epoch
 
     def samples_seldom(self) -> bool:
-        """Return True if the sensor was asked to sample seldom, and was not armed since."""
+        """Return True if the sensor was set to its slow rate, and was not armed since."""
         position = self._observer.newest(Position)
         sensor = self.status("sensor")
         if position is None or sensor is None or self._seldom is None:
@@ -317,7 +322,7 @@ class Health:
         return self._seldom == (sensor.instance, position.epoch)
 
     def sensor_trouble(self) -> str:
-        """Return why the sensor cannot be relied on, by its samples; empty where it can."""
+        """Return why the sensor is unusable according to its samples; empty if it is usable."""
         position = self._observer.newest(Position)
         silent_s, limit_s = self._observer.silent_s(Position), self.sensor_limit_s()
         if position is None or silent_s is None:
@@ -330,19 +335,19 @@ class Health:
         return f"reads no position: {fault_text(position.arms[0].fault) or 'not known why'}"
 
     def reasons(self) -> list[str]:
-        """Return why the programs cannot play a job; the actuator's state is not among it."""
+        """Return why the programs cannot play a job, except for the actuator's state."""
         found = [f"{service}: {trouble}" for service, trouble in self.troubles().items()]
         return found + [why for why in (self.changed, self.too_slow()) if why]
 
     def exchanges(self) -> dict[str, tuple[ExchangeTimes, ...]]:
-        """Return what exchanges took for each program that has an instrument, for each arm."""
+        """Return the duration of exchanges for each program with an instrument, and each arm."""
         answers = ((name, self.status(name)) for name in LOOP)
         return {name: answer.exchanges for name, answer in answers if answer and answer.exchanges}
 
     def too_slow(self) -> str:
-        """Return why the instruments do not fit into the control period; empty where they do.
+        """Return why the instruments do not fit into the control period; empty if they do.
 
-        The larger of what the drivers state and what the programs have measured counts.
+        The larger of the drivers' statement and the programs' measurement counts.
         """
         if isinstance(self._budget, str):
             return self._budget
@@ -351,12 +356,12 @@ class Health:
         return "" if needed.fits else f"the instruments are too slow: {needed.words()}"
 
     def close(self) -> None:
-        """End the threads that ask."""
+        """End the query threads."""
         self._pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _budget(rig: RigFile) -> Budget | str:
-    """Return what a tick takes as the drivers state it, or why that is not known."""
+    """Return the duration of a tick as the drivers state it, or why it is unknown."""
     try:
         return budget(rig)
     except (PluginError, ConfigError) as error:
@@ -364,7 +369,7 @@ def _budget(rig: RigFile) -> Budget | str:
 
 
 def loop_timing(bus: Bus) -> LoopTiming:
-    """Ask the programs of the loop, side by side, how punctual they have been."""
+    """Query the programs of the loop concurrently for their timing."""
     with ThreadPoolExecutor(len(LOOP), thread_name_prefix="timing") as pool:
         answers = dict(zip(LOOP, pool.map(partial(_timing_of, bus), LOOP), strict=True))
     return LoopTiming(

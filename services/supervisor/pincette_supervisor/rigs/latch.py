@@ -28,27 +28,28 @@ from pincette_supervisor.rigs.rig_context import RigContext
 T = TypeVar("T")
 THREADS = 4
 LEAST_S = 0.3
-"""Time left for a stop that had to wait for others, so that each reply comes within 1.5 s."""
+"""Time reserved for a stop that had to wait for others, in s, so that each reply comes within 1.5
+s."""
 
 
 class SharedTurns(Generic[T]):
-    """Makes calls in threads that nothing else uses.
+    """Makes calls in separate threads that nothing else uses.
 
     Requests that arrive while all threads are busy share the next call, which begins after all of
     them have arrived. So any number of requests costs no more than these threads.
     """
 
     def __init__(self, name: str) -> None:
-        """``name``: prefix of the names of the threads."""
+        """Create the threads; their names begin with ``name``."""
         self._threads = ThreadPoolExecutor(THREADS, thread_name_prefix=name)
         self._slots = asyncio.Semaphore(THREADS)
         self._next: dict[str, asyncio.Task[T]] = {}
-        """Calls that wait for a thread, by what they do."""
+        """Calls that wait for a thread, by subject."""
 
     async def call(self, perform: Callable[[float], T], what: str = "") -> T:
-        """Return what ``perform`` returns; it is called with the time that it had to wait, in s.
+        """Return the result of ``perform``, which is called with the time it had to wait, in s.
 
-        ``what``: requests that want something else do not share a call.
+        Only requests with the same ``what`` share a call.
         """
         loop = asyncio.get_running_loop()
         task = self._next.get(what)
@@ -87,19 +88,19 @@ class LatchControl:
         name = context.rig.rig.name
         self._turns = SharedTurns[Stopped](f"estop-{name}")
         self._aside = ThreadPoolExecutor(1, thread_name_prefix=f"aside-{name}")
-        """Writes an emergency stop down, so that no disk holds it up."""
+        """Executor that records emergency stops, so that no disk delays them."""
 
     async def stopped(self, by: str) -> Stopped:
-        """Trip the actuator in a thread of its own, which no other request and no other rig uses.
+        """Trip the actuator in a separate thread, which no other request and no other rig uses.
 
-        Anybody may request it, at any rate: requests share trips, see ``SharedTurns``.
+        Anyone may request it, at any rate: requests share trips, see ``SharedTurns``.
         """
         return await self._turns.call(
             lambda waited_s: self.estop(by, max(LEAST_S, TRIP_S - waited_s))
         )
 
     def estop(self, by: str, limit_s: float = TRIP_S) -> Stopped:
-        """Trip the actuator at once over all ways; takes no lock and touches no disk."""
+        """Trip the actuator at once by all ways; takes no lock and accesses no disk."""
         context = self._context
         context.alarms.expect(Cause.ESTOP, by)
         try:
@@ -117,7 +118,7 @@ class LatchControl:
         self._context.alarms.raise_trip(reason, self._context.trip_words(reason), None, detail)
 
     def reset(self, by: str) -> Stopped:
-        """Clear the latch, since a person has seen the cause; a held part stays held."""
+        """Clear the latch after a person has seen the cause; a held part stays held."""
         cause = str(self._context.health.latch().reason.cause)
         try:
             self._context.health.reset()
@@ -133,7 +134,7 @@ class LatchControl:
         return Stopped(rig=self._context.rig.rig.name, cause=cause, acknowledged=True, detail="")
 
     def close(self) -> None:
-        """Wait until emergency stops are written down."""
+        """Wait until emergency stops are recorded."""
         self._aside.shutdown()
 
     def release(self) -> None:
@@ -172,7 +173,7 @@ class StopOfOthers:
     missed: dict[str, str]
     """Reasons why rigs are not confirmed, by name."""
     absent: Collection[str] = ()
-    """Rigs of ``missed`` with a liveliness token but no actuator; see ``AbsentError``."""
+    """Rigs of ``missed`` with a liveliness token but without an actuator; see ``AbsentError``."""
 
 
 class OtherRigs:
@@ -188,17 +189,18 @@ class OtherRigs:
         self._bus: AnyRigBus | None = None
         self._closed = False
         self._trouble, self._again_s = "", -inf
-        """Why the session could not be opened, and until when no other attempt is made."""
+        """Reason why the session could not be opened, and the time before which no other attempt is
+        made."""
 
     def rig_file(self, rig: str, program: str) -> RigFileReply:
-        """Return the rig file that a program of the loop runs with; raises BusError."""
+        """Return the rig file with which a program of the loop runs; raises BusError."""
         request = RigFileRequest()
         return cast(RigFileReply, self._joined().call(RIG_FILE[program], request, ASK_S, rig=rig))
 
     def stop(self, rigs: Collection[str], limit_s: float) -> StopOfOthers:
         """Trip the actuators of these rigs at once, within a time.
 
-        It takes a new session, since one that has been open for long may carry no requests.
+        It opens a new session, since one that has been open for long may transport no requests.
         """
         confirmed, absent, reasons, over = set[str](), set[str](), dict[str, str](), Event()
         until_s = monotonic() + limit_s

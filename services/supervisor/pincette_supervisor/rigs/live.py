@@ -19,39 +19,41 @@ from pincette.core.topics import Topic
 from pincette_supervisor.journal.events import TooManyListenersError
 
 KEPT_S, KEPT_PER_S = 60.0, 60.0
-"""Length and density of the stored samples: of a faster rig every second, third … one is stored."""
+"""Length in s and density of the stored samples; of a faster rig, every second, third, … one is
+stored."""
 KEPT = int(KEPT_S * KEPT_PER_S)
 EVENT_POINTS, HISTORY_POINTS = 60, 1200
-"""Most points of one reading: of later ones, and of the first, which brings the past."""
+"""Largest number of points of later readings, and of the first one, which contains the past."""
 LATE_TICKS = 8
-"""Ticks for which a row waits for its messages."""
+"""Number of ticks for which a row waits for its messages."""
 STALL_S = 0.5
-"""Longest time for which a row waits beyond that, in s, while a program's messages have not reached
-its number. After a stall all messages of one program may arrive before those of the next one."""
+"""Longest additional wait of a row, in s, while a program's messages have not reached its number.
+After a stall all messages of one program may arrive before those of the next one."""
 LISTENERS_MAX = 16
-"""Listeners of one client."""
+"""Largest number of listeners of one client."""
 
 
 @dataclass(slots=True)
 class Row:
-    """The values of one sample number of one epoch."""
+    """Values of one sample number of one epoch."""
 
     epoch: int
     seq: int
     at_s: float
     t_s: float
     number: int = -1
-    """Place among all rows since the start."""
+    """Number of the row since the start."""
     whole: bool = False
-    """Whether it has the controller's telemetry; without, phase and playing stay as before."""
+    """True if the row has the controller's telemetry; otherwise phase and playing stay as
+    before."""
     estimated: bool = False
-    """Whether it has the estimator's word, be it a force or none."""
+    """True if the row has the estimator's message, with or without a force."""
     applied: bool = False
-    """Whether it has the actuator's message, be the voltage confirmed or not."""
+    """True if the row has the actuator's message, with a confirmed voltage or not."""
     armed: bool = True
-    """Whether the actuator follows commands, as far as known."""
+    """True if the actuator follows commands, as far as known."""
     after_gap: bool = False
-    """Whether samples never came between the row before and this one."""
+    """True if samples are missing between the row before and this one."""
     playing: bool = False
     phase: str = ""
     x_um: float | None = None
@@ -92,10 +94,10 @@ class LiveSamples:
         """Rows of the newest epoch that still wait for messages, by seq."""
         self._epoch: int | None = None
         self._passed: dict[type[Message], int] = {}
-        """Newest number of each kind of message in the epoch, positions excluded."""
+        """Newest number of each kind of message in the epoch, except positions."""
         self._place = (-1, -1)
-        """Epoch of the newest row, and its number divided by the stride; an idle rig leaves numbers
-        out, which need not be multiples of the stride."""
+        """Epoch of the newest row, and its number divided by the stride. An idle rig leaves out
+        numbers, so they need not be multiples of the stride."""
         self._idle_stride = max(self._stride, idle_periods(period_s))
         self._rows: deque[Row] = deque(maxlen=KEPT)
         self._count = 0
@@ -103,7 +105,7 @@ class LiveSamples:
         """Number of listeners by client."""
 
     def take(self, _topic: Topic, message: Message) -> None:
-        """Put a message into its row; called in threads of the bus."""
+        """Add a message to its row; called in threads of the bus."""
         if not isinstance(message, Position | Estimate | Telemetry | Applied):
             return
         with self._lock:
@@ -139,7 +141,7 @@ class LiveSamples:
         self._pending[position.seq] = row
 
     def _close_late(self, seq: int) -> None:
-        """Close the rows up to a number that nothing more can be expected for."""
+        """Close the rows up to a number for which no more messages can be expected."""
         now_s = self.clock()
         for key in sorted(key for key in self._pending if key <= seq):
             row = self._pending[key]
@@ -162,7 +164,7 @@ class LiveSamples:
             self._rows.append(row)
 
     def read(self, place: int, most: int) -> tuple[int, int, list[Row]]:
-        """The next place, the number of rows that were gone, and rows thinned to ``most``."""
+        """Return the next place, the number of lost rows, and rows thinned out to ``most``."""
         with self._lock:
             fresh: list[Row] = []
             for row in reversed(self._rows):
@@ -180,7 +182,7 @@ class LiveSamples:
         return count, count - place - len(fresh), thinned[::-1]
 
     def open(self, client: str = "", most: int = LISTENERS_MAX) -> "LiveCursor":
-        """Begin to listen at the oldest row.
+        """Start listening at the oldest row.
 
         Raises TooManyListenersError where the client has ``most`` listeners already.
         """
@@ -194,7 +196,7 @@ class LiveSamples:
         return LiveCursor(self, oldest)
 
     def since(self, place: int | None) -> "LiveCursor":
-        """Return a cursor for one reading; one from before a restart begins at the oldest row."""
+        """Return a cursor for one reading; one from before a restart starts at the oldest row."""
         with self._lock:
             oldest = self._rows[0].number if self._rows else self._count
             count = self._count
@@ -203,7 +205,7 @@ class LiveSamples:
         return LiveCursor(self, place, EVENT_POINTS)
 
     def leave(self, client: str = "") -> None:
-        """Make room for another listener of a client."""
+        """Remove a listener of a client."""
         with self._lock:
             self._listeners[client] -= 1
             if not self._listeners[client]:
@@ -243,7 +245,7 @@ def _fill(row: Row, message: Estimate | Telemetry | Applied) -> None:
 
 
 class LiveCursor:
-    """One listener's place in the rows of a rig."""
+    """Position of one listener in the rows of a rig."""
 
     def __init__(self, live: LiveSamples, place: int, most: int = HISTORY_POINTS) -> None:
         self.live, self.place = live, place
@@ -303,5 +305,5 @@ def _second_columns(rows: list[Row]) -> SecondColumns | None:
 
 
 def _rounded(value: float | None) -> float | None:
-    """Return a value as far as a screen can show it: to 0.1 nm, 0.1 µN and 0.1 mV."""
+    """Return a value with the resolution of a screen: 0.1 nm, 0.1 µN or 0.1 mV."""
     return None if value is None else round(value, 4)

@@ -23,35 +23,35 @@ from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.rigs.counters import RigCounters
 
 CAPACITY = 200_000
-"""Messages that may wait for a run's thread: about half a minute at 1 kHz, ten at 50 Hz."""
+"""Capacity of a run's message buffer: about half a minute at 1 kHz, ten minutes at 50 Hz."""
 STEP_V = 0.05
-"""Change of the voltage from tick to tick beyond which the arm does not stand where it was."""
+"""Change of the voltage between two ticks beyond which the arm has left its position, in V."""
 M = TypeVar("M", bound=Message)
 FETCHED_AT_START = (POSITION, APPLIED, TELEMETRY)
 """Topics whose last message is fetched at start, since an idle loop publishes nothing."""
 
 
 class WatchedBus(LatestBus, Protocol):
-    """A bus that tells which programs come and go, and counts what it refuses."""
+    """A bus that reports which programs come and go, and counts rejected messages."""
 
     refused: RefusedMessages
 
     def watch(self, sink: Callable[[str, bool], None]) -> None:
-        """Tell ``sink`` of every program that comes (true) or goes (false)."""
+        """Call ``sink`` for each program that appears (True) or disappears (False)."""
         ...
 
 
 class MessageBuffer:
-    """Messages on their way from the bus to a run, in order of arrival."""
+    """Messages between the bus and a run, in order of arrival."""
 
     def __init__(self, capacity: int = CAPACITY) -> None:
         self._queue: deque[Message] = deque()
         self._capacity = capacity
         self.dropped = 0
-        """Messages that found no room."""
+        """Number of messages that were dropped because the buffer was full."""
 
     def put(self, message: Message) -> None:
-        """Add a message; where ``capacity`` of them wait already, count it as dropped."""
+        """Add a message; if ``capacity`` of them wait already, count it as dropped."""
         if len(self._queue) >= self._capacity:
             self.dropped += 1
             return
@@ -66,7 +66,7 @@ class MessageBuffer:
 
 
 class Observer:
-    """The newest message of each kind, which programs are alive, and the sinks of all messages."""
+    """The newest message of each kind, the programs that are alive, and sinks of all messages."""
 
     def __init__(
         self,
@@ -74,18 +74,18 @@ class Observer:
         clock: Callable[[], float] = monotonic,
         awake_clock: Callable[[], float] | None = None,
     ) -> None:
-        """``awake_clock`` stands still while this process is suspended; default: ``clock``."""
+        """Create the observer; ``awake_clock`` stops during suspension; default: ``clock``."""
         self._bus = bus
         self.clock = clock
         self.awake_clock = awake_clock or (lambda: self.clock())
         self._newest: dict[type[Message], tuple[Message, tuple[float, float] | None]] = {}
-        """Newest messages with their arrival by both clocks; None if they were fetched."""
+        """Newest messages with their arrival by both clocks; no times if they were fetched."""
         self._position_read_at: float | None = None
         self._confirmed_at: float | None = None
         self._stepped: tuple[int, int] | None = None
-        """Epoch and tick of the last step of the voltage, and"""
+        """Epoch and tick of the last step of the voltage."""
         self._position_before: Position | None = None
-        """The newest position as it was received."""
+        """Newest position before the last step of the voltage."""
         self._alive: dict[str, bool] = {}
         self.tokens_changed = 0
         """Number of times that a program has appeared or disappeared, after which earlier statuses
@@ -94,7 +94,7 @@ class Observer:
         self._sinks: tuple[Sink, ...] = ()
         applied = next(iter(self.fetch_latest(APPLIED)), None)
         self.counters = RigCounters(cast("Applied | None", applied))
-        """Counts for metrics; created with the actuator's last message, which counts as old."""
+        """Counters for metrics; created with the actuator's last message, which counts as old."""
         self.trips = TripMonitor(lambda: self.clock())
         for topic in TOPICS:
             if topic not in (JOB, REQUEST_LOG, TIMING):  # published by the supervisor, or below
@@ -115,7 +115,7 @@ class Observer:
         return [] if message is None else [message]
 
     def add_sink(self, sink: Sink) -> None:
-        """Pass every decoded message on to ``sink`` from now on."""
+        """Pass every decoded message to ``sink`` from now on."""
         self._sinks = (*self._sinks, sink)
 
     def _take(self, topic: Topic, message: Message) -> None:
@@ -155,10 +155,10 @@ class Observer:
         return None if entry is None else cast(M, entry[0])
 
     def standing(self) -> Position | None:
-        """Return the sample that says where the arm stands.
+        """Return the sample with the present position of the arm.
 
-        None before the first valid one, and after a step of the voltage that no sample has
-        followed: a loop in lockstep ends with the ramp of a trip, or with programs that died.
+        None before the first valid one, and after a step of the voltage without a sample after it:
+        a loop in lockstep ends with the ramp of a trip, or with programs that died.
         """
         position = self.newest(Position)
         if position is None or position is self._position_before or not position.arms[0].valid:
@@ -167,58 +167,61 @@ class Observer:
         return None if position.epoch == epoch and position.seq <= seq else position
 
     def age_s(self, kind: type[Message]) -> float | None:
-        """Return seconds since the newest message of a kind came; None before the first."""
+        """Return the age of the newest message of a kind, in s; None before the first."""
         entry = self._newest.get(kind)
         return None if entry is None or entry[1] is None else self.clock() - entry[1][0]
 
     def silent_s(self, kind: type[Message]) -> float | None:
-        """Return the same, without the time for which this process was suspended."""
+        """Return the same age, without the time for which this process was suspended."""
         entry = self._newest.get(kind)
         return None if entry is None or entry[1] is None else self.awake_clock() - entry[1][1]
 
     def listened_s(self) -> float:
-        """Return seconds since it began to listen, without suspended time."""
+        """Return the time since listening began, in s, without suspended time."""
         return self.awake_clock() - self._begun_at
 
     def blind_s(self) -> float | None:
-        """Return seconds since a valid position, without suspended time; None before the first."""
+        """Return the time since a valid position, in s, without suspended time; None before it."""
         read_at = self._position_read_at
         return None if read_at is None else self.awake_clock() - read_at
 
     def confirmed_s(self) -> float | None:
-        """Seconds since the output confirmed the voltage of a command; None before the first."""
+        """Return the time since the output confirmed a commanded voltage, in s.
+
+        None before that.
+        """
         at = self._confirmed_at
         return None if at is None else self.clock() - at
 
     def alive(self, program: str) -> bool:
-        """Return whether a program's liveliness token is seen."""
+        """Return whether a program's liveliness token is present."""
         return self._alive.get(program, False)
 
     def gone(self, programs: tuple[str, ...]) -> list[str]:
-        """Return those of these programs whose token was seen and has vanished."""
+        """Return those of these programs whose token was present and has vanished."""
         return [program for program in programs if self._alive.get(program) is False]
 
     def sees_any(self, without: tuple[str, ...] = ()) -> bool:
-        """Return whether the token of any program is seen, except those named."""
+        """Return whether the token of any program is present, except those named."""
         return any(seen for program, seen in self._alive.items() if program not in without)
 
     def start_buffering(self) -> MessageBuffer:
-        """Begin to keep every message, for one run at a time."""
+        """Start keeping every message, for one run at a time."""
         self._buffer = MessageBuffer()
         return self._buffer
 
     def stop_buffering(self) -> None:
-        """Keep the newest messages only."""
+        """Stop keeping every message; keep only the newest."""
         self._buffer = None
 
 
 def _way_V(before: Applied, after: Applied) -> float:
-    """Return by how much the voltage of the first arm has changed."""
+    """Return the change of the voltage of the first arm, in V."""
     return abs(after.arms[0].voltage_V - before.arms[0].voltage_V)
 
 
 SAMPLE_COUNTS_S = 0.1
-"""The most that the time from one sample of the clock to the next one counts for."""
+"""Largest time between two samples of the clock that is counted, in s."""
 
 
 class SuspendAwareClock:
@@ -234,7 +237,7 @@ class SuspendAwareClock:
         """Time of the last sample and the time counted by then; one value, read by any thread."""
 
     def __call__(self) -> float:
-        """Return seconds awake since creation."""
+        """Return the time awake since creation, in s."""
         return self._passed_s(self._clock())
 
     def sample(self) -> None:

@@ -1,4 +1,4 @@
-"""Context of jobs: the rig with the model in use, its bus and stored data; trips its actuator."""
+"""Context of jobs: the rig with the model in use, bus and stored data; trips its actuator."""
 
 from collections.abc import Callable, Generator
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -28,21 +28,21 @@ from pincette_supervisor.rigs.live import LiveSamples
 from pincette_supervisor.rigs.observer import Observer, WatchedBus
 
 HEAD_START_S = 0.1
-"""Time for which the bus is tried alone. Where it works, the actuator needs no further session."""
+"""Time in s for which only the bus is tried. If it works, the actuator needs no further session."""
 UNDER_WAY = 8
-"""Attempts of one way that may be under way; those of a dead link last for seconds."""
+"""Largest number of concurrent attempts by one way; those over a dead link last for seconds."""
 
 
 class ActuatorTrip:
     """Trips the actuator of one rig; the first confirmation counts."""
 
     def __init__(self, rig: str, bus: Bus, direct: Callable[[Trip], object] | None) -> None:
-        """``direct``: trips without the router; None: there is no such link."""
+        """Create the trip; ``direct`` trips without the router; None: there is no such link."""
         self._rig, self._bus, self._direct = rig, bus, direct
         self._free = {way: BoundedSemaphore(UNDER_WAY) for way in (ROUTED, DIRECT)}
 
     def __call__(self, trip: Trip, limit_s: float = TRIP_S) -> Ack:
-        """Trip, and return the acknowledgement.
+        """Trip the actuator, and return the acknowledgement.
 
         Raises
         ------
@@ -77,7 +77,7 @@ class ActuatorTrip:
 
 @contextmanager
 def _one_of(free: BoundedSemaphore) -> Generator[None]:
-    """Permit one attempt more; raises BusError where too many are under way."""
+    """Permit one more attempt; raises BusError if too many are in progress."""
     if not free.acquire(blocking=False):
         raise BusError(f"{UNDER_WAY} earlier attempts have had no reply yet")
     try:
@@ -99,27 +99,28 @@ def _unconfirmed(attempts: StopAttempts, limit_s: float) -> BusError:
 
 
 class ZeroDoubt:
-    """The job of a rig that touched something before its zero, kept in the journal.
+    """Job of a rig that touched something before its zero, kept in the journal.
 
-    A force that is zeroed while a part presses is hidden for as long as the zero holds. The
-    estimator compares each zero with the one before, but has none after its start. So a job that
-    met something at rest makes every later one wait for a person's word, over all restarts.
+    A force that is zeroed while a part presses is hidden as long as the zero is valid. The
+    estimator compares each zero with the one before, but has none after its start. Therefore a job
+    that met something at rest makes every later one wait for a person's confirmation, across all
+    restarts.
     """
 
     def __init__(self, store: Store, rig: str) -> None:
         self._store, self._name = store, f"zero_doubted:{rig}"
 
     def raise_by(self, job: str) -> None:
-        """Remember the job that touched something before its zero."""
+        """Store the job that touched something before its zero."""
         self._store.set_note(self._name, job)
 
     def settle(self) -> None:
-        """Forget it: a person has confirmed that nothing touches the arm."""
+        """Clear the doubt: a person has confirmed that nothing touches the arm."""
         if self._store.get_note(self._name):
             self._store.set_note(self._name, "")
 
     def blocking(self, request: JobRequest) -> str:
-        """Return the name of the job that makes a request wait; empty where none does."""
+        """Return the name of the job that makes a request wait; empty if none does."""
         if not isinstance(request, ZeroingRequest) or request.zero_confirmed:
             return ""
         return self._store.get_note(self._name) or ""
@@ -137,24 +138,26 @@ class RigContext:
     events: EventLog
     records: Path
     archivist: Executor
-    """Executor that makes records; see ``archive.archivist``."""
+    """Executor that writes records; see ``archive.archivist``."""
     draw: Runner = run_here
-    """Calls functions that draw pictures, in a process of their own where there is one."""
+    """Function that calls drawing functions, in a separate process if there is one."""
     guard_s: float = 20.0
-    """Lockstep: how long the loop may stand still by the clock on the wall, as a link of it may."""
+    """Lockstep: longest standstill of the loop by the wall clock, in s, as a link may stand
+    still."""
     clock: Callable[[], float] = monotonic
     """Clock of deadlines."""
     trip_directly: Callable[[Trip], object] | None = None
-    """Trips the actuator over a link of its own, past the router; None: there is no such link."""
+    """Function that trips the actuator over a separate link without the router; None: there is no
+    such link."""
 
     @cached_property
     def trip(self) -> ActuatorTrip:
-        """Trips the actuator over all ways."""
+        """Return the trip of the actuator by all ways."""
         return ActuatorTrip(self.rig.rig.name, self.bus, self.trip_directly)
 
     @property
     def rig(self) -> RigFile:
-        """The rig file with the model in use."""
+        """Return the rig file with the model in use."""
         return self.model.rig
 
     def reasons(self) -> list[str]:
@@ -168,46 +171,49 @@ class RigContext:
 
     @cached_property
     def alarms(self) -> AlarmLog:
-        """Of the rig."""
+        """Return the alarms of the rig."""
         return AlarmLog(self.store, self.events, self.write_queue)
 
     @cached_property
     def zero_doubt(self) -> ZeroDoubt:
-        """Whether the next zero of the force needs a person's word."""
+        """Return the doubt whether the next zero of the force needs a person's confirmation."""
         return ZeroDoubt(self.store, self.rig.rig.name)
 
     @cached_property
     def closer(self) -> Executor:
-        """Asks the recorder, which has one record at a time: in order, and behind no drawing."""
+        """Return the executor of requests to the recorder, which has one record at a time.
+
+        Requests are made in order, and wait for no drawing.
+        """
         return ThreadPoolExecutor(1, thread_name_prefix="closer")
 
     def finish_records(self) -> None:
-        """Let the record that is being written come to its end; none is written any more."""
+        """Wait for the record that is being written; no other record is written."""
         self.closer.shutdown()
         self.archivist.shutdown()
 
     @cached_property
     def write_queue(self) -> WriteQueue:
-        """What the journal could not take yet."""
+        """Return the queue of writes that the journal could not take yet."""
         return WriteQueue()
 
     @cached_property
     def live(self) -> LiveSamples:
-        """Samples for live charts; collected from the first listener on."""
+        """Return samples for live charts; collected from the first listener on."""
         live = LiveSamples(self.rig.rig.name, self.rig.rig.period_s)
         self.observer.add_sink(live.take)
         return live
 
     @cached_property
     def history(self) -> HistoryReader:
-        """Records of its jobs, for charts over hours."""
+        """Return the reader of job records, for charts over hours."""
         return HistoryReader(self.rig.rig.name, self.records, lockstep=self.rig.lockstep)
 
     def trip_words(self, reason: TripReason) -> str:
-        """Return why the actuator has tripped, for people."""
+        """Return why the actuator has tripped, in words."""
         return self.observer.trips.words(reason, self.rig)
 
     @property
     def digest(self) -> str:
-        """Of the rig file, which all programs must agree on."""
+        """Return the digest of the rig file, on which all programs must agree."""
         return self.model.digest

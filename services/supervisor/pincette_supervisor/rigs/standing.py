@@ -1,4 +1,4 @@
-"""State of the actuator and the part, and its certainty by the time of the last message.
+"""State of the actuator and the part, with their certainty by the age of the last message.
 
 What was heard within ``Health.sensor_limit_s`` is known. What is older is believed, until the
 output may have let the part go by its own watchdog; from then on nothing is known of a held part. A
@@ -20,24 +20,24 @@ from pincette_supervisor.plugin import Present
 from pincette_supervisor.rigs.rig_context import RigContext
 
 PLAYING_S = 1.0
-"""Age of the newest sample from which a program is not heard any more, in s."""
+"""Age of the newest sample from which a program no longer counts as playing, in s."""
 
 
 class Limits(NamedTuple):
-    """Ages up to which something is known, and beyond which it is unknown, in s."""
+    """Ages in s up to which a state is known, and beyond which it is unknown."""
 
     known_s: float
     lets_go_s: float
 
     def certainty(self, age_s: float) -> Certainty:
-        """Of what was heard so long ago."""
+        """Return the certainty of a state of this age."""
         if age_s <= self.known_s:
             return "known"
         return "believed" if age_s <= self.lets_go_s else "unknown"
 
 
 def standing(context: RigContext) -> Standing:
-    """State of the actuator and of the part, each with its certainty and its age."""
+    """Return the state of the actuator and of the part, each with its certainty and age."""
     limits = Limits(context.health.sensor_limit_s(), context.health.lets_go_s)
     heard_s = _heard_s(context)
     state, certainty = _state(context, limits, heard_s)
@@ -53,9 +53,9 @@ def standing(context: RigContext) -> Standing:
 
 
 def _heard_s(context: RigContext) -> float | None:
-    """How long ago the actuator was heard, by its samples or its answer; None where it never was.
+    """Return the age of the actuator's last sample or reply, in s; None if it never sent one.
 
-    In lockstep 0 s as long as its token is seen.
+    In lockstep, it is 0 s as long as its token is present.
     """
     observer, health = context.observer, context.health
     if context.rig.lockstep and observer.alive("actuator"):
@@ -67,7 +67,7 @@ def _heard_s(context: RigContext) -> float | None:
 def _state(
     context: RigContext, limits: Limits, heard_s: float | None
 ) -> tuple[RigState, Certainty]:
-    """Return the actuator's state; of one that has gone none is believed."""
+    """Return the actuator's state; after its disappearance, the state is unknown."""
     shown = context.health.state
     if shown == "unknown" or heard_s is None:
         return "unknown", "unknown"
@@ -82,7 +82,7 @@ def _part(
 ) -> tuple[PartState, Certainty]:
     """Return whether the gripper holds a part, by the actuator's newest sample.
 
-    An actuator that took the place of one which held a part does not know of that part.
+    An actuator that replaced one with a held part does not know of that part.
     """
     applied = context.observer.newest(Applied)
     if applied is None:
@@ -100,7 +100,7 @@ def _part(
 
 
 def _part_age_s(context: RigContext, heard_s: float | None) -> float | None:
-    """Since a voltage was last confirmed where a part is held; else since the actuator spoke."""
+    """Return the age of the last confirmed voltage for a held part, else of the actuator, in s."""
     applied = context.observer.newest(Applied)
     if context.rig.lockstep or applied is None or not applied.part_held:
         return heard_s
@@ -108,10 +108,10 @@ def _part_age_s(context: RigContext, heard_s: float | None) -> float | None:
 
 
 def is_playing(context: RigContext) -> bool:
-    """Whether a program plays, by the actuator's samples; while none has come, by its answer.
+    """Return whether a program plays, by the actuator's samples; before the first, by its reply.
 
-    That counts for a moment alone: where a supervisor was killed before it had armed the sensor,
-    in lockstep the actuator stays armed, and nothing plays.
+    The reply counts for a moment only: if a supervisor was killed before it had armed the sensor,
+    the actuator stays armed in lockstep, and nothing plays.
     """
     silent_s = context.observer.silent_s(Applied)
     if silent_s is None:
@@ -122,7 +122,7 @@ def is_playing(context: RigContext) -> bool:
 
 
 def present(context: RigContext) -> Present | None:
-    """Return where the arm stands; None where nothing is known of it."""
+    """Return the present state of the rig; None if nothing is known of it."""
     applied = context.observer.newest(Applied)
     if applied is None:
         return None
@@ -146,7 +146,7 @@ def present(context: RigContext) -> Present | None:
 
 
 def _pressing(context: RigContext, applied: Applied) -> tuple[ArmEstimate, ...]:
-    """Return the newest forces in the epoch of a voltage; none where an arm has no zero."""
+    """Return the newest forces in the epoch of a voltage; empty if an arm has no zero."""
     estimate = context.observer.newest(Estimate)
     if estimate is None or estimate.epoch != applied.epoch or not estimate.valid:
         return ()
@@ -156,7 +156,7 @@ def _pressing(context: RigContext, applied: Applied) -> tuple[ArmEstimate, ...]:
 
 
 def memory_known(context: RigContext) -> bool | None:
-    """Whether the estimator knows the past of the arm's hysteresis; None where it is not heard."""
+    """Return whether the estimator knows the past of the hysteresis; None if it does not reply."""
     if context.health.status("estimator") is None:
         return None
     return not context.health.findings("estimator", FaultCode.MEMORY_UNKNOWN)

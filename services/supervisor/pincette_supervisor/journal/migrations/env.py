@@ -1,4 +1,4 @@
-"""Runs the migrations on the connection that was handed over; Alembic loads it by its path."""
+"""Runs the migrations on the given connection; Alembic loads this file by its path."""
 
 from alembic import context
 

@@ -1,4 +1,4 @@
-"""Indexes by which lists of jobs find their rows without reading all jobs."""
+"""Indexes with which lists of jobs find their rows without reading all jobs."""
 
 from alembic import op
 

@@ -1,4 +1,4 @@
-"""Indexes for the filters of job lists that read all jobs so far; stored plans without curves."""
+"""Indexes for filters of job lists that read all jobs before; stored plans without curves."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -9,7 +9,7 @@ down_revision = "0002"
 
 LISTED_BY = ("rig", "state", "kind", "sample", "batch", "operator")
 SEARCHED = ("cause", "requested_by", "sample", "batch", "operator", "notes", "labels", "result")
-"""Columns of ``jobs`` that change and have a part in the words of a job."""
+"""Columns of ``jobs`` that change and are part of the text of a job."""
 # Labels and outcome are written as in JSON, so that a name and its value are one phrase.
 WORDS = """{row}.id || char(10) || {row}.cause || char(10) || coalesce({row}.requested_by, '')
     || char(10) || {row}.sample || char(10) || {row}.batch || char(10) || {row}.operator

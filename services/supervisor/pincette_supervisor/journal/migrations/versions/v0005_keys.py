@@ -1,4 +1,4 @@
-"""Keys are kept in the key file alone; a session refers to the digest of its key."""
+"""Keys are stored only in the key file; a session refers to the digest of its key."""
 
 # 0004 was used by versions before the first release, whose journals are refused.
 import sqlalchemy as sa

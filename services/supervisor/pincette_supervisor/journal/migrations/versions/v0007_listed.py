@@ -1,4 +1,4 @@
-"""One index of all that lists of jobs are often filtered by, in the order of the lists."""
+"""One index of all columns that often filter lists of jobs, in the order of the lists."""
 
 from alembic import op
 
