@@ -148,7 +148,7 @@ class TripMonitor:
         trip = self.newest
         if trip is None or trip.reason != reason:
             return reason.text()
-        # In lockstep the clock on the wall says nothing of a sample's age.
+        # In lockstep the wall clock says nothing about a sample's age.
         period_s = inf if rig.lockstep else rig.rig.period_s
         return reason.text(silent_program(trip.newest, period_s))
 

@@ -90,7 +90,7 @@ class ModelFiles:
         Raises
         ------
         ConfigError
-            Where there is none, or its file is not what was written.
+            If there is none, or its file is not what was written.
         """
         path = self._paths().get(version)
         if path is None:
@@ -118,7 +118,7 @@ class ModelFiles:
         replace_file(path, text.encode() + b"\n")
 
 
-# When a calibration is to be made again: its time is over, or it was made with other instruments.
+# When a calibration must be repeated: it has expired, or it was made with other instruments.
 #
 # Times are in UTC, as ISO 8601 has them.
 
@@ -191,10 +191,10 @@ def warnings(
     return [f"{', '.join(names)}: {why}; calibrate again" for why, names in found.items()]
 
 
-# What a model was measured with, by the rig file: what of it, changed, makes the model doubtful.
+# Rig file entries on which a model's measurement depends: a change of them makes it doubtful.
 #
-# Limits, jobs and the loop's programs are none of it. A value of the rig file that a calibration
-# replaces is taken alone: where a person has changed it, only that value is not replaced any more.
+# Limits, jobs and the loop's programs are not among them. A rig file value that a calibration
+# replaces is treated separately: if a person has changed it, only that value is no longer replaced.
 
 MEASURED_WITH: Mapping[str, tuple[str, ...]] = {
     "rig": ("period_s",),
@@ -345,7 +345,7 @@ class RigModel:
         Raises
         ------
         ConfigError
-            Where there is no such version, or it makes an impossible rig.
+            If there is no such version, or it makes an impossible rig.
         """
         with self._lock:
             chosen = (
@@ -391,9 +391,9 @@ class RigModel:
         Raises
         ------
         ConfigError
-            Where they make an impossible rig.
+            If they make an impossible rig.
         OSError
-            Where the file cannot be written; nothing has changed then.
+            If the file cannot be written; nothing has changed then.
         """
         with self._lock:
             before, now = self.in_use, utc_now()

@@ -38,7 +38,7 @@ from pincette_supervisor.access.access import DEFAULT_PORTS, is_loopback
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.tables import JobRow
 
-# What is told of an event of the journal; pure.
+# Notice of an event of the journal; pure.
 
 ALARMS: Mapping[str, Told] = {"raised": "alarm.raised", "cleared": "alarm.cleared"}
 SAID = ("kind", "sample", "batch", "operator", "requested_by", "started_at", "ended_at")
@@ -70,7 +70,7 @@ def topic_of(event: Event) -> Told | None:
     if event.kind != "alarm":
         return None
     topic = ALARMS.get(str(event.body.get("did")))
-    # What is counted once more while it is open has been told.
+    # An alarm that is counted again while it is open has already been reported.
     again = topic == "alarm.raised" and event.body.get("alarm", {}).get("count", 1) > 1
     return None if again else topic
 

@@ -83,8 +83,8 @@ def bind(host: str, port: int) -> socket.socket:
 def await_port(host: str, port: int, stop: threading.Event) -> tuple[socket.socket | None, float]:
     """Bind the port; while another program uses it, log that and retry.
 
-    Returns the socket, or None after a stop, and how long the port was taken, in s. Raises
-    PortInUseError where the port cannot be had for another reason.
+    Returns the socket, or None after a stop, and how long the port was in use, in s. Raises
+    PortInUseError if binding fails for another reason.
     """
     begun_s, said_s = monotonic(), -inf
     while not stop.is_set():

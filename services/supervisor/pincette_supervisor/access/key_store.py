@@ -53,7 +53,7 @@ class KeyStore:
     def add_user(self, name: str, scope: Scope, password: str) -> KeyView:
         """Add a person who signs in by name and password; raises ValueError like ``add``."""
         try:
-            # Of a key that nobody has been told.
+            # The digest of a key that no one has.
             digest = digest_of(new_key())
             row = self._file.add(name, digest, scope, password=hashed(password))
         except KeyNameTakenError as error:

@@ -57,8 +57,8 @@ def fits(password: str, kept: str) -> bool:
 class Tries:
     """Counts wrong passwords by name and address, and delays the next attempt.
 
-    The wait doubles with each wrong password. It concerns one address only, so that nobody who
-    knows a user's name can lock the user out from elsewhere.
+    The wait doubles with each wrong password. It applies to one address only, so that a user's name
+    is not enough to lock the user out from elsewhere.
     """
 
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:

@@ -211,7 +211,7 @@ class RigFinder:
 
     def _serve(self, file: RigFile, word: str) -> None:
         manager = self._create(file)
-        # Before it is served, so that whoever sees the rig finds the event.
+        # Before it is served, so that a client that sees the rig finds the event.
         found = {"found": word, "digest": manager.context.digest}
         manager.context.write_queue.submit(
             partial(manager.context.events.append, "rig", None, **found)

@@ -44,8 +44,8 @@ SETTLED_MAX = 600
 class SettledJobs:
     """The newest jobs as JSON, if only their journal row can change; safe to use from threads.
 
-    Many clients ask for the newest jobs again and again. To read, validate and encode such a job
-    takes twenty times as long as to find it here.
+    Many clients request the newest jobs repeatedly. Reading, validating and encoding such a job
+    takes twenty times as long as finding it here.
     """
 
     def __init__(self, most: int = SETTLED_MAX) -> None:

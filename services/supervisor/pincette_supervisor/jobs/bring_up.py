@@ -36,7 +36,7 @@ from pincette_supervisor.plugin import (
 from pincette_supervisor.plugin.model_in_use import values_of
 from pincette_supervisor.problems import ProblemError, not_found
 
-# Proposals of calibrations: what they say, and what becomes of them.
+# Proposals of calibrations: their content, and the decisions on them.
 
 BASE = "/api/v1"
 PAGE = 500
@@ -128,7 +128,7 @@ class Calibrations:
         Raises
         ------
         ProblemError
-            Where there is none, it is decided about, or its values make an impossible rig.
+            If there is none, it is decided already, or its values make an impossible rig.
         """
         row = self._row(name)
         decided = self._decision(name)
@@ -388,7 +388,7 @@ def _need(code: NeedCode, rig: RigFile) -> BenchNeed:
     return BenchNeed(code=code, text=texts[code], when="during" if code == "weights" else "before")
 
 
-# The model in use, put together for REST.
+# The model in use, assembled for REST.
 
 
 def model_view(model: RigModel) -> ModelView:

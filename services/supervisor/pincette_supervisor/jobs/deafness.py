@@ -1,16 +1,16 @@
 """Decision whether the loop is silent, or the supervisor does not receive its messages.
 
-A supervisor that is not scheduled, or whose router is not, hears nothing of a loop that is well:
-the programs of the loop are linked to each other, not through the supervisor. To trip it then would
-drop a part for nothing. So before silence counts, the actuator itself is asked:
+A supervisor that is not scheduled, or whose router is not, receives nothing from a healthy loop:
+the programs of the loop are linked to each other, not through the supervisor. A trip would then
+drop a part for no reason. Therefore the actuator itself is queried before a silence counts:
 
-- it is armed for this job: the loop is well, and the supervisor was deaf;
-- it is not: its last sample, which says why, is fetched;
-- it does not answer, and other programs are heard: the actuator is silent;
-- nobody is heard, and nobody answers: the line is cut, or the router has ended, and with it the
-  tokens of all programs have vanished. The loop goes on under the lease, and ends by itself with
-  it. Only then the silence counts, and it ends the job without a trip, which over the direct link
-  would reach a loop that is well, and let its part go after ``freeze_s``.
+- It is armed for this job: the loop is healthy, and only the supervisor received nothing.
+- It is not armed: its last sample, which says why, is fetched.
+- It does not reply, and messages of other programs arrive: the actuator is silent.
+- Nothing arrives and no program replies: the link is cut, or the router has ended, and with it
+  the tokens of all programs have vanished. The loop continues under its lease, and ends with it.
+  Only then does the silence count. It ends the job without a trip: over the direct link, a trip
+  would reach a healthy loop, and release its part after ``freeze_s``.
 """
 
 from pincette.bus.protocol import BusError

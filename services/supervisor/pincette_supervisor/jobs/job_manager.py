@@ -36,11 +36,11 @@ from pincette_supervisor.watch import AlarmMonitor
 
 # Requests with the same ``Idempotency-Key`` take turns: the later one finds the earlier one's job.
 #
-# A key counts from the moment it is seen. While the first request is being planned a second one
-# waits, and then gets the same job; where the first was refused, or its caller hung up, the next
-# one is planned in its place. Across a restart the journal knows the keys that created a job.
+# A key counts from the moment it is received. While the first request is being planned, a second
+# one waits, and then gets the same job. If the first was rejected, or its caller disconnected, the
+# next one is planned in its place. The journal keeps the keys of created jobs across restarts.
 #
-# A key may be stopped before its job is there, as long as this supervisor runs: no job comes of it.
+# A key may be stopped before its job exists, as long as this supervisor runs: it creates no job.
 
 WAITING = 12
 """Largest number of requests that wait for another one with their key: each uses a thread."""
@@ -83,10 +83,7 @@ class KeyTurns:
 
     @contextmanager
     def accepting(self, key: str | None) -> Generator[None]:
-        """Guard the write of a new job to the journal.
-
-        Raises ProblemError if its key is stopped.
-        """
+        """Guard the write of a new job to the journal; raises ProblemError for a stopped key."""
         with self._accepting:
             if key in self._stopped:
                 raise ProblemError(
@@ -170,10 +167,7 @@ class JobActions:
         queue.remove(entry, ENDS[action])
 
     def on_ended(self, row: JobRow, action: ActionType) -> bool:
-        """Return True if an ended job has the state of the action.
-
-        Raises ProblemError otherwise.
-        """
+        """Return True if an ended job has the action's state; raises ProblemError otherwise."""
         if row.state in HOLDS[action]:
             return True
         raise invalid_action(action, row.state, [])
@@ -287,7 +281,7 @@ class JobManager:
     def recover(self, unfinished: list[str]) -> None:
         """Recover from an earlier run of the supervisor; this moves nothing."""
         context = self.context
-        # Marked already, unless the journal could not be written, as on a full disk.
+        # Already marked, unless the journal could not be written, as on a full disk.
         left = [name for name in context.store.unfinished() if name in unfinished]
         mark = partial(context.store.interrupt, left, utc_now())
         marked = not left or context.write_queue.submit(mark)
@@ -473,7 +467,7 @@ class JobManager:
         """
         live = self.active
         if live is None or live.id != name:
-            # Whoever holds the lock may wait for a disk, which a stop of the live job must not.
+            # The holder of the lock may wait for a disk, which a stop of the live job must not.
             with self._lock:
                 entry = self.queue.entry(name)
                 if entry is not None:

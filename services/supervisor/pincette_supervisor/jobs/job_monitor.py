@@ -39,10 +39,10 @@ from pincette_supervisor.results import archive
 from pincette_supervisor.rigs.observer import MessageBuffer
 from pincette_supervisor.rigs.rig_context import RigContext
 
-# Whether a job's deadline has passed, by the time in which somebody has looked.
+# Check of a job's deadline, by the time in which the supervisor was running.
 #
-# A deadline says that a rig does not do what it was asked for. Where the supervisor stood still, it
-# has only not seen it yet: that time is not the job's.
+# An exceeded deadline means that a rig does not do what was requested. While the supervisor was
+# not scheduled, it could not see the progress: that time does not count.
 
 STANDSTILL_S = 0.25
 """Longest normal interval between two checks, in s; the excess counts as a scheduling stall."""
@@ -121,7 +121,7 @@ def _release_s(planned: Planned) -> float:
     return sum(item.duration_s or 0.0 for item in planned.plan.phases if item.phase in RELEASING)
 
 
-# What the machine kept where a job tripped by the age of its commands, and what would suit it.
+# Timing that a machine has achieved before a trip by the age of commands, and suitable settings.
 
 
 def silence_s(rig: RigFile, reason: TripReason) -> float | None:
@@ -299,7 +299,7 @@ class JobMonitor:
     def _silent(self) -> Why | None:
         """Return why the loop counts as silent; None if it does not."""
         lasts_s = self._context.observer.awake_clock() - self._last_message_at
-        # Once it is over, what comes late has a limit of its own.
+        # After the end, late samples have a separate time limit.
         words = "" if self._tracker.over else self._silence.words(lasts_s, self._job.id)
         if self._silence.excused:
             self._last_message_at = self._context.observer.awake_clock()
@@ -405,7 +405,7 @@ class JobMonitor:
         if move.event == "go_on":
             self._pause_asked = False
         elif why is not None and why is self._lease:
-            # The controller stops by itself: a second order would start its stop again.
+            # The controller stops by itself: a second command would restart its stop.
             self._asked_in, self._effective_seq = self._moves + 1, self._lease_seq
         elif why is not None and why == self._missing.lack:
             self._given_up = True

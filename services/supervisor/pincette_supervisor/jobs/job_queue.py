@@ -23,10 +23,10 @@ from pincette_supervisor.journal.write_queue import WriteQueue
 from pincette_supervisor.kinds.bodies import REQUEST
 from pincette_supervisor.problems import ProblemError
 
-# A client's claim on a rig, for a while: what others see, and what it keeps them from.
+# A client's temporary claim on a rig: what others see of it, and what it blocks.
 #
-# A claim bars others from motion that they begin. It bars nobody from a stop, an abort or an
-# emergency stop, and touches no job that was taken before it.
+# A claim prevents others from starting motion. It never blocks a stop, an abort or an emergency
+# stop, and does not affect jobs that were created before it.
 
 ALWAYS: tuple[ActionType, ...] = ("stop", "abort")
 """Actions that no claim blocks."""

@@ -179,7 +179,7 @@ class JobRecorder:
 
     def _write_documents(self, record: Gathered, recorded: Recorded | str, *, over: bool) -> None:
         job = self._job
-        # What was said of it meanwhile belongs into the documents.
+        # Annotations that were edited meanwhile belong in the documents.
         row = self._current_row() or record.job
         try:
             folder = self._context.records / job.id
@@ -188,7 +188,7 @@ class JobRecorder:
             log.exception("the documents of job %s were not written", job.id)
             job.append_cause(lacking(error))
         state = completeness(recorded)
-        # Open until the part is let go: a supervisor that is started meanwhile closes it.
+        # Open until the part is released: a supervisor that is started meanwhile closes it.
         job.store(plan={**row.plan, "record": state | {"open": not over}})
         append = self._context.events.append
         self._context.write_queue.submit(partial(append, "record", job.id, **state))
@@ -292,7 +292,8 @@ NOTHING = Left()
 def stop_left_program(context: RigContext, jobs: Sequence[str]) -> None:
     """Stop a program that an earlier supervisor has left running, and record it in its job."""
     # The program is asked once. A held part stays held until a person holds or releases it by a
-    # job; a free arm comes to rest, and what a calibration presses is let go. No job is continued.
+    # job; a free arm comes to rest, and a part that a calibration presses is released. No job is
+    # continued.
     row = context.store.get(jobs[-1]) if jobs else None
     how = interruption(None if row is None else job_kinds().get(row.kind))
     stopped = _stop(context, how) or _stopped_by_itself(context)
@@ -455,7 +456,7 @@ def _store_end(context: RigContext, row: JobRow, closed: Future[Recorded | str])
 def _gathered(context: RigContext, row: JobRow) -> Gathered:
     """Return the recorded job with its result, if it has one.
 
-    Raises OSError, or ValueError where it cannot be planned again as it was.
+    Raises OSError, or ValueError if the job cannot be planned again as it was.
     """
     path = context.records / row.id / NAME
     request = REQUEST.validate_json(json.dumps({"kind": row.kind, **row.request}))

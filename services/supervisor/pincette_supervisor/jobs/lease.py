@@ -1,7 +1,7 @@
 """Lease of a job's program: granted with its arming, and renewed by a separate thread."""
 
-# A thread, so that neither a slow disk nor a long look at the samples lets it run out. In lockstep
-# there is none: there a machine may be as slow as it is, and the time of a renewal would change
+# A thread renews it, so that neither a slow disk nor a long evaluation of samples lets it expire.
+# There is no lease in lockstep, where a machine may be slow and the time of a renewal would change
 # results.
 
 import threading

@@ -48,7 +48,7 @@ def resolve(context: RigContext, request: JobRequest, *, moving: bool) -> Resolv
     Parameters
     ----------
     moving
-        Whether a job moves the arm, so that its position is not known in advance.
+        True if a job moves the arm, so that its position is not known in advance.
     """
     rig = context.rig
     if request.rig is not None and request.rig != rig.rig.name:
@@ -109,7 +109,7 @@ class TrajectoryStore:
         Raises
         ------
         ProblemError
-            Where its target depends on the position of the arm.
+            If its target depends on the position of the arm.
         """
         kept, model = resolved.kept, resolved.model
         for name in resolved.kind.relative:
@@ -176,7 +176,7 @@ class TrajectoryStore:
         Raises
         ------
         ProblemError
-            Where something has changed since, or the start does not go with its kind.
+            If something has changed since, or the start does not go with its kind.
         """
         if self.stale(row):
             raise self._stale(row)

@@ -294,7 +294,7 @@ def require_resumable(context: RigContext, queue: JobQueue, active: LiveJob | No
     if active is None:
         require_startable(context, queue.first)
     elif (status := active.status).keeps_part:
-        # Whoever waited for this job's end would wait for a person to let the part go.
+        # A caller that waited for this job's end would wait for a person to release the part.
         raise part_held(
             f"job {active.id} is {status.state} and holds a part: release it, then resume the queue"
         )

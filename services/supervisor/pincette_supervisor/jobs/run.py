@@ -95,10 +95,7 @@ class Run:
         return [found.taken] if found.occupant == "part" else []
 
     def _take_over(self) -> list[str]:
-        """End a program that only holds a part, which stays held.
-
-        Return the reason of a failure.
-        """
+        """End a program that only holds a part, which stays held; return why that fails."""
         context = self._context
         if not is_playing(context):
             return []

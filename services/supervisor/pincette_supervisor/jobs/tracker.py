@@ -323,7 +323,7 @@ def silence_limit_s(rig: RigFile) -> float:
 def silent_words(context: RigContext, tracker: Tracker, lasts_s: float) -> str:
     """Return the silent program, in words; empty if none is silent."""
     # In lockstep the whole loop stands still when one program does; in real time the actuator
-    # stands for the loop, since it notices by itself when the others are silent.
+    # represents the loop, since it detects itself when the others are silent.
     killed = gone_words(context)
     if context.rig.lockstep:
         if killed and lasts_s > min(GONE_S, context.guard_s):

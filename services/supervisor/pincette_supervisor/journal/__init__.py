@@ -2,5 +2,5 @@
 
 import logging
 
-# It tells of its plug-ins as it is imported, which is nothing that an operator's log is read for.
+# It logs its plug-ins when it is imported, which does not belong in an operator's log.
 logging.getLogger("alembic").setLevel(logging.WARNING)

@@ -207,7 +207,7 @@ def _remedy_of(cause: BaseException | None) -> str:
     if primary in DAMAGE or isinstance(cause, ValueError):
         return MOVE_AWAY
     if primary == "SQLITE_BUSY":
-        # SQLite also reports a file system without locks (ENOLCK) so.
+        # SQLite also reports a file system without locks (ENOLCK) this way.
         return (
             f"another program keeps it locked: end that one. Where there is none, {USE_OTHER_PLACE}"
         )

@@ -189,7 +189,7 @@ def _lock_beside(path: Path) -> Callable[[], None]:
 
 def _keep_private(path: Path) -> None:
     """Make the file readable only by its owner; SQLite gives its other files the same mode."""
-    # A file that is there is not opened: to close it again would take SQLite's locks from this
+    # An existing file is not opened: closing it again would take SQLite's locks from this
     # process, and another one that closes the journal would remove the log that is in use.
     with suppress(OSError):  # what cannot be opened is told when SQLite opens it
         os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, PRIVATE))
@@ -199,9 +199,9 @@ def _keep_private(path: Path) -> None:
 
 
 def _prepare(connection: sqlite3.Connection, _entry: ConnectionPoolEntry) -> None:
-    # Otherwise the driver begins transactions by itself, and not before CREATE TABLE.
+    # Otherwise the driver begins transactions on its own, and not before CREATE TABLE.
     connection.isolation_level = None
-    # Large sorts stay in memory: in a temporary folder that is full they would fail.
+    # Large sorts stay in memory: they would fail with a full temporary folder.
     pragmas = "journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON", "temp_store = MEMORY"
     for pragma in pragmas:
         connection.execute(f"PRAGMA {pragma}")

@@ -12,7 +12,7 @@ from pincette_supervisor.journal.database import columns, first, keep_newest, ma
 from pincette_supervisor.journal.store import Store, utc_now
 from pincette_supervisor.journal.tables import LEARNED, RECIPES, TRAJECTORIES
 
-# Recipes as they are kept: versions are added, and never changed.
+# Stored recipes: versions are added, and never changed.
 
 RECIPES_MAX, VERSIONS_MAX = 500, 200
 
@@ -116,7 +116,7 @@ def _require_room(connection: Connection) -> None:
         )
 
 
-# Trajectories as they are kept: the request, and what it was planned with, by their digest.
+# Stored trajectories: the request, rig file and model, by their digest.
 
 TRAJECTORIES_MAX = 5000
 """Largest number of stored trajectories; beyond it, the oldest are deleted."""

@@ -322,7 +322,7 @@ def _add_event(
 
 
 def _event_span(connection: Connection) -> tuple[int, int]:
-    # SQLite looks the ends up in the index only where each has a query of its own.
+    # SQLite looks the ends up in the index only if each has a separate query.
     ends = select(
         select(func.min(EVENTS.c.number)).scalar_subquery(),
         select(func.max(EVENTS.c.number)).scalar_subquery(),

@@ -157,7 +157,7 @@ class RigEmulator:
         self._residual = derived.residual(rig.model)
         self._instruments = EmulatedInstruments(rig, arm)
         self._bus = MemoryBus()
-        # A plan is emulated too where the rig's instruments are too slow for it to be armed.
+        # A plan is also emulated if the rig's instruments are too slow to arm it.
         runners = [
             Runner(
                 service,
@@ -214,7 +214,7 @@ class RigEmulator:
         rest = self._bus.latest(APPLIED)
         begun = None if rest is None else self._instruments.begun(cast(Applied, rest))
         if begun is not None:
-            # The estimator has followed the arm to where it stands, as on a rig that was in use.
+            # The estimator has followed the arm to its position, as on a rig that was in use.
             estimator = self._loop.runner("estimator")
             for message in begun:
                 estimator.take(message, 0.0)
@@ -283,7 +283,7 @@ def run_dry(planned: Planned, present: Present, *, part: bool) -> DryRun:
     Parameters
     ----------
     part
-        Whether the part is there, as the rig file or a recipe has it.
+        True if the part is there, as the rig file or a recipe has it.
     """
     rig = planned.armed.rig
     rig = rig.model_copy(update={"rig": rig.rig.model_copy(update={"time": "lockstep"})})
@@ -298,7 +298,7 @@ def run_dry(planned: Planned, present: Present, *, part: bool) -> DryRun:
             arm = arm.at(present.x_um)
     emulator = RigEmulator(rig, arm, planned.program)
     cut, released = _played(emulator, planned, period_s)
-    # The controller leaves open how a hold ends that a person ended.
+    # The controller leaves the outcome open if a person ended the hold.
     otherwise = "released" if released and not cut else "unfinished"
     outcome = emulator.outcome or otherwise
     return DryRun(emulator.samples, outcome, cut, instruments, _figures(planned, rig, emulator))

@@ -1,13 +1,13 @@
-"""The arms and the part as the model in use has them, moved by one voltage after the other; pure.
+"""Arms and part of the model in use, advanced by one voltage after another; pure.
 
     output    τ·u̇ = u_target - u, the target arriving after the delay of the instruments
     free      x_1 by the identified free response, from sample to sample as u goes
     arm       one mode, ω_n and ζ, against K_e from x_e on (``sim.plant.plain_arm``)
 
-The part between two arms lies where it is expected, held by the ground until both have touched it,
-and is theirs from then on (``sim.plant.pair``).
+The part between two arms is where it is expected, held by the ground until both arms have touched
+it, and is carried by them from then on (``sim.plant.pair``).
 
-Nothing of it comes from what a simulated rig knows of itself: a real rig knows no such thing.
+It uses nothing that only a simulated rig knows of itself, since a real rig cannot know it.
 """
 
 from dataclasses import dataclass, replace
@@ -141,7 +141,7 @@ class IdentifiedArm:
             rests_um = list[float]()
             for dt_s, reached_V in stretch:
                 passed_s += dt_s
-                # Where the voltage rests, what is left is creep.
+                # While the voltage is constant, only creep remains.
                 share = passed_s / self.period_s
                 if abs(travel_V) > STILL_V:
                     share = (reached_V - self.output_V) / travel_V
@@ -279,9 +279,9 @@ def identified_pair(
     rig
         The rig file with the model in use; its table ``simulation`` is not looked at.
     part
-        Whether the part is there.
+        True if the part is there.
     held
-        Whether both arms press it: then it lies where their tips are.
+        True if both arms press it: then it lies where their tips are.
     """
     first_rig, second_rig = rig.arms
     first = identified_arm(first_rig, instruments, present.stand_V(rig), None)
@@ -308,7 +308,7 @@ def identified_pair(
     state = PairState(first.state, second.state, part_um, part_um, APART)
     if not part:
         state = part_gone(state, "removed")
-    # An arm at a voltage that presses is at rest where the part keeps it.
+    # An arm that presses at its voltage rests where the part holds it.
     rests = first.state.x_um, second.state.x_um
     state = move_pair(parameters, state, SUBSTEP_S, [rests] * round(SETTLE_S / SUBSTEP_S))
     return IdentifiedPair((first, second), parameters, state)

@@ -58,7 +58,7 @@ def checked_values(values: Mapping[str, Any]) -> dict[str, Any]:
     Raises
     ------
     FaultyValuesError
-        Where one is unknown or impossible as a member of a request that a recipe completes.
+        If one is unknown or impossible as a member of a request that a recipe completes.
     """
     errors: list[dict[str, Any]] = []
     kept: dict[str, Any] = {}
@@ -150,7 +150,7 @@ def resolve(
     Raises
     ------
     FaultyRequestError
-        Where the kind or a member is for another number of arms, or the recipe is missing or does
+        If the kind or a member is for another number of arms, or the recipe is missing or does
         not fit.
     """
     require_arms(request, model.rig)
@@ -176,11 +176,11 @@ def plan(resolved: ResolvedRequest, find_learned: FindLearned = lambda _name: No
     Raises
     ------
     FaultyRequestError
-        Where members of the request do not go together.
+        If members of the request do not go together.
     UnsupportedError
-        Where the instruments are too slow for a calibration.
+        If the instruments are too slow for a calibration.
     ValueError
-        Where the numbers make no plan.
+        If the numbers make no plan.
     """
     model, expecting = resolved.model, resolved.expecting
     present = resolved.present or Present()

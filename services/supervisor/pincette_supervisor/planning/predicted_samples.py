@@ -80,7 +80,7 @@ class Samples:
         Raises
         ------
         ValueError
-            Where the services have answered for another number of arms.
+            If the services have answered for another number of arms.
         """
         command, applied, view = told
         asked_V = [one.voltage_V for one in command.arms]

@@ -242,7 +242,7 @@ def margins(rig: RigFile, samples: Samples, *, switches: bool) -> list[Margin]:
     samples
         One at least.
     switches
-        Whether the law has a switching gain K_S; without one nothing keeps s to its band.
+        True if the law has a switching gain K_S; without one nothing keeps s to its band.
     """
     found = [_margin(limit, samples) for limit in limits_of(rig, samples)]
     if switches:
@@ -368,7 +368,7 @@ class PredictionCache:
         Raises
         ------
         ProblemError
-            Where too many wait already.
+            If too many wait already.
         """
         if not self._room.acquire(blocking=False):
             raise ProblemError(
@@ -391,7 +391,7 @@ class PredictionCache:
         Raises
         ------
         ProblemError
-            Where too many wait already, or nothing of it can be played.
+            If too many wait already, or nothing of it can be played.
         """
         if planned.program.takes_force_over:
             return planned
@@ -405,9 +405,9 @@ class PredictionCache:
     def checked(self, planned: Planned) -> Planned:
         """Return a plan before its job, with its prediction if that exceeds a limit.
 
-        A held part must be released whatever is predicted, and a calibration is there to find the
-        model that would predict it: neither is played. With any number of predictions waiting, a
-        job that is to begin waits only for the one that is being played.
+        A held part must be released whatever is predicted, and a calibration finds the model that a
+        prediction would need: neither is played. With any number of predictions waiting, a job that
+        is to begin waits only for the one that is being played.
         """
         if not job_kinds()[planned.plan.kind].predicted:
             return planned

@@ -41,7 +41,7 @@ def recorded_motion(store: Store, records: Path, rig: RigFile, job: str) -> Reco
     Raises
     ------
     FaultyRequestError
-        Where there is no such job, or its record does not give a motion.
+        If there is no such job, or its record does not give a motion.
     """
     if rig.second is not None:
         raise FaultyRequestError(
@@ -126,7 +126,7 @@ def motion_of(
     Raises
     ------
     ValueError
-        Where it was paused, or left its program.
+        If it was paused, or left its program.
     """
     if not program:
         raise ValueError("it was recorded before its motion had a digest: play it again")

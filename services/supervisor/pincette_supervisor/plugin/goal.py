@@ -116,7 +116,7 @@ def goal_of(
     period_s
         Control period.
     completed
-        Whether the job went as planned. The goal is then not judged where the phase was not longer
+        True if the job went as planned. Its goal is not evaluated where the phase was not longer
         than the settling time, or where the arm's unknown past hides as much as the tolerance; a
         job that ended early has missed it.
 

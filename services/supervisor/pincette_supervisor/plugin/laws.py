@@ -86,7 +86,7 @@ def choose_law(request: ContactJobRequest, rig: RigFile) -> ChosenLaw:
     Raises
     ------
     FaultyRequestError
-        Where the law is not installed or has no such gain, the identified set is wanted without an
+        If the law is not installed or has no such gain, the identified set is wanted without an
         identified response, gains are to be tuned for the printed set, none are stable, or the
         loop of those given is beyond what can be computed.
     """

@@ -116,7 +116,7 @@ def assumed_for_force(rig: RigFile, calibration: Calibration) -> list[str]:
     """Return the quantities behind the force uncertainty that have never been calibrated."""
     model = rig.model
     free = "model.free_response" if model.free_response is not None else "model.hysteresis_fraction"
-    # Recorded branches are always measured; a rig file has none of its own.
+    # Recorded branches are always measured; a rig file contains none.
     of_free = () if model.recorded_response is not None else (free,)
     rested_on = ("sensor.noise_um", "model.compliance_um_per_mN", *of_free, *FORCE_DRIFTS)
     return [name for name in rested_on if calibration.sources.get(name, ASSUMED) == ASSUMED]

@@ -85,14 +85,14 @@ def arm_touch(rig: RigFile, force_mN: float, contact_force_mN: float) -> SafeTou
 def conditioning_V(request: ContactJobRequest, rig: RigFile) -> float | None:
     """Return the lowest voltage of a plan's conditioning strokes, in V; None: it has none.
 
-    ``auto`` makes strokes before each approach, not only after an unknown past. A known past is
-    followed by the model, which errs by more after other motion than after the grips that it was
-    rehearsed with. The strokes also compare the stroke of the arm with that of its calibration.
+    ``auto`` makes strokes before each approach, not only after an unknown past. A model follows a
+    known past, with larger errors after other motion than after the grips with which it was
+    rehearsed. The strokes also compare the stroke of the arm with that of its calibration.
 
     Raises
     ------
     FaultyRequestError
-        Where the request asks for strokes that the model in use does not allow.
+        If the request asks for strokes that the model in use does not allow.
     """
     low_V, condition = derived.conditioning_V(rig), request.condition or rig.grip.condition
     if condition == "always" and low_V is None and rig.limits.voltage_min_V >= 0.0:
@@ -239,10 +239,7 @@ def unidentified(rig: RigFile) -> list[str]:
 
 
 def contact_pointer(quantity: str, phase: str) -> str:
-    """Return the pointer to the request member that exceeds a limit before the contact.
-
-    Or empty.
-    """
+    """Return the pointer to the member that exceeds a limit before contact; empty: none does."""
     if phase == "contact" and quantity == "force":
         return "/contact_force_mN"
     if phase in ("open", "approach", "retreat") and quantity == "slew":

@@ -287,7 +287,7 @@ def true_perturbation_error(table: Columns, plant: DifferenceEquation) -> Series
     """
     measured = series(table, "position_valid") == 1.0
     x_um = np.where(measured, series(table, "x_um"), np.nan)
-    # The voltage of a row is put out after its position was measured: it led to the next one.
+    # The voltage of a row is output after its position was measured: it causes the next one.
     rows = zip(
         x_um.tolist(),
         _before(table, x_um, 1).tolist(),
@@ -331,8 +331,8 @@ def position_step_of(table: Columns) -> PositionStep | None:
 
     The controller reports the step, the force just before it, F, and just after it, F'. If the part
     gave way by δ, F' is the force and δ = r + (F - F')/K_e; if the sensor jumped by r, the force is
-    F still and the free arm reads F' - F afterwards. So the force that is read on the way back
-    decides, as far as its uncertainty allows.
+    still F and the free arm reads F' - F afterwards. Therefore the force that is read on the way
+    back decides, within its uncertainty.
     """
     steps_um = table["step_um"]
     row = next((place for place, step_um in enumerate(steps_um) if step_um is not None), None)

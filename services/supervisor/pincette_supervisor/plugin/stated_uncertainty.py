@@ -1,8 +1,9 @@
 """Uncertainty of the force that a plan will have, and forces that do not exceed it.
 
-Only what the model in use has found counts: the noise of the sensor, and the error of an identified
-free response over the way from its zero. Creep and drift come on top, and so does a past that is
-not known, which is stated by itself. The ring of the mode has a share, which a plan can reduce.
+It includes only what the model in use has identified: the noise of the sensor, and the error of an
+identified free response over the distance from its zero. Creep and drift are additional, and so is
+an unknown past, whose uncertainty is stated separately. The ring of the mode contributes a share
+that a plan can reduce.
 """
 
 from math import pi
@@ -36,7 +37,7 @@ def force_uncertainty_mN(rig: RigFile, way_um: float, *, conditioned: bool = Fal
     Parameters
     ----------
     conditioned
-        Whether the plan begins with conditioning strokes.
+        True if the plan begins with conditioning strokes.
     """
     model, free_error_um = rig.model, 0.0
     if model.free_response is not None:
@@ -118,7 +119,7 @@ def uncertain_forces(
     pointer
         the member of the request that it comes from.
     conditioned
-        Whether the plan begins with conditioning strokes.
+        True if the plan begins with conditioning strokes.
     """
     seek_um = 2.0 * (rig.part.contact_tolerance_um + MARGIN_UM)
     s_p, K_e = rig.model.compliance_um_per_mN, rig.part.stiffness_mN_per_um

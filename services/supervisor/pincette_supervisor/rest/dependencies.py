@@ -132,7 +132,7 @@ def _identified(scope: AsgiScope, authenticator: Authenticator) -> Caller:
     headers, client = Headers(scope=scope), scope.get("client")
     scheme, shown = get_authorization_scheme_param(headers.get("authorization"))
     address = "unknown" if client is None else str(client[0])
-    # Another scheme than Bearer authenticates nobody, and hides the cookie.
+    # A scheme other than Bearer never authenticates, and hides the cookie.
     key = (shown if scheme.lower() == "bearer" else "") if scheme else None
     callers = [
         authenticator.identify(address, key, cookie)

@@ -328,11 +328,11 @@ def _too_large(size: str, most_bytes: int) -> ProblemError:
     )
 
 
-# Refusals that are held back from an address that has had many of them lately.
+# Delay of rejections for an address that has had many of them recently.
 #
-# A client that repeats a refused request at once would keep the event loop busy with refusals. Held
-# back for a second, a refusal costs the server a timer. Accepted requests and all stops of the same
-# address are not delayed.
+# A client that repeats a rejected request at once would keep the event loop busy with rejections.
+# Delayed by a second, a rejection costs the server a timer. Accepted requests and all stops of the
+# same address are not delayed.
 
 REFUSAL_HELD_S = 1.0
 """Time for which a rejection is delayed, in s."""

@@ -146,7 +146,7 @@ class AuditLog:
             detail=f"{note} {created}".strip()[:LENGTH],
             status=status,
         )
-        # Who shows no key, where keys are wanted, may still stop the rig.
+        # A caller without a key may still stop the rig when keys are required.
         if status in REFUSED or (self._authenticator.keys_wanted and caller.name is None):
             self._buffer.add_refused(row)
         else:

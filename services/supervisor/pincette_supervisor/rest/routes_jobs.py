@@ -194,7 +194,7 @@ async def stop(body: StopRequest, rigs: AllRigs, asker: Asking) -> StoppedReques
 def _stopped(body: StopRequest, rigs: Rigs, by: str) -> StoppedRequest:
     key = body.idempotency_key
     for manager in rigs.all():
-        # Noted before a request that waits for the disk lets go of its turn.
+        # Noted before a request that waits for the disk releases its turn.
         if (name := manager.turns.created(key)) is not None:
             return StoppedRequest(job=_stopped_job(manager, name, by))
     for manager in rigs.all():

@@ -191,7 +191,7 @@ class _Described:
             key: self._inlined(value, within) for key, value in tree.items() if key not in LEFT_OUT
         }
         for union in {"anyOf", "oneOf"} & found.keys():
-            # Models that are told alike by now would all be met, and oneOf wants one.
+            # Models that are now described equally would all match, and oneOf requires one match.
             found[union] = [
                 one for at, one in enumerate(found[union]) if one not in found[union][:at]
             ]

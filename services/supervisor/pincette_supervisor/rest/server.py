@@ -87,8 +87,8 @@ class SlicedReading(FlowControl):
 class Connection(H11Protocol):
     """One connection. An idle one can be closed to make room for others, the oldest first.
 
-    A flood of connections therefore blocks nobody who wants to stop the rig. ``limit_concurrency``
-    of uvicorn would reject by number alone, whoever connects.
+    A flood of connections therefore cannot block a client that wants to stop the rig.
+    ``limit_concurrency`` of uvicorn would reject connections by number alone.
 
     Data are processed in slices, which wait for their turn in a queue of all connections. Only the
     data of a stop are processed as soon as they arrive.
@@ -330,8 +330,8 @@ class Connection(H11Protocol):
 class UnambiguousLength:
     """Rejects a request with two lengths, and closes its connection.
 
-    Programs before this one may believe the other length, and take the rest for a request of
-    somebody else (RFC 9112, section 6.1).
+    A proxy before this server may use the other length, and treat the rest as a request of another
+    client (RFC 9112, section 6.1).
     """
 
     def __init__(self, app: ASGIApp) -> None:

@@ -1,11 +1,12 @@
 """A route that rejects each request that it does not understand completely.
 
-FastAPI ignores a query parameter that no route knows, and of one that comes twice takes the last.
-So ``?dryrun=true`` would move the arm. An emergency stop alone ignores everything: a wrong word is
-no reason not to stop. A caller without the needed scope is refused before anything else is read.
+FastAPI ignores unknown query parameters, and of a repeated one takes the last. So ``?dryrun=true``
+would move the arm. Only an emergency stop ignores everything: a wrong word is no reason not to
+stop. A caller without the needed scope is rejected before anything else is read.
 
 The thread that serves the emergency stop does nothing whose cost grows with a body: a few worker
-threads parse and validate it, and bodies with more parts than any request has are refused unparsed.
+threads parse and validate it, and bodies with more parts than any request has are rejected
+unparsed.
 """
 
 import asyncio

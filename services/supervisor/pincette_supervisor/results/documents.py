@@ -261,7 +261,7 @@ def _text(value: Any, unit: str = "") -> str:
     if not unit:
         return f"{value:.5g}"
     decimals = DECIMALS.get(unit)
-    # What would be rounded away keeps its first digits.
+    # A value that would be rounded away keeps its first digits.
     if decimals is None or 0.0 < abs(value) < 10.0 ** (1 - decimals):
         return f"{value:.{4 if decimals is None else 2}g}"
     return f"{value:.{decimals}f}"

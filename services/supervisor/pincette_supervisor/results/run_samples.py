@@ -178,7 +178,7 @@ class RunSamples:
     """Collects the messages of a run. A run without a long hold is kept in full."""
 
     # Rows of a hold whose number is a multiple of the stride stay. The stride doubles whenever they
-    # are too many, so that all stretches of all holds are kept alike.
+    # are too many, so that all stretches of all holds are kept equally.
 
     def __init__(
         self, period_s: float, *, every_tick: bool = True, thinned: frozenset[str] = THINNED

@@ -150,7 +150,7 @@ def require_like_in_use(model: ModelInUse, quantity: str, value: float) -> None:
     Raises
     ------
     ValueError
-        Where ``value`` differs by more than ``MOST_UNLIKE`` from one that was calibrated.
+        If ``value`` differs by more than ``MOST_UNLIKE`` from one that was calibrated.
     """
     source = model.calibration.sources.get(quantity, ASSUMED)
     if source == ASSUMED:
@@ -187,7 +187,7 @@ class Samples:
         Raises
         ------
         ValueError
-            Where it never came.
+            If there are no samples of the phase.
         """
         places = [place for place, name in enumerate(self.phase) if name == phase]
         if not places:
@@ -200,7 +200,7 @@ class Samples:
         Raises
         ------
         ValueError
-            Where more than ``MOST_MISSING`` of them are.
+            If more than ``MOST_MISSING`` of them are.
         """
         found = values[place]
         missing = np.isnan(found)
@@ -286,7 +286,7 @@ def program_for_both(program: Program, rig: RigFile, arm: int) -> Program:
     Raises
     ------
     ValueError
-        Where it is more than a motion of the voltage.
+        If it is more than a motion of the voltage.
     """
     if rig.second is None:
         return program

@@ -69,9 +69,9 @@ def plan(request: CalibrationRequest, model: ModelInUse, present: Present) -> Pl
     Raises
     ------
     UnsupportedError
-        Where the instruments are too slow.
+        If the instruments are too slow.
     ValueError
-        Where the numbers make no program, or one that a limit of the rig forbids.
+        If the numbers make no program, or one that a limit of the rig forbids.
     """
     functions = functions_of(request.calibration)
     of_arm = model_of_arm(model, request.arm)
@@ -119,13 +119,13 @@ def _guarded(
 ) -> Program:
     """Add the rig's position limits: no law enforces them while the voltage moves the arm.
 
-    Where no part is expected, add those of force too: weights are forces that a person hangs, and
-    an arm that is softer than the model in use makes more of them. As long as no free response is
-    known, a straight line stands in for it, and a wide loop reads as a force.
+    If no part is expected, add the force limits too: weights are forces that a person hangs, and an
+    arm that is softer than in the model in use makes them look larger. As long as no free response
+    is calibrated, a straight line replaces it, and a wide hysteresis loop looks like a force.
 
-    Some free arms bend as if they touched a soft part, and the force that is read from it grows
-    with the way. Where a person has confirmed ``no_part``, a kink softer than the softest part is
-    taken for such a bend. People err, so that what is as hard as a part still ends the motion.
+    Some free arms bend as if they touched a soft part, and the apparent force grows with the
+    motion. If a person has confirmed ``no_part``, a kink softer than the softest part counts as
+    such a bend. People make mistakes, so an obstacle as hard as a part still ends the motion.
     """
     limits, guards, part = rig.limits, program.guards, rig.part
     bend = 0.0
@@ -147,10 +147,7 @@ def _guarded(
 
 
 def _unknown_loop_mN(rig: RigFile, range_V: float) -> float:
-    """Return the force that an uncalibrated hysteresis loop may imitate, in mN.
-
-    0 if it is calibrated.
-    """
+    """Return the force that an uncalibrated loop may imitate, in mN; 0 if calibrated."""
     model = rig.model
     if model.free_response is not None or model.recorded_response is not None:
         return 0.0

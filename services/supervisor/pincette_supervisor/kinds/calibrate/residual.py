@@ -123,8 +123,8 @@ def analyse(run: Run) -> Analysis:
             f"{error_um:.3f} µm with it, and by {missed_um:.3f} µm without: nothing is kept"
         )
     if scatter is not None:
-        # What a later job is missed by, as far as the pressed part shows it. The noise of a
-        # position moves both the force and the place at which the line has it.
+        # Error of the model in a later job, as far as the pressed part shows it. The noise of a
+        # position moves both the force and its place on the line.
         noise_seen_um = (1.0 + rig.stiffness_ratio) * noise_um
         seen_um = max(0.0, (s_p * scatter.with_mN) ** 2 - noise_seen_um**2) ** 0.5
         error_um = max(error_um, seen_um)

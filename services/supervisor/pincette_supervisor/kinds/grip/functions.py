@@ -125,10 +125,7 @@ def evaluate(run: Run) -> Evaluation:
 
 
 def held_uncertainty_mN(table: Columns, hold: Mask, rig: RigFile) -> float | None:
-    """Return the uncertainty of the mean force over the settled hold, in mN.
-
-    None without a hold.
-    """
+    """Return the uncertainty of the mean force over the hold, in mN; None without a hold."""
     stated_mN = chosen(series(table, "force_uncertainty_mN"), hold)
     if not stated_mN.size:
         return None
@@ -176,8 +173,8 @@ def chosen_speeds(request: GripJobRequest, rig: RigFile) -> QuickSpeeds | None:
     Raises
     ------
     FaultyRequestError
-        Where the request asks for a quick grip and the model or the force does not allow it, or
-        for a quick load in a gentle one.
+        If the request asks for a quick grip that the model or the force does not allow, or for
+        a quick load in a gentle grip.
     """
     profile, asked = request.profile or rig.grip.profile, request.profile == "quick"
     speeds = None if profile == "gentle" else _speeds(request, rig, asked=asked)

@@ -215,10 +215,7 @@ def _touch_um(rig: RigFile) -> float:
 
 
 def _cycles(request: MoveJobRequest, rig: RigFile) -> Cycles | None:
-    """Return the requested cycles.
-
-    Their default voltages are as far as limits and the part permit.
-    """
+    """Return the requested cycles; default voltages are as far as limits and part permit."""
     if not request.conditioning_cycles and not request.warm_up_s:
         return None
     limits, d_p, safe_V = rig.limits, rig.model.piezo_um_per_V, rig.safety.safe_V

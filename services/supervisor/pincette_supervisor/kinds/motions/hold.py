@@ -135,7 +135,7 @@ def _acting_mN(force_mN: float, present: Present) -> tuple[float, float]:
     Raises
     ------
     FaultyRequestError
-        Where a part may be held whose force is not known.
+        If a part may be held whose force is not known.
     """
     if present.force_mN is not None:
         return present.force_mN, present.force_uncertainty_mN or 0.0

@@ -88,10 +88,10 @@ class PlacePath(Model):
 class TrackJobRequest(ContactJobRequest, frozen=True):
     """Grip a part and let position and force follow a path. Defaults come from the rig file.
 
-    A sinusoid and a triangle have a mean, a height, a frequency and cycles; steps have levels and
-    a dwell; waypoints have points. With one arm, one path gives position and force: the members of
-    the request itself. With two arms, ``force`` and ``place`` follow a path each. One of both may
-    be left out: it rests. The shorter path rests at its end until the other has come to its own.
+    A sinusoid and a triangle have a mean, a height, a frequency and cycles; steps have levels and a
+    dwell; waypoints have points. With one arm, the members of the request itself define one path of
+    position and force. With two arms, ``force`` and ``place`` each follow a path. If one of them is
+    left out, it stays constant. The shorter path rests at its end until the other one has ended.
     """
 
     model_config = example(

@@ -82,7 +82,7 @@ def requested_path(request: TrackJobRequest, rig: RigFile) -> tuple[Path, dict[s
     Raises
     ------
     FaultyRequestError
-        Where a member makes no path.
+        If a member makes no path.
     """
     shape = request.shape or rig.track.shape
     members = MEMBERS[shape]
@@ -129,7 +129,7 @@ def path_of_two(path: ForcePath | PlacePath, rig: RigFile, place_um: float) -> P
     Raises
     ------
     FaultyRequestError
-        Where a member makes no path.
+        If a member makes no path.
     """
     track, shape = rig.track, path.shape
     members = tuple(_bare(name) for name in MEMBERS[shape])
@@ -195,7 +195,7 @@ def _path(
     Raises
     ------
     FaultyRequestError
-        Where the values make no path.
+        If the values make no path.
     """
     try:
         if shape == "step":

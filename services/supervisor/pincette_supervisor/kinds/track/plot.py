@@ -48,7 +48,7 @@ def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
     axes += [figure.add_subplot(left[row], sharex=axes[0]) for row in range(1, 5)]
     cycles = [one.position_um for one in result.cycles]
     rows = 2 if len(cycles) < 2 else 3
-    # A track's causes stand below the right column.
+    # The causes of a track's errors are below the right column.
     low = BOTTOM if result.error_sources is None else BOTTOM + 0.13
     right = figure.add_gridspec(
         rows,

@@ -1,6 +1,6 @@
 """Keys are stored only in the key file; a session refers to the digest of its key."""
 
-# 0004 was used by versions before the first release, whose journals are refused.
+# 0004 was used by versions before the first release, whose journals are rejected.
 import sqlalchemy as sa
 from alembic import op
 
