@@ -94,7 +94,7 @@ class Caller:
     showed: bool = False
     """True if a key or a cookie was shown, valid or not."""
     unconfirmed: bool = False
-    """True if the caller is refused because the supervisor cannot read its keys."""
+    """True if the caller is rejected because the supervisor cannot read its keys."""
     digest: str = ""
     """Digest of the key or user to which a session refers; empty if none is in force."""
 

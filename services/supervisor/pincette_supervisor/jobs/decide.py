@@ -52,7 +52,7 @@ class Facts:
     late: Why | None = None
     """Cause if the loop is silent or the deadline of the state has passed."""
     cut_off: bool = False
-    """True when no program is heard and none answers; the lease then ends the program."""
+    """True if no message arrives and no program replies; the lease then ends the program."""
     lease: Why | None = None
     """Cause if the controller has stopped because its lease expired."""
     cut_short: Why | None = None

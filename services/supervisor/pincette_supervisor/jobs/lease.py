@@ -28,7 +28,7 @@ STOPS: Mapping[OnStop, LeaseEnd] = {
     "release": LeaseEnd.LET_GO,
     "retract": LeaseEnd.RETRACT,
 }
-"""How the controller stops a program, by the effect of a stop on a part."""
+"""Way in which the controller stops a program, by the effect of a stop on a part."""
 
 
 def lease_s(request: JobRequest, rig: RigFile) -> float:

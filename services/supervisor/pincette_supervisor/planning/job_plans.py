@@ -1,4 +1,4 @@
-"""From a request to a plan: missing members are resolved once, also from a recipe."""
+"""Plans of requests: missing members are resolved once, also from a recipe."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

@@ -205,7 +205,7 @@ class Limit(NamedTuple):
     unit: str
     limit: float
     side: float
-    """Direction of the limit. +1: values must not be above, -1: not below."""
+    """Side of the limit; +1: values must not be above it, -1: not below it."""
     values: Sequence[float]
 
 

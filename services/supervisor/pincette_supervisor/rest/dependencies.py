@@ -98,7 +98,7 @@ def delete_cookies(response: Response, scope: AsgiScope, supervisor: str) -> Non
 CALLER, NOTE = "pincette.caller", "pincette.note"
 SHARE, HELD = "pincette.share", "pincette.held"
 """Keys of an ASGI scope: the caller, the note for the audit log, the limits of a request that is
-exempt from them only where it stops a job, and whether its refusal is being held back."""
+exempt from them only if it stops a job, and whether its rejection is being delayed."""
 DISCONNECT_S = 10.0
 """Time within which the event loop must report whether a caller has disconnected, in s."""
 OPERATOR_LENGTH, KEY_LENGTH = 960, 255
