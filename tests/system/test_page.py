@@ -171,10 +171,15 @@ def test_a_reload_in_a_running_job_keeps_its_state(rig: RunningRig, seen: Visit)
     assert seen.text("#current-open") == name
     assert seen.text("#current-state").endswith("running")
     seen.until_true(lambda: figure(seen, 1) != "–", "no force came after the reload")
+    seen.page.click("button[data-seconds='60']")
     seen.page.focus("#charts")
-    for _ in range(2):  # to 5 s before the end of 30 s, which the supervisor has kept
-        seen.page.keyboard.press("Shift+ArrowLeft")
-    seen.until("#at", ":")
+    before = ""
+    while not before.endswith(("approach", "contact", "load")):  # each over before the reload
+        seen.page.keyboard.press("ArrowLeft")
+        seen.until_true(
+            lambda before=before: seen.text("#at") != before, "no sample from before the reload"
+        )
+        before = seen.text("#at")
     seen.page.click("#act-release")
     seen.until("#current-state", "succeeded")
     assert rig.job(name)["result"]["outcome"] == "released"
