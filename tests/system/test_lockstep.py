@@ -123,11 +123,11 @@ def test_a_hung_program_ends_the_run_with_its_name(tmp_path: Path, name: str) ->
 
 def test_a_supervisor_that_stands_still_loses_no_sample(tmp_path: Path) -> None:
     with running_rig(demo_rig(time="lockstep"), tmp_path) as running:
-        job = running.start_grip(hold_s=4.0)
-        running.until_phase(job, "approach")
+        job = running.start_grip(hold_s=20.0)  # ticks of the lockstep take less than a period
+        running.until_phase(job, "hold")
         running.fleet.signal("supervisor", signal.SIGSTOP)
         sleep(STANDSTILL_S)
         running.fleet.signal("supervisor", signal.SIGCONT)
         result = running.ended(job)["result"]
     assert (result["outcome"], result["missed_ticks"]) == ("gripped", 0)
-    assert result["samples"] > 300
+    assert result["samples"] > 1000
