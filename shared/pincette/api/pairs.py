@@ -43,8 +43,7 @@ class PairJobRequest(PolicyRequest, frozen=True):
     contact_force_mN: Positive | None = None
     """Force of each arm that counts as a contact."""
     gains: Annotated[Gains | None, BeforeValidator(_named_gains)] = None
-    """Gains that differ from the defaults of the law of two arms, which are listed under ``/laws``.
-    """
+    """Gains that differ from the defaults of the law of two arms, which ``/laws`` lists."""
 
 
 class PairCurves(Curves):
