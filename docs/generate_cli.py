@@ -89,7 +89,7 @@ def _name(one: Any) -> str:
 
 
 def _meaning(one: Any) -> str:
-    text = (one.help or "").replace("|", "\\|")
+    text = " ".join((one.help or "").split()).replace("|", "\\|")
     if one.default is None or one.is_flag or one.required or not one.show_default:
         return text
     return f"{text}; {one.default} if not given"

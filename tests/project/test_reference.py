@@ -46,7 +46,8 @@ def test_every_path_and_model_of_rest_is_there(root: Path, rest: str) -> None:
 
 def test_a_field_of_rest_has_unit_limits_default_and_meaning(rest: str) -> None:
     told = part(rest, "### TrackJobRequest")
-    assert "| `force_pp_mN` | number or null | mN |  | > 0, ≤ 1e+15 | Peak to peak. |" in told
+    meaning = "Height of a swing of the force, peak to peak."
+    assert f"| `force_pp_mN` | number or null | mN |  | > 0, ≤ 1e+15 | {meaning} |" in told
     assert "| `cycles` | whole number or null |  |  | ≥ 1, ≤ 1000 |" in told
     assert '| `kind` | `"track"` |  | *required* |' in told
 
