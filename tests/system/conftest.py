@@ -1,4 +1,4 @@
-"""What the tests of real processes share: a rig that is up, a witness, and a place for figures.
+"""Fixtures of tests with real processes: a running rig, a witness, and a place for figures.
 
 pytest reads this file before it starts its workers, so the supervisor and the browser's driver are
 imported by the fixtures that need them.

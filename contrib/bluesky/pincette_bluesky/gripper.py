@@ -213,7 +213,7 @@ class Gripper(Device):
 
     @AsyncStatus.wrap
     async def kickoff(self) -> None:
-        """Start the prepared job; ends once it moves."""
+        """Start the prepared job, and wait until it moves."""
         if self._prepared is None:
             raise RuntimeError(f"{self.name}: prepare a job before kickoff")
         fields = dict(self._prepared)

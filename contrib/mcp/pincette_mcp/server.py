@@ -227,7 +227,7 @@ class Tools:
         return _gripped(job, result.get("outcome", ""), *figures)
 
     async def release(self, context: Context) -> Done:
-        """Release the held part, whoever has gripped it; ends once the arm rests, in some 5 s."""
+        """Release the part, also if another client has gripped it; takes about 5 s."""
         with told():
             rig = await self._rig()
             job = await rig.let_go(labels={LABEL: "release"})

@@ -11,7 +11,7 @@ from pincette.instruments.protocols import InstrumentError
 LOCAL, SERVER = "ni:", "grpc://"
 CHANNEL = re.compile(r"[\w-]+/\w+")
 EXCHANGE_S = 0.001
-"""Duration of a call on this machine or to a device server in the same network, in s; assumed."""
+"""Assumed duration of a call to this machine or a device server in the same network, in s."""
 
 
 def channel_of(url: str, channel: str) -> str:

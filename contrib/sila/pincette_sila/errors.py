@@ -69,7 +69,7 @@ def defined(feature: Feature, error: CommandError | ClientError) -> DefinedExecu
 
 
 def _ended(error: JobEndedError) -> CommandError:
-    """Return the error of a job that has ended on a rig that is not latched, or no longer."""
+    """Return the error of an ended job whose rig is not latched."""
     job = error.job
     code = "" if job.ending is None else job.ending.code
     if job.state == "aborted" or code == "tripped":

@@ -53,8 +53,8 @@ OFF_NOMINAL: Mapping[str, Callable[[RigFile], dict[str, Any]]] = {
         "script": (ScriptedOrder(at_s=0.0, target="sensor", what="intermittent", value=MISSED),)
     },
 }
-"""Changes of the simulated rig by name. The rig file does not know them except the noise, without
-which no force is zeroed."""
+"""Changes of the simulated rig by name. Only the noise is also stated in the rig file, since
+no force could be zeroed otherwise."""
 SMALLER = {"contact_200": 0.5}
 """Reduced share of the path, by change: on the whole path the part meets the limit of force."""
 OFF_RIGS = 1

@@ -201,7 +201,7 @@ def save_recipe(
     note(body.name)
     try:
         values = checked_values(body.values)
-        row, anew = repository.add(body.name, values, body.note)
+        row, is_new = repository.add(body.name, values, body.note)
     except FaultyValuesError as error:
         places = [{**item, "loc": ("body", "values", *item["loc"])} for item in error.errors]
         raise RequestValidationError(places) from error
@@ -209,7 +209,7 @@ def save_recipe(
         title = "There are too many recipes"
         raise ProblemError(409, "recipe-limit", title, str(error)) from error
     response.headers["Location"] = f"recipes/{row.name}/{row.version}"
-    if not anew:
+    if not is_new:
         response.status_code = 200
     return _recipe_view(row)
 

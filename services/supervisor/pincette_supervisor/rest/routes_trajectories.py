@@ -110,9 +110,9 @@ def create(
         response.status_code = 200
         return planned.plan
     require_feasible(planned)
-    row, anew = TrajectoryStore(manager.context).book.add(row)
+    row, is_new = TrajectoryStore(manager.context).book.add(row)
     response.headers["Location"] = f"trajectories/{row.digest}"
-    if not anew:
+    if not is_new:
         response.status_code = 200
     return _view(manager, row, planned)
 

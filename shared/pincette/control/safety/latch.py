@@ -216,8 +216,8 @@ def reset(limits: SafetyLimits, state: S) -> S:
 def awake(limits: SafetyLimits, state: S, now: float, busy_s: float = 0.0) -> S:
     """Record that the actuator runs, and subtract an earlier standstill from every age.
 
-    At rest nothing ages, and the actuator checks its clock less often. While its program worked for
-    another service, for ``busy_s``, it did not stand still.
+    At rest nothing ages, and the actuator checks its clock less often. The time ``busy_s`` in which
+    its program worked for another service is no standstill.
     """
     if limits.lockstep or state.ran_s is None or state.mode in AT_REST:
         return replace(state, ran_s=now)
