@@ -128,7 +128,7 @@ def stop_and_ask_again(rig: RunningRig, driver: Driver, phase: str) -> None:
                 assert rig.view()["part"] == "none", "a release that was stopped is a success"
             except NotReachedError:
                 pass
-        until(lambda: rig.view()["newest"]["phase"] != phase, "it still lets go")
+        until(lambda: rig.phase() != phase, "it still lets go")
         until(lambda: rig.job(str(job))["state"] != "stopping", "the stop is not confirmed")
         if rig.view()["part"] == "none":
             return

@@ -62,7 +62,7 @@ def closed(engine: Any, device: Gripper) -> None:
 def until_moving(rig: RunningRig) -> Generator[Any, Any, None]:
     """Return a plan that waits for a running motion."""
     deadline = monotonic() + 60.0
-    while rig.view()["active_job"] is None or rig.view()["newest"]["phase"] != "approach":
+    while rig.phase() != "approach":
         assert monotonic() < deadline, "nothing moves"
         yield from bps.sleep(0.02)
 

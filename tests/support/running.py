@@ -82,6 +82,12 @@ class RunningRig:
         """The rig over REST."""
         return self.get(f"/rigs/{self.rig.rig.name}")
 
+    def phase(self) -> str | None:
+        """The newest phase, None before the first sample and while nothing plays."""
+        view = self.view()
+        newest: Json | None = view["newest"]
+        return newest["phase"] if newest and view["active_job"] else None
+
 
 def _terminal(job: Json) -> bool:
     return STATES[job["state"]].terminal

@@ -282,7 +282,7 @@ def test_an_abort_in_the_hold_of_a_flight_keeps_the_part(
         yield from bps.prepare(gripper, {**FLIGHT, "hold_s": 60.0}, wait=True)
         yield from bps.checkpoint()
         yield from bps.kickoff(gripper, wait=True)
-        while rig.view()["newest"]["phase"] != "hold":
+        while rig.phase() != "hold":
             yield from bps.sleep(0.05)
         yield from bps.pause()
         yield from bps.complete(gripper, wait=True)

@@ -56,7 +56,7 @@ def everything(client: RestNodeClient, rest: str, force_mN: float, process: int)
         """A grip into which an admin command falls, of a node that is locked by then."""
         found: dict[str, Any] = {}
         thread = gripping(found)
-        until(lambda view: view["active_job"] and view["newest"]["phase"] == "approach")
+        until(lambda view: (view["newest"] or {}).get("phase") == "approach" and view["active_job"])
         client.send_admin_command("lock")
         found["locked"] = client.get_status().ready is False
         found["command"] = client.send_admin_command(command).success

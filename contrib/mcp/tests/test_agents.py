@@ -24,7 +24,7 @@ async def until_phase(rig: RunningRig, phase: str) -> str:
     """The job that has come to a phase."""
     while True:
         view = await asyncio.to_thread(rig.view)
-        if view["active_job"] is not None and view["newest"]["phase"] == phase:
+        if view["active_job"] is not None and (view["newest"] or {}).get("phase") == phase:
             return view["active_job"]
         await asyncio.sleep(0.02)
 
