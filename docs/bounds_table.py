@@ -65,12 +65,12 @@ def _lists() -> Rows:
             "page of jobs, trajectories, calibrations, recipes, learned programs, alarms, audit "
             "entries",
             _page_bound(),
-            "`next` names the page that follows; client and command line read on by themselves",
+            "`next` names the next page; client and command line fetch all pages",
         ),
         (
             "list of events",
             str(routes_events.MOST),
-            "`newest` is above the last number: ask again with `after`",
+            "`newest` is above the last number: request the rest with `after`",
         ),
         (
             "events that wait for one listener",
@@ -92,9 +92,9 @@ def _lists() -> Rows:
             "the page says so: the search and the command line find older ones",
         ),
         (
-            "proposals among which the checklist finds those that wait",
+            "proposals in which the checklist looks for undecided ones",
             str(bring_up.LOOKED_AT),
-            "`GET /calibrations` lists older ones; what is in use is always found",
+            "`GET /calibrations` lists older ones; those in use are always found",
         ),
         ("jobs of a history", str(history.JOBS_MOST), "`left_out` counts the oldest"),
         (
@@ -140,12 +140,12 @@ def _requests() -> Rows:
         ("query parameters", str(strict_route.PARAMETERS_MAX), "422 with the limit"),
         ("head", f"{server.HEAD_BYTES} bytes, {server.HEADERS_MAX} headers", "400 or 431"),
         (
-            "requests of one client under way",
+            "concurrent requests of one client",
             f"{short}, and {long} streams and long polls",
             "429 with `Retry-After`",
         ),
         (
-            "requests of all clients under way",
+            "concurrent requests of all clients",
             f"{limits.AT_ONCE['short']}, and {limits.AT_ONCE['long']} streams and long polls",
             "503 with `Retry-After`",
         ),
@@ -160,17 +160,25 @@ def _requests() -> Rows:
 
 def _kept() -> Rows:
     return (
-        ("events", f"at least {store.EVENTS_KEPT}", "the oldest go; `oldest` names the first left"),
+        (
+            "events",
+            f"at least {store.EVENTS_KEPT}",
+            "the oldest are deleted; `oldest` names the oldest that is left",
+        ),
         ("alarms", f"at least {events.ALARMS_KEPT}", "the oldest go"),
         ("audit entries", f"at least {access.AUDIT_KEPT}", "the oldest go"),
-        ("signed-in pages", str(access.SESSIONS_MAX), "the one used longest ago signs out"),
+        ("signed-in pages", str(access.SESSIONS_MAX), "the least recently used one is signed out"),
         (
             "recipes, and versions of one",
             f"{library.RECIPES_MAX}, {library.VERSIONS_MAX}",
             "409 `recipe-limit`",
         ),
-        ("trajectories", str(library.TRAJECTORIES_MAX), "the oldest go, and their digest is 404"),
-        ("programs that have learned, of a rig", str(library.LEARNED_MAX), "the oldest go"),
+        (
+            "trajectories",
+            str(library.TRAJECTORIES_MAX),
+            "the oldest are deleted; a request for their digest is answered with 404",
+        ),
+        ("learned programs of a rig", str(library.LEARNED_MAX), "the oldest go"),
         ("residual tables of a model", str(model_in_use.MOST_TABLES), "the oldest go"),
         ("changes of instruments", str(model.KEPT_CHANGES), "the oldest go"),
         (
@@ -186,17 +194,17 @@ def _records() -> Rows:
         (
             "index of `job.mcap`",
             f"{mcap_file.INDEXED_CHUNKS} chunks, {_indexed_min():.0f} min",
-            "the file has none, and tools read it from its begin",
+            "the file has none; tools read it from its start",
         ),
         (
             "rows of holds in the supervisor",
             f"{run_samples.HELD_ROWS}, and {run_samples.EXTREME_ROWS} extremes",
-            "evenly spaced; the record has all, and means, peaks and counts are of all",
+            "evenly spaced; the record has all rows; means, peaks and counts use all of them",
         ),
         (
             "messages that wait in supervisor and recorder",
             f"{observer.CAPACITY}, {intake.ROOM}",
-            "`dropped_messages` of the result, and `record_detail`, count them",
+            "`dropped_messages` of the result, and `record_detail`, count the lost ones",
         ),
         (
             "played part of a plan",

@@ -14,7 +14,8 @@ PAGE = Path(__file__).resolve().parent / "reference" / "cli.md"
 HEAD = """\
 # Command line
 
-Generated from `pincette.cli`; a test compares the two. `pincette COMMAND --help` says the same.
+Generated from `pincette.cli`; a test compares the two. `pincette COMMAND --help` prints the same
+text.
 
 Every command that calls a supervisor takes `--url`, `--key`, `--authority`, `--rig-name` and
 `--json`. With `--json`, standard output is exactly one JSON document. A refusal is then the problem

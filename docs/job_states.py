@@ -222,8 +222,8 @@ def _outer() -> list[str]:
         ),
         f'<text x="{left}" y="{foot + 13}" font-size="11" fill="{LABEL}">'
         "queued and ready end at once</text>",
-        f'<text x="812" y="64" font-size="12" text-anchor="end" fill="{LABEL}">'
-        "from nearly everywhere</text>",
+        f'<text x="812" y="64" font-size="12" text-anchor="end" fill="{LABEL}">from nearly '
+        "every state</text>",
     ]
 
 

@@ -27,9 +27,8 @@ TAIL = """\
 
 Histograms of durations have the bounds {durations} s. The supervisor computes them from finer
 histograms, which the programs [publish](../how-to/real-time.md#see-it) once a second. A duration is
-never counted as shorter than it was, and as longer by at most 1/32 of it. Sums are at most 1/64
-off. Forces have the
-bounds {forces} N.
+never counted as shorter than it was, and at most 1/32 longer. Sums are off by at most 1/64.
+Forces have the bounds {forces} N.
 
 Counters start with the supervisor and continue when a program restarts. The counts since a
 program's last report, up to one second, are lost when the program ends, and at each arming.

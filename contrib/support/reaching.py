@@ -61,7 +61,7 @@ def climb(rig: RunningRig, driver: Driver, folder: Path) -> None:
         jobs.append(rig.view()["active_job"])
     assert len(set(jobs)) == len(jobs)
     driver.reach(STAIRCASE_MN[-1])
-    assert rig.view()["active_job"] == jobs[-1], "a force that is held already was asked for again"
+    assert rig.view()["active_job"] == jobs[-1], "a force that is held already was requested again"
     driver.release()
     assert rig.view()["part"] == "none"
     kinds = [rig.job(job)["kind"] for job in jobs]
@@ -120,7 +120,7 @@ def stop_and_ask_again(rig: RunningRig, driver: Driver, phase: str) -> None:
     if phase == "hold":
         stop(rig, str(job))
         driver.reach(FORCE_MN)
-        assert rig.view()["active_job"] == job, "a force that is held already was asked for again"
+        assert rig.view()["active_job"] == job, "a force that is held already was requested again"
     elif phase == "unload":
         with stopping(rig, phase):
             try:
@@ -178,4 +178,4 @@ def stopping(rig: RunningRig, phase: str) -> Generator[list[str]]:
         yield seen
     finally:
         thread.join(WAIT_S)
-    assert seen, f"no job came to {phase}"
+    assert seen, f"no job reached {phase}"

@@ -17,7 +17,7 @@ ENDED = ("succeeded", "stopped", "aborted", "failed", "interrupted")
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("job", nargs="?")
 parser.add_argument("--api", default="http://127.0.0.1:8000/api/v1")
-parser.add_argument("--file", help="where to; without it, to standard output")
+parser.add_argument("--file", help="file to write; standard output if not given")
 given = parser.parse_args()
 
 

@@ -108,7 +108,7 @@ def client_of(place: str) -> zenoh.Session:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rig", default="demo", help="its name; %(default)s if not given")
+    parser.add_argument("--rig", default="demo", help="name of the rig; %(default)s if not given")
     parser.add_argument("--router", default="tcp/127.0.0.1:7447", help="the rig's; %(default)s")
     parser.add_argument("--ros", required=True, help="router of ROS 2, as tcp/192.168.1.5:7447")
     given = parser.parse_args()

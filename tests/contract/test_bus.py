@@ -270,7 +270,7 @@ class TestZenohBus(BusContract):
         assert "sensor" not in watcher.alive()
         others = OtherRigs(lambda: ZenohBus(ends, "contract", "asker"))
         assert read_rig_reply(others.rig_file("other", "sensor")) == file
-        with pytest.raises(BusError, match="other: nobody answers actuator/rig_file"):
+        with pytest.raises(BusError, match="other: no program answers actuator/rig_file"):
             others.rig_file("other", "actuator")
         others.close()
         program.close()

@@ -55,7 +55,7 @@ def test_nobody_listens(folder: Folder) -> None:
 
 
 def test_plain_words_to_one_that_needs_tls(place: str) -> None:
-    assert "speaks TLS: name the folder of certificates" in diagnose_link(place, None)
+    assert "speaks TLS: set the folder of certificates" in diagnose_link(place, None)
 
 
 def test_tls_to_one_that_speaks_plainly(folder: Folder) -> None:

@@ -247,7 +247,7 @@ def test_a_line_that_was_away_longer_than_the_watchdog_finds_the_trip_and_keeps_
             output.write_V(1.1)
         assert caught.value.code == "tripped"
         assert "it waits for a reset" in caplog.text
-        assert "has not met its instrument" in caplog.text
+        assert "has not been tested with its instrument" in caplog.text
         output.clear_trip()
         output.write_V(0.25)
         assert bench.voltages_V == [1.0, 0.0, 0.25]

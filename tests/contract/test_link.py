@@ -96,7 +96,7 @@ def test_a_frame_without_an_end_is_cut_off(script: Script) -> None:
 def test_a_hang_up_is_named(script: Script) -> None:
     url = script([None])
     with opened(url) as link:
-        with pytest.raises(InstrumentError, match="hung up") as caught:
+        with pytest.raises(InstrumentError, match="connection was closed") as caught:
             link.exchange(b"MS,01")
         assert str(caught.value).startswith(url)
         assert caught.value.code == "hung_up"
@@ -119,7 +119,7 @@ def test_a_reset_connection_is_a_hang_up_and_is_closed_cleanly() -> None:
             # Lingering for no time sends a reset instead of an orderly end.
             peer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             peer.close()
-            with pytest.raises(InstrumentError, match="hung up"):
+            with pytest.raises(InstrumentError, match="connection was closed"):
                 link.exchange(b"MS,01")
 
 
@@ -129,7 +129,7 @@ def test_a_vanished_pseudo_terminal_is_a_hang_up(tmp_path: Path) -> None:
         assert link.exchange(b"R0") == b"ER,R0,01"
         wire.close()
         for _ in range(2):
-            with pytest.raises(InstrumentError, match="hung up"):
+            with pytest.raises(InstrumentError, match="connection was closed"):
                 link.exchange(b"MS,01")
     with pytest.raises(InstrumentError, match="no such device") as caught:
         open_link(wire.url, baud=115200, timeout_s=0.1)
@@ -231,7 +231,7 @@ def test_every_exchange_is_logged_with_its_bytes_escaped(
 
 
 def test_a_peer_that_has_gone_without_a_word_is_left_for_the_one_that_is_there_now() -> None:
-    """As behind a network that was cut: the connection stands, and nobody answers over it."""
+    """As behind a network that was cut: the connection stands, and no program answers over it."""
     passed_s = 0.0
     with socket.create_server(("127.0.0.1", 0)) as server:
         url = f"socket://127.0.0.1:{server.getsockname()[1]}"

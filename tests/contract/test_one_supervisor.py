@@ -33,7 +33,7 @@ def test_the_second_of_a_rig_is_refused_until_the_first_has_gone(ends: SessionCo
         with closing(ZenohBus(ends, RIG, "first")) as first:
             program.serve_alone(first, RIG, stop)
             until(lambda: second.alive() == {"supervisor"}, "its token is seen")
-            with pytest.raises(BusError, match="another supervisor serves rig contract"):
+            with pytest.raises(BusError, match="another supervisor already serves rig contract"):
                 program.serve_alone(second, RIG, stop)
             with closing(ZenohBus(ends, OTHER, "another rig's")) as another:
                 program.serve_alone(another, OTHER, stop)
@@ -47,7 +47,7 @@ def test_two_do_not_share_a_journal(tmp_path: Path) -> None:
         first.work_alone()
         with (
             closing(Store(path)) as second,
-            pytest.raises(StoreError, match=r"another supervisor works with it.*--data"),
+            pytest.raises(StoreError, match=r"another supervisor uses it.*--data"),
         ):
             second.work_alone()
     with closing(Store(path)) as next_one:

@@ -260,7 +260,7 @@ def test_a_port_opened_warns_that_the_driver_has_not_met_its_instrument(
     monkeypatch.setattr(keyence_lkg, "open_link", opened)
     keyence_lkg.open_sensor(settings())
     assert [record.levelname for record in caplog.records] == ["WARNING"]
-    assert "has not met its instrument" in caplog.text
+    assert "has not been tested with its instrument" in caplog.text
 
 
 @pytest.mark.parametrize(

@@ -99,7 +99,7 @@ def test_a_stale_link_is_replaced_and_a_file_is_not(tmp_path: Path) -> None:
         assert path.resolve().is_char_device()
     assert not path.is_symlink()
     path.write_text("kept")
-    with pytest.raises(WireError, match="cannot put a pseudo-terminal there"):
+    with pytest.raises(WireError, match="cannot create a pseudo-terminal there"):
         serve(str(path), SimulatedKeyence(lambda: 1.0))
     assert path.read_text() == "kept"
 

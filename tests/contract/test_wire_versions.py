@@ -115,7 +115,7 @@ def test_a_sample_of_another_version_is_counted_with_the_side_to_update(
 
     told(OLDER, "sensor runs with wire version 1, this program has 2: update the sensor")
     told(ENCODING, "start all programs with the same version of pincette")
-    told("zenoh/bytes", "sensor did not send this")
+    told("zenoh/bytes", "it was not sent by sensor")
 
 
 def test_who_waits_for_a_program_says_that_it_is_of_another_version(

@@ -79,7 +79,7 @@ def test_no_grip_is_taken_while_the_program_of_the_killed_one_still_plays(
     office.steps.pass_(APPROACH)
     office.kill()
     after = Office(rig, tmp_path)
-    with pytest.raises(ProblemError, match="armed for another program") as refused:
+    with pytest.raises(ProblemError, match="but not for a job of this supervisor") as refused:
         after.manager.create(GRIP)
     assert (refused.value.status, refused.value.code) == (503, "rig-not-ready")
     after.steps.pass_(50)
@@ -206,7 +206,7 @@ def test_a_record_that_was_begun_too_late_for_its_job_keeps_no_other_job_out(
 ) -> None:
     def late(request: Record, _reply: Reply) -> None:
         begin(request, lambda _: None)
-        raise BusError("nobody answers recorder/record within 5 s")
+        raise BusError("no program answers recorder/record within 5 s")
 
     begin = rig.keeper.begin
     office = Office(rig, tmp_path)

@@ -70,7 +70,7 @@ def stranger(place: Path, rig: str, like: Identity) -> Intruder:
 
 
 def ask(session: "zenoh.Session", rig: str, question: Request, request: Message) -> list[str]:
-    """What comes back to a question, refusals included; empty where nobody answers."""
+    """What comes back to a question, refusals included; empty where no program answers."""
     replies = session.get(request_key(rig, question), payload=encode(request), timeout=ASK_S)
     return [_words(reply) for reply in cast(Iterable[Any], replies) if not _timed_out(reply)]
 

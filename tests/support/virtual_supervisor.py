@@ -49,7 +49,7 @@ class VirtualBus:
     def call(self, request: Request, message: Message, timeout_s: float = 2.0) -> Message:
         name = request.service
         if name not in self._loop.programs or not self._loop.programs[name].alive:
-            raise BusError(f"nobody answers {name}/{request.name} within {timeout_s:g} s")
+            raise BusError(f"no program answers {name}/{request.name} within {timeout_s:g} s")
         reply = self._loop.call(name, message)
         if isinstance(reply, str):
             raise RefusalError(reply)

@@ -22,7 +22,7 @@ def test_a_second_rig_on_the_same_file_is_refused(rig: RunningRig, tmp_path: Pat
     done = pincette_here("up", "--rig", rig.path, "--data", tmp_path)
     assert done.returncode == 1
     assert f"router: 127.0.0.1:{rig.rig.bus.port} is in use" in done.stderr
-    assert "up already" in done.stderr
+    assert "running already" in done.stderr
     assert rig.view()["can_start"]
 
 

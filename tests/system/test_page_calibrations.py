@@ -111,7 +111,7 @@ def test_a_motion_is_played_without_its_part_as_the_page_asks(rig: RunningRig, s
     seen.page.click("#act-continue")
     assert rig.ended(job, LONG_S)["state"] == "succeeded"
     seen.page.click("#tab-calibrations")
-    seen.until(f"[id='proposal-{job}']", "the free response misses", LONG_S)
+    seen.until(f"[id='proposal-{job}']", "the error of the free response is", LONG_S)
     # A box that is not ticked is asked for, too.
     seen.page.click("#tab-start")
     seen.page.select_option("#field-calibration", "residual")

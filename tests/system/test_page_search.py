@@ -150,7 +150,7 @@ def test_a_job_is_described_after_its_end(browser: Browser, desk: Harness) -> No
         seen.page.fill("#said-notes", "chip <b>at the rim</b>")
         seen.page.fill("#said-labels", "glue")
         seen.page.click("#said-form button[type=submit]")
-        seen.until("#said-fault", "is no label")
+        seen.until("#said-fault", "is not a label")
         seen.page.fill("#said-labels", "glue=none")
         seen.page.check("#said-pinned")
         seen.page.click("#said-form button[type=submit]")

@@ -28,7 +28,7 @@ BLOCK_S = 90.0
 API = "http://127.0.0.1:8000/api/v1"
 
 SAYS = {
-    "pincette doctor": "in use by this very rig",
+    "pincette doctor": "in use by this rig itself",
     "plan grip": "feasible",
     "job grip --force-mN 15": "succeeded: gripped",
     "wait=terminal": '"state":"succeeded"',

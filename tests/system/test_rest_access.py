@@ -149,5 +149,5 @@ def test_a_second_supervisor_of_a_running_rig_does_not_start(
     command = [*PINCETTE, "run", "supervisor", "--rig", str(path), "--data", str(tmp_path / "data")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=LONG_S, check=False)
     assert done.returncode != 0
-    assert "another supervisor serves rig demo" in done.stderr
+    assert "another supervisor already serves rig demo" in done.stderr
     assert rig.client.get("/rigs/demo").status_code in (200, 401)

@@ -19,7 +19,7 @@ LEASE_S, SLACK_S = 1.5, 1.0
 """Length, and what the stop itself, a renewal under way and a busy machine may add."""
 RENEWED = 0.8
 """Part of its length that a lease still has at least when the supervisor dies."""
-LEASE = "lease: nothing heard from the supervisor for"
+LEASE = "lease: nothing received from the supervisor for"
 
 
 @pytest.fixture(scope="module")

@@ -97,7 +97,7 @@ def test_the_same_controller_cannot_be_started_twice(
         assert second.wait(20.0) == 2
     said = (tmp_path / "log").read_text(encoding="utf-8")
     assert "in use" in said
-    assert "second time" in said
+    assert "a second start of this rig" in said
     check_undisturbed(seen, since)
     release(rig, job)
 

@@ -114,7 +114,7 @@ class Door:
     def _tell(self, origin: str) -> None:
         if origin not in self._told and len(self._told) < MOST:  # a page tries again and again
             self._told.add(origin)
-            log.warning("refused a page of %.100r; see [foxglove] origins", origin)
+            log.warning("refused a page with origin %.100r; see [foxglove] origins", origin)
 
 
 def _is_of_this_machine(origin: str) -> bool:
@@ -127,7 +127,7 @@ def _is_of_this_machine(origin: str) -> bool:
 
 def refusal(origin: str) -> bytes:
     """Return the reply to a rejected page; a browser shows its own text instead."""
-    text = f"a page of {origin[:100]!r} may not connect: name it in [foxglove] origins\n".encode()
+    text = f"a page from {origin[:100]!r} may not connect: name it in [foxglove] origins\n".encode()
     lines = (
         "HTTP/1.1 403 Forbidden",
         "Content-Type: text/plain; charset=utf-8",

@@ -28,20 +28,24 @@ def main() -> None:
     parser.add_argument(
         "--url",
         default=os.environ.get("PINCETTE_URL", LOCAL),
-        help="of the supervisor; else $PINCETTE_URL, else %(default)s",
+        help="URL of the supervisor; if not given, $PINCETTE_URL, else %(default)s",
     )
-    parser.add_argument("--rig", help="its name; left out where the supervisor serves one")
-    parser.add_argument("--authority", type=Path, help="certificate that is believed over https")
+    parser.add_argument(
+        "--rig", help="name of the rig; not needed if the supervisor serves one rig"
+    )
+    parser.add_argument("--authority", type=Path, help="CA certificate to trust over https")
     parser.add_argument(
         "--move", action="store_true", help="offer the tools that move: grip and release"
     )
     parser.add_argument(
         "--http",
         action="store_true",
-        help="serve over streamable HTTP on 127.0.0.1, for callers that send the key: "
-        "$PINCETTE_MCP_KEY, else that of a file which is named at the start",
+        help="serve over streamable HTTP on 127.0.0.1, to callers that send the key: "
+        "$PINCETTE_MCP_KEY, else the key in a file whose path is printed at the start",
     )
-    parser.add_argument("--port", type=int, default=PORT, help="of --http; by default %(default)s")
+    parser.add_argument(
+        "--port", type=int, default=PORT, help="port for --http; %(default)s if not given"
+    )
     given = parser.parse_args()
     logging.getLogger("httpx").setLevel(logging.WARNING)
     key = os.environ.get("PINCETTE_KEY") or None

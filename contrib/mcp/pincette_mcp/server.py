@@ -43,14 +43,20 @@ STOPS = ToolAnnotations(
 )
 MOVES = ToolAnnotations(read_only_hint=False, destructive_hint=True, open_world_hint=False)
 INSTRUCTIONS = (
-    "A piezoelectric microgripper that holds small parts with a force in mN. Plan a grip before "
-    "it: grip takes the token of a feasible plan, once. A part stays held until release. A latched "
-    "rig is reset by a person, never here."
+    "A piezoelectric microgripper that holds small parts with a force in mN. Plan a grip "
+    "before it: grip takes the token of a feasible plan, once. A part stays held until "
+    "release. A latched rig is reset by a person, never through these tools."
 )
 Force = Annotated[float, Field(gt=0.0, description="Force of the grip in mN")]
 Hold = Annotated[
     float | None,
-    Field(gt=0.0, description="Hold in s; null: until release. It lets go by itself at its end"),
+    Field(
+        gt=0.0,
+        description=(
+            "Hold time in s, after which the part is released automatically; null: hold until "
+            "release"
+        ),
+    ),
 ]
 
 

@@ -95,7 +95,7 @@ def test_the_sdk_of_typescript_grips_in_the_session_of_its_plan(
     assert "no-plan: this token belongs to another session" in words
     assert abs(found["held"]["force_held_mN"] - FORCE_MN) < NEAR_MN
     assert found["part"] == "none"
-    assert "wants its key" in found["without"]
+    assert "requires its key" in found["without"]
 
 
 def test_a_token_is_for_its_session_alone() -> None:

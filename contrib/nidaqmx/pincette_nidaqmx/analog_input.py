@@ -128,7 +128,7 @@ class AnalogInput:
         """
         self._daq.must_be_open()
         if self._capture is None:
-            raise InstrumentError(f"{self._daq.channel}: no capture was begun", "misused")
+            raise InstrumentError(f"{self._daq.channel}: no capture was started", "misused")
         stream = self._capture.in_stream
         left = max(1, self._daq.ask("asking for samples", lambda: stream.avail_samp_per_chan))
         parts = [self._samples_V(min(left, MOST_SAMPLES))]
@@ -196,6 +196,8 @@ class AnalogInput:
         reader.verify_array_shape = False
         self._daq.ask("reading", reader.read_many_sample, data, count, self._daq.wait_s)
         if not np.isfinite(data).all():
-            text = f"{self._daq.channel}: fewer than {count} samples, or some that are no number"
+            text = (
+                f"{self._daq.channel}: fewer than {count} samples, or some of them are not numbers"
+            )
             raise InstrumentError(text, "invalid")
         return data

@@ -209,7 +209,7 @@ class AnalogOutput:
         if self._written < len(self._wave_V):
             end = self._written + self._look_samples
             more = self._checked(self._wave_V[self._written : end])
-            self._daq.ask("going on with the wave", self._feed, self._wave, more)
+            self._daq.ask("resuming the wave", self._feed, self._wave, more)
             self._written += more.size
         if self._daq.ask("the wave", self._wave.is_task_done):
             self._held_V = self._wave_V[-1]
@@ -314,5 +314,5 @@ class AnalogOutput:
         finally:
             self._daq.clear("reading", task)
         if not isfinite(voltage_V):
-            raise InstrumentError(f"{channel}: {voltage_V} V is no reading", "invalid")
+            raise InstrumentError(f"{channel}: {voltage_V} V is not a valid reading", "invalid")
         return voltage_V

@@ -29,8 +29,8 @@ def channel_of(url: str, channel: str) -> str:
         named = urlsplit(url).path.strip("/") or channel
     if CHANNEL.fullmatch(named) is None:
         raise ConfigError(
-            f"url = {url!r}: {named!r} is no physical channel; wanted ni:DEVICE/CHANNEL or "
-            "grpc://HOST:PORT/DEVICE/CHANNEL, or the option channel, as in cDAQ1Mod1/ai0"
+            f"url = {url!r}: {named!r} is not a physical channel; expected ni:DEVICE/CHANNEL "
+            "or grpc://HOST:PORT/DEVICE/CHANNEL, or the option channel, as in cDAQ1Mod1/ai0"
         )
     return named
 

@@ -157,7 +157,9 @@ def _address(url: str) -> str:
             return parts.netloc
     except ValueError:
         pass
-    raise InstrumentError(f"{url}: no server; wanted grpc://HOST:PORT/CHANNEL", "cannot_open")
+    raise InstrumentError(
+        f"{url}: no server in it; expected grpc://HOST:PORT/CHANNEL", "cannot_open"
+    )
 
 
 class _Entry(NamedTuple):
@@ -208,7 +210,10 @@ class LinkChannel:
             try:
                 return response_deserializer(message)
             except DecodeError as error:
-                text = f"{method} answered by {escaped(message[:40])!r}, no message ({error})"
+                text = (
+                    f"{method}: the answer {escaped(message[:40])!r} is not a valid message "
+                    f"({error})"
+                )
                 raise InstrumentError(text) from error
 
         return call
@@ -217,7 +222,7 @@ class LinkChannel:
         """Return a callable that fails: a link carries one reply to one request."""
 
         def call(*_request: object, **_how: object) -> NoReturn:
-            raise InstrumentError(f"{method}: a link carries no streams", "misused")
+            raise InstrumentError(f"{method}: this link does not support streams", "misused")
 
         return call
 
@@ -234,4 +239,6 @@ def _message(method: bytes, reply: bytes) -> bytes:
         raise _CallError("UNKNOWN", text.decode(errors="replace"), word.decode())
     if kind == STATUS and parted:
         raise _CallError(word.decode(errors="replace"), text.decode(errors="replace"))
-    raise InstrumentError(f"{escaped(method)} answered by {escaped(reply[:40])!r}, no reply to it")
+    raise InstrumentError(
+        f"{escaped(method)}: the answer {escaped(reply[:40])!r} is not a reply to it"
+    )

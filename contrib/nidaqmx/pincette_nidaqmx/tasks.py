@@ -104,7 +104,7 @@ class Daq:
         except Error as error:
             raise InstrumentError(f"{self.channel}: {what}: {error}", "refused") from error
         except (DaqWarning, AssertionError, ValueError, TypeError, OverflowError) as error:
-            text = f"{self.channel}: {what}: an answer that cannot be ({error!r})"
+            text = f"{self.channel}: {what}: an impossible answer ({error!r})"
             raise InstrumentError(text) from error
 
     def task(self, purpose: str, arrange: Callable[[Any], None]) -> Any:
@@ -189,12 +189,15 @@ def open_daq(settings: Sensor | Output, channel: str, link: Link | None, met: bo
     here = link is None and settings.url.startswith(LOCAL)
     if here and settings.record:
         raise InstrumentError(
-            f"{settings.url}: calls to the driver of this machine are no bytes and cannot be "
-            "recorded; go through a device server, or leave `record` out",
+            f"{settings.url}: calls to the local driver are not byte streams and cannot be "
+            "recorded; use a device server, or leave `record` out",
             "misused",
         )
     if link is None and not met and not settings.url.startswith(REPLAY):
-        _log.warning("nidaqmx has not met its instrument: it is written from the package's source")
+        _log.warning(
+            "nidaqmx has not been tested with its instrument: it was written from the package's "
+            "source"
+        )
     if link is None and not here:
         link = _opened(settings)
     return Daq(channel, link, SHARE * settings.timeout_s)

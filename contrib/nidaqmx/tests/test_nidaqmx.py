@@ -197,7 +197,7 @@ class TestCapture:
 
     def test_what_it_cannot_do_is_refused(self, reach: Reach) -> None:
         _, sensor = self.opened(reach, rate_hz=1000.0)
-        with pytest.raises(InstrumentError, match="no capture was begun"):
+        with pytest.raises(InstrumentError, match="no capture was started"):
             sensor.read_block()
         for rate_hz in (1001.0, 0.0, float("nan")):
             with pytest.raises(InstrumentError, match="Hz refused, limit 1000 Hz"):
@@ -334,7 +334,7 @@ class TestParts:
     ("url", "channel"), [("ni:cDAQ1Mod1", ""), ("grpc://here:1", ""), ("memory://", "ai0")]
 )
 def test_a_channel_must_be_named(url: str, channel: str) -> None:
-    with pytest.raises(ConfigError, match="is no physical channel"):
+    with pytest.raises(ConfigError, match="is not a physical channel"):
         position_sensor.open_sensor(
             sensor_settings(url, channel=channel), in_memory(device(HandRig()))[1]
         )

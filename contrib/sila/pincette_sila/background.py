@@ -24,7 +24,7 @@ class Background:
 
     def call(self, coroutine: Coroutine[Any, Any, T]) -> T:
         """Run a coroutine and wait for its end; raises CommandError if the server ends first."""
-        words = "this SiLA server ends; a motion that has begun goes on without it"
+        words = "this SiLA server is stopping; a motion that has started continues without it"
         with self._accepting:
             if self._closing:
                 coroutine.close()

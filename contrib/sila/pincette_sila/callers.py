@@ -66,7 +66,7 @@ class Callers:
         now_s = time.monotonic()
         self._logins = {text: one for text, one in self._logins.items() if one.until_s > now_s}
         if len(self._logins) >= MOST_LOGINS:
-            raise AuthenticationFailed(f"{MOST_LOGINS} clients are logged in, the most")
+            raise AuthenticationFailed(f"{MOST_LOGINS} clients are logged in, the maximum")
         try:
             supervisor = self._supervisor(key, name or None)
             session = self._background.call(supervisor.session())
@@ -91,7 +91,7 @@ class Callers:
     def _known(self, token: str) -> _Login:
         login = self._logins.get(token)
         if login is None or login.until_s < time.monotonic():
-            raise InvalidAccessToken("log in again: this token is not known, or no more")
+            raise InvalidAccessToken("log in again: this token is unknown or no longer valid")
         return login
 
     def _supervisor(self, key: str | None, name: str | None) -> AsyncSupervisor:
@@ -127,7 +127,7 @@ class Authentication(AuthenticationServiceBase):
             raise AuthenticationFailed(f"{RequestedServer!r} is no server's UUID") from error
         there = {one.fully_qualified_identifier for one in self.parent_server.features.values()}
         if meant != self.parent_server.server_uuid or set(RequestedFeatures) - there:
-            raise AuthenticationFailed("another server, or features that this one has not")
+            raise AuthenticationFailed("another server, or features that this server does not have")
         return Login_Responses(self._callers.log_in(UserIdentification, Password), LIFETIME_S)
 
     def Logout(self, AccessToken: str, *, metadata: MetadataDict) -> Logout_Responses:

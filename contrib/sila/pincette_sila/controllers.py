@@ -106,10 +106,10 @@ class Pausing(FeatureImplementationBase):
         if name is None:
             raise _paused("InvalidCommandExecutionUUID", f"no command {execution} is executed")
         if name in UNPAUSED:
-            raise _paused("OperationNotSupported", f"{name} goes to its end, and is not paused")
+            raise _paused("OperationNotSupported", f"{name} runs to its end and cannot be paused")
         job = self._gripper.jobs.get(execution)
         if job is None:
-            raise _paused("InvalidCommandState", f"{name} has no motion yet that could {action}")
+            raise _paused("InvalidCommandState", f"{name} has no motion yet to {action}")
 
         async def act() -> None:
             # A pause needs no token, since it only lets a motion rest; a resume does.
@@ -159,5 +159,9 @@ class Simulation(FeatureImplementationBase):
         kind = "simulated" if self._simulated else "real"
         node = feature(SIMULATION_CONTROLLER).defined_execution_errors[error]
         raise DefinedExecutionError(
-            node, f"this rig is a {kind} one; [simulation] of its rig file says so, start another"
+            node,
+            (
+                f"this is a {kind} rig, as [simulation] of its rig file says; start another "
+                "rig to change that"
+            ),
         )

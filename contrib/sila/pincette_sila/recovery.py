@@ -41,7 +41,7 @@ class Waiting(NamedTuple):
     AutomaticSelectionTimeout: int
 
 
-OPTIONS = [Option(RETRY, "The same motion begins once more, from its start, as another job.", "")]
+OPTIONS = [Option(RETRY, "Repeat the motion from its start as a new job.", "")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +119,7 @@ class ErrorRecovery(FeatureImplementationBase):
         one = self._open.get(execution)
         if one is None or one.retries.done():
             return False
-        words = f"{one.told.ErrorMessage}; it was not begun again: the command was cancelled"
+        words = f"{one.told.ErrorMessage}; it was not repeated, since the command was cancelled"
         one.retries.set_exception(CommandError("Cancelled", words))
         return True
 
@@ -135,9 +135,9 @@ class ErrorRecovery(FeatureImplementationBase):
 
         if refused := self._background.call(decide()):
             node = feature(ERROR_RECOVERY).defined_execution_errors[refused]
-            known = f"no error of command {execution} waits"
+            known = f"no error of command {execution} waits for a decision"
             if refused == "UnknownContinuationOption":
-                known = f"{option!r} is no option; there is {RETRY!r}"
+                known = f"{option!r} is not an option; the only one is {RETRY!r}"
             raise DefinedExecutionError(node, known)
         return ()
 

@@ -108,4 +108,4 @@ def _resume(
     manager = ObservableCommandManager(server, node, follow, MetadataDict(server), None)
     manager.command_execution_uuid = execution
     gripper.managers()[name][execution] = manager
-    log.info("command %s %s goes on with job %s", name, execution, job.id)
+    log.info("command %s %s continues with job %s", name, execution, job.id)

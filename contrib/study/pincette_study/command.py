@@ -39,7 +39,7 @@ def paper(
             "--beyond-rigs",
             parser=integer,
             metavar="N",
-            help="of each class of hysteresis, for what goes beyond the paper",
+            help="rigs of each class of hysteresis, for the results beyond the paper",
         ),
     ] = BEYOND_RIGS,
     fast_rigs: Annotated[
@@ -48,7 +48,7 @@ def paper(
             "--kilohertz-rigs",
             parser=integer,
             metavar="N",
-            help="of each class, at 1 kHz",
+            help="rigs of each class, at 1 kHz",
         ),
     ] = FAST_RIGS,
 ) -> int:
@@ -68,7 +68,7 @@ def paper(
     numbers = {"--rigs": rigs, "--beyond-rigs": beyond_rigs, "--kilohertz-rigs": fast_rigs}
     for option, number in numbers.items():
         if number < 1:
-            raise CliError(f"{option} {number}: at least 1 is wanted")
+            raise CliError(f"{option} = {number}: must be at least 1")
     try:
         with Progress(
             TextColumn("{task.description:<32}"),

@@ -49,12 +49,13 @@ def fig_8(rig: RigFile, response: FreeResponse) -> Section:
         key="fig8",
         title="Fig. 8: the line that plans position and force together",
         text=(
-            f"The contact bears {contact:.2f} mN/µm, by Fig. 7(d) and close to (55). The paper's "
-            "2.47 mN/µm is put down to hysteresis, which makes the arm move less at a higher "
-            "rate. That does not explain it: force and position of a contact are tied by its "
-            "stiffness whatever the voltage does, and a contact that is lost at the low end, as "
-            "the offset of -0.87 mN has it, moves the line without turning it. A stiffer contact "
-            "than (55) would, or an estimator that reads a moving arm as force.",
+            f"The stiffness of the contact is {contact:.2f} mN/µm, by Fig. 7(d) and close to "
+            "(55). The paper's 2.47 mN/µm is put down to hysteresis, which makes the arm "
+            "move less at a higher rate. That does not explain it: force and position of a "
+            "contact are tied by its stiffness whatever the voltage does, and a contact "
+            "that is lost at the low end, as the offset of -0.87 mN has it, moves the line "
+            "without turning it. A stiffer contact than (55) would, or an estimator that "
+            "reads a moving arm as force.",
         ),
         pictures=(Picture("fig8", "Fig. 8 repeated", picture(1, 1, 3.8, draw)),),
         comparisons=(

@@ -82,12 +82,13 @@ def stability(rig: RigFile) -> Section:
         key="stability",
         title="How fast the loop may be sampled",
         text=(
-            "Worst spectral radius over ω_n ± 5 %, the part's stiffness within its tolerance, the "
-            "free arm, and a delay of up to half a period; the law, its impedance filter and its "
-            "force observer as they run (below two periods of the mode the Kalman filter "
-            f"that knows it). Beyond {LIMIT_RADIUS:g} a job is refused before anything moves. "
-            "Backward differences do not see the mode of 388 Hz: sampling faster is no mere change "
-            f"of a parameter. K_f = {settings.gains['K_f']:g}, no switching.",
+            "Worst spectral radius over ω_n ± 5 %, the part's stiffness within its "
+            "tolerance, the free arm, and a delay of up to half a period; the law, its "
+            "impedance filter and its force observer as they run (below two periods of the "
+            f"mode the Kalman filter that knows it). Beyond {LIMIT_RADIUS:g} a job is "
+            "refused before anything moves. Backward differences do not see the mode of 388 "
+            "Hz: sampling faster needs more than another parameter. K_f = "
+            f"{settings.gains['K_f']:g}, no switching.",
         ),
         pictures=(Picture("stability", "worst spectral radius", _map_picture(maps)),),
         comparisons=tuple(

@@ -75,7 +75,7 @@ def force_gain(rig: RigFile, workers: int = 1) -> Section:
             _rises(main, "consistent set, plan as in Fig. 7(d)"),
             _falls(main, "force error falls with K_f up to 5000 (consistent set, same plan)"),
             Trend(
-                "with a consistent plan the position error turns round and falls",
+                "with a consistent plan the position error reverses and falls",
                 _monotone([turned[K_f].position_percent for K_f in SWEPT], -1.0),
                 listed([turned[K_f].position_percent for K_f in SWEPT]),
             ),

@@ -33,13 +33,14 @@ def long_hold(rig: RigFile) -> Section:
         key="hold",
         title="A minute of hold",
         text=(
-            f"{rig.grip.force_mN:g} mN held for {HOLD_S:g} s in closed loop. While a part is held "
-            "the force cannot be zeroed; what can be chosen is how old the zero is when contact "
-            f"is made. With a zero {WAIT_S:g} s before the approach the uncertainty at contact is "
-            "as large as the force, since nothing is known of the arm's past, and the grip ends "
-            "as uncertain_force. The sensor's noise moves the voltage to and fro all the while.",
+            f"{rig.grip.force_mN:g} mN held for {HOLD_S:g} s in closed loop. While a part is "
+            "held the force cannot be zeroed; what can be chosen is how old the zero is "
+            f"when contact is made. With a zero {WAIT_S:g} s before the approach the "
+            "uncertainty at contact is as large as the force, since nothing is known of the "
+            "arm's past, and the grip ends as uncertain_force. The sensor's noise moves the "
+            "voltage back and forth all the time.",
         ),
-        pictures=(Picture("hold", "error of the estimate over the hold", _picture(seen, rig)),),
+        pictures=(Picture("hold", "error of the estimate during the hold", _picture(seen, rig)),),
         comparisons=(
             Comparison(f"{name}: error as the hold begins", "mN", None, begin),
             Comparison(f"{name}: error after {HOLD_S:g} s", "mN", None, end),
@@ -109,7 +110,7 @@ def _picture(seen: Record, rig: RigFile) -> bytes:
         axes[0].plot(t, seen.force_mN - seen.true_force_mN, color=BLUE, linewidth=0.7)
         axes[1].plot(t, seen.true_force_mN, color=BLUE, linewidth=0.9)
         axes[0].axhline(0.0, color=GREEN, linestyle="--")
-        label(axes[0], "", "estimate less true / mN")
+        label(axes[0], "", "estimate minus true / mN")
         label(axes[1], "time / s", "true force / mN")
 
     return picture(2, 1, 4.6, draw, sharex=True)

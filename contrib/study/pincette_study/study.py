@@ -140,8 +140,9 @@ def _in_short(sections: Sequence[Section], trials: Sequence[Trial]) -> Section:
         text=(
             "The rig is set by Figs. 5 to 8 alone; Table I and Figs. 9 to 11 are predictions. What "
             "the paper reports and whether it comes out here, with the reason where it does not:",
-            "Below, what both laws reach when plan, units, free response and gains are in order, "
-            "as relative RMSE on random rigs (medians) where the paper's best balance is 6 to 8 %.",
+            "The figures below show what both laws reach if plan, units, free response and "
+            "gains are in order, as relative RMSE on random rigs (medians) where the "
+            "paper's best balance is 6 to 8 %.",
         ),
         comparisons=tuple(rows),
         trends=tuple(trend for section in sections for trend in section.trends),

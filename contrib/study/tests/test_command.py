@@ -22,9 +22,9 @@ def test_a_rig_that_is_not_simulated_is_refused(tmp_path: Path) -> None:
 
 
 def test_at_least_one_random_rig_is_required(tmp_path: Path) -> None:
-    with pytest.raises(CliError, match="--rigs 0: at least 1 is wanted"):
+    with pytest.raises(CliError, match="--rigs = 0: must be at least 1"):
         paper.paper(RigOption(DEMO), tmp_path, 0)
-    with pytest.raises(CliError, match="--beyond-rigs 0: at least 1 is wanted"):
+    with pytest.raises(CliError, match="--beyond-rigs = 0: must be at least 1"):
         paper.paper(RigOption(DEMO), tmp_path, 1, 0)
 
 

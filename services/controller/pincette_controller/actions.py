@@ -137,7 +137,7 @@ def action_objection(pending: Sequence[Action], player: Player | None, action: A
     paused = player is not None and player.pause.active
     outcome = Outcome.NONE if player is None else player.outcome
     if action == ActionCode.PAUSE and outcome not in ON_ITS_WAY:
-        return f"the program does not run any more ({outcome}): it cannot be paused"
+        return f"the program has ended ({outcome}): it cannot be paused"
     if action == ActionCode.RESUME:
         asked = any(other.action == ActionCode.PAUSE for other in pending)
         pausing = player is not None and player.pause.requested
@@ -214,9 +214,9 @@ def lease_objection(lease: Lease, epoch: int, *, playing: bool, ended: bool) -> 
     if not playing:
         return "no program runs: its lease cannot be renewed"
     if ended:
-        return "the lease of this epoch has ended: arm anew"
+        return "the lease of this epoch has ended: arm again"
     if lease.length_s <= 0.0:
-        return f"lease of {lease.length_s:g} s: not above 0 s"
+        return f"lease of {lease.length_s:g} s: must be above 0 s"
     return ""
 
 

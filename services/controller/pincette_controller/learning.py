@@ -33,7 +33,7 @@ def check_cycle(program: Program, period_s: float) -> None:
     paths = [_cyclic_path(segment) for segment in program.segments]
     cycles = [path.cycle_s for path in paths if path is not None]
     if not cycles:
-        raise ValueError("the program learns, and none of its paths has cycles")
+        raise ValueError("the program learns, but none of its paths has cycles")
     for cycle_s in cycles:
         ticks = cycle_ticks(cycle_s, period_s)
         if len(known.values_um) != ticks:

@@ -61,6 +61,6 @@ def _note(state: State, request: Action) -> tuple[State, Message, tuple[Message,
     if why := action_objection(state.pending, state.player, request.action):
         raise RefusedError(why)
     if request.at_seq is not None and request.at_seq <= state.seq:
-        raise RefusedError(f"seq {request.at_seq} is past, the controller is at {state.seq}")
+        raise RefusedError(f"seq {request.at_seq} has passed, the controller is at {state.seq}")
     seq = state.seq + 1 if request.at_seq is None else request.at_seq
     return replace(state, pending=(*state.pending, request)), Ack(seq), ()

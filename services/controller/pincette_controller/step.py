@@ -189,7 +189,7 @@ def _planned_V(
 
 SERVICE: Service[RigFile, ControllerConfig, State, Inputs] = Service(
     name="controller",
-    summary="plays a program of segments: references, a control law, guards",
+    summary="plays a motion program of segments: references, a control law, guards",
     inputs=(Input(ESTIMATE, "trigger"),),
     outputs=(COMMAND, TELEMETRY),
     requests=(

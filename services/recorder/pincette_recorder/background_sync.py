@@ -80,8 +80,8 @@ class BackgroundSync:
             self._syncing_s = None
         if unsynced_s > BEHIND_S and not self._behind:
             log.warning(
-                "the disk took %.1f s to keep what was recorded, limit %g s: a power cut within "
-                "that time would have lost it; look at what else writes to the disk",
+                "the disk took %.1f s to write the recorded data, limit %g s: a power cut "
+                "within that time would have lost them; check what else writes to the disk",
                 unsynced_s,
                 BEHIND_S,
             )

@@ -116,8 +116,8 @@ class CountedTime:
                 (self._records / files.CLOCK_AGREED).unlink()
             state.stepped = True
             log.error(
-                "the time of day has stepped by %+.0f s against what was counted: no record is "
-                "deleted until a person acknowledges the alarm `clock`",
+                "the time of day has stepped by %+.0f s against the counted time: no record "
+                "is deleted until a person acknowledges the alarm `clock`",
                 self._off_s,
             )
             self._save()

@@ -162,7 +162,7 @@ def _end_of(path: Path, request: Finish) -> Recorded | str:
     """Return how a record ended; raises OSError."""
     about, closing = mcap_reading.read_closing(path)
     if closing is None:
-        return f"the record of job {request.job} does not say how it has ended"
+        return f"the record of job {request.job} does not state how it ended"
     if about.get("epoch", str(request.epoch)) != str(request.epoch):
         return f"the record of job {request.job} is of epoch {about['epoch']}"
     detail = closing["detail"]

@@ -118,7 +118,7 @@ class OpenRecord:
             self._tables.add(message, arrival_ns)
         except ValueError as error:  # a number too large for the file format
             self.refused[topic] += 1
-            self._log_error(f"a message of {topic} cannot be kept: {error}")
+            self._log_error(f"a message of {topic} cannot be recorded: {error}")
         except OSError as error:
             self._give_up(error)
 

@@ -73,7 +73,7 @@ class Keeper:
                 return
             self._beginning = None
             if playing:
-                reply(f"job {record.job} is being recorded, and its loop plays")
+                reply(f"job {record.job} is being recorded, and its motion still runs")
                 return
         self._beginning = None
         reply(self._begin(request))
@@ -104,7 +104,7 @@ class Keeper:
         try:
             return self._open(request, about, period_s)
         except OSError as error:
-            return f"no record can be begun in {self._config.records}: {error}"
+            return f"no record can be started in {self._config.records}: {error}"
 
     def _open(self, request: Record, about: Mapping[str, str], period_s: float) -> Ack | str:
         config = self._config

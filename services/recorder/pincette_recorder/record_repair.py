@@ -77,7 +77,7 @@ def restore(folder: Path) -> list[str]:
     if found == [files.MANIFEST]:
         _restore_manifest(folder)
     elif files.LIVE in found:
-        _state_incomplete(folder, f"{files.LIVE} is not as it was when the record was closed")
+        _state_incomplete(folder, f"{files.LIVE} has changed since the record was closed")
     elif tables := TABLES & {*found}:
         try:
             wrong = write_tables_of_file(folder).wrong
@@ -87,7 +87,7 @@ def restore(folder: Path) -> list[str]:
             _state_incomplete(folder, f"{', '.join(sorted(tables))}: {'; '.join(wrong)}")
         else:
             names = sorted(tables)
-            log.warning("%s: %s: made again from %s", folder, ", ".join(names), files.LIVE)
+            log.warning("%s: %s: rebuilt from %s", folder, ", ".join(names), files.LIVE)
             write_manifest(folder, {}, _end(files.read_manifest(folder)), tables)
     return [] if not found else files.damaged(folder)
 
@@ -108,7 +108,7 @@ def _restore_manifest(folder: Path) -> None:
         detail = "; ".join(filter(None, (closing["detail"], *written.wrong)))
         closing |= {"complete": "false", "detail": detail}
     write_manifest(folder, about | written.times, closing)
-    log.warning("%s: tables and %s made again from %s", folder, files.MANIFEST, files.LIVE)
+    log.warning("%s: tables and %s rebuilt from %s", folder, files.MANIFEST, files.LIVE)
 
 
 def _state_incomplete(folder: Path, why: str) -> None:

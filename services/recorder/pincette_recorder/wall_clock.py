@@ -51,7 +51,7 @@ class WallClock:
     def words(self) -> str:
         """Return the steps noticed since the beginning as text; empty without any."""
         listed = [
-            f"the wall clock was set by {step_s:+.1f} s, {at_s:.1f} s after the begin"
+            f"the wall clock was set by {step_s:+.1f} s, {at_s:.1f} s after the start"
             for at_s, step_s in self._steps
         ]
         more = self._more

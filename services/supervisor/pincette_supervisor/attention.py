@@ -103,4 +103,4 @@ def share_words(last_s: float, attention: Attention = ATTENTION) -> str:
     """Describe how the last seconds were spent, in words."""
     stood_s, spent_s = attention.within(last_s)
     shares = ", ".join(f"{WORDS[share]} {value:.2f} s" for share, value in spent_s.items())
-    return f"of the last {last_s:.1f} s this program stood still for {stood_s:.2f} s; {shares}"
+    return f"in the last {last_s:.1f} s this program was stalled for {stood_s:.2f} s; {shares}"

@@ -94,7 +94,7 @@ class ModelFiles:
         """
         path = self._paths().get(version)
         if path is None:
-            raise ConfigError(f"no model {version}; there are {self.numbers() or 'none'}")
+            raise ConfigError(f"no model {version}; existing: {self.numbers() or 'none'}")
         try:
             model = StoredModel.model_validate_json(path.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
@@ -308,7 +308,7 @@ class RigModel:
             stored = self.files.read(version)
         except ConfigError as error:
             self.trouble = (
-                f"model {version} is unused, because {error}: put the file back as it was and run "
+                f"model {version} is not used, because {error}: restore the file and run "
                 f"`pincette model use {version}`, or {alone}"
             )
             return
@@ -321,8 +321,8 @@ class RigModel:
             self.in_use = self._laid(stored, {change.key for change in self.set_aside})
         except ConfigError as error:
             self.trouble = (
-                f"model {version} is unused, because {error}: `pincette model use {version}` where "
-                f"it still holds, or {alone}"
+                f"model {version} is not used, because {error}: run `pincette model use "
+                f"{version}` if it is still valid, or {alone}"
             )
 
     def _laid(self, model: StoredModel, without: Collection[str] = ()) -> ModelInUse:

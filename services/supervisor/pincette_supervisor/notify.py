@@ -154,8 +154,8 @@ def _check(folder: Path) -> None:
         raise RefusedError(f"{FOLDER}={folder} cannot be read: {error.strerror}") from error
     if not hashed:
         raise RefusedError(
-            f"{FOLDER}={folder} has no certificate under a name that OpenSSL looks for: "
-            f"openssl rehash {folder}"
+            f"{FOLDER}={folder} has no certificate under a hashed name, as OpenSSL needs: "
+            f"run openssl rehash {folder}"
         )
 
 
@@ -260,7 +260,7 @@ def read_secret(path: Path) -> str:
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
         raise SecretError(f"others may read the secret {path}: chmod 600 {path}")
     if not text:
-        raise SecretError(f"the secret {path} is empty: write it there")
+        raise SecretError(f"the secret {path} is empty: write the secret into it")
     return text
 
 
@@ -279,12 +279,12 @@ class WebhookSender:
         try:
             self._secret = base64.b64decode(secret.removeprefix(PREFIX), validate=True)
         except binascii.Error as error:
-            raise SecretError(f"the secret of {self.name} is no base64: {error}") from error
+            raise SecretError(f"the secret of {self.name} is not base64: {error}") from error
         least, most = SECRET_BYTES
         if not secret.startswith(PREFIX) or not least <= len(self._secret) <= most:
             raise SecretError(
-                f"the secret of {self.name} is not {PREFIX} and the base64 of {least} to {most} "
-                "bytes"
+                f"the secret of {self.name} must be {PREFIX} followed by {least} to {most} "
+                "bytes in base64"
             )
 
     def send(self, notice: Notice) -> None:
@@ -453,10 +453,10 @@ class Delivery:
             if self._refused_since is None:
                 self._refused_since = self._clock()
             if self._clock() - self._refused_since > GIVEN_UP_S:
-                log.error("%s: given up after days of refusals: %s", self._sender.name, error)
+                log.error("%s: gave up after days of refusals: %s", self._sender.name, error)
                 self._refused_since = None
                 return True
-            log.warning("%s: %s; again in %g s", self._sender.name, error, self._delay_s)
+            log.warning("%s: %s; next attempt in %g s", self._sender.name, error, self._delay_s)
             self._again_at = self._clock() + self._delay_s
             self._delay_s = min(2.0 * self._delay_s, LONGEST_DELAY_S)
             return False

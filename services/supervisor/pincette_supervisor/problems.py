@@ -206,7 +206,7 @@ def install_handlers(app: FastAPI) -> None:
         path, headers = request.scope["path"], dict(known.headers or {})
         detail = phrase if known.detail == phrase else str(known.detail)
         if known.status_code == 404 and OTHER_VERSION.match(path):
-            detail = f"this supervisor serves {SERVED}, and no other version"
+            detail = f"this supervisor serves {SERVED} only"
         elif known.status_code == 404 and f"{SERVED}/" in path.removeprefix(SERVED):
             prefix = path.partition(SERVED)[0]
             detail = f"the path begins with {prefix!r}, which a reverse proxy must remove"

@@ -168,7 +168,7 @@ def run(context: Context) -> None:
         if taken_s:
             rigs.own.context.alarms.raise_alarm(
                 "port",
-                f"another program had port {config.port} for {taken_s:.0f} s"
+                f"another program was using port {config.port} for {taken_s:.0f} s"
                 + (
                     "" if config.tls else ": replace keys and passwords that clients sent meanwhile"
                 ),
@@ -201,8 +201,8 @@ def serve_alone(bus: ZenohBus, rig: str, stop: threading.Event) -> None:
     while SUPERVISOR in bus.alive():
         if monotonic() > until_s or stop.wait(LOOK_S):
             raise BusError(
-                f"another supervisor serves rig {rig} already, perhaps at another port: stop "
-                "it first, or use it instead; two supervisors would disturb each other"
+                f"another supervisor already serves rig {rig}, perhaps at another port: stop "
+                "it first, or use it; two supervisors would conflict"
             )
     bus.announce(SUPERVISOR)
 
@@ -240,7 +240,7 @@ def rest_server(
     def serve() -> None:
         server.run([listener])
         if not server.should_exit:
-            raise RuntimeError("the REST server ended by itself")
+            raise RuntimeError("the REST server stopped unexpectedly")
 
     thread = threading.Thread(target=serve, name="rest")
     thread.start()
@@ -325,9 +325,9 @@ def restart(context: RigContext, silent_s: float) -> None:
     cannot end, and the new one could not open its journal.
     """
     words = (
-        f"the supervisor has not heard itself on the bus for {silent_s:.0f} s, limit "
-        f"{UNHEARD_S:g} s, although the router takes new links: it restarts itself; the loop and "
-        "a held part go on"
+        f"the supervisor has not received its own messages on the bus for {silent_s:.0f} s, "
+        f"limit {UNHEARD_S:g} s, although the router accepts connections: it restarts "
+        "itself; the loop continues and a held part stays held"
     )
     context.alarms.raise_alarm(UNHEARD_CAUSE, words, severity="alarm", clears="acknowledge")
     if context.write_queue.late:

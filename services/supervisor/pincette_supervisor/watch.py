@@ -271,7 +271,9 @@ def _lease(context: RigContext, active: ActiveJob | None) -> Check:
     renewal = None if active is None else active.renewal
     if renewal is None:
         limit_s = context.rig.safety.lease_s if not context.rig.lockstep else 0.0
-        return _check("lease", True, "no program plays under a lease", limit=limit_s, unit="s")
+        return _check(
+            "lease", True, "no motion program runs under a lease", limit=limit_s, unit="s"
+        )
     age_s, limit_s = renewal.age_s, renewal.lease.length_s
     words = f"lease renewed {age_s:.1f} s ago, limit {limit_s:g} s"
     return _check("lease", age_s <= limit_s, words, value=age_s, limit=limit_s, unit="s")
@@ -298,7 +300,9 @@ def conditions(context: RigContext) -> Iterator[Condition]:
     """Yield all present conditions of a rig that raise an alarm."""
     gone = context.observer.gone(TOKENS)
     for program in gone:
-        yield Condition(f"program.{program}", f"{program} has gone: killed, hung or cut off")
+        yield Condition(
+            f"program.{program}", f"{program} has disappeared: killed, hung or disconnected"
+        )
     if "sensor" not in gone:
         yield from _sensor_conditions(context)
     disk = _disk(context)
@@ -352,8 +356,9 @@ MISSED_SHARE, MISSED_S = 0.01, 10.0
 FOREIGN = frozenset({FaultCode.OTHER_OWNER, FaultCode.SECOND_CONTROLLER})
 """Reasons of rejection that mean that the command came from another controller."""
 AFTER_A_LOSS = (
-    "the job's result is complete, its record is not, and record_detail states what is missing: "
-    "see what else uses disk and processors, and repeat the job where the record is needed"
+    "the job's result is complete, but its record is not; record_detail states what is "
+    "missing. Check what else uses disk and processors, and repeat the job if its record is "
+    "needed"
 )
 
 

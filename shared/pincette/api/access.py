@@ -12,7 +12,7 @@ SCOPES: tuple[Scope, ...] = ("observe", "operate", "admin")
 for all clients."""
 MEANINGS: dict[Scope, str] = {
     "observe": "see everything",
-    "operate": "also plan, run and act on jobs, keep recipes, order the queue, reset",
+    "operate": "also plan, run and act on jobs, store recipes, reorder the queue, reset",
     "admin": "also decide which model is in use, and read the audit log",
 }
 KEY_NAME = r"[a-z0-9][a-z0-9._-]{0,39}"

@@ -68,7 +68,7 @@ class Figure(Model):
     """Another result of the measurement. It changes no value in use."""
 
     model_config = example(
-        name="loop", value=18.4, unit="%", meaning="largest width, of the stroke"
+        name="loop", value=18.4, unit="%", meaning="largest width as a share of the stroke"
     )
 
     name: str

@@ -23,7 +23,7 @@ class BenchNeed(Model):
     """Task of a person at the rig, before the calibration or when its job requests it."""
 
     model_config = example(
-        code="part_removed", text="take the part away; nothing may touch the arm", when="before"
+        code="part_removed", text="remove the part; nothing may touch the arm", when="before"
     )
 
     code: NeedCode
@@ -48,7 +48,7 @@ class ChecklistStep(Model):
     model_config = example(
         calibration="noise",
         label="noise of the sensor",
-        summary="Noise, resolution and drift of the sensor, the arm at rest.",
+        summary="Measure noise, resolution and drift of the sensor with the arm at rest.",
         state="next",
         request={"kind": "calibrate", "calibration": "noise", "rig": "demo", "autostart": True},
         needs=[],

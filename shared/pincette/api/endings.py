@@ -30,23 +30,30 @@ EndingCode = Literal[
     "internal",
 ]
 ENDINGS: Mapping[EndingCode, str] = {
-    "done": "the program was played to its end, with a good outcome",
+    "done": "the motion program ran to its end with a good outcome",
     "requested": "a person has stopped or aborted it, or released its part while it was loaded",
-    "bad_outcome": "the program ended with another outcome than planned, which the result has",
-    "no_finding": "it was played to its end, but its result cannot be computed from the samples",
-    "samples_missing": "a phase lacks more samples than it may; it was not played to its end",
-    "tripped": "the actuator has tripped; trip and faults say why",
-    "silent": "a program of the loop has gone silent",
+    "bad_outcome": (
+        "the motion program ended with another outcome than planned; the result states it"
+    ),
+    "no_finding": (
+        "the motion program ran to its end, but the result cannot be computed from the samples"
+    ),
+    "samples_missing": (
+        "more samples of a phase are missing than allowed; the motion program did not run "
+        "to its end"
+    ),
+    "tripped": "the actuator has tripped; trip and faults state why",
+    "silent": "a program of the loop sent nothing for too long",
     "overdue": "a state took longer than its deadline",
-    "lease_ended": "the controller heard nothing of the supervisor for longer than the lease",
+    "lease_ended": "the controller received nothing from the supervisor for longer than the lease",
     "unanswered": "a program of the rig did not answer",
     "refused": "a program of the rig has refused the job",
     "not_ready": "the rig was not ready when its turn came",
-    "plan_refused": "planned anew when its turn came, it was refused; problem says why",
-    "not_recorded": "no record could be begun",
+    "plan_refused": "it was refused when it was planned again at its turn; problem states why",
+    "not_recorded": "no record could be started",
     "not_stored": "the journal could not be used",
     "queue_cleared": "the queue was cleared",
-    "request_outdated": "this version does not understand its request any more",
+    "request_outdated": "this version no longer accepts its request",
     "supervisor_ended": "the supervisor ended while it ran",
     "internal": "the supervisor has a fault, see its log",
 }

@@ -300,8 +300,9 @@ def registered(group: str, of: type[K]) -> Mapping[str, K]:
         one = plugins.load(group, name)
         if not isinstance(one, of) or one.name != name:
             raise plugins.PluginError(
-                f"{name!r} in the entry-point group {group} is {one!r:.80}, not a {of.__name__} "
-                f"of that name: mend the package that registers it, or uninstall it"
+                f"{name!r} in the entry-point group {group} is {one!r:.80}, not a "
+                f"{of.__name__} of that name: correct the package that registers it, or "
+                "uninstall it"
             )
         found.append(one)
     return {one.name: one for one in sorted(found, key=lambda one: (one.place, one.name))}

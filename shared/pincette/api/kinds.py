@@ -73,7 +73,7 @@ class Kind(Model):
     model_config = example(
         name="grip",
         label="Grip",
-        summary="Grip the part of the rig file, hold it and let it go.",
+        summary="Grip the part of the rig file, hold it and release it.",
         request={"properties": {"force_mN": {"type": "number", "unit": "mN"}}},
         variant_field="",
         variants=[],

@@ -27,7 +27,7 @@ def _named_gains(value: object) -> object:
         return Gains.model_validate(value)
     if value is None or isinstance(value, Gains):
         return value
-    raise ValueError(f"gains = {value!r:.60}: of two arms they are given by their names")
+    raise ValueError(f"gains = {value!r:.60}: for two arms, give the gains by name")
 
 
 class PairJobRequest(PolicyRequest, frozen=True):

@@ -154,7 +154,7 @@ class Prediction(Model):
         },
         margins=[],
         violations=[],
-        assumptions=["free response as identified: hysteresis and creep, unpoled at the begin"],
+        assumptions=["free response as identified: hysteresis and creep, unpoled at the start"],
     )
 
     outcome: str

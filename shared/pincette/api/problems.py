@@ -11,7 +11,7 @@ MEDIA_TYPE = "application/problem+json"
 TYPE = "urn:pincette:problem:"
 MEANINGS = {
     400: ("bad-json", "the body is not JSON, or names a member twice"),
-    401: ("no-key", "a key is required, or the one sent is not accepted (needed_scope)"),
+    401: ("no-key", "a key is required, or the given key is not accepted (needed_scope)"),
     403: (
         "scope-too-small",
         "scope-too-small (with needed_scope, scope), or foreign-page: sent by a page of "
@@ -28,7 +28,7 @@ MEANINGS = {
     ),
     413: ("body-too-large", "the body is larger than a request may be"),
     415: ("unsupported-media-type", "the body is not declared as JSON (Content-Type)"),
-    421: ("foreign-host", "the supervisor is asked by a name that is none of its own"),
+    421: ("foreign-host", "the request was sent to a name that is not one of the supervisor's"),
     422: (
         "limit-violation",
         "invalid-request (with errors: pointer, message), limit-violation (with violations: "
@@ -36,63 +36,69 @@ MEANINGS = {
         "needed_hz, bandwidth_hz, parts), impossible-model, no-prediction, "
         "simulation-impossible (with the operation), or idempotency-key-reused (with job)",
     ),
-    429: ("too-many-requests", "the client asks too often (Retry-After)"),
+    429: ("too-many-requests", "the client sends requests too often (Retry-After)"),
     503: (
         "rig-not-ready",
         "rig-not-ready (with reasons), estop-unconfirmed, keys-unconfirmed, model-not-kept, "
-        "store-failed, too-many-listeners, or busy: ask again",
+        "store-failed, too-many-listeners, or busy: send the request again",
     ),
 }
 
 
 INSTANCE = "urn:uuid:0b5a4a2e-3f0f-4f0a-9a51-5a2f6c1f7f10"
 REMEDIES: Mapping[str, str] = {
-    "bad-json": "mend the body, and send it again",
+    "bad-json": "correct the body, and send the request again",
     "no-key": "send a key as `Authorization: Bearer KEY`; `pincette key add` makes one",
     "keys-unconfirmed": "see the supervisor's log; keep its data folder on a local disk",
     "scope-too-small": "use a key with the needed scope; `pincette key add --scope` makes one",
-    "foreign-page": "use the page of this supervisor, or send no Origin; behind a reverse proxy, "
-    "let it pass on Host (nginx: proxy_set_header Host $http_host;)",
-    "not-found": "take a name from the list of what there is",
+    "foreign-page": (
+        "use the page of this supervisor, or send no Origin; behind a reverse proxy, make it "
+        "pass on Host (nginx: proxy_set_header Host $http_host;)"
+    ),
+    "not-found": "use one of the listed names",
     "method-not-allowed": "use a method that the header Allow names",
-    "body-too-slow": "send the request again, its body at once",
+    "body-too-slow": "send the request again, with its body at once",
     "body-too-large": "send less: a path of fewer points, shorter notes",
     "unsupported-media-type": "send `Content-Type: application/json`",
     "foreign-host": "use the supervisor's address, or add the name to [supervisor] names",
     "caller-gone": "send the request again, and wait for its answer",
-    "invalid-transition": "ask for one of allowed_actions",
+    "invalid-transition": "request one of allowed_actions",
     "job-active": "wait for that job, stop it, or send the request with `queue`: true",
-    "part-held": "release the part by a job `release`, or keep it by a job `hold`",
-    "nothing-held": "grip a part first; `move` brings a free arm to another place",
+    "part-held": "release the part with a job `release`, or keep it with a job `hold`",
+    "nothing-held": "grip a part first; `move` moves a free arm",
     "queue-full": "wait until a queued job has ended, or stop one",
     "queue-moved": "read the queue again, then repeat the change",
-    "estop-engaged": "see that the rig is safe, then reset it with `acknowledge`: true",
-    "rig-latched": "see that the rig is safe, then reset it with `acknowledge`: true",
-    "zero-not-confirmed": "see that nothing touches the arm, then send `zero_confirmed`: true",
-    "reset-refused": "mend what the detail names, then reset again",
-    "rig-claimed": "ask its holder, wait until the claim ends, or break it as an operator",
+    "estop-engaged": "make sure that the rig is safe, then reset it with `acknowledge`: true",
+    "rig-latched": "make sure that the rig is safe, then reset it with `acknowledge`: true",
+    "zero-not-confirmed": (
+        "make sure that nothing touches the arm, then send `zero_confirmed`: true"
+    ),
+    "reset-refused": "correct what `detail` names, then reset again",
+    "rig-claimed": (
+        "ask the person who holds the claim, wait until it ends, or break it as an operator"
+    ),
     "record-kept": "wait until the job has ended; unpin it before its record is deleted",
     "model-changed": "send the request again",
-    "trajectory-stale": "make the trajectory anew with the model in use",
-    "recipe-limit": "use a recipe that is there; none can be added",
-    "invalid-request": "mend what errors name, and send it again",
-    "limit-violation": "ask for less of what each pointer names, or for more time",
+    "trajectory-stale": "create the trajectory again with the model in use",
+    "recipe-limit": "use an existing recipe; no more can be added",
+    "invalid-request": "correct what `errors` names, and send the request again",
+    "limit-violation": "reduce the value at each pointer, or allow more time",
     "calibration-unsupported": "choose another calibration, or faster instruments",
     "impossible-model": "choose another version of the model",
-    "no-prediction": "send it with `predict=false`, or change the values",
+    "no-prediction": "send the request with `predict=false`, or change the values",
     "rig-is-real": "make the change at the rig's bench",
     "simulation-refused": "set `scripts = true` in [simulation] of the rig file",
     "simulation-impossible": "take an operation and a value from the list of commands",
     "key-stopped": "use a new key for another request",
     "idempotency-key-reused": "use a new key for a new request",
     "too-many-requests": "wait as long as Retry-After says",
-    "rig-not-ready": "mend what reasons name; `pincette doctor` says more",
-    "estop-unconfirmed": "run `pincette estop`, or switch the amplifier's supply off",
-    "model-not-kept": "look at the disk's room and rights, then send it again",
-    "store-failed": "look at the disk's room and rights; `pincette doctor` says more",
+    "rig-not-ready": "correct what `reasons` names; `pincette doctor` reports more",
+    "estop-unconfirmed": "run `pincette estop`, or switch off the power supply of the amplifier",
+    "model-not-kept": "check free space and permissions of the disk, then send the request again",
+    "store-failed": "check free space and permissions of the disk; `pincette doctor` reports more",
     "too-many-listeners": "close another page or stream",
-    "busy": "ask again in a moment",
-    "internal-error": "look into the supervisor's log for the instance, and report it",
+    "busy": "send the request again in a moment",
+    "internal-error": "look for `instance` in the supervisor's log, and report the fault",
 }
 """Remedy for each problem, by its code."""
 

@@ -68,7 +68,7 @@ CAUSES: dict[str, Any] = {
     "lag": 0.006,
     "limits": 0.0,
     "largest": "noise",
-    "to_do": "the sensor's noise is the floor: a better sensor alone goes below it",
+    "to_do": "the sensor's noise is the floor: only a better sensor can reduce it",
 }
 
 
@@ -415,7 +415,7 @@ def confirmations(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         read = f"{each['force_mN']:.2f} ± {each['uncertainty_mN']:.2f} mN"
         yield (
             "force not verified by the zero return",
-            f"back at the place of its zero the {arm} read {read}",
+            f"back at the position of its zero, the {arm} read {read}",
         )
     if known and not failed:
         yield "force verified by the zero return", ""
@@ -424,8 +424,8 @@ def confirmations(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if result.get("zero_unconfirmed"):
         yield (
             "zero not confirmed",
-            "a part that pressed as the force was zeroed would be hidden; see that nothing touches "
-            "the arm, then send zero_confirmed = true",
+            "a part that pressed while the force was zeroed would not be noticed; make sure "
+            "that nothing touches the arm, then send zero_confirmed = true",
         )
     for prefix, arm in ARMS:
         change = result.get(f"{prefix}stroke_change_percent")
@@ -433,6 +433,6 @@ def confirmations(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         if change is not None and limit is not None and abs(change) > limit:
             yield (
                 f"the {arm} differs from its model",
-                f"its stroke has changed by {change:+.2f} % since its calibration, explained are "
-                f"±{limit:.2f} %",
+                f"its stroke has changed by {change:+.2f} % since its calibration; up to "
+                f"±{limit:.2f} % can be explained by noise",
             )

@@ -42,25 +42,25 @@ class RigStateEntry(NamedTuple):
 
 RIG_STATES: Mapping[RigState, RigStateEntry] = {
     "unknown": RigStateEntry(
-        "the actuator has not been heard, or not for too long",
+        "no message from the actuator yet, or none for too long",
         may_start=False,
         may_move=False,
-        remedy="see that its program runs; switch the amplifier off where in doubt",
+        remedy="check that its program runs; if in doubt, switch the amplifier off",
     ),
     "switched_on": RigStateEntry(
-        "at its safe voltage since it was switched on; the first job clears that latch by itself",
+        "at its safe voltage since it was switched on; the first job clears that latch",
         may_start=True,
         may_move=True,
     ),
     "idle": RigStateEntry("at rest, ready for a job", may_start=True, may_move=True),
     "armed": RigStateEntry(
-        "a program has it, or a part is held by it", may_start=True, may_move=True
+        "a motion program uses it, or it holds a part", may_start=True, may_move=True
     ),
     "frozen": RigStateEntry(
-        "tripped with a part: it keeps the voltage for the rig file's time, then ramps",
+        "tripped while holding a part: it keeps the voltage for the rig file's time, then ramps",
         may_start=False,
         may_move=False,
-        remedy="reset it to keep the part, then hold or release it by a job",
+        remedy="reset it to keep the part, then hold or release the part with a job",
     ),
     "ramping": RigStateEntry(
         "tripped: on its way to the safe voltage",
@@ -69,10 +69,10 @@ RIG_STATES: Mapping[RigState, RigStateEntry] = {
         remedy="wait until it is latched",
     ),
     "latched": RigStateEntry(
-        "tripped: at its safe voltage until a person has seen the cause",
+        "tripped: at its safe voltage until a person has acknowledged the cause",
         may_start=False,
         may_move=False,
-        remedy="see that the rig is safe, then reset it",
+        remedy="make sure that the rig is safe, then reset it",
     ),
 }
 
@@ -122,7 +122,7 @@ class OccupantEntry(NamedTuple):
 
 
 OCCUPANTS: Mapping[Occupant, OccupantEntry] = {
-    "job": OccupantEntry("a job has the rig", may_start=False, may_take_over=False),
+    "job": OccupantEntry("a job uses the rig", may_start=False, may_take_over=False),
     "ended_job": OccupantEntry(
         "a job that has ended holds a part", may_start=False, may_take_over=True
     ),
@@ -130,8 +130,8 @@ OCCUPANTS: Mapping[Occupant, OccupantEntry] = {
         "a part is held: only hold and release can start", may_start=False, may_take_over=True
     ),
     "program": OccupantEntry(
-        "the actuator is armed for another program than a job of this supervisor; wait until it "
-        "ends",
+        "the actuator is armed, but not for a job of this supervisor; wait until that "
+        "motion has ended",
         may_start=False,
         may_take_over=False,
     ),
@@ -150,7 +150,9 @@ class MotionEntry(NamedTuple):
 
 
 MOTION: Mapping[MotionState, MotionEntry] = {
-    "unheard": MotionEntry("the actuator has not been heard, or not for too long", may_move=False),
+    "unheard": MotionEntry(
+        "no message from the actuator yet, or none for too long", may_move=False
+    ),
     "tripped": MotionEntry("the actuator has tripped", may_move=False),
     "about_to_move": MotionEntry("a job is about to move the arm", may_move=False),
     "unreported": MotionEntry("the controller does not report its program", may_move=False),

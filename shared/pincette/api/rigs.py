@@ -92,7 +92,7 @@ class Latch(Model):
         state="latched",
         cause="estop",
         faults=[],
-        words="estop: an emergency stop was asked for",
+        words="estop: an emergency stop was requested",
         clear="POST /api/v1/rigs/demo/reset",
     )
 

@@ -81,7 +81,7 @@ _MOVING: Mapping[Event, JobState] = {
 
 STATES: Mapping[JobState, State] = {
     "queued": State(
-        "accepted; waits for its turn, also through a restart of the supervisor",
+        "accepted; waits for its turn; it survives a restart of the supervisor",
         {"prepare": "preparing", "fail": "failed", "stop": "stopped", "abort": "aborted"},
         actions=("stop", "abort"),
     ),
@@ -110,21 +110,24 @@ STATES: Mapping[JobState, State] = {
         actions=("start", "stop", "abort"),
     ),
     "running": State(
-        "the controller plays the program",
+        "the controller runs the motion program",
         {"done": "succeeded", "pause": "pausing", **_MOVING},
         deadline_s=30.0,
         beyond="program",
         actions=("pause", "stop", "abort", "release", "continue"),
     ),
     "pausing": State(
-        "the program plays on to its next safe point, where the references are at rest",
+        "the motion program continues to its next safe point, where the references are at rest",
         {"rest": "paused", "resume": "resuming", "done": "succeeded", **_MOVING},
         deadline_s=30.0,
         beyond="program",
         actions=("resume", "stop", "abort", "release", "continue"),
     ),
     "paused": State(
-        "the references rest; the law goes on holding force and position, and guards go on",
+        (
+            "the references are at rest; the law continues to hold force and position, and "
+            "the guards stay active"
+        ),
         {
             "resume": "resuming",
             "go_on": "running",
@@ -138,13 +141,16 @@ STATES: Mapping[JobState, State] = {
         actions=("resume", "stop", "abort", "release"),
     ),
     "resuming": State(
-        "the controller was asked to go on where it paused",
+        "the controller was requested to resume where it paused",
         {"go_on": "running", "done": "succeeded", **_MOVING},
         deadline_s=5.0,
         actions=("stop", "abort"),
     ),
     "stopping": State(
-        "the controller was asked to stop; a held part is kept unless on_stop says otherwise",
+        (
+            "the controller was requested to stop; a held part stays held unless on_stop "
+            "states otherwise"
+        ),
         {
             "confirm": "stopped",
             "fail": "failed",
@@ -168,10 +174,10 @@ STATES: Mapping[JobState, State] = {
         deadline_s=3.0,
         beyond="freeze",
     ),
-    "succeeded": State("the program ended as planned"),
-    "stopped": State("stopped, as the rig has confirmed", actions=("release", "abort")),
-    "aborted": State("the actuator is safe and latched, because a person asked for it"),
-    "failed": State("ended by a fault, which the cause names"),
+    "succeeded": State("the motion program ended as planned"),
+    "stopped": State("stopped, and the rig has confirmed it", actions=("release", "abort")),
+    "aborted": State("the actuator is safe and latched, because a person requested it"),
+    "failed": State("ended by a fault, which `cause` states"),
     "interrupted": State("the supervisor ended while the job ran"),
 }
 
@@ -180,23 +186,23 @@ EVENTS: Mapping[Event, str] = {
     "prepared": "every program can",
     "start": "the action start, or autostart",
     "pause": "the action pause",
-    "rest": "the controller says that the references rest",
+    "rest": "the controller reports that the references are at rest",
     "resume": "the action resume; before the pause is complete it cancels the pause",
-    "go_on": "the controller says that the program moves",
+    "go_on": "the controller reports that the references move",
     "done": "the last sample, with a good outcome",
-    "fail": "a bad outcome, or a program of the rig that does not answer",
+    "fail": "a bad outcome, or a program of the rig that does not reply",
     "stop": "the action stop",
     "abort": "the action abort",
     "trip": "the actuator has tripped",
     "overdue": "the deadline has passed",
-    "confirm": "the rig says that it is done",
-    "interrupt": "the supervisor ends, or has ended",
+    "confirm": "the rig reports that it is done",
+    "interrupt": "the supervisor stops, or has stopped",
 }
 
 BEYOND: Mapping[Beyond, str] = {
     "": "",
     "program": "planned duration, without pauses",
-    "letting_go": "unload and retreat as planned, where on_stop asks for them",
+    "letting_go": "unload and retreat as planned, if on_stop requests them",
     "freeze": "the actuator's freeze and ramp",
 }
 """Description of the durations that are added to deadlines."""
@@ -216,27 +222,35 @@ HOLDS: Mapping[ActionType, tuple[JobState, ...]] = {
 """States in which the purpose of an action is already reached."""
 
 OUTCOMES: Mapping[str, str] = {
-    "gripped": "the part was gripped, held and let go as planned",
-    "tracked": "the part was gripped, the path tracked and the part let go as planned",
-    "released": "the part was held, and let go as asked for",
-    "moved": "the motion was played to its end",
+    "gripped": "the part was gripped, held and released as planned",
+    "tracked": "the part was gripped, the path tracked and the part released as planned",
+    "released": "the part was held, and released if requested",
+    "moved": "the motion ran to its end",
     "stopped": "the program was stopped",
-    "no_contact": "no part was met where the plan expects one",
-    "wrong_stiffness": "what was met is harder or softer than the part of the plan",
+    "no_contact": "no part was touched where the plan expects one",
+    "wrong_stiffness": "what was touched is harder or softer than the part of the plan",
     "uncertain_force": "the uncertainty of the force grew as large as the force itself, so that a "
     "part could be pressed beyond the plan: repeat free_response, use a larger force, or reduce "
     "the noise of the sensor",
     "lost": "the part was lost while it was held",
     "overforce": "the force rose above its limit",
     "contact": "the arm touched something on its way through free space",
-    "overtravel": "the arm came to a position limit of the rig file; ask for less voltage, or "
-    "widen the limit where the way is free",
+    "overtravel": (
+        "the arm reached a position limit of the rig file; request less voltage, or widen the "
+        "limit if the space is free"
+    ),
     "zero_refused": "the force could not be zeroed before contact",
     "slipped": "the part gave way while it was loaded or moved; it was unloaded",
-    "sensor_jump": "the position stepped back without a voltage, which no slip does: the sensor "
-    "jumped, or something pushed the part; the voltage was kept, then the part was let go",
-    "position_step": "the position of a held part stepped forwards without a voltage: slip or "
-    "sensor; the voltage was kept until the part was let go, the force is one of two readings",
+    "sensor_jump": (
+        "the position stepped back without a change of the voltage, which a slip cannot cause: "
+        "the sensor jumped, or something pushed the part; the voltage was kept, then the part "
+        "was released"
+    ),
+    "position_step": (
+        "the position of a held part stepped forwards without a change of the voltage, by a slip "
+        "or by the sensor; the voltage was kept until the part was released, and the result "
+        "states the force for both cases"
+    ),
 }
 """Meanings of the ways in which a program can end, by the controller's outcome code."""
 GOOD_OUTCOMES = ("gripped", "tracked", "released", "moved")
@@ -250,7 +264,7 @@ def next_state(state: JobState, event: Event) -> JobState:
     try:
         return STATES[state].events[event]
     except KeyError:
-        raise TransitionError(f"a job that is {state} knows no {event}") from None
+        raise TransitionError(f"a job that is {state} has no event {event}") from None
 
 
 def allowed_actions(state: JobState, *, held: bool, waiting: bool = False) -> list[ActionType]:

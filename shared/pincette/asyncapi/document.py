@@ -26,12 +26,11 @@ from pincette.core.topics import (
 
 ASYNCAPI = "3.0.0"
 ABOUT = (
-    "What the programs of a rig publish and answer over Zenoh. A payload is one MessagePack map "
-    "that has every required field of its schema, by name, and no unknown one; nil stands for "
-    "null. Units are in the names: µm, mN, V, s. Forces are compressive and positive. "
-    "Everything derived from sample k carries its `seq` and the `epoch` of the arming. Zenoh's "
-    "encoding of a payload is "
-    f"`{ENCODING}`."
+    "Messages that the programs of a rig publish, and requests that they answer, over "
+    "Zenoh. A payload is one MessagePack map that has every required field of its schema, "
+    "by name, and no unknown one; nil stands for null. Units are in the names: µm, mN, V, "
+    "s. Forces are compressive and positive. Everything derived from sample k carries its "
+    f"`seq` and the `epoch` of the arming. Zenoh's encoding of a payload is `{ENCODING}`."
 )
 PARAMETERS: Json = {
     "rig": {"description": "Name of the rig, as in its rig file.", "examples": ["demo"]},
@@ -93,8 +92,10 @@ def _router() -> Json:
     return {
         "host": "{host}:{port}",
         "protocol": "zenoh",
-        "description": "The rig's router, which serves tools beside the loop's direct links; "
-        "a tool joins it as a client.",
+        "description": (
+            "The rig's router, for tools, in addition to the loop's direct links; a tool "
+            "connects to it as a client."
+        ),
         "variables": {"host": {"default": bus.host}, "port": {"default": str(bus.port)}},
     }
 

@@ -70,7 +70,7 @@ def _shaken(place: str, host: str, line: socket.socket, credentials: Credentials
         with context.wrap_socket(line, server_hostname=host) as wrapped:
             shown = _shown(wrapped)
             if name not in ("", shown):
-                return f"{place} sent the certificate of {shown}, not of {name}"
+                return f"{place} sent the certificate of {shown}, not that of {name}"
             return f"{place}: {REFUSED.format(ours=ours)}" if _ended(wrapped) else ""
     except ssl.SSLCertVerificationError as error:
         return f"{place}: its certificate is not trusted here: {error.verify_message}"
@@ -106,7 +106,7 @@ def _speaks_tls(place: str, line: socket.socket) -> str:
     except (ssl.SSLError, OSError) as error:
         if not isinstance(error, ssl.SSLError) or ALERT not in _openssl_code(error):
             return ""
-    return f"{place} speaks TLS: name the folder of certificates, [bus] pki, in the rig file"
+    return f"{place} speaks TLS: set the folder of certificates as [bus] pki in the rig file"
 
 
 def _words(error: ssl.SSLError) -> str:

@@ -98,7 +98,7 @@ class LinkSweeper:
                         self._queue.register(line.fileno(), select.EPOLLIN)
             if left:
                 if monotonic() > until_s:
-                    raise BusError(f"no listener of this program at port {min(left)}")
+                    raise BusError(f"this program does not listen at port {min(left)}")
                 sleep(LISTENS_LOOK_S)
         self._thread.start()
 

@@ -50,7 +50,7 @@ class MemoryBus:
     def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:
         """Send a request; see Bus. The reply comes at once, or never."""
         if question not in self._answerers:
-            raise BusError(f"nobody answers {question.service}/{question.name}")
+            raise BusError(f"no program answers {question.service}/{question.name}")
         replies: list[Message | str] = []
         self._answerers[question](question, request, replies.append)
         if not replies:

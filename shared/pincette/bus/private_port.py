@@ -42,7 +42,7 @@ class PrivatePort:
         until_s = monotonic() + LISTENS_S
         while (signed := self.sign_listener()) is None:
             if monotonic() > until_s:
-                raise BusError(f"no listener of this program at {self.host}:{self.port}")
+                raise BusError(f"this program does not listen at {self.host}:{self.port}")
             sleep(LOOK_S)
         return signed
 

@@ -76,7 +76,8 @@ class RefusedNumbers:
         times_s.append(self._clock())
         if len(times_s) == MANY and times_s[-1] - times_s[0] <= MANY_WITHIN_S:
             reason = (
-                f"{MANY} samples within {MANY_WITHIN_S:g} s had numbers that were taken already or "
-                f"lie ahead, the last was {seq}: a program beside the {producer} publishes them"
+                f"{MANY} samples within {MANY_WITHIN_S:g} s had numbers that were used "
+                f"already or lie ahead, the last was {seq}: another program than the "
+                f"{producer} publishes them"
             )
             self._refused.note(topic, reason, also=True)

@@ -79,7 +79,7 @@ class Joined:
         """
         keeper = self.guard or self._sweeper
         if keeper is None:
-            raise BusError("a session that does not listen refuses no connection")
+            raise BusError("a session that does not listen cannot refuse connections")
         return keeper.refused
 
     def _note(self, event: "zenoh.LinkEvent") -> None:
@@ -125,7 +125,7 @@ class Joined:
                 self.guard.close()
             self.session.close()
         except zenoh.ZError as error:  # it has waited for 10 s
-            log.warning("a session could not be closed, and is left: %s", error)
+            log.warning("a session could not be closed and is abandoned: %s", error)
         finally:
             late.cancel()
             if self._sweeper is not None:
@@ -203,8 +203,8 @@ def _opened(config: SessionConfig, tree: Mapping[str, Any], name: str) -> "zenoh
 def _not_joined(config: SessionConfig, name: str, error: Exception) -> BusError:
     if taken := [place for place in config.listen if is_taken(place)]:
         return BusError(
-            f"{name}: {', '.join(taken)} is in use: another rig, or the same rig for "
-            "the second time? Stop it, or give this rig another [bus] port"
+            f"{name}: {', '.join(taken)} is in use: by another rig, or by a second start of "
+            "this rig? Stop it, or give this rig another [bus] port"
         )
     if isinstance(error, OSError):
         return BusError(f"{name}: {error.strerror or error}. In the rig file: [bus] host and port")

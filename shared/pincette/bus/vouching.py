@@ -62,7 +62,7 @@ class Vouching:
             raise BusError(f"the certificate of {_name(shown)} was revoked")
         name, ends_s = _name(shown), float(ssl.cert_time_to_seconds(shown["notAfter"]))
         if ends_s <= self._time.now().timestamp():
-            raise BusError(f"the certificate of {name} has ended")
+            raise BusError(f"the certificate of {name} has expired")
         found = self._contexts.get((name, ends_s))
         if found is None:
             if len(self._contexts) >= MOST_KEPT:

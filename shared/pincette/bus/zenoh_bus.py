@@ -310,9 +310,9 @@ class ZenohBus:
         if trouble:
             raise BusError(f"{rig}: {place}: {trouble}")
         self._unanswered(rig, program, asked_s)
-        nobody = f"{rig}: nobody answers {place}: "
+        nobody = f"{rig}: no program answers {place}: "
         if self._is_absent(query, rig, program, at):
-            raise AbsentError(f"{nobody}there is a liveliness token and no program")
+            raise AbsentError(f"{nobody}there is a liveliness token but no program")
         raise BusError(f"{nobody}{self._why(query, rig, program, timeout_s)}")
 
     def _is_absent(self, query: Query, rig: str, program: str, place: str) -> bool:
@@ -338,7 +338,7 @@ class ZenohBus:
         if not query.finished:
             return f"no answer within {timeout_s:.3g} s; it may hang"
         # A request that an access list denies gets no reply.
-        allowed = f", and may {self._identity} ask it" if self._identity else ""
+        allowed = f", and may {self._identity} send it requests" if self._identity else ""
         return f"is it running{allowed}?{_foreign(query.ignored)}"
 
     def _unanswered(self, rig: str, program: str, asked_s: float) -> None:
@@ -361,9 +361,9 @@ class ZenohBus:
             try:
                 joined = open_session(self._config, self._name)
             except BusError as error:
-                log.warning("%s is alive and does not answer; %s", program, error)
+                log.warning("%s is alive but does not answer; %s", program, error)
                 return
-            log.warning("%s is alive and does not answer: the session is opened anew", program)
+            log.warning("%s is alive but does not answer: the session is opened again", program)
             before, self._joined, self._session = self._joined, joined, joined.session
             self._declared = [way(self._session) for way in self._ways]
         before.give_up()

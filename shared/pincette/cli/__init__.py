@@ -27,12 +27,12 @@ MEANINGS: Mapping[Exit, str] = {
     Exit.DONE: "done; a job that was followed has succeeded",
     Exit.FAILED: "refused or failed; a job that was followed has ended otherwise",
     Exit.USAGE: "the command line cannot be understood",
-    Exit.NO_ANSWER: "no answer of a supervisor",
+    Exit.NO_ANSWER: "no answer from a supervisor",
     Exit.NOT_READY: "the rig is latched or not ready; nothing has moved",
     Exit.LIMIT: "a limit of the rig would be broken; nothing has moved",
     Exit.GOAL_MISSED: "a job that was followed has succeeded, but missed its tolerances",
-    Exit.ROUTER_LOCKED: "a router that does not route any more has ended itself; start it again",
-    Exit.INTERRUPTED: "ended by Ctrl-C; a job that was followed goes on",
+    Exit.ROUTER_LOCKED: "a router that no longer forwarded messages has ended; start it again",
+    Exit.INTERRUPTED: "ended by Ctrl-C; a job that was followed continues",
 }
 
 
@@ -74,8 +74,9 @@ def chosen(given: Path | None) -> Path:
     if (ours := brought()) is not None:
         return ours
     raise CliError(
-        f"no rig file: {IN_A_CHECKOUT} is not in {working_folder()}. Name one with --rig FILE "
-        f"or in the environment variable {RIG_VARIABLE}, or work in a checkout of pincette"
+        f"no rig file: {IN_A_CHECKOUT} is not in {working_folder()}. Name one with --rig "
+        f"FILE or in the environment variable {RIG_VARIABLE}, or run the command in a "
+        "checkout of pincette"
     )
 
 
@@ -103,6 +104,6 @@ def opened(path: Path) -> "RigFile":
     try:
         rig = read_rig(path)
     except ConfigError as error:
-        raise CliError(f"{error}\nMend the file, or name another with --rig") from error
+        raise CliError(f"{error}\nCorrect the file, or name another with --rig") from error
     pki = os.environ.get(PKI)
     return rig.secured(Path(pki)) if pki else rig

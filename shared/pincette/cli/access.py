@@ -35,13 +35,13 @@ STATUSES = {  # exit status by the code of a refusal
     "limit-violation": Exit.LIMIT,
 }
 REMEDIES = (
-    "`pincette up` starts a rig with one, and starts it again where it has died",
-    "`pincette run supervisor` starts one alone, and touches neither loop nor part",
+    "`pincette up` starts a rig with one, and restarts it if it dies",
+    "`pincette run supervisor` starts only a supervisor; loop and part are not affected",
     "--url names another",
 )
 """Remedies for an address at which no supervisor answers."""
 SILENT_REMEDIES = (
-    "ask again: the supervisor may be busy",
+    "try again: the supervisor may be busy",
     "`pincette rigs` shows whether it replies at all; `pincette estop` stops the rig without it",
 )
 """Remedies for a connection without a reply."""
@@ -62,7 +62,7 @@ class Address(Json):
             "--url",
             envvar="PINCETTE_URL",
             show_envvar=False,
-            help="of the supervisor; $PINCETTE_URL if not given",
+            help="URL of the supervisor; $PINCETTE_URL if not given",
         ),
     ] = DEFAULT_URL
     key: Key = None

@@ -36,8 +36,8 @@ def bring_up(
         bool,
         Option(
             "--yes",
-            help="the bench is as the next step needs it: make it, accept it, and go on until "
-            "something else has to be done at the bench",
+            help="confirm that the bench is ready for the next step: run it, accept it, and "
+            "continue until the bench must be changed again",
         ),
     ] = False,
     skip: Annotated[
@@ -54,11 +54,13 @@ def bring_up(
         target.answer(found, lambda: show_checklist(found, screen()))
         return Exit.DONE
     if not (yes or sys.stdin.isatty()):
-        raise CliError("no terminal to ask at: --yes goes on by itself, --list only lists", 2)
+        raise CliError(
+            "no terminal for questions: --yes continues without them, --list only lists", 2
+        )
     console, left_out, ready = screen(), {*(skip or [])}, None
     _show_exchanges(rig.state(), console)
     if unknown := left_out - {step.calibration for step in found.steps}:
-        raise CliError(f"--skip: there is no calibration {', '.join(sorted(unknown))}", Exit.USAGE)
+        raise CliError(f"--skip: unknown calibration {', '.join(sorted(unknown))}", Exit.USAGE)
     show_checklist(found, console)
     while (step := _next(rig.checklist(), left_out)) is not None:
         needs = [need.code for need in step.needs]
@@ -128,12 +130,10 @@ def _made(target: Target, step: "ChecklistStep", console: "Console", *, yes: boo
     for reason in step.reasons:
         console.print(f"  {reason.text}", markup=False)
     if any(reason.code == "refused" for reason in step.reasons):
-        raise CliError("it would be refused: mend what is named, or leave it out with --skip")
+        raise CliError("it would be refused: correct what is named, or skip it with --skip")
     name = step.proposal
     if name is None:
-        if not yes and not _agreed(
-            f"{_needs(step.needs)}, then press Enter (or s to leave it out)"
-        ):
+        if not yes and not _agreed(f"{_needs(step.needs)}, then press Enter (or s to skip it)"):
             return False
         fields = {name: value for name, value in step.request.items() if name != "rig"}
         handle = target.rig().patient(FOLLOWED_S).start(fields.pop("kind"), **fields)
@@ -147,7 +147,9 @@ def _run(job: "JobHandle", console: "Console") -> None:
     """Follow the job of a calibration; raises CliError if it does not succeed."""
     ended = follow(job, console)
     if ended.state != "succeeded":
-        raise CliError(f"job {job.id} {ended.state}: {ended.cause}\n`pincette bring-up` tries anew")
+        raise CliError(
+            f"job {job.id} {ended.state}: {ended.cause}\n`pincette bring-up` tries again"
+        )
 
 
 def _decided(
@@ -161,7 +163,7 @@ def _decided(
         console.print(f"  {one.name} {one.value:.4g} {one.unit}: {one.meaning}", markup=False)
     for text in proposal.warnings:
         console.print(f"  [yellow]{text}[/yellow]")
-    accepted = yes or _agreed("Enter accepts these values (s discards them, and leaves this out)")
+    accepted = yes or _agreed("Enter accepts these values (s discards them and skips this step)")
     supervisor.decide(proposal.id, "accept" if accepted else "discard")
     return accepted
 
@@ -171,7 +173,9 @@ def _agreed(words: str) -> bool:
     try:
         return input(f"  {words}: ").strip().lower() not in ("s", "skip", "n", "no")
     except EOFError as error:
-        raise CliError("the terminal has gone; `pincette bring-up` goes on from here") from error
+        raise CliError(
+            "the terminal was closed; `pincette bring-up` continues from here"
+        ) from error
 
 
 def _needs(needs: "list[BenchNeed]") -> str:

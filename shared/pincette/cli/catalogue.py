@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 TABLES = {plugins.POSITION_SENSORS: "sensor", plugins.VOLTAGE_OUTPUTS: "output"}
 """Tables of the rig file that name a driver of each group."""
-MET = {True: "has met its instrument", False: "has not met its instrument"}
-UNSAID = "does not say whether it has met its instrument"
+MET = {True: "was tested with its instrument", False: "has not been tested with its instrument"}
+UNSAID = "does not state whether it was tested with its instrument"
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ def _law_lines(entry: EntryPoint) -> Iterator[str]:
             yield f"    cannot be used: {error}"
             return
     if law.arms > 1:
-        yield f"    of rigs with {law.arms} driven arms, which need not name it"
+        yield f"    for rigs with {law.arms} driven arms; used without being named"
     yield f"    {law.title}: {law.summary}"
     gains = (f"{gain.name} = {gain.default:g} {gain.unit}".rstrip() for gain in law.parameters)
     yield f"    gains: {', '.join(gains)}"
@@ -125,7 +125,7 @@ def show_topics(form: Json, name: str) -> None:
 
 
 def _print_topics(topics: dict[str, list[dict[str, str]]], console: "Console") -> None:
-    console.print("published, a MessagePack map a sample, units in the field names:")
+    console.print("published, one MessagePack map per sample, units in the field names:")
     rows = [(one["key"], one["message"], one["summary"]) for one in topics["published"]]
     console.print(table("key", "message", "meaning", rows=rows, right=()))
     console.print("\nrequested:")

@@ -32,7 +32,7 @@ def demo(
     form: Json,
     data: DataFolder = DATA,
     secure: Annotated[
-        bool, Option("--secure", help="over mutual TLS, with certificates for this once")
+        bool, Option("--secure", help="over mutual TLS, with temporary certificates")
     ] = False,
     new_arm: NewArm = False,
     everything: Everything = False,

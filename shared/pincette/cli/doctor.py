@@ -48,7 +48,10 @@ def doctor(
     ] = False,
     topics: Annotated[
         bool,
-        Option("--topics", help="check nothing: list the keys of a rig and what is sent over them"),
+        Option(
+            "--topics",
+            help="check nothing: list the bus keys of a rig and the messages sent over them",
+        ),
     ] = False,
 ) -> int:
     """Check everything; the exit status is 1 if something is missing."""
@@ -118,7 +121,7 @@ def findings(rig_path: Path, data: Path, consent: Consent | None = None) -> "Ite
     try:
         rig = opened(rig_path)
     except CliError as error:
-        yield Finding(False, str(error), "mend what is named, or name another with --rig")
+        yield Finding(False, str(error), "correct what is named, or name another file with --rig")
         return
     yield Finding(True, f"rig file {rig_path}: rig {rig.rig.name!r}, digest {rig.digest()}")
     yield from rig_findings(rig)
@@ -141,9 +144,13 @@ def findings(rig_path: Path, data: Path, consent: Consent | None = None) -> "Ite
         if consent is not None and all(finding.ok for finding in opened_instruments):
             yield moved(rig, consent)
     else:
-        yield Finding(True, "instruments: not checked, since a rig is up")
+        yield Finding(True, "instruments: not checked, since the rig is running")
         if consent is not None:
-            yield Finding(False, "direction: a rig is up, which moves the arm", "end it first")
+            yield Finding(
+                False,
+                "direction: not checked, since the rig is running and moves the arm",
+                "end it first",
+            )
 
 
 def moved(rig: "RigFile", consent: Consent) -> "Finding":
@@ -160,13 +167,13 @@ def moved(rig: "RigFile", consent: Consent) -> "Finding":
     from pincette.instruments.protocols import InstrumentError, PositionSensor, VoltageOutput
 
     question = (
-        f"The output will be raised by {MOVE_V:g} V within "
-        f"{MOVE_STEPS * STEP_S:g} s and brought back; the arm moves by some µm. Nothing must be "
-        "in its way. Go on? [y/n] "
+        f"The output will be raised by {MOVE_V:g} V within {MOVE_STEPS * STEP_S:g} s and "
+        "brought back; the arm moves by some µm. Nothing must be in its way. Continue? "
+        "[y/n] "
     )
     if not consent(question):
         what = "direction: not checked, since the motion was not confirmed"
-        return Finding(False, what, "answer y at a terminal, once the arm's way is clear")
+        return Finding(False, what, "answer y at a terminal, once nothing is in the arm's way")
     services = loop_services()
     sensor = opened_device(services["sensor"], rig)
     if isinstance(sensor, Finding):
@@ -179,4 +186,6 @@ def moved(rig: "RigFile", consent: Consent) -> "Finding":
             try:
                 return direction(rig, cast(PositionSensor, sensor), cast(VoltageOutput, output))
             except InstrumentError as error:
-                return Finding(False, f"direction: {error}", "see what the instrument shows")
+                return Finding(
+                    False, f"direction: {error}", "look at the display of the instrument"
+                )

@@ -48,13 +48,13 @@ ENDED_S = 4.0
 """Limit in s of the further wait for ways that have not ended after ``LIMIT_S``, for example on a
 heavily loaded machine, and of the wait for threads that are inside the bus after the result was
 printed."""
-POWER = "take the amplifier's power away unless you know that the rig is not up"
+POWER = "switch off the amplifier's power, unless you know that the rig is not running"
 URL = "PINCETTE_URL"
 ACTUATOR = "actuator"
 SUPERVISOR, STRAIGHT = "through the supervisor", "at the actuator"
 T = TypeVar("T")
 
-ABOUT = "stop every rig at once, or one: over REST and straight at the actuators"
+ABOUT = "stop every rig at once, or one: over REST and directly at the actuators"
 OPTIONS = (
     Option("--rig", "FILE", "rig file"),
     Option("--json", "", "answer in JSON on standard output"),
@@ -157,7 +157,7 @@ class EmergencyStop:
             if known is not None and known.isascii() and known.isprintable() and " " not in known:
                 headers["Authorization"] = f"Bearer {known}"
             elif known is not None:
-                self.notes.append("the key cannot be sent: it is left out, as a stop needs none")
+                self.notes.append("the key cannot be sent: it is omitted, since a stop needs none")
             self._over_rest(address, headers, authority)
 
         self.attempts.start(SUPERVISOR, attempt)
@@ -200,18 +200,19 @@ class EmergencyStop:
                 self._direct_ended.wait(LOOK_S)
             if self.nobody_there and rig not in self.attempts.confirmed:
                 return (
-                    f"rig {rig} is reported as stopped, but nobody listens at its actuator's port: "
-                    "another program may have taken the supervisor's"
+                    f"rig {rig} is reported as stopped, but no program listens at its "
+                    "actuator's port: another program may have taken the supervisor's port"
                 )
         if rig in self.attempts.confirmed:
             return ""
         if reply.foreign_account:
             return (
-                f"rig {rig} is reported as stopped, but by a program of account "
-                f"{reply.foreign_account}: plain HTTP does not prove that it is the supervisor"
+                f"rig {rig} is reported as stopped, but by a program of the account "
+                f"{reply.foreign_account}: plain HTTP does not prove that it is the "
+                "supervisor"
             )
         self.notes.append(
-            f"rig {rig}: confirmed over plain HTTP alone, which does not prove who answers; "
+            f"rig {rig}: confirmed over plain HTTP only, which does not prove who answers; "
             "[supervisor] tls does"
         )
         return ""
@@ -379,7 +380,7 @@ def within(limit_s: float, read: Callable[[], T], otherwise: T, notes: list[str]
         try:
             found[0] = read()
         except (CliError, OSError, ValueError) as error:
-            notes.append(f"{error}: it is left out, as a stop needs none")
+            notes.append(f"{error}: it is omitted, since a stop needs none")
 
     thread = Thread(target=run, daemon=True)
     thread.start()

@@ -36,7 +36,7 @@ def label(text: str) -> tuple[str, str]:
     """Read a label in the form NAME=TEXT."""
     name, equals, value = text.partition("=")
     if not equals or not name:
-        raise BadParameter(f"{text!r} is no label: give NAME=TEXT, such as part=b12")
+        raise BadParameter(f"{text!r} is not a label: give NAME=TEXT, such as part=b12")
     return name, value
 
 
@@ -46,7 +46,7 @@ ID = "its id, or `last`"
 JobName = Annotated[str, Argument(metavar="JOB", help=ID)]
 Labels = Annotated[
     list[Any] | None,
-    Option("--label", parser=label, metavar="NAME=TEXT", help="kept with the job; repeatable"),
+    Option("--label", parser=label, metavar="NAME=TEXT", help="stored with the job; repeatable"),
 ]
 
 
@@ -74,7 +74,7 @@ SAID = [
     text_option("sample", "NAME", "what is gripped"),
     text_option("batch", "NAME", "its batch"),
     text_option("operator", "NAME", "who worked at the bench"),
-    text_option("notes", "TEXT", "a remark to keep with the job"),
+    text_option("notes", "TEXT", "remark to store with the job"),
 ]
 """Options of ``describe`` that are texts."""
 
@@ -94,7 +94,7 @@ def list_jobs(
             "--limit",
             metavar="N",
             parser=integer,
-            help=f"at most so many; {SHOWN} if not given, and all with --out",
+            help=f"maximum number of jobs; {SHOWN} if not given, and all with --out",
         ),
     ] = None,
     out: Annotated[
@@ -102,8 +102,8 @@ def list_jobs(
         Option(
             "--out",
             metavar="FILE",
-            help="write them as one table, with what was said and asked, and every figure: "
-            f"a name that ends in {' or '.join(FORMATS)}",
+            help="write them as one table, with labels, requests and all results: a name that "
+            f"ends in {' or '.join(FORMATS)}",
         ),
     ] = None,
     spreadsheet: ForSpreadsheet = None,

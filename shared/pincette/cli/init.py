@@ -36,7 +36,7 @@ def pair(text: str) -> tuple[str, Value]:
     """Read an option of a driver in the form NAME=VALUE."""
     name, equals, value = text.partition("=")
     if not equals or not name:
-        raise BadParameter(f"{text!r} is no option: give NAME=VALUE, such as baud=9600")
+        raise BadParameter(f"{text!r} is not an option: give NAME=VALUE, such as baud=9600")
     return name, _value(name, value)
 
 
@@ -65,7 +65,7 @@ def _asked(asked: Question) -> Value:
         try:
             text = input(shown).strip()
         except EOFError as error:
-            raise CliError("the terminal has gone; nothing is written") from error
+            raise CliError("the terminal was closed; nothing is written") from error
         if not text:
             return asked.default
         try:
@@ -102,7 +102,7 @@ def _side(side: str, answer: Answer, given: dict[str, Any], values: dict[str, Va
     values[side] = driver
     usual = str(getattr(module, "URL", FIRST_PORT))
     ports = ", ".join(str(port) for port in sorted(Path("/dev/serial/by-id").glob("*")))
-    where = f"here: {ports}" if ports else "a device, or socket://HOST:PORT; the driver's page"
+    where = f"here: {ports}" if ports else "a device, or socket://HOST:PORT; see the driver's page"
     values[f"{side}_url"] = answer(Question(f"{side}_url", f"where {words} is", "", usual, where))
     if side == "sensor":
         values |= {one.name: answer(one) for one in SENSOR}
@@ -142,7 +142,7 @@ def _options(
 def _on_silence(options: dict[str, Value], answer: Answer) -> Value:
     """Return the output's behaviour if its host falls silent; with a watchdog it is safe."""
     default = "safe" if options.get("watchdog_s") else "holds"
-    words = "what the output does if its host falls silent: safe, or holds"
+    words = "what the output does if its host sends nothing: safe, or holds"
     value = answer(Question("on_silence", words, "", default, "manual of the output"))
     if value not in ("safe", "holds"):
         raise CliError(f"on_silence = {value!r}: give safe or holds", Exit.USAGE)
@@ -151,7 +151,7 @@ def _on_silence(options: dict[str, Value], answer: Answer) -> Value:
 
 def _options_of_side(side: str, words: str) -> list[Parameter]:
     """Return the parameters of an instrument: driver, place, and the driver's own options."""
-    about = f"of the driver of {words}; repeatable"
+    about = f"option of the driver of {words}; repeatable"
     own = Option(f"--{side}-option", metavar="NAME=VALUE", parser=pair, help=about)
     return [
         text_option(side, "DRIVER", f"of {words}"),
@@ -177,7 +177,7 @@ def _option(asked: Question) -> Parameter:
     "init",
     [
         *(one for side, (_, words) in SIDES.items() for one in _options_of_side(side, words)),
-        text_option("on_silence", "safe|holds", "what the output does by itself then"),
+        text_option("on_silence", "safe|holds", "what the output does without its host"),
         *map(_option, NUMBERED),
     ],
 )
@@ -193,9 +193,9 @@ def init(
     from pincette.config.bench_form import ARM, PART, RIG, bench_file
 
     if path.exists():
-        raise CliError(f"{path} is there already: name another file, or move it away")
+        raise CliError(f"{path} exists already: name another file, or move it away")
     if not yes and not sys.stdin.isatty():
-        raise CliError("no terminal to ask at: --yes takes the defaults", Exit.USAGE)
+        raise CliError("no terminal for questions: --yes uses the defaults", Exit.USAGE)
     answer = _answers(given, ask=not yes)
     values: dict[str, Value] = {one.name: answer(one) for one in RIG}
     options = {side: _side(side, answer, given, values) for side in SIDES}

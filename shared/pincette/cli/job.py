@@ -50,7 +50,7 @@ ACTIONS: Mapping[ActionType, str] = {
     "resume": "resume a paused job",
     "stop": "stop a job; a held part stays held",
     "abort": "abort a job: the actuator goes to its safe state and latches",
-    "continue": "continue a job that waits for you",
+    "continue": "continue a job that waits for a person",
     "start": "start a job that was created and is ready",
 }
 SAID = ("sample", "batch", "operator", "notes")
@@ -62,10 +62,10 @@ STOPPED_S = 60.0
 NoWait = Annotated[
     bool, Option("--no-wait", help="print the id of the job, and do not wait for its end")
 ]
-Queue = Annotated[bool, Option("--queue", help="wait in the queue if another job has the rig")]
+Queue = Annotated[bool, Option("--queue", help="wait in the queue if another job uses the rig")]
 Asked = Annotated[
     str | None,
-    Argument(metavar="JOB", help="the job; a new one if not given"),
+    Argument(metavar="JOB", help="the job to act on; a new one if not given"),
 ]
 """Argument of a kind of job whose name is also that of an action."""
 
@@ -293,7 +293,10 @@ def learning(
         Option(
             "--erase",
             metavar=f"PROGRAM|{ALL}",
-            help="forget what this program has learned, or all: its next job begins anew",
+            help=(
+                "delete what this motion program has learned, or all; its next job starts "
+                "without it"
+            ),
         ),
     ] = None,
 ) -> None:
@@ -314,4 +317,4 @@ def learning(
         for one in found.programs
     ]
     shown = table("program", "motion", "learned", "cycles", "error by cycle / µm", rows=rows)
-    target.answer(found, shown if rows else "no program has learned anything yet")
+    target.answer(found, shown if rows else "no motion program has learned anything yet")

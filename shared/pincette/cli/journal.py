@@ -55,7 +55,7 @@ def backup(
             f"records are files of {data}, which `tar` copies"
         )
     if not journal.is_file():
-        raise CliError(f"{journal} is not there: name the folder with --data")
+        raise CliError(f"{journal} does not exist: name the folder with --data")
     draft = file.with_name(file.name + ".part")
     try:
         parent = file.absolute().parent
@@ -89,9 +89,10 @@ def _copy_journal(journal: Path, copy: Path) -> None:
             source.execute("SELECT count(*) FROM sqlite_schema").fetchone()
         except sqlite3.DatabaseError as error:
             raise CliError(
-                f"{journal} cannot be read: {error}; end the program that keeps it locked. If "
-                "there is none, its file system has no locks, as many network shares: copy the "
-                "folder to a local disk while no supervisor runs, and back up the copy"
+                f"{journal} cannot be read: {error}; end the program that keeps it locked. "
+                "If there is none, its file system has no locks, like many network shares: "
+                "copy the folder to a local disk while no supervisor runs, and back up the "
+                "copy"
             ) from error
         source.backup(target)
 
@@ -104,17 +105,19 @@ def restore(form: Json, file: File, data: DataFolder = DATA) -> None:
     kept.
     """
     if data.exists() and not data.is_dir():
-        raise CliError(f"{data} is no folder: name another with --data")
+        raise CliError(f"{data} is not a folder: name another with --data")
     if data.exists() and any(data.iterdir()):
         raise CliError(f"{data} is not empty: name another folder with --data, or move it away")
     if not file.is_file():
-        raise CliError(f"{file} is not there, or no file: name a backup of `pincette backup`")
+        raise CliError(
+            f"{file} does not exist or is not a file: name a backup of `pincette backup`"
+        )
     try:
         with patience("checking"):
             names = backup_file.restore(file, data, _read_keys)
     except backup_file.DAMAGED as error:
         raise CliError(
-            f"{file} cannot be restored, and nothing of it was kept: {error or 'it is damaged'}"
+            f"{file} cannot be restored, and nothing was written: {error or 'it is damaged'}"
         ) from error
     text = f"{data}: {len(names)} files; `pincette up --data {data}` starts a rig with them"
     form.answer({"data": str(data), "files": names}, text)
@@ -127,7 +130,7 @@ def _read_keys(folder: Path) -> None:
 
 def _verify(text: str) -> str:
     if text != VERIFY:
-        raise BadParameter(f"{text!r}: wanted {VERIFY} or nothing")
+        raise BadParameter(f"{text!r}: expected {VERIFY} or nothing")
     return text
 
 
@@ -145,7 +148,9 @@ def audit(
     ] = None,
     link: Annotated[
         str | None,
-        Option("--link", metavar="LINK", help="noted earlier: is it still in the log?"),
+        Option(
+            "--link", metavar="LINK", help="link noted earlier: check that it is still in the log"
+        ),
     ] = None,
 ) -> None:
     """List entries of the audit log, the newest first; or verify that it is whole."""
@@ -171,7 +176,7 @@ def _chain_words(chain: "AuditChain") -> str:
         return "the log is consistent, but the link is not in it: it was written again"
     noted = "" if chain.found is None else "; the link is in the log"
     return (
-        f"{chain.entries} entries, {chain.first} to {chain.newest}, each follows from the one "
+        f"{chain.entries} entries, {chain.first} to {chain.newest}, each linked to the one "
         f"before it{noted}. Note the newest link elsewhere: {chain.link}"
     )
 

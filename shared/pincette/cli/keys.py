@@ -22,7 +22,7 @@ from pincette.core import plugins
 
 SCOPE_HELP = "; ".join(f"{name}: {text}" for name, text in MEANINGS.items())
 SUPERVISOR = "supervisor"
-SOON = "a supervisor that uses this folder knows it within a second"
+SOON = "a supervisor that uses this folder accepts it within a second"
 LONGEST_DAYS = 36_500.0
 SHORTEST_PASSWORD, LONGEST_PASSWORD = 10, 200
 
@@ -49,7 +49,8 @@ def key_name(text: str) -> str:
     """Read the name of a key or a user from the command line; raises BadParameter."""
     if re.fullmatch(KEY_NAME, text) is None:
         raise BadParameter(
-            f"{text!r} is no name: a-z, 0-9, and behind the first . _ and -, 40 at most"
+            f"{text!r} is not a name: use a-z and 0-9, after the first character also . "
+            "_ and -, at most 40 characters"
         )
     return text
 
@@ -83,15 +84,15 @@ def add(
         bool,
         Option(
             "--password",
-            help="a user who signs in by name and password, in place of a key; the password is "
-            "asked for, or read from standard input",
+            help="make a user who signs in with name and password instead of a key; the password "
+            "is prompted for, or read from standard input",
         ),
     ] = False,
     data: DataFolder = DATA,
 ) -> None:
     """Make a key, which is shown once, or a user. From the first key on, keys are required."""
     if days is not None and not 0.0 < days <= LONGEST_DAYS:
-        raise CliError(f"--days {days:g} is not above 0 and at most {LONGEST_DAYS:g}", Exit.USAGE)
+        raise CliError(f"--days {days:g} must be above 0 and at most {LONGEST_DAYS:g}", Exit.USAGE)
     if password:
         if days is not None:
             raise CliError("--days: a user with a password does not expire", Exit.USAGE)
@@ -105,7 +106,7 @@ def add(
     form.answer({**view.model_dump(mode="json"), "key": key}, key)
     if not form.json:
         may = f"key {view.name!r} may {MEANINGS[view.scope]}; it is shown this once."
-        sys.stderr.write(f"{may} Kept as a digest in {data}: {SOON}\n")
+        sys.stderr.write(f"{may} Stored as a digest in {data}: {SOON}\n")
 
 
 def _password() -> str:
@@ -118,7 +119,7 @@ def _password() -> str:
         password = sys.stdin.readline().rstrip("\n")
     if not SHORTEST_PASSWORD <= len(password) <= LONGEST_PASSWORD:
         raise CliError(
-            f"the password has {len(password)} characters: give {SHORTEST_PASSWORD} to "
+            f"the password has {len(password)} characters: use {SHORTEST_PASSWORD} to "
             f"{LONGEST_PASSWORD}",
             Exit.USAGE,
         )

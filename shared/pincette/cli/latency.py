@@ -47,8 +47,8 @@ def latency(
         bool,
         Option(
             "--of-rig",
-            help="measure nothing: show lateness, age and execution time of the programs of a "
-            "rig since they were armed; in lockstep nothing is measured",
+            help="do not measure; show lateness, age and execution time of the programs of a rig "
+            "since they were armed (none in lockstep)",
         ),
     ] = False,
     seconds: Annotated[
@@ -66,7 +66,7 @@ def latency(
             "--period-s",
             parser=number_within("s", 1e-4, 1.0),
             metavar="T",
-            help="of the grid; several from 20 ms down to 1 ms if not given",
+            help="period of the grid; several from 20 ms down to 1 ms if not given",
         ),
     ] = None,
     load: Annotated[
@@ -178,9 +178,9 @@ def progress(for_s: float) -> "Generator[Report]":
 SHORTEST_S, DECADES, PER_DECADE = 1e-6, 5, 3
 BARS = " ▁▂▃▄▅▆▇█"
 RULE = (
-    f"A period T is supported where of at least {FEWEST} wake-ups p99.9 is late by no more than "
-    f"{LATE_SHARE:g} T and none by more than {LATEST_SHARE:g} T, and {HOPS} hops at their p99.9 "
-    f"take no more than {HOPS_SHARE:g} T."
+    f"A period T is supported if, of at least {FEWEST} wake-ups, p99.9 is late by no more "
+    f"than {LATE_SHARE:g} T and none by more than {LATEST_SHARE:g} T, and if {HOPS} hops "
+    f"take no more than {HOPS_SHARE:g} T at their p99.9."
 )
 
 

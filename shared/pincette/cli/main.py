@@ -44,13 +44,13 @@ The rig file is that of --rig, else of the environment variable {RIG_VARIABLE},
 else {IN_A_CHECKOUT} in a checkout. `pincette COMMAND --help` says more of each.
 """
 COMMANDS: Mapping[str, tuple[str, str]] = {
-    "up": ("up", "start every program of a rig on this machine; Ctrl-C ends them"),
-    "demo": ("demo", "start a rig, grip its part, show the result, end"),
-    "init": ("init", "ask for the data of a bench, and write its rig file"),
-    "doctor": ("doctor", "say what is missing for a rig, and how to get it"),
+    "up": ("up", "start every program of a rig on this machine; Ctrl-C stops them"),
+    "demo": ("demo", "start a rig, grip its part, show the result and stop"),
+    "init": ("init", "prompt for the data of a bench, and write its rig file"),
+    "doctor": ("doctor", "report what is missing for a rig, and how to get it"),
     "latency": (
         "latency",
-        "measure how punctual this machine is, and say which control period it supports",
+        "measure how punctual this machine is, and report which control period it supports",
     ),
     "plan": (
         "job",
@@ -66,22 +66,28 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "restore": ("journal", "restore a backup to a data folder; the folder must be empty"),
     "records": ("records", "download files of jobs, delete them, or replay a job"),
     "recipe": ("model", "save sets of parameters for parts; `job grip --recipe NAME` uses one"),
-    "bring-up": ("bring_up", "lead through the calibrations of a rig in their order"),
+    "bring-up": ("bring_up", "run the calibrations of a rig in their order, step by step"),
     "model": ("model", "show the model in use, and accept or discard proposals of calibrations"),
-    "learning": ("job", "show what programs have learned across their cycles, or erase it"),
+    "learning": ("job", "show what motion programs have learned over their cycles, or erase it"),
     "estop": (
         "plain_commands",
-        "stop every rig at once, or one: over REST and straight at the actuators",
+        "stop every rig at once, or one: over REST and directly at the actuators",
     ),
     "reset": ("safety", "clear the latch once the cause has been dealt with"),
     "rigs": ("rigs", "list the rigs of a supervisor: their state, and why no job can start"),
-    "rig": ("simulated", "operate a simulated rig: its part, weights, faults; alone: list them"),
+    "rig": (
+        "simulated",
+        "operate a simulated rig: its part, weights, faults; without arguments: list them",
+    ),
     "key": ("keys", "make, list and revoke keys and users of the REST interface"),
     "audit": (
         "journal",
         "list or verify who did what over REST, and who was refused; scope admin",
     ),
-    "security": ("security", "certificates: who is who on the bus, and so what each may do there"),
+    "security": (
+        "security",
+        "make, list and revoke certificates, which state who may do what on the bus",
+    ),
     "run": ("plain_commands", "run one program of a rig in the foreground"),
 }
 """Module and meaning of every command, in the order of the help."""

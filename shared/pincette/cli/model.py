@@ -153,7 +153,7 @@ def show_recipe(
     target: Target,
     name: Annotated[
         str | None,
-        Argument(metavar="NAME[@N]", help="its name, and a version of it; all if not given"),
+        Argument(metavar="NAME[@N]", help="name of a recipe, or NAME@VERSION; all if not given"),
     ] = None,
 ) -> None:
     """List the recipes, each with its newest version, or show one and its versions."""

@@ -37,7 +37,7 @@ Limit = Annotated[int, Option("--limit", metavar="N", parser=integer, help="at m
 
 
 DAYS = {"today": 0, "yesterday": 1}
-MOMENTS = "today, yesterday, 2026-03-01, 2026-03-01T14:30, or 7d and 12h for so long ago"
+MOMENTS = "today, yesterday, 2026-03-01, 2026-03-01T14:30, or an age such as 7d or 12h"
 AGO = {"d": "days", "h": "hours"}
 
 

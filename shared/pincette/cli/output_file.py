@@ -24,13 +24,16 @@ ForSpreadsheet = Annotated[
         "--spreadsheet",
         parser=choice(tuple(SEPARATORS)),
         metavar="|".join(SEPARATORS),
-        help="write UTF-8 with its mark and this separator; semicolon: with decimal commas",
+        help=(
+            "write UTF-8 with a byte-order mark and this separator; semicolon also uses "
+            "decimal commas"
+        ),
     ),
 ]
 
 NumbersAlone = Annotated[
     bool,
-    Option("--numbers", help="numbers alone, and a file of metadata that says what they mean"),
+    Option("--numbers", help="write numbers only, and a file of metadata that describes them"),
 ]
 NOT_BOTH = "give --numbers or --spreadsheet, not both"
 

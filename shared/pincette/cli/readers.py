@@ -36,7 +36,7 @@ def number_within(unit: str, least: float, most: float) -> Callable[[str], float
     def read(text: str) -> float:
         value = read_any(text)
         if not least <= value <= most:
-            raise unusable(text, unit, f"wanted {least:g} {unit} to {most:g} {unit}")
+            raise unusable(text, unit, f"expected {least:g} {unit} to {most:g} {unit}")
         return value
 
     return read
@@ -48,7 +48,7 @@ def integer(text: str) -> int:
         return numerals.whole(str(text))
     except ValueError as error:
         raise BadParameter(
-            f"{text!r} is no whole number: give digits without a unit, such as 5"
+            f"{text!r} is not a whole number: give digits without a unit, such as 5"
         ) from error
 
 

@@ -47,7 +47,7 @@ def get(
         list[str] | None,
         Argument(
             metavar="FILE",
-            help=f"all of them if not given; {SAMPLES} and {SNAPSHOT} are made when they are named",
+            help=f"all if not given; {SAMPLES} and {SNAPSHOT} are made only if named",
         ),
     ] = None,
     out: Out = None,
@@ -93,7 +93,7 @@ def replay(
             "--service",
             parser=choice(list(STEPS)),
             metavar="|".join(STEPS),
-            help="only this one; all if not given",
+            help="only this service; all if not given",
         ),
     ] = None,
 ) -> int:
@@ -144,7 +144,10 @@ def show_findings(path: Path, recording: "Recording", found: "list[Findings]") -
         if one.stopped:
             _say(f"{one.service}: replay stopped here: {one.stopped}")
         if one.clocked:
-            _say(f"{one.service}: {one.clocked} outputs by its own clock, which is not recorded")
+            _say(
+                f"{one.service}: {one.clocked} outputs that depend on its own clock, which "
+                "is not recorded"
+            )
     made = recording.about.get("pincette", __version__)
     if made != __version__ and not all(one.same for one in found):
         _say(f"recorded by pincette {made}, replayed by {__version__}")

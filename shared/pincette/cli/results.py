@@ -136,7 +136,7 @@ def _steady(errors: "SteadyErrors") -> list[tuple[str, str]]:
     return [
         ("steady errors", "for a part within the tolerances of the rig file:"),
         ("  position", f"{lowest_um:+.2f} to {highest_um:+.2f} µm"),
-        ("  force", f"{lowest_mN:+.2f} to {highest_mN:+.2f} mN, until the load finds the contact"),
+        ("  force", f"{lowest_mN:+.2f} to {highest_mN:+.2f} mN, until loading finds the contact"),
     ]
 
 

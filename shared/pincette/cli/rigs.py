@@ -133,7 +133,7 @@ def move_queued(
     target: Target,
     job: Annotated[str, Argument(metavar="JOB", help="the id of a waiting job")],
     place: Annotated[
-        Any, Argument(metavar="PLACE", parser=integer, help="its new place; 1 is the next")
+        Any, Argument(metavar="PLACE", parser=integer, help="its new position; 1 is the next")
     ],
 ) -> None:
     """Move a waiting job to another place in the queue."""
@@ -172,7 +172,7 @@ def _show_queue(handle: "RigHandle", rig: "Rig", console: "Console") -> None:
 def claimed(claim: "Claim | None") -> str:
     """Return, as text, who has claimed a rig, for how long, and for what purpose."""
     if claim is None:
-        return "nobody has claimed the rig"
+        return "the rig is not claimed"
     more = f": {claim.note}" if claim.note else ""
     return f"claimed by {claim.by} for another {claim.left_s:.0f} s{more}"
 
@@ -206,7 +206,7 @@ def give_back(
         bool,
         Option(
             "--force",
-            help="end the claim of somebody else; the audit log and an event say who did",
+            help="end the claim of another client; the audit log and an event state who did",
         ),
     ] = False,
 ) -> None:

@@ -17,7 +17,8 @@ from pincette.engine import logs
 
 ABOUT = "run one program of a rig in the foreground"
 COMPOSED = (
-    "or a composed program of [rig] composed in the rig file, as loop or estimator+controller"
+    "or a composed program from [rig] composed in the rig file, such as loop or "
+    "estimator+controller"
 )
 LISTEN = "PINCETTE_LISTEN"
 DATA = Path("data")
@@ -26,19 +27,22 @@ DATA = Path("data")
 OPTIONS = (
     Option("--rig", "FILE", "rig file"),
     Option("--data", "FOLDER", f"folder of records and logs; {DATA} if not given"),
-    Option("--pki", "FOLDER", f"certificates, else of ${PKI}; see `security`"),
+    Option("--pki", "FOLDER", f"folder of certificates; ${PKI} if not given; see `security`"),
     Option(
         "--listen",
         "ADDRESS",
-        f"where the router listens, else as in ${LISTEN}, or in [bus] of the rig file",
+        f"address at which the router listens; ${LISTEN} or [bus] of the rig file if not given",
     ),
     Option(
         "--log-format",
         "|".join(logs.FORMS),
-        f"text, or json, an object a line; that of {logs.VARIABLE} if not given, else text",
+        (
+            f"text, or json with one object per line; the value of {logs.VARIABLE} if not "
+            "given, else text"
+        ),
         choices=logs.FORMS,
     ),
-    Option("--exit-with-parent", "", "end when standard input closes"),
+    Option("--exit-with-parent", "", "stop when standard input closes"),
     Option("--delay-ms", "ms", "", hidden=True),
     Option("--delay-seed", "N", "", hidden=True),
 )
@@ -106,4 +110,6 @@ def program_name(text: str) -> str:
         raise ValueError(f"the program {text!r} is not installed: {command}")
     close = difflib.get_close_matches(text, programs())
     hint = f"did you mean {close[0]}? " if close else ""
-    raise ValueError(f"{text!r} is no program: {hint}wanted {', '.join(programs())}, {COMPOSED}")
+    raise ValueError(
+        f"{text!r} is not a program: {hint}expected {', '.join(programs())}, {COMPOSED}"
+    )

@@ -57,7 +57,7 @@ def alarms(
         int | None, Option("--before", metavar="ID", help="begin below this id")
     ] = None,
     every: Annotated[
-        bool, Option("--all", help="also alarms that have ended and were acknowledged")
+        bool, Option("--all", help="show also alarms that have ended and were acknowledged")
     ] = False,
     acknowledge: Annotated[
         list[Any] | None,
@@ -65,7 +65,7 @@ def alarms(
             "--acknowledge",
             parser=_alarm,
             metavar=f"ID|{ALL}",
-            help="say that you have seen this alarm, or all that are open; repeatable",
+            help="acknowledge this alarm, or all open ones; repeatable",
         ),
     ] = None,
 ) -> None:
@@ -86,7 +86,7 @@ def _acknowledge(target: Target, wanted: list[Any]) -> None:
         wanted = [one.id for one in found if one.acknowledged_at is None]
     seen = [supervisor.acknowledge(number) for number in wanted]
     lines = "\n".join(f"alarm {one.id}: {state(one)}" for one in seen)
-    target.answer(seen, lines, "no alarm waits to be acknowledged")
+    target.answer(seen, lines, "no alarm needs to be acknowledged")
 
 
 def _show_alarms(found: "AlarmList") -> None:

@@ -39,7 +39,7 @@ def _composed_program(text: str) -> str:
 def _positive_days(text: str) -> float:
     days = number("days")(text)
     if days <= 0.0:
-        raise CliError(f"--days {days:g}: wanted more than 0 days")
+        raise CliError(f"--days {days:g}: must be above 0")
     return days
 
 
@@ -49,7 +49,7 @@ Hosts = Annotated[
     Option(
         "--host",
         metavar="HOST",
-        help="name or address at which programs are reached, once for each; loopback if not given",
+        help="name or address at which programs can be reached; repeatable; loopback if not given",
     ),
 ]
 Composed = Annotated[
@@ -58,7 +58,7 @@ Composed = Annotated[
         "--composed",
         parser=_composed_program,
         metavar="PROGRAM",
-        help="one that composes services too, as loop or estimator+controller, once for each",
+        help="also for a composed program, such as loop or estimator+controller; repeatable",
     ),
 ]
 Days = Annotated[
@@ -68,7 +68,7 @@ Person = Annotated[str, Argument(metavar="PERSON", help="a name, all lower case"
 
 app = group()
 security_app = group(
-    "security", "certificates: who is who on the bus, and so what each may do there"
+    "security", "make, list and revoke certificates, which state who may do what on the bus"
 )
 app.add_typer(security_app)
 
@@ -95,7 +95,7 @@ def init(
         Option(
             "--rig",
             metavar="RIG",
-            help="its name, once for each rig; that of the rig file if not given",
+            help="name of a rig; repeatable; that of the rig file if not given",
         ),
     ] = None,
     hosts: Hosts = None,
@@ -126,7 +126,7 @@ def add(
 ) -> None:
     """Make certificates of another rig's programs, or of one that composes several of a rig's."""
     made = enrol(Folder(path), name, hosts or [], _now(), days, composed or [])
-    _print("made", made, "restart the router: it knows them from then on")
+    _print("made", made, "restart the router, which then accepts them")
 
 
 @command(security_app, "upstream")
@@ -163,7 +163,7 @@ def renew(
     path: Place,
     names: Annotated[
         list[str] | None,
-        Argument(metavar="WHO", help="as shown; all that end soon if not given"),
+        Argument(metavar="WHO", help="name as listed; all that expire soon if not given"),
     ] = None,
     days: Days = DAYS,
 ) -> None:
@@ -175,7 +175,7 @@ def renew(
     if wanted:
         _print("renewed", wanted, "restart each of these programs while its rig is idle")
     else:
-        print("none ends within 30 days")
+        print("none expires within 30 days")
 
 
 @command(security_app, "revoke")
@@ -184,7 +184,7 @@ def revoke(
     path: Place,
     name: Annotated[str | None, Argument(metavar="[NAME]", help="as shown")] = None,
     anew: Annotated[
-        bool, Option("--anew", help="begin an empty list in place of one that is lost or damaged")
+        bool, Option("--anew", help="start an empty list instead of one that is lost or damaged")
     ] = False,
 ) -> None:
     """Revoke the certificate of a person or a program; its links end within 2 s."""
@@ -200,7 +200,7 @@ def revoke(
         folder.revoke(who)
     else:
         folder.replace(who, _now(), DAYS)
-        rest = f"its certificate has changed: start it again with the new one; {rest}"
+        rest = f"its certificate has changed: restart it with the new one; {rest}"
     _print("revoked", (who,), rest)
 
 
@@ -210,7 +210,7 @@ def _begin_list_anew(folder: Folder) -> None:
     with suppress(SecurityError):
         raise CliError(
             f"{folder.path / REVOKED} is in order, with {len(read_revoked(folder.path))} "
-            "certificates; it is not written over"
+            "certificates; it is not overwritten"
         )
     begin_revoked(folder.path)
     print(

@@ -72,7 +72,7 @@ def read(words: list[str], after_s: float, for_s: float | None) -> "SimCommand":
     what, value = (*rest, "", "")[:2]
     wanted = SimCommand(target, what, _value(value) if value else None, after_s, for_s)
     if trouble := objection(wanted):
-        raise CliError(f"{trouble}; `pincette rig` lists what there is")
+        raise CliError(f"{trouble}; `pincette rig` lists all commands")
     return wanted
 
 
@@ -121,7 +121,10 @@ def rig(
     form: Json,
     words: Annotated[list[str] | None, Argument(metavar="WORD", help="target, what, value")] = None,
     after_s: Annotated[
-        float, Option("--after-s", parser=number("s"), metavar="s", help="from now on, in s")
+        float,
+        Option(
+            "--after-s", parser=number("s"), metavar="s", help="start of the fault in s from now"
+        ),
     ] = 0.0,
     for_s: Annotated[
         float | None,

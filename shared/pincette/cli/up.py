@@ -31,14 +31,15 @@ LogFormat = Annotated[
     Option(
         "--log-format",
         metavar="|".join(logs.FORMS),
-        help=f"text, or json, an object a line; that of {logs.VARIABLE} if not given, else text",
+        help=(
+            f"text, or json with one object per line; the value of {logs.VARIABLE} if not "
+            "given, else text"
+        ),
     ),
 ]
 NewArm = Annotated[
     bool,
-    Option(
-        "--new-arm", help="simulate a new arm; without it the arm of the last run is used again"
-    ),
+    Option("--new-arm", help="simulate a new arm instead of that of the last run"),
 ]
 WATCH_S = 0.3
 FIRST_NEWS_S, NEWS_S = 10.0, 5.0

@@ -55,7 +55,7 @@ def watch(
     after: Annotated[
         int | None,
         Option(
-            "--after", parser=integer, metavar="N", help="begin with the events after this number"
+            "--after", parser=integer, metavar="N", help="start with the events after this number"
         ),
     ] = None,
     everything: Everything = False,
@@ -69,7 +69,7 @@ def watch(
     else:
         doing, events = _of_rigs(target, after)
         if not target.json:
-            said = f"{doing}; events come as they happen, Ctrl-C ends\n"
+            said = f"{doing}; events are printed as they happen, Ctrl-C ends this\n"
             sys.stderr.write(fitted(said, sys.stderr))
     console = screen()
     for event in events:
@@ -147,8 +147,8 @@ def followed(job: "JobHandle", *, machine: bool, everything: bool = False) -> in
         follow_recorded(job, console)
     except KeyboardInterrupt:
         raise CliError(
-            f"no longer followed, but job {job.id} goes on: `pincette job stop {job.id}` stops "
-            "it, `pincette estop` stops the rig",
+            f"no longer followed, but job {job.id} continues: `pincette job stop {job.id}` "
+            "stops it, `pincette estop` stops the rig",
             Exit.INTERRUPTED,
         ) from None
     if machine:

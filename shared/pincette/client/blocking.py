@@ -39,7 +39,9 @@ def run(coroutine: Coroutine[Any, Any, R]) -> R:
     except StopIteration as done:
         return done.value
     coroutine.close()
-    raise RuntimeError("a call of the blocking client suspended: its connection is asynchronous")
+    raise RuntimeError(
+        "a call of the blocking client tried to wait: its connection is asynchronous"
+    )
 
 
 def _items(stream: AsyncGenerator[R]) -> Iterator[R]:

@@ -38,7 +38,7 @@ UNSENT = (httpx.ConnectError, httpx.ConnectTimeout, httpx.PoolTimeout)
 
 GATEWAY = (502, 503, 504)
 """Statuses with which a proxy reports that it cannot reach, or has lost, the supervisor."""
-LOOK = "look before you send it again"
+LOOK = "check this before you send it again"
 
 T = TypeVar("T")
 M = TypeVar("M", bound=BaseModel)
@@ -96,8 +96,9 @@ class Call(Generic[T]):
             return self.read(response)
         except (ValidationError, ValueError) as error:
             raise ForeignAnswerError(
-                f"{self.method} {response.request.url}: the answer cannot be read; what answers "
-                f"there is no supervisor, or one of another version ({_unreadable(error)})"
+                f"{self.method} {response.request.url}: the answer cannot be read; it does "
+                "not come from a supervisor, or from one of another version "
+                f"({_unreadable(error)})"
             ) from error
 
 
@@ -171,7 +172,7 @@ def identity_headers(
     if operator is not None:
         if not operator.isprintable() or not operator.strip() or len(operator) > OPERATOR_MAX:
             raise ValueError(
-                f"operator = {operator!r}: 1 to {OPERATOR_MAX} printable characters are wanted"
+                f"operator = {operator!r}: 1 to {OPERATOR_MAX} printable characters are required"
             )
         # A header carries only ASCII; characters with a meaning there are encoded, too.
         headers["X-Operator"] = quote(operator, safe=" ,;:!?()[]/@+*'&$=-_.~")
@@ -179,7 +180,7 @@ def identity_headers(
         if not _is_printable(key, KEY_MAX) or " " in key:
             # The message does not contain the key, which is a secret.
             raise ValueError(
-                f"the key is not valid: 1 to {KEY_MAX} characters without blanks are wanted"
+                f"the key is not valid: 1 to {KEY_MAX} characters without blanks are required"
             )
         headers["Authorization"] = f"Bearer {key}"
     if claim is not None:

@@ -224,7 +224,7 @@ def _not_reached(
     asked_mN = force_asked_mN(job)
     held = "no settled force" if force_mN is None else f"{force_mN:.2f} mN"
     within_mN = force_tolerance_mN(job, uncertainty_mN)
-    words = f"job {job.id} {job.state}: {held} held, {asked_mN:g} ± {within_mN:.2g} mN asked for"
+    words = f"job {job.id} {job.state}: {held} held, {asked_mN:g} ± {within_mN:.2g} mN requested"
     return ForceNotReachedError(words, job, force_mN=force_mN, asked_mN=asked_mN)
 
 
@@ -248,7 +248,7 @@ def _number(value: Any) -> float | None:
 def _latched(job: "AsyncJobHandle", rig: Rig) -> RigLatchedEndError:
     cause = rig.latch.words or rig.latch.cause
     words = f"job {job.id} {job.state}: rig {rig.name} is {rig.latch.state}: {cause}"
-    return RigLatchedEndError(f"{words}. A person must look, and reset it", job.job)
+    return RigLatchedEndError(f"{words}. A person must inspect the rig and reset it", job.job)
 
 
 async def _rig(transport: Transport, job: "AsyncJobHandle") -> Rig:

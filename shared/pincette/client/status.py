@@ -79,7 +79,7 @@ class RigWatch:
         self._turn = asyncio.Lock()
         self._rig: Rig | None = None
         self._heard_at_s = 0.0
-        self._why = f"rig {rig.name}: no reply of the supervisor yet"
+        self._why = f"rig {rig.name}: no reply from the supervisor yet"
 
     async def read(self) -> RigStatus:
         """Read the rig once, and return its state. A missing reply raises nothing."""
@@ -90,7 +90,7 @@ class RigWatch:
                 self._why = str(error)
             else:
                 self._rig, self._heard_at_s = rig, self._clock()
-                self._why = f"rig {rig.name}: no reply of the supervisor for {NEWS_S:g} s"
+                self._why = f"rig {rig.name}: no reply from the supervisor for {NEWS_S:g} s"
         return self.status
 
     @property

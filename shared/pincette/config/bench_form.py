@@ -32,7 +32,13 @@ RIG = (
     Question(
         "name", "name of the rig, in records and at the supervisor", "", "bench", "you choose it"
     ),
-    Question("period_s", "time between two samples", "s", 0.02, "doctor says if it is too short"),
+    Question(
+        "period_s",
+        "time between two samples",
+        "s",
+        0.02,
+        "`pincette doctor` reports if it is too short",
+    ),
 )
 SENSOR = (
     Question("sensor_min_um", "lowest reading", "µm", -9999.0, "the measuring range of the head"),
@@ -61,10 +67,18 @@ ARM = (
         "free stroke over blocking force; `compliance` measures it",
     ),
     Question(
-        "position_min_um", "lowest position of the tip", "µm", -30.0, "free way; at 0 V it is 0"
+        "position_min_um",
+        "lowest position of the tip",
+        "µm",
+        -30.0,
+        "range of free motion; the position is 0 at 0 V",
     ),
     Question(
-        "position_max_um", "highest position of the tip", "µm", 90.0, "the free way of the arm"
+        "position_max_um",
+        "highest position of the tip",
+        "µm",
+        90.0,
+        "range of free motion of the arm",
     ),
     Question("force_max_mN", "highest force", "mN", 40.0, "the smaller load limit of arm and part"),
     Question(
@@ -99,7 +113,11 @@ PART = (
         "the gap, seen in the microscope; `contact_stiffness` measures it",
     ),
     Question(
-        "contact_tolerance_um", "how far off that may be", "µm", 3.0, "how well the part is placed"
+        "contact_tolerance_um",
+        "largest error of that position",
+        "µm",
+        3.0,
+        "accuracy of placing the part",
     ),
     Question(
         "stiffness_mN_per_um",
@@ -175,8 +193,8 @@ def bench_file(values: dict[str, Value], options: dict[str, list[str]]) -> str:
     low_V, high_V = float(values.pop("arm_min_V")), float(values.pop("arm_max_V"))
     if not (gain > 0.0 and high_V > low_V):
         raise ConfigError(
-            f"a gain of {gain:g} and {low_V:g} V to {high_V:g} V at the arm make no range: the "
-            "gain is above 0, and the highest voltage above the lowest"
+            f"a gain of {gain:g} and {low_V:g} V to {high_V:g} V at the arm give no range: "
+            "the gain must be above 0, and the highest voltage above the lowest"
         )
     shown = {name: json.dumps(value, ensure_ascii=False) for name, value in values.items()}
     rounded = {

@@ -175,8 +175,9 @@ def _observer(model: Model, period_s: float, noise_um: float) -> ForceObserver:
     least_s = least_period_s(omega_n)
     if period_s < least_s:
         raise ValueError(
-            f"period_s = {period_s} s is below {least_s:.5f} s, two periods of the mode, and "
-            'its ring would be read as force; choose "smooth", "inverse_dynamics" or "kalman"'
+            f"period_s = {period_s} s is below {least_s:.5f} s, two periods of the mode, so "
+            'that its ringing would be read as force; choose "smooth", "inverse_dynamics" '
+            'or "kalman"'
         )
     printed = model.force_ages == "printed"
     return QuasiStatic(

@@ -28,7 +28,7 @@ def _reachable(url: str) -> str:
             return url
     except ValueError:
         pass
-    raise ValueError("wanted socket://HOST:PORT with a port from 1 to 65535, or a device")
+    raise ValueError("expected socket://HOST:PORT with a port from 1 to 65535, or a device")
 
 
 Url = Annotated[str, AfterValidator(_reachable)]

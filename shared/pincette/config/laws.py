@@ -31,7 +31,7 @@ def law_definition(scheme: str) -> LawDefinition:
         )
     if not isinstance(found, LawDefinition) or found.name != scheme:
         wanted = f"a LawDefinition named {scheme!r}"
-        raise ValueError(f"control law {scheme!r} cannot be used: its entry is not {wanted}")
+        raise ValueError(f"control law {scheme!r} cannot be used: its entry point is not {wanted}")
     return found
 
 

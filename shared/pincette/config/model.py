@@ -155,7 +155,7 @@ class IdentifiedFreeResponse(Table):
         self.growth()
         if self.taught_V is not None and not self.taught_V[0] < self.taught_V[1]:
             least_V, largest_V = self.taught_V
-            raise ValueError(f"taught_V = [{least_V}, {largest_V}], must be ascending")
+            raise ValueError(f"taught_V = [{least_V}, {largest_V}]: must be ascending")
         return self
 
     @classmethod
@@ -374,8 +374,8 @@ class Model(Table):
     def _printed_ages_are_quasi_static(self) -> "Model":
         if self.force_ages == "printed" and self.force_observer != "quasi_static":
             raise ValueError(
-                f'force_ages = "printed" with force_observer = "{self.force_observer}": '
-                'only "quasi_static" has the ages that are printed'
+                f'force_ages = "printed" with force_observer = "{self.force_observer}": only '
+                '"quasi_static" has the printed ages'
             )
         return self
 
@@ -383,8 +383,8 @@ class Model(Table):
     def _one_free_response(self) -> "Model":
         if self.free_response is not None and self.recorded_response is not None:
             raise ValueError(
-                "[model.free_response] and [model.recorded_response] are both there: leave "
-                "out the one that x_1 does not use"
+                "[model.free_response] and [model.recorded_response] are both given: omit "
+                "the one that x_1 does not use"
             )
         return self
 

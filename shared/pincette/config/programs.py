@@ -20,7 +20,7 @@ def _place(text: str) -> str:
             return text
     except ValueError:
         pass
-    raise ValueError("wanted HOST:PORT with a port from 1 to 65535")
+    raise ValueError("expected HOST:PORT with a port from 1 to 65535")
 
 
 Place = Annotated[str, AfterValidator(_place)]
@@ -55,8 +55,8 @@ class Bus(BusAddresses, Table):
     def _one_way(self) -> "Bus":
         if self.upstream is not None and self.router is not None:
             raise ValueError(
-                "router and upstream: a rig joins another router, or has one of its own that "
-                "connects upstream; leave one of them out"
+                "router and upstream exclude each other: a rig joins another router, or has "
+                "its own, which connects upstream"
             )
         return self
 
@@ -150,8 +150,9 @@ class Sila(Table):
         require_certificate(self.host, self.certificate, "others could move the arm")
         if not (self.login or _is_loopback(self.host)):
             raise ValueError(
-                f"host = {self.host!r} without a login: whoever reaches it could move the arm with "
-                "this server's own key; state `login = true`, or listen on 127.0.0.1"
+                f"host = {self.host!r} without a login: anyone who can reach it could move "
+                "the arm with this server's own key; state `login = true`, or listen on "
+                "127.0.0.1"
             )
         return self
 

@@ -34,14 +34,16 @@ def read_rig(path: Path) -> RigFile:
     base = tables.pop(BASE, None)
     if base is not None:
         if not isinstance(base, str):
-            raise ConfigError(f"rig file {path}:\n  base = {base!r}: wanted the name of a rig file")
+            raise ConfigError(
+                f"rig file {path}:\n  base = {base!r}: expected the name of a rig file"
+            )
         below = read_tables(path_beside(path, base))
         if BASE in below:
             raise ConfigError(f"rig file {path}:\n  base = {base!r}: that file has a base itself")
         try:
             tables = laid_over(_fitting(below, tables), tables)
         except RecursionError as error:
-            raise ConfigError(f"rig file {path}: tables within tables without end") from error
+            raise ConfigError(f"rig file {path}: tables are nested too deeply") from error
     try:
         rig = parse_rig(tables)
         _check_zeros(rig)
@@ -66,8 +68,8 @@ def _check_zeros(rig: RigFile) -> None:
         if "zero_s" in table.model_fields_set and table.zero_s < least_s - ROUNDING * period_s:
             raise ConfigError(
                 f"  {name}.zero_s = {table.zero_s:g} s: below {least_s:g} s, {ZERO_PERIODS} "
-                f"periods of {1e3 * period_s:g} ms, which a zero of the force is made of; choose "
-                f"{least_s:g} s or more, or leave it out"
+                f"periods of {1000.0 * period_s:g} ms, which are needed for a zero of the "
+                f"force; choose {least_s:g} s or more, or omit it"
             )
 
 

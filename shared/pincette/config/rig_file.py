@@ -34,7 +34,9 @@ def _apart(programs: tuple[str, ...]) -> tuple[str, ...]:
     for service in LOOP:
         having = [name for name in programs if service in member_services(name)]
         if len(having) > 1:
-            raise ValueError(f"{service} is in {having[0]!r} and in {having[1]!r}: wanted in one")
+            raise ValueError(
+                f"{service} is in {having[0]!r} and in {having[1]!r}: it must be in one"
+            )
     return programs
 
 
@@ -131,28 +133,29 @@ class RigFile(Table):
         interval_s, period_s = self.shaping_s, self.rig.period_s
         if self.second is not None and (interval_s or self.second.output.shaping):
             raise ValueError(
-                "[output] shaping = true on a rig of two arms: their outputs do not share a clock; "
-                "leave shaping out, and fit an RC of 3.3 ms before each amplifier"
+                "[output] shaping = true on a rig of two arms: their outputs do not share a "
+                "clock; omit shaping, and fit an RC of 3.3 ms before each amplifier"
             )
         if interval_s is None:
             if self.output.shaping_interval_s is not None:
                 raise ValueError(
-                    "[output] shaping_interval_s is given without shaping = true: add that, or "
-                    "leave the interval out"
+                    "[output] shaping_interval_s is given without shaping = true: add that, "
+                    "or omit the interval"
                 )
             return self
         observer = self.model.force_observer
         if observer != "quasi_static":
             raise ValueError(
                 f'[output] shaping = true with model.force_observer = "{observer}", which '
-                'counts on steps of one part: choose "quasi_static", or leave shaping out'
+                'assumes unshaped steps: choose "quasi_static", or omit shaping'
             )
         delay_s = self.model.output(period_s).delay_s
         if delay_s + LAST * interval_s >= period_s:
             raise ValueError(
-                f"[output] shaping = true: the last part of a step is written "
-                f"{1e3 * (delay_s + LAST * interval_s):.2f} ms after its sample, must be below the "
-                f"period of {1e3 * period_s:g} ms: choose a longer period, or leave shaping out"
+                "[output] shaping = true: the last part of a step is written "
+                f"{1000.0 * (delay_s + LAST * interval_s):.2f} ms after its sample, must be "
+                f"below the period of {1000.0 * period_s:g} ms: choose a longer period, or "
+                "omit shaping"
             )
         return self
 

@@ -38,11 +38,11 @@ def _link_faults(quantity: str, limit: float) -> tuple[Operation, ...]:
     """Return faults of an instrument or its line; ``quantity`` is the unit of its values."""
     late = ("s", 0.0, LONGEST_DELAY_S)
     return (
-        Operation("off", "is silent, as unplugged", "1: its socket hangs up too", 0.0, 1.0, 0.0),
+        Operation("off", "is silent, as unplugged", "1: its socket is closed too", 0.0, 1.0, 0.0),
         Operation("garbage", "answers random bytes"),
-        Operation("wrong", "is off by an offset", quantity, -limit, limit),
+        Operation("wrong", "is wrong by an offset", quantity, -limit, limit),
         Operation("slow", "answers late", *late),
-        Operation("delayed", "shows, or puts out, the value of some time ago", *late),
+        Operation("delayed", "shows, or puts out, an old value", *late),
         Operation("intermittent", "loses exchanges", "share of them", 0.0, 1.0),
         Operation("heal", "ends every fault of this target", lasts=False),
     )
@@ -67,7 +67,7 @@ OPERATIONS: dict[str, tuple[Operation, ...]] = {
         Operation(
             "place",
             "is put between the arms",
-            "µm, arm at first touch; not given: where the last one was",
+            "position of the arm at first touch, in µm; that of the last part if not given",
             -1e4,
             1e4,
             lasts=False,
@@ -78,8 +78,8 @@ OPERATIONS: dict[str, tuple[Operation, ...]] = {
     "weight": (
         Operation(
             "hang",
-            "hangs on the tip, pulls against closing",
-            "mN, 0 takes it off",
+            "hangs on the tip and pulls against closing",
+            "weight in mN; 0 removes it",
             -1e3,
             1e3,
             lasts=False,

@@ -73,8 +73,8 @@ def check_arms(
             if getattr(simulation, name, None) is not None:
                 raise _refused(
                     ("simulation", name),
-                    "given without [second]: this rig has one driven arm; add [second.sensor] and "
-                    f"[second.output], or leave [simulation.{name}] out",
+                    "given without [second]: this rig has one driven arm; add "
+                    f"[second.sensor] and [second.output], or omit [simulation.{name}]",
                 )
         for number, order in enumerate(() if simulation is None else simulation.script):
             if order.target in OF_SECOND:
@@ -107,8 +107,8 @@ def _check_line(name: str, first: Sensor | Output, other: Sensor | Output) -> No
         if wanted != given:
             raise _refused(
                 ("second", name, key),
-                f"is {given!r} where [{name}] has {wanted!r}, and both are at {first.url!r}: give "
-                "the same, since they share the line, or another url",
+                f"is {given!r} where [{name}] has {wanted!r}, and both are at {first.url!r}: "
+                "use the same value, since they share the line, or another url",
                 given,
             )
 

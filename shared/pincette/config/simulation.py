@@ -290,7 +290,7 @@ class Simulation(Table):
         """
         if self.hysteresis is None:
             raise ValueError(
-                "the simulated arm has relays: give [simulation.hysteresis] in the place of "
+                "the simulated arm has relays: give [simulation.hysteresis] instead of "
                 "[simulation.relays]"
             )
         return self.hysteresis

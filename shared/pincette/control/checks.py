@@ -21,7 +21,9 @@ def require_not_negative(quantity: str, value: float, unit: str) -> float:
 def require_as_many(quantity: str, values: Sized, other: str, others: Sized) -> None:
     """Raise ValueError unless both have the same number of values."""
     if len(values) != len(others):
-        raise ValueError(f"{len(values)} {quantity} for {len(others)} {other}, must be as many")
+        raise ValueError(
+            f"{len(values)} {quantity} for {len(others)} {other}, must be equal in number"
+        )
 
 
 def _refusal(quantity: str, value: float, unit: str, limit: str) -> str:

@@ -34,7 +34,7 @@ def temporary_folder() -> Generator[Path]:
     except OSError as error:
         raise OSError(
             error.errno,
-            f"no temporary folder can be made ({error}): free space there, or name another "
+            f"no temporary folder can be made ({error}): free space there, or set another "
             "folder in the environment variable TMPDIR",
         ) from error
     with made as name:
@@ -58,8 +58,8 @@ def decoded(content: bytes) -> str:
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         raise EncodingError(
-            f"it is not UTF-8: byte 0x{content[error.start]:02X} in line {line}; save it as UTF-8. "
-            f"Where it came from an older Windows program: {_remedy('WINDOWS-1252')}"
+            f"it is not UTF-8: byte 0x{content[error.start]:02X} in line {line}; save it as "
+            f"UTF-8. If it comes from an older Windows program: {_remedy('WINDOWS-1252')}"
         ) from error
 
 

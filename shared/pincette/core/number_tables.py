@@ -157,17 +157,17 @@ def _places(at: int, header: Sequence[str], names: Sequence[str]) -> list[int]:
     if len(header) != len(names):
         raise FileError(
             f"line {at}: {len(header)} columns, none or several of them named "
-            f"{_wanted(names)}: name each of these once, or keep these columns alone"
+            f"{_wanted(names)}: name each of these once, or keep only these columns"
         )
     for title, name in zip(header, names, strict=True):
         stated = _stated_unit(title)
         if stated not in ("", unit_of(name)):
             raise FileError(
-                f"line {at}: column {title!r} states {stated!r}, wanted {unit_of(name)}: give "
-                f"{_wanted(names)} in this order, in {' and '.join(map(unit_of, names))}"
+                f"line {at}: column {title!r} states {stated!r}, expected {unit_of(name)}: "
+                f"give {_wanted(names)} in this order, in {' and '.join(map(unit_of, names))}"
             )
         if any(bare(other) == _word(title) for other in names if other != name):
-            raise FileError(f"line {at}: column {title!r} is in the place of {name}")
+            raise FileError(f"line {at}: column {title!r} is in the position of {name}")
     return list(range(len(names)))
 
 

@@ -49,7 +49,7 @@ def whole(text: str) -> int:
     """Return the whole number that a text states; raises ValueError as ``number`` does."""
     stripped = text.strip()
     if len(stripped) > MOST_DIGITS or not WHOLE.fullmatch(stripped):
-        raise ValueError("give a whole number of digits alone, such as 5")
+        raise ValueError("give a whole number in digits only, such as 5")
     return int(stripped.replace("−", "-"))
 
 
@@ -77,7 +77,7 @@ def items(text: str) -> list[str]:
     found = stripped.split()
     if len(found) > 1:
         if any(item.startswith(",") or item.endswith(",") for item in found):
-            raise ValueError(f"a comma stands at the edge of a number: {LIST_HINT}")
+            raise ValueError(f"a number begins or ends with a comma: {LIST_HINT}")
         if any(GROUP.fullmatch(item) for item in found):
             raise ValueError(f"the spaces may be thousands separators: {LIST_HINT}")
         return found

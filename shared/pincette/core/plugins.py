@@ -76,8 +76,8 @@ def resolve(reference: str, of: type[T], what: str) -> T:
     # A module from outside may fail in any way, or end the program, while it is imported.
     except (Exception, SystemExit) as error:
         raise PluginError(
-            f"{what}: {reference} cannot be imported: {type(error).__name__}: {error}; mend its "
-            "package, or uninstall it"
+            f"{what}: {reference} cannot be imported: {type(error).__name__}: {error}; "
+            "correct its package, or uninstall it"
         ) from error
     if not isinstance(found, of):
         raise PluginError(f"{what}: {reference} is not of the class {of.__name__}")

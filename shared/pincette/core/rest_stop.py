@@ -217,7 +217,7 @@ def _confirmed(url: str, only: str | None, status: int, tree: object) -> RestSto
         else []
     )
     if not stopped or not all(stopped) or (only is not None and stopped != [only]):
-        raise RestStopError(f"{url} answers with status 200, but not as a supervisor does")
+        raise RestStopError(f"{url} answers with status 200, but not like a supervisor")
     return RestStop(tuple(stopped))
 
 

@@ -81,7 +81,7 @@ TELEMETRY = Topic(
     "telemetry",
     messages.Telemetry,
     "controller",
-    "references and sliding function; between jobs the last sample of the last program",
+    "references and sliding function; between jobs the last sample of the last motion program",
     published=("job",),
 )
 GROUND_TRUTH = Topic(
@@ -145,7 +145,7 @@ LEASE = Request(
     "controller",
     messages.Lease,
     messages.Ack,
-    "extend the time for which the program may play",
+    "extend the time for which the motion program may run",
 )
 IDLE = Request("idle", "sensor", messages.Idle, messages.Ack, "sample slowly until the next arming")
 TRIP = Request("trip", "actuator", messages.Trip, messages.Ack, "go to the safe state, latch")

@@ -9,7 +9,7 @@ from typing import Any
 
 KNOWN: Mapping[str, str] = {
     "missing": "is missing: state it",
-    "extra_forbidden": "is not a known name: leave it out",
+    "extra_forbidden": "is not a known name: omit it",
     "greater_than": "must be above {gt:g}{unit}",
     "greater_than_equal": "must be {ge:g}{unit} or more",
     "less_than": "must be below {lt:g}{unit}",
@@ -29,7 +29,7 @@ KNOWN: Mapping[str, str] = {
     "enum": "must be {expected}",
     "none_required": "must be null",
     "union_tag_invalid": "must be one of {expected_tags}",
-    "timezone_aware": "must state its time zone, as 2026-03-01T12:00:00Z",
+    "timezone_aware": "must state its time zone, such as 2026-03-01T12:00:00Z",
     "json_invalid": "is not JSON: {error}",
     "law": "{text}",
 }

@@ -7,7 +7,7 @@ from pincette.core.faults import Cause, Fault, FaultCode
 from pincette.core.messages import Applied, Status
 
 TEXTS: Mapping[FaultCode, str] = {
-    FaultCode.NO_ACQUISITION: "the buffered acquisition has brought no sample",
+    FaultCode.NO_ACQUISITION: "the buffered acquisition has delivered no sample",
     FaultCode.READING_NOT_FINITE: "position {x_um} µm is not a number",
     FaultCode.READING_OUT_OF_RANGE: (
         "position {x_um:.3f} µm is outside the sensor's range {minimum_um:g}..{maximum_um:g} µm"
@@ -19,10 +19,10 @@ TEXTS: Mapping[FaultCode, str] = {
         "sensor stuck: {x_um:.3f} µm in {samples:.0f} samples while the voltage moved"
     ),
     FaultCode.MEMORY_UNKNOWN: (
-        "the earlier voltages of the arm are not known, from before the estimator's start "
-        "or from a failure of the output: x_1 may err by {error_um:.2f} µm beyond "
-        "{highest_V:.2f} V, which the uncertainty of the force includes; a grip, or a move "
-        "of the empty arm to as high a voltage, ends this"
+        "the earlier voltages of the arm are not known, since the estimator was started or "
+        "the output failed: x_1 may err by {error_um:.2f} µm beyond {highest_V:.2f} V, "
+        "which the uncertainty of the force includes; a grip, or a move of the empty arm to "
+        "that voltage, ends this state"
     ),
     FaultCode.MODEL_MISMATCH: (
         "the stroke of the arm has changed by {change_percent:+.2f} % since its calibration, "
@@ -34,18 +34,18 @@ TEXTS: Mapping[FaultCode, str] = {
     ),
     FaultCode.NO_APPLIED_VOLTAGE: "no voltage for the sample before",
     FaultCode.FORCES_DISAGREE: (
-        "both arms hold one part, and their forces differ by {difference_mN:.2f} mN, stated "
-        "±{uncertainty_mN:.2f} mN: the free response of one arm is wrong, or something else holds "
-        "the part; calibrate free_response of both"
+        "both arms hold one part, and their forces differ by {difference_mN:.2f} mN, with "
+        "an uncertainty of ±{uncertainty_mN:.2f} mN: the free response of one arm is wrong, "
+        "or something else holds the part; calibrate free_response of both"
     ),
     FaultCode.ZERO_PART_HELD: "zero refused: a part is held, and its force would be zeroed",
     FaultCode.ZERO_TOO_FEW_SAMPLES: (
         "zero refused: {samples:.0f} samples of rest, must be {wanted_samples:.0f}"
     ),
     FaultCode.ZERO_NOT_SETTLED: (
-        "zero refused: the arm has not settled, it spread over {spread_um:.3f} µm in "
-        "{samples:.0f} samples, limit {limit_um:.3g} µm at a noise of {noise_um:.3g} µm: let the "
-        "arm come to rest, or calibrate `noise` where the sensor is noisier than that"
+        "zero refused: the arm has not settled, it moved by {spread_um:.3f} µm in "
+        "{samples:.0f} samples, limit {limit_um:.3g} µm at a noise of {noise_um:.3g} µm: "
+        "let the arm come to rest, or calibrate `noise` if the sensor is noisier than that"
     ),
     FaultCode.ZERO_BEYOND_FIRST_TOUCH: (
         "zero refused: the arm rests at {x_um:.3f} µm, where it may touch the part, "
@@ -56,15 +56,15 @@ TEXTS: Mapping[FaultCode, str] = {
         "by {back_um:.3f} µm since, limit {limit_um:.3f} µm"
     ),
     FaultCode.ZERO_OFFSET: (
-        "zero refused: the offset would change by {change_um:.3f} µm, limit {limit_um:.3f} µm "
-        "after {travel_um:.1f} µm of travel, and hide what pushes the arm: see that nothing "
-        "touches it, then send zero_confirmed = true"
+        "zero refused: the offset would change by {change_um:.3f} µm, limit {limit_um:.3f} "
+        "µm after {travel_um:.1f} µm of travel, and hide what pushes the arm: make sure "
+        "that nothing touches it, then send zero_confirmed = true"
     ),
     FaultCode.ZERO_FIRST_OFFSET: (
-        "zero refused: the offset would change by {change_um:.3f} µm, limit {limit_um:.3f} µm "
-        "after {travel_um:.1f} µm of travel; without a zero since the arming, x_1 counts from "
-        "where the arm was found: if it touched something there, take that away or open the "
-        "gripper, and arm again"
+        "zero refused: the offset would change by {change_um:.3f} µm, limit {limit_um:.3f} "
+        "µm after {travel_um:.1f} µm of travel; without a zero since the arming, x_1 is "
+        "relative to where the arm was found: if it touched something there, remove it or "
+        "open the gripper, and arm again"
     ),
     FaultCode.VOLTAGE_NOT_FINITE: "{voltage_V} V is not a voltage",
     FaultCode.VOLTAGE_ABSURD: (
@@ -80,7 +80,7 @@ TEXTS: Mapping[FaultCode, str] = {
         "the same rig file"
     ),
     FaultCode.COMMAND_REPEATED: "command {seq:.0f} after {taken_seq:.0f}",
-    FaultCode.SAMPLE_NOT_SEEN: "its sample was not seen here",
+    FaultCode.SAMPLE_NOT_SEEN: "its sample is unknown here",
     FaultCode.COMMAND_TOO_LATE: "{age_ms:.0f} ms old, limit {limit_ms:.0f} ms",
     FaultCode.COMMAND_SAMPLES_TOO_OLD: "{samples:.0f} samples old, limit {limit_samples:.0f}",
     FaultCode.NOT_ARMED: "the actuator is not armed",
@@ -107,19 +107,20 @@ TEXTS: Mapping[FaultCode, str] = {
     FaultCode.LAW_NUMBER: "",
     FaultCode.ACTUATOR_TRIPPED: "the actuator has tripped",
     FaultCode.LEASE_ENDED: (
-        "lease: nothing heard from the supervisor for {silent_s:.1f} s, limit {limit_s:g} s"
+        "lease: nothing received from the supervisor for {silent_s:.1f} s, limit {limit_s:g} s"
     ),
     FaultCode.RECORDER_STATE: "",
     FaultCode.RECORD_BEHIND: (
-        "the newest {behind_s:.1f} s of the record are not on the disk yet, limit {limit_s:g} s: "
-        "look at what else writes to the disk"
+        "the newest {behind_s:.1f} s of the record are not on the disk yet, limit "
+        "{limit_s:g} s: check what else writes to the disk"
     ),
     FaultCode.RECORD_DAMAGED: (
-        "{records:.0f} records are not as their manifests state: copy the files from a backup"
+        "{records:.0f} records differ from their manifests: copy the files from a backup"
     ),
     FaultCode.CLOCK_STEPPED: (
-        "the time of day has stepped by {step_s:+.0f} s against what the recorder has counted; "
-        "records stay until a person has set the clock right, or acknowledges the alarm"
+        "the time of day has stepped by {step_s:+.0f} s against the recorder's counted "
+        "time; records are not deleted until a person sets the clock right, or acknowledges "
+        "the alarm"
     ),
     FaultCode.MESSAGES_REFUSED: (
         "refused {messages:.0f} messages, the last {age_s:.0f} s ago; another program sends on "
@@ -161,7 +162,7 @@ NAMES_ITS_COMMAND = frozenset({FaultCode.COMMAND_AHEAD, FaultCode.COMMAND_REPEAT
 MEANINGS: Mapping[Cause, str] = {
     Cause.ABORT: "the job was aborted",
     Cause.ESTOP: "an emergency stop was requested",
-    Cause.RESTART: "the actuator was started again",
+    Cause.RESTART: "the actuator was restarted",
 }
 """Meanings of causes without numbers."""
 NOT_A_NUMBER = float("nan")

@@ -22,7 +22,7 @@ ASK_S = 1.0
 """Deadline of the requests to the programs, in s."""
 SETTLE_S = 0.5
 """Time for the router to process the sessions of this program before the request, in s."""
-NOT_ASKED = "the router is not asked which other tools have declared queryables or subscribers"
+NOT_ASKED = "the router was not asked which other tools have declared queryables or subscribers"
 ASK_LATER = "run doctor again while no job runs and no part is held"
 ANSWERS = "none needed: the rig's programs ignore its replies; docs/how-to/listen.md has the rules"
 LISTENS = "none needed: it only listens. The supervisor's own session for samples is listed, too"
@@ -73,8 +73,8 @@ def _not_running(rig: RigFile, service: str) -> Finding:
     return Finding(
         False,
         f"{table} at {urls}: its program, {program}, does not answer",
-        f"read why in the log of {program}; if its instrument does not open, end the rig and run "
-        "doctor again, which then opens the instrument itself",
+        f"read why in the log of {program}; if its instrument does not open, stop the rig "
+        "and run doctor again, which then opens the instrument itself",
     )
 
 
@@ -92,7 +92,7 @@ def foreign_sessions(rig: RigFile) -> Iterator[Finding]:
     try:
         with closing(ZenohBus(tool_endpoint(rig), rig.rig.name, "doctor")) as bus:
             if at_work := _at_work(bus):
-                yield noted(f"bus: {', '.join(at_work)} at work: {NOT_ASKED}", ASK_LATER)
+                yield noted(f"bus: {', '.join(at_work)} in use: {NOT_ASKED}", ASK_LATER)
                 return
             sleep(SETTLE_S)
             found = bus.foreign_declarations()

@@ -31,8 +31,8 @@ def certificates(rig: RigFile, now: datetime | None = None) -> Iterator[Finding]
         key, place = ("listen", rig.bus.listen) if rig.bus.listen else ("host", rig.bus.host)
         if not _loopback(place):
             yield noted(
-                f"certificates: none, and [bus] {key} = {place!r} is beyond this machine: "
-                "whoever reaches it can move the arm",
+                f"certificates: none, and [bus] {key} = {place!r} is not on this machine "
+                "only: anyone who can reach it can move the arm",
                 "`pincette security init FOLDER`, then [bus] pki; docs/how-to/secure.md",
             )
         return
@@ -57,7 +57,7 @@ def certificates(rig: RigFile, now: datetime | None = None) -> Iterator[Finding]
         yield _ending(soon, folder, now)
     elif well:
         first = min(facts.ends for facts in found)
-        yield Finding(True, f"certificates: all in order, the first ends on {first:%Y-%m-%d}")
+        yield Finding(True, f"certificates: all valid, the first expires on {first:%Y-%m-%d}")
 
 
 def _programs(rig: RigFile) -> tuple[Identity, ...]:
@@ -89,7 +89,7 @@ def _seen(folder: "Folder", who: Identity, now: datetime, host: str) -> "Facts":
     facts = checked(files, now) if here or not files.certificate.exists() else folder.facts(who)
     if host and host not in facts.hosts:
         raise SecurityError(
-            f"{who.name} is reached at {host}, its certificate is for "
+            f"{who.name} is reached at {host}, but its certificate is for "
             f"{', '.join(facts.hosts) or 'no host'}: make a folder with `--host {host}`"
         )
     return facts
@@ -100,8 +100,8 @@ def _ending(soon: "Iterable[Facts]", folder: "Folder", now: datetime) -> Finding
     left = (listed[0].ends - now).days
     names = ", ".join(facts.identity.name for facts in listed)
     return noted(
-        f"certificates: {names}: {left} days left at the least",
-        f"`pincette security renew {folder.path}`, then restart them while the rig is idle",
+        f"certificates: {names}: {left} days left",
+        f"`pincette security renew {folder.path}`, then restart the programs while the rig is idle",
     )
 
 

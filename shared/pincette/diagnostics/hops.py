@@ -33,23 +33,23 @@ def hop_findings(name: str, held_s: float, line_baud: int) -> Iterator[Finding]:
     if held_s:
         is_default = DEFAULT_HELD_S <= held_s < NEXT_HELD_S
         cause = (
-            "that is ser2net's `chardelay` at its default, 3 ms at any baud rate"
+            "this is ser2net's `chardelay` at its default, 3 ms at any baud rate"
             if is_default
             else "a device server collects the bytes, as ser2net does with `chardelay-scale`, "
             "`chardelay-min` and `chardelay-max`"
         )
         yield noted(
-            f"{name}: answers arrive whole, {1e3 * held_s:.1f} ms after the line has carried them: "
-            f"{cause}",
+            f"{name}: answers arrive in one piece, {1000.0 * held_s:.1f} ms after their "
+            f"transmission: {cause}",
             "in ser2net.yaml, under `options:` of this connection, write `chardelay: "
             "false`; at another server set packing or inter-character time to 0. If they "
-            "are so already, the instrument takes this time itself, or the line is slower "
+            "are 0 already, the instrument itself needs this time, or the line is slower "
             "than options.baud states",
         )
     if line_baud:
         yield noted(
-            f"{name}: answers arrive as from a line at about {line_baud} baud, slower than the rig "
-            "file states",
-            "over TCP the rig file's baud does not reach the server: set instrument and server to "
-            "options.baud",
+            f"{name}: answers arrive as on a line of about {line_baud} baud, slower than the "
+            "rig file states",
+            "over TCP, the server does not use the baud rate of the rig file: set "
+            "instrument and server to options.baud",
         )

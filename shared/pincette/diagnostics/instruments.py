@@ -44,9 +44,9 @@ LASER_ANSWERS = re.compile(r"b['\"]ER,[$#~]")
 """Sign of a laser at the output's address: a Keyence controller repeats an unknown request."""
 USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 INSTRUMENTS_HELP = (
-    "instruments: simulated, started with the rig; of real ones doctor asks whether the ports "
-    "open, the latency of their adapters, 40 readings with their time, step, noise and range, "
-    "the voltage put out, and with --move the direction of the motion"
+    "instruments: simulated, started with the rig; with real ones, doctor checks whether "
+    "the ports open, the latency of their adapters, 40 readings with their time, step, "
+    "noise and range, the output voltage, and with --move the direction of the motion"
 )
 
 
@@ -105,7 +105,7 @@ def opened_device(service: AnyService, rig: RigFile) -> PositionSensor | Voltage
     except PluginError as error:
         return Finding(False, f"{_called(service)}: {error}", "install the driver, or name another")
     except ConfigError as error:
-        return Finding(False, f"{_called(service)}: {error}", "mend the options in the rig file")
+        return Finding(False, f"{_called(service)}: {error}", "correct the options in the rig file")
     except InstrumentError as error:
         remedy = remedy_of(error, _called(service), _url_of(service, rig))
         return Finding(False, f"{_called(service)}: {error}", remedy)
@@ -121,7 +121,7 @@ def remedy_of(error: InstrumentError, table: str, url: str) -> str:
     if error.code in ("cannot_open", "hung_up", "misused"):
         return f"do what the error states; `url` in [{table}] of the rig file is the port"
     if error.code not in ("silent", "late", "garbled"):
-        return "see what the instrument shows"
+        return "look at the display of the instrument"
     if LASER_ANSWERS.search(str(error)):
         return (
             f"a Keyence laser answers at `url` in [{table}] of the rig file: are the addresses of "
@@ -154,7 +154,7 @@ def latency(url: str, devices: Path = USB_SERIAL) -> Iterator[Finding]:
     held_ms = int(timer.read_text(encoding="ascii"))
     yield Finding(
         held_ms <= LATENCY_MS,
-        f"adapter {url}: keeps bytes back for {held_ms} ms, limit {LATENCY_MS} ms",
+        f"adapter {url}: holds bytes back for {held_ms} ms, limit {LATENCY_MS} ms",
         f"echo {LATENCY_MS} | sudo tee {timer}",
     )
 
@@ -250,13 +250,13 @@ def readings(
         settings.minimum_um <= low_um and high_um <= settings.maximum_um,
         f"sensor: {READINGS} readings from {low_um:.3f} to {high_um:.3f} µm, range "
         f"{settings.minimum_um:g}..{settings.maximum_um:g} µm",
-        "bring the target into the head's range, or mend [sensor] minimum_um and maximum_um",
+        "bring the target into the head's range, or correct [sensor] minimum_um and maximum_um",
     )
     steps_um = [b - a for a, b in zip(sorted(x_um), sorted(x_um)[1:], strict=False) if b - a > 1e-9]
     if not steps_um:
         yield noted(
-            f"sensor: {READINGS} equal readings: its step cannot be found",
-            "check that it measures, and that its display shows 0.01 µm or 0.00001 mm",
+            f"sensor: {READINGS} equal readings: its step cannot be determined",
+            "check that it measures, and that its display resolution is 0.01 µm or 0.00001 mm",
         )
         return
     step_um = min(steps_um)
@@ -271,7 +271,7 @@ def readings(
     yield Finding(
         noise_um <= 3.0 * max(settings.noise_um, step_um),
         f"sensor: noise {noise_um:.3f} µm r.m.s., the rig file has {settings.noise_um:g} µm",
-        "find what shakes the arm; then `pincette job calibrate noise`",
+        "find what vibrates the arm; then `pincette job calibrate noise`",
     )
 
 
@@ -315,13 +315,16 @@ def direction(
     if share > LEAST_SHARE and (first_um - before_um) / moved_um < OLD_SHARE:
         return Finding(
             False,
-            f"direction: the first reading after the move is {first_um:.2f} µm, as before it, and "
-            f"the others are {_mean(others_um):.2f} µm: each reading is one exchange old",
-            "see whether a proxy or an adapter keeps answers; use one that passes bytes on at once",
+            f"direction: the first reading after the move is {first_um:.2f} µm, unchanged, "
+            f"and the others are {_mean(others_um):.2f} µm: each reading is one exchange late",
+            (
+                "check whether a proxy or an adapter stores answers; use one that forwards "
+                "bytes at once"
+            ),
         )
     well = LEAST_SHARE <= share <= MOST_SHARE
-    turned = f"write direction = {-rig.sensor.direction} into [sensor], or exchange the signs"
-    still = "see that the amplifier is on, and that the laser sees the arm's tip"
+    turned = f"write direction = {-rig.sensor.direction} into [sensor], or swap the signs"
+    still = "check that the amplifier is on, and that the laser hits the arm's tip"
     return Finding(
         well,
         f"direction: {MOVE_V:+g} V moved the reading by {moved_um:+.2f} µm, "

@@ -71,8 +71,8 @@ def priority() -> Finding:
     instead = f"niceness {FIRST}" if got == "niceness" else "normal priority"
     return noted(
         f"priority: {fixed}: no; the loop gets {instead}, and a busy machine delays its ticks",
-        f"permit it: `rtprio {FIFO}` in limits.d, LimitRTPRIO={FIFO} in systemd, or ulimits in "
-        "compose; docs/how-to/real-time.md says how",
+        f"permit it: `rtprio {FIFO}` in limits.d, LimitRTPRIO={FIFO} in systemd, or ulimits "
+        "in compose; docs/how-to/real-time.md explains how",
     )
 
 
@@ -136,8 +136,8 @@ def shared_ports(rig: RigFile) -> Iterator[Finding]:
             yield Finding(
                 False,
                 f"ports: {place} is given to {' and '.join(names)}",
-                "give each a port of its own in the rig file; the programs of the loop take the "
-                f"{len(LOOP)} after [bus] port",
+                "give each a port of its own in the rig file; the programs of the loop use "
+                f"the {len(LOOP)} ports after [bus] port",
             )
 
 
@@ -149,10 +149,10 @@ def port_finding(rig: RigFile) -> Finding:
         url = rig.supervisor.url
         there = _version(url)
         if there.get("rig_file_digest") == rig.digest():
-            return Finding(True, f"ports: in use by this very rig, which is up at {url}")
+            return Finding(True, f"ports: in use by this rig itself, which is running at {url}")
         if "rig" in there:
-            what = f"ports: rig {there['rig']!r} is up at {url} with another rig file"
-            return Finding(False, what, "end it, or give this rig other ports in its file")
+            what = f"ports: rig {there['rig']!r} is running at {url} with another rig file"
+            return Finding(False, what, "stop it, or give this rig other ports in its file")
         return Finding(False, f"ports: {error}", "`ss -ltnp` shows the program that uses the port")
     return PORTS_FREE
 

@@ -46,7 +46,7 @@ def rig_findings(rig: RigFile) -> Iterator[Finding]:
     except plugins.PluginError as error:
         yield Finding(False, str(error), "install the driver, or name another in the rig file")
     except ConfigError as error:
-        yield Finding(False, f"options: {error}", "mend the options in the rig file")
+        yield Finding(False, f"options: {error}", "correct the options in the rig file")
     yield from composed(rig)
     for arm in rig.arms:
         yield from limits(arm)
@@ -56,7 +56,7 @@ def rig_findings(rig: RigFile) -> Iterator[Finding]:
 def driver(group: str, name: str) -> Finding:
     """Check whether a driver is installed."""
     there = plugins.names(group)
-    remedy = f"install it, or name another in the rig file; there are {', '.join(there)}"
+    remedy = f"install it, or name another in the rig file; installed are {', '.join(there)}"
     return Finding(name in there, f"driver {name}", remedy)
 
 
@@ -65,8 +65,8 @@ def untested_drivers(drivers: Iterable[tuple[str, str]]) -> Iterator[Finding]:
     for group, name in drivers:
         if _module(group, name).get("MET") is False:
             yield noted(
-                f"driver {name} has not met its instrument",
-                "watch its first steps; `record` in the rig file writes down every exchange",
+                f"driver {name} has not been tested with its instrument",
+                "watch its first steps; `record` in the rig file records every exchange",
             )
 
 
@@ -93,8 +93,7 @@ def ring(rig: RigFile) -> Iterator[Finding]:
         yield Finding(
             False,
             f"shaping: {rig.output.driver} does not time the parts of a step itself",
-            f"leave [output] shaping out, and fit an RC of {1e3 * RC_S:.1f} ms before the "
-            "amplifier",
+            f"omit [output] shaping, and fit an RC of {1000.0 * RC_S:.1f} ms before the amplifier",
         )
         return
     output = stated_output(rig)
@@ -142,12 +141,12 @@ def composed(rig: RigFile) -> Iterator[Finding]:
         except plugins.PluginError:
             continue  # reported with the drivers
         except ConfigError as error:
-            yield Finding(False, f"composed: {error}", "mend [rig] composed in the rig file")
+            yield Finding(False, f"composed: {error}", "correct [rig] composed in the rig file")
     having = rig.program_of("actuator")
     if having != "actuator":
         yield noted(
-            f"composed: the actuator is part of {having}; where that one hangs or is killed, the "
-            "output's own watchdog alone makes the arm safe",
+            f"composed: the actuator is part of {having}; if that program hangs or is "
+            "killed, only the output's own watchdog makes the arm safe",
             "docs/how-to/compose.md has the disadvantages",
         )
 
@@ -158,18 +157,18 @@ def watchdog(rig: RigFile) -> Finding:
     limit_s = getattr(options, "watchdog_s", None)
     if limit_s:
         return Finding(
-            True, f"watchdog: {limit_s:g} s after its host has gone silent the output is safe"
+            True, f"watchdog: the output is safe {limit_s:g} s after the last message from its host"
         )
     said = rig.output.on_silence
     without = "is off (watchdog_s = 0)" if limit_s == 0.0 else f"none in {rig.output.driver}"
     if said == "unstated":
         return Finding(
             False,
-            f"watchdog: {without}, and the rig file does not say what the output does where its "
-            "host falls silent: output.on_silence = 'unstated'",
+            f"watchdog: {without}, and the rig file does not state what the output does if "
+            "its host sends nothing: output.on_silence = 'unstated'",
             "find out, and write on_silence = 'safe' or 'holds' into [output]",
         )
-    means = "keeps its last voltage" if said == "holds" else "goes to a safe value by itself"
+    means = "keeps its last voltage" if said == "holds" else "goes to a safe value on its own"
     return noted(f"watchdog: {without}; as the rig file says, the output {means}")
 
 
@@ -191,7 +190,7 @@ def limits(rig: RigFile) -> Iterator[Finding]:
         try:
             service.configure(rig)
         except ConfigError as error:
-            yield Finding(False, f"{name}: {error}", "mend what is named in the rig file")
+            yield Finding(False, f"{name}: {error}", "correct what is named in the rig file")
     bears, part, arm = rig.limits, rig.part, rig.model
     span_um = f"{bears.position_min_um:g}..{bears.position_max_um:g} µm"
     reach_um = part.contact_um + bears.force_max_mN / part.stiffness_mN_per_um
@@ -200,7 +199,7 @@ def limits(rig: RigFile) -> Iterator[Finding]:
         bears.position_min_um <= low_um and reach_um <= bears.position_max_um,
         f"limits: the part from {low_um:g} µm, pressed with {bears.force_max_mN:g} mN at "
         f"{reach_um:.1f} µm, position limits {span_um}",
-        "mend [part] contact_um, or [limits] force_max_mN or position_max_um",
+        "correct [part] contact_um, or [limits] force_max_mN or position_max_um",
     )
     yield Finding(
         rig.grip.force_mN < bears.force_max_mN,
@@ -214,7 +213,7 @@ def limits(rig: RigFile) -> Iterator[Finding]:
     yield Finding(
         needed_V <= bears.voltage_max_V,
         f"limits: a grip needs about {needed_V:.2f} V, limit {bears.voltage_max_V:g} V",
-        "raise [limits] voltage_max_V, if amplifier and arm bear it",
+        "raise [limits] voltage_max_V, if amplifier and arm permit it",
     )
     swing_um = bears.sweep_V * arm.piezo_um_per_V / (2.0 * arm.damping_ratio)
     yield Finding(
@@ -229,10 +228,10 @@ def model(rig: RigFile) -> Finding:
     """Report quantities of the model that, by the rig file, were not measured on this rig."""
     left = [name for name in CALIBRATED if not _given(rig, name)]
     if not left:
-        return noted("model: as the rig file has it; a calibration may replace each quantity")
+        return noted("model: given by the rig file; a calibration may replace each quantity")
     return noted(
-        f"model: not in the rig file, and so assumed: {', '.join(left)}",
-        "`pincette job calibrate` measures them, once the rig is up",
+        f"model: not in the rig file, therefore assumed: {', '.join(left)}",
+        "`pincette job calibrate` measures them, once the rig is running",
     )
 
 

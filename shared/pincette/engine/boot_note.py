@@ -76,9 +76,9 @@ class BootNote:
                 os.fsync(stream.fileno())
         except OSError as error:
             raise OSError(
-                f"{self._path} cannot be written ({error.strerror}), so the next start could not "
-                "know how this one has ended: look at the disk's room and rights, or name another "
-                "folder with --data"
+                f"{self._path} cannot be written ({error.strerror}), so the next start could "
+                "not know how this run ended: check free space and permissions of the disk, "
+                "or name another folder with --data"
             ) from error
 
     def end(self, ending: Predecessor, instance: int) -> None:
@@ -92,7 +92,7 @@ class BootNote:
         except FileNotFoundError:
             return FIRST
         except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as error:
-            _log.warning("%s cannot be read (%s): taken for an unclean end", self._path, error)
+            _log.warning("%s cannot be read (%s): treated as an unclean end", self._path, error)
             return Before(Predecessor.DIED)
         if noted.ended in (Predecessor.NONE, Predecessor.CLEAN):
             return Before(Predecessor(noted.ended), noted.instance)

@@ -97,7 +97,7 @@ def check_ports(rig: RigFile) -> None:
             bound(host, port).close()
         except OSError as error:
             again = (
-                ". Is this rig up already? Use that one: ending it lets a held part go"
+                ". Is this rig running already? Then use it: stopping it releases a held part"
                 if error.errno == errno.EADDRINUSE
                 else ""
             )
@@ -117,7 +117,7 @@ def check_router(rig: RigFile) -> None:
     except OSError as error:
         raise FleetError(
             f"rig {rig.rig.name!r}: no router at {rig.bus.router} ([bus] router): "
-            f"{error.strerror or error}. Start the rig that has it first"
+            f"{error.strerror or error}. First start the rig that the router belongs to"
         ) from error
 
 

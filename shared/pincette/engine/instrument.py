@@ -61,8 +61,8 @@ make a reading too old."""
 WAITED_SHARE = 0.8
 """Share of that limit for which the service waits for a sensor."""
 NO_PARTS = (
-    "this voltage output writes no steps in parts, since it has no clock of its own: leave "
-    "[output] shaping out, and fit an RC of 3.3 ms before the amplifier"
+    "this voltage output cannot write steps in parts, since it has no clock of its own: "
+    "omit [output] shaping, and fit an RC of 3.3 ms before the amplifier"
 )
 TRIES = 3
 """Number of attempts to open an instrument, or to read back its voltage."""
@@ -97,8 +97,8 @@ class ReadingWatch:
         if took_s <= self.oldest_s:
             return None
         words = (
-            f"the reading took {1e3 * took_s:.1f} ms, limit {1e3 * self.oldest_s:g} ms: find what "
-            "delays the line, or take a longer [rig] period_s"
+            f"the reading took {1000.0 * took_s:.1f} ms, limit {1000.0 * self.oldest_s:g} "
+            "ms: find what delays the line, or choose a longer [rig] period_s"
         )
         return ArmReading(0.0, fault(FaultCode.INSTRUMENT_LATE, words, took_s=took_s))
 
@@ -179,7 +179,7 @@ class Instrument:
                 self._confirmed_V = found_V = float(self._device.read_V())
                 return found_V
             elif not isinstance(self._device, WaveOutput):
-                words = "the voltage output plays no waves: it has no buffer"
+                words = "the voltage output cannot play waves: it has no buffer"
                 return fault(FaultCode.INSTRUMENT_MISUSED, words)
             elif isinstance(order, Wave):
                 self._device.begin_wave(order.voltages_V, order.rate_hz)

@@ -113,8 +113,8 @@ class Instruments:
             self._arms[0].capture(rate_hz)
         elif rate_hz:
             raise RefusedError(
-                f"buffered acquisition at {rate_hz:g} Hz: a rig of two arms makes none; load a "
-                "program without capture_hz"
+                f"buffered acquisition at {rate_hz:g} Hz: a rig of two arms has none; load a "
+                "motion program without capture_hz"
             )
 
     def close(self) -> None:

@@ -49,7 +49,7 @@ def chosen(given: Form | None) -> Form:
     """
     named = given or os.environ.get(VARIABLE) or "text"
     if named not in FORMS:
-        raise ValueError(f"{VARIABLE} = {named!r}: wanted {' or '.join(FORMS)}")
+        raise ValueError(f"{VARIABLE} = {named!r}: expected {' or '.join(FORMS)}")
     return named
 
 

@@ -246,8 +246,8 @@ def _opened(
 def _run_other(name: str, file: RigFile, stop: threading.Event, options: Options) -> None:
     if file.joins and name in OF_THE_ROUTER:
         raise ConfigError(
-            f"rig {file.rig.name!r} joins the router at {file.bus.router}, beside which its {name} "
-            f"runs: start the {name} of the rig that has the router"
+            f"rig {file.rig.name!r} joins the router of another rig at {file.bus.router} and "
+            f"uses the {name} of that rig: start the {name} there"
         )
     program: Callable[[Context], None] = plugins.load(plugins.PROGRAMS, name)
 

@@ -32,7 +32,7 @@ def restored(service: AnyService, config: Any, state: Any, text: str) -> Any:
         raise TypeError(f"carried: {text[:60]!r} is not a map")
     changes = cast("dict[str, Any]", tree)
     if odd := changes.keys() - set(service.state_snapshot):
-        raise ValueError(f"carried: the {service.name} carries no {', '.join(sorted(odd))}")
+        raise ValueError(f"carried: the {service.name} does not carry {', '.join(sorted(odd))}")
     whole = _changed(start_state, changes)
     return replace(state, **{name: getattr(whole, name) for name in service.state_snapshot})
 

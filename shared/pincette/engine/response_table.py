@@ -23,7 +23,9 @@ def main() -> int:
     """Print the table of each arm of a rig; returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m pincette.engine.response_table")
     parser.add_argument("--rig", type=Path, required=True, metavar="FILE", help="rig file")
-    parser.add_argument("--write", type=Path, metavar="OUT", help="write the table there too")
+    parser.add_argument(
+        "--write", type=Path, metavar="OUT", help="also write the table to this file"
+    )
     parser.add_argument(
         "--source",
         choices=SOURCES,

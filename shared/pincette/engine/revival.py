@@ -52,8 +52,8 @@ class Revival:
             self._due_s[name] = now_s + LONGEST_S
             say(
                 member,
-                f"cannot be started again: {error}; the next attempt is in {LONGEST_S:g} s, the "
-                "loop and a held part go on",
+                f"cannot be restarted: {error}; the next attempt is in {LONGEST_S:g} s, the "
+                "loop continues and a held part stays held",
             )
             return
         del self._due_s[name]
@@ -69,4 +69,4 @@ class Revival:
         wait_s = self._wait_s[name]
         self._wait_s[name] = min(2.0 * wait_s, LONGEST_S)
         self._due_s[name] = self._clock() + wait_s
-        return f"{words}; started again in {wait_s:g} s, the loop and a held part go on"
+        return f"{words}; restart in {wait_s:g} s, the loop continues and a held part stays held"

@@ -80,8 +80,8 @@ class RouterWatch:
 def end_process(silent_s: float) -> None:
     """End this process at once, without leaving the bus, after a log line with the reason."""
     log.critical(
-        "%s: the router has not answered itself for %.1f s, so this process ends with status %d, "
-        "to be started again; the loop and a held part go on",
+        "%s: the router has not answered itself for %.1f s, so this process ends with "
+        "status %d, to be restarted; the loop continues and a held part stays held",
         CODE,
         silent_s,
         ENDED_STATUS,

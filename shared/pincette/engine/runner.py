@@ -366,8 +366,8 @@ class Runner:
             )
         if COMMAND in self.service.outputs and request.owner != self.instance:
             raise RefusedError(
-                f"this controller is instance {self.instance}, not {request.owner}: "
-                "a second one runs on this rig"
+                f"this controller is instance {self.instance}, not {request.owner}: a second "
+                "one is running on this rig"
             )
         if self._reads:
             self._device.capture(request.capture_hz)

@@ -39,11 +39,11 @@ def teach(rig: RigFile, *, to_limits: bool = False) -> Identification:
     limit_um = LARGEST_RESIDUAL * (max(x_um) - min(x_um))
     if found.residual_um > limit_um:
         raise ValueError(
-            f"the model leaves {found.residual_um:.3f} µm r.m.s., limit {limit_um:.3f} µm: "
-            f"{100.0 * LARGEST_RESIDUAL:g} % of the range. Teaching assumes an arm without "
-            "earlier voltages, and this one seems to have had some: run `pincette job "
-            "calibrate free_response`, which strokes it first, for the second of two arms "
-            "with `--arm 2`"
+            f"the residual of the model is {found.residual_um:.3f} µm r.m.s., limit "
+            f"{limit_um:.3f} µm: {100.0 * LARGEST_RESIDUAL:g} % of the range. Teaching "
+            "assumes an arm without earlier voltages, and this one seems to have had some: "
+            "run `pincette job calibrate free_response`, which conditions it first; use "
+            "`--arm 2` for the second of two arms"
         )
     return found
 

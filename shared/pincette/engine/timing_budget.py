@@ -172,9 +172,9 @@ def shared_timeout_s(rig: RigFile, services: Iterable[AnyService]) -> float:
     if EXCHANGE_RESERVE * needed_s > limit_s:
         raise ConfigError(
             f"[rig] composed = {list(rig.rig.composed)}: an exchange with the sensor takes "
-            f"{1e3 * needed_s:.1f} ms, limit {1e3 * limit_s / EXCHANGE_RESERVE:.1f} ms "
-            "beside the actuator, which looks at its clock only in between: make the sensor "
-            "a program of its own"
+            f"{1000.0 * needed_s:.1f} ms, limit {1000.0 * limit_s / EXCHANGE_RESERVE:.1f} ms "
+            "in one program with the actuator, which checks its clock only between "
+            "exchanges: make the sensor a program of its own"
         )
     return limit_s
 

@@ -170,7 +170,10 @@ def open_output(settings: Output, link: Link | None = None) -> I7024:
         if link is not None:
             return link
         if not MET:
-            _log.warning("icpdas_i7024 has not met its instrument: it is written from the manual")
+            _log.warning(
+                "icpdas_i7024 has not been tested with its instrument: it is written from "
+                "the manual"
+            )
         return open_link(
             settings.url,
             baud=options.baud,

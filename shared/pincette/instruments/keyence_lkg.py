@@ -147,8 +147,8 @@ class KeyenceLKG:
         if self._decimals is not None:
             text = (
                 f"Keyence: the value {shown} has {decimals} decimals, the first one had "
-                f"{self._decimals}: the display was set otherwise while it was read; set it back, "
-                "or start the program again"
+                f"{self._decimals}: the display setting was changed while it was read; "
+                "change it back, or restart the program"
             )
             raise InstrumentError(text, "refused")
         self._decimals = decimals
@@ -212,7 +212,9 @@ def open_sensor(settings: Sensor, link: Link | None = None) -> KeyenceLKG:
     options = read_options(KeyenceOptions, "keyence_lkg", settings.options)
     if link is None:
         if not MET:
-            _log.warning("keyence_lkg has not met its instrument: it is written from the manual")
+            _log.warning(
+                "keyence_lkg has not been tested with its instrument: it is written from the manual"
+            )
         link = open_link(
             settings.url,
             baud=options.baud,

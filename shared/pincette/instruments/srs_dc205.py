@@ -127,7 +127,7 @@ class DC205:
         if not _token(switch, SWITCH):
             text = (
                 f"DC205: {what} not put out: the output has been switched off at the "
-                "instrument; find out why, then start the program again"
+                "instrument; find out why, then restart the program"
             )
             raise InstrumentError(text, "refused")
 
@@ -262,7 +262,9 @@ def open_output(settings: Output, link: Link | None = None) -> DC205:
         if link is not None:
             return link
         if not MET:
-            _log.warning("srs_dc205 has not met its instrument: it is written from the manual")
+            _log.warning(
+                "srs_dc205 has not been tested with its instrument: it is written from the manual"
+            )
         return open_link(
             settings.url,
             baud=options.baud,

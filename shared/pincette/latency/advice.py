@@ -105,7 +105,7 @@ def age_change(asked: Asked, late_s: float, transit_s: float) -> Change | None:
     None if the rig file suits.
     """
     period_s, needed = asked.period_s, age_periods(asked.period_s, late_s, transit_s)
-    seen = f"the latest wake-up was late by {1e3 * late_s:.1f} ms, which counts twice"
+    seen = f"the latest wake-up was late by {1000.0 * late_s:.1f} ms, which is counted twice"
     if needed <= asked.age_periods:
         return None
     if needed <= MOST_PERIODS:
@@ -130,14 +130,14 @@ def changes(asked: Asked, measured: Measured, hop: Distribution, refused: str) -
     found: list[Change] = []
     age = age_change(asked, measured.lateness.max_s, transit_s)
     if "priority" in refused and asked.priority:
-        why = f"requested and refused: {refused}; permit it, or other programs have priority"
+        why = f"requested and refused: {refused}; permit it, otherwise other programs have priority"
         found.append(Change("[realtime] priority", f"{asked.priority}", why))
     elif age is not None and not asked.priority:
         found.append(
             Change(
                 "[realtime] priority",
                 f"{FIFO}",
-                "0 asks for none, so ticks may wait for other programs",
+                "0 requests none, so ticks may wait for other programs",
             )
         )
     if age is not None:

@@ -80,8 +80,8 @@ COLUMNS = (
     _column(Estimate, "perturbation_mN", "estimated perturbation"),
     _column(Estimate, "zero_age_s", "time since the force was zeroed"),
     _column(Estimate, "stroke_change", "change of the stroke since its calibration"),
-    _column(Estimate, "stroke_limit", "change that noise and repetition explain"),
-    _column(Estimate, "zero_unconfirmed", "nothing shows that no part pressed at the zero"),
+    _column(Estimate, "stroke_limit", "change that noise and repeatability explain"),
+    _column(Estimate, "zero_unconfirmed", "no evidence that no part pressed during the zero"),
     _column(Estimate, "estimate_valid", "the estimate may be used", "valid"),
     _column(Estimate, "degraded", "the estimate was made without the applied voltage"),
     _column(Command, "command_V", "voltage asked for", "voltage_V"),
@@ -118,9 +118,9 @@ COLUMNS = (
     _column(Telemetry, "touch_mN", "force at which it turned back there"),
     _column(Telemetry, "slips", "times that the part has given way"),
     _column(Telemetry, "step_um", "step of the position that the voltage does not explain"),
-    _column(Telemetry, "step_x_um", "position just before that step"),
-    _column(Telemetry, "step_mN", "force just before that step"),
-    _column(Telemetry, "step_after_mN", "force just after that step"),
+    _column(Telemetry, "step_x_um", "position just before the step"),
+    _column(Telemetry, "step_mN", "force just before the step"),
+    _column(Telemetry, "step_after_mN", "force just after the step"),
     _column(Telemetry, "acted", "actions that took effect at this sample"),
     _column(GroundTruth, "true_x_um", "simulated rig: true position", "x_um"),
     _column(GroundTruth, "true_force_mN", "simulated rig: true contact force", "force_mN"),
@@ -128,12 +128,17 @@ COLUMNS = (
 )
 SECOND_COLUMNS = (
     _of_second(Position, "second_x_um", "measured position of the second tip, x_2", "x_um"),
-    _of_second(Position, "second_position_valid", "its reading is a measurement", "valid"),
+    _of_second(Position, "second_position_valid", "the second reading is a measurement", "valid"),
     _of_second(
         Estimate, "second_force_mN", "estimated contact force of the second arm", "force_mN"
     ),
     _of_second(Estimate, "second_force_uncertainty_mN", "its uncertainty", "force_uncertainty_mN"),
-    _of_second(Estimate, "second_zero_age_s", "time since it was zeroed", "zero_age_s"),
+    _of_second(
+        Estimate,
+        "second_zero_age_s",
+        "time since the force of the second arm was zeroed",
+        "zero_age_s",
+    ),
     _of_second(
         Estimate,
         "second_stroke_change",
@@ -143,19 +148,22 @@ SECOND_COLUMNS = (
     _of_second(
         Estimate,
         "second_stroke_limit",
-        "change of it that noise and repetition explain",
+        "change of the second arm's stroke that noise and repeatability explain",
         "stroke_limit",
     ),
     _of_second(
         Estimate,
         "second_zero_unconfirmed",
-        "nothing shows that no part pressed at its zero",
+        "no evidence that no part pressed during the zero of the second arm",
         "zero_unconfirmed",
     ),
-    _of_second(Command, "second_command_V", "voltage asked of the second arm", "voltage_V"),
-    _of_second(Applied, "second_voltage_V", "voltage applied to it, u_2", "voltage_V"),
+    _of_second(Command, "second_command_V", "voltage commanded to the second arm", "voltage_V"),
+    _of_second(Applied, "second_voltage_V", "voltage applied to the second arm, u_2", "voltage_V"),
     _of_second(
-        Applied, "second_limits_active", "its bits: max, min, slew up, down", "limits_active"
+        Applied,
+        "second_limits_active",
+        "bits of the second arm: max, min, slew up, down",
+        "limits_active",
     ),
     _of_second(Telemetry, "second_x_r_um", "reference position of the second tip", "x_r_um"),
     _of_second(Telemetry, "place_um", "place of the part, q = (x_1 - x_2)/2", "place_um"),

@@ -16,7 +16,7 @@ NAME = "snapshot.mcap"
 AT_ONCE = 1_000
 """Number of messages in a part; the index of the copy is bounded after each part."""
 READ_BYTES = 2**18
-UNFINISHED = "copied from a record without an end, which is being written or broke off"
+UNFINISHED = "copied from an unfinished record, which is still being written or was interrupted"
 
 
 def snapshot(path: Path) -> Iterator[bytes]:

@@ -67,7 +67,7 @@ def issue(
     """
     signer = load_pem_private_key(authority.private_key, None)
     if not isinstance(signer, ec.EllipticCurvePrivateKey):
-        raise ValueError("the authority's key is of another kind: wanted an elliptic curve")  # noqa: TRY004  a bad file
+        raise ValueError("the authority's key is of another kind: expected an elliptic curve")  # noqa: TRY004  a bad file
     above = x509.load_pem_x509_certificate(authority.certificate)
     key = ec.generate_private_key(ec.SECP256R1())
     days = min(days, (above.not_valid_after_utc - now) / timedelta(days=1))
@@ -95,7 +95,7 @@ def read(certificate: bytes) -> Facts:
     names = (NameOID.COMMON_NAME, NameOID.ORGANIZATIONAL_UNIT_NAME)
     attributes = [found.subject.get_attributes_for_oid(name) for name in names]
     if not all(attributes):
-        raise ValueError("a certificate that `pincette security` has not made")
+        raise ValueError("a certificate that was not made by `pincette security`")
     name, role = (str(one[0].value) for one in attributes)
     try:
         extension = found.extensions.get_extension_for_class(x509.SubjectAlternativeName)

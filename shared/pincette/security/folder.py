@@ -35,7 +35,7 @@ class Folder:
             raise SecurityError(f"folder {self.path}: {error.strerror}") from error
         if taken:
             raise SecurityError(
-                f"folder {self.path} is not empty, and nothing in it is overwritten: name a "
+                f"folder {self.path} is not empty, and its files are not overwritten: name a "
                 "new one, or use `pincette security add`, `issue` and `renew` with this one"
             )
         self.path.chmod(OWNED)
@@ -173,20 +173,20 @@ def checked(credentials: Credentials, now: datetime) -> Facts:
         )
     if not believed:
         raise SecurityError(
-            f"{place} is signed by another authority than {credentials.authority}: all programs "
-            "need certificates of the same one"
+            f"{place} is signed by another authority than {credentials.authority}: all "
+            "programs need certificates of the same authority"
         )
     if not whole:
         raise SecurityError(f"{credentials.private_key} is not the key of {place}")
     if now < facts.begins:
         raise SecurityError(
-            f"certificate of {name}, {place}: begins on {facts.begins:%Y-%m-%d %H:%M} UTC, and "
-            f"here it is {now:%Y-%m-%d %H:%M} UTC: set this machine's clock"
+            f"certificate of {name}, {place}: valid from {facts.begins:%Y-%m-%d %H:%M} UTC, "
+            f"but the time here is {now:%Y-%m-%d %H:%M} UTC: set this machine's clock"
         )
     if now >= facts.ends:
         raise SecurityError(
-            f"certificate of {name}, {place}: ended on {facts.ends:%Y-%m-%d}: "
-            f"`pincette security renew {credentials.authority.parent} {name}`"
+            f"certificate of {name}, {place}: expired on {facts.ends:%Y-%m-%d}: `pincette "
+            f"security renew {credentials.authority.parent} {name}`"
         )
     return facts
 

@@ -20,8 +20,9 @@ REVOKED = "revoked"
 checksum."""
 HEX, SUM = 16, "sha256"
 REMEDY = (
-    "copy it from another machine of the rig, or from a backup; where nobody was ever revoked, "
-    "`pincette security revoke --anew {folder}` begins an empty one; else make a new folder"
+    "copy it from another machine of the rig, or from a backup; if no certificate was ever "
+    "revoked, `pincette security revoke --anew {folder}` starts an empty one; else make a "
+    "new folder"
 )
 
 
@@ -94,7 +95,7 @@ class RevocationList:
             self._serials = before | read_revoked(self.folder)
         except SecurityError as error:
             if str(error) != self._trouble:  # the file is read again at each check
-                log.error("certificates revoked from here on are not known: %s", error)
+                log.error("certificates revoked from now on are not known: %s", error)
             self._trouble = str(error)
         else:
             self._seen, self._trouble = seen, ""

@@ -88,7 +88,7 @@ def open_bench(
     except ConfigError:
         raise
     except ValueError as error:
-        raise ConfigError(f"[simulation] is not a possible rig: {error}") from error
+        raise ConfigError(f"[simulation] does not describe a possible rig: {error}") from error
     if script is not None:
         script.operate(rig)
     fitted: dict[str, Fitted] = {}

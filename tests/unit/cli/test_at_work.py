@@ -84,7 +84,7 @@ def test_a_plan_that_takes_long_is_not_called_a_missing_supervisor(
     assert main(["plan", "track", "--gains", "tuned", *AT]) == Exit.NO_ANSWER
     said = capsys.readouterr().err
     assert "no reply came in time from http://127" in said
-    assert "\n  remedy: ask again: the supervisor may be busy" in said
+    assert "\n  remedy: try again: the supervisor may be busy" in said
     assert "no supervisor answers" not in said
     assert supervisor.asked[0].extensions["timeout"]["read"] >= 180.0
     assert supervisor.asked[0].extensions["timeout"]["connect"] <= 10.0
@@ -104,7 +104,7 @@ def test_ctrl_c_leaves_the_job_alone(at: At, capsys: pytest.CaptureFixture[str])
 
     supervisor = at(desk.job(), interrupted)
     assert main(["job", "grip", *AT]) == Exit.INTERRUPTED
-    assert f"job {NAME} goes on: `pincette job stop {NAME}`" in capsys.readouterr().err
+    assert f"job {NAME} continues: `pincette job stop {NAME}`" in capsys.readouterr().err
     assert supervisor.paths() == ["POST /api/v1/jobs", f"GET /api/v1/jobs/{NAME}"]
 
 
@@ -301,7 +301,7 @@ def test_watching_a_rig_is_a_line_an_event(at: At, capsys: pytest.CaptureFixture
     assert main(["watch", "--after", "0", *AT]) == Exit.INTERRUPTED
     shown = capsys.readouterr()
     assert shown.err.startswith("demo: idle; ")
-    assert "events come as they happen" in shown.err
+    assert "events are printed as they happen" in shown.err
     lines = shown.out.splitlines()
     assert [line.split("  ", 1)[1] for line in lines] == [
         f"{NAME}  state    running",

@@ -270,7 +270,7 @@ def test_a_backup_that_was_cut_is_refused_and_leaves_nothing(
     content = file.read_bytes()
     file.write_bytes(content[: int(part * len(content))])
     assert main(["restore", str(file), "--data", str(after)]) == 1
-    assert "cannot be restored, and nothing of it was kept" in capsys.readouterr().err
+    assert "cannot be restored, and nothing was written" in capsys.readouterr().err
     assert not after.exists()
 
 

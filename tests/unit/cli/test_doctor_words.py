@@ -37,4 +37,4 @@ def test_what_a_driver_warns_of_is_not_printed_beside_the_findings(
     capsys.readouterr()
     assert main(["doctor", "--rig", str(path), "--data", str(tmp_path)]) == 1
     said = capsys.readouterr()
-    assert (said.out + said.err).count("keyence_lkg has not met its instrument") == 1
+    assert (said.out + said.err).count("keyence_lkg has not been tested with its instrument") == 1

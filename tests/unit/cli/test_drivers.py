@@ -83,7 +83,7 @@ def test_a_driver_may_say_nothing_of_itself(
     said = capsys.readouterr().out
     assert (
         "  bare, from drivers-bare 2.1\n"
-        "      does not say whether it has met its instrument\n"
+        "      does not state whether it was tested with its instrument\n"
         "      options: none\n"
     ) in said
 

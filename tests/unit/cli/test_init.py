@@ -56,7 +56,7 @@ def test_a_file_is_never_overwritten(bench: Path, capsys: pytest.CaptureFixture[
     bench.write_text("mine", encoding="utf-8")
     assert main(["init", str(bench), "--yes"]) == 1
     assert bench.read_text(encoding="utf-8") == "mine"
-    assert "is there already" in capsys.readouterr().err
+    assert "exists already" in capsys.readouterr().err
 
 
 def test_options_answer_single_questions(bench: Path) -> None:
@@ -137,9 +137,9 @@ def test_a_number_that_cannot_be_read_is_asked_for_again(
 @pytest.mark.parametrize(
     ("words", "status", "said"),
     [
-        ([], 2, "--yes takes the defaults"),
+        ([], 2, "--yes uses the defaults"),
         (["--yes", "--name", "No Name"], 2, "rig.name"),
-        (["--yes", "--arm-min-V", "90"], 2, "make no range"),
+        (["--yes", "--arm-min-V", "90"], 2, "give no range"),
         (["--yes", "--sensor", "other"], 2, "there are"),
         (["--yes", "--sensor", "nidaqmx"], 2, "um_per_V"),
         (["--yes", "--output-option", "bauds=1"], 2, "has no option bauds"),

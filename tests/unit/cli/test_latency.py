@@ -58,7 +58,7 @@ def test_the_shortest_period_is_reported(
     assert "supported: 5 ms and longer (200 Hz)" in said
     assert "not 2 ms: p99.9 of the lateness: 0.3 ms, limit 0.1 T = 0.2 ms" in said
     assert "[rig] period_s = 0.02 with the law pbsmic, as four programs" in said
-    assert "A period T is supported where of at least 100 wake-ups" in said
+    assert "A period T is supported if, of at least 100 wake-ups" in said
     assert "the machine's host took 0.25 s" in said
     assert told == "wake-ups: 7.0 s\n"
     ((periods_s, for_s, _, loaded),) = machine.asked

@@ -66,7 +66,7 @@ def test_a_rig_and_people_come_and_go_and_it_says_what_to_start_again(
     otto, sensor = folder.facts(person("otto", "operator")), folder.facts(program("sensor", "left"))
     assert f"copy {folder.path}/revoked" in said("revoke", folder.path, "otto")
     assert "'otto' has no certificate" in said("revoke", folder.path, "otto", status=1)
-    assert "start it again with the new one" in said("revoke", folder.path, "left/sensor")
+    assert "restart it with the new one" in said("revoke", folder.path, "left/sensor")
     assert folder.facts(program("sensor", "left")).serial != sensor.serial
     assert read_revoked(folder.path) == {otto.serial, sensor.serial}
 
@@ -89,15 +89,13 @@ def test_a_lost_list_of_the_revoked_is_begun_again_by_a_person_alone(
 
 def test_renew_takes_those_that_are_named_or_end_soon(said: Said, tmp_path: Path) -> None:
     folder = folder_for(tmp_path / "pki", "left", days=90.0)
-    assert "none ends within 30 days" in said("renew", folder.path)
+    assert "none expires within 30 days" in said("renew", folder.path)
     sensor = program("sensor", "left")
     folder.renew(sensor, NOW, 5.0)
     assert "renewed: left/sensor\n" in said("renew", folder.path)
     assert folder.facts(sensor).ends > NOW + timedelta(days=700)
     assert "renewed: viewer\n" in said("renew", folder.path, "viewer", "--days", "9")
-    assert "wanted more than 0 days" in said(
-        "renew", folder.path, "viewer", "--days", "0", status=1
-    )
+    assert "must be above 0" in said("renew", folder.path, "viewer", "--days", "0", status=1)
 
 
 def test_show_says_who_until_when_and_where(said: Said, tmp_path: Path) -> None:

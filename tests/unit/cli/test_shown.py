@@ -155,8 +155,8 @@ def test_a_result_has_every_figure_with_its_unit() -> None:
         "force asked for 20.00 mN",
         "force error -0.66 mN",
         "peak force 20.09 mN",
-        "RMSE of the position, over the hold 0.196 µm",
-        "RMSE of the force, over the hold 0.715 mN",
+        "RMSE of the position during the hold 0.196 µm",
+        "RMSE of the force during the hold 0.715 mN",
         "record data/j",
     ):
         assert line in spaced(text)
@@ -206,10 +206,10 @@ def test_a_tracked_path_has_its_errors_in_per_cent_of_its_height() -> None:
         "position, peak to peak 9.83 µm",
         "force, peak to peak 20.00 mN",
         "RMSE of the position 0.088 µm",
-        "the same, of its height 0.89 %",
+        "the same, as a share of its height 0.89 %",
         "largest error of the position 0.312 µm",
         "RMSE of the force 0.190 mN",
-        "the same, of its height 0.95 %",
+        "the same, as a share of its height 0.95 %",
         "largest error of the force 0.610 mN",
         "uncertainty of the force 1.59 mN",
         "RMSE of the true force, by the simulation 0.300 mN",

@@ -116,7 +116,7 @@ def test_a_refusal_has_its_members_and_is_never_asked_again() -> None:
 def test_what_is_no_supervisor_is_reported() -> None:
     gateway = httpx.Response(502, text="bad gateway")
     supervisor = Desk(httpx.Response(200, text="<html>"), gateway)
-    with pytest.raises(ForeignAnswerError, match="is no supervisor"):
+    with pytest.raises(ForeignAnswerError, match="does not come from a supervisor"):
         supervisor.supervisor().rigs()
     with pytest.raises(NoAnswerError, match="status 502, without a problem document"):
         supervisor.supervisor(patience_s=0.0).rigs()

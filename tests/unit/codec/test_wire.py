@@ -47,7 +47,7 @@ def test_other_fields_of_the_same_version_are_another_build() -> None:
 @pytest.mark.parametrize("encoding", ["zenoh/bytes", "application/msgpack", "", "text/plain"])
 def test_garbage_is_reported_as_somebody_elses(encoding: str) -> None:
     said = refused(OTHER_FIELDS, encoding)
-    assert f"not {ENCODING}: sensor did not send this" in said
+    assert f"not {ENCODING}: it was not sent by sensor" in said
 
 
 def test_a_bad_value_does_not_concern_versions() -> None:

@@ -55,7 +55,7 @@ def test_programs_are_known_by_their_services_in_the_order_of_a_tick(
         ('[""]', "'' is not a service of the loop"),
         (
             '["sensor+estimator", "estimator+actuator"]',
-            "estimator is in 'sensor\\+estimator' and in 'estimator\\+actuator': wanted in one",
+            "estimator is in 'sensor\\+estimator' and in 'estimator\\+actuator': it must be in one",
         ),
         ('["loop", "loop"]', "sensor is in 'loop' and in 'loop'"),
         ('"loop"', r"rig\.composed = 'loop'"),

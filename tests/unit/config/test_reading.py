@@ -44,7 +44,7 @@ def test_another_law_or_driver_takes_nothing_that_belongs_to_the_base_file_s(fol
     ("text", "words"),
     [
         ('base = "none.toml"', "none.toml: No such file"),
-        ("base = 3", "base = 3: wanted the name of a rig file"),
+        ("base = 3", "base = 3: expected the name of a rig file"),
         ('base = "rig.toml"', "that file has a base itself"),
         ('base = "base.toml"\n[rig]\nnam = "x"', "rig.nam"),
         ('base = "base.toml"\n[bus]\nrouter = "7447"', "bus.router = '7447': .*HOST:PORT"),

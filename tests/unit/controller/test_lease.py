@@ -156,7 +156,7 @@ def test_a_lease_that_has_ended_is_not_granted_again() -> None:
     bench.reach("approach")
     while not bench.asked:
         bench.tock()
-    with pytest.raises(RefusedError, match="the lease of this epoch has ended: arm anew"):
+    with pytest.raises(RefusedError, match="the lease of this epoch has ended: arm again"):
         bench.renew()
 
 

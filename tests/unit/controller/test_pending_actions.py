@@ -133,7 +133,7 @@ def test_what_has_nothing_to_act_on_is_refused_with_the_reason() -> None:
     bench.until("hold")
     ask(bench, "stop")
     bench.tick()
-    with pytest.raises(RefusedError, match=r"does not run any more \(stopped\)"):
+    with pytest.raises(RefusedError, match=r"has ended \(stopped\)"):
         ask(bench, "pause")
     ask(bench, "release")
     bench.until()

@@ -96,7 +96,7 @@ def test_nothing_is_missing_of_the_demo(tmp_path: Path) -> None:
     assert missing(rig_findings(RIG)) == []
     assert missing(shared_ports(RIG)) == []
     said = [finding.what for finding in findings(DEMO, tmp_path)]
-    assert any("of real ones doctor asks" in what for what in said)
+    assert any("with real ones, doctor checks" in what for what in said)
 
 
 def test_a_port_that_two_need_is_named_with_both() -> None:
@@ -162,7 +162,7 @@ def test_what_is_assumed_of_the_model_is_said_and_stops_nothing() -> None:
 def test_a_driver_that_has_not_met_its_instrument_says_so_on_a_real_rig() -> None:
     real = RIG.model_copy(update={"simulation": None})
     notes = [finding.what for finding in rig_findings(real) if finding.mark == "note"]
-    assert sum("has not met its instrument" in note for note in notes) == 2
+    assert sum("has not been tested with its instrument" in note for note in notes) == 2
 
 
 def test_an_unknown_driver_and_a_wrong_option_are_missing() -> None:
@@ -256,8 +256,8 @@ def test_a_sensor_whose_readings_are_one_exchange_old_is_found_by_a_move() -> No
     bench = Bench()
     finding = direction(RIG, Previous(bench.sensor), bench.output, bench.sleep)
     assert not finding.ok
-    assert "one exchange old" in finding.what
-    assert "passes bytes on" in finding.remedy
+    assert "one exchange late" in finding.what
+    assert "forwards bytes" in finding.remedy
     assert bench.output.read_V() == 0.0
 
 
@@ -303,7 +303,7 @@ def test_a_simulated_rig_is_not_moved(tmp_path: Path) -> None:
 
 def test_a_driver_of_another_package_without_options_has_no_watchdog() -> None:
     output = Output(driver="srs_dc205", url="/dev/ttyUSB0", on_silence="safe")
-    assert "to a safe value by itself" in watchdog(RIG.model_copy(update={"output": output})).what
+    assert "to a safe value on its own" in watchdog(RIG.model_copy(update={"output": output})).what
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ def test_what_the_rigs_of_a_router_share_is_not_started_by_a_rig_that_joins(
     name: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     assert run_program(name, RIGS / "right.toml", Options(data=tmp_path)) == 2
-    assert f"start the {name} of the rig that has the router" in caplog.text
+    assert f"start the {name} there" in caplog.text
     assert list(tmp_path.iterdir()) == []
 
 

@@ -117,7 +117,7 @@ def test_neither_hears_that_its_host_lives_where_the_first_does_not_answer() -> 
 def test_an_acquisition_is_refused_and_both_are_given_back() -> None:
     both, one, two = pair()
     both.capture(0.0)
-    with pytest.raises(RefusedError, match="a rig of two arms makes none"):
+    with pytest.raises(RefusedError, match="a rig of two arms has none"):
         both.capture(1000.0)
     both.close()
     assert (one.closed, two.closed) == (True, True)

@@ -132,7 +132,7 @@ def test_recorded_branches_take_the_place_of_the_identified_response() -> None:
     tables["model"]["recorded_response"] = tomllib.loads(response_tables(DEMO, "recorded"))[
         "model"
     ]["recorded_response"]
-    with pytest.raises(ConfigError, match="are both there"):
+    with pytest.raises(ConfigError, match="are both given"):
         parse_rig(tables)
     del tables["model"]["free_response"]
     rig = parse_rig(tables)

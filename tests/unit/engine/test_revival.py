@@ -69,8 +69,8 @@ def test_a_supervisor_is_started_again_and_told_once(programs: Programs) -> None
     watched.after(FIRST_S)
     assert programs.revived == ["supervisor"]
     (line,) = watched.said
-    assert line.startswith("supervisor: ended, status -9; see supervisor.log; started again in 0.5")
-    assert "a held part go on" in line
+    assert line.startswith("supervisor: ended, status -9; see supervisor.log; restart in 0.5")
+    assert "a held part stays held" in line
 
 
 @pytest.mark.parametrize("name", ["recorder", "router", "upstream"])
@@ -118,7 +118,7 @@ def test_one_that_dies_again_and_again_is_waited_for_longer(programs: Programs) 
     watched.after(WELL_S)
     programs.members["supervisor"].process.returncode = 1
     watched.after(0.1)
-    assert "started again in 0.5 s" in watched.said[-1]
+    assert "restart in 0.5 s" in watched.said[-1]
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.ENOMEM, errno.EAGAIN, errno.ENOENT])

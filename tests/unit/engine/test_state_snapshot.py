@@ -106,7 +106,7 @@ def test_what_is_carried_replaces_what_was_there() -> None:
     ("text", "words"),
     [
         ("[1]", "is not a map"),
-        ('{"watch": 1}', "the estimator carries no watch"),
+        ('{"watch": 1}', "the estimator does not carry watch"),
         ("{", "Expecting"),
     ],
 )

@@ -32,7 +32,7 @@ def test_one_that_stood_still_for_31_ms_needs_an_age_limit_of_four_and_a_half_pe
     # 20 ms + 2 · 31 ms + 3 · 0.2 ms + 2 ms = 84.6 ms = 4.23 T
     (change,) = changes(RIG, measured(0.031), HOP, "")
     assert (change.key, change.value) == ("[safety] command_age_periods", "4.5")
-    assert "31.0 ms, which counts twice; a fault is then noticed within 90 ms" in change.why
+    assert "31.0 ms, which is counted twice; a fault is then noticed within 90 ms" in change.why
     assert changes(RIG._replace(age_periods=4.5), measured(0.031), HOP, "") == []
 
 

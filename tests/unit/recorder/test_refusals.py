@@ -21,7 +21,7 @@ def test_another_job_is_refused_while_the_loop_plays(bench: Bench) -> None:
     for fed in range(60, 120, 20):
         bench.feed(loop(60)[fed : fed + 20])
         bench.wait(0.7)
-    assert bench.answer == "job j-1 is being recorded, and its loop plays"
+    assert bench.answer == "job j-1 is being recorded, and its motion still runs"
     assert bench.keeper.record is not None
     assert bench.keeper.record.job == "j-1"
 

@@ -36,7 +36,7 @@ def test_time_continues_and_the_step_is_noted_once(step_s: float) -> None:
         clock.look()
         hands.pass_(0.05)
     assert clock.now_ns() - before_ns == pytest.approx(12.45e9, abs=1e3)
-    assert clock.words() == f"the wall clock was set by {step_s:+.1f} s, 12.3 s after the begin"
+    assert clock.words() == f"the wall clock was set by {step_s:+.1f} s, 12.3 s after the start"
 
 
 def test_a_clock_that_is_steered_slowly_is_not_set() -> None:

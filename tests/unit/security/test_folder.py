@@ -140,11 +140,11 @@ class TestWhatIsNotInOrder:
         end = folder.facts(CONTROLLER).ends
         assert checked(folder.credentials(CONTROLLER), end - timedelta(seconds=1))
         self.refused(
-            folder, "ended on 2013-07-10: `pincette security renew .* demo/controller`", end
+            folder, "expired on 2013-07-10: `pincette security renew .* demo/controller`", end
         )
 
     def test_it_has_not_begun(self, folder: Folder) -> None:
-        self.refused(folder, "begins on .* set this machine's clock", NOW - timedelta(days=1))
+        self.refused(folder, "valid from .* set this machine's clock", NOW - timedelta(days=1))
 
     def test_its_role_is_another(self, folder: Folder) -> None:
         files = replace(

@@ -133,5 +133,5 @@ def test_where_the_server_is_changes_no_digest() -> None:
 
 
 def test_a_rig_joins_another_router_or_has_one_that_connects_upstream() -> None:
-    with pytest.raises(ConfigError, match="leave one of them out"):
+    with pytest.raises(ConfigError, match="exclude each other"):
         far(router="10.0.0.3:7447", upstream="10.0.0.1:7447")

@@ -107,7 +107,7 @@ def test_an_arm_of_a_pair_plays_no_waves_and_does_not_average() -> None:
     arm.set_averaging(0.0)
     with pytest.raises(ValueError, match="do not average"):
         arm.set_averaging(0.01)
-    with pytest.raises(ValueError, match="plays no waves"):
+    with pytest.raises(ValueError, match="cannot play or acquire waves"):
         arm.put_out_wave((1.0,), 100.0)
 
 

@@ -166,5 +166,5 @@ def test_a_rig_file_names_one_class(simulation: Simulation) -> None:
     with pytest.raises(ValueError, match=r"neither of \[simulation.hysteresis\]"):
         Simulation.model_validate({**plain, "hysteresis": None})
     other = Simulation.model_validate({**plain, "hysteresis": None, "relays": relays})
-    with pytest.raises(ValueError, match=r"give \[simulation.hysteresis\] in the place of"):
+    with pytest.raises(ValueError, match=r"give \[simulation.hysteresis\] instead of"):
         _ = other.bouc_wen

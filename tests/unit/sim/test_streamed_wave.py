@@ -66,7 +66,7 @@ def test_a_wave_that_runs_dry_is_over_and_takes_no_more(simulation: Simulation) 
     assert not rig.wave_over
     rig.go_on()
     assert rig.wave_over
-    with pytest.raises(ValueError, match="the wave is over"):
+    with pytest.raises(ValueError, match="the wave has ended"):
         rig.extend_wave([0.0])
 
 

@@ -132,7 +132,7 @@ class CannedRig:
     ) -> messages.Message:
         service = question.service
         if service in self.silent:
-            raise BusError(f"nobody answers {service}/{question.name} within {timeout_s:g} s")
+            raise BusError(f"no program answers {service}/{question.name} within {timeout_s:g} s")
         if not isinstance(request, messages.StatusRequest):
             self.asked.append(f"{service}/{question.name}")
         with self.turn:

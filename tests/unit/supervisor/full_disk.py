@@ -9,7 +9,7 @@ from sqlalchemy import Connection
 from pincette_supervisor.journal.database import Database
 from pincette_supervisor.journal.store import StoreError
 
-FULL = "the job store: database or disk is full; look at the disk's room and rights"
+FULL = "the job store: database or disk is full; check the disk's free space and permissions"
 
 
 @contextmanager

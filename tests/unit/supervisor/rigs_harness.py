@@ -52,7 +52,7 @@ class CannedOthers:
         assert rig is not None
         self.asked.append(rig)
         if rig not in self.canned:
-            raise AbsentError(f"{rig}: nobody answers")
+            raise AbsentError(f"{rig}: no program answers")
         return self.canned[rig].call(question, request, timeout_s)
 
     def close(self) -> None:

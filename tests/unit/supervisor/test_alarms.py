@@ -182,7 +182,7 @@ def test_a_program_that_dies_stands_until_it_is_back(harness: Harness) -> None:
         watch.poll()
     (row,) = alarms(harness)
     assert (row["cause"], row["count"], row["cleared_at"]) == ("program.estimator", 1, None)
-    assert row["words"] == "estimator has gone: killed, hung or cut off"
+    assert row["words"] == "estimator has disappeared: killed, hung or disconnected"
     harness.bus.revive("estimator")
     watch.poll()
     (row,) = alarms(harness)

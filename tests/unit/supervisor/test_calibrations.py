@@ -229,7 +229,7 @@ def test_a_service_that_works_with_another_model_than_it_was_armed_with_is_named
     harness.bus.calibration = ""
     harness.health.refresh(force=True)
     reasons = harness.get("/rigs/demo")["reasons"]
-    assert any("works with model of the rig file, armed with" in reason for reason in reasons)
+    assert any("uses model of the rig file, armed with" in reason for reason in reasons)
 
 
 def with_sensor(rig: RigFile, **changes: Any) -> RigFile:
@@ -254,7 +254,7 @@ def test_the_model_outlives_a_restart_but_no_other_instrument(
     assert model["version"] == 0
     assert model["changed"] == [{"key": "sensor.direction", "before": 1, "now": -1}]
     assert "unused, because sensor.direction = -1, was 1" in model["trouble"]
-    assert "`pincette model use 1` where it still holds" in model["trouble"]
+    assert "`pincette model use 1` if it is still valid" in model["trouble"]
     assert "sensor.direction" in model["versions"][0]["trouble"]
     refused = other.post("/jobs", {"kind": "grip"})
     assert refused.status_code == 503

@@ -188,7 +188,7 @@ def test_only_so_many_wait_for_a_key(harness: Harness, monkeypatch: pytest.Monke
     assert [answer.status_code for answer in answers].count(201) == 1
     late = [answer.json() for answer in answers if answer.status_code == 503]
     assert len(late) == 3
-    assert all("ask again with the same key" in problem["detail"] for problem in late)
+    assert all("again in a moment with the same key" in problem["detail"] for problem in late)
 
 
 def test_a_caller_that_has_hung_up_starts_nothing(harness: Harness) -> None:
@@ -224,7 +224,7 @@ def test_a_caller_that_has_hung_up_starts_nothing(harness: Harness) -> None:
     assert harness.get("/jobs")["jobs"] == []
     (entry,) = harness.get("/audit")["entries"]
     assert entry["status"] == 408
-    assert entry["detail"] == "grip: the caller hung up, nothing was begun"
+    assert entry["detail"] == "grip: the client closed the connection, nothing was started"
 
 
 def test_a_change_is_waited_for_from_now_on_where_nothing_is_known(harness: Harness) -> None:

@@ -64,8 +64,8 @@ def test_a_loop_that_answers_is_not_tripped_and_continues(desk: Harness) -> None
     assert desk.get(f"/jobs/{job}")["state"] == "running"
     assert desk.bus.trips == []
     (words,) = alarms(desk)
-    assert "the loop works and goes on" in words
-    assert "this program stood still for" in words
+    assert "the loop continues" in words
+    assert "this program was stalled for" in words
     desk.bus.play()
     assert desk.ended(job)["state"] == "succeeded"
 

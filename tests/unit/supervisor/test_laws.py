@@ -117,7 +117,7 @@ def test_tuned_gains_are_those_of_the_search(
 @pytest.mark.parametrize(
     ("wishes", "pointer", "words"),
     [
-        ({"gains": "tuned", "set": "printed"}, "/gains", "tuned for the consistent set"),
+        ({"gains": "tuned", "set": "printed"}, "/gains", "tuned for the sets"),
         ({"gains": "best"}, "/gains", "gains = 'best'"),
         ({"gains": {"K_Q": 1.0}}, "/gains/K_Q", "PBSMIC has no gain K_Q; there are K_P, K_I,"),
         ({"gains": {"K_P": -1.0}}, "/gains/K_P", "K_P = -1.0"),
@@ -154,7 +154,7 @@ def test_gains_whose_loop_cannot_be_reckoned_are_refused(
     monkeypatch.setattr(laws, "judged", none)
     (error,) = refused(harness, {"gains": {"K_P": 1.0}}, "invalid-request")["errors"]
     assert error["pointer"] == "/gains"
-    assert "no spectral radius can be found for these gains: Eigenvalues" in error["message"]
+    assert "the spectral radius for these gains cannot be computed: Eigenvalues" in error["message"]
 
 
 def test_tuned_is_refused_where_the_rig_file_has_the_printed_set(

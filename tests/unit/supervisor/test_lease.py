@@ -88,7 +88,7 @@ def test_what_is_not_answered_is_asked_again_and_what_is_refused_is_not(
 ) -> None:
     bus = Line(real_time)
     renewal = Renewal(bus, Lease(7, LENGTH_S), lambda: bus.now_s)
-    bus.answer = BusError("nobody answers")
+    bus.answer = BusError("no program answers")
     bus.now_s = 4.0
     assert renewal.renew(1.0)
     assert renewal.age_s == 4.0

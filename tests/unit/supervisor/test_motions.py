@@ -93,8 +93,8 @@ def test_without_a_word_of_the_rig_it_is_taken_to_rest_and_that_is_reported() ->
     _, view = plan({"kind": "move", "by_um": 3.0}, None)
     assert view.begins_at.x_um is None
     assert view.curves.x_r_um[0] == 0.0
-    assert "the arm has not been reported yet" in view.warnings[0]
-    assert "goes to a place, not by a distance" in view.warnings[1]
+    assert "the arm has not reported its position yet" in view.warnings[0]
+    assert "give a target position instead of a distance" in view.warnings[1]
 
 
 def test_a_voltage_needs_no_law() -> None:
@@ -154,12 +154,12 @@ def test_what_is_held_is_let_go_within_the_slew_limit(kind: str) -> None:
 
 
 def test_that_a_part_is_held_may_be_known_to_the_operator_alone() -> None:
-    for present, words in ((FREE, "is not told by the rig"), (Present(2.5, 39.0), "is not known")):
+    for present, words in ((FREE, "is not known to the rig"), (Present(2.5, 39.0), "is not known")):
         _, view = plan({"kind": "hold", "hold_s": 3.0}, present)
         assert view.feasible
         assert words in view.warnings[-1]
     _, moved = plan({"kind": "move", "to_um": 3.0}, HELD)
-    assert any("a move lets it go" in text for text in moved.warnings)
+    assert any("a move releases it" in text for text in moved.warnings)
 
 
 def samples(count: int, *, held: bool) -> list[Message]:

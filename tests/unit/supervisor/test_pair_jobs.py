@@ -135,7 +135,7 @@ def test_each_path_is_of_its_own_shape_and_time() -> None:
         ({"kind": "track"}, "needs a path: give force, place or both"),
         ({"kind": "track", "cycles": 3}, "cycles is for 1 driven arm, and this rig has 2: leave"),
         ({"kind": "grip", "profile": "quick"}, "profile is for 1 driven arm, and this rig has 2"),
-        ({"kind": "grip", "gains": "tuned"}, "is for 1 driven arm, and this rig has 2: name"),
+        ({"kind": "grip", "gains": "tuned"}, "is for 1 driven arm, but this rig has 2: give"),
     ],
 )
 def test_what_makes_no_job_is_refused(body: dict[str, Any], said: str) -> None:
@@ -206,7 +206,7 @@ def test_one_arm_of_two_is_calibrated_while_the_other_rests() -> None:
 
 
 def test_a_calibration_that_meets_a_part_is_for_one_arm() -> None:
-    with pytest.raises(ValueError, match="rigs of one driven arm"):
+    with pytest.raises(ValueError, match="a rig with one driven arm"):
         plan({"kind": "calibrate", "calibration": "contact_stiffness"})
     with pytest.raises(FaultyRequestError, match="this rig has one driven arm"):
         plan({"kind": "calibrate", "calibration": "noise", "arm": 2}, rig=demo_rig())

@@ -151,7 +151,7 @@ def test_a_server_that_goes_and_comes_loses_nothing(
 def test_two_supervisors_do_not_share_a_database(store: Store, tmp_path: Path, url: str) -> None:
     store.work_alone()
     other = Store(tmp_path / "other" / "supervisor.sqlite", url)
-    with pytest.raises(StoreError, match="another supervisor works with it"):
+    with pytest.raises(StoreError, match="another supervisor uses it"):
         other.work_alone()
     store.close()
     other.work_alone()

@@ -208,7 +208,7 @@ def test_a_short_period_does_not_take_longer(monkeypatch: pytest.MonkeyPatch) ->
     prediction = predicted(straight(), kind="grip").plan.prediction
     assert prediction is not None
     assert len(prediction.curves.t_s) == 150
-    assert prediction.cut == "3 s are predicted at most"
+    assert prediction.cut == "3 s can be predicted at most"
 
 
 def test_a_move_begins_where_the_arm_stands() -> None:

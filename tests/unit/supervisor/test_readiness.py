@@ -50,7 +50,7 @@ def test_a_program_that_does_not_answer_is_named(harness: Harness, name: str) ->
     failing = [check for check in found["rigs"]["demo"] if not check["ok"] and check["needed"]]
     assert [check["name"] for check in failing] == [f"{name}.answer"]
     assert found["reasons"] == [f"demo: {failing[0]['words']}"]
-    assert failing[0]["words"].startswith(f"{name}: nobody answers {name}/status within 0.7 s")
+    assert failing[0]["words"].startswith(f"{name}: no program answers {name}/status within 0.7 s")
 
 
 def test_another_rig_file_is_reported_with_both_digests(harness: Harness) -> None:

@@ -83,7 +83,7 @@ def test_the_manifest_has_the_sum_of_every_file(tmp_path: Path, rig_file: RigFil
     [
         (Recorded("a", 9, 0, complete=True, detail=""), True, ""),
         (Recorded("a", 9, 2, complete=False, detail="2 lost"), False, "2 lost"),
-        ("nobody answers recorder/finish", False, "nobody answers recorder/finish"),
+        ("no program answers recorder/finish", False, "no program answers recorder/finish"),
     ],
 )
 def test_the_manifest_says_whether_the_record_is_complete(

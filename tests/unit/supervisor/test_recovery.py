@@ -124,7 +124,7 @@ def test_without_a_recorder_no_job_can_start(harness: Harness) -> None:
     harness.bus.kill("recorder")
     response = harness.post("/jobs", {"kind": "grip"})
     assert response.status_code == 503
-    assert response.json()["reasons"][0].startswith("recorder: nobody answers")
+    assert response.json()["reasons"][0].startswith("recorder: no program answers")
 
 
 def test_a_recorder_that_dies_during_a_job_costs_the_record_alone(harness: Harness) -> None:
@@ -134,7 +134,7 @@ def test_a_recorder_that_dies_during_a_job_costs_the_record_alone(harness: Harne
     ended = harness.ended(job)
     assert (ended["state"], ended["result"]["outcome"]) == ("succeeded", "gripped")
     assert ended["record_complete"] is False
-    assert "nobody answers" in ended["record_detail"]
+    assert "no program answers" in ended["record_detail"]
 
 
 def test_a_record_that_lacks_samples_says_so(harness: Harness) -> None:

@@ -133,8 +133,8 @@ def test_a_rig_that_is_not_here_is_named_with_those_that_are(harness: Harness) -
         ({"force_mN": 20.0}, "/force_mN", "force_mN is for 2 driven arms, and this rig has 1"),
         ({"shape": "square"}, "/shape", "shape = 'square'"),
         ({"force_pp_mN": 20.0, "x_pp_um": 8.45}, "", "exclude each other"),
-        ({"shape": "step", "cycles": 3}, "/cycles", "does not go with a step, which takes levels"),
-        ({"levels_mN": [5.0]}, "/levels_mN", "does not go with a sinusoid"),
+        ({"shape": "step", "cycles": 3}, "/cycles", "be used with a step, which takes levels"),
+        ({"levels_mN": [5.0]}, "/levels_mN", "cannot be used with a sinusoid"),
         ({"shape": "waypoints"}, "/points", "points is missing"),
         (
             {

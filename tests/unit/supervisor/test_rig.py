@@ -47,7 +47,7 @@ def test_each_program_says_how_punctual_it_is(harness: Harness) -> None:
     assert timing["programs"][0]["lateness"] == late
     assert timing["programs"][0]["age"]["p50_s"] is None
     assert list(timing["silent"]) == ["controller"]
-    assert "nobody answers controller/timing" in timing["silent"]["controller"]
+    assert "no program answers controller/timing" in timing["silent"]["controller"]
 
 
 def test_the_boot_latch_is_cleared_once(harness: Harness) -> None:
@@ -62,11 +62,11 @@ def test_an_actuator_that_does_not_answer_has_nothing_that_a_person_could_clear(
     harness.bus.idle()
     harness.bus.silent.add("actuator")
     harness.health.refresh(force=True)
-    assert harness.get("/rigs/demo")["reasons"][0].startswith("actuator: nobody answers")
+    assert harness.get("/rigs/demo")["reasons"][0].startswith("actuator: no program answers")
     refused = harness.post("/jobs", {"kind": "grip"})
     assert (refused.status_code, refused.json()["reasons"]) == (
         503,
-        ["actuator: nobody answers actuator/status within 0.7 s"],
+        ["actuator: no program answers actuator/status within 0.7 s"],
     )
     harness.bus.silent.discard("actuator")
     assert harness.ended(harness.grip()["id"])["state"] == "succeeded"
@@ -157,7 +157,7 @@ def test_a_silent_program_is_a_reason(harness: Harness) -> None:
     response = harness.post("/jobs", {"kind": "grip"})
     assert response.status_code == 503
     (reason,) = response.json()["reasons"]
-    assert reason.startswith("estimator: nobody answers")
+    assert reason.startswith("estimator: no program answers")
     assert harness.call("GET", "/readyz").status_code == 503
     program = next(p for p in harness.get("/rigs/demo")["programs"] if p["name"] == "estimator")
     assert program["alive"] is False

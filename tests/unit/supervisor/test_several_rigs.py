@@ -124,14 +124,14 @@ def test_one_that_goes_says_so_and_leaves_the_other_alone(both: RigsHarness) -> 
     both.until(lambda: "its programs have gone" in both.found("right"))
     right = both.get("/rigs/right")
     assert not right["can_start"]
-    assert any(reason.startswith("actuator: nobody answers") for reason in right["reasons"])
+    assert any(reason.startswith("actuator: no program answers") for reason in right["reasons"])
     ready = both.call("GET", "/readyz")
     assert (ready.status_code, ready.json()["status"]) == (200, "ready")
     assert all(reason.startswith("right: ") for reason in ready.json()["reasons"])
     assert both.ended(both.grip(rig="left")["id"])["state"] == "succeeded"
     both.canned["right"].silent.clear()
     both.turn("right", alive=True)
-    both.until(lambda: "its programs have come back" in both.found("right"))
+    both.until(lambda: "its programs run again" in both.found("right"))
     assert both.ended(both.grip(rig="right")["id"])["state"] == "succeeded"
 
 
@@ -143,7 +143,7 @@ def test_another_rig_file_waits_until_no_job_has_the_rig(both: RigsHarness, file
     playing.told = now.model_dump_json()
     playing.rig = now
     both.turn("right", alive=True)
-    waits = f"its programs run with rig file {now.digest()}, jobs here are of {before}"
+    waits = f"its programs run with rig file {now.digest()}, jobs here use {before}"
     both.until(lambda: any(waits in why for why in both.get("/rigs/right")["reasons"]))
     assert both.get("/rigs/right")["digest"] == before
     assert both.get(f"/jobs/{job}")["state"] == "running"
@@ -152,7 +152,7 @@ def test_another_rig_file_waits_until_no_job_has_the_rig(both: RigsHarness, file
     playing.play()
     assert both.ended(job)["state"] == "succeeded"
     both.until(lambda: both.get("/rigs/right")["digest"] == now.digest())
-    both.until(lambda: both.found("right")[-1] == "loaded again, with another rig file")
+    both.until(lambda: both.found("right")[-1] == "reloaded with another rig file")
     assert both.names() == ["left", "right"]
     assert both.ended(both.grip(rig="right")["id"])["state"] == "succeeded"
 
@@ -196,7 +196,7 @@ def found_and_not_served(harness: RigsHarness, stop: Callable[[str], None], *nam
     harness.rigs = Rigs(harness.rigs.own, stop_others)
     harness.app = create_app(harness.rigs)
     for name in names:
-        harness.rigs.set_unusable(name, "its rig file is not understood")
+        harness.rigs.set_unusable(name, "its rig file is not valid")
 
 
 def test_a_rig_that_cannot_be_served_is_stopped_all_the_same(rigs_harness: RigsHarness) -> None:
@@ -213,7 +213,7 @@ def test_rigs_that_have_not_confirmed_are_named_beside_those_that_have(
     rigs_harness: RigsHarness,
 ) -> None:
     def silent(rig: str) -> None:
-        raise BusError(f"nobody answers for {rig}")
+        raise BusError(f"no program answers for {rig}")
 
     found_and_not_served(rigs_harness, silent, "right")
     problem = rigs_harness.post("/estop")

@@ -70,7 +70,7 @@ def test_each_event_leads_where_the_table_says_or_nowhere(state: JobState) -> No
         if event in STATES[state].events:
             assert next_state(state, event) in STATES
         else:
-            with pytest.raises(TransitionError, match=f"{state} knows no {event}"):
+            with pytest.raises(TransitionError, match=f"{state} has no event {event}"):
                 next_state(state, event)
 
 

@@ -236,7 +236,7 @@ def test_a_data_base_that_fails_is_named(store: Store) -> None:
         base.execute(text("DROP TABLE notes"))
     with pytest.raises(StoreError, match=r"supervisor\.sqlite: no such table: notes"):
         store.get_note("a")
-    with pytest.raises(StoreError, match="room and rights"):
+    with pytest.raises(StoreError, match="free space and permissions"):
         store.set_note("a", "b")
 
 

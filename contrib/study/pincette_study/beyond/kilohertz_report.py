@@ -58,8 +58,8 @@ def section(found: BeyondTrials) -> Section:
             "instruments and T = 1 ms: default gains, estimated force in the loop, and the "
             "models that were found at 20 ms. Position as measured, force as it truly was, in "
             "per cent of peak to peak.",
-            "Off nominal one rig of each class is not what it was calibrated to be, and nothing "
-            "is told of it. Every such path came to its end: it is stable.",
+            "Off nominal, one rig of each class differs from its calibration, and the law "
+            "is not informed. Every such path ran to its end: it is stable.",
         ),
         comparisons=(*_grip_rows(found.grips), *_track_rows(found.tracks)),
         data={"trials": [plain(trial) for trial in (*found.grips, *found.tracks)]},

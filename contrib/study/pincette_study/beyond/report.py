@@ -25,8 +25,8 @@ PREPARED = {"": "", "dry_run": ", after a residual run", "learned": ", after ten
 QUANTITIES = ("position", "force")
 FIGURES = {
     "seconds_without_hold": ("time without the hold", "s"),
-    "peak_over_planned": ("largest true force over the planned one", ""),
-    "hold_error_percent": ("true force over the hold, r.m.s. error", "%"),
+    "peak_over_planned": ("largest true force divided by the planned force", ""),
+    "hold_error_percent": ("r.m.s. error of the true force during the hold", "%"),
 }
 COLORS = dict(zip(FREQUENCIES_HZ, (BLUE, GREEN, ORANGE), strict=True))
 
@@ -89,17 +89,17 @@ def section(found: BeyondTrials) -> Section:
         key="beyond",
         title="Beyond the paper: the identified free response in the law",
         text=(
-            f"{rigs} rigs of each class of hysteresis, drawn at random by seeds that no gain was "
-            "found on, calibrated as the product does it and pressed once. In (17) k·H(u) stands "
-            "in the place of d·u, H being the identified hysteresis and creep; gains are the "
-            "defaults, the same on every rig. "
-            f"{printed.X_PP_UM} µm peak to peak. Position as measured, force as it truly was.",
-            "H is made of plays, which are kin to the Bouc-Wen hysteresis of one class of rigs; "
-            "the relays of the other class are not, and are the fairer test.",
-            "Then the motion is played twice without the part, and what the model misses of it is "
-            "kept: this mends the force. At last the law learns from cycle to cycle: this mends "
-            f"the position. Stated is the error of the cycles after {LEARNED_CYCLES}. "
-            f"{_without_a_run(trials)}",
+            f"{rigs} rigs of each class of hysteresis, drawn at random by seeds that no gain "
+            "was found on, calibrated as the product does it and pressed once. In (17), "
+            "k·H(u) replaces d·u, where H is the identified hysteresis and creep; gains are "
+            f"the defaults, the same on every rig. {printed.X_PP_UM} µm peak to peak. "
+            "Position is as measured, force is the true contact force.",
+            "H is a sum of play operators, which resemble the Bouc-Wen hysteresis of one "
+            "class of rigs; the relays of the other class do not, and are the fairer test.",
+            "Then the motion is played twice without the part, and the error of the model "
+            "along it is stored: this corrects the force. Finally the law learns from cycle "
+            "to cycle: this corrects the position. The stated error is that of the cycles "
+            f"after {LEARNED_CYCLES}. {_without_a_run(trials)}",
         ),
         pictures=(
             Picture("beyond", "errors of each rig, PBSMIC", _scatter(trials)),
@@ -114,9 +114,7 @@ def section(found: BeyondTrials) -> Section:
 def _without_a_run(trials: Sequence[BeyondTrial]) -> str:
     """Return how many tracks have a residual run; a guard ended the others."""
     counts = [sum(t.prepared == word for t in trials) for word in ("", "dry_run")]
-    return (
-        f"Residual runs stand behind {counts[1]} of {counts[0]} tracks; a guard ended the others."
-    )
+    return f"{counts[1]} of {counts[0]} tracks had residual runs; a guard ended the others."
 
 
 def grip_section(found: BeyondTrials) -> Section:

@@ -23,8 +23,8 @@ Figures = tuple[tuple[str, float], ...]
 
 
 def run(
-    rig: Annotated[Path, typer.Argument(help="rig file that pairs are drawn around")],
-    pairs: Annotated[int, typer.Option(min=1, help="of each class of hysteresis")] = 1,
+    rig: Annotated[Path, typer.Argument(help="rig file around which random pairs are drawn")],
+    pairs: Annotated[int, typer.Option(min=1, help="pairs of each class of hysteresis")] = 1,
 ) -> None:
     """Print the median and the worst of every figure."""
     base = opened(rig)

@@ -135,8 +135,8 @@ def run_pairs(base: Path, pairs: int, folder: Path, workers: int = 1) -> Iterato
 
 
 def main(
-    rig: Annotated[Path, typer.Argument(help="rig file that pairs are drawn around")],
-    pairs: Annotated[int, typer.Option(min=1, help="of each class of hysteresis")] = 10,
+    rig: Annotated[Path, typer.Argument(help="rig file around which random pairs are drawn")],
+    pairs: Annotated[int, typer.Option(min=1, help="pairs of each class of hysteresis")] = 10,
     workers: Annotated[int, typer.Option(min=1, help="processes")] = 1,
     keep: Annotated[Path | None, typer.Option(help="folder for the rig files")] = None,
 ) -> None:
@@ -162,8 +162,8 @@ def report(found: list[PairFigures]) -> Iterator[str]:
             if any(one.hysteresis == name for one in found)
         ]
         yield (
-            f"{figure.name}: {_text([one.values[place] for one in found])} {figure.unit}, wanted "
-            f"{figure.median:g} ({figure.worst:g}); {', '.join(of_class)}"
+            f"{figure.name}: {_text([one.values[place] for one in found])} {figure.unit}, "
+            f"target {figure.median:g} ({figure.worst:g}); {', '.join(of_class)}"
         )
 
 

@@ -33,7 +33,7 @@ class TapResult(JobResult):
 KIND = JobKind(
     name="tap",
     label="Tap the part",
-    summary="Touch the part lightly, and say where it is and how stiff.",
+    summary="Touch the part lightly; report its position and stiffness.",
     request=TapRequest,
     plan=Plan,
     result=TapResult,

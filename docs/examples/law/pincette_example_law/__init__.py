@@ -109,9 +109,11 @@ def step(
 LAW = LawDefinition(
     name="example_impedance",
     title="Example: impedance with integral action",
-    summary="the voltage integrates the distance to the position that the impedance asks for",
+    summary="the voltage integrates the distance to the target position of the impedance",
     parameters=(
-        LawParameter("K_I", "", "share of the error that a sample takes off", 0.3, positive=True),
+        LawParameter(
+            "K_I", "", "share of the error that is removed in each sample", 0.3, positive=True
+        ),
         *IMPEDANCE_GAINS,
     ),
     build=build,

@@ -227,9 +227,9 @@ def require_key(config: SupervisorConfig, authenticator: Authenticator) -> None:
         log.warning("keys are required and none is valid, so every request is refused: %s", make)
     if config.in_container and not authenticator.keys_wanted:
         log.warning(
-            "OPEN: whoever reaches %s may move the rig without a key. [supervisor] behind = "
-            '"container" promises that its port is published on the loopback of the host alone; '
-            "where that is not so: %s",
+            "OPEN: anyone who can reach %s can move the rig without a key. [supervisor] "
+            'behind = "container" promises that its port is published on the loopback '
+            "address of the host only; if it is not: %s",
             place,
             make,
         )
@@ -280,9 +280,10 @@ class KeySync:
         time = self._authenticator.time
         if self._authenticator.keys_wanted and time.ahead >= BEHIND:
             self._store.troubles[KEY_CLOCK] = (
-                f"the time of day is {time.ahead / HOUR:.0f} h behind {utc_text(time.now())}, the "
-                "latest time seen by this supervisor, and the ends of keys are judged by the "
-                "latter: set the clock of this machine, or acknowledge this alarm if it is right"
+                f"the time of day is {time.ahead / HOUR:.0f} h behind "
+                f"{utc_text(time.now())}, the latest time seen by this supervisor, which is "
+                "used for the expiry of keys: set the clock of this machine, or acknowledge "
+                "this alarm if it is right"
             )
         else:
             self._store.troubles.pop(KEY_CLOCK, None)

@@ -39,7 +39,8 @@ class KeyStore:
                 raise ValueError(
                     f"the time of day is {utc_text(now)}, and the supervisor has seen "
                     f"{utc_text(latest)}: set the clock of this machine, or if it is right "
-                    f"acknowledge the alarm {KEY_CLOCK!r}; a key without --days is not concerned"
+                    f"acknowledge the alarm {KEY_CLOCK!r}; keys made without --days are not "
+                    "affected"
                 )
             expires_at = utc_text(now + timedelta(days=days))
         try:

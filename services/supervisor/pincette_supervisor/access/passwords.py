@@ -100,7 +100,7 @@ class PasswordCheck:
         have to wait.
         """
         if self._waiting[address] >= WAITING_MAX:
-            raise _too_many(f"{WAITING_MAX} tries from {address} are waiting", 2.0)
+            raise _too_many(f"{WAITING_MAX} login attempts from {address} are waiting", 2.0)
         self._waiting[address] += 1
         try:
             # One try of a name at an address after the other: each knows how the last one ended.
@@ -139,7 +139,7 @@ def _too_many(why: str, wait_s: float) -> ProblemError:
     return ProblemError(
         429,
         "too-many-requests",
-        "Too many passwords are tried",
+        "Too many login attempts",
         f"{why}: wait another {ceil(wait_s)} s",
         headers={"Retry-After": str(ceil(wait_s))},
     )

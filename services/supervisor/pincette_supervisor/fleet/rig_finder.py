@@ -172,7 +172,7 @@ class RigFinder:
             self._serve(self._read(rig, self._request_rig_files(rig, programs)), "found")
             return True
         if here != found.here:
-            words = "its programs have come back" if programs else "its programs have gone"
+            words = "its programs run again" if programs else "its programs have gone"
             manager.context.events.append("rig", None, found=words)
         return not programs or self._compare(manager, self._request_rig_files(rig, programs))
 
@@ -199,9 +199,7 @@ class RigFinder:
         try:
             file = read_rig_reply(first)
         except ConfigError as error:
-            raise ConfigError(
-                f"the rig file of its {program} is not understood:\n{error}"
-            ) from error
+            raise ConfigError(f"the rig file of its {program} is not valid:\n{error}") from error
         if file.rig.name != rig or not file.joins:
             raise ConfigError(
                 f"the rig file of its {program} names rig {file.rig.name!r} with "
@@ -232,14 +230,14 @@ class RigFinder:
         health.changed = (
             ""
             if file.digest() == before.digest()
-            else f"its programs run with rig file {file.digest()}, jobs here are of "
-            f"{before.digest()}: the rig is loaded again once no job runs or waits"
+            else f"its programs run with rig file {file.digest()}, jobs here use "
+            f"{before.digest()}: the rig is reloaded once no job runs or waits"
         )
         if file == before:
             return True
         if not manager.retire():
             return False
-        self._serve(file, "loaded again, with another rig file")
+        self._serve(file, "reloaded with another rig file")
         _end(manager)
         return True
 

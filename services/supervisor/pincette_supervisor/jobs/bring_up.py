@@ -383,7 +383,7 @@ def _need(code: NeedCode, rig: RigFile) -> BenchNeed:
         "part_removed": "take the part away; nothing may touch the arm",
         "part_in_place": f"put the part in place; the arm is expected to touch it at "
         f"{part.contact_um:g} µm ± {part.contact_tolerance_um:g} µm",
-        "weights": "have weights at hand; the job asks for each, to be hung on the tip",
+        "weights": "have weights at hand; the job requests each in turn, to be hung on the tip",
     }
     return BenchNeed(code=code, text=texts[code], when="during" if code == "weights" else "before")
 

@@ -82,9 +82,9 @@ class Silence:
     def _cut_off_words(self, lasts_s: float) -> str:
         """Return the cause of a job's end after a silence longer than its lease."""
         return (
-            f"no program of the rig was heard or has answered for {lasts_s:.1f} s: the router has "
-            "ended or hangs, or the network is cut. The controller stops by itself when its lease "
-            f"of {self._lease_s:g} s ends; a held part stays held"
+            f"no message or reply has come from any program of the rig for {lasts_s:.1f} s: "
+            "the router has ended or hangs, or the network is cut. The controller stops by "
+            f"itself when its lease of {self._lease_s:g} s ends; a held part stays held"
         )
 
     def _hears(self) -> bool:
@@ -102,8 +102,8 @@ class Silence:
         age_s = self._context.observer.age_s(Applied)
         shares = share_words(max(lasts_s, age_s or 0.0))
         words = (
-            f"the supervisor heard no sample of the actuator for {lasts_s:.1f} s, which "
-            f"answered that it is armed: the loop works and goes on; {shares}"
+            f"the supervisor received no sample from the actuator for {lasts_s:.1f} s, but "
+            f"the actuator replied that it is armed: the loop continues; {shares}"
         )
         self._context.alarms.raise_alarm(
             CAUSE, words, severity="warning", clears="acknowledge", job=job

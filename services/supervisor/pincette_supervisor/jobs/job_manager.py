@@ -119,8 +119,9 @@ class KeyTurns:
                     503,
                     "busy",
                     "The first request with this key is still being planned",
-                    f"{WAITING} requests wait for one with their Idempotency-Key, the most: ask "
-                    "again with the same key in a moment; it creates one job",
+                    f"{WAITING} requests with this Idempotency-Key are waiting, the maximum: "
+                    "send the request again in a moment with the same key, which creates "
+                    "one job",
                     headers={"Retry-After": "1"},
                 )
             turn.users += 1
@@ -366,7 +367,7 @@ class JobManager:
         request = resolved.kept
         if self._closing:
             raise refusals.unready(
-                ["the supervisor is ending, or loads the rig again: send the request again"]
+                ["the supervisor is stopping or reloading the rig: send the request again"]
             )
         waits = request.queue and (self.active is not None or len(self.queue) > 0)
         if waits and len(self.queue) >= CAPACITY:
@@ -405,7 +406,7 @@ class JobManager:
         try:
             Run(self.context, live, self._plan_queued).main()
         except Exception:  # the job has ended as failed; the next one may begin
-            log.exception("job %s failed by a fault of the supervisor", live.id)
+            log.exception("job %s failed because of a fault of the supervisor", live.id)
         finally:
             with self._lock:
                 try:

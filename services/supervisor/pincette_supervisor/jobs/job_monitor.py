@@ -188,7 +188,7 @@ LATE_S = 0.5
 PROGRESS_S = 0.2
 """Shortest interval between two progress events, in s."""
 CUT_SHORT: Why = (
-    "the part was released while it was loaded: the force asked for was not reached",
+    "the part was released while it was loaded: the requested force was not reached",
     Ending(code="requested"),
 )
 TOUCHED = (Outcome.CONTACT, Outcome.OVERFORCE)
@@ -312,7 +312,7 @@ class JobMonitor:
             return silent
         words = f"{state} took too long: {self._tracker.lagging_program()} lags"
         if state == "aborting":
-            words = "the actuator did not say in time that it is safe"
+            words = "the actuator did not confirm in time that it is safe"
         return words, Ending(code="overdue")
 
     def _actuator_published(self) -> bool:

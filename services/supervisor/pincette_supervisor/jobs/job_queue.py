@@ -100,7 +100,7 @@ class Claims:
         raise ProblemError(
             409,
             "rig-claimed",
-            "Somebody else has claimed the rig",
+            "Another client has claimed the rig",
             f"claimed by {claim.by}{more} for another {claim.left_s:g} s, until {claim.expires_at}",
             claim=claim.model_dump(),
         )
@@ -192,7 +192,7 @@ class JobQueue:
             try:
                 request = REQUEST.validate_json(json.dumps({"kind": row.kind, **row.request}))
             except ValidationError as error:
-                cause = f"its request is not understood any more: {refusal(error.errors()[0])}"
+                cause = f"its request is no longer valid: {refusal(error.errors()[0])}"
                 self._end(row, "failed", "request_outdated", cause)
             else:
                 self._entries.append(Entry(row, request, row.revision, row.place))

@@ -372,7 +372,7 @@ def _compare(context: RigContext, row: JobRow) -> None:
                 _gathered(context, row).write(where, recorded, context.draw)
                 lost = _lost(where, row)
         except Exception as error:  # whatever it was, the job says that they are lacking
-            log.exception("the documents of job %s were not made again", row.id)
+            log.exception("the documents of job %s were not rebuilt", row.id)
             why = f" ({str(error) or type(error).__name__})"
     if lost:
         words = f"{', '.join(lost)} lost or changed in {where}{why}: copy it from a backup"
@@ -412,7 +412,7 @@ def _stop(context: RigContext, how: ActionCode) -> str:
         return f"the program was not stopped: {error}"
     except BusError as error:
         return f"the program that still plays could not be stopped: {error}"
-    part = "a held part is let go" if how == ActionCode.RETRACT else "a held part stays held"
+    part = "a held part is released" if how == ActionCode.RETRACT else "a held part stays held"
     return f"the program that still played was stopped after the restart; {part}"
 
 

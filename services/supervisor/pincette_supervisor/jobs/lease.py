@@ -62,7 +62,7 @@ def ended_words(bus: Bus, length_s: float) -> str:
     text = ""
     with suppress(BusError):
         text = ended_text(status(bus, "controller", ASK_S))
-    return text or f"lease: nothing heard from the supervisor, limit {length_s:g} s"
+    return text or f"lease: nothing received from the supervisor, limit {length_s:g} s"
 
 
 def ended_text(controller: Status) -> str:

@@ -138,7 +138,7 @@ class TrajectoryStore:
         model = self._context.model.in_use
         found: list[str] = []
         if (kind := row.request["kind"]) not in job_kinds():
-            found.append(f"kind: {kind} is not known any more, make the trajectory again")
+            found.append(f"kind: {kind} is no longer known, create the trajectory again")
         if row.rig_file_digest != model.rig_file_digest:
             found.append(
                 f"rig file {row.rig_file_digest} has been replaced by {model.rig_file_digest}"

@@ -145,7 +145,7 @@ def reset_words(context: RigContext, reason: TripReason) -> str:
     name = context.rig.rig.name
     words = context.trip_words(reason)
     return (
-        f"the actuator is latched ({words}): see that the rig is safe, then run "
+        f"the actuator is latched ({words}): make sure that the rig is safe, then run "
         f'`pincette reset`, or POST /api/v1/rigs/{name}/reset with {{"acknowledge": true}}'
     )
 
@@ -260,8 +260,9 @@ def require_zero_confirmed(context: RigContext, request: JobRequest) -> None:
             409,
             "zero-not-confirmed",
             "Something may touch the arm",
-            f"job {touched} touched something before the force was zeroed, and a zero would hide "
-            "its force: see that nothing touches the arm, then send zero_confirmed = true",
+            f"job {touched} touched something before the force was zeroed, and a zero would "
+            "hide its force: make sure that nothing touches the arm, then send "
+            "zero_confirmed = true",
             job=touched,
         )
 
@@ -343,7 +344,7 @@ def job_active(active: LiveJob) -> ProblemError:
     doing = f"is {status.state}"
     if status.terminal:
         doing += (
-            ", is letting its part go"
+            ", is releasing its part"
             if status.held
             else ", the arm is not at rest yet or its record is being closed"
         )
@@ -382,8 +383,8 @@ def model_changed() -> ProblemError:
     return ProblemError(
         409,
         "model-changed",
-        "Another model has come into use",
-        "the job was planned with the model before; send it again",
+        "The model in use has changed",
+        "the job was planned with the previous model; send it again",
     )
 
 

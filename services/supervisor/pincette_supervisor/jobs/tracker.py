@@ -304,8 +304,8 @@ def _refusal_words(estimate: Estimate | None) -> str:
     refusals = () if estimate is None else [arm.zero_refusal for arm in estimate.arms]
     refusal = next((one for one in refusals if one is not None), None)
     return fault_text(refusal) or (
-        "the estimator took no zero and refused none: the sample or the voltage of the zero was "
-        "lost; look at the sensor's line and start again"
+        "the estimator neither took nor refused a zero: the sample or the voltage of the "
+        "zero was lost; look at the sensor's line and start again"
     )
 
 

@@ -96,8 +96,8 @@ class KeyFile:
             raise self._damaged(refusal(error.errors(include_url=False)[0])) from error
         except OSError as error:
             raise StoreError(
-                f"the key file {self._path} cannot be read: {error.strerror}; look at the disk and "
-                f"its rights. Where it is a network share, {USE_LOCAL_DISK}"
+                f"the key file {self._path} cannot be read: {error.strerror}; check the disk "
+                f"and its permissions. If it is a network share, {USE_LOCAL_DISK}"
             ) from error
         except ValueError as error:
             raise self._damaged(str(error)) from error

@@ -22,11 +22,11 @@ KEY_FILE = "keys.json"
 """Name of the key file, in the folder of the journal."""
 TURN_S = 10.0
 """Longest time for which a write waits for those before it, in s."""
-MOVE_AWAY = "move it away to begin a new one"
-SEE_DISK = "look at the disk's room and rights"
+MOVE_AWAY = "move it away to start a new one"
+SEE_DISK = "check the disk's free space and permissions"
 USE_LOCAL_DISK = "keep the data folder on a local disk (--data FOLDER)"
 USE_OTHER_PLACE = (
-    "its file system lacks what a journal needs (locks, memory maps), as many network "
+    "its file system lacks what a journal needs (locks, memory maps), like many network "
     f"shares: {USE_LOCAL_DISK}, or the journal in PostgreSQL (PINCETTE_STORE). The journal "
     "itself is not known to be damaged: leave it where it is, or copy it"
 )
@@ -168,8 +168,8 @@ class Database:
     def _in_turn(self) -> Generator[None]:
         if not self._turn.acquire(timeout=TURN_S):
             raise StoreError(
-                f"the job store {self._place} is not written: another write has been under way "
-                f"for {TURN_S:g} s; see whether the disk answers"
+                f"the job store {self._place} is not written: another write has been in "
+                f"progress for {TURN_S:g} s; check whether the disk responds"
             )
         try:
             yield
@@ -208,9 +208,7 @@ def _remedy_of(cause: BaseException | None) -> str:
         return MOVE_AWAY
     if primary == "SQLITE_BUSY":
         # SQLite also reports a file system without locks (ENOLCK) this way.
-        return (
-            f"another program keeps it locked: end that one. Where there is none, {USE_OTHER_PLACE}"
-        )
+        return f"another program keeps it locked: end that one. If there is none, {USE_OTHER_PLACE}"
     unfit = isinstance(cause, OSError) and cause.errno in NO_LOCKS
     return USE_OTHER_PLACE if unfit or primary in UNFIT else SEE_DISK
 

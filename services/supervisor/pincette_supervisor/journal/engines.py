@@ -51,7 +51,9 @@ def server_url(url: str) -> URL:
     except ArgumentError as error:
         raise ValueError(f"it is not a URL such as {SERVER}://user@host/database") from error
     if found.drivername not in (SERVER, DRIVER):
-        raise ValueError(f"{found.drivername} is not known: wanted {SERVER}://user@host/database")
+        raise ValueError(
+            f"{found.drivername} is not supported: expected {SERVER}://user@host/database"
+        )
     return found.set(drivername=DRIVER)
 
 
@@ -165,7 +167,7 @@ def work_alone(engine: Engine, path: Path) -> Callable[[], None]:
         return let_go
     connection.close()
     raise ValueError(
-        "another supervisor works with it: give each a database of its own, or a schema "
+        "another supervisor uses it: give each a database of its own, or a schema "
         "(?options=-csearch_path%3DNAME)"
     )
 
@@ -178,8 +180,7 @@ def _lock_beside(path: Path) -> Callable[[], None]:
     except BlockingIOError as error:
         os.close(lock)
         raise ValueError(
-            "another supervisor works with it: stop that one, or give each a folder of its own "
-            "(--data)"
+            "another supervisor uses it: stop that one, or give each a folder of its own (--data)"
         ) from error
     except OSError:
         os.close(lock)

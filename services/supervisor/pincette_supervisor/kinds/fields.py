@@ -30,7 +30,7 @@ ONE_ARM = frozenset(
 """Members of a job with a part that only rigs with one driven arm accept."""
 RECIPE = FieldSpec(name="recipe", label="Recipe", widget="recipe", placeholder="none")
 ZERO_CONFIRMED = FieldSpec(
-    name="zero_confirmed", label="Nothing touches the arm: I have looked", advanced=True
+    name="zero_confirmed", label="I have checked that nothing touches the arm", advanced=True
 )
 CONDITION = FieldSpec(
     name="condition",
@@ -50,7 +50,7 @@ POLICIES = (
         choices=choices(
             ("", "keeps the part held"),
             ("release", "lets the part go"),
-            ("retract", "lets it go and retreats"),
+            ("retract", "releases it and retreats"),
         ),
         advanced=True,
     ),
@@ -188,7 +188,7 @@ ZERO_RETURN: tuple[ResultField, ...] = (
 POSITION_STEP: tuple[ResultField, ...] = (
     ResultField(name="position_step.cause", label="cause of the step", optional=True),
     number("position_step.step_um", "step of the position", optional=True),
-    number("position_step.slip_um", "way of the part, if it slipped", optional=True),
+    number("position_step.slip_um", "travel of the part, if it slipped", optional=True),
     number("position_step.force_mN", "force before the step", optional=True),
     number("position_step.force_if_slip_mN", "force after it, if the part slipped", optional=True),
     number(
@@ -231,11 +231,11 @@ PAIR_LAW: tuple[FieldSpec, ...] = (
 PAIR_FIGURES: tuple[ResultField, ...] = (
     number("force_held_mN", "force of both arms", uncertainty="force_uncertainty_mN", main=True),
     number("held_place_um", "place", main=True),
-    number("met_place_um", "place where the part was met"),
+    number("met_place_um", "place where the part was touched"),
     number("place_um.rmse", "RMSE of the place", "µm", digits=3),
-    number("place_um.rmse_percent", "the same, of its height", optional=True),
+    number("place_um.rmse_percent", "the same, as a share of its height", optional=True),
     number("force_mN.rmse", "RMSE of the force", "mN", digits=3),
-    number("force_mN.rmse_percent", "the same, of its height", optional=True),
+    number("force_mN.rmse_percent", "the same, as a share of its height", optional=True),
     number(
         "difference_mN",
         "difference of both forces",

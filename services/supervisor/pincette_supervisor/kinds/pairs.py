@@ -162,14 +162,14 @@ def _title(result: PairResult) -> str:
 def _subtitle(result: PairResult) -> str:
     words: list[str] = []
     if result.place_um is not None:
-        words.append(f"place off by {result.place_um.rmse:.3f} µm r.m.s.")
+        words.append(f"place error {result.place_um.rmse:.3f} µm r.m.s.")
     if result.force_mN is not None:
-        words.append(f"force off by {result.force_mN.rmse:.2f} mN r.m.s.")
+        words.append(f"force error {result.force_mN.rmse:.2f} mN r.m.s.")
     if result.difference_mN is not None:
-        said = ", more than is stated" if result.forces_agree is False else ""
+        said = ", more than the stated uncertainty" if result.forces_agree is False else ""
         words.append(f"forces differ by {result.difference_mN:.2f} mN{said}")
     if result.true_force_mN is not None:
-        words.append(f"true force off by {result.true_force_mN.rmse:.2f} mN r.m.s.")
+        words.append(f"true force error {result.true_force_mN.rmse:.2f} mN r.m.s.")
     return "   ·   ".join(words)
 
 
@@ -185,7 +185,7 @@ def carry_job(request: CarryJobRequest, model: ModelInUse, present: Present) -> 
     if request.to_um is not None:
         if tips is None:
             raise FaultyRequestError(
-                "/to_um", "the positions of the tips are not known yet: ask for by_um, or wait"
+                "/to_um", "the positions of the tips are not known yet: use by_um, or wait"
             )
         by_um = request.to_um - 0.5 * (tips[0] - tips[1])
     values = contact_values(request, CONTACT_FIELDS, rig)

@@ -227,7 +227,7 @@ class RigEmulator:
             pass
         applied, command = self._applied, self._command
         if applied is None or command is None:
-            return "the services have not answered"
+            return "the simulated services have not replied"
         if self.told is not None:
             arms, at_s = self._instruments.arms, seq * self._rig.rig.period_s
             self.samples.add(at_s, arms.tips_um, arms.forces_mN, (command, applied, self.told))
@@ -334,4 +334,4 @@ def _played(emulator: RigEmulator, planned: Planned, period_s: float) -> tuple[s
             cut = emulator.act("release" if released else "continue")
             if cut:
                 return cut, False
-    return f"{longest * period_s:g} s are predicted at most", released
+    return f"{longest * period_s:g} s can be predicted at most", released

@@ -237,8 +237,8 @@ def require_arms(request: JobRequest, rig: RigFile) -> None:
             (wanted,) = (number for number, names in kind.only.items() if name in names)
             raise FaultyRequestError(
                 f"/{name}",
-                f"{name} is for {wanted} driven arm{'s' if wanted != 1 else ''}, and this rig has "
-                f"{arms}: leave it out",
+                f"{name} is for {wanted} driven arm{('s' if wanted != 1 else '')}, and this "
+                f"rig has {arms}: omit it",
             )
 
 
@@ -251,7 +251,7 @@ def _recipe(request: JobRequest, find: FindRecipe) -> RecipeRow:
     found = find(request.recipe or "")
     if found is None:
         raise FaultyRequestError(
-            "/recipe", f"no recipe {request.recipe!r}; GET /api/v1/recipes lists what there is"
+            "/recipe", f"no recipe {request.recipe!r}; GET /api/v1/recipes lists all"
         )
     return found
 

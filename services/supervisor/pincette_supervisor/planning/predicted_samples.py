@@ -98,7 +98,7 @@ class Samples:
         if self.arms == 1:
             return
         if len(asked_V) == 1 or len(voltages_V) == 1 or view.place_r_um is None:
-            raise ValueError("the services have answered for one arm")
+            raise ValueError("the simulated services have replied for one arm only")
         self.second_x_um.append(tips_um[1])
         self.second_force_mN.append(forces_mN[1])
         self.second_asked_V.append(asked_V[1])

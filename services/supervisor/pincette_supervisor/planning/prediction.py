@@ -80,7 +80,7 @@ def predict(planned: Planned, dry_run: DryRun) -> Prediction:
     """Return the prediction of a plan's dry run; raises ValueError if nothing could be played."""
     samples, rig = dry_run.samples, planned.armed.rig
     if not samples.t_s:
-        raise ValueError(f"nothing of the plan can be played: {dry_run.cut}")
+        raise ValueError(f"no part of the plan can be played: {dry_run.cut}")
     complete = not dry_run.cut
     arms = list(enumerate(zip(rig.arms, samples.of_arms(), strict=True), start=1))
     switches = len(arms) == 1 and any(resolved_law(spec).switches for spec in planned.program.laws)
@@ -170,7 +170,7 @@ def _assumptions(planned: Planned, instruments: Instruments) -> list[str]:
         words.append(f"{name}: {_values(model, ARM, prefix)}")
         words.append(f"free response{of}: {_free_response(arm)}")
     if planned.meets_part:
-        words.append(f"part: {_values(model, PART)}; rigid, and where it is expected")
+        words.append(f"part: {_values(model, PART)}; rigid and at its expected place")
     else:
         words.append("part: none in the way")
     words.append(
@@ -190,12 +190,12 @@ def _values(model: ModelInUse, quantities: tuple[str, ...], prefix: str = "") ->
 
 
 def _free_response(rig: RigFile) -> str:
-    begin = "unpoled, at rest at the begin"
+    begin = "unpoled, at rest at the start"
     if rig.model.free_response is not None:
         return f"as identified, with hysteresis and creep; {begin}"
     if rig.model.recorded_response is not None:
         return f"as recorded, with hysteresis and without creep; {begin}"
-    return "a straight line, without hysteresis and creep: none was identified"
+    return "a straight line, without hysteresis and creep, since none was identified"
 
 
 class Limit(NamedTuple):
@@ -375,7 +375,10 @@ class PredictionCache:
                 503,
                 "busy",
                 "Too many predictions at once",
-                f"{WAITING} predictions wait already, the most: ask again in a moment",
+                (
+                    f"{WAITING} predictions are waiting, the maximum: send the request again "
+                    "in a moment"
+                ),
             )
         try:
             return self._in_turn(planned)

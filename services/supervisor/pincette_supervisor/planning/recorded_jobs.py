@@ -45,7 +45,7 @@ def recorded_motion(store: Store, records: Path, rig: RigFile, job: str) -> Reco
     """
     if rig.second is not None:
         raise FaultyRequestError(
-            "/of_job", "only motions of rigs with 1 driven arm are played again, and this rig has 2"
+            "/of_job", "only motions of rigs with 1 driven arm can be replayed, but this rig has 2"
         )
     row = _row(store, rig.rig.name, job)
     path = records / row.id / folder.SAMPLES
@@ -94,7 +94,7 @@ def _row(store: Store, rig: str, job: str) -> JobRow:
         filters = (JobFilter(state="succeeded", rig=rig, kind=kind) for kind in kinds)
         newest = [row for one in filters for row in store.newest(1, one)]
         if not newest:
-            raise FaultyRequestError("/of_job", f"no {words} has succeeded: make one first")
+            raise FaultyRequestError("/of_job", f"no {words} has succeeded: run one first")
         return max(newest, key=lambda row: row.number or 0)
     found = store.get(job)
     if found is None or found.rig != rig:
@@ -129,9 +129,9 @@ def motion_of(
         If it was paused, or left its program.
     """
     if not program:
-        raise ValueError("it was recorded before its motion had a digest: play it again")
+        raise ValueError("it was recorded before motions had digests: record it again")
     if any(table["paused"]):
-        raise ValueError("it was paused: play it again without a pause")
+        raise ValueError("it was paused: record it again without a pause")
     numbers, ticks = series(table, "segment"), series(table, "segment_tick")
     known = ~np.isnan(numbers) & ~np.isnan(series(table, "voltage_V"))
     age_s = series(table, "zero_age_s")
@@ -142,7 +142,7 @@ def motion_of(
     for number in range(count):
         here = known & (numbers == number) & (ticks >= 1.0)
         if not here.any():
-            raise ValueError(f"segment {number} of its program was not played")
+            raise ValueError(f"segment {number} of its motion program was not played")
         played, first = np.unique(ticks[here], return_index=True)
         at = np.arange(1.0, played[-1] + 1.0)
         volts = np.interp(at, played, voltage_V[here][first])
@@ -151,7 +151,7 @@ def motion_of(
         )
         segments.append(RecordedSegment(phase, tuple(volts.tolist()), number in stamped))
     if not segments or segments[-1].phase != Phase.RETREAT:
-        raise ValueError("it did not play its program to the end")
+        raise ValueError("its motion program did not run to the end")
     free_um = series(table, "x_um") + compliance_um_per_mN * series(table, "force_mN")
     reach_um = (float(np.nanmin(free_um)), float(np.nanmax(free_um)))
     pressed = () if pressed_from_mN is None else _pressed(table, pressed_from_mN)

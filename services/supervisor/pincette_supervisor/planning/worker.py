@@ -90,7 +90,7 @@ class Worker:
             return self.run(work, argument)
         except Exception:  # an error of the function itself is raised again here
             log.exception(
-                "a process beside the supervisor failed, and the supervisor does its work itself"
+                "a worker process of the supervisor failed; the supervisor does its work itself"
             )
             return work(argument)
 
@@ -123,8 +123,8 @@ class Worker:
                 except OSError as error:
                     raise OSError(
                         error.errno,
-                        f"the process that predicts motions cannot begin ({error}): it needs room "
-                        f"in {SEMAPHORES}, memory and free files",
+                        f"the process that predicts motions cannot start ({error}): it needs "
+                        f"room in {SEMAPHORES}, memory and file handles",
                     ) from error
                 self._pool = pool
             return self._pool

@@ -33,26 +33,28 @@ NAMES: Mapping[Cause, str] = {
     "limits": "limits",
 }
 TO_DO: Mapping[Cause, str] = {
-    "noise": "the sensor's noise is the floor: a better sensor alone goes below it",
+    "noise": "the sensor's noise is the floor: only a better sensor can reduce it",
     "response": (
-        "the free response is not known more accurately: calibrate residual for this very "
-        "motion, or free_response anew"
+        "the free-response model limits the accuracy: run the residual calibration for this "
+        "motion, or repeat free_response"
     ),
     "contact_line": (
-        "estimate and position leave the contact line that the load has shown: calibrate residual, "
-        "or free_response where other motions show it too; load more slowly, and look whether the "
-        "part slips or yields"
+        "force and position deviate from the contact line found while loading: calibrate "
+        "residual, or free_response if other motions show it too; load more slowly, and "
+        "check whether the part slips or yields"
     ),
-    "lag": "the error goes with the speed: go more slowly, or learn from cycle to cycle",
-    "limits": "a limit of the voltage acts: see the limits that acted; ask for less, or raise it",
+    "lag": "the error grows with the speed: move more slowly, or learn from cycle to cycle",
+    "limits": (
+        "a voltage limit was reached: see the limits that acted; request less, or raise the limit"
+    ),
 }
 RESTLESS = (
-    "the position scatters more than the noise of the sensor: calibrate noise, and look for "
-    "vibration, or for gains that are too high"
+    "the position scatters more than the noise of the sensor: calibrate noise, and check "
+    "for vibration and for gains that are too high"
 )
 POSITION_RESPONSE = (
-    "the free response has an error that repeats in every cycle: learn from cycle to cycle, "
-    "or calibrate free_response anew"
+    "the error of the free response repeats in every cycle: learn from cycle to cycle, or "
+    "repeat free_response"
 )
 COLOURS: Mapping[Cause, str] = {
     "noise": "#8a939c",

@@ -68,9 +68,9 @@ def goal_warnings(
     goal = planned_goal(values, program, phase)
     if (hidden_mN := values.get(PAST_HIDES_MN)) is not None:
         found.append(
-            f"the force may be off by {hidden_mN:.2g} mN by the arm's unknown past, which is not "
-            "below force_tolerance_mN: whether the goal is met will not be judged; let "
-            "conditioning strokes come first, or give a larger tolerance"
+            f"the error of the force may reach {hidden_mN:.2g} mN because of the arm's "
+            "unknown past, which is not below force_tolerance_mN: whether the goal is met "
+            "will not be judged; request conditioning strokes, or give a larger tolerance"
         )
     elif goal is not None and not goal.judged:
         found.append(
@@ -85,9 +85,9 @@ def goal_warnings(
         tolerance = values.get(name)
         if tolerance is not None and tolerance < NOISE_DEVIATIONS * noise:
             found.append(
-                f"{name} = {tolerance:g} {unit} is below {NOISE_DEVIATIONS * noise:.3g} {unit}, "
-                f"{NOISE_DEVIATIONS:g} standard deviations of a sample's noise: noise alone will "
-                "miss the goal"
+                f"{name} = {tolerance:g} {unit} is below {NOISE_DEVIATIONS * noise:.3g} "
+                f"{unit}, {NOISE_DEVIATIONS:g} standard deviations of a sample's noise: "
+                "noise alone exceeds the tolerance"
             )
     return found
 

@@ -95,8 +95,8 @@ def choose_law(request: ContactJobRequest, rig: RigFile) -> ChosenLaw:
     if parameter_set == "identified" and rig.model.free_response is None:
         raise FaultyRequestError(
             "/set" if request.set else "",
-            'set = "identified": the model in use has no identified free response; calibrate '
-            'free_response, or take set = "consistent"',
+            'set = "identified": the model in use has no identified free response; '
+            'calibrate free_response, or use set = "consistent"',
         )
     settings = rig.law_settings
     origin: GainsFrom = "rig"
@@ -110,8 +110,8 @@ def choose_law(request: ContactJobRequest, rig: RigFile) -> ChosenLaw:
         if parameter_set == "printed":
             raise FaultyRequestError(
                 "/gains",
-                'gains = "tuned" with set = "printed": gains are tuned for the consistent set '
-                "and for the identified one",
+                'gains = "tuned" with set = "printed": gains can be tuned for the sets '
+                '"consistent" and "identified" only',
             )
         try:
             settings, origin = tuned(rig, scheme, parameter_set).chosen.settings, "tuned"
@@ -125,7 +125,7 @@ def choose_law(request: ContactJobRequest, rig: RigFile) -> ChosenLaw:
         raise
     except ValueError as error:
         raise FaultyRequestError(
-            "/gains", f"no spectral radius can be found for these gains: {error}"
+            "/gains", f"the spectral radius for these gains cannot be computed: {error}"
         ) from error
     return ChosenLaw(settings, origin, assessment)
 

@@ -59,7 +59,7 @@ def contacts_um(rig: RigFile) -> Pair:
     Raises FaultyRequestError on a rig with one arm.
     """
     if rig.second is None:
-        raise FaultyRequestError("/kind", "this rig has one driven arm, and the job is for two")
+        raise FaultyRequestError("/kind", "this rig has one driven arm, but the job needs two")
     return rig.part.contact_um, rig.second.contact_um
 
 
@@ -275,7 +275,8 @@ def chosen_law(request: JobRequest, rig: RigFile) -> tuple[LawSpec, TwoArmLoop]:
     asked: Gains | str | None = getattr(request, "gains", None)
     if isinstance(asked, str):
         raise FaultyRequestError(
-            "/gains", f"gains = {asked!r} is for 1 driven arm, and this rig has 2: name the gains"
+            "/gains",
+            f"gains = {asked!r} is for 1 driven arm, but this rig has 2: give the gains by name",
         )
     named = () if asked is None else tuple(Gain(n, v) for n, v in asked.by_name.items())
     first, second = (arm.model.arm() for arm in rig.arms)

@@ -99,15 +99,15 @@ def conditioning_V(request: ContactJobRequest, rig: RigFile) -> float | None:
         raise FaultyRequestError(
             "/condition",
             f"limits.voltage_min_V = {rig.limits.voltage_min_V:g} V leaves no room for "
-            "conditioning strokes below 0 V: this rig cannot be conditioned; ask for condition = "
-            '"auto" or "never"',
+            "conditioning strokes below 0 V: this rig cannot be conditioned; use condition "
+            '= "auto" or "never"',
         )
     if condition == "always" and low_V is None:
         raise FaultyRequestError(
             "/condition",
-            'condition = "always" needs a free response that was identified down to a voltage '
-            "below 0 V, and the model in use is not: calibrate free_response with voltage_min_V "
-            'below 0, or ask for condition = "never"',
+            'condition = "always" needs a free response identified down to a voltage below '
+            "0 V, unlike that of the model in use: calibrate free_response with "
+            'voltage_min_V below 0, or use condition = "never"',
         )
     return None if condition == "never" else low_V
 
@@ -126,24 +126,25 @@ def unconditioned(
     """
     if strokes:
         return [
-            "the conditioning strokes assume that the voltage has stayed within the limits and has "
-            "been at the highest one of the calibration since; after a first installation, or "
-            "where another program has driven the arm, make a full stroke without the part first"
+            "the conditioning strokes assume that since the calibration the voltage has "
+            "stayed within the limits and has reached the highest voltage of the "
+            "calibration; after a first installation, or where another program has driven "
+            "the arm, make a full stroke without the part first"
         ]
     if present.memory_known is not False:
         return []
     size = "a few mN at most"
     if force_mN is not None:
-        size = f"±{past_uncertainty_mN(rig, force_mN):.2g} mN by the past alone"
+        size = f"±{past_uncertainty_mN(rig, force_mN):.2g} mN from the past alone"
     if rig.limits.voltage_min_V >= 0.0:
         return [
-            f"the arm's past is not known, and limits.voltage_min_V = {rig.limits.voltage_min_V:g} "
-            "V leaves no room for conditioning strokes below 0 V: the force may be off by what the "
-            f"uncertainty says, {size}"
+            "the arm's past is not known, and limits.voltage_min_V = "
+            f"{rig.limits.voltage_min_V:g} V leaves no room for conditioning strokes below 0 "
+            f"V: the error of the force may reach the stated uncertainty, {size}"
         ]
     return [
-        "the arm's past is not known and no conditioning strokes come first: the force may be "
-        f"off by what the uncertainty says, {size}"
+        "the arm's past is not known and no conditioning strokes are planned: the error of "
+        f"the force may reach the stated uncertainty, {size}"
     ]
 
 
@@ -232,9 +233,10 @@ def unidentified(rig: RigFile) -> list[str]:
         return []
     error_mN = arm.hysteresis_fraction * abs(rig.part.contact_um) / arm.compliance_um_per_mN
     return [
-        "no free response has been identified, a straight line is assumed: at first touch the "
-        f"force may be off by {error_mN:.1f} mN (one standard uncertainty) and more, and the part "
-        "seem softer or harder than it is; calibrate free_response first"
+        "no free response has been identified, so a straight line is assumed: at the first "
+        f"touch the error of the force may be {error_mN:.1f} mN (one standard uncertainty) "
+        "or more, and the part may seem softer or harder than it is; calibrate "
+        "free_response first"
     ]
 
 
@@ -352,8 +354,8 @@ def _unknown(present: Present, rig: RigFile) -> list[str]:
     if present.voltage_V is not None:
         return []
     return [
-        f"the arm has not been reported yet: it is assumed to stand at {rig.safety.safe_V:g} "
-        f"V, {present.stand_um(rig):g} µm"
+        f"the arm has not reported its position yet; assumed are {rig.safety.safe_V:g} V, "
+        f"{present.stand_um(rig):g} µm"
     ]
 
 
@@ -371,5 +373,5 @@ def held_warnings(present: Present) -> list[str]:
     """Return a warning if the rig does not report that a part is held."""
     if present.held:
         return []
-    known = "is not known" if present.held is None else "is not told by the rig"
+    known = "is not known" if present.held is None else "is not known to the rig"
     return [f"that a part is held {known}: the operator is taken at their word"]

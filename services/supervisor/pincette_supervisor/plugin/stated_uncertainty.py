@@ -88,12 +88,13 @@ def hidden_by_past(rig: RigFile, force_mN: float, pointer: str) -> tuple[Violati
     uncertainty_mN = past_uncertainty_mN(rig, force_mN)
     if force_mN > uncertainty_mN or derived.approach_tells(rig):
         return ()
-    remedy = 'let conditioning strokes come first (condition = "auto")'
+    remedy = 'request conditioning strokes (condition = "auto")'
     if derived.conditioning_V(rig) is None:
-        remedy = "move the arm over its whole range without the part first"
+        remedy = "move the arm over its whole range without the part before"
     message = (
-        f"force = {force_mN:g} mN is not above {uncertainty_mN:.3g} mN, the expanded uncertainty "
-        f"of the force by the arm's past, which is not known: {remedy}, or state more than that"
+        f"force = {force_mN:g} mN is not above {uncertainty_mN:.3g} mN, the expanded "
+        f"uncertainty of the force from the arm's unknown past: {remedy}, or request a "
+        "larger force"
     )
     return (Violation(pointer, "force", force_mN, uncertainty_mN, "mN", 0.0, message),)
 
@@ -200,8 +201,8 @@ def ring_violation(term: RingTerm, rig: RigFile, tolerance_mN: float | None) -> 
             unit="mN",
             at_s=term.at_s,
             message=(
-                f"the steps of the voltage ring the mode at {mode_hz:.0f} Hz, by which the force "
-                f"is uncertain by {term.force_mN:.2f} mN, above force_tolerance_mN = "
+                f"the steps of the voltage ring the mode at {mode_hz:.0f} Hz, which makes "
+                f"the force uncertain by {term.force_mN:.2f} mN, above force_tolerance_mN = "
                 f"{tolerance_mN:g} mN: {ring_remedy(rig)}"
             ),
         )
@@ -213,9 +214,9 @@ def ring_warning(term: RingTerm, rig: RigFile) -> list[str]:
     if term.share < WARNED_SHARE:
         return []
     return [
-        f"the steps of the voltage ring the mode: the force is uncertain by {term.force_mN:.2f} mN "
-        f"from it ({100.0 * term.share:.0f} % of the planned force, warned from "
-        f"{100.0 * WARNED_SHARE:g} %): {ring_remedy(rig)}"
+        "the steps of the voltage ring the mode: this makes the force uncertain by "
+        f"{term.force_mN:.2f} mN ({100.0 * term.share:.0f} % of the planned force, warned "
+        f"from {100.0 * WARNED_SHARE:g} %): {ring_remedy(rig)}"
     ]
 
 

@@ -107,7 +107,7 @@ NOT_BLANK = r"[^\s]"
 BEARER = HTTPBearer(
     scheme_name="key",
     auto_error=False,
-    description="A key of `pincette key add`, required if the supervisor has any. Scopes: "
+    description="A key made by `pincette key add`, required if the supervisor has any. Scopes: "
     + "; ".join(f"`{name}`: {text}" for name, text in MEANINGS.items()),
 )
 SESSION = APIKeyCookie(
@@ -233,8 +233,9 @@ async def _operator(
     x_operator: Annotated[
         str | None,
         Header(
-            description="name of the person or program, stored with the action; with keys, a label "
-            "beside the name of the key; any alphabet, in UTF-8 or percent-encoded",
+            description="name of the person or program, stored with the action; if keys are used, "
+            "stored in addition to the name of the key; any alphabet, in UTF-8 or "
+            "percent-encoded",
             min_length=1,
             max_length=OPERATOR_LENGTH,
             pattern=NOT_BLANK,

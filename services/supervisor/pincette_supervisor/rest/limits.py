@@ -165,10 +165,10 @@ class Shares:
         place: tuple[Kind, str] = (kind, client)
         most = clients * OF_ONE[kind]
         if self._of_one[place] >= most:
-            why = f"{client} has {most} {kind} requests under way, the maximum"
+            why = f"{client} has {most} {kind} requests in progress, the maximum"
             raise _refused(429, why, 5.0 if kind == "long" else 1.0)
         if self._all[kind] >= AT_ONCE[kind]:
-            why = f"{AT_ONCE[kind]} {kind} requests are under way, the maximum"
+            why = f"{AT_ONCE[kind]} {kind} requests are in progress, the maximum"
             raise _refused(503, why, 1.0)
         self._all[kind] += 1
         self._of_one[place] += 1
@@ -273,7 +273,7 @@ def _refused(status: int, why: str, wait_s: float) -> ProblemError:
         status,
         "too-many-requests" if status == 429 else "busy",
         "Too many requests at once",
-        f"{why}: ask again after {after_s} s",
+        f"{why}: send it again after {after_s} s",
         headers={"Retry-After": str(after_s)},
     )
 

@@ -103,9 +103,9 @@ def refusal(scope: Scope, names: frozenset[str], path: str = "") -> ProblemError
         return ProblemError(
             403,
             "foreign-page",
-            "Pages of other sites cannot change anything here",
-            f"the page is of {(origin or site or '')[:100]!r}, and the request arrived with "
-            f"Host = {host[:100]!r}",
+            "Pages of other sites may not change anything",
+            f"the page comes from {(origin or site or '')[:100]!r}, and the request arrived "
+            f"with Host = {host[:100]!r}",
         )
     return None
 

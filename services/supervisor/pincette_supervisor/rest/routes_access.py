@@ -173,7 +173,7 @@ def audit_chain(
     access: AccessState,
     store: Journal,
     link: Annotated[
-        str | None, Query(pattern="^[0-9a-f]{64}$", description="a newest link noted before")
+        str | None, Query(pattern="^[0-9a-f]{64}$", description="`newest` of an earlier reply")
     ] = None,
 ) -> AuditChain:
     """Return whether each entry of the audit log follows from the one before it."""

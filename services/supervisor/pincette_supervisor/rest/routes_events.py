@@ -78,8 +78,10 @@ STREAM: dict[int | str, dict[str, Any]] = {
     }
 }
 STREAM_OF_JOB: dict[int | str, dict[str, Any]] = {
-    200: {**STREAM[200], "description": "a stream that ends when the job is over"},
-    204: {"description": "the job is over, and all its events are known: do not ask again"},
+    200: {**STREAM[200], "description": "a stream that ends when the job has ended"},
+    204: {
+        "description": "the job has ended and all its events have been sent: do not connect again"
+    },
     **responses(404),
 }
 
@@ -99,7 +101,7 @@ def _position(
             alias="Last-Event-ID",
             ge=0,
             le=LARGEST,
-            description="takes precedence over `after`; empty: none",
+            description="takes precedence over `after`; if empty, no event is skipped",
         ),
         BeforeValidator(_none_if_empty),  # last: the bounds are of the number alone
     ] = None,

@@ -54,7 +54,7 @@ def _utc(name: str, time: datetime | None) -> str | None:
     try:
         return utc_text(time)
     except OverflowError as error:  # within hours of the first or the last year
-        message = f"{name} = {time}: beyond the years 1 to 9999 in UTC"
+        message = f"{name} = {time}: must be in the years 1 to 9999 in UTC"
         raise problems.unusable(message, parameter=name) from error
 
 
@@ -67,7 +67,8 @@ async def _filter(
         Query(description="name=value", pattern=LABEL_NAME.replace("$", "="), max_length=300),
     ] = None,
     outcome: Annotated[
-        str | None, Query(description="of the result, such as gripped", max_length=NAME_LENGTH)
+        str | None,
+        Query(description="outcome in the result, such as gripped", max_length=NAME_LENGTH),
     ] = None,
     sample: Named = None,
     batch: Named = None,
@@ -76,8 +77,10 @@ async def _filter(
     text: Annotated[
         str | None,
         Query(
-            description="part of the id, of sample, batch, operator, notes or a label, of the "
-            "cause, or of who asked",
+            description=(
+                "part of the id, of sample, batch, operator, notes or a label, of the cause, or "
+                "of the name of the requester"
+            ),
             min_length=1,
             max_length=NAME_LENGTH,
         ),
@@ -111,7 +114,7 @@ NUMBERS = (
     "one row for each job, as numbers: 1 for yes, 0 for no, nan for none, times in seconds "
     "since 1970"
 )
-METADATA = "metadata in the form of CSVW; name it as the table, with -metadata.json at the end"
+METADATA = "metadata in CSVW; save it under the name of the table with -metadata.json appended"
 NUMBERS_CSV = "export.numbers.csv"
 MostJobs = Annotated[
     int | None, Query(ge=1, description="only this many of the newest jobs; all by default")

@@ -63,8 +63,10 @@ The documents name the member.
 Predict = Annotated[
     bool,
     Query(
-        description="play the plan on the model in use: a dry run says what it predicts, a job is "
-        "refused for a limit that it breaks"
+        description=(
+            "play the plan on the model in use: a dry run reports the prediction, a job that "
+            "breaks a limit is refused"
+        )
     ),
 ]
 Curves = Annotated[
@@ -115,7 +117,7 @@ def take(
         )
     except ProblemError as error:
         if error.code == "caller-gone":
-            asker.note(f"{body.kind}: the caller hung up, nothing was begun")
+            asker.note(f"{body.kind}: the client closed the connection, nothing was started")
         raise
     response.headers["Location"] = f"{jobs}/{job.id}"
     response.headers["ETag"] = etag(job.id, job.revision)
@@ -277,7 +279,7 @@ async def job_state(
     status_code=202,
     dependencies=[OPERATE],
     responses={
-        200: {"model": Job, "description": "the requested state holds already"},
+        200: {"model": Job, "description": "the job is already in the requested state"},
         **responses(404, 409),
     },
 )

@@ -242,7 +242,7 @@ def readyz(rigs: AllRigs, response: Response) -> Readiness:
     responses={
         200: {
             "content": {PLAIN: {"schema": {"type": "string"}, "example": EXAMPLE}},
-            "description": "Prometheus' text format, or OpenMetrics where it is asked for",
+            "description": "Prometheus' text format, or OpenMetrics if requested",
         },
     },
     dependencies=[OBSERVE],

@@ -155,8 +155,8 @@ def claim(
     x_claim: Annotated[
         str,
         Header(
-            description="a secret of at least 16 characters chosen by the caller; sent again, it "
-            "renews the claim; sent with another request, it lets that request pass the claim",
+            description="a secret of at least 16 characters chosen by the caller; sending it again "
+            "renews the claim; other requests that send it may use the claimed rig",
             pattern=CLAIM_TOKEN,
         ),
     ],
@@ -170,7 +170,7 @@ def claim(
 def give_back(
     manager: Manager,
     asker: Asking,
-    force: Annotated[bool, Query(description="break the claim of somebody else")] = False,
+    force: Annotated[bool, Query(description="break the claim of another client")] = False,
 ) -> Rig:
     """End the caller's claim, or with ``force`` that of another caller; everyone sees who did."""
     asker.note("broken" if force else "given back")
@@ -237,7 +237,9 @@ def history(
         str | None,
         Query(
             max_length=80,
-            description="read the record of this job alone, from its start, by its own time",
+            description=(
+                "read the record of this job alone, from its start, with times from its start"
+            ),
         ),
     ] = None,
 ) -> History:

@@ -89,7 +89,7 @@ router = APIRouter(prefix="/trajectories", tags=["trajectories"], route_class=St
     responses={
         200: {
             "model": Trajectory | Plan | PairPlan | MotionPlan,
-            "description": "known already; or dry run: the plan, feasible or not",
+            "description": "exists already; or dry run: the plan, feasible or not",
         },
         201: {"model": Trajectory, "description": "kept; Location names it"},
         **responses(404),
@@ -247,7 +247,7 @@ def plot(stored: StoredTrajectory) -> Response:
     status_code=201,
     response_model=Job,
     responses={
-        200: {"model": Job, "description": "the job that the key has created already"},
+        200: {"model": Job, "description": "the job that the key has already created"},
         201: {"model": Job, "description": "taken; Location names it"},
         **responses(404, 409),
     },

@@ -203,8 +203,8 @@ def parsed(body: bytes) -> Any:
             413,
             "body-too-large",
             "The body is too large",
-            f"the body has {signs} commas, colons and brackets; the limit is {SIGNS_MAX}: give a "
-            "path fewer points",
+            f"the body has {signs} commas, colons and brackets; the limit is {SIGNS_MAX}: "
+            "use fewer points in a path",
             limit_signs=SIGNS_MAX,
         )
     try:
@@ -220,7 +220,7 @@ def parsed(body: bytes) -> Any:
 
 
 def _broken(why: str) -> ProblemError:
-    detail = f"{why}: mend the body and send it again"
+    detail = f"{why}: correct the body and send it again"
     return ProblemError(400, "bad-json", "The body is not JSON that can be used", detail)
 
 

@@ -33,8 +33,10 @@ TITLES = {
 }
 """Explanations of result parts whose names are not self-explanatory, by name."""
 WORDS = {
-    "sliding_in_band": "samples in which the law's sliding function is within its band "
-    "(outside of it the law brings it back)"
+    "sliding_in_band": (
+        "samples in which the law's sliding function is within its band (outside the band, the "
+        "law moves it back)"
+    )
 }
 """Explanations of result values whose names are not self-explanatory, by name."""
 SHARES = frozenset({"sliding_in_band"})
@@ -270,7 +272,7 @@ def _text(value: Any, unit: str = "") -> str:
 SAID = ("sample", "batch", "operator", "notes")
 LABEL = "label "
 """Prefix of the names of labels in a manifest, and in the metadata of sample files."""
-NOT_RECORDED = "no recorder has reported on its record"
+NOT_RECORDED = "no recorder has reported its record"
 
 
 def completeness(recorded: Recorded | str) -> dict[str, bool | str]:

@@ -119,7 +119,7 @@ class _Map:
         elif types == {list}:
             types = {_List}
         elif types & MAPS:
-            raise ValueError(f"{self._name}.{key} is a map, and something else")
+            raise ValueError(f"{self._name}.{key} is a map in some jobs and another type in others")
         member: Any = None
         for one in types:
             member |= one

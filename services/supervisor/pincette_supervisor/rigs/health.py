@@ -290,7 +290,7 @@ class Health:
                 epoch_digest = self._armed[1]
                 if answer.calibration != epoch_digest:
                     found[service] = (
-                        f"works with model {answer.calibration or 'of the rig file'}, armed with "
+                        f"uses model {answer.calibration or 'of the rig file'}, armed with "
                         f"{epoch_digest or 'that of the rig file'}"
                     )
         if not self._rig.lockstep and (trouble := self.sensor_trouble()):

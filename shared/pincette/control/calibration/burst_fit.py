@@ -151,7 +151,7 @@ def fit(some: Sequence[PreparedBurst], period_s: float, at: Column, *, lagged: b
             return at
     raise ValueError(
         f"the fit of delay and lag has not settled in {ROUNDS} rounds: the arm does not "
-        "answer like one mode; remove what touches it"
+        "respond like a single mode; remove what touches it"
     )
 
 
@@ -172,7 +172,7 @@ def first_mode(bursts: Sequence[Burst], period_s: float) -> Column:
         if modes:
             rate = max(modes, key=lambda pole: pole.real)
             return np.log([abs(rate), -rate.real / abs(rate)])
-    raise ValueError("the arm does not ring at any frequency: samples of a free arm would")
+    raise ValueError("the arm does not ring at any frequency, as a free arm would")
 
 
 def _poles(bursts: Sequence[Burst], period_s: float, order: int) -> list[complex]:

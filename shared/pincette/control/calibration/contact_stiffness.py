@@ -121,7 +121,7 @@ def contact_stiffness(
     for error_um in free_errors_um:
         require_not_negative("error of the free response", error_um, "µm")
     if len(swings) < LEAST_LEVELS:
-        raise ValueError(f"{len(swings)} levels of voltage, must be at least {LEAST_LEVELS}")
+        raise ValueError(f"{len(swings)} levels of voltage: must be at least {LEAST_LEVELS}")
     motions = [_motion(swing, samples_per_cycle, least_force_mN) for swing in swings]
     x_pp = np.array([x.peak_to_peak for x, _ in motions])
     force_pp = np.array([force.peak_to_peak for _, force in motions])

@@ -96,8 +96,9 @@ def first_touch(
     covariance = variance * np.linalg.pinv(columns.T @ columns)
     if not (0.0 < slope < 1.0 and slope > SURE * sqrt(float(covariance[1, 1]))):
         raise ValueError(
-            f"beyond x_1 = {kink:.3f} µm the arm lacks {slope:.3f} of its free travel, "
-            f"± {sqrt(float(covariance[1, 1])):.3f}: no touch stands within the approach"
+            f"beyond x_1 = {kink:.3f} µm the arm moves less than freely by a share of "
+            f"{slope:.3f} ± {sqrt(float(covariance[1, 1])):.3f}: no significant touch within "
+            "the approach"
         )
     # x_e = z_e - D_0.
     across = np.array([-1.0, 0.0, 1.0])

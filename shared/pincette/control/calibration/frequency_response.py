@@ -76,8 +76,8 @@ def swept_response(
     )
     if int(np.sum(kept)) < LEAST_POINTS:
         raise ValueError(
-            f"{int(np.sum(kept))} bands of {bands} were driven and have lines enough, "
-            f"must be at least {LEAST_POINTS}: a longer sweep or wider bands"
+            f"{int(np.sum(kept))} bands of {bands} were driven and have enough lines, must "
+            f"be at least {LEAST_POINTS}: use a longer sweep or wider bands"
         )
     count, drive, answer, product = count[kept], drive[kept], answer[kept], product[kept]
     # The gain of a band belongs to the centre of the drive within it.

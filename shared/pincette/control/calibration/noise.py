@@ -86,8 +86,8 @@ def sensor_noise(
     gaps = gaps[gaps > SAME]
     if not len(gaps):
         raise ValueError(
-            f"all {len(x)} readings are {x[0]:g} µm: noise below the sensor's step cannot be told, "
-            "nor from a sensor that is stuck; choose a finer display"
+            f"all {len(x)} readings are {x[0]:g} µm: noise below the sensor's step cannot be "
+            "measured, nor can a stuck sensor be recognized; choose a finer display"
         )
     t = np.arange(len(x)) * period_s
     line = straight_line(t.tolist(), x.tolist())

@@ -121,8 +121,8 @@ def output_timing(bursts: Sequence[Burst], period_s: float) -> IdentifiedTiming:
     delay_s = T * float(found[2]) - lag_s
     if not 0.0 <= delay_s <= LONGEST_DELAY * T:
         raise ValueError(
-            f"delay from sample to voltage {1e3 * delay_s:.3f} ms, must be within 0 and "
-            f"{1e3 * LONGEST_DELAY * T:g} ms: a free arm does not answer like this; "
+            f"delay from sample to voltage {1000.0 * delay_s:.3f} ms, must be within 0 and "
+            f"{1000.0 * LONGEST_DELAY * T:g} ms: a free arm does not respond like this; "
             "remove what touches it"
         )
     gains, residuals_um = solved(some, T, found)

@@ -56,7 +56,7 @@ def periodic(values: Sequence[float] | Column, samples_per_cycle: float) -> Peri
     y = np.asarray(values, dtype=float)
     if not samples_per_cycle >= LEAST_SAMPLES_PER_CYCLE:
         raise ValueError(
-            f"{samples_per_cycle:g} samples a cycle, must be at least {LEAST_SAMPLES_PER_CYCLE}"
+            f"{samples_per_cycle:g} samples per cycle, must be at least {LEAST_SAMPLES_PER_CYCLE}"
         )
     # Cycles may end between samples, so a record half a sample short counts as whole.
     if not len(y) >= LEAST_CYCLES * samples_per_cycle - 0.5:

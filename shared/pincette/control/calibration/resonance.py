@@ -154,8 +154,9 @@ def _first_guess(
     height = float(gain[peak]) / low
     if height < LEAST_PEAK or peak in (int(order[0]), int(order[-1])):
         raise ValueError(
-            f"no resonance up to {to_hz} Hz: the gain at {f[peak]:.1f} Hz is {height:.2f} times "
-            f"that at low frequency, a peak of {LEAST_PEAK} must stand within the sweep"
+            f"no resonance up to {to_hz} Hz: the gain at {f[peak]:.1f} Hz is {height:.2f} "
+            f"times that at low frequency, a peak of at least {LEAST_PEAK} must be within "
+            "the sweep"
         )
     return np.array([*np.log([2.0 * pi * float(f[peak]), 0.5 / height, low]), 0.0])
 

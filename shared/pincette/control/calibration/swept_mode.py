@@ -140,9 +140,9 @@ def require_even_swing(x_um: Column, rate_hz: float) -> None:
     if abs(uneven) > (1.0 - LEAST_EVENNESS) / (1.0 + LEAST_EVENNESS):
         side, way = ("below", "up") if uneven > 0.0 else ("above", "down")
         raise ValueError(
-            f"the arm swings {100.0 * abs(uneven):.1f} % farther {way} from the middle of its "
-            f"swings of {up[largest] + down[largest]:.2f} µm at {ends[0]:.2f} µm: a part seems to "
-            f"be in the way {side} it: take it away and calibrate again"
+            f"the arm swings {100.0 * abs(uneven):.1f} % farther {way} from the middle of "
+            f"its swings of {up[largest] + down[largest]:.2f} µm at {ends[0]:.2f} µm: a part "
+            f"seems to be in the way {side} it: remove it and calibrate again"
         )
 
 

@@ -22,7 +22,7 @@ def require_visible(natural_frequency_rad_per_s: float, period_s: float) -> None
         aliased_hz = abs(mode_hz - round(mode_hz * period_s) / period_s)
         raise ValueError(
             f"period_s = {period_s:g} s: samples do not show the mode of the arm at "
-            f"{mode_hz:.0f} Hz, which aliases to {aliased_hz:.0f} Hz, and so tell no delay or lag "
-            f"from it; limit {longest_s:.4g} s. Choose a shorter period, or leave "
-            "model.output_delay_s and model.output_lag_s as the rig file has them"
+            f"{mode_hz:.0f} Hz, which aliases to {aliased_hz:.0f} Hz, so that delay and lag "
+            f"cannot be found from it; limit {longest_s:.4g} s. Choose a shorter period, or "
+            "keep model.output_delay_s and model.output_lag_s of the rig file"
         )

@@ -67,7 +67,9 @@ def weighed_compliance(
     """
     F, x, t = (np.asarray(values, dtype=float) for values in (weight_mN, x_um, t_s))
     if not len(F) == len(x) == len(t):
-        raise ValueError(f"{len(F)} weights, {len(x)} positions, {len(t)} times: must be as many")
+        raise ValueError(
+            f"{len(F)} weights, {len(x)} positions, {len(t)} times: must be equal in number"
+        )
     if len(F) < LEAST_STEPS:
         raise ValueError(f"{len(F)} steps with weights, must be at least {LEAST_STEPS}")
     if not (np.isfinite(F).all() and np.isfinite(x).all() and np.isfinite(t).all()):
@@ -78,7 +80,9 @@ def weighed_compliance(
     scale_s = max(float(np.max(np.abs(elapsed))), 1e-9)
     columns = np.column_stack([np.ones(len(F)), -F, elapsed / scale_s])
     if np.linalg.matrix_rank(columns) < columns.shape[1]:
-        raise ValueError("weights follow the time or are all the same: hang them there and back")
+        raise ValueError(
+            "weights only rise with time or are all the same: hang them up and down again"
+        )
     solution = np.linalg.lstsq(columns, x, rcond=None)[0]
     residuals = x - columns @ solution
     s_p = require_positive("compliance", float(solution[1]), "µm/mN")
@@ -114,7 +118,7 @@ def _require_straight(F: NDArray[np.float64], x: NDArray[np.float64], noise_um: 
     sure = SURE * repeats * sqrt(2.0) / float(np.min(np.diff(weights)))
     if light < LEAST_EVENNESS * heavy and heavy - light > sure:
         raise ValueError(
-            f"the arm gives way by {light:.3f} µm/mN up to {weights[1]:g} mN and by {heavy:.3f} "
-            f"µm/mN above {weights[-2]:g} mN: until then a part at {means[0]:.1f} µm seems to hold "
-            "it up: take it away and calibrate again"
+            f"the arm bends by {light:.3f} µm/mN up to {weights[1]:g} mN and by {heavy:.3f} "
+            f"µm/mN above {weights[-2]:g} mN: until then a part at {means[0]:.1f} µm seems "
+            "to support it: remove it and calibrate again"
         )

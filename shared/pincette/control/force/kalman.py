@@ -144,8 +144,8 @@ def _steady(transition: Matrix, drive: Row, noise: float) -> tuple[Row, float]:
         ):
             return gain, covariance[2][2]
     raise ValueError(
-        f"force rate: {drive[2]} mN a period are too little beside {sqrt(noise)} µm of noise, "
-        f"the gain has not converged in {ITERATIONS_MAX} iterations"
+        f"force rate: {drive[2]} mN a period are too small compared with {sqrt(noise)} µm of "
+        f"noise, the gain has not converged in {ITERATIONS_MAX} iterations"
     )
 
 

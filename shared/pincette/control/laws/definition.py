@@ -189,7 +189,7 @@ class LawSettings:
         for name in gains:
             if name not in values:
                 raise ValueError(
-                    f"{self.definition.title} has no gain {name}; there are {', '.join(values)}"
+                    f"{self.definition.title} has no gain {name}; its gains are {', '.join(values)}"
                 )
         return replace(self, values=tuple((values | gains).values()))
 

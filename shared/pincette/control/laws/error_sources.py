@@ -94,7 +94,9 @@ class Tracked:
         if count < LEAST or any(len(one) != count for one in columns):
             raise ValueError(f"{count} samples, at least {LEAST} and as many of each are wanted")
         if self.cycle_ticks and count % self.cycle_ticks:
-            raise ValueError(f"{count} samples are no whole number of {self.cycle_ticks}")
+            raise ValueError(
+                f"{count} samples are not a whole number of cycles of {self.cycle_ticks}"
+            )
         require_positive("contact stiffness K_e", self.stiffness_mN_per_um, "mN/µm")
         require_not_negative("sensor noise", self.noise_um, "µm")
 

@@ -125,8 +125,8 @@ def build(
     delay = output.delay_s / period_s
     if delay > LATEST:
         raise ValueError(
-            f"a delay of {1e3 * output.delay_s:.3g} ms from sample to voltage is above {LATEST:g} "
-            f"periods of {1e3 * period_s:.3g} ms: take a longer period"
+            f"a delay of {1000.0 * output.delay_s:.3g} ms from sample to voltage is above "
+            f"{LATEST:g} periods of {1000.0 * period_s:.3g} ms: choose a longer period"
         )
     arm = continuous(plant, period_s)
     p = exp(-2.0 * pi * gains["f_w"] * period_s)
@@ -284,11 +284,11 @@ def remedies(gains: Mapping[str, float]) -> Sequence[tuple[str, Sequence[float]]
 LAW = LawDefinition(
     name="fpbsmic",
     title="FPBSMIC",
-    summary="PBSMIC with a filtered perturbation: for periods of 0.25 to 2.5 ms, at which it meets "
-    "paths of 10 to 20 Hz",
+    summary="PBSMIC with a filtered perturbation: for periods of 0.25 to 2.5 ms, at which it can "
+    "follow paths of 10 to 20 Hz",
     parameters=(
         LawParameter("n", "", "poles of the perturbation's filter, 1 to 4", 3.0, True),
-        LawParameter("f_w", "Hz", "corner frequency of each of them", 60.0, True),
+        LawParameter("f_w", "Hz", "corner frequency of each of these poles", 60.0, True),
         LawParameter("f_F", "Hz", "corner frequency of the low-pass of the force error", 3.0, True),
         *IMPEDANCE_GAINS,
     ),

@@ -136,8 +136,8 @@ def build(
     if settings.set == "identified":
         if response is None:
             raise ValueError(
-                'set = "identified", but no free response is identified: calibrate free_response, '
-                'or take set = "consistent"'
+                'set = "identified", but no free response is identified: calibrate '
+                'free_response, or use set = "consistent"'
             )
         free = FreeResponseInput(response, arm.d / arm.k, period_s)
     return Law(definition, plant, parameters, force, type(at_rest), free)

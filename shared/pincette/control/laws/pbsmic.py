@@ -126,8 +126,8 @@ def step(
 LAW = LawDefinition(
     name="pbsmic",
     title="PBSMIC",
-    summary="position-based sliding mode impedance control: the arm follows the position that the "
-    "impedance asks for",
+    summary="position-based sliding mode impedance control: the arm follows the target position of "
+    "the impedance",
     parameters=sliding_parameters("µm", delta=100.0, K_P=1.0, K_S=0.003),
     build=build,
     start=start,

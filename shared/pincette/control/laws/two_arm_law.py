@@ -30,7 +30,7 @@ class TwoArmLaw:
         for gain in spec.gains:
             if gain.name not in values:
                 there = ", ".join(values)
-                raise ValueError(f"{self.title} has no gain {gain.name}; there are {there}")
+                raise ValueError(f"{self.title} has no gain {gain.name}; its gains are {there}")
             values[gain.name] = gain.value
         for parameter in self.parameters:
             parameter.check(values[parameter.name])
@@ -45,6 +45,6 @@ class TwoArmLaw:
 LAW = TwoArmLaw(
     "two_arms",
     "two arms",
-    "place of the part and force on it, each by itself, of two driven arms",
+    "place of the part and force on it, controlled independently by two driven arms",
     PARAMETERS,
 )

@@ -171,8 +171,8 @@ def build(
     delay = output.delay_s / T
     if delay > LATEST:
         raise ValueError(
-            f"a delay of {1e3 * output.delay_s:.3g} ms from sample to voltage is above {LATEST:g} "
-            f"periods of {1e3 * T:.3g} ms: take a longer period"
+            f"a delay of {1000.0 * output.delay_s:.3g} ms from sample to voltage is above "
+            f"{LATEST:g} periods of {1000.0 * T:.3g} ms: choose a longer period"
         )
 
     def cascade(name: str) -> Cascade:

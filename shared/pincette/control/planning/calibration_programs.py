@@ -68,7 +68,9 @@ def there_and_back(weight_mN: Sequence[float]) -> tuple[float, ...]:
         raise ValueError(f"weights {weights} mN, must be 0 mN and at least one more")
     for index in range(1, len(weights)):
         if not weights[index] > weights[index - 1]:
-            raise ValueError(f"weight {weights[index]} mN after {weights[index - 1]} mN, must rise")
+            raise ValueError(
+                f"weight {weights[index]} mN after {weights[index - 1]} mN: must be larger"
+            )
         require_positive("weight", weights[index], "mN")
     return (*weights, *weights[-2::-1])
 

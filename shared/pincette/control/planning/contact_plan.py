@@ -333,9 +333,9 @@ def _early_contact(request: ContactRequest, x_start_um: float) -> list[Violation
     if stand_off_um >= x_start_um:
         return []
     message = (
-        f"contact at {request.contact_um:g} µm, less its tolerance of "
-        f"{request.contact_tolerance_um:g} µm and {MARGIN_UM:g} µm, is {stand_off_um:g} µm "
-        f"and is before the start at {x_start_um:g} µm: the arm may touch already"
+        f"contact at {request.contact_um:g} µm, minus its tolerance of "
+        f"{request.contact_tolerance_um:g} µm and {MARGIN_UM:g} µm, is {stand_off_um:g} µm, "
+        f"which is before the start at {x_start_um:g} µm: the arm may touch already"
     )
     return [Violation("/contact_um", "position", stand_off_um, x_start_um, "µm", 0.0, message)]
 
@@ -352,9 +352,11 @@ def _untaught(
         yield replace(
             violation,
             quantity="taught_voltage",
-            message=f"voltage {found.value:.3f} V, from {found.at_s:.2f} s ({found.phase}): the "
-            f"free response was taught from {least_V:.3f} to {largest_V:.3f} V and is not known "
-            "beyond; take less force, or calibrate free_response over a wider range",
+            message=(
+                f"voltage {found.value:.3f} V, from {found.at_s:.2f} s ({found.phase}): the free "
+                f"response was taught from {least_V:.3f} to {largest_V:.3f} V and is not known "
+                "beyond that; use less force, or calibrate free_response over a wider range"
+            ),
         )
 
 

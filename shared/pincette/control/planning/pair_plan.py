@@ -121,7 +121,7 @@ class PairPaths:
             raise ValueError("a track needs a path of force or of place")
         for path, quantity in ((self.force, "force"), (self.place, "position")):
             if path is not None and path.quantity != quantity:
-                raise ValueError(f"a path of {path.quantity} in place of one of {quantity}")
+                raise ValueError(f"a path of {path.quantity} instead of one of {quantity}")
 
     @property
     def duration_s(self) -> float:

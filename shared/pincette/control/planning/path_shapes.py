@@ -138,7 +138,7 @@ def waypoints(quantity: Quantity, points: Sequence[tuple[float, float]]) -> Path
         if gap_s < CLOSEST_S:
             raise ValueError(
                 f"time from point {index - 1} to point {index} = {gap_s:g} s, must be "
-                f"{CLOSEST_S:g} s or more: leave one of them out"
+                f"{CLOSEST_S:g} s or more: omit one of them"
             )
     knots: list[Knot] = []
     for index, (t_s, value) in enumerate(points):

@@ -122,6 +122,6 @@ class Program(FrozenRecord, frozen=True):
 def _check_search(name: str, segment: Seek, *, last: bool) -> None:
     """Validate that a search goes to the next segment if it finds the part, else to the retreat."""
     if last:
-        raise ValueError(f"{name} seeks a part, and nothing follows")
+        raise ValueError(f"{name} seeks a part, but nothing follows it")
     if segment.phase in RETREATS:
-        raise ValueError(f"{name} seeks a part, and is the way back from one")
+        raise ValueError(f"{name} seeks a part, but is a retreat from one")

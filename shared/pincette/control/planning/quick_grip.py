@@ -137,9 +137,9 @@ def quick_speeds(
     found.extend(short_load(load_s, rig.period_s))
     if load_s > longest_s * (1.0 + 1e-9):
         message = (
-            f"load_s = {load_s:g} s is above {longest_s:.3g} s, after which a load that begins "
-            f"with {seek:g} µm/s passes its end: load in less time, seek more slowly, or grip with "
-            'profile = "gentle"'
+            f"load_s = {load_s:g} s is above {longest_s:.3g} s, beyond which a load that "
+            f"begins with {seek:g} µm/s would overshoot: load in less time, seek more "
+            'slowly, or grip with profile = "gentle"'
         )
         found.append(Violation("/load_s", "duration", load_s, longest_s, "s", 0.0, message))
     return QuickSpeeds(approach, seek, load_s, unload_s, tuple(found))

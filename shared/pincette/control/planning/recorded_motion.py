@@ -76,8 +76,8 @@ def recorded_program(
     limits = rig.limits
     if abs(motion.period_s - rig.period_s) > 1e-9:
         raise ValueError(
-            f"job {motion.job} was played every {motion.period_s:g} s, the rig has "
-            f"{rig.period_s:g} s: record the job again"
+            f"job {motion.job} was played every {motion.period_s:g} s, but the period of the "
+            f"rig is {rig.period_s:g} s: record the job again"
         )
     for phase, ticks in ((one.phase, len(one.voltages_V)) for one in motion.segments):
         if ticks > MAX_ITEMS:
@@ -88,8 +88,8 @@ def recorded_program(
     low_um, high_um = motion.free_um
     if low_um < limits.position_min_um or high_um > limits.position_max_um:
         raise ValueError(
-            f"without the part the voltages of job {motion.job} lead the arm from {low_um:.2f} µm "
-            f"to {high_um:.2f} µm, limits {limits.position_min_um:g} µm to "
+            f"without the part the voltages of job {motion.job} move the arm from "
+            f"{low_um:.2f} µm to {high_um:.2f} µm, limits {limits.position_min_um:g} µm to "
             f"{limits.position_max_um:g} µm: press less, or move the part closer"
         )
     segments: list[Drive] = []

@@ -184,8 +184,9 @@ def cycle_ticks(cycle_s: float, period_s: float) -> int:
     if ticks < 2 or abs(ticks * period_s - cycle_s) > 1e-6 * cycle_s:
         nearest = 1.0 / (max(2, ticks) * period_s)
         raise ValueError(
-            f"frequency_hz = {1.0 / cycle_s:g} Hz: a cycle of {cycle_s / period_s:.3f} control "
-            f"periods cannot be learned, it must be a whole number; take {nearest:.6g} Hz"
+            f"frequency_hz = {1.0 / cycle_s:g} Hz: a cycle of {cycle_s / period_s:.3f} "
+            "control periods cannot be learned, it must be a whole number; use "
+            f"{nearest:.6g} Hz"
         )
     if ticks > MOST_TICKS:
         raise ValueError(

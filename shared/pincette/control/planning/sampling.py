@@ -34,9 +34,9 @@ def _close_knots(phase: str, path: Path, period_s: float) -> list[str]:
     if not close_s:
         return []
     return [
-        f"{phase}: {len(close_s)} of {len(gaps_s)} stretches of the path take less than the period "
-        f"of {period_s:g} s (the shortest {min(close_s):g} s): what lies between two samples is "
-        "not followed; put its points, or its dwell_s, at least a period apart"
+        f"{phase}: {len(close_s)} of {len(gaps_s)} sections of the path take less than the "
+        f"period of {period_s:g} s (the shortest {min(close_s):g} s): points between two "
+        "samples are skipped; put the points, or the dwell_s, at least a period apart"
     ]
 
 

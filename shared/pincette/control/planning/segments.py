@@ -356,7 +356,7 @@ class Recorded(FrozenRecord, frozen=True, tag="recorded", tag_field="kind"):
 
     def __post_init__(self) -> None:
         if not self.values_V:
-            raise ValueError("recorded voltages: there are none, at least one is needed")
+            raise ValueError("no recorded voltages: at least one is needed")
 
     def at(self, t_s: float, begin_V: float, duration_s: float | None, period_s: float) -> float:
         """Return the voltage at a time since the begin of the segment, in s."""

@@ -37,7 +37,10 @@ class Sweep(FrozenRecord, frozen=True):
         require_positive("amplitude of the sweep", self.amplitude_V, "V")
         require_positive("taper of the sweep", self.taper_s, "s")
         if not (isfinite(self.to_hz) and self.to_hz > self.from_hz):
-            raise ValueError(f"sweep from {self.from_hz} Hz to {self.to_hz} Hz: it must rise")
+            raise ValueError(
+                f"sweep from {self.from_hz} Hz to {self.to_hz} Hz: the first must be below "
+                "the second"
+            )
         if not (isfinite(self.rate_hz) and self.rate_hz >= LEAST_SAMPLES * self.to_hz):
             raise ValueError(
                 f"sweep to {self.to_hz} Hz at {self.rate_hz} samples per s: at least "

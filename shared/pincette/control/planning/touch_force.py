@@ -46,8 +46,8 @@ def weak_force(
         return ()
     message = (
         f"force {force_mN:g} mN is not above {limit_mN:g} mN, twice the contact force of "
-        f"{contact_force_mN:g} mN at which a touch is detected: plan more force, or a smaller "
-        "contact_force_mN"
+        f"{contact_force_mN:g} mN at which a touch is detected: plan a larger force, or a "
+        "smaller contact_force_mN"
     )
     return (Violation(pointer, "force", force_mN, limit_mN, "mN", at_s, message),)
 
@@ -112,10 +112,11 @@ class SafeTouch(NamedTuple):
         )
         share = self._share(name)
         message = (
-            f"{name} = {speed:g} µm/s is above {limit:.3g} µm/s: within {CONTACT_SAMPLES} periods "
-            f"of {self.period_s:g} s the hardest part would be pressed with {at_mN:.2f} mN before "
-            f"its touch is detected, more than {100.0 * share:g} % of {self.force_mN:g} mN: go "
-            "more slowly, shorten the period, or plan more force"
+            f"{name} = {speed:g} µm/s is above {limit:.3g} µm/s: within {CONTACT_SAMPLES} "
+            f"periods of {self.period_s:g} s the hardest part would be pressed with "
+            f"{at_mN:.2f} mN before its touch is detected, more than {100.0 * share:g} % of "
+            f"{self.force_mN:g} mN: move more slowly, shorten the period, or plan a larger "
+            "force"
         )
         return Violation(f"/{name}", "speed", speed, limit, "µm/s", 0.0, message)
 
@@ -126,8 +127,8 @@ def short_load(load_s: float, period_s: float) -> tuple[Violation, ...]:
     if load_s >= least_s * (1.0 - 1e-9):
         return ()
     message = (
-        f"load_s = {load_s:g} s is below {least_s:g} s, {LOAD_PERIODS} periods, in which the "
-        "contact line is identified: load longer"
+        f"load_s = {load_s:g} s is below {least_s:g} s, {LOAD_PERIODS} periods, which the "
+        "identification of the contact line needs: load longer"
     )
     return (Violation("/load_s", "duration", load_s, least_s, "s", 0.0, message),)
 
@@ -145,8 +146,8 @@ def uncertain_force(
     if force_mN > uncertainty_mN:
         return ()
     message = (
-        f"{what} = {force_mN:g} mN is not above {uncertainty_mN:.3g} mN, the expanded uncertainty "
-        "of the force there by the model in use: state more than that, or calibrate free_response "
-        "again with less noise"
+        f"{what} = {force_mN:g} mN is not above {uncertainty_mN:.3g} mN, the expanded "
+        "uncertainty of the force there with the model in use: plan a larger force, or "
+        "calibrate free_response again with less noise"
     )
     return (Violation(pointer, "force", force_mN, uncertainty_mN, "mN", at_s, message),)

@@ -101,12 +101,12 @@ def _path_violations(
         why = "a part is pressed, not pulled"
         add(request.pointer, "force", found.lowest, 0.0, "mN", path.full_from_s, why)
     if found.rate / K_e > request.rate_um_per_s * (1.0 + 1e-6):
-        why = "too fast for the rate that the path may have"
+        why = "faster than the path may be"
         limit = request.rate_um_per_s
         add(hurry, "rate", found.rate / K_e, limit, "µm/s", found.rate_at_s, why)
     acceleration = found.acceleration / K_e
     if acceleration > request.acceleration_um_per_s2 * (1.0 + 1e-6):
-        why = "too sudden for the acceleration that the path may have"
+        why = "larger than the acceleration that the path may have"
         limit, at_s = request.acceleration_um_per_s2, found.acceleration_at_s
         add(hurry, "acceleration", acceleration, limit, "µm/s²", at_s, why)
     if swings and path.cycle_s < SAMPLES_PER_CYCLE * period_s * (1.0 - 1e-9):

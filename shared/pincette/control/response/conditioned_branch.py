@@ -71,16 +71,16 @@ class ConditionedBranch(FrozenRecord, frozen=True):
     def __post_init__(self) -> None:
         if len(self.voltages_V) != len(self.added_um) or len(self.voltages_V) < 2:
             raise ValueError(
-                f"branch of {len(self.voltages_V)} voltages and {len(self.added_um)} positions: "
-                "must be as many, at least 2"
+                f"branch of {len(self.voltages_V)} voltages and {len(self.added_um)} "
+                "positions: must be equal in number, at least 2"
             )
         for rising in (self.voltages_V, self.places_V):
             if not all(one < other for one, other in pairwise(rising)):
                 raise ValueError("voltages of a branch must rise")
         if len(self.places_V) != len(self.way_ratios):
             raise ValueError(
-                f"{len(self.places_V)} places and {len(self.way_ratios)} ratios of a way: must be "
-                "as many"
+                f"{len(self.places_V)} places and {len(self.way_ratios)} ratios of a motion: "
+                "must be equal in number"
             )
 
     @property

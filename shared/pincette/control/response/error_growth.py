@@ -51,9 +51,11 @@ def checked_growth(ways_V: Sequence[float], errors_um: Sequence[float]) -> Error
     """
     require_as_many("ways of the voltage", ways_V, "errors", errors_um)
     if not ways_V:
-        raise ValueError("0 ways of the voltage, must be at least 1")
+        raise ValueError("0 motions of the voltage, must be at least 1")
     for name, values, least in (("way", (0.0, *ways_V), 1e-9), ("error", (0.0, *errors_um), 0.0)):
         for before, after in pairwise(values):
             if not after - before >= least:
-                raise ValueError(f"{name} {after:g} follows {before:g}, must rise from 0")
+                raise ValueError(
+                    f"{name} {after:g} follows {before:g}: must be larger and start above 0"
+                )
     return ErrorGrowth(tuple(ways_V), tuple(errors_um))

@@ -148,8 +148,8 @@ def calibrate_free_response(
     kink = contact_kink(u, x, motion.period_s, motion.course)
     if kink is not None and not no_part:
         raise ValueError(
-            f"{kink_text(kink)}. A part seems to be in the way: take it out of the gripper, or "
-            "farther away than the arm comes, and calibrate again; where you have seen that no "
+            f"{kink_text(kink)}. A part seems to be in the way: remove it from the gripper, "
+            "or from the range of the arm, and calibrate again; if you have checked that no "
             "part is there, send no_part = true"
         )
     identified, begun_unpoled = _identified(u[motion.course], x[motion.course], motion, unpoled)
@@ -208,9 +208,9 @@ def calibrate_free_response(
 def kink_text(kink: ContactKink) -> str:
     """Describe the break of a free motion in words."""
     return (
-        f"the motion breaks at {kink.x_um:.1f} µm ({kink.voltage_V:.2f} V on the way up), on each "
-        f"way up and down: beyond it the arm moves by {100.0 * kink.slope_share:.0f} % of what it "
-        "moves before"
+        f"the motion changes its slope at {kink.x_um:.1f} µm ({kink.voltage_V:.2f} V on the "
+        "way up), on each way up and down: beyond it the arm moves by "
+        f"{100.0 * kink.slope_share:.0f} % of what it moves below"
     )
 
 
@@ -223,10 +223,10 @@ def _require_explained(residual_um: float, x: Column, noise_um: float) -> None:
     limit_um = LARGEST_RESIDUAL * float(np.ptp(x)) + NOISES * noise_um
     if residual_um > limit_um:
         raise ValueError(
-            f"the model leaves {residual_um:.3f} µm r.m.s., limit {limit_um:.3f} µm: "
-            f"{100.0 * LARGEST_RESIDUAL:g} % of the range and {NOISES:g} times the noise of "
-            f"{noise_um:.3f} µm. Something beside hysteresis and creep moves the arm: take away "
-            "what it may touch, let the bench come to rest, and calibrate again"
+            f"the residual of the model is {residual_um:.3f} µm r.m.s., limit {limit_um:.3f} "
+            f"µm: {100.0 * LARGEST_RESIDUAL:g} % of the range and {NOISES:g} times the noise "
+            f"of {noise_um:.3f} µm. Something other than hysteresis and creep moves the arm: "
+            "remove what it may touch, wait until the bench is at rest, and calibrate again"
         )
 
 

@@ -313,4 +313,4 @@ def _require_same(
     name: str, values: tuple[float, ...], other: str, others: tuple[float, ...]
 ) -> None:
     if len(values) != len(others):
-        raise ValueError(f"{len(values)} {name}, must be {len(others)}, as many as {other}")
+        raise ValueError(f"{len(values)} {name}, must be {len(others)}, the number of {other}")

@@ -195,7 +195,7 @@ def rehearsed_errors(
     further_V, further, way_V, early, early_decades, late, late_decades = (
         fsum(column) / len(rows) for column in zip(*rows, strict=True)
     )
-    require_positive("way of a rehearsed press", way_V, "V")
+    require_positive("motion of a rehearsed press", way_V, "V")
     creep_um = sqrt(max(0.0, late - early) / (late_decades - early_decades))
     # The standard error of a root mean square of so many draws; less is not significant.
     least_um = sqrt(late / late_decades / (2.0 * len(rows)))

@@ -119,8 +119,8 @@ def require_travel(
     if not travel_V >= wanted_V:
         rests = f"travels {travel_V:.3f} V" if travel_V > 0.0 else "rests"
         raise ValueError(
-            f"the voltage {rests} in the {len(u)} samples to be {use}, "
-            f"must travel at least {wanted_V:.3f} V: cut off rests, or teach a longer motion"
+            f"the voltage {rests} in the {len(u)} samples to be {use}, must travel at least "
+            f"{wanted_V:.3f} V: cut off the rests, or teach a longer motion"
         )
 
 

@@ -194,7 +194,7 @@ def reset_objection(limits: SafetyLimits, state: SafetyState, *, acknowledged: b
     if not acknowledged and (state.mode != Mode.LATCHED or state.cause != Cause.BOOT):
         return "a reset needs acknowledge = true"
     if state.mode == Mode.RAMPING and not limits.lockstep:
-        return f"the actuator is ramping ({state.cause}): reset it when the arm is safe"
+        return f"the actuator is ramping ({state.cause}): reset it once the arm is safe"
     return ""
 
 

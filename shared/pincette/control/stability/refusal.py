@@ -37,7 +37,7 @@ def describe(loop: Loop, case: LoopCase) -> str:
     delay_ms = 1e3 * case.delay_periods * loop.period_s
     slope = ""
     if case.gain_factor != 1.0:
-        slope = f", free response {100.0 * (case.gain_factor - 1.0):+.0f} % steeper than its model"
+        slope = f", free response {100.0 * (case.gain_factor - 1.0):+.0f} % steeper than the model"
     return (
         f"{contact if case.K_e_mN_per_um > 0.0 else 'free'}, "
         f"ω_n = {omega_n:.0f} rad/s, delay = {delay_ms:.2g} ms{slope}"
@@ -56,16 +56,16 @@ def reason(loop: Loop, intervals: Intervals, fault: str, case: LoopCase, *, by_r
     """
     advice = ", ".join(islice(_advice(loop, intervals, case, by_radius=by_radius), ADVICE))
     found = (
-        f"the loop {fault}, at a period of {1e3 * loop.period_s:g} ms, "
+        f"the loop {fault}, at a period of {1000.0 * loop.period_s:g} ms, "
         f"{describe(loop, case)}{_seen(loop, case)}; "
-        f"{advice or 'no change of one gain or of the period that was tried suffices'}"
+        f"{advice or 'no single change of a gain or the period that was tried is sufficient'}"
     )
     if short(loop) and not loop.law.definition.previews:
-        found += "; the law fpbsmic is made for such periods"
+        found += "; the law fpbsmic is designed for such periods"
     if short(loop) and loop.output_lag_s == 0.0:
         found += (
-            f"; an RC before the amplifier, or an output that takes some {1e3 * RC_S:.0f} ms to a "
-            "voltage, excites the mode less"
+            "; an RC before the amplifier, or an output that needs about "
+            f"{1000.0 * RC_S:.0f} ms to reach a voltage, excites the mode less"
         )
     return found
 

@@ -120,7 +120,7 @@ def tune(
     """
     searched = dict(definition.search) if grid is None else grid
     if not searched:
-        raise ValueError(f"{definition.title} has no search for gains: give each gain")
+        raise ValueError(f"{definition.title} has no tuning of gains: give each gain")
     start = definition.settings(parameter_set)
     laws = [
         start.with_gains(**dict(zip(searched, values, strict=True)))
@@ -143,8 +143,8 @@ def tune(
             return Tuning(tuple(left), front, chosen, radii[chosen.settings])
         left = stable
     raise ValueError(
-        f"none of the gains tried keeps the spectral radius below {radius_limit:g} at a period "
-        f"of {1e3 * rig.period_s:g} ms: take a longer period"
+        f"no gains that were tried keep the spectral radius below {radius_limit:g} at a "
+        f"period of {1000.0 * rig.period_s:g} ms: choose a longer period"
     )
 
 
@@ -203,8 +203,8 @@ def track(
     samples = len(path.force_r_mN) - path.settled
     if samples < 1 or len(rig.noise_um) < len(path.force_r_mN):
         raise ValueError(
-            f"{len(path.force_r_mN)} references and {len(rig.noise_um)} of noise, of which "
-            f"{path.settled} are for settling: too few"
+            f"{len(path.force_r_mN)} reference samples and {len(rig.noise_um)} noise "
+            f"samples, of which {path.settled} are for settling: too few"
         )
     law = law_on(rig, settings)
     arm = _Arm(rig, steeper)

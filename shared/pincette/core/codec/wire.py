@@ -33,12 +33,12 @@ def explained(error: CodecError, encoding: str, sender: str) -> str:
     version = encoding.removeprefix(_MARK)
     if version == encoding:
         said = repr(encoding[:60])
-        return f"{error}; its encoding is {said}, not {ENCODING}: {sender} did not send this"
+        return f"{error}; its encoding is {said}, not {ENCODING}: it was not sent by {sender}"
     if version != str(WIRE):
         return f"{error}; {update_which(sender, int(version))}" if _is_wire(version) else str(error)
     if isinstance(error, FieldsError):
         return (
-            f"{error}; {sender} states wire version {WIRE}, as this program has: start all "
+            f"{error}; {sender} states wire version {WIRE}, as this program does: start all "
             "programs with the same version of pincette"
         )
     return str(error)

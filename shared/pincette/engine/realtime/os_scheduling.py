@@ -59,7 +59,8 @@ def words(refusals: tuple[Refusal, ...]) -> str:
     """Return what was refused and how to permit it, in one line."""
     return (
         f"{' and without '.join(one.words for one in refusals)}. Permit it: "
-        f"{'; '.join(one.remedy for one in refusals)}. docs/how-to/real-time.md says more"
+        f"{'; '.join(one.remedy for one in refusals)}. docs/how-to/real-time.md explains "
+        "this"
     )
 
 

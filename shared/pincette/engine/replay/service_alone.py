@@ -129,7 +129,7 @@ def _armed(
     """Return the service in its state at the beginning of the epoch."""
     armed = next((item for item in requests if item.arm is not None), None)
     if armed is None or armed.arm is None:
-        raise _StoppedError("its arming is not in the record; older records lack it")
+        raise _StoppedError("its arming is not in the record, as in older records")
     runner = Runner(service, rig, tapes, armed.arm.owner, recorded=True)
     # A newer version has another digest of the same rig file where it knows more quantities.
     arm = replace(armed.arm, digest=runner.digest)
@@ -143,7 +143,9 @@ def _armed(
     try:
         runner.state = restored(service, runner.config, runner.state, armed.state_snapshot)
     except (KeyError, TypeError, ValueError) as error:
-        raise _StoppedError(f"what it carried into the epoch cannot be read: {error}") from error
+        raise _StoppedError(
+            f"the state that it carried into the epoch cannot be read: {error}"
+        ) from error
     if hasattr(runner.state, "moved_s"):
         runner.state = replace(runner.state, moved_s=0.0)
     return runner
@@ -152,7 +154,7 @@ def _armed(
 def _loaded(requests: Sequence[RequestLog]) -> list[Load]:
     loads = [item.load for item in requests if item.load is not None]
     if not loads:
-        raise _StoppedError("the program is not in the record")
+        raise _StoppedError("the motion program is not in the record")
     return loads
 
 
@@ -165,7 +167,8 @@ def _ask(runner: Runner, item: RequestLog, comparison: Comparison) -> None:
     reply, outputs = runner.call(cast(Message, _request_of(item)), 0.0)
     if isinstance(reply, str):
         raise _StoppedError(
-            f"after sample {item.seq} it refuses what it accepted in the recorded run: {reply}"
+            f"after sample {item.seq} it refuses a request that it accepted in the "
+            f"recorded run: {reply}"
         )
     comparison.take(outputs)
 

@@ -125,7 +125,7 @@ class HostWatchdog:
         try:
             self._module.ordered(b"~", b"30%02X" % self._ticks, "host watchdog off")
         except InstrumentError as error:
-            _log.warning("I-7024: its host watchdog is left on (%s)", error)
+            _log.warning("I-7024: its host watchdog stays on (%s)", error)
 
     @staticmethod
     def heartbeat_bytes(*, checksum: bool) -> int:

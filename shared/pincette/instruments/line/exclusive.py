@@ -170,7 +170,7 @@ def in_use(url: str, holder: str) -> InstrumentError:
     """Return the error for an instrument that the named program has opened."""
     text = (
         f"{url}: in use by {holder or 'another program'}; one program at a time may open an "
-        "instrument: end that program first, or use its rig instead"
+        "instrument: stop that program first, or use its rig instead"
     )
     return InstrumentError(text, "cannot_open")
 

@@ -210,10 +210,13 @@ class Line:
             self._bring_to_order(port, matching, line, until_s)
             reply = self._ask(port, matching, line, until_s)
         except TimeoutError as error:
-            text = f"{self.url}: cannot send, the line does not drain; does the other end read?"
+            text = (
+                f"{self.url}: cannot send, since the output buffer does not empty; does the "
+                "other end read?"
+            )
             raise InstrumentError(text, "silent") from error
         except (OSError, ValueError) as error:
-            text = f"{self._hung_up_text(error)}; it is opened again"
+            text = f"{self._hung_up_text(error)}; it is being reopened"
             self._drop()
             raise InstrumentError(text, "hung_up") from error
         if not self._open:
@@ -227,7 +230,7 @@ class Line:
         count = self._open.give_up()
         self._late_run = 0
         _log.warning(
-            "%s: %d requests unanswered for %g s; the port is opened again",
+            "%s: %d requests unanswered for %g s; the port is being reopened",
             self.url,
             count,
             self.patience_s,
@@ -245,7 +248,7 @@ class Line:
             return self._port
         if now_s < self._next_try_s:
             wait_s = self._next_try_s - now_s
-            text = f"{self.url}: hung up; it is tried again in {wait_s:.1f} s"
+            text = f"{self.url}: the connection was closed; next attempt in {wait_s:.1f} s"
             if self._failure:
                 text += f". The newest attempt failed: {self._failure}"
             raise InstrumentError(text, "hung_up")
@@ -254,7 +257,7 @@ class Line:
             self._port = self.open_port(until_s - now_s)
         except InstrumentError as error:
             self._failure = str(error)
-            text = f"{error}; it has hung up, and is tried again in {RETRY_S} s"
+            text = f"{error}; the connection was closed; next attempt in {RETRY_S} s"
             raise InstrumentError(text, "hung_up") from error
         self._is_new, self._greeting = True, b""
         if self._greets:
@@ -275,7 +278,7 @@ class Line:
         try:
             data = port.receive(max(0.0, GREETING_SHARE * (until_s - self.clock())))
         except (OSError, ValueError) as error:
-            text = f"{self._hung_up_text(error)}; it is tried again in {RETRY_S} s"
+            text = f"{self._hung_up_text(error)}; next attempt in {RETRY_S} s"
             self._drop()
             self._failure = text
             raise InstrumentError(text, "hung_up") from error
@@ -300,19 +303,22 @@ class Line:
         if said:
             remedies = (remedy for pattern, remedy in SAID if pattern.search(said))
             remedy = next(remedies, "see the manual of the device server")
-            text = f"{self.url}: the other end said {escaped(said)!r} and hung up; {remedy}"
+            text = (
+                f"{self.url}: the other end sent {escaped(said)!r} and closed the "
+                f"connection; {remedy}"
+            )
         else:
             remedy = "check cable and power"
             if isinstance(error, ConnectionError):
                 remedy = (
-                    "does the device server run, has another client taken the port, and has the "
-                    "server an idle timeout?"
+                    "does the device server run, has another client taken the port, and "
+                    "does the server have an idle timeout?"
                 )
-            text = f"{self.url}: hung up ({error}); {remedy}"
+            text = f"{self.url}: the connection was closed ({error}); {remedy}"
         times_s = self._reopened_at_s
         if len(times_s) == OFTEN and self.clock() - times_s[0] <= OFTEN_WITHIN_S:
             text += (
-                f"; opened again {OFTEN} times within {self.clock() - times_s[0]:.0f} s: does "
+                f"; reopened {OFTEN} times within {self.clock() - times_s[0]:.0f} s: does "
                 "another program use this port?"
             )
         return text
@@ -325,14 +331,14 @@ class Line:
         except InstrumentError as error:
             self._drop()
             self._failure = str(error)
-            text = f"{self.url}: opened again, but the instrument cannot continue: {error}"
+            text = f"{self.url}: reopened, but the instrument cannot continue: {error}"
             raise InstrumentError(text, error.code) from error
         finally:
             self._opening_until_s = None
         self._failure = ""
         self.counts.reopened += 1
         self._reopened_at_s.append(self.clock())
-        _log.warning("%s: opened again after it had hung up", self.url)
+        _log.warning("%s: reopened after the connection was closed", self.url)
 
     def _drop(self) -> None:
         port, self._port = self._port, None
@@ -342,7 +348,7 @@ class Line:
         try:
             port.close()
         except (OSError, ValueError) as error:
-            _log.info("%s: closing a port that was gone (%s)", self.url, error)
+            _log.info("%s: closing a port that no longer existed (%s)", self.url, error)
 
     def _bring_to_order(
         self, port: Port, matching: Matching, request: bytes, until_s: float
@@ -392,7 +398,7 @@ class Line:
             if not data:
                 break
             if self.clock() >= until_s:
-                text = f"{self.url}: never silent; check baud rate and instrument type"
+                text = f"{self.url}: data without a pause; check baud rate and instrument type"
                 raise InstrumentError(text, "garbled")
             self._pending += data
         # The rest of a line that was cut off would be taken for the start of the next.
@@ -458,8 +464,8 @@ class Line:
                 return
         text = (
             f"{self.url}: {request[:40]!r} is not sent, since the answer to a request "
-            f"{self.clock() - other.sent_s:.3f} s ago may still come; after {self.patience_s:g} s "
-            f"of silence the port is opened again{self._late_words()}"
+            f"{self.clock() - other.sent_s:.3f} s ago may still come; after "
+            f"{self.patience_s:g} s of silence the port is reopened{self._late_words()}"
         )
         raise InstrumentError(text, self._code())
 
@@ -479,7 +485,7 @@ class Line:
                 continue
             if len(self._pending) > LONGEST_FRAME:
                 text = (
-                    f"{self.url}: {len(self._pending)} bytes without an end, limit "
+                    f"{self.url}: {len(self._pending)} bytes without an end mark, limit "
                     f"{LONGEST_FRAME}; check baud rate and instrument type"
                 )
                 self._pending = b""
@@ -521,8 +527,8 @@ class Line:
             return ""
         return (
             f"; {self._late_run} answers came late, the last {self._late_s:.3f} s after its "
-            f"request, limit {self.timeout_s:g} s: find what delays the line, or raise timeout_s "
-            "where the control period leaves time for it"
+            f"request, limit {self.timeout_s:g} s: find what delays the line, or raise "
+            "timeout_s if the control period leaves time for it"
         )
 
     def _unanswered(self, request: bytes) -> InstrumentError:
@@ -534,14 +540,15 @@ class Line:
         self._garbled = self._garbled or bool(self._pending)
         remedy = "check power, address and baud rate"
         if TELNET_COMMAND.search(other):
-            remedy += ", and whether the device server has a telnet port here in place of a raw one"
+            remedy += ", and whether the device server has a telnet port here instead of a raw one"
         return InstrumentError(f"{text}; {remedy}", self._code())
 
     def _doubled(self, wait_s: float) -> InstrumentError:
         text = (
             f"{self.url}: {MOST_UNEXPECTED} exchanges in a row had more answers than "
-            f"requests, so answers cannot be told apart; silent for {wait_s:.1f} s, then "
-            "opened again. Does an adapter or a second program repeat lines?"
+            "requests, so answers cannot be assigned to requests; the port is reopened "
+            f"after {wait_s:.1f} s of silence. Does an adapter or a second program repeat "
+            "lines?"
         )
         return InstrumentError(text, "garbled")
 

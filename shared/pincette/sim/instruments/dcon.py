@@ -64,7 +64,7 @@ class SimulatedI7024:
     def connect(self, channel: int, put_out: Callable[[float], None]) -> None:
         """Connect another channel to a function; raises ValueError if it is connected already."""
         if channel in self._drives:
-            raise ValueError(f"channel {channel} of module {self.address} drives an arm already")
+            raise ValueError(f"channel {channel} of module {self.address} already drives an arm")
         self._drives[channel] = put_out
 
     @property

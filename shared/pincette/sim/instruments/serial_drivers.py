@@ -29,9 +29,9 @@ def _i7024(setting: Setting, _tables: frozenset[str]) -> dict[str, Fitted]:
             module = there.module
             if not isinstance(module, SimulatedI7024) or module.address != address:
                 raise ConfigError(
-                    f"second.output.url = {output.url!r}: another instrument is simulated there, "
-                    "and a line of several modules is not; give the address of [output], or "
-                    "another url"
+                    f"second.output.url = {output.url!r}: another instrument is simulated "
+                    "there, and a line of several modules cannot be simulated; give the "
+                    "address of [output], or another url"
                 )
             module.connect(channel, setting.put_out)
             line = setting.line("output", there.instrument)

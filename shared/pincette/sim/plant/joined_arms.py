@@ -172,5 +172,7 @@ def befall(
         return held_s + dt_s, None
     if held_s < part.lift_after_s:
         return 0.0, None
-    text = f"the part fell: {force_mN:.4f} mN are below the {part.hold_mN:.4f} mN that carry it"
+    text = (
+        f"the part fell: {force_mN:.4f} mN are below the {part.hold_mN:.4f} mN needed to carry it"
+    )
     return 0.0, Event(now_s, "lost", text)

@@ -226,7 +226,7 @@ def _befallen(p: PairParameters, state: PairState, dt_s: float, now_s: float) ->
         held_s = 0.0
     elif p.part.hold_mN > 0.0 or not (contact.first or contact.second):
         # One face carries a part that weighs nothing.
-        event = Event(now_s, "lost", "the part fell: one arm alone does not carry it")
+        event = Event(now_s, "lost", "the part fell: one arm does not carry it")
     if event is not None and event.what == "lost" and p.lands:
         return _landed(state, now_s)
     if event is not None:

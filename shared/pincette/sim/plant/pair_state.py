@@ -50,7 +50,7 @@ class PairParameters:
     def __post_init__(self) -> None:
         for arm in (self.first, self.second):
             if arm.second_share > 0.0 or arm.amplifier.lag_s > 0.0:
-                raise ValueError("an arm of a pair has one mode, and an amplifier without lag")
+                raise ValueError("an arm of a pair must have one mode and an amplifier without lag")
         for name in ("face_mN_per_um", "ground_mN_per_um"):
             if not 0.0 < getattr(self, name) < math.inf:
                 raise ValueError(f"{name} = {getattr(self, name)} mN/µm: must be above 0")

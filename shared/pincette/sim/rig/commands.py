@@ -32,7 +32,7 @@ class Orders:
 
     def remove_part(self) -> None:
         """Take the part away."""
-        self._take_part("removed", "the part was taken away")
+        self._take_part("removed", "the part was removed")
 
     def lose_part(self) -> None:
         """Let the part fall."""

@@ -29,7 +29,7 @@ from pincette.sim.rig.rig import TruthSink
 from pincette.sim.rig.sensor_view import reading_um
 from pincette.sim.rig.wave import NANOSECONDS
 
-NO_WAVES = ValueError("a simulated rig of two arms plays no waves and acquires none")
+NO_WAVES = ValueError("a simulated rig of two arms cannot play or acquire waves")
 NOISE_STREAMS = (0, 2)
 """Random streams of the readings of each arm; 1 is that of captured samples."""
 
@@ -271,7 +271,7 @@ def pair_parameters(
 ) -> PairParameters:
     """Return both arms and the part between them, from tables of a rig file; raises ValueError."""
     if any(one.averaging_s for one in outputs):
-        raise ValueError("averaging_s: the sensors of a pair do not average; leave it out")
+        raise ValueError("averaging_s: the sensors of a pair do not average; omit it")
     if simulation.passive_natural_frequency_rad_per_s is not None:
         raise ValueError("passive_natural_frequency_rad_per_s: a pair has no passive arm")
     arms = [plant_parameters(one.model_copy(update={"bead": True})) for one in outputs]

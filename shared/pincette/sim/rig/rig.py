@@ -122,7 +122,9 @@ class SimulatedRig(Orders):
         """Append voltages to a playing waveform; raises ValueError if none plays."""
         with self._present() as timeline:
             if timeline.wave is None:
-                raise ValueError("the wave is over: it came to its last voltage before these came")
+                raise ValueError(
+                    "the wave has ended: it reached its last voltage before these voltages arrived"
+                )
             timeline.wave.voltages_V.extend(checked_V(voltages_V))
 
     def go_on(self) -> None:
@@ -144,7 +146,7 @@ class SimulatedRig(Orders):
         """
         with self._present() as timeline:
             if timeline.capture is not None:
-                raise ValueError("a capture is running: end it before another one begins")
+                raise ValueError("a capture is running: end it before starting another one")
             timeline.capture = Capture(timeline.time_ns, rate_hz)
 
     def drain(self) -> tuple[list[float], list[float]]:

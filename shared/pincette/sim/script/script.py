@@ -37,7 +37,7 @@ from pincette.sim.script.scripted_line import ScriptedLine
 
 FORBIDDEN = (
     "this rig takes no commands: write `scripts = true` into [simulation] of its rig file "
-    "and start it again"
+    "and restart it"
 )
 
 log = logging.getLogger(__name__)

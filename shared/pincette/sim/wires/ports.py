@@ -122,8 +122,8 @@ class PtyPort:
         except OSError as error:
             self._close_terminal()
             raise WireError(
-                f"{path}: cannot put a pseudo-terminal there ({error.strerror}); remove what is "
-                "there, or change the url in the rig file"
+                f"{path}: cannot create a pseudo-terminal there ({error.strerror}); remove "
+                "what is there, or change the url in the rig file"
             ) from error
 
     def next_line(self, wait: Wait) -> Line | None:

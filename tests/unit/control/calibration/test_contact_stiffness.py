@@ -134,7 +134,7 @@ def test_a_contact_that_is_lost_is_refused() -> None:
 
 
 def test_too_few_levels_are_refused() -> None:
-    with pytest.raises(ValueError, match="2 levels of voltage, must be at least 3"):
+    with pytest.raises(ValueError, match="2 levels of voltage: must be at least 3"):
         stiffness_of(swings()[:2])
     made = swings()
     with pytest.raises(ValueError, match="400 positions for 399 forces"):

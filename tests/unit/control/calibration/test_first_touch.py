@@ -54,12 +54,12 @@ def test_the_uncertainty_knows_errors_that_neighbours_share() -> None:
 
 
 def test_an_approach_that_met_nothing_is_refused() -> None:
-    with pytest.raises(ValueError, match="no touch stands within the approach"):
+    with pytest.raises(ValueError, match="no significant touch within the approach"):
         first_touch(*approach(0.05, to_um=30.0), S_P)
     x, force = approach(0.05)
     with pytest.raises(ValueError, match="29 samples of an approach, must be at least 30"):
         first_touch(x[:29], force[:29], S_P)
-    with pytest.raises(ValueError, match="must be as many"):
+    with pytest.raises(ValueError, match="must be equal in number"):
         first_touch(x, force[1:], S_P)
     x[3] = np.nan
     with pytest.raises(ValueError, match="not finite"):

@@ -43,7 +43,7 @@ def test_noise_biases_neither_the_value_nor_its_uncertainty() -> None:
 @pytest.mark.parametrize(
     ("count", "per_cycle", "text"),
     [
-        (400, 4.0 * HARMONICS - 1.0, "35 samples a cycle, must be at least 36"),
+        (400, 4.0 * HARMONICS - 1.0, "35 samples per cycle, must be at least 36"),
         (150, 100.0, "1.50 cycles, must be at least 2"),
     ],
 )

@@ -80,7 +80,7 @@ def test_that_of_the_weights_comes_to_it() -> None:
     [
         ((0.0,), "must be 0 mN and at least one more"),
         ((1.0, 2.0), "must be 0 mN and at least one more"),
-        ((0.0, 5.0, 5.0), "weight 5.0 mN after 5.0 mN, must rise"),
+        ((0.0, 5.0, 5.0), "weight 5.0 mN after 5.0 mN: must be larger"),
         ((0.0, float("nan")), "must rise"),
     ],
 )
@@ -92,7 +92,7 @@ def test_weights_that_do_not_rise_from_nothing_are_refused(
 
 
 def test_weighings_that_tell_nothing_are_refused() -> None:
-    with pytest.raises(ValueError, match="hang them there and back"):
+    with pytest.raises(ValueError, match="hang them up and down again"):
         weighed_compliance([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 2.0, 3.0])
     with pytest.raises(ValueError, match=r"compliance = -0\.3999"):
         weighed_compliance([0.0, 1.0, 2.0, 1.0], [0.0, 0.4, 0.8, 0.4], [0.0, 1.0, 2.0, 3.0])

@@ -190,7 +190,7 @@ def test_it_refuses_what_makes_no_filter() -> None:
     for gains in ({"n": 2.5}, {"n": 5.0}):
         with pytest.raises(ValueError, match="whole number of poles from 1 to 4"):
             law_of(CASES[0], **gains)
-    with pytest.raises(ValueError, match=r"delay of 1\.6 ms .* take a longer period"):
+    with pytest.raises(ValueError, match=r"delay of 1\.6 ms .* choose a longer period"):
         law_of(Case(0.001, 3, 60.0, 0.0016))
     with pytest.raises(ValueError, match="f_w"):
         LAW.settings("consistent", f_w=0.0)

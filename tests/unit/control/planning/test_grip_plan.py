@@ -225,7 +225,7 @@ def test_a_plan_beyond_the_taught_voltages_is_refused_with_their_range() -> None
     assert violation.value == pytest.approx((40.0 + 0.46 * 20.0) / 19.0, abs=0.01)
     assert violation.pointer == "/force_mN"
     assert "the free response was taught from -0.100 to 2.500 V" in violation.message
-    assert "take less force, or calibrate free_response over a wider range" in violation.message
+    assert "use less force, or calibrate free_response over a wider range" in violation.message
 
 
 def test_within_the_taught_voltages_it_is_not() -> None:

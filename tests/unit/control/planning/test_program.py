@@ -22,12 +22,12 @@ def test_a_contact_without_stiffness_is_refused(stiffness: float) -> None:
 @pytest.mark.parametrize(
     ("segments", "words"),
     [
-        ((LOAD, SEEK), r"segment 1 \(contact\) seeks a part, and nothing follows"),
+        ((LOAD, SEEK), r"segment 1 \(contact\) seeks a part, but nothing follows it"),
         (
             (Seek("retreat", 1.0, to_um=(1.0,)), LOAD),
-            r"segment 0 \(retreat\) seeks .* the way back",
+            r"segment 0 \(retreat\) seeks .* a retreat",
         ),
-        ((replace(SEEK, phase="unload"), LOAD), r"segment 0 \(unload\) seeks .* the way back"),
+        ((replace(SEEK, phase="unload"), LOAD), r"segment 0 \(unload\) seeks .* a retreat"),
         ((Move("a", -0.1),), r"segment 0 \(a\): duration_s = -0.1 s"),
         ((Press("a", math.nan),), r"segment 0 \(a\): duration_s = nan s"),
         ((Press("a", 1.0, move_s=-1.0),), r"segment 0 \(a\): move_s = -1.0 s"),

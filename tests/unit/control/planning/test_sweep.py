@@ -45,7 +45,7 @@ def test_the_slew_is_that_of_the_highest_frequency() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"to_hz": 5.0}, "it must rise"),
+        ({"to_hz": 5.0}, "the first must be below the second"),
         ({"rate_hz": 3_000.0}, "at least 4 per cycle, 3200.0 per s"),
         ({"taper_s": 2.1}, "taper of 2.1 s at both ends of a sweep of 4.0 s"),
         ({"duration_s": 200.0}, "more than 2000000 samples"),

@@ -70,7 +70,7 @@ def test_noise_hardly_counts_and_no_grip_is_refused() -> None:
     assert found.creep_um.value < 0.05
     with pytest.raises(ValueError, match="no rehearsed grips"):
         rehearsed_errors(u, noise_um, PERIOD_S, [])
-    with pytest.raises(ValueError, match="way of a rehearsed press = 0"):
+    with pytest.raises(ValueError, match="motion of a rehearsed press = 0"):
         rehearsed_errors(0.0 * u, noise_um, PERIOD_S, rehearsed)
 
 
@@ -114,7 +114,7 @@ def test_impossible_input_is_refused() -> None:
     for ways_V, errors_um, why in (
         ([0.1, 0.1], [0.1, 0.2], "way 0.1 follows 0.1, must rise"),
         ([0.1, 0.2], [0.2, 0.1], "error 0.1 follows 0.2"),
-        ([0.1], [0.1, 0.2], "must be as many"),
+        ([0.1], [0.1, 0.2], "must be equal in number"),
         ([], [], "0 ways"),
     ):
         with pytest.raises(ValueError, match=why):

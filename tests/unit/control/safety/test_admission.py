@@ -160,7 +160,7 @@ def test_a_command_whose_sample_was_not_seen_is_refused() -> None:
     state = sampled(LIMITS, FREE, 3, (1.0,), 3 * T)
     state = offered(state, command(seq=2), 3 * T)
     assert (fault_text(state.refusal), state.refused) == (
-        "command 2: its sample was not seen here",
+        "command 2: its sample is unknown here",
         1,
     )
     assert state.taken_seq == 0

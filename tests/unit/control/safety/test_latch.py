@@ -180,7 +180,7 @@ def test_a_reset_needs_a_person_and_an_arm_that_is_safe(mode: str) -> None:
     assert reset_objection(LIMITS, state, acknowledged=False) == refused
     assert reset_objection(LOCKSTEP, state, acknowledged=True) == ""
     words = reset_objection(LIMITS, state, acknowledged=True)
-    ramping = "the actuator is ramping (estop): reset it when the arm is safe"
+    ramping = "the actuator is ramping (estop): reset it once the arm is safe"
     assert words == (ramping if mode == "ramping" else "")
 
 

@@ -119,7 +119,7 @@ def test_a_bad_period_is_refused_with_the_reason_and_what_helps(period_s: float)
     assert f"at a period of {1e3 * period_s:g} ms" in reason
     assert "aliases to" in reason
     assert " gives 0." in reason
-    assert "an RC before the amplifier, or an output that takes some 3 ms" in reason
+    assert "an RC before the amplifier, or an output that needs about 3 ms" in reason
 
 
 def test_a_shorter_period_is_among_what_helps() -> None:
@@ -134,7 +134,7 @@ def test_where_the_mode_is_seen() -> None:
 
 def test_a_law_of_long_periods_is_told_of_the_other() -> None:
     reason = assess(replace(loop_of(0.001), law=law_settings()), PART).reason
-    assert "the law fpbsmic is made for such periods" in reason
+    assert "the law fpbsmic is designed for such periods" in reason
 
 
 def test_what_is_not_told_is_judged_as_well() -> None:

@@ -159,11 +159,11 @@ def require_like_in_use(model: ModelInUse, quantity: str, value: float) -> None:
     off = value / in_use - 1.0
     if abs(off) > MOST_UNLIKE:
         raise ValueError(
-            f"{quantity} = {value:.4g} {UNITS[quantity]}, which is {100.0 * off:+.0f} % from the "
-            f"{in_use:.4g} {UNITS[quantity]} in use, found by calibration {source}; limit "
-            f"{100.0 * MOST_UNLIKE:g} %. Something may touch the arm, as a part that is in the "
-            "way: take it away and calibrate again. If arm, amplifier or sensor was changed, go "
-            "back to the rig file alone first (`pincette model use 0`)"
+            f"{quantity} = {value:.4g} {UNITS[quantity]}, which is {100.0 * off:+.0f} % from "
+            f"the {in_use:.4g} {UNITS[quantity]} in use, found by calibration {source}; "
+            f"limit {100.0 * MOST_UNLIKE:g} %. Something may touch the arm, such as a part "
+            "in the way: remove it and calibrate again. If arm, amplifier or sensor was "
+            "changed, go back to the rig file alone first (`pincette model use 0`)"
         )
 
 
@@ -268,7 +268,7 @@ def model_of_arm(model: ModelInUse, arm: int) -> ModelInUse:
     """
     arms = model.rig.arms
     if arm > len(arms):
-        raise FaultyRequestError("/arm", f"arm = {arm}, and this rig has one driven arm")
+        raise FaultyRequestError("/arm", f"arm = {arm}, but this rig has one driven arm")
     if arm == 1:
         return dataclasses.replace(model, rig=arms[0])
     sources = {
@@ -292,8 +292,8 @@ def program_for_both(program: Program, rig: RigFile, arm: int) -> Program:
         return program
     if program.capture_hz or not all(isinstance(segment, Drive) for segment in program.segments):
         raise ValueError(
-            "a calibration that sweeps, acquires or meets a part is for rigs of one driven arm; of "
-            "two, calibrate noise and free_response of each"
+            "calibrations that sweep, acquire or touch a part need a rig with one driven "
+            "arm; with two arms, calibrate noise and free_response of each"
         )
     if arm == 1:
         return program

@@ -98,8 +98,8 @@ def analyse(run: Run) -> Analysis:
     s_p, u = found.compliance_um_per_mN, found.uncertainty_um_per_mN
     if s_p < SURE * u:
         raise ValueError(
-            f"compliance of {s_p:.4f} µm/mN with a standard uncertainty of {u:.4f} µm/mN, must be "
-            f"{SURE:g} times that at least: were the weights hung as they were asked for?"
+            f"compliance of {s_p:.4f} µm/mN with a standard uncertainty of {u:.4f} µm/mN, "
+            f"but must be at least {SURE:g} times that: were the weights hung as requested?"
         )
     require_like_in_use(planned.model, "model.compliance_um_per_mN", s_p)
     return Analysis(
@@ -109,7 +109,7 @@ def analyse(run: Run) -> Analysis:
             figure("drift", found.drift_um_per_s, "µm/s", "of the arm"),
         ),
         residuals=residuals("position", "µm", found.residuals_um),
-        statement=sure(s_p, u, "µm/mN", "of scatter about the line and of the weights as stated"),
+        statement=sure(s_p, u, "µm/mN", "from the scatter about the line and the stated weights"),
         drawn=found,
     )
 
@@ -142,7 +142,7 @@ def goes_on(request: ComplianceRequest, run: Run) -> tuple[ComplianceRequest, st
         stood_V = taken.voltage_V[taken.of(f"measure {number}")]
         if not np.nanmax(np.abs(stood_V - run.rig.safety.safe_V)) <= SAME_V:
             anew = request.model_copy(update={"taken": [], "weights_mN": weights_mN})
-            return anew, "begins again with the first weight, since it stood at another voltage"
+            return anew, "begins again with the first weight, since the arm was at another voltage"
         try:
             read.append(_reading(taken, number))
         except ValueError:

@@ -69,8 +69,8 @@ def program(
     if rig.model.free_response is None:
         raise FaultyRequestError(
             "/calibration",
-            "contact_stiffness presses by voltage, and the free response that tells the force is "
-            "not identified: calibrate free_response first",
+            "contact_stiffness presses by voltage, and the free response, from which the "
+            "force is computed, is not identified: calibrate free_response first",
         )
     given = contact_values(request, CONTACT_FIELDS, rig)
     part = part_values(rig)
@@ -124,23 +124,26 @@ def analyse(run: Run) -> Analysis:
             identified("part.contact_um", touch.contact_um, touch.uncertainty_um),
         ),
         figures=(
-            figure("offset", found.line.offset, "mN", "of the line of Fig. 8, at 0 µm"),
+            figure("offset", found.line.offset, "mN", "force of the contact line (Fig. 8) at 0 µm"),
             figure(
                 "scatter",
                 found.scatter_mN_per_um,
                 "mN/µm",
-                "part of the uncertainty that the residuals show",
+                "part of the uncertainty that comes from the residuals",
             ),
             figure(
                 "first touch stiffness",
                 touch.stiffness_mN_per_um,
                 "mN/µm",
-                "by the few µm after the touch, far less sure",
+                "from the few µm after the touch; far less certain",
             ),
         ),
         residuals=residuals("force, peak to peak", "mN", left),
         statement=sure(
-            K_e, u, "mN/µm", "of the scatter, of the compliance and of the free response as stated"
+            K_e,
+            u,
+            "mN/µm",
+            "from the scatter and the stated uncertainties of compliance and free response",
         ),
         drawn=ContactFound(found, touch),
     )
@@ -180,7 +183,7 @@ def draw(sheet: Sheet, found: ContactFound) -> None:
     drawing.legend(loops)
     met = found.touch
     order = np.argsort(met.free_um)
-    drawing.prepare(touch, "free less measured / µm", "free position / µm")
+    drawing.prepare(touch, "free minus measured / µm", "free position / µm")
     drawing.line(touch, met.free_um[order], met.lack_um[order], MEASURED, "approach", width=0.8)
     drawing.line(touch, met.free_um[order], met.fitted_um[order], TRUE, "first touch")
     drawing.legend(touch)

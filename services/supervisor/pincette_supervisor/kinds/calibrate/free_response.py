@@ -213,21 +213,32 @@ def analyse(run: Run) -> Analysis:
         ),
         figures=(
             figure("loop", gain.loop_percent, "%", "width, of the stroke"),
-            figure("stroke", gain.stroke_um, "µm", f"at {gain.voltage_pp_V:.2f} V peak to peak"),
             figure(
-                "creep", found.creep.percent_per_decade, "%/decade", "of a step, per decade of time"
+                "stroke",
+                gain.stroke_um,
+                "µm",
+                f"stroke at {gain.voltage_pp_V:.2f} V peak to peak",
+            ),
+            figure(
+                "creep",
+                found.creep.percent_per_decade,
+                "%/decade",
+                "creep after a step, per decade of time",
             ),
             figure(
                 "press gain",
                 found.press_gain,
                 "1",
-                "stroke over that of the model, where parts are pressed",
+                (
+                    "measured stroke divided by that of the model, in the range where parts "
+                    "are pressed"
+                ),
             ),
             figure(
                 "model residual",
                 residual_um,
                 "µm",
-                "r.m.s. of motion that the model was not fitted to",
+                "r.m.s. error of the model in a motion that it was not fitted to",
             ),
         ),
         residuals=residuals("position about the model", "µm", left - np.mean(left)),
@@ -235,7 +246,7 @@ def analyse(run: Run) -> Analysis:
             gain.gain_um_per_V,
             gain.uncertainty_um_per_V,
             "µm/V",
-            "of the scatter about settled cycles",
+            "from the scatter of settled cycles",
         ),
         drawn=found,
         warnings=tuple(warnings),
@@ -259,7 +270,7 @@ def draw(sheet: Sheet, found: FreeCalibration) -> None:
         dashed = label == "model"
         drawing.line(loop, gain.voltage_cycle_V, about_um, color, label, dashed=dashed)
     drawing.legend(loop)
-    drawing.prepare(left, "measured less model / µm", "time / s")
+    drawing.prepare(left, "measured minus model / µm", "time / s")
     drawing.line(left, found.t_s, found.x_um - found.model_um, MEASURED, "", width=0.7)
     drawing.zero_line(left)
     drawing.prepare(creep, "creep: residual of the line / µm", "sample after the step")

@@ -169,7 +169,7 @@ def analyse(run: Run) -> Analysis:
             ),
         ),
         residuals=residuals("log of the gain", "1", model.residuals),
-        statement=sure(omega_n, u, "rad/s", "of the scatter of the gain about the model"),
+        statement=sure(omega_n, u, "rad/s", "from the scatter of the gain about the model"),
         drawn=found,
     )
 

@@ -59,8 +59,8 @@ person has confirmed that there is no part. It allows for a hysteresis loop that
 more as it proceeds, so that a part seems softer."""
 WIDEST = 150
 """Largest number of characters of a statement in the picture."""
-BY_HAND = "a person begins it again from its start, since it presses a part"
-NO_MORE = "it has begun as often as `tries` says"
+BY_HAND = "a person must start it again, since it presses a part"
+NO_MORE = "it has been started `tries` times"
 
 
 def plan(request: CalibrationRequest, model: ModelInUse, present: Present) -> Planned:
@@ -208,7 +208,7 @@ def evaluate(run: Run) -> Evaluation:
         warnings=[
             *(() if analysis is None else analysis.warnings),
             *(
-                f"rests on {item.quantity}, which is assumed: calibrate it first"
+                f"depends on {item.quantity}, which is assumed: calibrate it first"
                 for item in resting
                 if item.source == ASSUMED
             ),

@@ -56,8 +56,9 @@ def program(_request: GainCheckRequest, model: ModelInUse, present: Present) -> 
     if branch is None or taught.taught_V is None or branch.voltages_V[0] < limits.voltage_min_V:
         raise FaultyRequestError(
             "/calibration",
-            "gain_check compares the way after conditioning strokes with that of the calibration, "
-            "and the model in use has none within the limits of voltage: calibrate free_response",
+            "gain_check compares the motion after conditioning strokes with that of the "
+            "calibration, but the model in use has no such motion within the voltage "
+            "limits: calibrate free_response",
         )
     low_V, high_V = branch.voltages_V[0], HIGH * taught.taught_V[1]
     rate = SPEED_FACTOR * rig.grip.approach_um_per_s / rig.model.piezo_um_per_V
@@ -115,9 +116,12 @@ def analyse(run: Run) -> Analysis:
             ),
         ),
         figures=(
-            figure("change", 100.0 * change, "%", "of the stroke since its calibration"),
+            figure("change", 100.0 * change, "%", "change of the stroke since its calibration"),
             figure(
-                "limit", 100.0 * found[-1].limit, "%", "up to which noise and repetition explain it"
+                "limit",
+                100.0 * found[-1].limit,
+                "%",
+                "change up to which noise and repeatability explain it",
             ),
         ),
         residuals=residuals("changes of the ways", "1", [one.change - change for one in found]),
@@ -125,7 +129,10 @@ def analyse(run: Run) -> Analysis:
             100.0 * change,
             100.0 * standard,
             "%",
-            "of the stroke; accept it where amplifier or piezo are the cause, not the sensor",
+            (
+                "change of the stroke; accept it if the amplifier or the piezo is the "
+                "cause, not the sensor"
+            ),
         ),
         drawn=Drawn(np.arange(len(left_um), dtype=np.float64) * run.period_s, left_um),
     )
@@ -164,8 +171,8 @@ def _change(
     found = None if base is None else stroke_change(response, base, rest, count, doubt)
     if found is None:
         raise ValueError(
-            "a way did not begin with whole strokes, or noise and drift of the sensor leave "
-            "nothing to compare: check the gain again"
+            "a motion did not begin with full strokes, or the sensor's noise and drift are "
+            "too large for a comparison: repeat the gain check"
         )
     return found
 
@@ -173,7 +180,7 @@ def _change(
 def draw(sheet: Sheet, found: Drawn) -> None:
     """Draw the position minus the model."""
     (left,) = drawing.grid(sheet, 1)
-    drawing.prepare(left, "measured less model / µm", "time / s")
+    drawing.prepare(left, "measured minus model / µm", "time / s")
     drawing.line(left, found.t_s, found.left_um, MEASURED, "", width=0.7)
 
 

@@ -49,13 +49,16 @@ def analyse(run: Run) -> Analysis:
                 "resolution",
                 found.resolution_um,
                 "µm",
-                "smallest motion that one reading shows: the width that holds 99.9 % of them",
+                (
+                    "smallest motion that one reading shows: width that contains 99.9 % of "
+                    "the readings"
+                ),
             ),
             figure(
                 "filtered resolution",
                 found.filtered_resolution_um,
                 "µm",
-                "the same for readings that the filter of the law has averaged",
+                "resolution of readings averaged by the filter of the law",
             ),
             figure("drift", found.drift_um_per_s, "µm/s", "of the readings"),
         ),
@@ -64,7 +67,7 @@ def analyse(run: Run) -> Analysis:
             found.noise_um,
             found.noise_uncertainty_um,
             "µm",
-            "of readings about their drift; no shape of their distribution is assumed",
+            "from the readings about their drift; no shape of their distribution is assumed",
         ),
         drawn=found,
         warnings=warnings,
@@ -88,10 +91,10 @@ def _drift_um_per_min(found: Noise, model: ModelInUse) -> tuple[float, float]:
 def draw(sheet: Sheet, found: Noise) -> None:
     """Draw the readings over time and their distribution."""
     trace, spread = drawing.grid(sheet, 2)
-    drawing.prepare(trace, "position less drift / µm", "time / s")
+    drawing.prepare(trace, "position minus drift / µm", "time / s")
     drawing.line(trace, found.t_s, found.deviation_um, MEASURED, "readings", width=0.7)
     drawing.zero_line(trace)
-    drawing.prepare(spread, "readings", "position less drift / µm")
+    drawing.prepare(spread, "readings", "position minus drift / µm")
     spread.hist(found.deviation_um, bins=BINS, color=MEASURED)
     for side in (-1.0, 1.0):
         spread.axvline(side * found.noise_um, color=REFERENCE, linewidth=1.2)

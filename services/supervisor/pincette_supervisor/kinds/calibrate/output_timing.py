@@ -73,16 +73,17 @@ def analyse(run: Run) -> Analysis:
     found = output_timing(bursts, period_s)
     if found.explained < LEAST_EXPLAINED:
         raise ValueError(
-            f"one mode explains {100.0 * found.explained:.1f} % of the motion, must be at least "
-            f"{100.0 * LEAST_EXPLAINED:g} %: a part seems to be in the way: take it away and "
-            "calibrate again"
+            f"one mode explains {100.0 * found.explained:.1f} % of the motion, must be at "
+            f"least {100.0 * LEAST_EXPLAINED:g} %: a part seems to be in the way: remove it "
+            "and calibrate again"
         )
     omega_n = found.natural_frequency_rad_per_s
     require_like_in_use(run.planned.model, "model.natural_frequency_rad_per_s", omega_n)
     if found.delay_s > period_s:
         raise ValueError(
-            f"a voltage is put out {1e3 * found.delay_s:.3f} ms after its sample, limit is the "
-            f"period of {1e3 * period_s:g} ms: choose a longer period or faster instruments"
+            f"a voltage is put out {1000.0 * found.delay_s:.3f} ms after its sample, limit: "
+            f"the period of {1000.0 * period_s:g} ms: choose a longer period or faster "
+            "instruments"
         )
     return Analysis(
         values=(
@@ -101,7 +102,7 @@ def analyse(run: Run) -> Analysis:
                 "delay and lag",
                 1e3 * (found.delay_s + found.lag_s),
                 "ms",
-                "together; without a lag known better than either",
+                "sum of delay and lag; without a lag, known better than either of them",
             ),
             figure("delay", found.delay_s / period_s, "1", "from sample to voltage, in periods"),
             figure(
@@ -119,12 +120,15 @@ def analyse(run: Run) -> Analysis:
 
 
 def _statement(found: IdentifiedTiming) -> str:
-    of = "of the scatter from burst to burst and the loss of the hysteresis"
+    of = "from the scatter between bursts and the loss of the hysteresis"
     if found.lag_s > 0.0:
         lag_ms, error_ms = 1e3 * found.lag_s, 1e3 * found.lag_uncertainty_s
         of = f"{of}; lag {lag_ms:.3g} ± {2.0 * error_ms:.2g} ms"
     else:
-        of = f"{of} and of a lag of up to {1e3 * found.lag_uncertainty_s:.2g} ms; none was seen"
+        of = (
+            f"{of} and from a possible lag of up to {1000.0 * found.lag_uncertainty_s:.2g} "
+            "ms; no lag was seen"
+        )
     return sure(1e3 * found.delay_s, 1e3 * found.delay_uncertainty_s, "ms", of)
 
 
@@ -149,12 +153,12 @@ def draw(sheet: Sheet, drawn: Drawn) -> None:
     burst, left = drawing.grid(sheet, 2)
     seen, missed = found.moved_um[0], found.residual_um[0]
     t_ms = 1e3 * drawn.period_s * np.arange(len(seen), dtype=np.float64)
-    drawing.prepare(burst, "position less what is slow / µm", "time in the first burst / ms")
+    drawing.prepare(burst, "position minus slow motion / µm", "time in the first burst / ms")
     drawing.line(burst, t_ms, seen, MEASURED, "measured", width=0.8)
     drawing.line(burst, t_ms, seen - missed, REFERENCE, "model", dashed=True, width=0.8)
     drawing.legend(burst)
     all_um = np.concatenate(found.residual_um)
-    drawing.prepare(left, "measured less model / µm", "sample")
+    drawing.prepare(left, "measured minus model / µm", "sample")
     drawing.line(left, np.arange(len(all_um), dtype=np.float64), all_um, MEASURED, "", width=0.5)
     drawing.zero_line(left)
 

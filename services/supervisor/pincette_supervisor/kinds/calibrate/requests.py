@@ -62,13 +62,16 @@ class ComplianceRequest(CalibrationRequest, frozen=True):
 COMPLIANCE = Variant(
     name="compliance",
     label="compliance, with weights",
-    summary="Compliance of the arm by known weights, hung as it asks for them; take the part away.",
+    summary=(
+        "Measure the compliance of the arm with known weights, hung as the job requests; "
+        "remove the part first."
+    ),
     request=ComplianceRequest,
     form=(
         fields.ZERO_CONFIRMED,
         FieldSpec(name="weights_mN", label="Weights, from 0", placeholder="as the limits allow"),
         FieldSpec(
-            name="weight_uncertainty", label="Uncertainty of the weights, as a share", advanced=True
+            name="weight_uncertainty", label="Relative uncertainty of the weights", advanced=True
         ),
     ),
     functions="pincette_supervisor.kinds.calibrate.compliance:FUNCTIONS",
@@ -103,7 +106,10 @@ class ContactStiffnessRequest(CalibrationRequest, frozen=True):
 CONTACT_STIFFNESS = Variant(
     name="contact_stiffness",
     label="contact stiffness",
-    summary="Stiffness and place of the contact with the part, by a press at several levels.",
+    summary=(
+        "Measure stiffness and position of the contact with the part by pressing it at "
+        "several levels."
+    ),
     request=ContactStiffnessRequest,
     form=(
         fields.ZERO_CONFIRMED,
@@ -153,11 +159,14 @@ class FreeResponseRequest(CalibrationRequest, frozen=True):
 FREE_RESPONSE = Variant(
     name="free_response",
     label="free response",
-    summary="Gain, loop and creep of the free arm, and the model of both; take the part away.",
+    summary=(
+        "Identify gain, hysteresis and creep of the free arm, and their model; remove the "
+        "part first."
+    ),
     request=FreeResponseRequest,
     form=(
         fields.ZERO_CONFIRMED,
-        FieldSpec(name="no_part", label="No part is in the gripper: I have looked"),
+        FieldSpec(name="no_part", label="I have checked that no part is in the gripper"),
         FieldSpec(name="low_V", label="Lowest voltage"),
         FieldSpec(name="high_V", label="Highest voltage"),
         FieldSpec(name="rate_V_per_s", label="Rate at most", advanced=True),
@@ -199,7 +208,7 @@ class FrequencyResponseRequest(CalibrationRequest, frozen=True):
 FREQUENCY_RESPONSE = Variant(
     name="frequency_response",
     label="frequency response",
-    summary="Natural frequency and damping of the arm, by a sweep; take the part away.",
+    summary="Measure natural frequency and damping of the arm by a sweep; remove the part first.",
     request=FrequencyResponseRequest,
     form=(
         fields.ZERO_CONFIRMED,
@@ -234,7 +243,7 @@ class GainCheckRequest(CalibrationRequest, frozen=True):
 GAIN_CHECK = Variant(
     name="gain_check",
     label="gain check",
-    summary="Compare the stroke of the arm with its calibration; take the part away.",
+    summary="Compare the stroke of the arm with its calibration; remove the part first.",
     request=GainCheckRequest,
     form=(fields.ZERO_CONFIRMED,),
     functions="pincette_supervisor.kinds.calibrate.gain_check:FUNCTIONS",
@@ -255,7 +264,7 @@ class NoiseRequest(CalibrationRequest, frozen=True):
 NOISE = Variant(
     name="noise",
     label="noise of the sensor",
-    summary="Noise, resolution and drift of the sensor, the arm at rest.",
+    summary="Measure noise, resolution and drift of the sensor with the arm at rest.",
     request=NoiseRequest,
     form=(
         fields.ZERO_CONFIRMED,
@@ -280,7 +289,10 @@ class OutputTimingRequest(CalibrationRequest, frozen=True):
 OUTPUT_TIMING = Variant(
     name="output_timing",
     label="delay and lag of the output",
-    summary="When a voltage acts on the arm, and its mode, at a short period; take the part away.",
+    summary=(
+        "Measure when a voltage acts on the arm, and the arm's mode, at a short period; "
+        "remove the part first."
+    ),
     request=OutputTimingRequest,
     form=(
         fields.ZERO_CONFIRMED,
@@ -332,13 +344,13 @@ class ResidualRequest(CalibrationRequest, frozen=True):
 RESIDUAL = Variant(
     name="residual",
     label="residual of a motion",
-    summary="What the model misses along a recorded job, played again without the part.",
+    summary="Measure the error of the model along a recorded job, played again without the part.",
     request=ResidualRequest,
     form=(
         fields.ZERO_CONFIRMED,
         FieldSpec(name="of_job", label="Of job", placeholder="the newest grip or track"),
         FieldSpec(name="runs", label="Runs"),
-        FieldSpec(name="confirm", label="Wait until the part is away, and back"),
+        FieldSpec(name="confirm", label="Wait for a person to remove the part and to put it back"),
     ),
     functions="pincette_supervisor.kinds.calibrate.residual:FUNCTIONS",
     place=60,

@@ -43,7 +43,7 @@ from pincette_supervisor.plugin import (
 from pincette_supervisor.plugin.drawing import FAINT, MEASURED, REFERENCE, Sheet
 from pincette_supervisor.plugin.figures import Series, series
 
-AWAY = "take the part away; nothing may touch the arm. Then continue"
+AWAY = "remove the part; nothing may touch the arm. Then continue"
 BACK = "put the part back in its place. Then continue"
 MOST_MISSING = 0.02
 """Share of the ticks of a run that may lack a sample."""
@@ -53,7 +53,9 @@ def program(request: ResidualRequest, model: ModelInUse, present: Present) -> Ca
     """Replay the recorded voltages, run after run."""
     motion, rig = present.recorded, model.rig
     if motion is None:
-        raise FaultyRequestError("/of_job", "grip or track first: it plays a recorded job")
+        raise FaultyRequestError(
+            "/of_job", "grip or track first: this calibration replays a recorded job"
+        )
     made, begins = recorded_program(
         motion,
         derived.planned_rig(rig),
@@ -102,25 +104,26 @@ def analyse(run: Run) -> Analysis:
     largest_mN = max(float(np.abs(one).max()) for one in runs_um) / s_p
     if largest_mN >= contact_mN:
         raise ValueError(
-            f"the free arm seemed to press with {largest_mN:.2f} mN, and from {contact_mN:g} mN on "
-            "something is believed to touch it: take the part away and play it again"
+            f"the free arm seemed to press with {largest_mN:.2f} mN; from {contact_mN:g} mN "
+            "on, contact is assumed: remove the part and repeat the run"
         )
     found = identify_residual(places, runs_um, noise_um)
     scatter = _scatter(values["pressed"], found.table, s_p)
     if scatter is not None and scatter.worse:
         raise ValueError(
-            f"the table would not help: with it the force of job {values['of_job']}, which it was "
-            f"not made of, scatters by {scatter.with_mN:.3f} mN about the line of the part, and by "
-            f"{scatter.without_mN:.3f} mN without: nothing is kept. Fit an RC of 3.3 ms before the "
-            "amplifier, set [output] shaping = true, or move more slowly"
+            f"the table would not help: with it, the force of job {values['of_job']}, which "
+            f"was not used to make it, scatters by {scatter.with_mN:.3f} mN about the line "
+            f"of the part, and by {scatter.without_mN:.3f} mN without it. Nothing is stored. "
+            "Fit an RC of 3.3 ms before the amplifier, set [output] shaping = true, or move "
+            "more slowly"
         )
     error_um = hypot(found.error_um, values["ring_um"])
     # The noise of the sensor is in both.
     missed_um = max(0.0, float(np.mean(np.square(runs_um))) - noise_um**2) ** 0.5
     if not error_um < missed_um:
         raise ValueError(
-            f"the table would not help: a run that it was not made of would be missed by "
-            f"{error_um:.3f} µm with it, and by {missed_um:.3f} µm without: nothing is kept"
+            "the table would not help: in a run that was not used to make it, the error is "
+            f"{error_um:.3f} µm with it and {missed_um:.3f} µm without it. Nothing is stored"
         )
     if scatter is not None:
         # Error of the model in a later job, as far as the pressed part shows it. The noise of a
@@ -147,20 +150,20 @@ def analyse(run: Run) -> Analysis:
             ),
         ),
         figures=(
-            figure("missed", rms_um, "µm", "by the free response along this motion, r.m.s."),
-            figure("missed force", rms_um / s_p, "mN", "the same as a force"),
-            figure("error", error_um, "µm", "of what is kept, in a later run"),
-            figure("error of the force", error_um / s_p, "mN", "the same as a force"),
+            figure("missed", rms_um, "µm", "r.m.s. error of the free response along this motion"),
+            figure("missed force", rms_um / s_p, "mN", "the same error as a force"),
+            figure("error", error_um, "µm", "error that is left in a later run"),
+            figure("error of the force", error_um / s_p, "mN", "the same error as a force"),
             figure("smoothing", found.width_ticks * run.period_s, "s", "width of the Gaussian"),
         ),
         residuals=residuals(
-            "runs about what is kept",
+            "runs about their smoothed mean",
             "µm",
             np.concatenate([one - found.residual_um for one in runs_um]),
         ),
         statement=(
-            f"along job {values['of_job']} the free response misses {rms_um:.3f} µm "
-            f"({rms_um / s_p:.2f} mN); with what is kept {error_um:.3f} µm "
+            f"along job {values['of_job']} the error of the free response is {rms_um:.3f} µm "
+            f"({rms_um / s_p:.2f} mN) r.m.s.; with the table {error_um:.3f} µm "
             f"({error_um / s_p:.2f} mN) are left"
         ),
         drawn=_drawn(run, places, runs_um, found),
@@ -248,8 +251,8 @@ def _drawn(
 def draw(sheet: Sheet, found: Drawn) -> None:
     """Draw the residual of each run, and the stored values."""
     residual, left = drawing.grid(sheet, 2)
-    drawing.prepare(residual, "measured less model / µm")
-    drawing.prepare(left, "runs less kept / µm", "time / s")
+    drawing.prepare(residual, "measured minus model / µm")
+    drawing.prepare(left, "runs minus their smoothed mean / µm", "time / s")
     for number, one in enumerate(found.runs_um):
         label = "runs" if number == 0 else ""
         drawing.line(residual, found.t_s, one, MEASURED, label, width=0.6)

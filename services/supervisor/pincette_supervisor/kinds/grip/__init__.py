@@ -42,8 +42,8 @@ class GripJobRequest(ContactJobRequest, frozen=True):
     def _one_load(self) -> "GripJobRequest":
         if self.load_um_per_s is not None and self.load_s is not None:
             raise ValueError(
-                f"load_s = {self.load_s} s and load_um_per_s = {self.load_um_per_s} µm/s exclude "
-                "each other: one follows from the other, leave one out"
+                f"load_s = {self.load_s} s and load_um_per_s = {self.load_um_per_s} µm/s "
+                "exclude each other: give one of them, the other follows"
             )
         return self
 
@@ -98,15 +98,15 @@ FIGURES: tuple[ResultField, ...] = (
     *fields.POSITION_STEP,
     number("force_error_mN", "force error"),
     number("peak_force_mN", "peak force"),
-    number("rmse_position_um", "RMSE of the position, over the hold", digits=3),
-    number("rmse_force_mN", "RMSE of the force, over the hold", digits=3),
+    number("rmse_position_um", "RMSE of the position during the hold", digits=3),
+    number("rmse_force_mN", "RMSE of the force during the hold", digits=3),
     number("true_force_held_mN", "true force held, by the simulation", optional=True),
     *fields.ERROR_SOURCES,
 )
 KIND = JobKind(
     name="grip",
     label="Grip",
-    summary="Grip the part of the rig file, hold it and let it go.",
+    summary="Grip the part of the rig file, hold it and release it.",
     request=GripJobRequest,
     plan=Plan,
     pair_plan=PairPlan,
@@ -126,7 +126,7 @@ KIND = JobKind(
                 name="profile",
                 label="Profile",
                 choices=choices(
-                    ("", "quick, where the model allows it"),
+                    ("", "quick if the model allows it, else gentle"),
                     ("quick", "quick: loads at the touch"),
                     ("gentle", "gentle: stops at the touch"),
                 ),

@@ -181,8 +181,8 @@ def chosen_speeds(request: GripJobRequest, rig: RigFile) -> QuickSpeeds | None:
     if speeds is None and request.load_um_per_s is not None:
         raise FaultyRequestError(
             "/load_um_per_s",
-            f"load_um_per_s = {request.load_um_per_s:g} µm/s is of a quick grip, and this is a "
-            "gentle one: give load_s instead",
+            f"load_um_per_s = {request.load_um_per_s:g} µm/s is for quick grips only: give "
+            "load_s instead",
         )
     return speeds
 
@@ -193,8 +193,8 @@ def _speeds(request: GripJobRequest, rig: RigFile, *, asked: bool) -> QuickSpeed
         if asked:
             raise FaultyRequestError(
                 "/profile",
-                'profile = "quick" needs an identified free response, and the model in use has '
-                f"none: calibrate free_response, {GENTLY}",
+                'profile = "quick" needs an identified free response, but the model in use '
+                f"has none: calibrate free_response, {GENTLY}",
             )
         return None
     grip, usual = rig.grip, rig.grip.quick

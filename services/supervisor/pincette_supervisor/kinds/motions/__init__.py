@@ -69,14 +69,14 @@ class MoveJobRequest(GoalRequest, ZeroingRequest, frozen=True):
         said = [name for name in TARGETS if getattr(self, name) is not None]
         if len(said) != 1:
             found = " and ".join(said) or "none"
-            raise ValueError(f"a move needs exactly one of {', '.join(TARGETS)}; there is {found}")
+            raise ValueError(f"a move needs exactly one of {', '.join(TARGETS)}; found {found}")
         if self.low_V is not None and self.high_V is not None and self.low_V >= self.high_V:
             raise ValueError(f"low_V = {self.low_V} V is not below high_V = {self.high_V} V")
         led = self.to_um is not None or self.by_um is not None
         if self.position_tolerance_um is not None and not led:
             raise ValueError(
-                "position_tolerance_um is compared with the reference of the law, and a "
-                "target voltage has none: give to_um or by_um"
+                "position_tolerance_um is compared with the reference of the law, but a "
+                "target voltage has no reference: give to_um or by_um"
             )
         if self.force_tolerance_mN is not None:
             raise ValueError("force_tolerance_mN: a move has no force reference; leave it out")
@@ -84,7 +84,7 @@ class MoveJobRequest(GoalRequest, ZeroingRequest, frozen=True):
         for name in ("low_V", "high_V", "rate_V_per_s"):
             if getattr(self, name) is not None and not cycled:
                 raise ValueError(
-                    f"{name} belongs to the cycles: ask for conditioning_cycles or warm_up_s too"
+                    f"{name} applies to cycles only: give conditioning_cycles or warm_up_s too"
                 )
         return self
 
@@ -161,7 +161,9 @@ class HoldJobRequest(PolicyRequest, frozen=True):
     @model_validator(mode="after")
     def _way_to_a_force(self) -> "HoldJobRequest":
         if self.load_s is not None and self.force_mN is None:
-            raise ValueError(f"load_s = {self.load_s} s is the way to force_mN, which is not given")
+            raise ValueError(
+                f"load_s = {self.load_s} s is the time to reach force_mN, which is not given"
+            )
         return self
 
     @model_validator(mode="after")
@@ -199,7 +201,7 @@ class HoldResult(MotionResult):
 HOLD = JobKind(
     name="hold",
     label="Hold a part",
-    summary="Go on holding what is in the gripper, as it is or with a new force.",
+    summary="Continue to hold what is in the gripper, as it is or with another force.",
     request=HoldJobRequest,
     plan=MotionPlan,
     pair_plan=PairPlan,
@@ -254,7 +256,7 @@ class ReleaseJobRequest(JobRequest, frozen=True):
 RELEASE = JobKind(
     name="release",
     label="Release a part",
-    summary="Let go of what is in the gripper.",
+    summary="Release what is in the gripper.",
     request=ReleaseJobRequest,
     plan=MotionPlan,
     result=MotionResult,

@@ -171,18 +171,18 @@ def _warnings(
     rig = model.rig
     warnings: list[str] = []
     if by_um is not None and present.x_um is None:
-        warnings.append("the position is not known: the arm goes to a place, not by a distance")
+        warnings.append("the position is not known: give a target position instead of a distance")
     if present.held:
-        warnings.append("a part is held: a move lets it go")
+        warnings.append("a part is held: a move releases it")
     touch_um = _touch_um(rig)
     if max(made.course.x_r_um) > touch_um:
         warnings.append(
-            f"from {touch_um:g} µm on the arm may touch the part of the rig file; the motion ends "
-            "there only where the force has been zeroed"
+            f"from {touch_um:g} µm on the arm may touch the part of the rig file; the motion "
+            "stops there only if the force has been zeroed"
         )
     quantity = "model.piezo_um_per_V"
     if model.calibration.sources.get(quantity, ASSUMED) == ASSUMED:
-        warnings.append(f"rests on {quantity}, which is assumed: calibrate it first")
+        warnings.append(f"depends on {quantity}, which is assumed: calibrate it first")
     return warnings
 
 
@@ -204,7 +204,8 @@ def _overridden(request: MoveJobRequest, made: MotionPlan, rig: RigFile) -> list
     )
     if request.warm_up_s and cycled_s > WARM_UP_EXCESS * request.warm_up_s:
         found.append(
-            f"warm_up_s = {request.warm_up_s:g} s: whole cycles at this rate take {cycled_s:.3g} s"
+            f"warm_up_s = {request.warm_up_s:g} s: the whole cycles at this rate take "
+            f"{cycled_s:.3g} s"
         )
     return found
 
@@ -228,7 +229,7 @@ def _cycles(request: MoveJobRequest, rig: RigFile) -> Cycles | None:
     if low_V >= high_V:
         raise FaultyRequestError(
             "/low_V" if request.low_V is not None else "/high_V",
-            f"cycles from {low_V:g} V to {high_V:g} V: the lower is not below the higher",
+            f"cycles from {low_V:g} V to {high_V:g} V: the first must be below the second",
         )
     return Cycles(
         low_V=low_V,

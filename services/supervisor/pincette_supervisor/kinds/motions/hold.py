@@ -143,8 +143,9 @@ def _acting_mN(force_mN: float, present: Present) -> tuple[float, float]:
         return force_mN, 0.0
     raise FaultyRequestError(
         "/force_mN",
-        "the force that acts on the part is not known, since no zero of it is left: release the "
-        "part and grip it again, or leave force_mN out to keep the voltage as it is",
+        "the force that acts on the part is not known, since its zero has been lost: "
+        "release the part and grip it again, or leave force_mN out to keep the voltage as "
+        "it is",
     )
 
 

@@ -146,8 +146,8 @@ class TrackJobRequest(ContactJobRequest, frozen=True):
     def _one_height(self) -> "TrackJobRequest":
         if self.force_pp_mN is not None and self.x_pp_um is not None:
             raise ValueError(
-                f"force_pp_mN = {self.force_pp_mN} mN and x_pp_um = {self.x_pp_um} µm exclude "
-                "each other: one follows from the other, leave one out"
+                f"force_pp_mN = {self.force_pp_mN} mN and x_pp_um = {self.x_pp_um} µm "
+                "exclude each other: give one of them, the other follows"
             )
         return self
 
@@ -252,10 +252,10 @@ FIGURES: tuple[ResultField, ...] = (
     number("x_pp_um", "position, peak to peak"),
     number("force_pp_mN", "force, peak to peak"),
     number("position_um.rmse", "RMSE of the position", "µm", digits=3),
-    number("position_um.rmse_percent", "the same, of its height"),
+    number("position_um.rmse_percent", "the same, as a share of its height"),
     number("position_um.maximum", "largest error of the position", "µm", digits=3),
     number("force_mN.rmse", "RMSE of the force", "mN", digits=3),
-    number("force_mN.rmse_percent", "the same, of its height"),
+    number("force_mN.rmse_percent", "the same, as a share of its height"),
     number("force_mN.maximum", "largest error of the force", "mN", digits=3),
     number("force_uncertainty_mN", "uncertainty of the force"),
     number(
@@ -341,7 +341,7 @@ KIND = JobKind(
             FieldSpec(name="dwell_s", label="Stay at each", when={"shape": ("step",)}),
             FieldSpec(
                 name="points",
-                label="Points, one a line: time in s, force in mN",
+                label="Points, one per line: time in s, force in mN",
                 when={"shape": ("waypoints",)},
                 placeholder="0 5\n2 10\n4 5",
             ),

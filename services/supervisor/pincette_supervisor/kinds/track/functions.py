@@ -169,7 +169,7 @@ def _bare(name: str) -> str:
 
 
 def _stray(name: str, shape: Shape, members: tuple[str, ...]) -> str:
-    return f"{name} does not go with a {shape}, which takes {', '.join(members)}"
+    return f"{name} cannot be used with a {shape}, which takes {', '.join(members)}"
 
 
 def _path(
@@ -284,7 +284,7 @@ def evaluate(run: Run) -> Evaluation:
         return pairs.evaluate(run)
     table, path, period_s = run.table, run.planned.path, run.period_s
     if path is None:
-        raise ValueError("the program of a track has no path")
+        raise ValueError("the motion program of the track has no path")
     full = full_amplitude(run, [path])
     force_r = series(table, "force_r_mN")
     x_pp_um = figures.peak_to_peak(series(table, "x_r_um"), full)

@@ -1,5 +1,5 @@
 // Who has claimed the rig: others begin nothing there, everybody may stop. This page can claim it,
-// give it back, or break the claim of somebody else.
+// give it back, or break the claim of another client.
 
 import { claimSecret, forgetClaim, RIG_PATH, sendClaim, told } from "./api.js";
 import { byId, h, show } from "./dom.js";
