@@ -108,7 +108,7 @@ def test_a_press_finds_stiffness_and_place_of_the_contact(bench: list[Bench]) ->
     assert sure.uncertainty is not None
     assert response.error_um() < sure.uncertainty < 0.3
     assert result_of(record).warnings == [
-        f"rests on {quantity}, which is assumed: calibrate it first"
+        f"depends on {quantity}, which is assumed: calibrate it first"
         for quantity in ("model.compliance_um_per_mN", "model.free_response")
     ]
 

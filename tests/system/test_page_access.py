@@ -209,5 +209,5 @@ def test_a_person_signs_in_by_password_and_claims_the_rig(
     seen.until("#current-state", "succeeded", LONG_S)
     seen.page.click("#tab-rig")
     seen.page.click("#claim-return")
-    seen.until("#claim", "Nobody has claimed the rig")
+    seen.until("#claim", "The rig is not claimed")
     assert bench.desk.manager.claims.current() is None

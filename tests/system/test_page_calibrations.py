@@ -82,7 +82,7 @@ def test_what_is_discarded_changes_nothing(rig: RunningRig, seen: Visit) -> None
     version = model_version(rig)
     proposal = measure_noise(rig, seen)
     seen.page.click(f"[id='discard-{proposal['id']}']")
-    seen.until("#calibration-done", "stays as it is")
+    seen.until("#calibration-done", "is unchanged")
     assert rig.get(f"/calibrations/{proposal['id']}")["state"] == "discarded"
     assert model_version(rig) == version
     seen.until_true(

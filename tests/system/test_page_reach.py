@@ -98,7 +98,7 @@ def test_a_dead_server_is_reported_with_the_age_of_what_is_shown(
 ) -> None:
     with looked_at(browser, rig.rig) as seen:
         seen.page.route("**/api/v1/**", lambda route: route.abort())
-        seen.until("#stale", "What is shown is", 10.0)
+        seen.until("#stale", "The values shown are", 10.0)
         assert "E-STOP is kept and sent until the actuator confirms it" in seen.text("#stale")
         seen.until("#announce-alarm", "does not answer")
         assert seen.page.locator("#estop").is_enabled()

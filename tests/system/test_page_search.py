@@ -238,7 +238,7 @@ def test_run_again_fills_the_form_with_the_request_of_the_job(
         seen.page.click("#tab-jobs")
         seen.page.click(f"#open-{job}", timeout=LONG_MS)
         seen.page.click("#job-again", timeout=LONG_MS)
-        seen.until("#start-filled", f"Filled in as job {job} was requested, without: labels.")
+        seen.until("#start-filled", f"Filled in from the request of job {job}, without: labels.")
         assert seen.page.input_value("#field-notes") == ""
         with seen.page.expect_request(
             lambda request: request.method == "POST" and request.url.endswith("/jobs"),

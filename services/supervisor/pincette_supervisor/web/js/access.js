@@ -7,7 +7,7 @@ import { byId, setText } from "./dom.js";
 const SCOPES = ["observe", "operate", "admin"];
 const MAY = {
   observe: "see everything, and stop at once",
-  operate: "run and act on jobs, keep recipes and reset",
+  operate: "run and act on jobs, store recipes and reset",
   admin: "do everything",
 };
 const AGAIN_MS = 2000;

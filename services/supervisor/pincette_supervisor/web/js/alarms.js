@@ -6,7 +6,7 @@ import { clock } from "./words.js";
 
 const OF_RIG = `rig=${encodeURIComponent(RIG)}`;
 const MOST = 50;
-const ENDS = { reset: "until the rig is reset", condition: "still so", acknowledge: "" };
+const ENDS = { reset: "until the rig is reset", condition: "still present", acknowledge: "" };
 /** Causes of a latch for which no alarm is raised: none, and the start of the actuator. */
 const WITHOUT_ALARM = new Set(["", "boot"]);
 
@@ -70,7 +70,7 @@ export class Alarms {
         onclick: () => {
           this.all = !this.all;
           this.refresh().catch(() => {});
-        } }, "Show those of before"),
+        } }, "Show earlier ones"),
     ]);
   }
 

@@ -45,7 +45,7 @@ export class Calibrations {
   list(next) {
     if (!this.proposals.length) {
       return h("p", { class: "muted" },
-        "No calibration has proposed anything yet. What one finds waits here.");
+        "No calibration has proposed anything yet. Proposals are listed here.");
     }
     return [...this.proposals.map((each) => this.proposal(each)),
       next === null ? null : left(`The newest ${MOST} are shown; pincette model show --proposals lists all.`)];
@@ -77,7 +77,7 @@ export class Calibrations {
     const decided = each.state !== "proposed";
     const head = ["Quantity", decided ? "In use before" : "In use", "Proposed", "Difference"];
     return h("table", { class: "list" },
-      h("caption", { class: "unseen" }, `What ${plain(each.calibration)} proposes`),
+      h("caption", { class: "unseen" }, `Proposal of ${plain(each.calibration)}`),
       h("thead", {}, h("tr", {}, ...head.map((text) => h("th", { scope: "col" }, text)))),
       h("tbody", {}, ...each.values.map((value) => {
         const about = value.uncertainty === null ? "" : ` ± ${significant(value.uncertainty, 2)}`;
@@ -107,7 +107,7 @@ export class Calibrations {
 
   basis(each) {
     if (!each.assumptions.length) return null;
-    return h("details", { class: "notes", id: `basis-${each.id}` }, h("summary", {}, "What this rests on"),
+    return h("details", { class: "notes", id: `basis-${each.id}` }, h("summary", {}, "Basis of the values"),
       h("ul", { class: "dots" }, ...each.assumptions.map(({ quantity, value, unit, source }) => h("li", {},
         `${quantity} = ${figure(value)} ${unit} (${source})`))));
   }
@@ -118,7 +118,7 @@ export class Calibrations {
     try {
       const { model_version: version } = await post(`/calibrations/${each.id}/actions`, { type });
       this.done.textContent = type === "accept" ? `Accepted: version ${version} of the model is in use.`
-        : "Discarded: the model in use stays as it is.";
+        : "Discarded: the model in use is unchanged.";
     } catch (problem) {
       this.said.textContent = told(problem);
     }

@@ -26,7 +26,7 @@ export function watchCamera() {
   picture.addEventListener("error", () => {
     if (document.hidden) return;
     picture.hidden = true;
-    said.textContent = `No picture from ${address}; asked again.`;
+    said.textContent = `No picture from ${address}; trying again.`;
     timer = setTimeout(settle, AGAIN_MS);
   });
   document.addEventListener("visibilitychange", settle);

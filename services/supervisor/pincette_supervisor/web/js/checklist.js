@@ -29,7 +29,7 @@ export class Checklist {
 
   table() {
     return h("table", { class: "list" },
-      h("caption", {}, "Calibrations, in the order to make them"),
+      h("caption", {}, "Calibrations in the order to run them"),
       h("thead", {}, h("tr", {}, ...["Calibration", "State", "Found, or needed"].map(
         (text) => h("th", { scope: "col" }, text)))),
       h("tbody", {}, ...this.steps.map((step, place) => this.row(step, place + 1))));

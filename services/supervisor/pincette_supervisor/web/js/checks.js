@@ -34,7 +34,7 @@ export class Checks {
     // Ages differ with every answer: what they mean is told anew only where it differs.
     const said = rig.checks.map((check) => [check.name, check.ok, check.words]);
     show(this.panel, said, () => h("table", { class: "list" }, h("caption", {}, "Checks"),
-      h("thead", {}, h("tr", {}, ...["Check", "What is found", "Value"].map((text) => h("th",
+      h("thead", {}, h("tr", {}, ...["Check", "Finding", "Value"].map((text) => h("th",
         { scope: "col" }, text)))),
       h("tbody", {}, ...rig.checks.map(row))));
   }

@@ -30,14 +30,14 @@ export class Claim {
     const words = !claim ? "nobody" : mine ? "this page" : `${claim.by}${claim.note ? ` (${claim.note})` : ""}`;
     show(this.place, [words, mine, claim?.since], () => [
       h("h3", {}, "Claim"),
-      h("p", {}, claim ? `Claimed by ${words} since ${clock(claim.since)}. Others begin nothing; everybody may stop.`
-        : "Nobody has claimed the rig: whoever may operate it begins jobs."),
+      h("p", {}, claim ? `Claimed by ${words} since ${clock(claim.since)}. Others cannot start jobs; everybody can stop.`
+        : "The rig is not claimed: everybody who may operate it can start jobs."),
       h("div", { class: "buttons" }, this.button(claim, mine)), this.said]);
   }
 
   button(claim, mine) {
     const [id, text, act] = !claim ? ["claim-take", "Claim the rig", () => this.take()]
-      : mine ? ["claim-return", "Give it back", () => this.drop(false)]
+      : mine ? ["claim-return", "Return the claim", () => this.drop(false)]
         : ["claim-break", `Break the claim of ${claim.by}`, () => this.drop(true)];
     return h("button", { type: "button", id, class: "quiet", "data-needs": "operate", onclick: act }, text);
   }

@@ -23,7 +23,7 @@ export function rigAnswered() {
 }
 
 function why() {
-  if (heard.trouble) return `The supervisor does not say how ${RIG} is (${heard.trouble}).`;
+  if (heard.trouble) return `The supervisor does not report the state of ${RIG} (${heard.trouble}).`;
   return "The supervisor does not answer.";
 }
 
@@ -44,9 +44,9 @@ export function watchConnection() {
     notice.hidden = !stale;
     if (stale) {
       setText(said, `no answer for ${duration(Math.floor(age_s))}`);
-      const age = heard.ever ? `What is shown is ${duration(Math.floor(age_s))} old. ` : "";
+      const age = heard.ever ? `The values shown are ${duration(Math.floor(age_s))} old. ` : "";
       setText(notice, `${why()} ${age}${STOPS}`);
     } else setText(said, heard.ever ? "connected" : "connecting");
-    if (stale !== before) alarm(stale ? `${why()} What is shown is old.` : "The supervisor answers.");
+    if (stale !== before) alarm(stale ? `${why()} The values shown are old.` : "The supervisor answers.");
   }, LOOK_MS);
 }

@@ -27,8 +27,8 @@ export function outcomeOf(job) {
 /** What a stop does with the part of a job. */
 function stopping({ kind, request }) {
   const { holds_part, on_stop } = kindOf(kind);
-  if (!holds_part) return on_stop === "hold" ? "ends it where the arm is" : "ends it, and lets a part go";
-  return { release: "lets the part go", retract: "lets the part go and retreats" }[request.on_stop]
+  if (!holds_part) return on_stop === "hold" ? "ends it where the arm is" : "ends it and releases a part";
+  return { release: "releases the part", retract: "releases the part and retreats" }[request.on_stop]
     ?? "keeps a held part";
 }
 
@@ -87,14 +87,14 @@ export class Current {
         h("p", { id: "course", class: "course" })),
       buttons.length ? h("div", { class: "buttons" }, ...buttons) : null,
       ended || !buttons.length ? null : h("p", { class: "hint", id: "current-hint" },
-        job.position ? "Nothing of it has moved: Stop and Abort take it out of the queue."
+        job.position ? "It has not moved anything yet: Stop and Abort remove it from the queue."
           : `Stop ${stopping(job)}; Abort trips the actuator, which latches.`),
       this.sent, this.fault,
       h("p", { class: "muted small" },
         h("button", { type: "button", id: "current-open", class: "link",
           onclick: () => this.choose(job.id) }, job.id),
         ` · ${ended ? `ended ${clock(job.ended_at)}`
-          : job.started_at ? `began ${clock(job.started_at)}` : `asked for ${clock(job.created_at)}`}`),
+          : job.started_at ? `started ${clock(job.started_at)}` : `requested ${clock(job.created_at)}`}`),
     ];
   }
 
@@ -105,7 +105,7 @@ export class Current {
     const { percent, remaining_s } = course(progress);
     if (text) {
       const words = [progress?.phase || plain(job.state)];
-      if (job.position) words.push(`place ${job.position} in the queue`);
+      if (job.position) words.push(`position ${job.position} in the queue`);
       if (percent !== null) words.push(`${number(percent, 0)} %`, `${duration(remaining_s)} left`);
       else if (progress) words.push(`${duration(progress.elapsed_s)}, until it is released`);
       setText(text, words.join(" · "));

@@ -33,7 +33,7 @@ export function field(id, label, value = "", more = {}) {
 export function describe(job, changed) {
   const rows = SAID.map(([name, label]) => [name, ...field(`said-${name}`, label, job[name])]);
   const labels = Object.entries(job.labels).map(([name, text]) => `${name}=${text}`).join("\n");
-  const list = h("textarea", { id: "said-labels", rows: "2", placeholder: "name=text, one a line" });
+  const list = h("textarea", { id: "said-labels", rows: "2", placeholder: "name=text, one per line" });
   list.defaultValue = labels;
   const pin = h("input", { type: "checkbox", id: "said-pinned" });
   pin.defaultChecked = job.pinned;

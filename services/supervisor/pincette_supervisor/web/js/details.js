@@ -68,7 +68,7 @@ export class Details {
   versions() {
     const { version: used, versions } = this.model;
     const rows = [{ version: 0, quantities: [], made_at: null, trouble: "" }, ...versions];
-    return table("Versions", ["Version", "What was found", ""], rows.toReversed().map((each) => h("tr", {},
+    return table("Versions", ["Version", "Values", ""], rows.toReversed().map((each) => h("tr", {},
       h("th", { scope: "row" }, each.version ? String(each.version) : "rig file"),
       h("td", {}, each.quantities.map((name) => withoutUnit(name.split(".").at(-1))).join(", ") || "–",
         each.made_at ? h("span", { class: "muted block" }, clock(each.made_at)) : null,

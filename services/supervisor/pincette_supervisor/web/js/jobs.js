@@ -139,7 +139,7 @@ export class Jobs {
 
   table() {
     if (!this.jobs.length) {
-      return h("p", { class: "muted" }, this.narrowed ? "No such job." : "No job has been taken yet.");
+      return h("p", { class: "muted" }, this.narrowed ? "No such job." : "No job yet.");
     }
     const head = [h("span", { class: "unseen" }, "Compare"), "Time", "Job", "State", "Result"];
     return [h("table", { class: "list jobs" },
@@ -190,7 +190,7 @@ export class Jobs {
       h("p", {}, chip(plain(job.state), toneOfState(job.state)), " ", outcomeOf(job)),
       label ? h("p", { class: "sum" }, `${label} ${main}`) : null,
       h("p", { class: "muted", id: "job-times" }, timesOf(job)),
-      job.by ? h("p", { class: "muted" }, `Asked for by ${job.by}`) : null,
+      job.by ? h("p", { class: "muted" }, `Requested by ${job.by}`) : null,
       job.cause ? h("p", { class: "cause" }, job.cause) : null,
       job.record_detail ? h("p", { class: "cause" }, `Record: ${job.record_detail}`) : null,
       h("p", { class: "buttons" }, h("button", { type: "button", id: "job-again", "data-needs": "operate",
@@ -202,7 +202,7 @@ export class Jobs {
           alt: `${plain(job.kind)}: position, force and voltage over time` }))),
       facts.length ? h("dl", { class: "figures-list" }, ...facts) : null,
       assumed.length ? h("p", { class: "muted small assumed" },
-        `Assumed, as nobody has calibrated it: ${assumed.join(", ")}`) : null,
+        `Assumed, since not calibrated: ${assumed.join(", ")}`) : null,
       this.actions(job),
       describe(job, (changed) => this.take(changed)),
       files.length ? h("ul", { class: "files", "aria-label": "Files of the record" },

@@ -53,11 +53,11 @@ export class Queue {
         onclick: () => this.choose(job.id) }, asked(job)),
       h("span", { class: "muted" }, clock(job.created_at)),
       job.position > 1 ? h("button", { type: "button", class: "quiet", id: `first-${job.id}`,
-        "data-needs": "operate", "aria-label": `Move ${asked(job)}, place ${job.position}, to the front`,
+        "data-needs": "operate", "aria-label": `Move ${asked(job)}, position ${job.position}, to the front`,
         onclick: () => this.ask(`${RIG_PATH}/queue/actions`, "move", { job: job.id, position: 1 }) },
       "First") : null,
       h("button", { type: "button", class: "quiet", id: `drop-${job.id}`, "data-needs": "operate",
-        "aria-label": `Take ${asked(job)}, place ${job.position}, out of the queue`,
+        "aria-label": `Remove ${asked(job)}, position ${job.position}, from the queue`,
         onclick: () => this.ask(`/jobs/${job.id}/actions`, "stop") }, "Remove"));
   }
 

@@ -68,8 +68,8 @@ function notices(rig) {
       running || (latched && rig.reasons.length === 1) ? [] : rig.reasons],
     // What has latched the actuator is told in one place, by showLatch.
     ["Do not move the stage that carries the gripper", running || latched ? [] : rig.safe_to_move?.reasons ?? []],
-    ["Claimed by somebody else", claimedBy(rig)],
-    ["See to it", rig.warnings ?? []],
+    ["Claimed by another client", claimedBy(rig)],
+    ["Needs attention", rig.warnings ?? []],
   ];
   return groups.filter(([, reasons]) => reasons.length);
 }

@@ -25,7 +25,7 @@ function offer(rigs) {
   byId("estop-rig").hidden = !several;
   show(byId("rigs"), [several, rigs.map((rig) => [rig.name, start(rig)])], () => (several ? [
     known ? null : h("p", { class: "fault", role: "alert" },
-      `This supervisor serves no rig ${RIG}; choose one:`),
+      `This supervisor has no rig ${RIG}; choose one:`),
     ...rigs.map(link), rigs.length > 1 ? overviewButton() : null] : []));
   return several;
 }
@@ -39,7 +39,7 @@ function overviewButton() {
     } }, "All rigs");
 }
 
-/** What every rig does, one a row. */
+/** State of every rig, one a row. */
 async function overview(rigs) {
   const jobs = await Promise.all(rigs.map((rig) => (rig.active_job ? get(`/jobs/${rig.active_job}`) : null)));
   const { alarms } = await get("/alarms?open=true&limit=200");
@@ -48,7 +48,7 @@ async function overview(rigs) {
   show(byId("overview"), rows.map((each) => each.map(([, text]) => text)), () => [
     h("h2", { id: "overview-title" }, "All rigs"),
     h("div", { class: "wide" }, h("table", { class: "list" },
-      h("caption", { class: "unseen" }, "What every rig does"),
+      h("caption", { class: "unseen" }, "State of every rig"),
       h("thead", {}, h("tr", {}, ...head.map((text) => h("th", { scope: "col" }, text)))),
       h("tbody", {}, ...rows.map((each, place) => h("tr", { id: `overview-${rigs[place].name}`,
         class: rigs[place].name === RIG ? "chosen" : "" },

@@ -85,7 +85,7 @@ export class StartForm {
   again(job) {
     if (!kindsFor(this.arms).some((each) => each.name === job.kind)) {
       this.forget();
-      this.fault.textContent = `This rig takes no job of the kind ${plain(job.kind)}.`;
+      this.fault.textContent = `This rig does not accept jobs of kind ${plain(job.kind)}.`;
       return;
     }
     this.choose(job.kind);
@@ -97,7 +97,7 @@ export class StartForm {
     try {
       const lacking = this.fields.lacking(job.request).filter((name) => !ELSEWHERE.includes(name));
       const words = lacking.map(withoutUnit).join(", ");
-      this.filled.textContent = `Filled in as job ${job.id} was requested${words ? `, without: ${words}` : ""}.`;
+      this.filled.textContent = `Filled in from the request of job ${job.id}${words ? `, without: ${words}` : ""}.`;
     } catch (problem) {
       this.tell(problem);
     }
@@ -139,7 +139,7 @@ export class StartForm {
     }
     const { startable } = rig;
     const fits = !startable.length || startable.includes(this.kind.value);
-    setText(this.hint, fits ? "" : `The rig takes only ${startable.map(plain).join(" or ")} at the moment.`);
+    setText(this.hint, fits ? "" : `The rig accepts only ${startable.map(plain).join(" or ")} at the moment.`);
     byId("queue-line").hidden = !(rig.queue.length
       || (rig.active_job && !startable.includes(this.kind.value)));
     this.jog.follow(rig);

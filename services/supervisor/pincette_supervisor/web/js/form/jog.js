@@ -79,7 +79,7 @@ export class Jog {
   /** A pose is the end of a move; one that goes nowhere states where the arm stands. */
   teach() {
     if (!this.name.value || !this.name.checkValidity()) {
-      setText(this.said, "A pose has a name of letters, digits, dots, dashes and underscores.");
+      setText(this.said, "The name of a pose may have letters, digits, dots, dashes and underscores.");
       this.name.focus();
       return;
     }
@@ -89,7 +89,7 @@ export class Jog {
 
   async start(body, doing) {
     if (this.busy || this.rig?.active_job) {
-      setText(this.said, "The step before this one is still under way.");
+      setText(this.said, "The previous step is still running.");
       return;
     }
     this.busy = true;
@@ -120,7 +120,7 @@ export class Jog {
     return h("li", {}, h("b", {}, name),
       h("span", { class: "muted" }, `${withUnit(x_um, "µm")} · ${withUnit(voltage_V, "V", 3)}`),
       h("button", { type: "button", class: "link", id: `pose-${name}`,
-        "aria-label": `Take ${name} as the target of the move`,
+        "aria-label": `Use ${name} as the target of the move`,
         onclick: () => this.take({ target: "to_um", value: Number(x_um.toFixed(3)) }) }, "As target"));
   }
 }

@@ -14,7 +14,7 @@ function verdict(plan) {
 }
 
 function values(sent) {
-  if (!sent.length) return [h("p", { class: "muted", id: "plan-sent" }, "Every value is that of the rig file.")];
+  if (!sent.length) return [h("p", { class: "muted", id: "plan-sent" }, "All values are those of the rig file.")];
   return [h("dl", { class: "figures-list", id: "plan-sent" }, ...sent.map(([name, text]) => h("div", {},
     h("dt", {}, name), h("dd", {}, text))))];
 }
@@ -41,7 +41,7 @@ function margins(plan) {
   const found = plan.prediction?.margins;
   if (!found?.length) return [];
   const arms = found.some((each) => each.arm > 1);
-  return [table("How near it comes to the limits", ["Limit", "Left", "Where"],
+  return [table("Distance to the limits", ["Limit", "Left", "Where"],
     found.map((each) => h("tr", { class: each.distance < 0 ? "broken" : "" },
       h("th", { scope: "row" }, `${arms ? `arm ${each.arm}, ` : ""}${plain(each.quantity)} ${
         significant(each.limit, 3)}`,
@@ -59,7 +59,7 @@ function figures(plan) {
   if (found.place_um) rows.push(["RMSE of the place", `${number(found.place_um.rmse, 3)} µm`]);
   if (found.force_mN) rows.push(["RMSE of the force", `${number(found.force_mN.rmse, 3)} mN`]);
   rows.push(["difference of both forces", `0 ± ${number(found.difference_uncertainty_mN, 2)} mN`]);
-  return [table("What it would come to, without noise", ["", ""], rows.map(([name, value]) =>
+  return [table("Predicted result, without noise", ["", ""], rows.map(([name, value]) =>
     h("tr", {}, h("th", { scope: "row" }, name), h("td", {}, value))))];
 }
 
@@ -117,6 +117,6 @@ export class PlanView {
       ...(plan.warnings ?? []).map((text) => h("p", { class: "cause warn" }, text)),
       plan.prediction?.cut ? h("p", { class: "muted" }, plan.prediction.cut) : "",
       ...drawPrediction(plan, limits), ...figures(plan), ...margins(plan), ...law(plan),
-      ...notes(plan.prediction?.assumptions, "What this rests on"));
+      ...notes(plan.prediction?.assumptions, "Assumptions"));
   }
 }
