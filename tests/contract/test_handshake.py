@@ -51,7 +51,7 @@ def test_there_is_nothing_to_say_where_a_link_can_be_made(place: str, folder: Fo
 def test_nobody_listens(folder: Folder) -> None:
     wanted = endpoint("127.0.0.1", free_ports(1), "router")
     for credentials in (None, folder.credentials(TOOL)):
-        assert diagnose_link(wanted, credentials) == f"nobody listens at {wanted}"
+        assert diagnose_link(wanted, credentials) == f"no program listens at {wanted}"
 
 
 def test_plain_words_to_one_that_needs_tls(place: str) -> None:

@@ -59,7 +59,7 @@ def test_they_end_in_a_grip(project: Project, stalls: ContainerStalls, commands:
     assert done.returncode == 0, f"{done.stdout}\n{stalls.stalls[-9:]}"
     assert re.search(r"^job \S+ succeeded: gripped\b", done.stdout, re.MULTILINE), done.stdout
     assert re.search(r"^force held +\d+\.\d+ mN ± ", done.stdout, re.MULTILINE)
-    assert re.search(r"^force asked for +20\.00 mN$", done.stdout, re.MULTILINE)
+    assert re.search(r"^requested force +20\.00 mN$", done.stdout, re.MULTILINE)
     kept = project.inside("recorder", "ls", "/data/jobs")
     assert re.fullmatch(r"(\d{8}-\d{6}-[0-9a-f]{6}\n)+", kept)
 

@@ -130,7 +130,7 @@ def test_signing_in_and_what_it_allows(bench: Bench, context: BrowserContext) ->
     seen.page.click("#start")
     seen.until("#current-state", "succeeded", 60.0)
     seen.page.click("#current-open")
-    seen.until("#job-detail", "Asked for by cell-7")
+    seen.until("#job-detail", "Requested by cell-7")
     seen.page.click("#tab-rig")
     seen.until("#rig-model", "in use")
 

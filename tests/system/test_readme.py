@@ -74,7 +74,7 @@ def test_make_demo(folder: Path) -> None:
         r"job \S+ succeeded: gripped",
         r"contact stiffness +\d\.\d+ mN/µm",
         r"force held +\d+\.\d+ mN ± \d+\.\d+ mN",
-        r"force asked for +20\.00 mN",
+        r"requested force +20\.00 mN",
         r"peak force +\d+\.\d+ mN",
         r"zero return +-?\d+\.\d+ mN ± \d+\.\d+ mN",
         r"record +data/jobs/\S+",

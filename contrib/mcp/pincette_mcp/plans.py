@@ -72,14 +72,14 @@ class Tokens:
         except ValueError:
             content = signed = b""
         if not hmac.compare_digest(signed, self._signature(content)):
-            raise NoPlanError("was never given")
+            raise NoPlanError("was never issued")
         plan = Plan(*json.loads(content))
         if plan.session != session:
             raise NoPlanError("belongs to another session")
         if plan.until_s <= self._clock():
             raise NoPlanError(f"is older than {VALID_S:g} s")
         if plan.id in self._taken:
-            raise NoPlanError("is used")
+            raise NoPlanError("was already used")
         self._taken.add(plan.id)
         return plan
 

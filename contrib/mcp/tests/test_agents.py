@@ -61,7 +61,7 @@ def test_a_grip_takes_the_token_of_a_plan_once(rig: RunningRig) -> None:
             assert "no-plan" in await refused(client, "grip", token=token)
             assert "no-plan" in await refused(client, "grip", token="made up")
             forged = f"{token[:-1]}{'A' if token[-1] != 'A' else 'B'}"
-            assert "never given" in await refused(client, "grip", token=forged)
+            assert "never issued" in await refused(client, "grip", token=forged)
             released = await said(client, "release")
             assert (released["job"], released["part"]) == (held["job"], "none")
             assert "nothing-held: " in await refused(client, "release")

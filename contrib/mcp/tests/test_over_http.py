@@ -67,7 +67,7 @@ async def by_python(url: str, key: str) -> dict[str, Any]:
         assert sorted(tool.name for tool in (await client.list_tools()).tools) == TOOLS
         token = await planned(client)
         held = await said(client, "grip", token=token)
-        assert "is used" in await refused(client, "grip", token=token)
+        assert "was already used" in await refused(client, "grip", token=token)
         assert (await said(client, "release"))["part"] == "none"
         return held
 

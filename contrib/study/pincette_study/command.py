@@ -29,7 +29,7 @@ app = group()
 @command(app, "paper")
 def paper(
     rig: RigOption,
-    out: Annotated[Path, Option("--out", metavar="FOLDER", help="where the report goes")] = OUT,
+    out: Annotated[Path, Option("--out", metavar="FOLDER", help="folder of the report")] = OUT,
     rigs: Annotated[
         int, Option("--rigs", parser=integer, metavar="N", help="drawn at random")
     ] = 20,

@@ -35,7 +35,7 @@ def fig_7(rig: RigFile, response: FreeResponse) -> Section:
             f"{printed.X_PP_UM} µm and {printed.FORCE_PP_MN:g} mN ask of a linear arm. The "
             "estimate stands beside the true contact force of the simulated rig, which the paper "
             "could not see.",
-            "Planning errors are planned less actual, in the last cycle, both counted from the "
+            "Planning errors are planned minus actual, in the last cycle, both counted from the "
             "trough where plan and arm agree; the force as the paper gives it, negative. That the "
             "contact is softer than planned is set from the paper's own two numbers; what the "
             "hysteresis adds to them is not.",
@@ -94,7 +94,7 @@ def _picture(reading: Reading, x_error_um: Series, force_error_mN: Series) -> by
         legend_above(axes[2])
         axes[3].plot(cycle_s, x_error_um, color=BLUE, label="position / µm")
         axes[3].plot(cycle_s, force_error_mN, color=ORANGE, label="negative force / mN")
-        label(axes[3], "time in the last cycle / s", "planned less actual", "(d)")
+        label(axes[3], "time in the last cycle / s", "planned minus actual", "(d)")
         legend_above(axes[3])
 
     return picture(2, 2, 5.6, draw)

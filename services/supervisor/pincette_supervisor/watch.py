@@ -179,7 +179,7 @@ def _latch(context: RigContext) -> Check:
 def _disk(context: RigContext) -> Check:
     free_MB, limit_MB = free_space_MB(context.records), context.rig.recorder.min_free_MB
     ok = free_MB is None or free_MB >= limit_MB
-    shown = "room is not known" if free_MB is None else f"{free_MB:.0f} MB free"
+    shown = "free space unknown" if free_MB is None else f"{free_MB:.0f} MB free"
     words = f"disk of {context.records}: {shown}, limit {limit_MB:g} MB"
     return _check("disk", ok, words, needed=False, value=free_MB, limit=limit_MB, unit="MB")
 
@@ -444,7 +444,7 @@ class AlarmMonitor:
                 alarms.raise_alarm(cause, one.words, severity=one.severity, job=self._job())
         for cause, one in self._previous_conditions().items():
             if cause not in found:
-                alarms.clear(cause, f"over: {one.words}")
+                alarms.clear(cause, f"ended: {one.words}")
         self._conditions = found
 
     def _previous_conditions(self) -> dict[str, Condition]:

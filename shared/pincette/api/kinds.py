@@ -209,7 +209,7 @@ def _both(first: FormField, second: FormField, variant_field: str) -> FormField:
     }
     when = {variant_field: (*first.when[variant_field], *second.when[variant_field])}
     return first.model_copy(
-        update={**bounds, "when": {**first.when, **when}, "placeholder": "as usual"}
+        update={**bounds, "when": {**first.when, **when}, "placeholder": "default"}
     )
 
 

@@ -183,7 +183,7 @@ STATES: Mapping[JobState, State] = {
 
 EVENTS: Mapping[Event, str] = {
     "prepare": "its turn has come",
-    "prepared": "every program can",
+    "prepared": "every program of the rig has accepted it",
     "start": "the action start, or autostart",
     "pause": "the action pause",
     "rest": "the controller reports that the references are at rest",

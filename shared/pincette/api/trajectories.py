@@ -103,7 +103,7 @@ class TrajectorySamples(Model):
         digest="4be9f7a3c2d18e5f6a70",
         period_s=0.02,
         cut="",
-        columns=[{"name": "t_s", "unit": "s", "meaning": "time since the begin"}],
+        columns=[{"name": "t_s", "unit": "s", "meaning": "time since the start"}],
         samples={"t_s": [0.0, 0.02]},
     )
 

@@ -124,7 +124,7 @@ def _messages(**messages: str) -> Json:
 
 
 def _topic(topic: Topic) -> Json:
-    often = "every tick" if topic.per_tick else "when there is news"
+    often = "every tick" if topic.per_tick else "on change"
     return {
         "address": key("{rig}", topic, "{service}"),
         "summary": topic.summary,

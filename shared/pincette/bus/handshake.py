@@ -43,7 +43,7 @@ def diagnose_link(place: str, credentials: Credentials | None, name: str = "") -
                 return _speaks_tls(place, line)
             return _shaken(place, address[0], line, credentials, name)
     except ConnectionRefusedError:
-        return f"nobody listens at {place}"
+        return f"no program listens at {place}"
     except TimeoutError:
         return f"{place} does not answer within {ANSWER_S:g} s"
     except OSError as error:

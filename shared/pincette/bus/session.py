@@ -137,7 +137,7 @@ class Joined:
         """Close a session that transports nothing, without waiting."""
         limit = (GIVEN_UP_S,)
         threading.Thread(
-            target=self.close, args=limit, name="session given up", daemon=True
+            target=self.close, args=limit, name="session abandoned", daemon=True
         ).start()
 
 

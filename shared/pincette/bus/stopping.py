@@ -154,7 +154,7 @@ def joined(config: "SessionConfig", rig: str, name: str = "estop") -> "Generator
         # A closed port refuses at once; the bus would try again until its limit.
         create_connection(address_of(place), CONNECT_S).close()
     except OSError as error:
-        why = "nobody listens" if isinstance(error, ConnectionRefusedError) else str(error)
+        why = "no program listens" if isinstance(error, ConnectionRefusedError) else str(error)
         raise BusError(f"{why} at {place}") from error
     with closing(ZenohBus(replace(config, connect_s=CONNECT_S), rig, name)) as bus:
         yield bus

@@ -42,7 +42,7 @@ def bring_up(
     ] = False,
     skip: Annotated[
         list[str] | None,
-        Option("--skip", metavar="CALIBRATION", help="leave it out; repeatable"),
+        Option("--skip", metavar="CALIBRATION", help="calibration to skip; repeatable"),
     ] = None,
 ) -> int:
     """Lead through the calibrations of a rig: the next one, its requirements, its result."""
@@ -72,7 +72,7 @@ def bring_up(
         if not _made(target, step, console, yes=yes):
             left_out.add(step.calibration)
     show_checklist(rig.checklist(), console)
-    console.print(f"\nleft out: {', '.join(sorted(left_out))}" if left_out else "\nall done")
+    console.print(f"\nskipped: {', '.join(sorted(left_out))}" if left_out else "\nall done")
     for text in path_warnings(rig):
         console.print(f"[yellow]{text}[/yellow]")
     console.print(GRIP)

@@ -149,7 +149,7 @@ def findings(rig_path: Path, data: Path, consent: Consent | None = None) -> "Ite
             yield Finding(
                 False,
                 "direction: not checked, since the rig is running and moves the arm",
-                "end it first",
+                "stop it first",
             )
 
 

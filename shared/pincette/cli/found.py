@@ -42,7 +42,7 @@ def label(text: str) -> tuple[str, str]:
 
 RECORDS = {True: "complete", False: "incomplete", None: ""}
 """Texts for the state of a record, by ``record_complete`` of its job."""
-ID = "its id, or `last`"
+ID = "id of the job, or `last`"
 JobName = Annotated[str, Argument(metavar="JOB", help=ID)]
 Labels = Annotated[
     list[Any] | None,
@@ -65,7 +65,7 @@ FILTERS = [
         False,
     ),
     text_option("since", "TIME", f"accepted at this time or later: {MOMENTS}", moment),
-    text_option("until", "TIME", "taken before then", moment),
+    text_option("until", "TIME", "accepted before this time", moment),
 ]
 """Options of a command that selects jobs."""
 IN_QUERY = {"since": "created_from", "until": "created_to"}

@@ -93,7 +93,7 @@ def _add_start(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict
             fields["labels"] = dict(labels)
         rig = target.rig()
         if fields and not target.json:
-            sys.stderr.write(fitted(f"asked for: {stated_fields(fields)}\n", sys.stderr))
+            sys.stderr.write(fitted(f"requested: {stated_fields(fields)}\n", sys.stderr))
         with patience("planning, predicting and starting"):
             job = rig.start(kind.name, **fields)
         if not no_wait:
@@ -113,7 +113,7 @@ def _add_plan(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict[
         with patience("planning and predicting"):
             planned = rig.plan(kind.name, **fields)
         if not target.json and fields:
-            print(fitted(f"asked for: {stated_fields(fields)}\n", sys.stdout))
+            print(fitted(f"requested: {stated_fields(fields)}\n", sys.stdout))
         target.answer(planned, lambda: show_plan(planned, screen()))
         if (plot := given.get("plot")) is not None:
             with patience("drawing"):
@@ -224,7 +224,7 @@ def show_job(job: "Job", console: "Console", *, everything: bool = False) -> Non
     said = {name: str(getattr(job, name)) for name in SAID} | job.labels
     given = [f"{n} = {value}" for n, value in job.request.items() if n not in (*SAID, "labels")]
     given += [f"{name}: {value}" for name, value in said.items() if value]
-    console.print(f"\nasked for: {', '.join(given)}", markup=False)
+    console.print(f"\nrequested: {', '.join(given)}", markup=False)
     times = {"requested": job.created_at, "started": job.started_at, "ended": job.ended_at}
     known = [f"{name} {clock(at)}" for name, at in times.items() if at]
     console.print(", ".join(known), markup=False)

@@ -57,7 +57,7 @@ def latency(
             "--seconds",
             parser=number_within("s", 1.0, 86_400.0),
             metavar="S",
-            help="how long in all",
+            help="total duration",
         ),
     ] = 30.0,
     period_s: Annotated[

@@ -147,7 +147,7 @@ def _calibration(plan: "CalibrationPlan", console: "Console") -> None:
         phases.add_row(phase.phase, f"{phase.start_s:.2f} s", lasts, f"{phase.voltage_V:.3f} V")
     console.print(phases)
     for item in plan.assumptions:
-        console.print(f"rests on {item.quantity}, {item.source}", markup=False)
+        console.print(f"depends on {item.quantity}, {item.source}", markup=False)
 
 
 Tree = dict[str, Any]

@@ -166,7 +166,7 @@ def _show_queue(handle: "RigHandle", rig: "Rig", console: "Console") -> None:
         (job.id, job.kind, str(job.position or ""), clock(job.created_at))
         for job in sorted(waiting, key=lambda one: one.position or 0)
     ]
-    console.print(table("job", "kind", "place", "asked for", rows=rows, right=("place",)))
+    console.print(table("job", "kind", "place", "requested", rows=rows, right=("place",)))
 
 
 def claimed(claim: "Claim | None") -> str:
@@ -218,5 +218,5 @@ def give_back(
         return
     before = rig.state().claim
     rig.give_back(force=True)
-    words = "nobody had claimed it" if before is None else f"ended: {claimed(before)}"
+    words = "it was not claimed" if before is None else f"ended: {claimed(before)}"
     target.answer(before, words)

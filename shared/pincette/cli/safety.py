@@ -42,7 +42,7 @@ def cleared(rig: "RigHandle") -> "tuple[Stopped, str]":
 
 
 COLOURS = {"alarm": "red", "warning": "yellow"}
-ENDS = {"reset": "until the rig is reset", "condition": "still so", "acknowledge": ""}
+ENDS = {"reset": "until the rig is reset", "condition": "still present", "acknowledge": ""}
 
 
 def _alarm(text: str) -> int | str:
@@ -54,7 +54,7 @@ def alarms(
     target: Target,
     limit: Limit = 50,
     before: Annotated[
-        int | None, Option("--before", metavar="ID", help="begin below this id")
+        int | None, Option("--before", metavar="ID", help="start below this id")
     ] = None,
     every: Annotated[
         bool, Option("--all", help="show also alarms that have ended and were acknowledged")

@@ -267,7 +267,7 @@ def _tree(facts: Facts, now: datetime) -> dict[str, Any]:
 def _state(facts: Facts, now: datetime) -> str:
     if facts.ends <= now:
         return "ended"
-    return "ends soon" if facts.ends - now < SOON else "good"
+    return "expires soon" if facts.ends - now < SOON else "good"
 
 
 def _now() -> datetime:

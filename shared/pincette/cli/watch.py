@@ -50,7 +50,7 @@ def watch(
     target: Target,
     name: Annotated[
         str | None,
-        Argument(metavar="JOB", help="its id, or `last`; every event if not given"),
+        Argument(metavar="JOB", help="id of the job, or `last`; every event if not given"),
     ] = None,
     after: Annotated[
         int | None,

@@ -32,7 +32,7 @@ def job_facts(job: Job) -> dict[str, str]:
         "phase": "" if now is None or job.ended_at is not None else now.phase,
         "outcome": str(result.get("outcome") or ""),
         "force": force_text(held_mN, uncertainty_mN),
-        "asked for": force_text(force_asked_mN(job), None),
+        "requested": force_text(force_asked_mN(job), None),
         "cause": job.cause,
     }
     return {name: text for name, text in facts.items() if text}

@@ -38,7 +38,9 @@ def _link_faults(quantity: str, limit: float) -> tuple[Operation, ...]:
     """Return faults of an instrument or its line; ``quantity`` is the unit of its values."""
     late = ("s", 0.0, LONGEST_DELAY_S)
     return (
-        Operation("off", "is silent, as unplugged", "1: its socket is closed too", 0.0, 1.0, 0.0),
+        Operation(
+            "off", "is silent, as if unplugged", "1: its socket is closed too", 0.0, 1.0, 0.0
+        ),
         Operation("garbage", "answers random bytes"),
         Operation("wrong", "is wrong by an offset", quantity, -limit, limit),
         Operation("slow", "answers late", *late),
@@ -63,7 +65,7 @@ SENSOR = (
 OUTPUT = (*_link_faults("V", 20.0), Operation("stuck", "accepts, and does not move"))
 OPERATIONS: dict[str, tuple[Operation, ...]] = {
     "part": (
-        Operation("remove", "is taken away", lasts=False),
+        Operation("remove", "is removed", lasts=False),
         Operation(
             "place",
             "is put between the arms",

@@ -49,11 +49,11 @@ KINDS: Mapping[str, str] = {
     "mapping": "an object",
     "model": "an object",
     "dataclass": "an object",
-    "datetime": "a time, as 2026-03-01T12:00:00Z",
-    "date": "a date, as 2026-03-01",
+    "datetime": "a time, such as 2026-03-01T12:00:00Z",
+    "date": "a date, such as 2026-03-01",
     "time": "a time of day",
     "path": "a path",
-    "url": "an address, as https://example.org/path",
+    "url": "an address, such as https://example.org/path",
 }
 """Expected type of a value that has the wrong one, by the first word of the code."""
 BRANCHES = ("float", "int", "str", "bool")

@@ -101,7 +101,7 @@ TEXTS: Mapping[FaultCode, str] = {
     FaultCode.OUTPUT_UNCONFIRMED: "the frozen voltage is not confirmed",
     FaultCode.REQUESTED: "",
     FaultCode.SECOND_CONTROLLER: "alarm: {commands:.0f} commands from another controller refused",
-    FaultCode.STANDSTILLS: "stood still {times:.0f} times",
+    FaultCode.STANDSTILLS: "{times:.0f} scheduling stalls",
     FaultCode.SUSPENDED: "the machine was suspended for {slept_s:.1f} s",
     FaultCode.EXCHANGE_TIMES: "",
     FaultCode.LAW_NUMBER: "",

@@ -47,7 +47,7 @@ def certificates(rig: RigFile, now: datetime | None = None) -> Iterator[Finding]
             found.append(_seen(folder, who, now, _host(rig, who)))
         except SecurityError as error:
             well = False
-            yield Finding(False, f"certificates: {error}", "docs/how-to/secure.md says how")
+            yield Finding(False, f"certificates: {error}", "docs/how-to/secure.md explains how")
     try:
         read_revoked(folder.path)
     except SecurityError as error:

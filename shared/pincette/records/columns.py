@@ -76,7 +76,7 @@ COLUMNS = (
     _column(Position, "x_um", "measured position of the tip, x"),
     _column(Position, "position_valid", "the reading is a measurement", "valid"),
     _column(Estimate, "force_mN", "estimated contact force"),
-    _column(Estimate, "force_uncertainty_mN", "its uncertainty"),
+    _column(Estimate, "force_uncertainty_mN", "uncertainty of the force"),
     _column(Estimate, "perturbation_mN", "estimated perturbation"),
     _column(Estimate, "zero_age_s", "time since the force was zeroed"),
     _column(Estimate, "stroke_change", "change of the stroke since its calibration"),
@@ -84,7 +84,7 @@ COLUMNS = (
     _column(Estimate, "zero_unconfirmed", "no evidence that no part pressed during the zero"),
     _column(Estimate, "estimate_valid", "the estimate may be used", "valid"),
     _column(Estimate, "degraded", "the estimate was made without the applied voltage"),
-    _column(Command, "command_V", "voltage asked for", "voltage_V"),
+    _column(Command, "command_V", "commanded voltage", "voltage_V"),
     _column(Applied, "voltage_V", "voltage applied, u"),
     _column(Applied, "actuator_state", "armed, frozen, ramping, latched, idle", "state"),
     _column(Applied, "actuator_cause", "code of the cause of a trip", "cause"),
@@ -132,7 +132,9 @@ SECOND_COLUMNS = (
     _of_second(
         Estimate, "second_force_mN", "estimated contact force of the second arm", "force_mN"
     ),
-    _of_second(Estimate, "second_force_uncertainty_mN", "its uncertainty", "force_uncertainty_mN"),
+    _of_second(
+        Estimate, "second_force_uncertainty_mN", "uncertainty of the force", "force_uncertainty_mN"
+    ),
     _of_second(
         Estimate,
         "second_zero_age_s",

@@ -73,7 +73,7 @@ def programs_of(rig: str, composed: Iterable[str] = ()) -> tuple[Identity, ...]:
 def person(name: str, role: str) -> Identity:
     """Return a person or a person's tool; raises SecurityError for an invalid name or role."""
     if role not in PEOPLE:
-        raise SecurityError(f"role {role!r}: wanted {' or '.join(PEOPLE)}")
+        raise SecurityError(f"role {role!r}: expected {' or '.join(PEOPLE)}")
     _checked(name, "person")
     return Identity(name, role)
 

@@ -29,7 +29,7 @@ def alarm(**values: Any) -> Alarm:
     ("values", "told"),
     [
         ({}, "not acknowledged, until the rig is reset"),
-        ({"clears": "condition"}, "not acknowledged, still so"),
+        ({"clears": "condition"}, "not acknowledged, still present"),
         ({"cleared_at": AT}, "not acknowledged"),
         (
             {"acknowledged_at": AT, "acknowledged_by": "Ada"},

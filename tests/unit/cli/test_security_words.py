@@ -102,7 +102,7 @@ def test_show_says_who_until_when_and_where(said: Said, tmp_path: Path) -> None:
     folder = folder_for(tmp_path / "pki", "left", days=90.0)
     folder.renew(program("sensor", "left"), NOW, 5.0)
     rows = {row["name"]: row for row in json.loads(said("show", folder.path, "--json"))}
-    assert rows["left/sensor"]["state"] == "ends soon"
+    assert rows["left/sensor"]["state"] == "expires soon"
     assert rows["left/actuator"] == {
         "name": "left/actuator",
         "role": "actuator",

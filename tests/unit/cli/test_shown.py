@@ -85,7 +85,7 @@ def test_a_grip_has_a_verdict_and_six_rows() -> None:
         "job j succeeded: gripped, goal met, force verified by the zero return",
         "",
         "force held 19.34 mN ± 1.59 mN",
-        "force asked for 20.00 mN",
+        "requested force 20.00 mN",
         "peak force 20.09 mN",
         "contact stiffness 2.035 mN/µm",
         "zero return -0.11 mN ± 0.42 mN",
@@ -152,7 +152,7 @@ def test_a_result_has_every_figure_with_its_unit() -> None:
         "contact stiffness, mean over the load 2.035 mN/µm",
         "force held 19.34 mN ± 1.59 mN",
         "its ± assumes model.forgotten_mN",
-        "force asked for 20.00 mN",
+        "requested force 20.00 mN",
         "force error -0.66 mN",
         "peak force 20.09 mN",
         "RMSE of the position during the hold 0.196 µm",
@@ -172,7 +172,7 @@ def test_a_motion_says_where_it_rests() -> None:
     for line in (
         "outcome moved",
         "rests at 12.51 µm",
-        "voltage kept 0.640 V",
+        "final voltage 0.640 V",
         "taught as beside-the-bead",
         "target 12.50 µm",
         "target error 0.010 µm",
@@ -194,7 +194,7 @@ def test_what_is_not_known_is_reported() -> None:
     show_result(job, console, everything=True)
     assert "contact position, mean over the load not known" in spaced(out.getvalue())
     assert "force held not known" in spaced(out.getvalue())
-    assert "force asked for 20.00 mN" in spaced(out.getvalue())
+    assert "requested force 20.00 mN" in spaced(out.getvalue())
 
 
 def test_a_tracked_path_has_its_errors_in_per_cent_of_its_height() -> None:

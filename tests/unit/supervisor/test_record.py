@@ -170,4 +170,4 @@ def test_report_and_manifest_state_when_the_samples_were_recorded(
     assert {name: manifest[name] for name in times} == times
     page = (tmp_path / folder.REPORT).read_text(encoding="utf-8")
     assert f"recorded from {times['sample_0_at']} to {times['end_at']}" in page
-    assert f"asked for at {JOB.created_at}" in page
+    assert f"requested at {JOB.created_at}" in page

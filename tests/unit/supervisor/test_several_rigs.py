@@ -121,7 +121,7 @@ def test_a_key_finds_the_job_that_it_created_before_the_other_rig_came(
 
 def test_one_that_goes_says_so_and_leaves_the_other_alone(both: RigsHarness) -> None:
     both.go("right")
-    both.until(lambda: "its programs have gone" in both.found("right"))
+    both.until(lambda: "its programs have stopped" in both.found("right"))
     right = both.get("/rigs/right")
     assert not right["can_start"]
     assert any(reason.startswith("actuator: no program answers") for reason in right["reasons"])

@@ -172,7 +172,7 @@ class RigFinder:
             self._serve(self._read(rig, self._request_rig_files(rig, programs)), "found")
             return True
         if here != found.here:
-            words = "its programs run again" if programs else "its programs have gone"
+            words = "its programs run again" if programs else "its programs have stopped"
             manager.context.events.append("rig", None, found=words)
         return not programs or self._compare(manager, self._request_rig_files(rig, programs))
 

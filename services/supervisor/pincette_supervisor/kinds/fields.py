@@ -49,7 +49,7 @@ POLICIES = (
         label="A stop",
         choices=choices(
             ("", "keeps the part held"),
-            ("release", "lets the part go"),
+            ("release", "releases the part"),
             ("retract", "releases it and retreats"),
         ),
         advanced=True,
@@ -57,7 +57,7 @@ POLICIES = (
     FieldSpec(
         name="on_abort",
         label="An abort",
-        choices=choices(("", "keeps the part for a while"), ("ramp", "lets go at once")),
+        choices=choices(("", "keeps the part for a while"), ("ramp", "releases the part at once")),
         advanced=True,
     ),
 )
@@ -215,7 +215,7 @@ BRIEF_ZERO_RETURN: Mapping[str, str] = {
 """Labels of both zero returns in a short result."""
 MOTION: tuple[ResultField, ...] = (
     number("ends_at.x_um", "rests at", main=True),
-    number("ends_at.voltage_V", "voltage kept", digits=3),
+    number("ends_at.voltage_V", "final voltage", digits=3),
     number("target_um", "target", optional=True),
     number("target_error_um", "target error", digits=3, optional=True),
     number("drift_um", "drift while held", digits=3, optional=True),
@@ -226,7 +226,7 @@ MOTION: tuple[ResultField, ...] = (
 PAIR_LAW: tuple[FieldSpec, ...] = (
     *SPEEDS,
     FieldSpec(name="contact_force_mN", label="A touch is", advanced=True),
-    *(_gain(two_arm_law.LAW.name, gain, "as usual") for gain in two_arm_law.LAW.parameters),
+    *(_gain(two_arm_law.LAW.name, gain, "default") for gain in two_arm_law.LAW.parameters),
 )
 PAIR_FIGURES: tuple[ResultField, ...] = (
     number("force_held_mN", "force of both arms", uncertainty="force_uncertainty_mN", main=True),

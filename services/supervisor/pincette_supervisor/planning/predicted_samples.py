@@ -13,7 +13,7 @@ from pincette.records import parquet
 Answers = tuple[Command, Applied, Telemetry]
 """Messages of the loop that follow one sample: command, output and telemetry."""
 COLUMNS = (
-    SampleColumn(name="t_s", unit="s", meaning="time since the begin"),
+    SampleColumn(name="t_s", unit="s", meaning="time since the start"),
     SampleColumn(name="phase", unit="", meaning="phase of the program"),
     SampleColumn(name="x_r_um", unit="µm", meaning="reference position, x_r"),
     SampleColumn(name="force_r_mN", unit="mN", meaning="reference force, F_r"),

@@ -246,7 +246,7 @@ class RateLimit:
         clients = self._clients(caller)
         wait_s = self._buckets[kind].wait_s(caller.client, self._clock(), patience_s, clients)
         if wait_s > patience_s:
-            raise _refused(429, f"{caller.client} asks too often", wait_s)
+            raise _refused(429, f"{caller.client} sends requests too often", wait_s)
         return wait_s
 
 

@@ -323,7 +323,7 @@ def alarms(
     only_open: Annotated[bool, Query(alias="open", description="only those that are open")] = False,
     limit: PageSize = 50,
     before: Annotated[
-        int | None, Query(ge=1, le=LARGEST, description="begin below this id")
+        int | None, Query(ge=1, le=LARGEST, description="start below this id")
     ] = None,
 ) -> AlarmList:
     """Return the alarms of every rig, newest first."""

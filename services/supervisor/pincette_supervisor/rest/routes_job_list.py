@@ -88,7 +88,9 @@ async def _filter(
     created_from: Annotated[
         AwareDatetime | None, Query(description="accepted at this time or later, with a time zone")
     ] = None,
-    created_to: Annotated[AwareDatetime | None, Query(description="taken before then")] = None,
+    created_to: Annotated[
+        AwareDatetime | None, Query(description="accepted before this time")
+    ] = None,
 ) -> JobFilter:
     return JobFilter(
         kind=kind,

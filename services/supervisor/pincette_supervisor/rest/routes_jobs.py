@@ -82,7 +82,7 @@ CREATED: dict[int | str, dict[str, Any]] = {
         "description": "dry run: the plan, feasible or not; or the job that the Idempotency-Key "
         f"has created before, with the header {REPLAYED}",
     },
-    201: {"model": Job, "description": "taken; Location names it"},
+    201: {"model": Job, "description": "accepted; Location names it"},
     **responses(404, 409),
 }
 """Responses of the routes that create a job."""

@@ -128,7 +128,7 @@ async def estop(rig: str, rigs: AllRigs, by: Sender, supervisor: SupervisorId) -
         return _signed(await rigs.get(rig).latch.stopped(by), supervisor)
     unserved = await rigs.stop_unserved(rig)
     if rig not in unserved.confirmed:
-        raise unconfirmed(unserved.missed.get(rig, "its programs have gone"))
+        raise unconfirmed(unserved.missed.get(rig, "its programs have stopped"))
     return _signed(_stopped(rig), supervisor)
 
 
@@ -173,7 +173,7 @@ def give_back(
     force: Annotated[bool, Query(description="break the claim of another client")] = False,
 ) -> Rig:
     """End the caller's claim, or with ``force`` that of another caller; everyone sees who did."""
-    asker.note("broken" if force else "given back")
+    asker.note("broken" if force else "returned")
     manager.claims.give_back(asker.claim, by=asker.by, force=force)
     return rig_view(manager)
 

@@ -91,7 +91,7 @@ router = APIRouter(prefix="/trajectories", tags=["trajectories"], route_class=St
             "model": Trajectory | Plan | PairPlan | MotionPlan,
             "description": "exists already; or dry run: the plan, feasible or not",
         },
-        201: {"model": Trajectory, "description": "kept; Location names it"},
+        201: {"model": Trajectory, "description": "stored; Location names it"},
         **responses(404),
     },
 )
@@ -129,7 +129,7 @@ def plot_anew(body: TrajectoryBody, rigs: AllRigs, note: Note) -> Response:
     note(DRY_RUN)
     manager = rigs.select(body.rig)
     _, planned = _planned_anew(manager, body)
-    return _png(manager, planned, "not kept")
+    return _png(manager, planned, "not stored")
 
 
 @router.get("", responses=responses(404), dependencies=[OBSERVE])
@@ -248,7 +248,7 @@ def plot(stored: StoredTrajectory) -> Response:
     response_model=Job,
     responses={
         200: {"model": Job, "description": "the job that the key has already created"},
-        201: {"model": Job, "description": "taken; Location names it"},
+        201: {"model": Job, "description": "accepted; Location names it"},
         **responses(404, 409),
     },
 )

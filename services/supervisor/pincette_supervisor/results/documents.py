@@ -101,7 +101,7 @@ def report(
         _statement(result),
         f'<img alt="{escape(title)}, over time" src="data:image/png;base64,'
         f'{base64.b64encode(picture).decode()}">',
-        _section("Asked for", _pairs(_scalars(values), exact=True)),
+        _section("Requested", _pairs(_scalars(values), exact=True)),
         _section("Figures", _pairs(_figures(kind, result))),
     ]
     for name, value in result.items():
@@ -142,7 +142,7 @@ def _whose(whose: Mapping[str, str], job: str, rig: str) -> str:
         [
             *parts,
             f"job {job} on rig {rig}",
-            *([f"asked for by {by}"] if by else []),
+            *([f"requested by {by}"] if by else []),
             *_times(whose),
         ]
     )
@@ -155,7 +155,7 @@ def _times(whose: Mapping[str, str]) -> list[str]:
     certain = f" (begin ± {spread_s} s)" if spread_s else ""
     return [
         *([f"recorded from {begin} to {end}{certain}"] if begin and end else []),
-        *([f"asked for at {asked}"] if asked else []),
+        *([f"requested at {asked}"] if asked else []),
     ]
 
 

@@ -191,7 +191,7 @@ class Samples:
         """
         places = [place for place, name in enumerate(self.phase) if name == phase]
         if not places:
-            raise ValueError(f"phase {phase!r} never came")
+            raise ValueError(f"phase {phase!r} was not reached")
         return slice(places[0], places[-1] + 1)
 
     def filled(self, values: Series, place: slice, what: str) -> Series:

@@ -212,7 +212,7 @@ def analyse(run: Run) -> Analysis:
             identified("model.forgotten_scale_V", *found.forgetting.scale_V),
         ),
         figures=(
-            figure("loop", gain.loop_percent, "%", "width, of the stroke"),
+            figure("loop", gain.loop_percent, "%", "width as a share of the stroke"),
             figure(
                 "stroke",
                 gain.stroke_um,

@@ -147,7 +147,9 @@ def analyse(run: Run) -> Analysis:
             identified("model.damping_ratio", model.damping_ratio, model.damping_ratio_uncertainty),
         ),
         figures=(
-            figure("natural frequency", omega_n / (2.0 * pi), "Hz", "of the mode"),
+            figure(
+                "natural frequency", omega_n / (2.0 * pi), "Hz", "natural frequency of the mode"
+            ),
             figure(
                 "small-signal gain",
                 found.small_signal_gain_um_per_V,

@@ -44,7 +44,7 @@ def analyse(run: Run) -> Analysis:
             identified(DRIFT, drift_um_per_min, u_um_per_min),
         ),
         figures=(
-            figure("step", found.step_um, "µm", "of the readings"),
+            figure("step", found.step_um, "µm", "taken from the readings"),
             figure(
                 "resolution",
                 found.resolution_um,
@@ -60,7 +60,7 @@ def analyse(run: Run) -> Analysis:
                 "µm",
                 "resolution of readings averaged by the filter of the law",
             ),
-            figure("drift", found.drift_um_per_s, "µm/s", "of the readings"),
+            figure("drift", found.drift_um_per_s, "µm/s", "taken from the readings"),
         ),
         residuals=residuals("position", "µm", found.deviation_um),
         statement=sure(

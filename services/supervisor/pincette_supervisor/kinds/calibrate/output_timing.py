@@ -97,7 +97,9 @@ def analyse(run: Run) -> Analysis:
             identified("model.output_lag_s", found.lag_s, found.lag_uncertainty_s),
         ),
         figures=(
-            figure("natural frequency", omega_n / (2.0 * pi), "Hz", "of the mode"),
+            figure(
+                "natural frequency", omega_n / (2.0 * pi), "Hz", "natural frequency of the mode"
+            ),
             figure(
                 "delay and lag",
                 1e3 * (found.delay_s + found.lag_s),

@@ -92,7 +92,7 @@ FIGURES: tuple[ResultField, ...] = (
         assumed="force_assumed",
         main=True,
     ),
-    number("force_target_mN", "force asked for"),
+    number("force_target_mN", "requested force"),
     *fields.GOAL,
     *fields.ZERO_RETURN,
     *fields.POSITION_STEP,
@@ -148,7 +148,7 @@ KIND = JobKind(
     figures=(*fields.for_arms(1, *FIGURES), *fields.for_arms(2, *fields.PAIR_FIGURES)),
     brief={
         "force_held_mN": "force held",
-        "force_target_mN": "force asked for",
+        "force_target_mN": "requested force",
         "peak_force_mN": "peak force",
         "contact_stiffness_mN_per_um": "contact stiffness",
         "held_place_um": "place",

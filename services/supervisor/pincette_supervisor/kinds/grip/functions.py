@@ -159,7 +159,7 @@ def _title(result: GripResult) -> str:
 
 
 def _subtitle(result: GripResult) -> str:
-    words = [f"asked for {result.force_target_mN:g} mN", *drawing.contact_words(result)]
+    words = [f"requested {result.force_target_mN:g} mN", *drawing.contact_words(result)]
     if result.peak_force_mN is not None:
         words.append(f"peak {result.peak_force_mN:.2f} mN")
     if result.true_force_held_mN is not None:

@@ -226,7 +226,7 @@ HOLD = JobKind(
                 assumed="force_assumed",
                 optional=True,
             ),
-            number("force_target_mN", "force asked for", optional=True),
+            number("force_target_mN", "requested force", optional=True),
             number("force_error_mN", "force error", optional=True),
             number("peak_force_mN", "peak force", optional=True),
         ),

@@ -109,9 +109,9 @@ def _subtitle(result: MotionResult) -> str:
     if result.begins_at.x_um is not None:
         words.append(f"from {result.begins_at.x_um:.2f} µm")
     if result.target_um is not None:
-        words.append(f"asked for {result.target_um:g} µm")
+        words.append(f"requested {result.target_um:g} µm")
     if result.target_error_um is not None:
-        words.append(f"off by {result.target_error_um:.3f} µm")
+        words.append(f"error {result.target_error_um:.3f} µm")
     if result.drift_um is not None:
         words.append(f"moved by {result.drift_um:.2f} µm while held")
     if result.held_at_end:

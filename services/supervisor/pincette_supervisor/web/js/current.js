@@ -122,7 +122,7 @@ export class Current {
 
   async act(job, type) {
     this.fault.textContent = "";
-    this.sent.textContent = `${ACTIONS[type] ?? plain(type)}: asked for, not yet answered`;
+    this.sent.textContent = `${ACTIONS[type] ?? plain(type)}: requested, not yet answered`;
     try {
       await post(`/jobs/${job.id}/actions`, { type });
     } catch (problem) {

@@ -231,7 +231,7 @@ function begunAt(job) {
 
 /** When a job was asked for, began and ended. */
 function timesOf(job) {
-  return [["asked for", job.created_at], ["began", job.started_at], ["ended", job.ended_at]]
+  return [["requested", job.created_at], ["started", job.started_at], ["ended", job.ended_at]]
     .filter(([, at]) => at)
     .map(([text, at]) => `${text} ${clock(at)}`)
     .join(" · ");
