@@ -1,6 +1,6 @@
-# Every target works on a fresh clone: it first fills .venv, from requirements/run.txt for what runs
-# rigs alone and from requirements/dev.txt for all else; VENV=FOLDER takes another folder. The packages
-# of contrib/ have .venv-contrib, filled from requirements/contrib.txt.
+# Every target works on a fresh clone: it first installs packages into .venv, from requirements/run.txt
+# for targets that only run rigs and from requirements/dev.txt for all others. VENV=FOLDER sets another
+# folder. The packages of contrib/ use .venv-contrib, installed from requirements/contrib.txt.
 
 PYTHON ?=
 ARGS ?=
@@ -9,34 +9,34 @@ SECURELY := $(if $(filter-out 0,$(SECURE)),--secure)
 VENV ?= .venv
 BIN := $(VENV)/bin
 export VENV
-# Programs are started by the hundred: what Python has compiled of them is kept.
+# Tests start hundreds of programs, so Python keeps its compiled files.
 export PYTHONDONTWRITEBYTECODE :=
 # `full`: too long for `make test`; `slow`: for `make soak` alone; `engine`: needs containers.
 TEST := not full and not slow and not engine
 FULL := full and not slow and not engine
-# What keeps no clock runs on every core, with three workers for two cores, since workers also wait for
-# programs; what keeps one runs alone, afterwards.
+# Tests without real time run on every core, with three workers for two cores, since workers also wait
+# for programs. Tests in real time run one after another, afterwards.
 CORES := $(shell getconf _NPROCESSORS_ONLN)
 PARALLEL := -n $(shell expr \( $(CORES) \* 3 + 1 \) / 2) --dist worksteal
 OTHERS := tests/contract tests/integration tests/project tests/replay tests/unit
-# Packages beside the core have an environment of their own. SiLA's makes all of a process use another
-# protobuf, so its tests have a process of their own.
+# The packages of contrib/ have an environment of their own. SiLA needs another protobuf in the whole
+# process, so its tests run in a process of their own.
 CONTRIB := .venv-contrib
 ADAPTERS = $(filter-out contrib/sila/tests,$(wildcard contrib/*/tests contrib/tests))
 # MADSci conflicts with the requirements of pincette.
 PROJECTS := $(filter-out contrib/madsci/%,$(wildcard contrib/*/pyproject.toml))
 IN_CONTRIB := $(patsubst contrib/%/pyproject.toml,%,$(PROJECTS))
 TESTS := tests/system $(OTHERS)
-# files of them that have tests that keep a clock
+# test files with tests in real time
 TIMED = $(shell grep -lE 'stalls|real_time' $(addsuffix /test_*.py,$(filter tests/system tests/contract,$(TESTS))))
-# With BUDGET_S=N no test begins N seconds after make has; half of it is for the parallel ones.
+# With BUDGET_S=N no test starts later than N seconds after make; the parallel tests may use half of it.
 BUDGET_S ?=
 NOW_S := $(if $(BUDGET_S),$(shell date +%s))
 UNTIL_HALF := $(if $(BUDGET_S),--until $(shell expr $(NOW_S) + $(BUDGET_S) / 2))
 UNTIL := $(if $(BUDGET_S),--until $(shell expr $(NOW_S) + $(BUDGET_S)))
-# those that are tested each in an environment of its own
+# versions of Python, each tested in an environment of its own
 PYTHONS := 3.11 3.12 3.13
-# pytest's exit status where ARGS leave no test; one half may have none
+# pytest's exit status if ARGS select no test; one of the two sessions may have none
 NO_TEST := 5
 COMPILE := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
   --no-header --no-annotate --no-emit-index-url --no-emit-find-links \
@@ -59,7 +59,7 @@ help: ## this list
 	@echo "  ARGS='-k grip'     passed on to the command"
 	@echo "  SECURE=1           demo and up: over mutual TLS, with certificates made on the fly"
 
-# filled STEP: a .venv that has what a step needs.
+# filled STEP: install into .venv what a step needs.
 define filled
 @for python in $(or $(PYTHON),python3.11 python3.12 python3.13 python3); do \
   if "$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then \
@@ -72,8 +72,8 @@ echo "pincette needs Python 3.11 or later; tried:" \
 exit 1
 endef
 
-# tested MARKS COMMAND: first the parallel tests of these marks, then those that run alone, and between
-# them the command. Some may have no test under ARGS, but not all. Sets $$status.
+# tested MARKS COMMAND: run the parallel tests of these marks, the command, then the tests in real time.
+# A session may have no test under ARGS, but not all of them. Sets $$status.
 define tested
 echo "== pytest, on every core: $(1)"; \
 $(BIN)/pytest -m "($(1)) and not real_time" $(PARALLEL) $(UNTIL_HALF) $(ARGS) $(TESTS); parallel=$$?; \
@@ -83,7 +83,7 @@ $(BIN)/pytest -m "($(1)) and real_time" $(UNTIL) $(ARGS) $(TIMED); alone=$$?; \
 $(call judged,$$parallel $$alone)
 endef
 
-# beside MARKS: the tests of contrib, those of SiLA in a process of their own. Sets $$status.
+# beside MARKS: run the tests of contrib, those of SiLA in a process of their own. Sets $$status.
 define beside
 echo "== pytest, contrib without SiLA: $(1)"; \
 $(BIN)/pytest -m "($(1)) and not real_time" $(PARALLEL) $(UNTIL) $(ARGS) $(ADAPTERS); parallel=$$?; \
@@ -94,8 +94,8 @@ $(BIN)/pytest -m "($(1)) and real_time" $(UNTIL) $(ARGS) contrib/nidaqmx/tests; 
 $(call judged,$$parallel $$sila $$alone)
 endef
 
-# judged STATUSES: sets $$status to that of the last session that failed; no session may be without a
-# test under ARGS, but not all.
+# judged STATUSES: set $$status to that of the last session that failed. A session may have no test under
+# ARGS, but not all of them.
 define judged
 status=$(NO_TEST); \
 for one in $(1); do \
@@ -119,8 +119,8 @@ demo: venv ## a simulated rig grips a bead; nothing else is needed
 up: venv ## start a whole rig and its supervisor; Ctrl-C ends it
 	@$(BIN)/pincette up $(SECURELY) $(ARGS)
 
-# Types are checked beside the parallel tests, on whichever core is idle; what is said comes after.
-# Its tests wait more than they compute.
+# The linters run in parallel with the parallel tests; their output is printed afterwards. There are two
+# workers for each core, since these tests wait more than they compute.
 test: PARALLEL := -n $(shell expr $(CORES) \* 2) --dist worksteal
 test: dev ## lint and a fair check of everything, in six minutes on two cores
 	@$(MAKE) --no-print-directory lint > $(VENV)/lint.log 2>&1 & lint=$$!; \
@@ -132,7 +132,7 @@ test: dev ## lint and a fair check of everything, in six minutes on two cores
 test-full: browser ## the tests that `make test` leaves out; BUDGET_S=1800 ends them after 30 min
 	@$(call tested,$(FULL)); exit $$status
 
-test-all: ## the tests without lint and whole rigs, under each Python that is supported
+test-all: ## the tests without lint and whole rigs, with each supported Python
 	@for version in $(PYTHONS); do \
 	  python=$$(sh requirements/python.sh $$version) || exit 1; \
 	  echo "== Python $$version: $$python"; \
@@ -166,10 +166,10 @@ bench: dev ## measure loop, hops, plant, rates, many rigs; writes bench.json
 	@$(BIN)/python -m tests.bench.realtime.rates
 	@$(BIN)/python -m tests.bench.realtime.scale
 
-bench-check: dev ## compare with the ratios that are expected; ARGS=--short leaves out all clocks
+bench-check: dev ## compare with the expected ratios; ARGS=--short omits measurements of time
 	@$(BIN)/python -m tests.bench.check $(ARGS)
 
-soak: dev ## the tests that take minutes or hours each; figures go into data/figures
+soak: dev ## the tests that take minutes or hours each; they write figures to data/figures
 	@mkdir -p data/figures
 	@export PINCETTE_FIGURES=$(CURDIR)/data/figures; \
 	$(BIN)/pytest -m slow $(ARGS) $(if $(filter tests/%,$(ARGS)),,tests)
@@ -178,7 +178,7 @@ soak-load: dev ## 50 clients beside 30 grips, ten minutes each with 5000 and 50 
 	@mkdir -p data/figures
 	@PINCETTE_FIGURES=$(CURDIR)/data/figures $(BIN)/python -m tests.support.load $(ARGS)
 
-findings: ## run the scripts of findings/ one after another; needs the network, is no part of CI
+findings: ## run the scripts of findings/ one after another; needs the network, not part of CI
 	@failed=; for script in findings/*.sh; do \
 	  echo "== $$script"; bash "$$script" || failed="$$failed $$script"; \
 	done; \
@@ -187,7 +187,7 @@ findings: ## run the scripts of findings/ one after another; needs the network, 
 contrib: ## lint and test the packages beside the core, in an environment of their own
 	@$(MAKE) --no-print-directory contrib-checked VENV=$(CONTRIB)
 
-contrib-full: ## their stock clients and extras, also in further environments; half an hour
+contrib-full: ## the tests of contrib with stock clients and extras, in further environments; half an hour
 	@$(MAKE) --no-print-directory contrib-stock VENV=$(CONTRIB)
 
 contrib-env:
@@ -213,13 +213,13 @@ contrib-stock: contrib-env
 engine: dev ## the tests in containers, with a Docker engine; some minutes
 	@$(BIN)/pytest -m engine $(ARGS) tests/engine
 
-contrib-engine: ## those of the images of contrib, by stock clients; some minutes
+contrib-engine: ## the tests of the images of contrib, with stock clients; some minutes
 	@$(MAKE) --no-print-directory contrib-contained VENV=$(CONTRIB)
 
 contrib-contained: contrib-env
 	@$(BIN)/pytest -m engine $(ARGS) contrib/tests/engine
 
-pins: dev ## pin requirements/*.txt anew; ARGS=--upgrade takes newer versions
+pins: dev ## pin requirements/*.txt again; ARGS=--upgrade uses newer versions
 	@$(COMPILE) --extra dev --output-file requirements/dev.txt $(ARGS) pyproject.toml
 	@$(COMPILE) -c requirements/dev.txt --output-file requirements/run.txt pyproject.toml
 	@$(COMPILE) -c requirements/dev.txt --group loop --output-file requirements/loop.txt
@@ -234,11 +234,11 @@ pins: dev ## pin requirements/*.txt anew; ARGS=--upgrade takes newer versions
 sbom: dev ## write which packages each image holds, as CycloneDX, into data/sbom
 	@$(BIN)/python requirements/sbom.py data/sbom
 
-wheels: ## fetch what the images are built from, for deploy/offline.yml; needs Docker
+wheels: ## download the packages of the images, for deploy/offline.yml; needs Docker
 	@docker build --quiet --file deploy/Dockerfile --target fetched --output wheels .
 	@ls wheels | grep -c whl
 
-docs: dev ## write what is generated: docs/reference and deploy/openapi.json
+docs: dev ## generate docs/reference and deploy/openapi.json
 	@$(BIN)/python docs/generate.py
 	@$(BIN)/python docs/generate_cli.py
 	@$(BIN)/python -m pincette_supervisor.rest.api deploy/openapi.json
@@ -254,7 +254,7 @@ installed: ## each wheel in an empty environment, under each Python: its main jo
 	@$(CONTRIB)/bin/pytest -m slow $(ARGS) tests/system/test_release.py contrib/tests/test_extras.py
 	@$(CONTRIB)/bin/pytest $(ARGS) tests/system/test_thin_client.py
 
-site: dev ## build the documentation site into data/site; any warning ends it
+site: dev ## build the documentation site in data/site; warnings are errors
 	@rm -rf data/site data/site-pages
 	@$(SITE) docs data/site -d data/site-pages
 	@echo "data/site/index.html"

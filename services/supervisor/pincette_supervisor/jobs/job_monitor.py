@@ -169,7 +169,7 @@ def stall_words(context: RigContext, reason: TripReason) -> str:
     ages = context.observer.counters.ages()
     transit_s = ages.quantile_s(TAIL) or rig.realtime.computing_s
     told = [
-        f"unless a program hung, the machine stood still: commands came within "
+        f"the machine stalled, unless a program hung: commands came within "
         f"{1e3 * ages.max_s:.0f} ms of their samples, p99.9 {1e3 * transit_s:.0f} ms"
     ]
     known = kept(context.records.parent)
