@@ -91,7 +91,7 @@ def test_all_that_was_declared_continues_in_another_session(
         unanswered(bus, 2)
         after = sessions(bus)
         assert after != before
-        assert "estimator is alive and does not answer" in caplog.text
+        assert "estimator is alive but does not answer" in caplog.text
         unanswered(bus, 5)
         assert sessions(bus) == after, "once, and then not for 30 s"
         until(lambda: "supervisor" in other.alive())

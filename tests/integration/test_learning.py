@@ -132,7 +132,7 @@ def test_what_has_become_worse_is_not_kept_either() -> None:
 
 
 def test_what_has_no_cycles_of_whole_periods_learns_nothing() -> None:
-    with pytest.raises(FaultyRequestError, match=r"must be a whole number; take 2\.94118 Hz"):
+    with pytest.raises(FaultyRequestError, match=r"must be a whole number; use 2\.94118 Hz"):
         plan_job(TRACK.model_copy(update={"frequency_hz": 3.0}), rig())
     steps = TrackJobRequest(kind="track", shape="step", levels_mN=[5.0, 10.0], learn=True)
     with pytest.raises(FaultyRequestError, match="only a sinusoid or a triangle has cycles"):

@@ -301,7 +301,7 @@ def test_a_plan_says_where_the_arm_would_rest() -> None:
     console, out = screen(terminal=False)
     show_plan(planned(), console)
     assert "  position          -2.13 to +1.92 µm" in out.getvalue()
-    assert "  force             -7.64 to +8.46 mN, until the load" in out.getvalue()
+    assert "  force             -7.64 to +8.46 mN, until loading" in out.getvalue()
 
 
 def test_a_plan_of_a_motion_says_what_it_takes_for_granted() -> None:

@@ -68,7 +68,7 @@ def test_a_free_arm_comes_to_rest_and_the_program_ends() -> None:
     assert noted.action.action == "stop"
     assert (
         fault_text(noted.action.reason)
-        == "lease: nothing heard from the supervisor for 0.2 s, limit 0.2 s"
+        == "lease: nothing received from the supervisor for 0.2 s, limit 0.2 s"
     )
     assert bench.state.found == noted.action.reason
     assert [sample.acted for sample in told if sample.acted] == [(Acted.LEASE, Acted.STOP)]
@@ -185,5 +185,5 @@ def test_the_limit_itself_is_within_the_lease() -> None:
     assert asked is not None
     assert (
         fault_text(asked.reason)
-        == "lease: nothing heard from the supervisor for 10.1 s, limit 10 s"
+        == "lease: nothing received from the supervisor for 10.1 s, limit 10 s"
     )

@@ -121,7 +121,7 @@ def test_lines_that_are_too_slow_together_are_refused_with_their_sum() -> None:
 
 
 def test_what_the_output_does_alone_must_be_known() -> None:
-    assert "0.5 s after its host" in watchdog(RIG).what
+    assert "0.5 s after the last message from its host" in watchdog(RIG).what
     without: dict[str, object] = {"driver": "srs_dc205", "options": {}}
     off: dict[str, object] = {"options": {"watchdog_s": 0.0}}
     for options in (without, off):

@@ -99,7 +99,7 @@ def test_both_are_read_back_or_neither() -> None:
 def test_a_wave_is_none_of_the_second_arms() -> None:
     both, _, two = pair()
     for order in (Wave((1.0,), 100.0), CheckWave()):
-        assert "first arm: the voltage output plays no waves" in fault_text(
+        assert "first arm: the voltage output cannot play waves" in fault_text(
             as_fault(both.put_out(order))
         )
     assert two.value == 2.0

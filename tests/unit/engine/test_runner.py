@@ -345,5 +345,5 @@ def test_an_output_without_a_buffer_trips_on_a_wave() -> None:
     (applied,) = outputs
     assert isinstance(applied, Applied)
     assert (applied.state, applied.answered) == ("latched", False)
-    assert "plays no waves" in applied_text(applied)
+    assert "cannot play waves" in applied_text(applied)
     assert output.put_V == [], "it stands at the safe voltage, as it says"

@@ -150,5 +150,5 @@ def test_a_standstill_of_the_process_is_measured_with_what_it_was_at() -> None:
     stood_s, spent_s = attention.within(2.0)
     assert stood_s == pytest.approx(1.25 - GRID_S)
     assert spent_s == {"bus": 0.0, "journal": 0.0, "drawing": 0.7}
-    assert share_words(1.5, attention).startswith("of the last 1.5 s this program stood still")
+    assert share_words(1.5, attention).startswith("in the last 1.5 s this program was stalled")
     assert attention.totals()[0] == pytest.approx(1.25 - GRID_S)

@@ -170,13 +170,13 @@ def test_a_search_without_a_find_is_a_fault_of_the_gains(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def none(_rig: RigFile, _scheme: str, _set: ParameterSet) -> None:
-        raise ValueError("none of the gains tried: take a longer period")
+        raise ValueError("none of the gains tried: choose a longer period")
 
     monkeypatch.setattr(laws, "tuned", none)
     (error,) = refused(harness, {"gains": "tuned"}, "invalid-request")["errors"]
     assert error == {
         "pointer": "/gains",
-        "message": "none of the gains tried: take a longer period",
+        "message": "none of the gains tried: choose a longer period",
     }
 
 

@@ -20,7 +20,7 @@ from .harness import Harness
 
 LENGTH_S = 10.0
 ENDED = fault(FaultCode.LEASE_ENDED, silent_s=10.0, limit_s=10.0)
-WORDS = "lease: nothing heard from the supervisor for 10.0 s, limit 10 s"
+WORDS = "lease: nothing received from the supervisor for 10.0 s, limit 10 s"
 
 
 class Line(CannedRig):

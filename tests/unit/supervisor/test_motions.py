@@ -40,7 +40,7 @@ def plan(
     [
         ({}, "there is none"),
         ({"to_um": 3.0, "by_V": 0.1}, "there is to_um and by_V"),
-        ({"to_V": 1.0, "low_V": 0.0}, "low_V belongs to the cycles"),
+        ({"to_V": 1.0, "low_V": 0.0}, "low_V applies to cycles only"),
         ({"to_V": 1.0, "conditioning_cycles": 1, "low_V": 2.0, "high_V": 1.0}, "not below"),
         ({"to_V": 1.0, "conditioning_cycles": 21}, "less than or equal to 20"),
         ({"to_um": 1.0, "teach": "my pose"}, "string_pattern|should match pattern"),

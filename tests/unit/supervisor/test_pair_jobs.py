@@ -127,13 +127,13 @@ def test_each_path_is_of_its_own_shape_and_time() -> None:
 @pytest.mark.parametrize(
     ("body", "said"),
     [
-        ({"kind": "track", "place": {"shape": "step", "pp_um": 3.0}}, "pp does not go with"),
+        ({"kind": "track", "place": {"shape": "step", "pp_um": 3.0}}, "pp cannot be used with"),
         ({"kind": "track", "place": {"frequency_hz": 1.0}}, "needs pp"),
         ({"kind": "grip", "gains": {"K_P": 0.5}}, "no gain K_P; there are n, f_q, f_F"),
         ({"kind": "carry", "to_um": 3.0}, "the positions of the tips are not known"),
         ({"kind": "move", "to_um": 3.0}, "move is for 1 driven arm, and this rig has 2: it takes"),
         ({"kind": "track"}, "needs a path: give force, place or both"),
-        ({"kind": "track", "cycles": 3}, "cycles is for 1 driven arm, and this rig has 2: leave"),
+        ({"kind": "track", "cycles": 3}, "cycles is for 1 driven arm, and this rig has 2: omit"),
         ({"kind": "grip", "profile": "quick"}, "profile is for 1 driven arm, and this rig has 2"),
         ({"kind": "grip", "gains": "tuned"}, "is for 1 driven arm, but this rig has 2: give"),
     ],

@@ -92,7 +92,7 @@ def test_who_would_wait_too_long_is_sent_away(monkeypatch: pytest.MonkeyPatch) -
     other = threading.Thread(target=teller.dry_run, args=[planned])
     other.start()
     assert entered.wait(10.0)
-    with pytest.raises(ProblemError, match="1 predictions wait already"):
+    with pytest.raises(ProblemError, match="1 predictions are waiting"):
         teller.dry_run(planned)
     go_on.set()
     other.join(10.0)

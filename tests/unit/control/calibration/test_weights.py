@@ -110,5 +110,5 @@ def test_an_arm_that_a_part_holds_up_is_refused(leaves_at_mN: float) -> None:
     x_um = free_um + S_P * borne_mN * (1.0 - 1.0 / (1.0 + S_P * 2.17))
     times_s = [2.5 * step for step in range(len(F))]
     weighed_compliance(F.tolist(), free_um.tolist(), times_s, noise_um=0.005)
-    with pytest.raises(ValueError, match=r"gives way by 0\.\d+ µm/mN up to 5 mN .* a part at"):
+    with pytest.raises(ValueError, match=r"bends by 0\.\d+ µm/mN up to 5 mN .* a part at"):
         weighed_compliance(F.tolist(), x_um.tolist(), times_s, noise_um=0.005)

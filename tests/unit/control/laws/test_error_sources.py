@@ -189,7 +189,7 @@ def test_what_shows_nothing_is_refused() -> None:
     few = {name: np.zeros(LEAST - 1) for name in ("x_um", "x_r_um", "x_d_um", "learned_um")}
     with pytest.raises(ValueError, match="at least 10"):
         replace(perfect(), **few)
-    with pytest.raises(ValueError, match="no whole number of 60"):
+    with pytest.raises(ValueError, match="not a whole number of cycles of 60"):
         replace(perfect(), cycle_ticks=60)
     with pytest.raises(ValueError, match="contact stiffness K_e"):
         replace(perfect(), stiffness_mN_per_um=0.0)

@@ -68,7 +68,7 @@ def test_a_speed_above_the_limit_is_refused_with_value_limit_and_remedy(
     (violation, *_) = found.violations
     assert (violation.pointer, violation.value, violation.unit) == (f"/{name}", 210.0, "µm/s")
     assert violation.limit == pytest.approx(limit)
-    assert f"{100.0 * share:g} % of 20 mN: go more slowly" in violation.message
+    assert f"{100.0 * share:g} % of 20 mN: move more slowly" in violation.message
     assert f"{limit:.3g} µm/s" in violation.message
     assert not speeds(NOTHING._replace(**{name: 0.99 * limit}, load_um_per_s=210.0)).violations
 
