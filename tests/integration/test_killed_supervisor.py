@@ -14,7 +14,7 @@ from pincette.core.messages import Arm, Record
 from pincette.engine.arming import ORDER
 from pincette.records import folder, mcap_reading
 from pincette.records.mcap_file import NAME
-from pincette_recorder.record_keeper import Reply
+from pincette_recorder.record_writer import Reply
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.kinds.motions import HoldJobRequest
 from pincette_supervisor.problems import ProblemError

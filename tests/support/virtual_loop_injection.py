@@ -77,7 +77,7 @@ class Reaction:
         return self.ringing_um / max(self.stroke_um, LEAST_STROKE_UM)
 
 
-def befall(loop: VirtualLoop, fault: Fault) -> None:
+def part_event(loop: VirtualLoop, fault: Fault) -> None:
     """Let the fault happen now."""
     match fault.deed:
         case "kill":
@@ -116,7 +116,7 @@ def inject(at: Place, fault: Fault, phase: float, seed: int) -> Reaction | None:
     """
     loop = at.loop.fork(seed)
     loop.run(loop.now_s + phase * loop.rig.rig.period_s)
-    befall(loop, fault)
+    part_event(loop, fault)
     said = f"{fault.name} in {at.state}, {phase:.4f} T after a grid point, seed {seed}"
     if fault.must == "carry on" or at.state == "idle":
         _check_carries_on(loop, at, said)

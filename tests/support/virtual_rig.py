@@ -35,8 +35,8 @@ from pincette.sim.bench import Bench, open_bench
 from pincette.sim.script.script import script_of
 from pincette_recorder.config import configure
 from pincette_recorder.intake import Intake
-from pincette_recorder.mender import Mender
-from pincette_recorder.record_keeper import Keeper
+from pincette_recorder.record_writer import RecordWriter
+from pincette_recorder.repairer import RecordRepairer
 from pincette_recorder.wall_clock import WallClock
 from tests.support.bytes_bus import BytesBus, carried
 
@@ -76,28 +76,28 @@ class VirtualRig:
         self._late_s = 0.0
         self._intake = Intake(self._now_ns)
         self._config = configure(rig, data)
-        self.keeper, self._mender = self._recorder()
+        self.writer, self._repairer = self._recorder()
         for topic in TOPICS:
             self.bus.subscribe(topic, self._intake.take)
         self.bus.serve(STATUS["recorder"], self._recorder_status)
 
-    def _recorder(self) -> tuple[Keeper, Mender]:
+    def _recorder(self) -> tuple[RecordWriter, RecordRepairer]:
         """Start a recorder, which checks the newest records."""
-        mender = Mender(self._config)
-        mender.check_newest().result()
+        repairer = RecordRepairer(self._config)
+        repairer.check_newest().result()
         wall = WallClock(self._now_ns, self._now_ns)
-        return Keeper(self._config, self._intake, wall, mender, self._recorder_s), mender
+        return RecordWriter(self._config, self._intake, wall, repairer, self._recorder_s), repairer
 
     def restart_recorder(self) -> None:
         """End the recorder, and start another one."""
         with self.turn:
-            self.keeper.close()
-            self._mender.close()
-            self.keeper, self._mender = self._recorder()
+            self.writer.close()
+            self._repairer.close()
+            self.writer, self._repairer = self._recorder()
 
     def sync_record(self) -> None:
         """Let the recorder close its chunk, and wait until the disk has it."""
-        record = self.keeper.record
+        record = self.writer.record
         assert record is not None
         with self.turn:
             record.file.flush()
@@ -131,7 +131,7 @@ class VirtualRig:
             while len(self.applied) == ticks and self.bus.pump():
                 pass
             self.now_s += self.rig.rig.period_s
-            self.keeper.take()
+            self.writer.take()
 
     def call(self, question: Request, request: Message) -> Message:
         """Ask, from any thread; the recorder takes the time that it needs."""
@@ -143,14 +143,14 @@ class VirtualRig:
     def _recorded(self, request: Record | Finish) -> Message:
         replies: list[Message | str] = []
         if isinstance(request, Record):
-            self.keeper.begin(request, replies.append)
+            self.writer.begin(request, replies.append)
         else:
-            self.keeper.finish(request, replies.append)
+            self.writer.finish(request, replies.append)
         for _ in range(WAITS):
             if replies:
                 break
             self._late_s += LATE_S
-            self.keeper.take()
+            self.writer.take()
         if not replies:
             raise BusError("the recorder does not answer")
         if isinstance(replies[0], str):
@@ -163,5 +163,5 @@ class VirtualRig:
 
     def close(self) -> None:
         """Close the record that is open."""
-        self.keeper.close()
-        self._mender.close()
+        self.writer.close()
+        self._repairer.close()

@@ -7,11 +7,11 @@ from pincette.control.faults import Fault, FaultCode, fault
 from pincette.control.record import FrozenRecord
 from pincette.control.safety.admission import (
     CommandFacts,
-    early,
+    authority_fault,
+    is_future,
     judged,
+    reject,
     sampled,
-    turned_away,
-    unheard,
 )
 from pincette.control.safety.arm import ArmOutput
 from pincette.control.safety.causes import AT_REST, Cause, Mode
@@ -19,14 +19,14 @@ from pincette.control.safety.confirmation import (
     begun,
     failed,
     found,
+    needs_no_write,
     read_back_due,
-    stands,
     suspended,
     waits_for_read_back,
 )
 from pincette.control.safety.freshness import newest_seq, skipped_seq
 from pincette.control.safety.latch import (
-    awake,
+    account_for_stall,
     booted,
     ending,
     explained,
@@ -75,7 +75,7 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
     said, busy_s = inputs.device, 0.0
     if said is not None and isinstance(said, Busy):
         said, busy_s = None, said.busy_s
-    state = before = awake(limits, state, now, busy_s)
+    state = before = account_for_stall(limits, state, now, busy_s)
     if said is not None:
         return _device_said(limits, state, said, now)
     skipped = -1
@@ -90,7 +90,7 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
         state, command, facts = _heard(state, inputs.command)
     elif command is not None:
         facts = facts_of(command)
-    if command is not None and facts is not None and not early(state, facts):
+    if command is not None and facts is not None and not is_future(state, facts):
         if state.pending is not None:
             state = replace(state, pending=None)
         state, outputs = _judge(limits, state, command, facts, now)
@@ -147,8 +147,8 @@ def _heard(state: State, command: Command) -> tuple[State, Command | None, Comma
     A command without authority, or a repeated one, does not displace a waiting one.
     """
     facts, waits = facts_of(command), state.pending
-    if why := unheard(state, facts):
-        state = turned_away(state, facts, why)
+    if why := authority_fault(state, facts):
+        state = reject(state, facts, why)
     elif waits is not None and (waits.epoch, waits.seq) >= (command.epoch, command.seq):
         why = fault(FaultCode.COMMAND_REPEATED, seq=command.seq, taken_seq=waits.seq)
         state = replace(state, refused=state.refused + 1, refusal=why)
@@ -206,7 +206,7 @@ def _answer_tick(limits: SafetyLimits, state: State, now: float) -> tuple[State,
         asks = read_back_due(limits, state, now)
         state = replace(state, answered_seq=seq, asked_s=now if asks else state.asked_s)
         return state, (ReadBack(), echo) if asks else (echo,)
-    if limits.lockstep or not stands(state):
+    if limits.lockstep or not needs_no_write(state):
         state = replace(
             state,
             answered_seq=seq,

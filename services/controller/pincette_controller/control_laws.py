@@ -132,7 +132,7 @@ class OneArmLaw:
             x_r_um=ref.x_um,
             force_mN=arm.force_mN if pressed else 0.0,
             force_r_mN=ref.force_mN if pressed else 0.0,
-            seen_V=one_arm.other_view(self.law, other, arm.applied_V, arm.memory),
+            seen_V=one_arm.equivalent_voltage_V(self.law, other, arm.applied_V, arm.memory),
         )
 
     def step(

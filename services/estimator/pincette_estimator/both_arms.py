@@ -19,7 +19,7 @@ LEAST_S = 1.0
 """Time for which a part must have been held before the forces are compared, in s."""
 
 
-class ForcesApart(FrozenRecord, frozen=True):
+class ForceDisagreement(FrozenRecord, frozen=True):
     """The mean difference of both forces while a part is held."""
 
     held_s: float = 0.0
@@ -27,15 +27,15 @@ class ForcesApart(FrozenRecord, frozen=True):
     uncertainty_mN: float = 0.0
     """Uncertainty U of the difference of both forces, in mN."""
 
-    def follow(self, both: Estimate, period_s: float, *, held: bool) -> "ForcesApart":
+    def follow(self, both: Estimate, period_s: float, *, held: bool) -> "ForceDisagreement":
         """Add a sample of both arms; start again if no part is held or a force is not known."""
         first, second = both.arms
         known = first.zero_age_s is not None and second.zero_age_s is not None
         if not held or not both.valid or not known:
-            return ForcesApart() if self.held_s else self
+            return ForceDisagreement() if self.held_s else self
         difference_mN, mean_mN = first.force_mN - second.force_mN, self.mean_mN
         share = 1.0 if not self.held_s else 1.0 - exp(-period_s / APART_S)
-        return ForcesApart(
+        return ForceDisagreement(
             self.held_s + period_s,
             mean_mN + share * (difference_mN - mean_mN),
             hypot(first.force_uncertainty_mN, second.force_uncertainty_mN),

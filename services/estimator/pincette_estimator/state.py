@@ -20,7 +20,7 @@ from pincette.control.response.stroke_check import LARGEST_CHANGE, Base, Bottom,
 from pincette.control.response.unknown_past import UnknownPast
 from pincette.control.response.voltage_memory import VoltageMemory
 from pincette.core.messages import Applied, Position
-from pincette_estimator.both_arms import ForcesApart
+from pincette_estimator.both_arms import ForceDisagreement
 
 SURE = 3.0
 """Multiple of U above which a force before a zero is not taken for an error. The zero has not
@@ -223,7 +223,7 @@ class State(FrozenRecord, frozen=True):
     arms: tuple[ArmState, ...]
     epoch: int = 0
     refused: int = 0
-    apart: ForcesApart = field(default_factory=ForcesApart)
+    apart: ForceDisagreement = field(default_factory=ForceDisagreement)
     """Mean difference between the forces of two arms."""
 
     @property

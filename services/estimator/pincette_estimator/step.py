@@ -12,7 +12,7 @@ from pincette.control.response.free_response import FreeResponse, rest_mean
 from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.response.reversal_memory import ReversalMemory
 from pincette.control.response.stroke_check import (
-    Doubt,
+    MeasurementErrors,
     StrokeChange,
     corrected,
     rest_base,
@@ -300,7 +300,7 @@ def _compare_stroke(config: ArmConfig, state: ArmState) -> StrokeChange | None:
             abs(end_um - begin_um)
             for end_um, begin_um in zip(ends_um, state.bottom.apart_um, strict=True)
         )
-    doubt = Doubt(
+    doubt = MeasurementErrors(
         config.sensor_noise_um,
         config.drift_um_per_s,
         past_creep_um(config, response),
@@ -396,7 +396,7 @@ def _begun(config: ArmConfig, state: ArmState, request: Arm) -> ArmState:
     kept = (state.zero_kept or state.observed_seq is not None) and not request.zero_confirmed
     if kept and not same:
         response = response.begin(state.response.position_um())
-    unknown = state.unknown if same else config.unknown.led_through(state.past)
+    unknown = state.unknown if same else config.unknown.replayed(state.past)
     played_s = _played_s(config, state) if kept else 0.0
     carried = request.zero_kept and kept and same
     return ArmState(

@@ -18,8 +18,8 @@ from pincette_recorder import record_repair
 from pincette_recorder.background_sync import BEHIND_S
 from pincette_recorder.config import RecorderConfig, configure
 from pincette_recorder.intake import Intake
-from pincette_recorder.mender import MOST_TEXT, Mender
-from pincette_recorder.record_keeper import Keeper, Reply
+from pincette_recorder.record_writer import RecordWriter, Reply
+from pincette_recorder.repairer import MOST_TEXT, RecordRepairer
 from pincette_recorder.wall_clock import WallClock
 
 log = logging.getLogger(__name__)
@@ -29,14 +29,14 @@ TIDY_S = 600.0
 
 
 class Recorder:
-    """Runs a keeper in its own thread, and a mender of closed records in another."""
+    """Runs a record writer in its own thread, and a repairer of closed records in another."""
 
     def __init__(self, config: RecorderConfig, bus: ZenohBus) -> None:
         self._config, self._bus = config, bus
         wall = WallClock()
         self._intake = Intake(wall.now_ns)
-        self._mender = Mender(config)
-        self._keeper = Keeper(config, self._intake, wall, self._mender)
+        self._repairer = RecordRepairer(config)
+        self._writer = RecordWriter(config, self._intake, wall, self._repairer)
         self._asked: queue.SimpleQueue[tuple[Message, Reply] | None] = queue.SimpleQueue()
         """Requests; None wakes the writing thread."""
         self._instance = secrets.randbits(48)
@@ -51,27 +51,27 @@ class Recorder:
         self._bus.serve(STATUS["recorder"], lambda _, _request, reply: reply(self._status()))
 
     def _status(self) -> Status:
-        keeper, record = self._keeper, self._keeper.record
-        lost = keeper.dropped + self._intake.dropped.total()
+        writer, record = self._writer, self._writer.record
+        lost = writer.dropped + self._intake.dropped.total()
         counts = {
-            "finished": keeper.finished,
-            "closed_after_a_crash": self._mender.mended,
-            "old_ones_deleted": self._mender.deleted,
+            "finished": writer.finished,
+            "closed_after_a_crash": self._repairer.repaired,
+            "old_ones_deleted": self._repairer.deleted,
             "messages_lost": lost,
         }
         doing = "idle" if record is None else f"records job {record.job}"
-        doing = "; ".join(filter(None, (doing, keeper.lack)))[:MOST_TEXT]
+        doing = "; ".join(filter(None, (doing, writer.lack)))[:MOST_TEXT]
         counted = {name: float(count) for name, count in counts.items() if count}
         findings = [fault(FaultCode.RECORDER_STATE, doing, **counted)]
         if record is not None and record.trouble:
             findings.append(fault(FaultCode.RECORD_TROUBLE, record.trouble))
         if (behind_s := self._behind_s()) > BEHIND_S:
             findings.append(fault(FaultCode.RECORD_BEHIND, behind_s=behind_s, limit_s=BEHIND_S))
-        if damaged := dict(self._mender.damaged):
+        if damaged := dict(self._repairer.damaged):
             words = "; ".join(f"{name}: {', '.join(names)}" for name, names in damaged.items())
             place = f"{self._config.records}: {words}"[:MOST_TEXT]
             findings.append(fault(FaultCode.RECORD_DAMAGED, place, records=float(len(damaged))))
-        if (step_s := self._mender.counted.step_s) is not None:
+        if (step_s := self._repairer.counted.step_s) is not None:
             findings.append(fault(FaultCode.CLOCK_STEPPED, step_s=step_s))
         if (refused := self._bus.refused.finding()) is not None:
             findings.append(refused)
@@ -81,7 +81,7 @@ class Recorder:
             instance=self._instance,
             digest=self._config.digest,
             epoch=0 if record is None else record.epoch,
-            steps=keeper.written,
+            steps=writer.written,
             missed=lost,
             refused=self._bus.refused.count,
             findings=tuple(findings),
@@ -89,7 +89,7 @@ class Recorder:
 
     def _behind_s(self) -> float:
         """Return the age of the oldest message that a power cut would lose now, in s."""
-        record = self._keeper.record
+        record = self._writer.record
         unsynced_s = 0.0 if record is None else record.unsynced_s
         return max(unsynced_s, self._intake.waiting_s)
 
@@ -103,41 +103,41 @@ class Recorder:
             self._check_newest()
             while not stop.is_set():
                 self._answer_one()
-                self._mender.counted.count()
-                self._keeper.take()
-                if self._keeper.record is None and monotonic() >= self._tidy_at_s:
+                self._repairer.counted.count()
+                self._writer.take()
+                if self._writer.record is None and monotonic() >= self._tidy_at_s:
                     self._tidy()
         finally:
             try:
-                self._keeper.close()
+                self._writer.close()
             finally:
                 stop.set()
-                self._mender.close()
+                self._repairer.close()
 
     def _answer_one(self) -> None:
         try:
-            asked = self._asked.get(timeout=IDLE_LOOK_S if self._keeper.idle else LOOK_S)
+            asked = self._asked.get(timeout=IDLE_LOOK_S if self._writer.idle else LOOK_S)
         except queue.Empty:
             return
         if asked is None:
             return
         request, reply = asked
         if isinstance(request, Record):
-            self._keeper.begin(request, reply)
+            self._writer.begin(request, reply)
         else:
-            self._keeper.finish(cast(Finish, request), reply)
+            self._writer.finish(cast(Finish, request), reply)
             self._tidy_at_s = min(self._tidy_at_s, monotonic() + 1.0)
 
     def _check_newest(self) -> None:
         try:
-            self._mender.check_newest()
+            self._repairer.check_newest()
         except OSError as error:
             log.error("%s: %s", self._config.records, error)
 
     def _tidy(self) -> None:
         self._tidy_at_s = monotonic() + TIDY_S
         try:
-            self._mender.tidy(record_repair.unclosed(self._config.records))
+            self._repairer.tidy(record_repair.unclosed(self._config.records))
         except OSError as error:
             log.error("%s: %s", self._config.records, error)
 

@@ -199,7 +199,7 @@ class AlarmLog:
     def raise_trip(self, reason: TripReason, words: str, job: str | None, detail: str = "") -> None:
         """Raise the alarm of a trip, only once for each trip; ``detail`` says what failed."""
         # Asked without the lock, which an emergency stop takes, too: the journal may hang.
-        stands = self._stands_already(reason.cause)
+        stands = self._is_raised_already(reason.cause)
         with self._lock:
             by = self._by.pop(reason.cause, "")
             known = self._tripped == reason or stands
@@ -217,7 +217,7 @@ class AlarmLog:
             detail=detail,
         )
 
-    def _stands_already(self, code: str) -> bool:
+    def _is_raised_already(self, code: str) -> bool:
         """Return whether an earlier supervisor has raised the actuator's present trip."""
         if not self._new:
             return False

@@ -24,10 +24,10 @@ from pincette.api.states import STATES
 from pincette.core.faults import Mode
 from pincette.core.messages import Estimate, Status
 from pincette.core.topics import LOOP
-from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.fleet.rigs import Rigs
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.database import StoreError
+from pincette_supervisor.process_load import PROCESS_LOAD
 from pincette_supervisor.rigs.counters import (
     BOUNDS_S,
     FORCE_BOUNDS_MN,
@@ -390,7 +390,7 @@ def supervisor(_: Scrape) -> Readings:
     """Time of the supervisor by activity: `stood`, its process did not run; `bus`, messages;
     `journal`, writes; `drawing`; the activities overlap.
     """
-    stood_s, spent_s = ATTENTION.totals()
+    stood_s, spent_s = PROCESS_LOAD.totals()
     yield ("stood",), stood_s
     for share, each_s in spent_s.items():
         yield (share,), each_s

@@ -38,7 +38,6 @@ from pincette_supervisor.access.access import (
     authenticator_of,
     require_key,
 )
-from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.config import configure
 from pincette_supervisor.fleet.rig_finder import RigFinder
 from pincette_supervisor.fleet.rigs import RigFactory, Rigs
@@ -49,6 +48,7 @@ from pincette_supervisor.notify import Outbox, senders_of
 from pincette_supervisor.planning.prediction import played
 from pincette_supervisor.planning.worker import Worker
 from pincette_supervisor.plugin import import_functions
+from pincette_supervisor.process_load import PROCESS_LOAD
 from pincette_supervisor.rest.api import create_app
 from pincette_supervisor.rest.connections import server_context
 from pincette_supervisor.rest.server import server_of
@@ -129,7 +129,7 @@ def run(context: Context) -> None:
         serve_alone(bus, context.rig.rig.name, context.stop)
         tls = None if config.tls is None else server_context(config.tls)
         clock = SuspendAwareClock()
-        stack.enter_context(closing(ATTENTION)).start(clock.sample)
+        stack.enter_context(closing(PROCESS_LOAD)).start(clock.sample)
         senders = senders_of(context.rig.supervisor, context.data)
         stack.enter_context(closing(Outbox(store, senders)))
         listeners = Listeners()
@@ -176,7 +176,7 @@ def run(context: Context) -> None:
                 clears="acknowledge",
             )
         if not context.rig.lockstep:  # where programs may take as long as they like
-            watch = UnheardWatch(
+            watch = LoopbackWatch(
                 # Another session than the one that holds the token.
                 lambda: SUPERVISOR in own_buses[-1].alive(),
                 partial(can_join, context.open_bus),
@@ -263,7 +263,7 @@ MOST_DOUBLED = 4
 """Largest number of doublings of the time: on a silent bus, one restart every 8 minutes."""
 
 
-class UnheardWatch:
+class LoopbackWatch:
     """Checks whether the supervisor receives its own messages, and restarts it otherwise.
 
     It restarts only if a new session can be opened: without a router, or with one that hangs, a new

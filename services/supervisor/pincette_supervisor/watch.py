@@ -503,7 +503,7 @@ class AlarmMonitor:
         if not at_rest or self._active() is not None or self._busy_s == float("-inf"):
             self._busy_s = now_s
         elif now_s - self._busy_s >= IDLE_S:
-            self._context.health.let_sample_seldom()
+            self._context.health.reduce_sampling()
 
     def _raise_transient(self, cause: str, words: str) -> None:
         self._context.alarms.raise_alarm(

@@ -147,8 +147,8 @@ class Guard:
         if admitted and one.inner is not None:
             self._forget(one)
             ends = one.outer, one.inner
-            whence = f"{one.address}:{one.port}"
-            relay = Relay(self._selector, *ends, self._relays.discard, whence)
+            origin = f"{one.address}:{one.port}"
+            relay = Relay(self._selector, *ends, self._relays.discard, origin)
             self._relays.add(relay)
             for line in ends:
                 limit_buffer(line)

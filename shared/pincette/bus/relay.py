@@ -45,10 +45,10 @@ class Relay:
         outer: Stream,
         inner: Stream,
         ended: Callable[["Relay"], None],
-        whence: str = "",
+        origin: str = "",
     ) -> None:
         self._selector, self._ended = selector, ended
-        self.whence = whence
+        self.origin = origin
         self.why = ""
         """Reason why the relay has ended; empty before."""
         self.outer = outer

@@ -87,7 +87,7 @@ class Joined:
         link, now_s = event.link, monotonic()
         end = str(link.dst).partition("/")[2]
         led_in = self.guard and self.guard.link_of(end)
-        peer = f"{link.auth_identifier or 'a program'} at {led_in.whence if led_in else end}"
+        peer = f"{link.auth_identifier or 'a program'} at {led_in.origin if led_in else end}"
         if event.kind == zenoh.SampleKind.PUT:
             self._up[end] = now_s, peer
             inodes = self._sockets.add(str(link.src), str(link.dst))

@@ -116,7 +116,7 @@ class EmergencyStop:
         """Names of rigs with a token on the router and no actuator; see ``AbsentError``."""
         self.answered = False
         """True once the supervisor has stopped all rigs that it serves."""
-        self.nobody_there = False
+        self.is_unreachable = False
         """True if no program listens at the actuator's port."""
         self._limit_s = LIMIT_S
         """Time for which the ways have been waited for, in s."""
@@ -198,7 +198,7 @@ class EmergencyStop:
                 if self._direct_ended.is_set() and self._routed_ended.wait(LOOK_S):
                     break
                 self._direct_ended.wait(LOOK_S)
-            if self.nobody_there and rig not in self.attempts.confirmed:
+            if self.is_unreachable and rig not in self.attempts.confirmed:
                 return (
                     f"rig {rig} is reported as stopped, but no program listens at its "
                     "actuator's port: another program may have taken the supervisor's port"
@@ -264,7 +264,7 @@ class EmergencyStop:
                 try:
                     self._trip(own, STRAIGHT, lambda: direct_endpoint(file, ACTUATOR))
                 except BusError as error:
-                    self.nobody_there = isinstance(error.__cause__, ConnectionRefusedError)
+                    self.is_unreachable = isinstance(error.__cause__, ConnectionRefusedError)
                     raise
                 finally:
                     self._direct_ended.set()

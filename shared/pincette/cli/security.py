@@ -192,7 +192,7 @@ def revoke(
         raise CliError("revoke: give either the NAME of a certificate or --anew")
     folder = Folder(path)
     if name is None:
-        _begin_list_anew(folder)
+        _start_empty_list(folder)
         return
     who = folder.named(name)
     rest = f"copy {path / REVOKED} to the other machines of the rig"
@@ -204,7 +204,7 @@ def revoke(
     _print("revoked", (who,), rest)
 
 
-def _begin_list_anew(folder: Folder) -> None:
+def _start_empty_list(folder: Folder) -> None:
     """Write an empty list of revoked certificates, unless there is a valid one."""
     folder.authority()
     with suppress(SecurityError):

@@ -164,7 +164,7 @@ def loop(rig: RigFile, settings: LawSettings) -> Loop:
         period_s=rig.rig.period_s,
         force_filter_s=rig.model.force_filter_s,
         output_lag_s=rig.model.output_lag_s,
-        told=rig.output_timing,
+        assumed_timing=rig.output_timing,
         observer=force_observer(rig),
     )
 

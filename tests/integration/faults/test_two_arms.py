@@ -13,7 +13,7 @@ from pincette.core.wording import applied_text
 from tests.support.reactions import REACTION_S, SAFE_S, TRIPPED, within
 from tests.support.two_arms import FORCE_MN, T, short_grip, two_arm_rig
 from tests.support.virtual_loop_catalogue import ECHO_LATE_S, FATAL
-from tests.support.virtual_loop_injection import Fault, befall
+from tests.support.virtual_loop_injection import Fault, part_event
 from tests.support.virtual_loop_places import view_of
 from tests.support.virtual_pair import ARMS, NAMES, VirtualPairLoop
 
@@ -64,7 +64,7 @@ def hurt(state: str, fault: Fault, phase: float, seed: int = 1) -> tuple[Virtual
     """A fork of the loop with the fault in it, and when that came."""
     loop = place(state).fork(seed)
     loop.run(loop.now_s + phase * T)
-    befall(loop, fault)
+    part_event(loop, fault)
     return loop, loop.now_s
 
 

@@ -13,8 +13,8 @@ from pincette.core.messages import Ack, Finish, Message, Record, Recorded
 from pincette.core.topics import TOPIC_OF
 from pincette_recorder.config import RecorderConfig
 from pincette_recorder.intake import Intake
-from pincette_recorder.mender import Mender
-from pincette_recorder.record_keeper import Keeper
+from pincette_recorder.record_writer import RecordWriter
+from pincette_recorder.repairer import RecordRepairer
 from pincette_recorder.wall_clock import WallClock
 from tests.support.bytes_bus import carried
 from tests.support.recorded import ABOUT, EPOCH, PERIOD_S, START_NS
@@ -44,14 +44,14 @@ class Bench:
         """Time by which the machine's clock was set."""
         self.wall = WallClock(self.wall_ns, self.clock_ns)
         self.intake = Intake(self.wall.now_ns, room)
-        self.mender = Mender(self.config)
-        self.keeper = self.new_keeper()
+        self.repairer = RecordRepairer(self.config)
+        self.writer = self.new_keeper()
         self.begun: list[Message | str] = []
         self.replies: list[Message | str] = []
 
-    def new_keeper(self) -> Keeper:
+    def new_keeper(self) -> RecordWriter:
         """As of a recorder that has just been started."""
-        return Keeper(self.config, self.intake, self.wall, self.mender, lambda: self.now_s)
+        return RecordWriter(self.config, self.intake, self.wall, self.repairer, lambda: self.now_s)
 
     def clock_ns(self) -> int:
         return START_NS + round((self.now_s - 100.0) * 1e9)
@@ -63,7 +63,7 @@ class Bench:
         """Ask for a record; None where the answer is still to come."""
         whose = {**ABOUT, "job": job, "epoch": str(epoch), **about}
         self.begun.clear()
-        self.keeper.begin(Record(job, epoch, Document(json.dumps(whose))), self.begun.append)
+        self.writer.begin(Record(job, epoch, Document(json.dumps(whose))), self.begun.append)
         return self.answer
 
     @property
@@ -83,20 +83,20 @@ class Bench:
     def wait(self, seconds: float) -> None:
         """Let time pass, and the keeper look."""
         self.now_s += seconds
-        self.keeper.take()
+        self.writer.take()
 
     def finish(
         self, last_seq: int | None, job: str = "j-1", epoch: int = EPOCH
     ) -> Recorded | str | None:
         """Ask for the end; None where the answer is still to come."""
         self.replies.clear()
-        self.keeper.finish(carried(Finish(job, epoch, last_seq)), self.replies.append)
+        self.writer.finish(carried(Finish(job, epoch, last_seq)), self.replies.append)
         return self.reply
 
     def ended(self, last_seq: int | None, job: str = "j-1", epoch: int = EPOCH) -> Recorded | str:
         """Ask for the end of a record that is not open, and wait for the answer."""
         answers = SimpleQueue[Message | str]()
-        self.keeper.finish(carried(Finish(job, epoch, last_seq)), answers.put)
+        self.writer.finish(carried(Finish(job, epoch, last_seq)), answers.put)
         answer = answers.get(timeout=60.0)
         assert isinstance(answer, Recorded | str)
         return answer
@@ -116,5 +116,5 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     """A keeper of an empty folder."""
     bench = Bench(tmp_path)
     yield bench
-    bench.keeper.close()
-    bench.mender.close()
+    bench.writer.close()
+    bench.repairer.close()

@@ -46,7 +46,7 @@ def test_a_record_that_is_complete(bench: Bench) -> None:
     assert recording.closing["messages_position"] == "30"
     assert recording.attachments["rig.json"] == b'{"rig": {"name": "demo"}}'
     assert _manifest(bench)["complete"] is True
-    assert bench.keeper.record is None
+    assert bench.writer.record is None
 
 
 def test_tables_agree_with_the_messages_bit_for_bit(bench: Bench) -> None:
@@ -86,9 +86,9 @@ def test_what_finds_no_room_is_counted_and_told(tmp_path: Path) -> None:
     bench = Bench(tmp_path, room=10)
     messages = loop(4)
     bench.begin()
-    assert bench.keeper.lack == ""
+    assert bench.writer.lack == ""
     bench.feed(messages)
-    assert "job j-1 lacks messages: " in bench.keeper.lack
+    assert "job j-1 lacks messages: " in bench.writer.lack
     recorded = bench.finish(1)
     assert recorded is None
     bench.wait(2.0)
@@ -112,7 +112,7 @@ def test_a_sample_that_never_came_is_noticed(bench: Bench) -> None:
     assert (recorded.complete, recorded.dropped) == (False, 1)
     assert "1 messages of position were not received" in recorded.detail
     assert (
-        bench.keeper.lack
+        bench.writer.lack
         == "the record of job j-1 lacks messages: 1 messages of position were not received"
     )
 
@@ -174,13 +174,13 @@ def test_a_silent_loop_is_given_up(bench: Bench) -> None:
     bench.begin()
     bench.feed(loop(20)[:60])
     bench.wait(9.0)
-    assert bench.keeper.record is not None
+    assert bench.writer.record is not None
     bench.feed([item for item in loop(20)[60:] if not isinstance(item, Applied)])
     bench.wait(0.0)
     bench.wait(9.9)
-    assert bench.keeper.record is not None
+    assert bench.writer.record is not None
     bench.wait(0.2)
-    assert bench.keeper.record is None
+    assert bench.writer.record is None
     manifest = _manifest(bench)
     assert manifest["complete"] is False
     assert "the loop was silent for 10 s" in manifest["detail"]
@@ -192,7 +192,7 @@ def test_an_idle_loop_that_goes_on_measuring_is_no_sign_of_life(bench: Bench) ->
     for seq in range(30, 42):
         bench.feed([Position(EPOCH, seq, 0.0, (ArmPosition(0.0, valid=True),))])
         bench.wait(1.0)
-    assert bench.keeper.record is None
+    assert bench.writer.record is None
     assert "it was not finished" in _manifest(bench)["detail"]
 
 
@@ -202,7 +202,7 @@ def test_a_pause_is_not_silent(bench: Bench) -> None:
     for seq in range(60):
         bench.feed([replace(armed, seq=seq)])
         bench.wait(1.0)
-    assert bench.keeper.record is not None
+    assert bench.writer.record is not None
 
 
 def test_finishing_twice_gives_the_same_answer(bench: Bench) -> None:
@@ -223,13 +223,13 @@ def test_finishing_what_was_given_up_says_so(bench: Bench) -> None:
 
 def test_finishing_after_a_restart_of_the_recorder(bench: Bench) -> None:
     messages = _whole(bench)
-    bench.keeper.take()
-    assert bench.keeper.record is not None
-    bench.keeper.record.file.flush()
-    bench.keeper.record.file.abandon()
-    bench.keeper = bench.new_keeper()
+    bench.writer.take()
+    assert bench.writer.record is not None
+    bench.writer.record.file.flush()
+    bench.writer.record.file.abandon()
+    bench.writer = bench.new_keeper()
     answers = SimpleQueue[Message | str]()
-    bench.keeper.finish(Finish("j-1", EPOCH, 29), answers.put)
+    bench.writer.finish(Finish("j-1", EPOCH, 29), answers.put)
     recorded = answers.get(timeout=60.0)
     assert isinstance(recorded, Recorded)
     assert (recorded.complete, recorded.messages) == (False, len(messages))
@@ -288,7 +288,7 @@ def test_ending_closes_what_is_open(bench: Bench) -> None:
     messages = loop(20)[:60]
     bench.begin()
     bench.feed(messages)
-    bench.keeper.close()
+    bench.writer.close()
     assert mcap_reading.read(_folder(bench) / "job.mcap").messages == messages
     assert "the recorder was ended" in _manifest(bench)["detail"]
 

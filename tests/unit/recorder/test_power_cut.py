@@ -25,7 +25,7 @@ from pincette.records.columns import columns
 from pincette.records.mcap_file import McapFile
 from pincette_recorder import background_sync, record_repair
 from pincette_recorder.background_sync import BEHIND_S, BackgroundSync
-from pincette_recorder.mender import Mender
+from pincette_recorder.repairer import RecordRepairer
 from tests.support.durable import Durable
 from tests.support.loop_disk import loop_disk, mounted
 from tests.support.recorded import ABOUT, EPOCH, PERIOD_S, START_NS, loop
@@ -48,8 +48,8 @@ def recording(disk: Durable, tmp_path: Path) -> Iterator[Bench]:
     (tmp_path / "data").mkdir()
     bench = Bench(tmp_path / "data")
     yield bench
-    bench.keeper.close()
-    bench.mender.close()
+    bench.writer.close()
+    bench.repairer.close()
 
 
 def until(condition: Callable[[], bool]) -> None:
@@ -63,12 +63,12 @@ def manifest_of(folder: Path) -> dict[str, Any]:
     return json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
 
 
-def restart(records: Path) -> Mender:
+def restart(records: Path) -> RecordRepairer:
     """Do what a recorder does at its start; returns when that is done."""
-    mender = Mender(replace(CONFIG, records=records))
-    mender.check_newest().result()
-    mender.close()
-    return mender
+    repairer = RecordRepairer(replace(CONFIG, records=records))
+    repairer.check_newest().result()
+    repairer.close()
+    return repairer
 
 
 def test_a_finished_record_outlasts_a_power_cut(
@@ -122,7 +122,7 @@ def test_samples_of_a_running_job_reach_the_disk_within_a_second(
     recording.feed(messages)
     recording.wait(0.0)
     recording.wait(0.3)  # the age at which a chunk is closed
-    record = recording.keeper.record
+    record = recording.writer.record
     assert record is not None
     assert 0.0 < record.unsynced_s < WAIT_S
     until(lambda: record.unsynced_s == 0.0)
@@ -137,7 +137,7 @@ def test_what_is_left_is_repaired(disk: Durable, recording: Bench, tmp_path: Pat
     recording.feed(loop(30)[:150])
     recording.wait(0.0)
     recording.wait(0.3)
-    record = recording.keeper.record
+    record = recording.writer.record
     assert record is not None
     until(lambda: record.unsynced_s == 0.0)
     left = disk.cut(recording.jobs.parent, tmp_path / "left") / "jobs"
@@ -192,8 +192,8 @@ def test_tables_and_manifest_are_made_again_from_the_messages(
     folder = bench.jobs / "j-1"
     before = {one: (folder / one).read_bytes() for one in (*TABLES, "job.mcap")}
     hurt(folder / name, damage)
-    mender = restart(bench.jobs)
-    assert mender.damaged == {}
+    repairer = restart(bench.jobs)
+    assert repairer.damaged == {}
     assert files.damaged(folder) == []
     assert manifest_of(folder)["complete"] is True
     assert (folder / "job.mcap").read_bytes() == before["job.mcap"]
@@ -229,8 +229,8 @@ def test_messages_that_are_lost_are_reported_and_nothing_is_deleted(bench: Bench
     content[len(content) // 2] ^= 0xFF
     (folder / "job.mcap").write_bytes(content)
     table = (folder / "samples.parquet").read_bytes()
-    mender = restart(bench.jobs)
-    assert mender.damaged == {"j-1": ["job.mcap"]}
+    repairer = restart(bench.jobs)
+    assert repairer.damaged == {"j-1": ["job.mcap"]}
     assert (folder / "samples.parquet").read_bytes() == table
     assert (folder / "job.mcap").read_bytes() == content
     assert manifest_of(folder)["complete"] is False
@@ -305,17 +305,17 @@ def test_on_a_file_system_that_is_cut_off_a_finished_record_is_whole(tmp_path: P
         bench.feed(loop(30)[:150])
         bench.wait(0.0)
         bench.wait(0.3)
-        record = bench.keeper.record
+        record = bench.writer.record
         assert record is not None
         until(lambda: record.unsynced_s == 0.0)
         image = disk.cut(tmp_path / "cut.img")
-        bench.keeper.close()
-        bench.mender.close()
+        bench.writer.close()
+        bench.repairer.close()
     with mounted(image, tmp_path / "left") as root:
         assert files.damaged(root / "jobs" / "j-1") == []
         assert manifest_of(root / "jobs" / "j-1")["complete"] is True
-        mender = restart(root / "jobs")
-        assert mender.mended == 1
+        repairer = restart(root / "jobs")
+        assert repairer.repaired == 1
         assert mcap_reading.read(root / "jobs" / "j-2" / "job.mcap").messages == loop(30)[:150]
 
 
@@ -336,12 +336,12 @@ def test_the_end_of_a_record_that_raises_anything_is_answered(
 
     monkeypatch.setattr(record_repair, "restore", torn)
     replies: list[object] = []
-    mender = Mender(recording.config)
+    repairer = RecordRepairer(recording.config)
     try:
-        mender.tell_end(Finish("j-1", EPOCH, 29), replies.append)
+        repairer.tell_end(Finish("j-1", EPOCH, 29), replies.append)
         until(lambda: bool(replies))
     finally:
-        mender.close()
+        repairer.close()
     assert isinstance(replies[0], str)
 
 
@@ -361,16 +361,16 @@ def test_a_supervisor_waits_for_one_record_at_most_of_those_that_a_start_compare
 
     monkeypatch.setattr(record_repair, "restore", noted)
     at_reply: list[int] = []
-    mender = Mender(recording.config)
+    repairer = RecordRepairer(recording.config)
     try:
-        checking = mender.check_newest()
+        checking = repairer.check_newest()
         until(lambda: bool(compared))
-        mender.tell_end(Finish(compared[0], EPOCH, 29), lambda _: at_reply.append(len(compared)))
+        repairer.tell_end(Finish(compared[0], EPOCH, 29), lambda _: at_reply.append(len(compared)))
         going.set()
         checking.result(WAIT_S)
         until(lambda: bool(at_reply))
     finally:
-        mender.close()
+        repairer.close()
     assert at_reply[0] <= 2
     assert {*compared} == {*names}
 

@@ -16,36 +16,36 @@ from .conftest import Bench
 def test_another_job_is_refused_while_the_loop_plays(bench: Bench) -> None:
     bench.begin()
     bench.feed(loop(20)[:60])
-    bench.keeper.take()
+    bench.writer.take()
     assert bench.begin("j-2", EPOCH + 2) is None
     for fed in range(60, 120, 20):
         bench.feed(loop(60)[fed : fed + 20])
         bench.wait(0.7)
     assert bench.answer == "job j-1 is being recorded, and its motion still runs"
-    assert bench.keeper.record is not None
-    assert bench.keeper.record.job == "j-1"
+    assert bench.writer.record is not None
+    assert bench.writer.record.job == "j-1"
 
 
 def test_another_job_waits_for_the_last_sample_of_the_one_before(bench: Bench) -> None:
     bench.begin()
     played = loop(20)
     bench.feed(played[:-3])
-    bench.keeper.take()
+    bench.writer.take()
     assert bench.begin("j-2", EPOCH + 2) is None
     bench.wait(0.1)
     assert bench.answer is None
     bench.feed(played[-3:])
     bench.wait(0.1)
     assert bench.answer == Ack(0)
-    assert bench.keeper.record is not None
-    assert bench.keeper.record.job == "j-2"
+    assert bench.writer.record is not None
+    assert bench.writer.record.job == "j-2"
 
 
 def test_a_job_that_waits_for_another_lets_it_finish_whole(bench: Bench) -> None:
     bench.begin()
     played = loop(20)
     bench.feed(played[:-3])
-    bench.keeper.take()
+    bench.writer.take()
     assert bench.finish(19) is None
     assert bench.begin("j-2", EPOCH + 2) is None
     bench.feed(played[-3:])
@@ -57,12 +57,12 @@ def test_a_job_that_waits_for_another_lets_it_finish_whole(bench: Bench) -> None
 def test_another_job_takes_over_from_one_that_nobody_finished(bench: Bench) -> None:
     bench.begin()
     bench.feed(loop(20))
-    bench.keeper.take()
+    bench.writer.take()
     assert bench.begin("j-2", EPOCH + 2) == Ack(0)
     manifest = json.loads((bench.jobs / "j-1" / "manifest.json").read_text(encoding="utf-8"))
     assert "began before this record was finished" in manifest["detail"]
-    assert bench.keeper.record is not None
-    assert bench.keeper.record.job == "j-2"
+    assert bench.writer.record is not None
+    assert bench.writer.record.job == "j-2"
 
 
 def test_a_folder_that_has_a_record_is_refused(bench: Bench) -> None:
@@ -77,7 +77,7 @@ def test_a_folder_that_has_a_record_is_refused(bench: Bench) -> None:
 def test_a_full_disk_is_refused(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     bench.config = replace(bench.config, min_free_bytes=10**18)
-    bench.keeper = bench.new_keeper()
+    bench.writer = bench.new_keeper()
     answer = bench.begin()
     assert isinstance(answer, str)
     assert "must be at least 1000000000000 MB ([recorder] min_free_MB)" in answer
@@ -94,7 +94,7 @@ def test_a_job_that_is_no_name_of_a_folder_is_refused(bench: Bench, job: str) ->
 @pytest.mark.parametrize("about", ["[]", "{", '{"a": 1}', '{"period_s": "x"}', '{"period_s": "0"}'])
 def test_about_that_is_no_map_of_texts_is_refused(bench: Bench, about: str) -> None:
     answers: list[Message | str] = []
-    bench.keeper.begin(Record("j-1", EPOCH, Document(about)), answers.append)
+    bench.writer.begin(Record("j-1", EPOCH, Document(about)), answers.append)
     (answer,) = answers
     assert isinstance(answer, str)
     assert answer.startswith("about: ")

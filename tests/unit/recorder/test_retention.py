@@ -11,7 +11,7 @@ import pytest
 from pincette.records import folder as files
 from pincette_recorder import counted_time, retention
 from pincette_recorder.counted_time import STATE, CountedTime
-from pincette_recorder.mender import Mender
+from pincette_recorder.repairer import RecordRepairer
 from pincette_recorder.retention import Kept, records_to_delete
 
 from .conftest import CONFIG
@@ -91,12 +91,12 @@ class Machine:
 
     def boot(self, off_s: float = 0.0, *, saved: bool = True) -> None:
         """Start the recorder, after the machine was off for a time."""
-        if saved and hasattr(self, "mender"):
-            self.mender.close()
+        if saved and hasattr(self, "repairer"):
+            self.repairer.close()
         self.wall_s += off_s
         self.steady_s = 5.0
         counted = CountedTime(self.records, lambda: self.wall_s, lambda: self.steady_s)
-        self.mender = Mender(self.config, counted)
+        self.repairer = RecordRepairer(self.config, counted)
         self.tidy()
 
     def run(self, days: float) -> None:
@@ -107,18 +107,18 @@ class Machine:
             left_s -= passed_s
             self.wall_s += passed_s
             self.steady_s += passed_s
-            self.mender.counted.count()
+            self.repairer.counted.count()
         self.tidy()
 
     def tidy(self) -> None:
-        self.mender.tidy_now(())
+        self.repairer.tidy_now(())
 
     def left(self) -> int:
         return len(list(self.records.glob("j-*")))
 
     @property
     def stepped(self) -> bool:
-        return self.mender.counted.step_s is not None
+        return self.repairer.counted.step_s is not None
 
 
 @pytest.fixture(autouse=True)
@@ -166,7 +166,7 @@ def test_after_a_step_nothing_is_deleted_until_a_person_agrees(
 ) -> None:
     machine.run(89.0)
     step(machine, step_s)
-    assert machine.mender.counted.step_s == pytest.approx(step_s, abs=DAY_S)
+    assert machine.repairer.counted.step_s == pytest.approx(step_s, abs=DAY_S)
     machine.run(10.0)  # by now they are old
     machine.boot()
     assert (machine.left(), machine.stepped) == (15, True)
@@ -197,7 +197,7 @@ def test_an_agreement_to_an_earlier_step_is_none_to_the_next_one(machine: Machin
 @pytest.mark.parametrize("content", [b"", b"{", b'{"counted_s": -1}', b'{"counted_s": 1e999}'])
 def test_a_count_that_is_damaged_deletes_nothing_early(machine: Machine, content: bytes) -> None:
     machine.run(89.0)
-    machine.mender.close()
+    machine.repairer.close()
     (machine.records / STATE).write_bytes(content)
     machine.boot(saved=False)
     machine.run(10.0)
@@ -217,7 +217,7 @@ def test_size_counts_the_order_in_which_records_were_closed(tmp_path: Path) -> N
 
 def test_the_count_is_kept_as_json(machine: Machine) -> None:
     machine.run(1.0)
-    machine.mender.close()
+    machine.repairer.close()
     tree = json.loads((machine.records / STATE).read_bytes())
     assert tree["counted_s"] == pytest.approx(DAY_S, rel=1e-6)
     assert list(tree["ended"]) == [f"j-{place:02d}" for place in range(15)]

@@ -8,7 +8,7 @@ import pytest
 from pincette.config import RigFile
 from pincette.core.messages import Position
 from pincette.core.messages.arms import ArmPosition
-from pincette_supervisor.attention import GRID_S, Attention
+from pincette_supervisor.process_load import GRID_S, ProcessLoad
 from pincette_supervisor.rigs.observer import SAMPLE_COUNTS_S, Observer, SuspendAwareClock
 
 from .canned import CannedRig
@@ -62,13 +62,13 @@ def test_a_sensor_was_not_silent_to_one_who_slept(rig_file: RigFile) -> None:
 
 
 def test_a_thread_samples_it_until_it_is_closed() -> None:
-    awake_clock, attention = SuspendAwareClock(), Attention()
-    attention.start(awake_clock.sample)
+    awake_clock, process_load = SuspendAwareClock(), ProcessLoad()
+    process_load.start(awake_clock.sample)
     deadline = monotonic() + 10.0
     while awake_clock() <= 2.0 * SAMPLE_COUNTS_S:
         assert monotonic() < deadline, "nobody looks"
         sleep(0.01)
-    attention.close()
+    process_load.close()
     sleep(1.5 * SAMPLE_COUNTS_S)
     stood_s = awake_clock()
     sleep(0.01)

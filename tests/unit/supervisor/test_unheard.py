@@ -2,7 +2,7 @@
 
 import pytest
 
-from pincette_supervisor.program import MOST_DOUBLED, RESTARTS, UNHEARD_S, UnheardWatch
+from pincette_supervisor.program import MOST_DOUBLED, RESTARTS, UNHEARD_S, LoopbackWatch
 
 
 class Bus:
@@ -12,7 +12,7 @@ class Bus:
         self.now_s = 100.0
         self.carries = self.takes_links = True
         self.restarts: list[float] = []
-        self.watch = UnheardWatch(
+        self.watch = LoopbackWatch(
             lambda: self.carries,
             lambda: self.takes_links,
             self.restarts.append,

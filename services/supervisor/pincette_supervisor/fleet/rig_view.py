@@ -49,7 +49,7 @@ def rig_view(manager: JobManager) -> Rig:
     found = readiness(context, status)
     stands = found.standing
     reason = found.latched or health.latch().reason
-    reasons = [*found.faults, *filter(None, [found.unheard, found.taken])]
+    reasons = [*found.faults, *filter(None, [found.actuator_unknown, found.taken])]
     startable = [
         name
         for name, kind in job_kinds().items()

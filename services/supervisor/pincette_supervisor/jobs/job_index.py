@@ -21,7 +21,7 @@ from pincette.records import folder
 from pincette_supervisor.jobs import refusals
 from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob
 from pincette_supervisor.jobs.job_queue import JobQueue
-from pincette_supervisor.jobs.job_recorder import NOTHING, Left
+from pincette_supervisor.jobs.job_recorder import NOTHING, UnfinishedJobs
 from pincette_supervisor.journal.database import columns
 from pincette_supervisor.journal.store import JobRow, utc_now
 from pincette_supervisor.plugin import Planned
@@ -72,7 +72,11 @@ def _ending(row: JobRow) -> Ending | None:
 
 
 def job_view(
-    row: JobRow, live: LiveJob | None, position: int | None, records: Path, left: Left = NOTHING
+    row: JobRow,
+    live: LiveJob | None,
+    position: int | None,
+    records: Path,
+    left: UnfinishedJobs = NOTHING,
 ) -> Job:
     """Return one job, with its live state and its place in the queue if it has one."""
     status = None if live is None else live.status

@@ -16,7 +16,6 @@ from pincette.engine.measuring.kept import asked, how, kept
 from pincette.latency.advice import age_change
 from pincette.latency.rule import TAIL
 from pincette_supervisor.alarms import TripReason, trip_ending
-from pincette_supervisor.jobs.deafness import Silence
 from pincette_supervisor.jobs.decide import (
     Ask,
     Asked,
@@ -33,6 +32,7 @@ from pincette_supervisor.jobs.decide import (
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.job_recorder import JobRecorder
 from pincette_supervisor.jobs.lease import ended_words, interruption, lease_end, lease_s
+from pincette_supervisor.jobs.silence_detector import SilenceDetector
 from pincette_supervisor.jobs.tracker import MissingSamples, Tracker, gone_words
 from pincette_supervisor.plugin import Interruption, Planned, functions_of, kind_of
 from pincette_supervisor.results import archive
@@ -218,7 +218,7 @@ class JobMonitor:
             thinned=archive.thinned(planned),
         )
         length_s = lease_s(job.request, self._rig)
-        self._silence = Silence(context, self._tracker, job.epoch, length_s)
+        self._silence = SilenceDetector(context, self._tracker, job.epoch, length_s)
         self._watch = Watch(job, planned, self._tracker, context.clock)
         self._missing = MissingSamples(planned, job.epoch, self._rig.rig.period_s)
         self._last_message_at = context.observer.awake_clock()

@@ -276,7 +276,7 @@ COMPARED = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Left:
+class UnfinishedJobs:
     """Jobs whose records an earlier supervisor has left open, and which are being completed."""
 
     stored: Mapping[str, Future[None]] = field(default_factory=dict[str, Future[None]])
@@ -286,7 +286,7 @@ class Left:
         return job in self.stored and not self.stored[job].done()
 
 
-NOTHING = Left()
+NOTHING = UnfinishedJobs()
 
 
 def stop_left_program(context: RigContext, jobs: Sequence[str]) -> None:
@@ -314,8 +314,8 @@ def stop_left_program(context: RigContext, jobs: Sequence[str]) -> None:
         context.write_queue.post(write)
 
 
-def complete_left_records(context: RigContext, notify: Callable[[], None]) -> Left:
-    """Complete the records that an earlier supervisor has left open; see ``Left``.
+def complete_left_records(context: RigContext, notify: Callable[[], None]) -> UnfinishedJobs:
+    """Complete the records that an earlier supervisor has left open; see ``UnfinishedJobs``.
 
     ``notify`` is called after each completed record.
     """
@@ -331,7 +331,7 @@ def complete_left_records(context: RigContext, notify: Callable[[], None]) -> Le
     for row in _recorded(context):
         if row.id not in stored:
             context.archivist.submit(_compare, context, row).add_done_callback(log_failure)
-    return Left(stored)
+    return UnfinishedJobs(stored)
 
 
 def _unwritten(context: RigContext) -> list[JobRow]:

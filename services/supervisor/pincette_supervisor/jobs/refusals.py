@@ -37,7 +37,7 @@ class Readiness:
     """Reason of a latch that a person must clear; None without one."""
     faults: tuple[str, ...]
     """Reasons why no job can start, independent of who has the rig; a latch is among them."""
-    unheard: str
+    actuator_unknown: str
     """Reason why nothing can start because the actuator's state is unknown; empty if it is known. A
     request is still accepted: a latched actuator rejects its program."""
     occupant: Occupant
@@ -49,7 +49,9 @@ class Readiness:
 
     def may_start(self, *, begins_held: bool) -> bool:
         """Return True if a job can start; ``begins_held``: it begins with a held part."""
-        return not self.faults and not self.unheard and self.is_free(begins_held=begins_held)
+        return (
+            not self.faults and not self.actuator_unknown and self.is_free(begins_held=begins_held)
+        )
 
     def is_free(self, *, begins_held: bool) -> bool:
         """Return True if nothing that has the rig prevents a job."""
@@ -72,7 +74,7 @@ def readiness(context: RigContext, job: JobStatus | None) -> Readiness:
         standing=stands,
         latched=context.health.latched(),
         faults=faults,
-        unheard="" if faults else _unheard(context, stands.state),
+        actuator_unknown="" if faults else _actuator_unknown(context, stands.state),
         occupant=occupant,
         taken=_taken(occupant, job),
         motion=motion,
@@ -120,7 +122,7 @@ def motion_of(
         Newest estimate of the force.
     """
     if state == "unknown":
-        return "unheard"
+        return "actuator_unknown"
     if not RIG_STATES[state].may_move:
         return "tripped"
     if job is not None and job.state in ABOUT_TO:
@@ -158,7 +160,7 @@ def _faults(context: RigContext) -> list[str]:
     return found
 
 
-def _unheard(context: RigContext, state: RigState) -> str:
+def _actuator_unknown(context: RigContext, state: RigState) -> str:
     if RIG_STATES[state].may_start:
         return ""
     return f"actuator: {_state_words(context, state)}"

@@ -12,8 +12,8 @@ from sqlalchemy import Column, Connection, Select, column, delete, inspect, sele
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError, StatementError
 
 from pincette.core.files import make_folder
-from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.journal import engines
+from pincette_supervisor.process_load import PROCESS_LOAD
 
 MIGRATIONS = Path(__file__).parent / "migrations"
 VERSION = table("alembic_version", column("version_num"))
@@ -149,7 +149,7 @@ class Database:
                 yield self._written
                 return
             try:
-                with ATTENTION.at("journal"), self._writer.begin() as connection:
+                with PROCESS_LOAD.at("journal"), self._writer.begin() as connection:
                     self._written = connection
                     yield connection
                 self.trouble = ""

@@ -259,11 +259,11 @@ def _margin(limit: Limit, samples: Samples) -> Margin:
         distance=limit.side * (limit.limit - limit.values[worst]),
         unit=limit.unit,
         at_s=samples.t_s[worst],
-        phase=_led(samples, worst),
+        phase=_phase_before(samples, worst),
     )
 
 
-def _led(samples: Samples, index: int) -> str:
+def _phase_before(samples: Samples, index: int) -> str:
     """Return the phase before a sample; its own phase may be a consequence of the sample."""
     return samples.phase[max(0, index - 1)]
 
@@ -282,7 +282,7 @@ def _band_margin(samples: Samples) -> Iterator[Margin]:
         distance=room[worst],
         unit="µm",
         at_s=samples.t_s[worst],
-        phase=_led(samples, worst),
+        phase=_phase_before(samples, worst),
     )
 
 
@@ -311,7 +311,7 @@ def _broken(
         if limit.side * (value - limit.limit) <= ROUNDING:
             phase = None
             continue
-        phase = _led(samples, index) if phase is None else phase
+        phase = _phase_before(samples, index) if phase is None else phase
         begun.setdefault(phase, index)
         held = worst.setdefault(phase, index)
         if limit.side * (value - limit.values[held]) > 0.0:

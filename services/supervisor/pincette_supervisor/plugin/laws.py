@@ -59,7 +59,7 @@ def unstable(judged: Assessment | TwoArmAssessment) -> list[Violation]:
     if value < limit and judged.sensitivity_peak > judged.limit_peak:
         quantity, value, limit = SENSITIVITY_PEAK, judged.sensitivity_peak, judged.limit_peak
     elif value < limit and isinstance(judged, TwoArmAssessment):
-        value, limit = judged.untold_radius, judged.limit_untold_radius
+        value, limit = judged.uninformed_radius, judged.limit_uninformed_radius
     return [
         Violation(
             pointer="/gains",

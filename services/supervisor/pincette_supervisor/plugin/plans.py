@@ -20,7 +20,7 @@ from pincette.control.laws.two_arm_law import LAW as TWO_ARMS
 from pincette.control.planning.conditioning import PHASE
 from pincette.control.planning.contact_plan import ContactPlan, MotionPlan, PlannedRig
 from pincette.control.planning.feasibility import Violation as Broken
-from pincette.control.planning.motion_plan import Stand
+from pincette.control.planning.motion_plan import StartPosition
 from pincette.control.planning.prediction import PlannedPhase as CoursePhase
 from pincette.control.planning.profiles import minimum_duration
 from pincette.control.planning.program import Program
@@ -276,9 +276,9 @@ SPEED_FACTOR = 3.0
 """Ratio of the fastest part of a free motion to the approach speed."""
 
 
-def stand_of(present: Present, rig: RigFile) -> Stand:
+def start_position(present: Present, rig: RigFile) -> StartPosition:
     """Return position and voltage at which a motion begins."""
-    return Stand(present.stand_um(rig), present.stand_V(rig))
+    return StartPosition(present.stand_um(rig), present.stand_V(rig))
 
 
 def motion_job(
@@ -328,14 +328,14 @@ def releasing_job(
     model: ModelInUse,
     present: Present,
     release_s: float | None,
-    make: Callable[[float, PlannedRig, Stand, float, Mapping[str, str]], MotionPlan],
+    make: Callable[[float, PlannedRig, StartPosition, float, Mapping[str, str]], MotionPlan],
     values: dict[str, Any],
 ) -> Planned:
     """Plan a motion that begins with a part held and ends with its release at the safe voltage."""
     rig, safe_V = model.rig, model.rig.safety.safe_V
     release_s = release_s or release_duration_s(rig, present)
     pointers = {"unload slew": "/release_s"}
-    made = make(release_s, derived.planned_rig(rig), stand_of(present, rig), safe_V, pointers)
+    made = make(release_s, derived.planned_rig(rig), start_position(present, rig), safe_V, pointers)
     values = {**values, "release_s": release_s, "safe_V": safe_V}
     warnings = held_warnings(present)
     return motion_job(request, model, present, made, values, warnings, meets_part=True)

@@ -105,7 +105,7 @@ def create(
     """Plan a grip, a track or a move, predict it, and store it if it exceeds no limit."""
     note(DRY_RUN if dry_run or body.dry_run else body.kind)
     manager = rigs.select(body.rig)
-    row, planned = _planned_anew(manager, body)
+    row, planned = _planned_from_rest(manager, body)
     if dry_run or body.dry_run:
         response.status_code = 200
         return planned.plan
@@ -124,11 +124,11 @@ def create(
     responses={**PICTURE, **responses(404)},
     dependencies=[OPERATE],
 )
-def plot_anew(body: TrajectoryBody, rigs: AllRigs, note: Note) -> Response:
+def plot_request(body: TrajectoryBody, rigs: AllRigs, note: Note) -> Response:
     """Draw the plan of a request, feasible or not; nothing is stored."""
     note(DRY_RUN)
     manager = rigs.select(body.rig)
-    _, planned = _planned_anew(manager, body)
+    _, planned = _planned_from_rest(manager, body)
     return _png(manager, planned, "not stored")
 
 
@@ -272,7 +272,7 @@ def start(
     )
 
 
-def _planned_anew(manager: JobManager, body: TrajectoryBody) -> tuple[TrajectoryRow, Planned]:
+def _planned_from_rest(manager: JobManager, body: TrajectoryBody) -> tuple[TrajectoryRow, Planned]:
     """Plan and predict from rest at the safe voltage, regardless of the arm's position."""
     resolved = replace(manager.resolve(body), present=None)
     row = TrajectoryStore(manager.context).row_of(resolved)

@@ -22,7 +22,6 @@ from pincette.control.response.model_errors import passing
 from pincette.core.faults import Phase
 from pincette.core.messages import Message, Recorded
 from pincette.records.columns import Columns
-from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.planning.worker import Runner, run_here
 from pincette_supervisor.plugin import Evaluation, Planned, Run, functions_of
@@ -30,6 +29,7 @@ from pincette_supervisor.plugin.drawing import Picture
 from pincette_supervisor.plugin.figures import series, table_of_arm
 from pincette_supervisor.plugin.goal import goal_of
 from pincette_supervisor.plugin.result import with_ring
+from pincette_supervisor.process_load import PROCESS_LOAD
 from pincette_supervisor.results.documents import NOT_RECORDED, said_of, write_documents
 from pincette_supervisor.results.run_samples import THINNED, RunSamples, completed
 
@@ -170,7 +170,7 @@ class Record:
         """Write all files except the samples, which the recorder writes; raises OSError."""
         run, job = self.run, self.job
         subject = Subject(run, self.evaluation, f"{run.rig.rig.name} · {job.id}")
-        with ATTENTION.at("drawing"):
+        with PROCESS_LOAD.at("drawing"):
             made = draw(picture, subject)
         write_documents(
             folder,

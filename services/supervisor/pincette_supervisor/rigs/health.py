@@ -302,7 +302,7 @@ class Health:
         most_s = IDLE_SENSOR_S if self.samples_seldom() else SENSOR_S
         return max(most_s, SENSOR_PERIODS * self._rig.rig.period_s)
 
-    def let_sample_seldom(self) -> None:
+    def reduce_sampling(self) -> None:
         """Request the sensor's slow rate until the next arming; no error if it does not reply."""
         sensor = self.status("sensor")
         if sensor is None or self.samples_seldom():

@@ -19,7 +19,7 @@ from pincette.core.topics import (
     Topic,
 )
 from pincette_supervisor.alarms import TripMonitor
-from pincette_supervisor.attention import ATTENTION
+from pincette_supervisor.process_load import PROCESS_LOAD
 from pincette_supervisor.rigs.counters import RigCounters
 
 CAPACITY = 200_000
@@ -119,7 +119,7 @@ class Observer:
         self._sinks = (*self._sinks, sink)
 
     def _take(self, topic: Topic, message: Message) -> None:
-        with ATTENTION.at("bus"):
+        with PROCESS_LOAD.at("bus"):
             self._take_in(topic, message)
 
     def _take_in(self, topic: Topic, message: Message) -> None:

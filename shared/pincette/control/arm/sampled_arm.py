@@ -34,22 +34,22 @@ class LoopCase:
     """Coefficient d_p of the real arm divided by the identified one."""
     damping_factor: float = 1.0
     """Damping ratio of the real arm divided by the identified one."""
-    told_mN_per_um: float | None = None
+    assumed_mN_per_um: float | None = None
     """Contact stiffness that the law is given, in mN/µm; 0 for no contact, None for the true one.
     """
 
     @property
-    def told(self) -> float:
+    def assumed_stiffness(self) -> float:
         """Return the contact stiffness that the law is given, in mN/µm."""
-        told = self.told_mN_per_um
-        return self.K_e_mN_per_um if told is None else told
+        assumed_stiffness = self.assumed_mN_per_um
+        return self.K_e_mN_per_um if assumed_stiffness is None else assumed_stiffness
 
     def __post_init__(self) -> None:
         require_not_negative("contact stiffness K_e", self.K_e_mN_per_um, "mN/µm")
         require_positive("frequency factor", self.frequency_factor, "")
         require_positive("gain factor", self.gain_factor, "")
         require_positive("damping factor", self.damping_factor, "")
-        require_not_negative("stated contact stiffness", self.told, "mN/µm")
+        require_not_negative("stated contact stiffness", self.assumed_stiffness, "mN/µm")
         if not 0.0 <= self.delay_periods <= 1.0:
             raise ValueError(f"delay = {self.delay_periods} periods, must be within 0 and 1")
 

@@ -153,7 +153,7 @@ def start(
     memory: HysteresisState | None = None,
 ) -> LawState:
     """Return the state of a resting arm with F_r = F; for ``memory`` see ``step``."""
-    seen_V = _seen_V(law, applied_V, memory)
+    seen_V = _equivalent_V(law, applied_V, memory)
     history = rest(x_um=x_um, force_mN=force_mN, applied_V=seen_V)
     return _start(law, history, x_um, x_r_um, force_mN, force_mN)
 
@@ -180,7 +180,7 @@ def rebase(
     place.
 
     ``seen_V`` is given if the law before had another equivalent of the voltage: v of
-    ``other_view``. The residual of the step that follows is then 0.
+    ``equivalent_voltage_V``. The residual of the step that follows is then 0.
     """
     history = replace(state.law.history, force_mN=force_mN)
     if seen_V is not None:
@@ -249,7 +249,7 @@ def step(
         state.law,
         x_um=x_um,
         force_mN=force_mN,
-        applied_V=_seen_V(law, applied_V, memory),
+        applied_V=_equivalent_V(law, applied_V, memory),
         x_r_um=x_r_um,
         force_r_mN=force_r_mN,
         limited=limited,
@@ -267,14 +267,14 @@ def step(
     return LawState(after, output.x_d_um, force_r_mN, error_mN), output
 
 
-def other_view(
+def equivalent_voltage_V(
     law: Law, before: Law, applied_V: float, memory: HysteresisState | None
 ) -> float | None:
     """Return the voltage as ``law`` sees it in V, or None where both laws see the same."""
-    return None if law.free == before.free else _seen_V(law, applied_V, memory)
+    return None if law.free == before.free else _equivalent_V(law, applied_V, memory)
 
 
-def _seen_V(law: Law, applied_V: float, memory: HysteresisState | None) -> float:
+def _equivalent_V(law: Law, applied_V: float, memory: HysteresisState | None) -> float:
     """Return the voltage v of the present free response, or the applied voltage without one."""
     if law.free is None:
         return applied_V

@@ -28,7 +28,7 @@ from pincette.control.planning.feasibility import (
     named_violation,
 )
 from pincette.control.planning.load_line import LEAST_STIFFNESS
-from pincette.control.planning.motion_plan import Stand, named_pointer
+from pincette.control.planning.motion_plan import StartPosition, named_pointer
 from pincette.control.planning.planned_arm import SWEPT_STEP_S, SWEPT_STEPS, swept
 from pincette.control.planning.prediction import (
     nominal,
@@ -75,7 +75,7 @@ class HeldForceRequest:
 
 
 @dataclass(frozen=True, slots=True)
-class HeldStand(Stand):
+class HeldStart(StartPosition):
     """Position, voltage and force of the arm that holds a part."""
 
     force_mN: float
@@ -86,7 +86,7 @@ class HeldStand(Stand):
 def plan_held_force(
     request: HeldForceRequest,
     rig: PlannedRig,
-    stand: HeldStand,
+    stand: HeldStart,
     safe_V: float,
     pointers: Mapping[str, str],
 ) -> MotionPlan:

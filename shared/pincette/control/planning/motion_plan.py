@@ -48,7 +48,7 @@ OPEN_V = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Stand:
+class StartPosition:
     """Position of the arm at the beginning of the motion."""
 
     x_um: float
@@ -104,7 +104,7 @@ class MoveRequest:
 
 
 def plan_move(
-    request: MoveRequest, rig: PlannedRig, stand: Stand, pointers: Mapping[str, str]
+    request: MoveRequest, rig: PlannedRig, stand: StartPosition, pointers: Mapping[str, str]
 ) -> MotionPlan:
     """Plan a move; phases ``zero``, ``warm up``, ``condition``, ``zero``, ``move`` and ``rest``.
 
@@ -128,7 +128,7 @@ def plan_move(
     at = _after(segments, rig, stand)
     segments += zero
     if request.to_um is not None:
-        segments += _led(request, at, request.to_um)
+        segments += _closed_loop_move(request, at, request.to_um)
     else:
         segments += _driven(request, d_p, stand, at)
     guards = replace(
@@ -145,7 +145,7 @@ def plan_hold(
     hold_s: float | None,
     release_s: float,
     rig: PlannedRig,
-    stand: Stand,
+    stand: StartPosition,
     safe_V: float,
     pointers: Mapping[str, str],
 ) -> MotionPlan:
@@ -163,7 +163,11 @@ def plan_hold(
 
 
 def plan_release(
-    release_s: float, rig: PlannedRig, stand: Stand, safe_V: float, pointers: Mapping[str, str]
+    release_s: float,
+    rig: PlannedRig,
+    stand: StartPosition,
+    safe_V: float,
+    pointers: Mapping[str, str],
 ) -> MotionPlan:
     """Plan the release of a held part; phase ``unload``. Raises as ``plan_hold`` does."""
     segments = [_unload(release_s, safe_V)]
@@ -175,20 +179,20 @@ def _unload(release_s: float, safe_V: float) -> Drive:
     return Drive("unload", release_s, courses=(Ramp(safe_V),))
 
 
-def _after(segments: Sequence[Segment], rig: PlannedRig, stand: Stand) -> Stand:
+def _after(segments: Sequence[Segment], rig: PlannedRig, stand: StartPosition) -> StartPosition:
     """Return the position of the arm after segments, by the nominal gain."""
     if not segments:
         return stand
     follow = partial(nominal, rig.piezo_um_per_V)
     end = predict(segments, _entry(stand, rig), follow)[-1].end
-    return Stand(end.x_um, end.voltages_V[0])
+    return StartPosition(end.x_um, end.voltages_V[0])
 
 
-def _entry(stand: Stand, rig: PlannedRig) -> Entry:
+def _entry(stand: StartPosition, rig: PlannedRig) -> Entry:
     return Entry(Reference(stand.x_um, voltages_V=(stand.voltage_V,)), rig.period_s)
 
 
-def _led(request: MoveRequest, at: Stand, to_um: float) -> list[Segment]:
+def _closed_loop_move(request: MoveRequest, at: StartPosition, to_um: float) -> list[Segment]:
     """Return the segments of a move to a position by the law."""
     move_s = move_duration(to_um - at.x_um, request.speed_um_per_s)
     return [
@@ -197,7 +201,9 @@ def _led(request: MoveRequest, at: Stand, to_um: float) -> list[Segment]:
     ]
 
 
-def _driven(request: MoveRequest, d_p: float, stand: Stand, at: Stand) -> list[Segment]:
+def _driven(
+    request: MoveRequest, d_p: float, stand: StartPosition, at: StartPosition
+) -> list[Segment]:
     """Return the segments of a move to or by a voltage; the plan begins at ``stand``."""
     by_V, to_V = request.by_V, request.to_V
     end_V = to_V if to_V is not None else stand.voltage_V + (by_V or 0.0)
@@ -214,7 +220,7 @@ def _driven(request: MoveRequest, d_p: float, stand: Stand, at: Stand) -> list[S
     ]
 
 
-def _cycled(cycles: Cycles, stand: Stand) -> list[Segment]:
+def _cycled(cycles: Cycles, stand: StartPosition) -> list[Segment]:
     """Return a warm-up about the mean, then the way to the lowest voltage and whole cycles."""
     low_V, high_V, rate = cycles.low_V, cycles.high_V, cycles.rate_V_per_s
     mean_V, segments = 0.5 * (low_V + high_V), list[Segment]()
@@ -262,7 +268,7 @@ def _plan(
     segments: Sequence[Segment],
     guards: Guards,
     rig: PlannedRig,
-    stand: Stand,
+    stand: StartPosition,
     pointers: Mapping[str, str],
     *,
     held_to_V: float | None = None,

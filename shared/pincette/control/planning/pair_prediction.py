@@ -257,13 +257,13 @@ def pair_conditioning(rigs: tuple[PlannedRig, PlannedRig]) -> PairStrokes | None
 def _strokes(rig: PlannedRig) -> Sequence[Drive]:
     if rig.condition_V is None:
         return ()
-    away_um = _stands_um(rig) - rig.x_start_um
+    away_um = _start_um(rig) - rig.x_start_um
     return conditioning(
         rig.condition_V, rig.limits.slew_V_per_s, away_um, rig.piezo_um_per_V, rig.strokes
     )
 
 
-def _stands_um(rig: PlannedRig) -> float:
+def _start_um(rig: PlannedRig) -> float:
     return rig.x_start_um if rig.stands_um is None else rig.stands_um
 
 
@@ -271,7 +271,7 @@ def _predicted(
     rig: PlannedRig, strokes: Sequence[Drive]
 ) -> tuple[tuple[PlannedPhase, ...], Course]:
     """Return the phases and the course of one arm."""
-    begin_um, d_p = _stands_um(rig), rig.piezo_um_per_V
+    begin_um, d_p = _start_um(rig), rig.piezo_um_per_V
     begin = Reference(begin_um, voltages_V=((begin_um - rig.x_start_um) / d_p,))
     pieces = predict(strokes, Entry(begin, rig.period_s), partial(nominal, d_p))
     course = sample_course(pieces, rig.period_s)

@@ -104,7 +104,7 @@ class Bottom(FrozenRecord, frozen=True):
         )
 
 
-class Doubt(NamedTuple):
+class MeasurementErrors(NamedTuple):
     """Influences on the measurement of a way, other than the stroke."""
 
     noise_um: float
@@ -148,7 +148,11 @@ def rest_base(response: IdentifiedResponse, rest: FreeSample, samples: int) -> B
 
 
 def stroke_change(
-    response: IdentifiedResponse, base: Base, rest: FreeSample, samples: int, doubt: Doubt
+    response: IdentifiedResponse,
+    base: Base,
+    rest: FreeSample,
+    samples: int,
+    doubt: MeasurementErrors,
 ) -> StrokeChange | None:
     """Compare the way from a base to a rest with that of the calibration.
 

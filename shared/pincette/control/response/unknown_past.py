@@ -76,7 +76,7 @@ class UnknownPast(FrozenRecord, frozen=True):
             highest=self.highest.follow(voltage_V, dt_s),
         )
 
-    def led_through(self, memory: VoltageMemory) -> "UnknownPast":
+    def replayed(self, memory: VoltageMemory) -> "UnknownPast":
         """Return the pasts after all voltages since the start."""
         lowest, highest = memory.replayed(self.lowest), memory.replayed(self.highest)
         return replace(self, lowest=lowest, highest=highest)

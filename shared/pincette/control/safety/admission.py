@@ -32,7 +32,7 @@ from pincette.control.safety.monitors import (
     watch_command,
     watch_position,
 )
-from pincette.control.safety.state import SafetyLimits, SafetyState, Strangers
+from pincette.control.safety.state import SafetyLimits, SafetyState, UnauthorizedCommands
 from pincette.control.safety.voltage import (
     VoltageLimits,
     absurd,
@@ -104,7 +104,7 @@ def _tripped(limits: SafetyLimits, state: S, index: int, found: Finding, now: fl
     return trip(limits, state, found.cause, now, faults=(with_arm(found.fault, index),))
 
 
-def unheard(state: SafetyState, command: CommandFacts) -> Fault | None:
+def authority_fault(state: SafetyState, command: CommandFacts) -> Fault | None:
     """Return why a command is ignored; None if it is considered.
 
     It is ignored without authority, or so far ahead of the samples that it cannot have overtaken
@@ -120,18 +120,18 @@ def unheard(state: SafetyState, command: CommandFacts) -> Fault | None:
     return None
 
 
-def turned_away(state: S, command: CommandFacts, why: Fault) -> S:
+def reject(state: S, command: CommandFacts, why: Fault) -> S:
     """Count an ignored command; several commands of another sender raise an alarm.
 
     An invalid command requests nothing: a controller sends one for every sample before it is armed.
     """
     if not command.valid:
         return state
-    strangers = Strangers(state.strangers.count + 1, why)
-    return replace(state, refused=state.refused + 1, refusal=why, strangers=strangers)
+    unauthorized = UnauthorizedCommands(state.unauthorized.count + 1, why)
+    return replace(state, refused=state.refused + 1, refusal=why, unauthorized=unauthorized)
 
 
-def early(state: SafetyState, command: CommandFacts) -> bool:
+def is_future(state: SafetyState, command: CommandFacts) -> bool:
     """Return whether a command has overtaken its sample, and must wait for it."""
     return command.seq > newest_seq(state.arrivals)
 

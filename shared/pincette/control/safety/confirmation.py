@@ -99,7 +99,7 @@ def suspended(limits: SafetyLimits, state: S, slept_s: float, now: float) -> S:
     return failed(state) if state.mode in TRIPPED else state
 
 
-def stands(state: SafetyState) -> bool:
+def needs_no_write(state: SafetyState) -> bool:
     """Return whether no write is needed: the voltage is to stay, or is the confirmed safe one.
 
     An output that has reported the safe voltage since its failure, and may refuse commands, is not

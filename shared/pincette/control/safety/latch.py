@@ -20,7 +20,7 @@ from pincette.control.faults import Fault, FaultCode, fault
 from pincette.control.safety.arm import ArmOutput
 from pincette.control.safety.causes import AT_REST, BOOTED, LETS_GO, Cause, Mode, Predecessor
 from pincette.control.safety.freshness import standstill_s
-from pincette.control.safety.state import NO_STRANGERS, SafetyLimits, SafetyState
+from pincette.control.safety.state import NO_UNAUTHORIZED, SafetyLimits, SafetyState
 from pincette.control.safety.voltage import ramp
 from pincette.control.voltage_range import VoltageRange
 
@@ -94,7 +94,7 @@ def armed(
         arms=tuple([ArmOutput(arm.voltage_V, planned=next(plans)) for arm in state.arms]),
         excused_s=0.0,
         refusal=None,
-        strangers=NO_STRANGERS,
+        unauthorized=NO_UNAUTHORIZED,
         shaped=None,
     )
 
@@ -213,7 +213,7 @@ def reset(limits: SafetyLimits, state: S) -> S:
     )
 
 
-def awake(limits: SafetyLimits, state: S, now: float, busy_s: float = 0.0) -> S:
+def account_for_stall(limits: SafetyLimits, state: S, now: float, busy_s: float = 0.0) -> S:
     """Record that the actuator runs, and subtract an earlier standstill from every age.
 
     At rest nothing ages, and the actuator checks its clock less often. The time ``busy_s`` in which

@@ -39,7 +39,7 @@ class SafetyLimits:
         return 0.0 if self.shaping_s is None else LAST * self.shaping_s
 
 
-class Strangers(FrozenRecord, frozen=True):
+class UnauthorizedCommands(FrozenRecord, frozen=True):
     """Commands without authority in this arming, and the fault of the newest one."""
 
     count: int = 0
@@ -52,7 +52,7 @@ class Strangers(FrozenRecord, frozen=True):
         return fault(FaultCode.SECOND_CONTROLLER, commands=self.count), self.newest
 
 
-NO_STRANGERS = Strangers()
+NO_UNAUTHORIZED = UnauthorizedCommands()
 
 
 class SafetyState(FrozenRecord, frozen=True):
@@ -92,7 +92,7 @@ class SafetyState(FrozenRecord, frozen=True):
     refused: int = 0
     refusal: Fault | None = None
     """Reason of the newest refusal of a command."""
-    strangers: Strangers = NO_STRANGERS
+    unauthorized: UnauthorizedCommands = NO_UNAUTHORIZED
     predecessor: Predecessor = Predecessor.NONE
     """How the previous actuator program ended."""
     unconfirmed: bool = False
@@ -109,7 +109,7 @@ class SafetyState(FrozenRecord, frozen=True):
     @property
     def findings(self) -> tuple[Fault, ...]:
         """Return the faults to report besides the cause: alarm, refusal, standstills."""
-        found = self.strangers.alarm()
+        found = self.unauthorized.alarm()
         if self.refusal is not None and self.refusal not in found:
             found = (*found, self.refusal)
         stood = self.standstills

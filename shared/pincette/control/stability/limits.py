@@ -40,18 +40,18 @@ def widened(loop: Loop, intervals: Intervals) -> Intervals:
     """
     if not short(loop):
         return intervals
-    stiffness, told = intervals.K_e_mN_per_um, intervals.told_mN_per_um
+    stiffness, assumed = intervals.K_e_mN_per_um, intervals.assumed_mN_per_um
     if stiffness is not None:
-        told = told or 0.5 * (stiffness[0] + stiffness[1])
-        stiffness = min(0.5 * told, stiffness[0]), max(2.0 * told, stiffness[1])
+        assumed = assumed or 0.5 * (stiffness[0] + stiffness[1])
+        stiffness = min(0.5 * assumed, stiffness[0]), max(2.0 * assumed, stiffness[1])
     frequency, gain = intervals.frequency_factor, intervals.gain_factor
     return replace(
         intervals,
         K_e_mN_per_um=stiffness,
-        told_mN_per_um=told,
+        assumed_mN_per_um=assumed,
         frequency_factor=(min(0.8, frequency[0]), max(1.2, frequency[1])),
         gain_factor=(min(0.7, gain[0]), max(1.2, gain[1])),
         delay_periods=(0.3, 1.0),
         damping_factor=(0.77, 1.35),
-        untold=True,
+        uninformed=True,
     )

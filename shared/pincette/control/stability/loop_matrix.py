@@ -59,8 +59,8 @@ class Loop:
     """Time constant of the low-pass over F - F_r, in s, which acts with planned forces."""
     output_lag_s: float = 0.0
     """Time constant of the first-order lag between output and arm, in s."""
-    told: OutputTiming = PROMPT
-    """Delay and lag of a voltage, as given to a law that looks ahead."""
+    assumed_timing: OutputTiming = PROMPT
+    """Delay and lag of a voltage, as assumed by a law that looks ahead."""
     force: ForceOfLaw = "estimated"
     """``true`` gives the law K_e·x instead of the observer's force."""
     observer: ForceObserver | None = None
@@ -119,17 +119,17 @@ def matrix_of(step: Callable[[list[float]], list[float]], inputs: int) -> Array:
     return found
 
 
-def law_matrix(law: Law, told_mN_per_um: float = 0.0) -> Array:
+def law_matrix(law: Law, assumed_mN_per_um: float = 0.0) -> Array:
     """Return the matrix of ``law.step``: (x in µm, F in mN, u_{k-1} in V, state) to (u_k, state).
 
     Its shape is (1 + n, 3 + n) with n floats of state, u_k in V. It is the law's own ``linearise``
-    if the law has one, which may order its n states differently. ``told_mN_per_um`` is the contact
-    stiffness that is given to a law which looks ahead; 0 for none.
+    if the law has one, which may order its n states differently. ``assumed_mN_per_um`` is the
+    contact stiffness that a law which looks ahead assumes; 0 for none.
     """
     if law.definition.linearise is not None:
         return law.definition.linearise(law)
     template = control_law.start(law, x_um=0.0, x_r_um=0.0, force_mN=0.0, applied_V=0.0)
-    plan = PlannedMotion(K_e_mN_per_um=told_mN_per_um)
+    plan = PlannedMotion(K_e_mN_per_um=assumed_mN_per_um)
 
     def step(given: list[float]) -> list[float]:
         x_um, force_mN, applied_V, *state = given
@@ -156,7 +156,7 @@ def law_block(
     period_s: float,
     force_filter_s: float,
     output: OutputTiming = PROMPT,
-    told_mN_per_um: float = 0.0,
+    assumed_mN_per_um: float = 0.0,
 ) -> Array:
     """Return ``law_matrix`` of a law; arguments and exceptions are those of ``law.build``.
 
@@ -166,7 +166,7 @@ def law_block(
     if settings.set == "identified":
         settings = replace(settings, set="consistent")
     law = control_law.build(settings, arm, period_s, force_filter_s, output=output)
-    return law_matrix(law, told_mN_per_um)
+    return law_matrix(law, assumed_mN_per_um)
 
 
 @lru_cache(maxsize=64)
@@ -199,14 +199,14 @@ def loop_matrices(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
     return found[:, kept][:, :, kept]
 
 
-def told_of(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
+def assumed_stiffness(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
     """Return the contact stiffness that the law uses in each case, in mN/µm; 0 if irrelevant."""
     previews = loop.law.definition.previews
-    return np.array([case.told if previews else 0.0 for case in cases])
+    return np.array([case.assumed_stiffness if previews else 0.0 for case in cases])
 
 
 @lru_cache(maxsize=256)
-def controller_block(loop: Loop, told_mN_per_um: float = 0.0) -> tuple[Array, Array]:
+def controller_block(loop: Loop, assumed_mN_per_um: float = 0.0) -> tuple[Array, Array]:
     """Return (F, x, u_{k-1}, observer, law) to (u_k, observer, law), and the row of F̂.
 
     The law's row for F is separate, since its force input depends on the case.
@@ -216,7 +216,9 @@ def controller_block(loop: Loop, told_mN_per_um: float = 0.0) -> tuple[Array, Ar
     if observer is None:
         observer = QuasiStatic(QuasiStaticParameters(1.0 / arm.k))
     watch = observer_block(observer)
-    law = law_block(loop.law, arm, loop.period_s, loop.force_filter_s, loop.told, told_mN_per_um)
+    law = law_block(
+        loop.law, arm, loop.period_s, loop.force_filter_s, loop.assumed_timing, assumed_mN_per_um
+    )
     seen, kept = watch.shape[0] - 1, law.shape[0] - 1
     size = 3 + seen + kept
     # Inputs of the observer: x, x_1 = d_p·u_{k-1}, u_{k-1}, its state.
@@ -236,10 +238,10 @@ def controller_block(loop: Loop, told_mN_per_um: float = 0.0) -> tuple[Array, Ar
 
 
 def _closed(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
-    told = told_of(loop, cases)
+    assumed = assumed_stiffness(loop, cases)
     found: Array | None = None
-    for value in dict.fromkeys(told.tolist()):
-        places = np.nonzero(told == value)[0]
+    for value in dict.fromkeys(assumed.tolist()):
+        places = np.nonzero(assumed == value)[0]
         some = _closed_with(loop, tuple(cases[place] for place in places), value)
         if found is None:
             found = np.zeros((len(cases), *some.shape[1:]))
@@ -247,8 +249,8 @@ def _closed(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
     return np.zeros((0, ARM_STATES, ARM_STATES)) if found is None else found
 
 
-def _closed_with(loop: Loop, cases: tuple[LoopCase, ...], told_mN_per_um: float) -> Array:
-    controller, reading = controller_block(loop, told_mN_per_um)
+def _closed_with(loop: Loop, cases: tuple[LoopCase, ...], assumed_mN_per_um: float) -> Array:
+    controller, reading = controller_block(loop, assumed_mN_per_um)
     transition, drive = sampled_arms(loop.arm, loop.period_s, loop.output_lag_s, cases)
     rest = controller.shape[0] - 1
     size = ARM_STATES + rest
@@ -260,7 +262,7 @@ def _closed_with(loop: Loop, cases: tuple[LoopCase, ...], told_mN_per_um: float)
     if loop.force == "true":
         feed[:, 0, X] = stiffness
     else:
-        acts = np.array([case.told > 0.0 for case in cases]) | loop.force_when_free
+        acts = np.array([case.assumed_stiffness > 0.0 for case in cases]) | loop.force_when_free
         feed[:, 0, :] = np.where(acts[:, None], reading @ feed, 0.0)
     made = controller @ feed
     found = np.zeros((len(cases), size, size))

@@ -143,14 +143,16 @@ def _families(loop: Loop) -> Iterator[list[tuple[str, Loop]]]:
 
 def _with_lag(loop: Loop, lag_s: float) -> Loop:
     """Return the loop with a lag of its output that is given to law and observer."""
-    told = loop.told._replace(lag_s=lag_s)
-    return _observed(replace(loop, output_lag_s=lag_s, told=told))
+    timing = loop.assumed_timing._replace(lag_s=lag_s)
+    return _observed(replace(loop, output_lag_s=lag_s, assumed_timing=timing))
 
 
 def _at_period(loop: Loop, period_s: float) -> Loop:
     """Return the loop at another period, with its delay scaled in proportion."""
-    told = loop.told._replace(delay_s=loop.told.delay_s * period_s / loop.period_s)
-    return _observed(replace(loop, period_s=period_s, told=told))
+    timing = loop.assumed_timing._replace(
+        delay_s=loop.assumed_timing.delay_s * period_s / loop.period_s
+    )
+    return _observed(replace(loop, period_s=period_s, assumed_timing=timing))
 
 
 def _observed(loop: Loop) -> Loop:
@@ -160,6 +162,6 @@ def _observed(loop: Loop) -> Loop:
     p = loop.observer.parameters
     if not short(loop) or (p.older == 0.0 and p.lag == 0.0):
         return loop
-    older = held_age(loop.told.delay_s / loop.period_s)
-    parameters = replace(p, older=older, lag=kept(loop.period_s, loop.told.lag_s))
+    older = held_age(loop.assumed_timing.delay_s / loop.period_s)
+    parameters = replace(p, older=older, lag=kept(loop.period_s, loop.assumed_timing.lag_s))
     return replace(loop, observer=QuasiStatic(parameters))

@@ -16,7 +16,13 @@ import numpy.typing as npt
 
 from pincette.control.arm.sampled_arm import LoopCase, sampled_arms
 from pincette.control.laws.definition import Array
-from pincette.control.stability.loop_matrix import VOLTAGE, Loop, X, controller_block, told_of
+from pincette.control.stability.loop_matrix import (
+    VOLTAGE,
+    Loop,
+    X,
+    assumed_stiffness,
+    controller_block,
+)
 
 Complex = npt.NDArray[np.complex128]
 LOW, MIDDLE = 2e-3, 0.2
@@ -40,23 +46,25 @@ def _z() -> Complex:
 
 def sensitivity_peaks(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
     """Return M_s of each case, shape (cases,); meaningless for an unstable loop."""
-    told = told_of(loop, cases)
+    assumed = assumed_stiffness(loop, cases)
     found = np.empty(len(cases))
     for first in range(0, len(cases), BATCH):
         some = cases[first : first + BATCH]
         arms = _arm_responses(loop, some)
         for place, case in enumerate(some):
-            acts = case.told > 0.0 or loop.force_when_free
+            acts = case.assumed_stiffness > 0.0 or loop.force_when_free
             true = case.K_e_mN_per_um if loop.force == "true" else -1.0
-            law = _law_response(loop, float(told[first + place]), acts, true)
+            law = _law_response(loop, float(assumed[first + place]), acts, true)
             found[first + place] = np.max(1.0 / np.abs(1.0 - arms[place] * law))
     return found
 
 
 @lru_cache(maxsize=256)
-def _law_response(loop: Loop, told_mN_per_um: float, acts: bool, true_mN_per_um: float) -> Complex:
+def _law_response(
+    loop: Loop, assumed_mN_per_um: float, acts: bool, true_mN_per_um: float
+) -> Complex:
     """Return C at each angle: from x to u_k, with u_{k-1} and the states in between."""
-    made, reading = controller_block(loop, told_mN_per_um)
+    made, reading = controller_block(loop, assumed_mN_per_um)
     matrix = np.array(made[:, 1:])
     if true_mN_per_um >= 0.0:
         matrix[:, 0] += made[:, 0] * true_mN_per_um

@@ -67,7 +67,7 @@ class TwoArmCase:
     """Conditions of the loop."""
 
     contact: Contact
-    told_pressed: bool
+    assumes_pressed: bool
     frequency_factors: Pair = (1.0, 1.0)
     """Ratio of each arm's real ω_i to the identified one."""
     gain_factors: Pair = (1.0, 1.0)
@@ -78,9 +78,9 @@ class TwoArmCase:
     """Ratio of the real stiffness of the part to 1/c."""
 
     @property
-    def told(self) -> bool:
+    def informed(self) -> bool:
         """True if the law is informed of the true contact."""
-        return self.told_pressed == (self.contact == "held") and self.contact != "first"
+        return self.assumes_pressed == (self.contact == "held") and self.contact != "first"
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,9 +90,9 @@ class TwoArmAssessment:
     radius: float
     limit_radius: float
     case: TwoArmCase
-    untold_radius: float
+    uninformed_radius: float
     """Spectral radius while the law is not informed of the contact; 1 is a steady motion."""
-    limit_untold_radius: float
+    limit_uninformed_radius: float
     sensitivity_peak: float
     limit_peak: float
     reason: str
@@ -105,27 +105,30 @@ def assess_two_arms(loop: TwoArmLoop) -> TwoArmAssessment:
     radii = np.concatenate(
         [_radii(loop, cases[first : first + BATCH]) for first in range(0, len(cases), BATCH)]
     )
-    told = np.array([case.told for case in cases])
-    worst = int(np.argmax(np.where(told, radii, 0.0)))
-    limit, untold = limit_radius_at(loop.period_s), float(np.max(np.where(told, 0.0, radii)))
-    limit_untold = 2.0 ** (loop.period_s / FOUND_S)
+    informed = np.array([case.informed for case in cases])
+    worst = int(np.argmax(np.where(informed, radii, 0.0)))
+    limit, uninformed = (
+        limit_radius_at(loop.period_s),
+        float(np.max(np.where(informed, 0.0, radii))),
+    )
+    limit_uninformed = 2.0 ** (loop.period_s / FOUND_S)
     radius, limit_peak, peak = float(radii[worst]), LIMIT_PEAK if loop.short else inf, inf
     if radius < 1.0:
-        peak = _peak(loop, tuple(case for case in cases if case.told))
+        peak = _peak(loop, tuple(case for case in cases if case.informed))
     why = ""
     if not radius < limit:
         fault = "is unstable" if radius >= 1.0 else "settles too slowly"
         why = f"{fault}: spectral radius {radius:.4g}, limit {limit:.4g}"
-    elif not untold <= limit_untold:
+    elif not uninformed <= limit_uninformed:
         why = "grows too fast until a touch or a loss is found: spectral radius "
-        why += f"{untold:.4g}, limit {limit_untold:.4g}"
+        why += f"{uninformed:.4g}, limit {limit_uninformed:.4g}"
     elif not peak <= limit_peak:
         why = f"is too near to instability: peak of sensitivity {peak:.3g}, limit {limit_peak:g}"
     if why:
         at = f" at T = {1e3 * loop.period_s:g} ms; lower f_q or f_F"
         why = "two arms: the loop " + why + at
     return TwoArmAssessment(
-        radius, limit, cases[worst], untold, limit_untold, peak, limit_peak, why
+        radius, limit, cases[worst], uninformed, limit_uninformed, peak, limit_peak, why
     )
 
 
@@ -136,7 +139,7 @@ def loop_matrices(loop: TwoArmLoop, cases: tuple[TwoArmCase, ...]) -> Array:
     found = np.zeros((len(cases), size, size))
     found[:, :PLACES, : PLACES + 2] = transition
     for place, case in enumerate(cases):
-        law = law_matrix(loop, pressed=case.told_pressed)
+        law = law_matrix(loop, pressed=case.assumes_pressed)
         seen = np.zeros((2 + STATE, size))
         seen[:, :2] = law[:, :2]
         seen[:, PLACES:] = law[:, 2:]
@@ -182,7 +185,7 @@ def _peak(loop: TwoArmLoop, cases: tuple[TwoArmCase, ...]) -> float:
     z: Complex = np.exp(1j * angles()).astype(np.complex128)[:, None, None]
     highest = 0.0
     for pressed in (False, True):
-        some = tuple(case for case in cases if case.told_pressed == pressed)
+        some = tuple(case for case in cases if case.assumes_pressed == pressed)
         control = _law_response(loop, z, pressed=pressed)
         for first in range(0, len(some), BATCH):
             transition, drive = sampled_pair(loop, some[first : first + BATCH])

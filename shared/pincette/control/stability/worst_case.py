@@ -59,10 +59,10 @@ class Intervals:
     """Ratio of the free response's slope to the one that the law assumes."""
     damping_factor: tuple[float, float] = (1.0, 1.0)
     """Ratio of ζ to the identified one."""
-    told_mN_per_um: float | None = None
+    assumed_mN_per_um: float | None = None
     """Stiffness that a law which looks ahead is given in contact, in mN/µm; None for the contact's
     own."""
-    untold: bool = False
+    uninformed: bool = False
     """True if a touch, or the loss of one, may occur before the law is informed."""
 
     def __post_init__(self) -> None:
@@ -90,7 +90,7 @@ class Intervals:
         if self.K_e_mN_per_um is not None:
             stiffness.append(_middle(self.K_e_mN_per_um))
         return tuple(
-            LoopCase(K_e, factor, delay, gain, damping, self.told_mN_per_um if K_e else None)
+            LoopCase(K_e, factor, delay, gain, damping, self.assumed_mN_per_um if K_e else None)
             for K_e in stiffness
         )
 
@@ -101,10 +101,10 @@ class Intervals:
         if self.free:
             yield free, None
         if pressed is not None:
-            yield pressed, self.told_mN_per_um
-        if pressed is not None and self.untold:
+            yield pressed, self.assumed_mN_per_um
+        if pressed is not None and self.uninformed:
             yield pressed, 0.0
-            yield free, self.told_mN_per_um or _middle(self.K_e_mN_per_um or (0.0, 0.0))
+            yield free, self.assumed_mN_per_um or _middle(self.K_e_mN_per_um or (0.0, 0.0))
 
 
 def around(
@@ -135,8 +135,8 @@ def worst_case(
         worse; this is sufficient for a refusal.
     """
     tops: list[tuple[LoopCase, float]] = []
-    for kind, told in intervals.kinds():
-        tops.append(_worst_of(loop, kind, told, limit_radius, enough))
+    for kind, assumed in intervals.kinds():
+        tops.append(_worst_of(loop, kind, assumed, limit_radius, enough))
         if tops[-1][1] >= enough:
             break
     return max(tops, key=lambda one: one[1])
@@ -148,7 +148,7 @@ def worst_sensitivity(loop: Loop, intervals: Intervals) -> tuple[LoopCase, float
 
     The law is taken to be informed of the contact; before that the radius decides.
     """
-    cases = corners(replace(intervals, untold=False))
+    cases = corners(replace(intervals, uninformed=False))
     peaks = sensitivity_peaks(loop, cases)
     worst = int(np.argmax(peaks))
     return cases[worst], float(peaks[worst])
@@ -157,7 +157,7 @@ def worst_sensitivity(loop: Loop, intervals: Intervals) -> tuple[LoopCase, float
 def corners(intervals: Intervals) -> tuple[LoopCase, ...]:
     """Return cases at the ends and in the middle of each interval, with the least damping."""
     cases: list[LoopCase] = []
-    for kind, told in intervals.kinds():
+    for kind, assumed in intervals.kinds():
         stiffness = kind.K_e_mN_per_um or (0.0, 0.0)
         axes = (
             _spaced(stiffness, 3),
@@ -166,15 +166,15 @@ def corners(intervals: Intervals) -> tuple[LoopCase, ...]:
             _spaced(kind.gain_factor, 2),
             _spaced(kind.damping_factor, 2)[:1],
         )
-        cases += [LoopCase(*values, told) for values in product(*axes)]
+        cases += [LoopCase(*values, assumed) for values in product(*axes)]
     return tuple(cases)
 
 
 def _worst_of(
-    loop: Loop, kind: Intervals, told: float | None, limit_radius: float, enough: float
+    loop: Loop, kind: Intervals, assumed: float | None, limit_radius: float, enough: float
 ) -> tuple[LoopCase, float]:
     axes = _axes(loop, kind)
-    cases = tuple(LoopCase(*values, told) for values in product(*axes))
+    cases = tuple(LoopCase(*values, assumed) for values in product(*axes))
     radii = counted_radii(loop, cases, limit_radius)
     found = zip(cases, map(float, radii), strict=True)
     tops = sorted(found, key=lambda one: -one[1])[:CLIMBS]
@@ -201,10 +201,10 @@ def _axes(loop: Loop, kind: Intervals) -> Axes:
     # Phase of the mode over a period, with the stiffest contact.
     phase = sqrt((loop.arm.k + stiffness[1]) / loop.arm.m) * loop.period_s
     return (
-        _spaced(stiffness, WIDE_STIFFNESSES if kind.untold else STIFFNESSES),
+        _spaced(stiffness, WIDE_STIFFNESSES if kind.uninformed else STIFFNESSES),
         _spaced(kind.frequency_factor, _points(kind.frequency_factor, phase)),
         _spaced(kind.delay_periods, _points(kind.delay_periods, phase)),
-        _spaced(kind.gain_factor, 2 if kind.untold else GAINS),
+        _spaced(kind.gain_factor, 2 if kind.uninformed else GAINS),
         _spaced(kind.damping_factor, 2),
     )
 
@@ -238,8 +238,8 @@ def _neighbours(axes: Axes, case: LoopCase, share: float) -> list[LoopCase]:
             moved = list(place)
             moved[index] = min(largest, max(least, place[index] + step))
             K_e, factor, delay, gain, damping = moved
-            told = case.told_mN_per_um
-            found.append(LoopCase(K_e, factor, delay, gain, damping, told))
+            assumed = case.assumed_mN_per_um
+            found.append(LoopCase(K_e, factor, delay, gain, damping, assumed))
     return found
 
 

@@ -207,7 +207,7 @@ class Line:
             if not answered:
                 port.write(line + self.terminator)
                 return b""
-            self._bring_to_order(port, matching, line, until_s)
+            self._resynchronise(port, matching, line, until_s)
             reply = self._ask(port, matching, line, until_s)
         except TimeoutError as error:
             text = (
@@ -350,7 +350,7 @@ class Line:
         except (OSError, ValueError) as error:
             _log.info("%s: closing a port that no longer existed (%s)", self.url, error)
 
-    def _bring_to_order(
+    def _resynchronise(
         self, port: Port, matching: Matching, request: bytes, until_s: float
     ) -> None:
         """Wait until no open request is left whose answer could be confused with this one's."""

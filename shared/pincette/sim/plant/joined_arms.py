@@ -66,7 +66,7 @@ def move_arms(
         positions_um[number - 1 : number] = place_um
         if event is None:
             now_s = begin_s + number * dt_s
-            held_s, event = befall(p.part, held_s, force_mN(k, motion), dt_s, now_s)
+            held_s, event = part_event(p.part, held_s, force_mN(k, motion), dt_s, now_s)
             if event is not None:
                 motion = without_part(k, motion)
     return put_into(k, motion, state).held(held_s, event), positions_um
@@ -144,7 +144,7 @@ def rest_arms(p: PlantParameters, state: PlantState, dt_s: float, rest_um: float
     )
     if after.part != "there" or not p.part.may_go:
         return after
-    held_s, event = befall(p.part, after.held_s, force_mN, dt_s, after.elapsed_s)
+    held_s, event = part_event(p.part, after.held_s, force_mN, dt_s, after.elapsed_s)
     after = after.held(held_s, event)
     return after if event is None else rest_arms(p, after, dt_s, rest_um)
 
@@ -158,7 +158,7 @@ def arms_force_mN(p: PlantParameters, state: PlantState, rest_um: float) -> floa
     return force_mN(k, motion_of(k, tips(state), rest_um, there=touchable(p, state)))
 
 
-def befall(
+def part_event(
     part: PartParameters, held_s: float, force_mN: float, dt_s: float, now_s: float
 ) -> tuple[float, Event | None]:
     """Return how long the force has carried the part after ``dt_s``, and its fall or break, if any.

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from msgspec.structs import replace
 
 from pincette.sim.plant.drive import drive
-from pincette.sim.plant.joined_arms import befall
+from pincette.sim.plant.joined_arms import part_event
 from pincette.sim.plant.pair_modes import (
     Contact,
     Ground,
@@ -221,7 +221,7 @@ def _befallen(p: PairParameters, state: PairState, dt_s: float, now_s: float) ->
     held_s, event = state.held_s, None
     if both:
         weaker_mN = min(pair_forces_mN(p, state))
-        held_s, event = befall(p.part, held_s, weaker_mN, dt_s, now_s)
+        held_s, event = part_event(p.part, held_s, weaker_mN, dt_s, now_s)
     elif contact.ground != Ground.AWAY:
         held_s = 0.0
     elif p.part.hold_mN > 0.0 or not (contact.first or contact.second):

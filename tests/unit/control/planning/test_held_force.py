@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from pincette.config import derived
-from pincette.control.planning.held_force import HeldForceRequest, HeldStand, plan_held_force
+from pincette.control.planning.held_force import HeldForceRequest, HeldStart, plan_held_force
 from pincette.control.planning.motion_plan import MotionPlan
 from tests.support.rigs import demo_rig
 
@@ -19,11 +19,11 @@ REQUEST = HeldForceRequest(
     stiffness_mN_per_um=2.17,
     stiffness_tolerance=0.3,
 )
-HELD = HeldStand(35.0, 2.2, 10.0, 0.5)
+HELD = HeldStart(35.0, 2.2, 10.0, 0.5)
 POINTERS = {"load": "/force_mN", "hold": "/force_mN", "unload slew": "/release_s"}
 
 
-def planned(held: HeldStand = HELD, **changes: float) -> MotionPlan:
+def planned(held: HeldStart = HELD, **changes: float) -> MotionPlan:
     return plan_held_force(replace(REQUEST, **changes), RIG, held, 0.0, POINTERS)
 
 

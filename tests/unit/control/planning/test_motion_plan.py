@@ -9,7 +9,7 @@ from pincette.control.planning.contact_plan import MotionPlan
 from pincette.control.planning.motion_plan import (
     Cycles,
     MoveRequest,
-    Stand,
+    StartPosition,
     plan_hold,
     plan_move,
     plan_release,
@@ -19,7 +19,7 @@ from pincette.control.planning.segments import Drive, Move, Ramp, paths_of
 from .bench import RIG as BENCH
 
 RIG = replace(BENCH, piezo_um_per_V=20.0, compliance_um_per_mN=0.5)
-REST, AWAY = Stand(0.0, 0.0), Stand(10.0, 0.5)
+REST, AWAY = StartPosition(0.0, 0.0), StartPosition(10.0, 0.5)
 POINTERS = {
     "move": "/target",
     "move slew": "/speed",
@@ -28,7 +28,7 @@ POINTERS = {
 }
 
 
-def moved(stand: Stand = REST, **wishes: Any) -> MotionPlan:
+def moved(stand: StartPosition = REST, **wishes: Any) -> MotionPlan:
     said: dict[str, Any] = {"speed_um_per_s": 20.0, "contact_force_mN": 2.0, **wishes}
     return plan_move(MoveRequest(**said), RIG, stand, POINTERS)
 
@@ -96,7 +96,7 @@ def test_limits_of_voltage_position_and_slew_are_named_with_their_member() -> No
 
 @pytest.mark.parametrize("hold_s", [None, 5.0])
 def test_a_hold_keeps_the_voltage_and_lets_go_smoothly(hold_s: float | None) -> None:
-    plan = plan_hold(hold_s, 2.0, RIG, Stand(39.0, 2.5), 0.0, POINTERS)
+    plan = plan_hold(hold_s, 2.0, RIG, StartPosition(39.0, 2.5), 0.0, POINTERS)
     hold, unload = plan.program.segments
     assert hold == Drive("hold", hold_s)
     assert isinstance(unload, Drive)
@@ -112,11 +112,11 @@ def test_a_hold_keeps_the_voltage_and_lets_go_smoothly(hold_s: float | None) -> 
 
 
 def test_a_release_faster_than_the_slew_limit_breaks_it() -> None:
-    (broken,) = plan_release(0.3, RIG, Stand(39.0, 2.5), 0.0, POINTERS).violations
+    (broken,) = plan_release(0.3, RIG, StartPosition(39.0, 2.5), 0.0, POINTERS).violations
     assert (broken.quantity, broken.pointer) == ("slew", "/time")
     # 15/8 of the mean, from one sample to the next.
     assert broken.value == pytest.approx(-15 / 8 * 2.5 / 0.3, rel=0.01)
-    assert plan_release(0.5, RIG, Stand(39.0, 2.5), 0.0, POINTERS).violations == ()
+    assert plan_release(0.5, RIG, StartPosition(39.0, 2.5), 0.0, POINTERS).violations == ()
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from pincette.control.response.poled import poled
 from pincette.control.response.stroke_check import (
     Base,
     Bottom,
-    Doubt,
+    MeasurementErrors,
     StrokeChange,
     corrected,
     rest_base,
@@ -152,7 +152,7 @@ def conditioned_way(gain: float, to_V: float = 1.5, pressed_um: float = 0.0) -> 
 
 def change_of(way: Way, **doubts: float) -> StrokeChange | None:
     """Compare the way from the rest after the strokes."""
-    doubt = Doubt(**{"noise_um": NOISE_UM, **doubts})
+    doubt = MeasurementErrors(**{"noise_um": NOISE_UM, **doubts})
     return stroke_change(way.response, way.base, way.rest, REST, doubt)
 
 
@@ -207,7 +207,7 @@ def test_a_way_that_cannot_be_judged_is_not_compared() -> None:
 
 def test_the_way_from_the_bottom_counts_only_at_the_rest_after_the_strokes() -> None:
     way = conditioned_way(1.04)
-    doubt = Doubt(0.0)
+    doubt = MeasurementErrors(0.0)
     assert stroke_change(way.response, way.bottom, way.rest, REST, doubt) is None
     response, bottom = identified_response(MODEL, 19.0, 0.1, branch=BRANCH), Bottom()
     for voltage_V in [*STROKED, *[REST_V] * REST_TICKS]:
@@ -218,7 +218,9 @@ def test_the_way_from_the_bottom_counts_only_at_the_rest_after_the_strokes() -> 
     found = stroke_change(response, bottom.base, rest, REST, doubt)
     assert found is not None
     assert found.change == pytest.approx(0.04, abs=1e-9)
-    unsure = stroke_change(response, bottom.base, rest, REST, Doubt(0.0, unknown_um=0.5))
+    unsure = stroke_change(
+        response, bottom.base, rest, REST, MeasurementErrors(0.0, unknown_um=0.5)
+    )
     assert unsure is None or unsure.limit > found.limit + 0.02
 
 
@@ -226,7 +228,10 @@ def test_an_arm_without_strokes_is_not_compared() -> None:
     response = identified_response(MODEL, 19.0, 0.1, branch=BRANCH)
     rest = response.sample(0.0)
     assert rest_base(response, rest, REST) is None
-    assert stroke_change(response, Base(0.0, 0.0, REST, 0.0), rest, REST, Doubt(0.0)) is None
+    assert (
+        stroke_change(response, Base(0.0, 0.0, REST, 0.0), rest, REST, MeasurementErrors(0.0))
+        is None
+    )
 
 
 def test_the_error_on_the_way_back_is_that_of_grips_after_strokes() -> None:

@@ -67,10 +67,10 @@ def test_no_creep_makes_more_than_is_left_of_it(seed: int) -> None:
 
 def test_an_arm_that_keeps_to_the_model_narrows_a_short_hold() -> None:
     _, response, told = stroked(MODEL, TURNS_V, standard_um=0.02)
-    _, _, untold = stroked(MODEL, (3.5, -0.5), standard_um=10.0)
+    _, _, uninformed = stroked(MODEL, (3.5, -0.5), standard_um=10.0)
     response = response.follow(2.0, 2.0)
     told_um = told.follow(2.0, 2.0).error_um(response)
-    assert told_um < 0.5 * untold.follow(2.0, 2.0).error_um(response)
+    assert told_um < 0.5 * uninformed.follow(2.0, 2.0).error_um(response)
 
 
 def test_plays_that_were_not_turned_over_tell_nothing() -> None:

@@ -84,7 +84,7 @@ def test_it_is_led_through_what_was_followed_since() -> None:
     memory = VoltageMemory()
     for voltage_V in (0.0, 1.0, 2.0, 1.0, 0.5):
         memory = memory.follow(voltage_V, 0.5)
-    past = unknown_past(PLAYS, ENDS_V).led_through(memory)
+    past = unknown_past(PLAYS, ENDS_V).replayed(memory)
     assert past.lowest.voltage_V == past.highest.voltage_V == 0.5
     _, stepped = led(PLAYS, unknown_past(PLAYS, ENDS_V), 0.0, 1.0, 2.0, 1.0, 0.5)
     assert past.highest.position_um() == pytest.approx(stepped.highest.position_um())

@@ -2,7 +2,7 @@
 
 from pincette.control.faults import FaultCode, fault
 from pincette.control.record import replace
-from pincette.control.safety.admission import CommandFacts, judged, sampled, turned_away, unheard
+from pincette.control.safety.admission import CommandFacts, authority_fault, judged, reject, sampled
 from pincette.control.safety.arm import ArmFacts, ArmLimits
 from pincette.control.safety.freshness import AgeLimits
 from pincette.control.safety.latch import armed, reset
@@ -60,8 +60,8 @@ def offered(
     state: SafetyState, command: CommandFacts, now: float, limits: SafetyLimits = LIMITS
 ) -> SafetyState:
     """A command that comes and does not wait for its sample."""
-    if why := unheard(state, command):
-        return turned_away(state, command, why)
+    if why := authority_fault(state, command):
+        return reject(state, command, why)
     return judged(limits, state, command, now)
 
 

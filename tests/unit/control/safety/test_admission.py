@@ -8,11 +8,11 @@ from msgspec.structs import replace
 
 from pincette.control.safety.admission import (
     CommandFacts,
-    early,
+    authority_fault,
+    is_future,
     judged,
     nonsense,
     sampled,
-    unheard,
 )
 from pincette.control.safety.arm import ArmFacts
 from pincette.control.safety.causes import Cause
@@ -78,14 +78,14 @@ def test_what_has_no_authority_is_not_heard(changes: dict[str, Any], words: str)
     state = sampled(LIMITS, FREE, 1, (1.0,), T)
     refused = offered(state, command(**({"seq": 1} | changes)), T + 0.004)
     assert (refused.refused, fault_text(refused.refusal)) == (1, words)
-    kept = replace(refused, refused=0, refusal=None, strangers=state.strangers)
+    kept = replace(refused, refused=0, refusal=None, unauthorized=state.unauthorized)
     assert kept == state
-    assert (refused.strangers.count, refused.strangers.newest) == (1, refused.refusal)
+    assert (refused.unauthorized.count, refused.unauthorized.newest) == (1, refused.refusal)
 
 
 def test_the_owner_may_be_as_far_ahead_as_samples_are_kept() -> None:
-    assert unheard(FREE, command(seq=8)) is None
-    assert unheard(FREE, command(seq=9)) is not None
+    assert authority_fault(FREE, command(seq=8)) is None
+    assert authority_fault(FREE, command(seq=9)) is not None
 
 
 def test_strangers_raise_an_alarm_at_their_third_command_and_trip_nobody() -> None:
@@ -94,7 +94,7 @@ def test_strangers_raise_an_alarm_at_their_third_command_and_trip_nobody() -> No
         state = ticked(state, seq)
         assert ("alarm" in detail_words(state)) is (seq > 3)
         state = offered(state, command(seq=seq, owner=9), seq * T + 0.005)
-    assert (state.mode, state.taken_seq, state.strangers.count) == ("armed", 9, 9)
+    assert (state.mode, state.taken_seq, state.unauthorized.count) == ("armed", 9, 9)
     assert "alarm: 9 commands from another controller refused" in detail_words(state)
     assert "command of owner 9, armed for 5" in detail_words(state)
 
@@ -103,7 +103,7 @@ def test_an_invalid_command_of_another_epoch_is_a_remnant() -> None:
     state = FREE
     for _ in range(5):
         state = offered(state, command(epoch=3, valid=False), 0.01)
-    assert (state.refused, state.strangers.count) == (0, 0)
+    assert (state.refused, state.unauthorized.count) == (0, 0)
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ def test_numbers_that_cannot_be_are_refused_in_the_same_cycle(
     changes: dict[str, Any], words: str
 ) -> None:
     state = after(replace(FREE, blind=OFF), **changes)
-    assert (state.refused, fault_text(state.refusal), state.strangers.count) == (1, words, 0)
+    assert (state.refused, fault_text(state.refusal), state.unauthorized.count) == (1, words, 0)
     assert (state.mode, state.arms[0].voltage_V, state.taken_seq) == ("armed", 0.5, 0)
     assert state.blind == OFF
 
@@ -144,9 +144,9 @@ def test_a_sweep_within_its_limits_is_taken() -> None:
 
 
 def test_a_command_waits_for_its_sample_alone() -> None:
-    assert early(FREE, command(seq=1))
-    assert not early(FREE, GOOD)
-    assert early(ready(), GOOD)
+    assert is_future(FREE, command(seq=1))
+    assert not is_future(FREE, GOOD)
+    assert is_future(ready(), GOOD)
 
 
 @pytest.mark.parametrize("seq", [1, 0])

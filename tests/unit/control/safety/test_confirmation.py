@@ -9,8 +9,8 @@ from pincette.control.safety.confirmation import (
     READ_BACK_V,
     failed,
     found,
+    needs_no_write,
     read_back_due,
-    stands,
     suspended,
     waits_for_read_back,
 )
@@ -108,15 +108,15 @@ def test_what_is_not_tripped_only_learns_its_voltage() -> None:
 
 def test_what_stands_is_not_told_again() -> None:
     for mode in (Mode.IDLE, Mode.FROZEN):
-        assert stands(replace(LOST, mode=mode))
+        assert needs_no_write(replace(LOST, mode=mode))
     latched = replace(LOST, mode=Mode.LATCHED)
-    assert not stands(latched)
-    assert not stands(replace(latched, located=True))
-    assert not stands(replace(latched, unconfirmed=False))
+    assert not needs_no_write(latched)
+    assert not needs_no_write(replace(latched, located=True))
+    assert not needs_no_write(replace(latched, unconfirmed=False))
     safe = replace(latched, located=True, unconfirmed=False)
-    assert stands(safe)
-    assert not stands(replace(safe, mode=Mode.ARMED))
-    assert not stands(reset(LIMITS, replace(safe, cause=Cause.DEVICE, mode=Mode.ARMED)))
+    assert needs_no_write(safe)
+    assert not needs_no_write(replace(safe, mode=Mode.ARMED))
+    assert not needs_no_write(reset(LIMITS, replace(safe, cause=Cause.DEVICE, mode=Mode.ARMED)))
     assert not reset(LIMITS, safe).located
 
 

@@ -8,9 +8,9 @@ from pincette.control.safety.admission import sampled
 from pincette.control.safety.arm import ArmOutput
 from pincette.control.safety.causes import Cause, Mode
 from pincette.control.safety.latch import (
+    account_for_stall,
     armed,
     arming_objection,
-    awake,
     explained,
     pass_time,
     released,
@@ -20,7 +20,7 @@ from pincette.control.safety.latch import (
     trip,
 )
 from pincette.control.safety.monitors import Watch, Watches
-from pincette.control.safety.state import SafetyState, Strangers
+from pincette.control.safety.state import SafetyState, UnauthorizedCommands
 
 from .bench import (
     EPOCH,
@@ -92,7 +92,7 @@ def test_an_arming_begins_again_but_for_voltage_part_and_counters() -> None:
         standstills=2,
         refused=7,
         refusal=OFF,
-        strangers=Strangers(9, OFF),
+        unauthorized=UnauthorizedCommands(9, OFF),
         ran_s=4.0,
     )
     state = armed(LIMITS, used, epoch=12, owner=6, now=5.0)
@@ -204,14 +204,14 @@ def test_a_ramp_that_no_tick_will_end_is_ended_by_the_reset() -> None:
 
 
 def test_running_on_time_changes_no_age() -> None:
-    state = awake(LIMITS, replace(FREE, ran_s=None), 5.0)
+    state = account_for_stall(LIMITS, replace(FREE, ran_s=None), 5.0)
     assert state == replace(FREE, ran_s=5.0)
-    assert awake(LIMITS, state, 5.01) == replace(FREE, ran_s=5.01)
+    assert account_for_stall(LIMITS, state, 5.01) == replace(FREE, ran_s=5.01)
 
 
 def test_a_standstill_is_left_out_of_every_age() -> None:
     before = replace(HELD, ran_s=1.0, fresh_s=0.98, since_s=0.5, excused_s=0.03)
-    after = awake(LIMITS, before, 1.045)
+    after = account_for_stall(LIMITS, before, 1.045)
     assert after.ran_s == 1.045
     assert after.fresh_s == pytest.approx(1.02)
     assert after.since_s == pytest.approx(0.54)
@@ -220,7 +220,7 @@ def test_a_standstill_is_left_out_of_every_age() -> None:
 
 
 def test_lockstep_knows_no_standstill() -> None:
-    assert awake(LOCKSTEP, replace(HELD, ran_s=1.0), 9.0) == replace(HELD, ran_s=9.0)
+    assert account_for_stall(LOCKSTEP, replace(HELD, ran_s=1.0), 9.0) == replace(HELD, ran_s=9.0)
 
 
 @pytest.mark.parametrize(("state", "mode"), [(FREE, "ramping"), (HELD, "frozen")])
@@ -298,13 +298,13 @@ def test_the_detail_says_what_a_person_asks_for_first() -> None:
         cause=Cause.NONE,
         refusal=fault(FaultCode.COMMAND_REPEATED, seq=3, taken_seq=3),
         standstills=2,
-        strangers=Strangers(3, fault(FaultCode.OTHER_OWNER, owner=7, armed_owner=5)),
+        unauthorized=UnauthorizedCommands(3, fault(FaultCode.OTHER_OWNER, owner=7, armed_owner=5)),
     )
     assert detail_words(state) == (
         "armed; alarm: 3 commands from another controller refused; command of owner 7, armed "
         "for 5; command 3 after 3; stood still 2 times"
     )
-    quiet = replace(state, strangers=Strangers(2, OFF), refusal=None, standstills=0)
+    quiet = replace(state, unauthorized=UnauthorizedCommands(2, OFF), refusal=None, standstills=0)
     assert detail_words(quiet) == "armed"
     assert (state.epoch, state.owner) == (EPOCH, OWNER)
 

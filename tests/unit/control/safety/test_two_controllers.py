@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from pincette.control.safety.admission import CommandFacts, sampled
 from pincette.control.safety.arm import ArmFacts
 from pincette.control.safety.latch import pass_time
-from pincette.control.safety.state import NO_STRANGERS, SafetyState
+from pincette.control.safety.state import NO_UNAUTHORIZED, SafetyState
 
 from .bench import EPOCH, LIMITS, OWNER, T, command, offered, ready
 
@@ -72,7 +72,7 @@ def befallen(state: SafetyState, event: Event) -> SafetyState:
 def ending(state: SafetyState) -> SafetyState:
     """As it is once time has passed, without what is only counted."""
     state = pass_time(LIMITS, state, TICKS * T)
-    return replace(state, refused=0, refusal=None, strangers=NO_STRANGERS)
+    return replace(state, refused=0, refusal=None, unauthorized=NO_UNAUTHORIZED)
 
 
 def interleaved(count: int, seed: int) -> Iterator[int]:
@@ -86,13 +86,13 @@ def interleaved(count: int, seed: int) -> Iterator[int]:
         for event in world:
             state = befallen(state, event)
         alone.append(ending(state))
-    strangers = [second(chance) for _ in range(WORLDS)]
+    unauthorized = [second(chance) for _ in range(WORLDS)]
     for number in range(count):
         world = worlds[number % WORLDS]
         state, came = ready(), 0
         for event in world:
             while chance.random() < 0.5:
-                state, came = offered(state, chance.choice(strangers), event[0]), came + 1
+                state, came = offered(state, chance.choice(unauthorized), event[0]), came + 1
             state = befallen(state, event)
         assert ending(state) == alone[number % WORLDS], (seed, number)
         yield came

@@ -90,7 +90,7 @@ def reference(t_s: float) -> tuple[float, float, float, bool]:
 def furthest_um(loop: Loop, rig: Rig, seed: int) -> float:
     """Largest |x - x_r| over the last tenth of a second, of the arm itself."""
     T, case, chance = loop.period_s, rig.case, np.random.default_rng(seed)
-    law = control_law.build(replace_set(loop), ARM, T, 0.0, output=loop.told)
+    law = control_law.build(replace_set(loop), ARM, T, 0.0, output=loop.assumed_timing)
     rest = case.frequency_factor, 0.0, case.gain_factor, case.damping_factor
     cases = LoopCase(0.0, *rest), LoopCase(case.K_e_mN_per_um, *rest)
     transitions, drives = sampled_arms(loop.arm, T / PIECES, 0.0, cases)

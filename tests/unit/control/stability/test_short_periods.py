@@ -29,7 +29,7 @@ def loop_of(period_s: float, **gains: float) -> Loop:
     observer = QuasiStatic(QuasiStaticParameters(0.46, older=held_age(0.65)))
     law = FPBSMIC.settings("identified").with_gains(**gains)
     told = OutputTiming(0.65 * period_s)
-    return Loop(law, ARM, period_s, 0.03, told=told, observer=observer)
+    return Loop(law, ARM, period_s, 0.03, assumed_timing=told, observer=observer)
 
 
 def from_the_closed_loop(loop: Loop, case: LoopCase) -> float:
@@ -77,9 +77,9 @@ def test_at_long_periods_the_intervals_are_those_given() -> None:
     assert widened(loop, PART) is PART
     wide = widened(loop_of(0.001), PART)
     assert wide.K_e_mN_per_um == pytest.approx((1.085, 4.34))
-    assert wide.told_mN_per_um == pytest.approx(2.17)
+    assert wide.assumed_mN_per_um == pytest.approx(2.17)
     assert wide.frequency_factor == (0.8, 1.2)
-    assert wide.untold
+    assert wide.uninformed
 
 
 @pytest.mark.parametrize(
@@ -142,10 +142,10 @@ def test_what_is_not_told_is_judged_as_well() -> None:
     law: LawSettings = loop_of(0.001, n=1.0, f_w=8.0).law
     loop, wide = replace(loop_of(0.001), law=law), widened(loop_of(0.001), PART)
     told = LoopCase(0.0, 0.8, 0.3, 1.2, 0.77, 0.0)
-    lost = replace(told, told_mN_per_um=2.17)
+    lost = replace(told, assumed_mN_per_um=2.17)
     radii = np.abs(np.linalg.eigvals(loop_matrices(loop, (told, lost)))).max(axis=1)
     assert radii[1] > radii[0]
     assert assess(loop, PART).radius >= radii[1] * (1.0 - 1e-12)
     case, peak = worst_sensitivity(loop, wide)
     assert peak > 2.0
-    assert case.told in (0.0, 2.17)
+    assert case.assumed_stiffness in (0.0, 2.17)

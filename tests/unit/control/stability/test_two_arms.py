@@ -40,7 +40,7 @@ def test_the_default_gains_may_move(loop: TwoArmLoop) -> None:
     found = assess_two_arms(loop)
     assert found.reason == ""
     assert found.radius < found.limit_radius
-    assert found.untold_radius < found.limit_untold_radius
+    assert found.uninformed_radius < found.limit_uninformed_radius
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_the_default_gains_may_move(loop: TwoArmLoop) -> None:
         (_loop(0.001, FAST, f_F=60.0), "until a touch or a loss"),
         (_loop(0.02, SLOW, f_q=0.1), "settles too slowly"),
     ],
-    ids=["near", "unstable", "untold", "slow"],
+    ids=["near", "unstable", "uninformed", "slow"],
 )
 def test_gains_that_may_not_move_are_refused_with_value_limit_and_remedy(
     loop: TwoArmLoop, said: str

@@ -18,7 +18,7 @@ from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.response.stroke_check import (
     SIGMAS,
     Base,
-    Doubt,
+    MeasurementErrors,
     StrokeChange,
     rest_base,
     stroke_change,
@@ -167,7 +167,7 @@ def _change(
 ) -> StrokeChange:
     s_p, since_s = rig.model.compliance_um_per_mN, response.strokes.since_s
     past_um = s_p * past_creep_mN(since_s) / COVERAGE
-    doubt = Doubt(rig.sensor.noise_um, rig.sensor.drift_um_per_min / 60.0, past_um)
+    doubt = MeasurementErrors(rig.sensor.noise_um, rig.sensor.drift_um_per_min / 60.0, past_um)
     found = None if base is None else stroke_change(response, base, rest, count, doubt)
     if found is None:
         raise ValueError(

@@ -39,7 +39,7 @@ from pincette_supervisor.plugin.plans import (
     SPEED_FACTOR,
     motion_job,
     releasing_job,
-    stand_of,
+    start_position,
 )
 from pincette_supervisor.plugin.result import common
 
@@ -129,7 +129,7 @@ WARM_UP_EXCESS = 1.5
 
 def move_job(request: MoveJobRequest, model: ModelInUse, present: Present) -> Planned:
     """Plan a move from the present position of the arm."""
-    rig, stand = model.rig, stand_of(present, model.rig)
+    rig, stand = model.rig, start_position(present, model.rig)
     to_um, by_um = request.to_um, request.by_um
     if by_um is not None:
         to_um = (stand.x_um if present.pose_um is None else present.pose_um) + by_um

@@ -12,13 +12,13 @@ from pincette.config.derived import X_START_UM
 from pincette.control.planning.contact_plan import MotionPlan, PlannedRig
 from pincette.control.planning.held_force import (
     HeldForceRequest,
-    HeldStand,
+    HeldStart,
     held_force_segments,
     held_guards,
     plan_held_force,
     unheld_forces,
 )
-from pincette.control.planning.motion_plan import Stand, plan_hold
+from pincette.control.planning.motion_plan import StartPosition, plan_hold
 from pincette.control.planning.pair_prediction import HeldPair
 from pincette.control.planning.program import Program
 from pincette_supervisor.kinds import pairs
@@ -58,11 +58,11 @@ def plan(request: HoldJobRequest, model: ModelInUse, present: Present) -> Planne
     def to_force(
         release_s: float,
         planned: PlannedRig,
-        stand: Stand,
+        stand: StartPosition,
         safe_V: float,
         pointers: Mapping[str, str],
     ) -> MotionPlan:
-        at = HeldStand(stand.x_um, stand.voltage_V, held_mN, uncertainty_mN)
+        at = HeldStart(stand.x_um, stand.voltage_V, held_mN, uncertainty_mN)
         timed = replace(wanted, release_s=release_s)
         return plan_held_force(timed, planned, at, safe_V, {**pointers, **POINTERS})
 

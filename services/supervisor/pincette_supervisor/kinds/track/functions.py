@@ -295,7 +295,9 @@ def evaluate(run: Run) -> Evaluation:
     judged_cycles = path.cycles if learned is None else min(LEARNED_CYCLES, path.cycles)
     if learned is not None:
         held = judged(run, learned, cycles)
-        told = told_of(learned, learning_digest(run.planned.program, run.planned.armed.rig), held)
+        told = learned_report(
+            learned, learning_digest(run.planned.program, run.planned.armed.rig), held
+        )
         learned = kept(learned) if held is not None and held.helps else None
     result = TrackResult(
         **common(run),
@@ -380,10 +382,10 @@ def judged(run: Run, learned: Corrections, cycles: Sequence[CycleErrors]) -> Hel
     errors_um = [one.position_um for one in cycles if one.position_um is not None]
     if begun is None or not errors_um or not learned.errors_um:
         return None
-    led_um = errors_um if begun.errors_um else errors_um[1:]
+    learned_um = errors_um if begun.errors_um else errors_um[1:]
     noise_um = NOISE_IN_ERROR * run.planned.armed.rig.sensor.noise_um
     ticks = len(learned.values_um)
-    return held_out(learned.errors_um[0], led_um, ticks=ticks, noise_um=noise_um)
+    return held_out(learned.errors_um[0], learned_um, ticks=ticks, noise_um=noise_um)
 
 
 def kept(learned: Corrections) -> Corrections:
@@ -394,7 +396,7 @@ def kept(learned: Corrections) -> Corrections:
     return changed(learned, values_um=learned.best_um or learned.values_um)
 
 
-def told_of(learned: Corrections, program: str, held: HeldOut | None) -> Learned:
+def learned_report(learned: Corrections, program: str, held: HeldOut | None) -> Learned:
     """Return the learned corrections as they are reported to users."""
     return Learned(
         program=program,

@@ -27,7 +27,7 @@ WORDS: dict[Share, str] = {
 }
 
 
-class Attention:
+class ProcessLoad:
     """Counters and the last minute of their values; safe to use from several threads."""
 
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:
@@ -38,7 +38,7 @@ class Attention:
         self._sampled_s = clock()
         self._rows: deque[tuple[float, float, dict[Share, float]]] = deque(maxlen=KEPT)
         self._beside: tuple[Callable[[], None], ...] = ()
-        self._repeated = RepeatedAction("attention", GRID_S, self._look)
+        self._repeated = RepeatedAction("process_load", GRID_S, self._look)
 
     @contextmanager
     def at(self, share: Share) -> Generator[None]:
@@ -95,12 +95,12 @@ class Attention:
         self._repeated.close(2.0)
 
 
-ATTENTION = Attention()
-"""Attention of this process; there is one for each process, as for processor time."""
+PROCESS_LOAD = ProcessLoad()
+"""Load of this process; there is one for each process, as for processor time."""
 
 
-def share_words(last_s: float, attention: Attention = ATTENTION) -> str:
+def share_words(last_s: float, process_load: ProcessLoad = PROCESS_LOAD) -> str:
     """Describe how the last seconds were spent, in words."""
-    stood_s, spent_s = attention.within(last_s)
+    stood_s, spent_s = process_load.within(last_s)
     shares = ", ".join(f"{WORDS[share]} {value:.2f} s" for share, value in spent_s.items())
     return f"in the last {last_s:.1f} s this program was stalled for {stood_s:.2f} s; {shares}"

@@ -18,8 +18,8 @@ from pincette.core.faults import Mode
 from pincette.core.messages import Applied, Estimate, Position, Telemetry
 from pincette.core.topics import APPLIED, TELEMETRY
 from pincette.engine.arming import status
-from pincette_supervisor.attention import share_words
 from pincette_supervisor.jobs.tracker import Tracker, silence_limit_s, silent_words
+from pincette_supervisor.process_load import share_words
 from pincette_supervisor.rigs.rig_context import RigContext
 
 ASK_S = 0.7
@@ -33,7 +33,7 @@ HEARD_SHARE = 0.5
 present. One that was cut off together with the actuator was last received a little after it."""
 
 
-class Silence:
+class SilenceDetector:
     """Detects a silent loop of one job in real time; in lockstep by the programs' state alone."""
 
     def __init__(self, context: RigContext, tracker: Tracker, epoch: int, lease_s: float) -> None:

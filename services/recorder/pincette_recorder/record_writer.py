@@ -18,8 +18,8 @@ from pincette.records import folder as files
 from pincette_recorder import record_repair
 from pincette_recorder.config import BYTES_PER_MB, RecorderConfig
 from pincette_recorder.intake import Intake
-from pincette_recorder.mender import MOST_TEXT, Mender, Reply
 from pincette_recorder.open_record import OpenRecord
+from pincette_recorder.repairer import MOST_TEXT, RecordRepairer, Reply
 from pincette_recorder.wall_clock import WallClock
 
 log = logging.getLogger(__name__)
@@ -30,7 +30,7 @@ QUIET_S = 1.0
 JOB_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,79}")
 
 
-class Keeper:
+class RecordWriter:
     """The records of one rig."""
 
     def __init__(
@@ -38,11 +38,11 @@ class Keeper:
         config: RecorderConfig,
         intake: Intake,
         wall: WallClock,
-        mender: Mender,
+        repairer: RecordRepairer,
         clock_s: Callable[[], float] = monotonic,
     ) -> None:
         self._config, self._intake = config, intake
-        self._wall, self._mender, self._clock_s = wall, mender, clock_s
+        self._wall, self._repairer, self._clock_s = wall, repairer, clock_s
         self._finishing: tuple[Finish, Reply, float] | None = None
         self._beginning: tuple[Record, Reply, float] | None = None
         self.record: OpenRecord | None = None
@@ -194,7 +194,7 @@ class Keeper:
         record = self.record
         if record is None or (record.job, record.epoch) != (request.job, request.epoch):
             if JOB_NAME.fullmatch(request.job):
-                self._mender.tell_end(request, reply)
+                self._repairer.tell_end(request, reply)
             else:
                 reply(f"job = {request.job[:90]!r}: not a valid folder name")
             return
@@ -254,7 +254,7 @@ class Keeper:
             record_repair.write_manifest(record.folder, record.about, closing)
         except OSError as error:
             return f"the manifest cannot be written: {error}"
-        self._mender.note_written(record.folder.name)
+        self._repairer.note_written(record.folder.name)
         return ""
 
     def close(self) -> None:

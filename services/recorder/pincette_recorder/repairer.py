@@ -31,14 +31,14 @@ MOST_TEXT = 380
 Reply = Callable[[Message | str], None]
 
 
-class Mender:
+class RecordRepairer:
     """One thread that works on folders without an open record."""
 
     def __init__(self, config: RecorderConfig, counted: CountedTime | None = None) -> None:
         self._config = config
         self.counted = counted or CountedTime(config.records)
-        self._pool = ThreadPoolExecutor(1, "mender")
-        self.mended = self.deleted = 0
+        self._pool = ThreadPoolExecutor(1, "repairer")
+        self.repaired = self.deleted = 0
         """Number of records that were closed here since the start."""
         self.damaged: dict[str, list[str]] = {}
         """Files that differ from the manifest and could not be restored, by record."""
@@ -120,15 +120,15 @@ class Mender:
         self._pool.shutdown(cancel_futures=True)
         self.counted.close()
 
-    def _mend(self, folder: Path) -> None:
+    def _repair(self, folder: Path) -> None:
         if not mcap_reading.is_closed(folder / NAME):
             record_repair.mend(folder, record_repair.KILLED)
-            self.mended += 1
+            self.repaired += 1
 
     def _repair(self, folder: Path) -> None:
         """Close a record that broke off, and restore files that differ from its manifest."""
         if (folder / NAME).exists():
-            self._mend(folder)
+            self._repair(folder)
         # The supervisor makes its own documents again.
         lost = [name for name in record_repair.restore(folder) if name in record_repair.OWN]
         if not lost:
@@ -142,7 +142,7 @@ class Mender:
         """Do the work of ``tidy`` in the thread of the caller; raises OSError."""
         config = self._config
         for folder in left:
-            self._mend(folder)
+            self._repair(folder)
         retention.sweep(config.records)
         kept = retention.ended(config.records)
         ages_s = self.counted.ages_s([one.name for one in kept])

@@ -10,7 +10,7 @@ from pincette.config import RigFile
 from pincette.core.faults import Mode
 from pincette.core.messages import Position, Trip
 from pincette.core.messages.arms import ArmPosition
-from pincette_supervisor.attention import GRID_S, Attention, share_words
+from pincette_supervisor.process_load import GRID_S, ProcessLoad, share_words
 from pincette_supervisor.rigs.rig_context import ActuatorTrip
 
 from .canned import ANSWERING, PROGRAMS
@@ -141,14 +141,14 @@ def test_without_a_lease_a_line_that_is_cut_ends_the_job(
 
 def test_a_standstill_of_the_process_is_measured_with_what_it_was_at() -> None:
     now_s = 100.0
-    attention = Attention(lambda: now_s)
+    process_load = ProcessLoad(lambda: now_s)
     for _ in range(20):
         now_s += GRID_S
-        attention.sample()
-    attention.add("drawing", 0.7)
+        process_load.sample()
+    process_load.add("drawing", 0.7)
     now_s += 1.25
-    stood_s, spent_s = attention.within(2.0)
+    stood_s, spent_s = process_load.within(2.0)
     assert stood_s == pytest.approx(1.25 - GRID_S)
     assert spent_s == {"bus": 0.0, "journal": 0.0, "drawing": 0.7}
-    assert share_words(1.5, attention).startswith("in the last 1.5 s this program was stalled")
-    assert attention.totals()[0] == pytest.approx(1.25 - GRID_S)
+    assert share_words(1.5, process_load).startswith("in the last 1.5 s this program was stalled")
+    assert process_load.totals()[0] == pytest.approx(1.25 - GRID_S)
