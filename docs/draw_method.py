@@ -133,9 +133,9 @@ def track(planned_mN_per_um: float, seconds: float = 4.0) -> Track:
         creep_times_s=(),
         creep_fractions=(),
     )
-    true = identified_response(actuator, D_P, 0.0).follow(1.0, 60.0)
+    true = identified_response(actuator, D_P, 0.0).updated(1.0, 60.0)
     x_e_um = true.position_um()
-    model = identified_response(known, D_P, 0.0).follow(1.0, T).begin(x_e_um)
+    model = identified_response(known, D_P, 0.0).updated(1.0, T).begin(x_e_um)
     settings = law_settings(K_P=1.0, K_f=5000.0)
     law = control_law.build(settings, ARM, T, FILTER_S)
     ratio = K_E * S_P
@@ -159,7 +159,7 @@ def track(planned_mN_per_um: float, seconds: float = 4.0) -> Track:
             limited=0,
         )
         voltage_V = output.voltage_V
-        true, model = true.follow(voltage_V, T), model.follow(voltage_V, T)
+        true, model = true.updated(voltage_V, T), model.updated(voltage_V, T)
         rest_um = (true.position_um() + ratio * x_e_um) / (1.0 + ratio)
         off_um, v = x_um - rest_um, speed
         x_um = rest_um + mode.xx * off_um + mode.xv * v

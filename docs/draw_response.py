@@ -79,7 +79,7 @@ def tracked(frequency_hz: float, cycles: int, *, identified: bool, learns: bool 
         free_um = displacement_um(ACTUATOR, true)
         late_um = free_um + LAGGING * (before_um - free_um)
         x_um, before_um = (late_um + ratio * x_e_um) / (1.0 + ratio), free_um
-        learner = learner.follow(tick, x_um - x_r_um, limited=False)
+        learner = learner.updated(tick, x_um - x_r_um, limited=False)
         rows.append(((tick + 1) * T, x_um - x_r_um, learned_um))
     t, error, learned = (np.array(column) for column in zip(*rows, strict=True))
     return Cycles(t, error, learned)

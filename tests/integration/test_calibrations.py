@@ -104,7 +104,7 @@ def test_a_press_finds_stiffness_and_place_of_the_contact(bench: list[Bench]) ->
     assert value(record, "part.contact_um") == pytest.approx(simulated.bead_contact_um, abs=0.3)
     (sure,) = [v for v in result_of(record).values if v.quantity == "part.contact_um"]
     # A kink of the model's error is taken for one of the arm; a few tenths of a volt are looked at.
-    response = derived.free_response(rig.model).begin(0.0).follow(0.3, 0.0)
+    response = derived.free_response(rig.model).begin(0.0).updated(0.3, 0.0)
     assert sure.uncertainty is not None
     assert response.error_um() < sure.uncertainty < 0.3
     assert result_of(record).warnings == [

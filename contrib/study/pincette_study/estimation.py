@@ -59,7 +59,7 @@ def read(
     for index, (u, x) in enumerate(
         zip(motion.voltage_V.tolist(), motion.x_um.tolist(), strict=True)
     ):
-        response = response.follow(u, period_s)
+        response = response.updated(u, period_s)
         if index < rest:
             samples.append(response.sample(x))
             continue

@@ -21,7 +21,7 @@ from pincette_controller.player_state import (
     Pause,
     Player,
     enter,
-    follow,
+    enter_next,
     has_phase,
     jump,
     with_watch,
@@ -188,7 +188,7 @@ def _done(
         case ActionCode.RESUME:
             return resume(player), Acted.RESUME
         case ActionCode.CONTINUE:
-            player = follow(program, player, x_um) if waits(player) else player
+            player = enter_next(program, player, x_um) if waits(player) else player
             return player, Acted.CONTINUE
         case ActionCode.KEEP if may_keep(player):
             return keep(player), None

@@ -23,7 +23,7 @@ class ArmMemory(FrozenRecord, frozen=True):
     followed_seq: int = -1
     """Newest sample up to which ``response`` has followed the voltage."""
 
-    def follow(self, estimate: Estimate, voltage_V: float, period_s: float) -> "ArmMemory":
+    def updated(self, estimate: Estimate, voltage_V: float, period_s: float) -> "ArmMemory":
         """Update the memory by the voltage applied to this arm.
 
         Where the voltage is missing, the next one counts for longer. A sample that has been
@@ -33,9 +33,9 @@ class ArmMemory(FrozenRecord, frozen=True):
             return self
         passed_s = (estimate.seq - self.followed_seq) * period_s
         return ArmMemory(
-            self.response.follow(voltage_V, passed_s),
+            self.response.updated(voltage_V, passed_s),
             self.model,
-            self.past.follow(voltage_V, passed_s),
+            self.past.updated(voltage_V, passed_s),
             estimate.seq,
         )
 

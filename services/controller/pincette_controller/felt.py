@@ -45,7 +45,7 @@ class Felt(FrozenRecord, frozen=True):
         """Return the state at the begin of a segment, before its first sample."""
         return replace(self, fresh=True, drift_mN=(0.0, 0.0), felt_s=0.0)
 
-    def follow(self, arms: Arms, period_s: float, most_drift_mN: float) -> "Felt":
+    def updated(self, arms: Arms, period_s: float, most_drift_mN: float) -> "Felt":
         """Add the newest sample.
 
         A rise by more than ``most_drift_mN`` above the drift is a touch, which the drift does not

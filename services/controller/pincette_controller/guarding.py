@@ -21,7 +21,7 @@ from pincette_controller.player_state import (
     NO_PAUSE,
     Player,
     enter,
-    follow,
+    enter_next,
     has_phase,
     jump,
     leave,
@@ -125,7 +125,7 @@ def _watch_load(
 def _listen(player: Player, estimate: ArmEstimate) -> Player:
     """Measure the sensor's noise from the samples of a rest without contact."""
     if isinstance(player.segment, Rest):
-        return with_slip(player, noise=player.slip.noise.follow(estimate.x_um))
+        return with_slip(player, noise=player.slip.noise.updated(estimate.x_um))
     noise = player.slip.noise.left()
     return with_slip(player, noise=noise, noise_um=noise.noise_um)
 
@@ -191,7 +191,7 @@ def _await_zero(
         return replace(with_watch(player, count=waited), zero=True)
     player = with_watch(player, zeroing=False)
     if confirmed or not guards.zero_needed:
-        return follow(program, player, x_um)
+        return enter_next(program, player, x_um)
     return jump(program, replace(player, outcome=Outcome.ZERO_REFUSED), Phase.RETREAT, x_um)
 
 

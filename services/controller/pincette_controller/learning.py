@@ -50,7 +50,7 @@ def learn(learning: Learning, before: Player, estimate: ArmEstimate, period_s: f
     t_s, slack_s = before.ticks * period_s, 0.5 * period_s
     if not path.full_from_s - slack_s <= t_s < path.full_to_s - slack_s:
         return learning
-    learner = learning.learner.follow(
+    learner = learning.learner.updated(
         before.ticks,
         estimate.x_um - before.ref.x_um,
         limited=bool(estimate.limits_active) or before.pause.active,

@@ -24,7 +24,7 @@ from pincette_controller.player_state import (
     Began,
     Pause,
     Player,
-    follow,
+    enter_next,
     jump,
     with_line,
     with_watch,
@@ -83,7 +83,7 @@ def advance(
     """
     felt, x_um, applied_V = player.felt, arms[0].x_um, (arms[0].applied_V,)
     if felt is not None:
-        felt = felt.follow(arms, period_s, 0.5 * program.guards.contact_force_mN)
+        felt = felt.updated(arms, period_s, 0.5 * program.guards.contact_force_mN)
         x_um, applied_V = place_um(arms), (arms[0].applied_V, arms[1].applied_V)
     player = replace(player, zero=False, bump=False, applied_V=applied_V, felt=felt)
     if player.ended:
@@ -163,7 +163,7 @@ def _next(program: Program, player: Player, arms: Arms, x_um: float) -> Player:
             return jump(program, player, Phase.UNLOAD, x_um)
     if not player.outcome:
         player = replace(player, outcome=_outcome(program, player))
-    return follow(program, player, x_um)
+    return enter_next(program, player, x_um)
 
 
 def _outcome(program: Program, player: Player) -> Outcome:

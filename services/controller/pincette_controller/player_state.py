@@ -197,7 +197,7 @@ def with_line(player: Player, x_e_um: float, K_e_mN_per_um: float) -> Player:
     return replace(player, entry=player.entry._replace(line=LoadLine(x_e_um, K_e_mN_per_um)))
 
 
-def follow(program: Program, player: Player, x_um: float) -> Player:
+def enter_next(program: Program, player: Player, x_um: float) -> Player:
     """Enter the segment after this one, or end."""
     index, segment = player.index + 1, player.segment
     early = segment.phase == player.ends_after and not segment.open_loop

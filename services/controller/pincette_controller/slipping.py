@@ -89,7 +89,7 @@ def watch_steps(
     kappa = _kappa(program, player, limits, x_um)
     if player.slip.suspect is not None:
         return _confirm(program, player, estimate, limits, free_um, kappa)
-    watch = player.slip.steps.follow(limits, x_um, free_um)
+    watch = player.slip.steps.updated(limits, x_um, free_um)
     player = replace(player, slip=replace(player.slip, steps=watch))
     seen = player.slip.confirmed
     if seen is not None and player.segment.open_loop and seen.samples < AVERAGED:
@@ -137,7 +137,7 @@ def _confirm(
     step = player.slip.suspect
     assert step is not None
     shown_um = unexplained_um(step, estimate.x_um, free_um, kappa)
-    watch = StepWatch().follow(limits, estimate.x_um, free_um)
+    watch = StepWatch().updated(limits, estimate.x_um, free_um)
     player = with_slip(player, suspect=None, steps=watch)
     if shown_um * step.step_um <= 0.0 or abs(shown_um) < CONFIRMING_SHARE * abs(step.step_um):
         return player

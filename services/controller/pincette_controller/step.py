@@ -81,7 +81,7 @@ def _answer(
         return replace(state, refused=state.refused + 1), ()
     memories: tuple[ArmMemory, ...] = ()
     for memory, arm in zip(state.memories, estimate.arms, strict=True):
-        memories += (memory.follow(estimate, arm.applied_V, config.period_s),)
+        memories += (memory.updated(estimate, arm.applied_V, config.period_s),)
     state = replace(state, memories=memories)
     if state.playing and estimate.valid and not estimate.tripped and state.program is not None:
         return _play(config, state, state.program, estimate)

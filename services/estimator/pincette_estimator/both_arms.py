@@ -27,7 +27,7 @@ class ForceDisagreement(FrozenRecord, frozen=True):
     uncertainty_mN: float = 0.0
     """Uncertainty U of the difference of both forces, in mN."""
 
-    def follow(self, both: Estimate, period_s: float, *, held: bool) -> "ForceDisagreement":
+    def updated(self, both: Estimate, period_s: float, *, held: bool) -> "ForceDisagreement":
         """Add a sample of both arms; start again if no part is held or a force is not known."""
         first, second = both.arms
         known = first.zero_age_s is not None and second.zero_age_s is not None

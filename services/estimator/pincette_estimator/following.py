@@ -51,14 +51,14 @@ def follow_voltage(config: ArmConfig, state: ArmState, applied: Applied) -> ArmS
     """Update the memories by the voltage applied over all samples since the last known one."""
     voltage_V = applied.arms[config.arm].voltage_V
     passed_s = (applied.seq + 1 - state.followed_seq) * config.period_s
-    response = state.response.follow(voltage_V, passed_s)
+    response = state.response.updated(voltage_V, passed_s)
     return replace(
         state,
         missed=_missed(config, state, applied),
         response=response,
-        past=state.past.follow(voltage_V, passed_s),
-        unknown=state.unknown.follow(voltage_V, passed_s),
-        reversal_memory=state.reversal_memory.follow(voltage_V),
+        past=state.past.updated(voltage_V, passed_s),
+        unknown=state.unknown.updated(voltage_V, passed_s),
+        reversal_memory=state.reversal_memory.updated(voltage_V),
         ringing=_ringing(config, state, response, applied),
         followed_seq=applied.seq + 1,
     )

@@ -61,7 +61,7 @@ class StuckWatch(FrozenRecord, frozen=True):
     held: bool = False
     """True if those voltages are of two arms that hold a part; see ``both_arms.moving_V``."""
 
-    def follow(
+    def updated(
         self, x_um: float, voltage_V: float, moved_V: float, *, held: bool = False
     ) -> "StuckWatch":
         """Add a sample and the voltage behind it.
@@ -107,7 +107,7 @@ class FreeMotion(FrozenRecord, frozen=True):
         voltages_V = [sample.voltage_V for sample in self.older[-count:]]
         return max(voltages_V) - min(voltages_V) <= RESTS_V
 
-    def follow(self, sample: FreeSample) -> "FreeMotion":
+    def updated(self, sample: FreeSample) -> "FreeMotion":
         """Add the next sample."""
         newer = (*self.newer, sample)
         if len(newer) < CHUNK:

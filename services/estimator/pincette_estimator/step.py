@@ -74,7 +74,7 @@ def step(
         return state, ()
     if count == 2:
         held = applied is not None and applied.part_held
-        apart = apart.follow(found, config.arms[0].period_s, held=held)
+        apart = apart.updated(found, config.arms[0].period_s, held=held)
     return replace(state, arms=arms, refused=refused, apart=apart), (found,)
 
 
@@ -97,7 +97,7 @@ def _estimated(
         if config.moving is not None and applied.part_held:
             other_V = applied.arms[1 - config.arm].voltage_V
             voltage_V, held = moving_V(config.moving, voltage_V, other_V), True
-        stuck = state.stuck.follow(sample.x_um, voltage_V, config.stuck_V, held=held)
+        stuck = state.stuck.updated(sample.x_um, voltage_V, config.stuck_V, held=held)
         state = replace(state, stuck=stuck)
     due_V = _zero_due_V(config, state, applied)
     if not measured or state.stuck.stuck:
@@ -224,17 +224,17 @@ def _follow_free_motion(
     if isinstance(response, IdentifiedResponse) and response.strokes.bottom:
         known = state.unknown.known
         apart_um = (0.0, 0.0) if known else state.unknown.apart_um(response)
-        bottom = bottom.follow(response, x_um, apart_um)
+        bottom = bottom.updated(response, x_um, apart_um)
         way_base = None
     motion = FreeMotion()
     if not applied.part_held:
-        motion = state.free_motion.follow(response.sample(modelled_um))
+        motion = state.free_motion.updated(response.sample(modelled_um))
     followed = replace(
         state,
         response=response,
         bottom=bottom,
         way_base=way_base,
-        contact_detector=detector.follow(config.kink_limits, x_um, nominal_um),
+        contact_detector=detector.updated(config.kink_limits, x_um, nominal_um),
         free_motion=motion,
     )
     if state.unknown.awaits_rest and motion.rests(config.zero_limits.rest_samples):

@@ -125,7 +125,7 @@ def _tuning_rig(rig: RigFile, samples: int, parameter_set: ParameterSet) -> Tuni
     touch_V = (part.contact_um - X_START_UM) / model.piezo_um_per_V
     ticks = round(TOUCH_S / period_s)
     for tick in range(2 * ticks):
-        response = response.follow(touch_V * min(1.0, (tick + 1) / ticks), period_s)
+        response = response.updated(touch_V * min(1.0, (tick + 1) / ticks), period_s)
     slope_error = 0.0
     if parameter_set == "identified":
         flattest, steepest = slope_factors(rig)

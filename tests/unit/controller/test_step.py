@@ -259,7 +259,7 @@ def test_the_memory_of_the_response_is_led_by_what_is_applied_and_outlives_an_ar
         estimate = with_arm(QUIET, seq=seq, applied_V=voltage_V, degraded=degraded, valid=False)
         state, _ = step(config, state, Inputs(estimate), 0.0)
         if not degraded:
-            wanted = wanted.follow(voltage_V, 2 * T if seq == 3 else T)
+            wanted = wanted.updated(voltage_V, 2 * T if seq == 3 else T)
     assert state.memories[0].response == wanted
     again, _, _ = handle(config, state, Arm(2, 5, ""), 0.0)
     assert again.memories[0].response == wanted

@@ -146,9 +146,9 @@ def test_recorded_branches_take_the_place_of_the_identified_response() -> None:
     middle_um: list[float] = []
     for end_V in (3.0, 0.0):
         for step in range(51):
-            response = response.follow(1.5 + (end_V - 1.5) * step / 50, 0.02)
+            response = response.updated(1.5 + (end_V - 1.5) * step / 50, 0.02)
         for step in range(51):
-            response = response.follow(end_V + (1.5 - end_V) * step / 50, 0.02)
+            response = response.updated(end_V + (1.5 - end_V) * step / 50, 0.02)
         middle_um.append(response.displacement_um())
     assert middle_um[0] - middle_um[1] > 2.0
 

@@ -51,7 +51,7 @@ def moved(config: Any, **others: Any) -> Any:
     state = ESTIMATOR.start(config)
     response, memory = state.arms[0].response, ReversalMemory(0.0)
     for voltage_V in (0.3, 1.1, 0.7, 1.9, 0.1 + 0.2, 0.4):
-        response, memory = response.follow(voltage_V, 0.02), memory.follow(voltage_V)
+        response, memory = response.updated(voltage_V, 0.02), memory.updated(voltage_V)
     response = response.begin(1.25)
     changes = {"response": response, "reversal_memory": memory, "highest_V": 1.9, "known_V": -0.0}
     return replace(state, arms=(replace(state.arms[0], **changes, **others),))
@@ -65,7 +65,7 @@ def test_what_an_estimator_remembers_comes_back(kind: type) -> None:
     text = snapshot(ESTIMATOR, config, state)
     back = restored(ESTIMATOR, config, ESTIMATOR.start(config), text)
     assert repr(back) == repr(state)
-    assert back.arms[0].response.follow(0.9, 0.02) == state.arms[0].response.follow(0.9, 0.02)
+    assert back.arms[0].response.updated(0.9, 0.02) == state.arms[0].response.updated(0.9, 0.02)
 
 
 def test_the_change_of_a_stroke_that_was_compared_comes_back() -> None:

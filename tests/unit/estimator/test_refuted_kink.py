@@ -22,11 +22,11 @@ def followed() -> tuple[State, int]:
     """An estimator that has led x_1 over the range, is armed anew, and zeroed."""
     bench = Bench(CONFIG)
     for voltage_V in (*np.arange(0.0, HIGHEST_V, 0.02), *np.arange(HIGHEST_V, 0.0, -0.02)):
-        free_um = bench.state.arms[0].response.follow(float(voltage_V), 0.02).position_um()
+        free_um = bench.state.arms[0].response.updated(float(voltage_V), 0.02).position_um()
         bench.feed(free_um, float(voltage_V))
     bench.arm(2)
     for zero in (*12 * [False], True):
-        bench.feed(bench.state.arms[0].response.follow(0.0, 0.02).position_um(), 0.0, zero=zero)
+        bench.feed(bench.state.arms[0].response.updated(0.0, 0.02).position_um(), 0.0, zero=zero)
     return bench.state, bench.seq
 
 
@@ -43,7 +43,7 @@ def touched_with_mN(
     from_um = bench.state.arms[0].response.position_um()
     for tick, noise_um in enumerate(noises_um.tolist(), start=1):
         voltage_V = STEP_V * tick
-        model_um = bench.state.arms[0].response.follow(voltage_V, 0.02).position_um()
+        model_um = bench.state.arms[0].response.updated(voltage_V, 0.02).position_um()
         free_um = from_um + gain * (model_um - from_um)
         pressed_um = max(0.0, free_um - contact_um) * S_P * K_e / (1.0 + S_P * K_e)
         estimate = bench.feed(free_um - pressed_um + noise_um, voltage_V)
@@ -81,7 +81,7 @@ def test_a_part_that_pressed_the_arm_as_it_was_found_is_met_on_the_way_up(
     bench, contact_um, kappa = Bench(config), -8.0, S_P * K_E
     voltages_V = (*np.arange(0.0, -1.0, -0.01), *np.arange(-1.0, 2.0, 0.01))
     for tick, voltage_V in enumerate(voltages_V):
-        response = bench.state.arms[0].response.follow(float(voltage_V), 0.02)
+        response = bench.state.arms[0].response.updated(float(voltage_V), 0.02)
         free_um = response.displacement_um() if response.remembers else 19.0 * float(voltage_V)
         pressed_um = max(0.0, free_um - contact_um) * kappa / (1.0 + kappa)
         estimate = bench.feed(free_um - pressed_um, float(voltage_V), held=held and tick < 5)

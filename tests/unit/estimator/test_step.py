@@ -77,12 +77,12 @@ def test_memory_and_offset_outlive_an_arming() -> None:
     bench.arm(2)
     assert bench.state.arms[0].response == before
     pushed_um = 3.0 * IDENTIFIED.arms[0].compliance_um_per_mN
-    estimate = bench.feed(before.follow(1.0, 0.02).position_um() - pushed_um, 1.0)
+    estimate = bench.feed(before.updated(1.0, 0.02).position_um() - pushed_um, 1.0)
     assert estimate.arms[0].zero_age_s is None
     assert estimate.arms[0].zero_refusal is None
     assert estimate.arms[0].force_mN == pytest.approx(3.0)
     # Falling from 2 V the play of 0.5 V rests until 1 V, then moves: 15 µm/V from there.
-    fallen = bench.state.arms[0].response.follow(0.9, 0.0).position_um()
+    fallen = bench.state.arms[0].response.updated(0.9, 0.0).position_um()
     assert bench.state.arms[0].response.position_um() - fallen == pytest.approx(
         0.1 * 15.0, rel=0.01
     )
@@ -151,7 +151,7 @@ def test_another_model_is_led_through_what_the_arm_has_been_through() -> None:
         one.feed(12.0, 1.0)
     assert bench.state.arms[0].model == IDENTIFIED.arms[0].response
     there, wanted = (
-        one.state.arms[0].response.follow(0.2, 0.0).position_um() for one in (bench, other)
+        one.state.arms[0].response.updated(0.2, 0.0).position_um() for one in (bench, other)
     )
     assert there == pytest.approx(wanted, abs=1e-3)
 
@@ -181,7 +181,7 @@ def test_the_memory_advances_over_samples_without_a_position() -> None:
     other.feed(0.0, 0.0)
     bench.feed(5.0, 1.0)
     assert not other.feed(nan, 1.0).valid
-    assert bench.state.arms[0].response.follow(0.0, 0.0) == other.state.arms[0].response.follow(
+    assert bench.state.arms[0].response.updated(0.0, 0.0) == other.state.arms[0].response.updated(
         0.0, 0.0
     )
 

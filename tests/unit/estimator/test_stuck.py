@@ -17,7 +17,7 @@ def alarm(readings: list[float], voltages: list[float]) -> int | None:
     """Number of the sample at which the watch says stuck."""
     watch = StuckWatch()
     for number, (x_um, voltage_V) in enumerate(zip(readings, voltages, strict=True)):
-        watch = watch.follow(x_um, voltage_V, MOVED_V)
+        watch = watch.updated(x_um, voltage_V, MOVED_V)
         if watch.stuck:
             return number
     return None
@@ -63,11 +63,11 @@ def test_a_working_sensor_in_motion_is_never_stuck() -> None:
 def test_the_alarm_lasts_until_the_reading_differs() -> None:
     watch = StuckWatch()
     for sample in range(SAMPLES):
-        watch = watch.follow(5.0, 0.1 * sample, MOVED_V)
+        watch = watch.updated(5.0, 0.1 * sample, MOVED_V)
     for _ in range(50):
-        watch = watch.follow(5.0, 0.8, MOVED_V)
+        watch = watch.updated(5.0, 0.8, MOVED_V)
     assert "sensor stuck: 5.000 µm" in fault_text(watch.fault)
-    watch = watch.follow(5.025, 0.8, MOVED_V)
+    watch = watch.updated(5.025, 0.8, MOVED_V)
     assert watch.fault is None
 
 

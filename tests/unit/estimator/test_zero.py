@@ -30,7 +30,7 @@ class Approach:
 
     def place(self, contact_um: float) -> float:
         """Where the arm is: behind the model's x_1 by a constant, and pressed back."""
-        free_um = self.bench.state.arms[0].response.follow(self.voltage_V, 0.02).position_um()
+        free_um = self.bench.state.arms[0].response.updated(self.voltage_V, 0.02).position_um()
         pressed_um = max(0.0, free_um - contact_um) * S_P * K_E / (1.0 + S_P * K_E)
         return free_um - pressed_um
 
@@ -89,7 +89,7 @@ def test_the_first_grip_of_an_estimator_allows_for_a_memory_it_does_not_know() -
         refusal = ""
         for count in range(13):
             response = approach.bench.state.arms[0].response
-            x_um = response.follow(approach.voltage_V, 0.02).position_um() - by_um
+            x_um = response.updated(approach.voltage_V, 0.02).position_um() - by_um
             estimate = approach.bench.feed(x_um, approach.voltage_V, zero=count == 12)
             refusal = fault_text(estimate.arms[0].zero_refusal)
         return refusal

@@ -256,7 +256,7 @@ class JobMonitor:
         self._watch.look()
         messages = self._collection.drain()
         moved = tracker.update(messages)
-        self._missing.follow(messages)
+        self._missing.update(messages)
         if moved if self._rig.lockstep else self._actuator_published():
             self._last_message_at = self._context.observer.awake_clock()
         if moved:

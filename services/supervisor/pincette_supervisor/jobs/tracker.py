@@ -364,7 +364,7 @@ class MissingSamples:
         self._valid: set[int] = set()
         """Numbers of the valid positions since the phase began."""
 
-    def follow(self, messages: Iterable[Message]) -> None:
+    def update(self, messages: Iterable[Message]) -> None:
         """Process new messages; those of each topic arrive in order."""
         if not self._planned:
             return

@@ -132,7 +132,7 @@ class IdentifiedArm:
             output_V = held[-1][-1][1] if held[-1] else output_V
         sag_um = self.parameters.compliance_um_per_mN * self.hung_mN
         before_um = self.response.position_um() - sag_um
-        response = self.response.follow(output_V, self.period_s)
+        response = self.response.updated(output_V, self.period_s)
         missed_um = self.missed_um if missed_um is None else missed_um
         way_um = response.position_um() + missed_um - self.missed_um - sag_um - before_um
         travel_V, passed_s = output_V - self.output_V, 0.0
@@ -195,9 +195,9 @@ def identified_arm(
         What lies in the arm's way; None: nothing.
     """
     model = rig.model
-    response = derived.free_response(model).follow(0.0, 0.0).begin(derived.X_START_UM)
+    response = derived.free_response(model).updated(0.0, 0.0).begin(derived.X_START_UM)
     if start_V:
-        response = response.follow(start_V, SETTLED_S)
+        response = response.updated(start_V, SETTLED_S)
     parameters = PlantParameters(
         natural_frequency_rad_per_s=model.natural_frequency_rad_per_s,
         damping_ratio=model.damping_ratio,

@@ -45,7 +45,7 @@ def force_uncertainty_mN(rig: RigFile, way_um: float, *, conditioned: bool = Fal
         response = derived.free_response(model)
         if isinstance(response, IdentifiedResponse):
             response = replace(response, conditioned=conditioned)
-        free_error_um = response.begin(0.0).follow(way_V, 0.0).error_um()
+        free_error_um = response.begin(0.0).updated(way_V, 0.0).error_um()
     return uncertainty(
         noise_um=rig.sensor.noise_um,
         free_error_um=free_error_um,
@@ -74,9 +74,9 @@ def past_uncertainty_mN(rig: RigFile, force_mN: float) -> float:
     pressed_um = part.contact_um + force_mN * (s_p + 1.0 / part.stiffness_mN_per_um)
     zero_V, pressed_V = zero_um / d_p, min(limits.voltage_max_V, pressed_um / d_p)
     rest_V = rig.safety.safe_V
-    zeroed = response.follow(rest_V, 0.0).follow(zero_V, 0.0)
-    unknown = unknown.follow(rest_V, 0.0).follow(zero_V, 0.0).rezero(zeroed)
-    error_um = unknown.follow(pressed_V, 0.0).error_um(zeroed.follow(pressed_V, 0.0))
+    zeroed = response.updated(rest_V, 0.0).updated(zero_V, 0.0)
+    unknown = unknown.updated(rest_V, 0.0).updated(zero_V, 0.0).rezero(zeroed)
+    error_um = unknown.updated(pressed_V, 0.0).error_um(zeroed.updated(pressed_V, 0.0))
     return COVERAGE * standard_uncertainty_um(error_um) / s_p
 
 

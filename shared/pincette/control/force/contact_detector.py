@@ -165,7 +165,7 @@ class ContactDetector(FrozenRecord, frozen=True):
         """Return a detector for a new branch that keeps the range known to be free."""
         return ContactDetector(nominal_um, x_um, free_to_um=max(self.free_to_um, self.reached_um))
 
-    def follow(self, limits: KinkLimits, x_um: float, nominal_um: float) -> "ContactDetector":
+    def updated(self, limits: KinkLimits, x_um: float, nominal_um: float) -> "ContactDetector":
         """Return the detector updated by x_k and d_p·u_{k-1}."""
         at_um = nominal_um - self.nominal_um
         if at_um <= self.begun_um - limits.step_um:

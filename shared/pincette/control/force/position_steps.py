@@ -146,7 +146,7 @@ class StepWatch(FrozenRecord, frozen=True):
     x_um: tuple[float, ...] = ()
     free_um: tuple[float, ...] = ()
 
-    def follow(self, limits: StepLimits, x_um: float, free_um: float) -> "StepWatch":
+    def updated(self, limits: StepLimits, x_um: float, free_um: float) -> "StepWatch":
         """Return the watch with the newest sample added."""
         kept = limits.span - 1 + max(limits.mean_of, REST_MEAN)
         return StepWatch((*self.x_um[-kept:], x_um), (*self.free_um[-kept:], free_um))
@@ -228,7 +228,7 @@ class RestNoise(FrozenRecord, frozen=True):
     count: int = 0
     sum_um2: float = 0.0
 
-    def follow(self, x_um: float) -> "RestNoise":
+    def updated(self, x_um: float) -> "RestNoise":
         """Return the noise with one more sample of the rest added."""
         if self.last_um is None:
             return RestNoise(x_um, self.count, self.sum_um2)

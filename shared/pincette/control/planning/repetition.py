@@ -150,7 +150,7 @@ class CycleLearner(FrozenRecord, frozen=True):
     before_um: tuple[float, ...] = ()
     """Errors of the cycle before, if it was complete, in µm."""
 
-    def follow(self, tick: int, error_um: float, *, limited: bool) -> "CycleLearner":
+    def updated(self, tick: int, error_um: float, *, limited: bool) -> "CycleLearner":
         """Add x - x_r at a tick since the begin of a cycle.
 
         A cycle in which a tick is missing or repeated, or a limit acts, is not learned from.

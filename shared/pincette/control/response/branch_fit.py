@@ -243,7 +243,7 @@ def _modelled_um(
     response = identified_response(model, 1.0, 0.0, branch=nothing)
     found = np.empty(len(voltage_V))
     for place, at_V in enumerate(voltage_V.tolist()):
-        response = response.follow(at_V, period_s)
+        response = response.updated(at_V, period_s)
         found[place] = response.calibrated_um()
     return found
 

@@ -157,7 +157,7 @@ class Strokes(FrozenRecord, frozen=True):
         """Return whether the arm is on the rising branch after a conditioning."""
         return self.conditioned and self.fell_V <= FRESH_V
 
-    def follow(self, branch: ConditionedBranch, voltage_V: float, dt_s: float) -> "Strokes":
+    def updated(self, branch: ConditionedBranch, voltage_V: float, dt_s: float) -> "Strokes":
         """Update the strokes by a voltage that has been applied for a time."""
         low_V = branch.low_V
         if voltage_V <= low_V * (1.0 - NEAR) + NEAR_V:

@@ -60,7 +60,7 @@ class FreeResponse(Protocol):
         """Return the newest voltage."""
         ...
 
-    def follow(self, voltage_V: float, dt_s: float, /) -> Self:
+    def updated(self, voltage_V: float, dt_s: float, /) -> Self:
         """Update the response by a voltage that has been applied for ``dt_s``."""
         ...
 
@@ -123,7 +123,7 @@ class LinearResponse(FrozenRecord, frozen=True):
     """Largest distance of the voltage from that of the last zero, including before a new begin, in
     V."""
 
-    def follow(self, voltage_V: float, _dt_s: float, /) -> "LinearResponse":
+    def updated(self, voltage_V: float, _dt_s: float, /) -> "LinearResponse":
         """Update the line by the voltage; time does not matter to it."""
         reach_V = max(self.reach_V, abs(voltage_V - self.zero_V))
         return replace(self, voltage_V=voltage_V, reach_V=reach_V)

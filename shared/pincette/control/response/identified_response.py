@@ -49,12 +49,12 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
         """Return the newest voltage."""
         return self.memory.voltage_V
 
-    def follow(self, voltage_V: float, dt_s: float, /) -> "IdentifiedResponse":
+    def updated(self, voltage_V: float, dt_s: float, /) -> "IdentifiedResponse":
         """Update the memory by a voltage that has been applied for ``dt_s``."""
         reach_V = max(self.reach_V, abs(voltage_V - self.zero_V))
         memory, strokes = self.memory, self.strokes
         if self.branch is not None:
-            strokes = strokes.follow(self.branch, voltage_V, dt_s)
+            strokes = strokes.updated(self.branch, voltage_V, dt_s)
             if strokes.complete and not self.strokes.complete and self.stroked is not None:
                 # The strokes have wiped out the past of the plays, but not that of the creep.
                 memory = replace(self.stroked, creep_um=memory.creep_um)

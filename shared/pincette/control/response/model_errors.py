@@ -104,7 +104,7 @@ def unknown_forgetting(
     for samples in swings:
         memory, way_V = ReversalMemory(float(voltage_V[samples.start - 1])), list[float]()
         for value in voltage_V[samples].tolist():
-            memory = memory.follow(value)
+            memory = memory.updated(value)
             way_V.append(memory.total_V)
         before = left_um[max(0, samples.start - count) : samples.start]
         require_positive("small swings", memory.total_V, "V")

@@ -71,7 +71,7 @@ class RecordedResponse(MemoryResponse, frozen=True):
     voltage_V: float
     """Newest voltage, in V."""
 
-    def follow(self, voltage_V: float, _dt_s: float, /) -> "RecordedResponse":
+    def updated(self, voltage_V: float, _dt_s: float, /) -> "RecordedResponse":
         """Update the response by the voltage; the branches do not depend on time."""
         turns, furthest_V, u = self.turns, self.furthest_V, voltage_V
         rising = turns[-2].voltage_V > turns[-1].voltage_V

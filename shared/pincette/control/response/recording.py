@@ -50,7 +50,7 @@ def record_free_response(voltage_V: Sequence[float], x_um: Sequence[float]) -> R
     branches = recorded_branches(u[:taken], x[:taken])
     response, followed = recorded_response(branches, 1.0, 0.0), list[float]()
     for voltage in u.tolist():
-        response = response.follow(voltage, 0.0)
+        response = response.updated(voltage, 0.0)
         followed.append(response.displacement_um())
     return Recording(branches, float(np.std((x - np.asarray(followed))[taken:])))
 

@@ -28,7 +28,7 @@ class ReversalMemory(FrozenRecord, frozen=True):
     total_V: float = 0.0
     """Half of the way within the play, there or back, in V."""
 
-    def follow(self, voltage_V: float) -> "ReversalMemory":
+    def updated(self, voltage_V: float) -> "ReversalMemory":
         """Follow a voltage; half of its way within the play is added."""
         middle_V = self.from_middle_V + (voltage_V - self.voltage_V)
         within_V = max(-0.5 * SMALL_V, min(0.5 * SMALL_V, middle_V))

@@ -74,7 +74,7 @@ class Bottom(FrozenRecord, frozen=True):
         """Return the bottom as the place where a way begins."""
         return Base(self.x_um, self.calibrated_um, self.samples, 0.0, rested=False)
 
-    def follow(
+    def updated(
         self,
         response: IdentifiedResponse,
         x_um: float,

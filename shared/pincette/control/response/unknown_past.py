@@ -66,14 +66,14 @@ class UnknownPast(FrozenRecord, frozen=True):
         """True if a rest of the free arm may still determine its position, except for creep."""
         return not self.known and not self.met.spread.low_um
 
-    def follow(self, voltage_V: float, dt_s: float) -> "UnknownPast":
+    def updated(self, voltage_V: float, dt_s: float) -> "UnknownPast":
         """Update both pasts by a voltage that has been applied for ``dt_s``."""
         if self.known:
             return self
         return replace(
             self,
-            lowest=self.lowest.follow(voltage_V, dt_s),
-            highest=self.highest.follow(voltage_V, dt_s),
+            lowest=self.lowest.updated(voltage_V, dt_s),
+            highest=self.highest.updated(voltage_V, dt_s),
         )
 
     def replayed(self, memory: VoltageMemory) -> "UnknownPast":
@@ -154,18 +154,18 @@ class UnknownPast(FrozenRecord, frozen=True):
         """Return the largest error in µm after a zero here and a motion to an end or a rest."""
         if self.known:
             return 0.0
-        here, worst_um = self.follow(response.voltage_V, 0.0).rezero(response), 0.0
+        here, worst_um = self.updated(response.voltage_V, 0.0).rezero(response), 0.0
         for voltage_V in (response.voltage_V, *self.ends_V):
             for rest_s in (0.0, RESTED_S):
-                led = here.follow(voltage_V, 0.0).follow(voltage_V, rest_s)
-                model = response.follow(voltage_V, 0.0).follow(voltage_V, rest_s)
+                led = here.updated(voltage_V, 0.0).updated(voltage_V, rest_s)
+                model = response.updated(voltage_V, 0.0).updated(voltage_V, rest_s)
                 worst_um = max(worst_um, led.error_um(model))
         return worst_um
 
     def matters(self, response: FreeResponse) -> bool:
         """Return whether the past may exceed the stated error of x_1 over a whole stroke."""
         low_V, high_V = self.ends_V
-        stroke = response.follow(low_V, 0.0).begin(0.0).follow(high_V, 0.0)
+        stroke = response.updated(low_V, 0.0).begin(0.0).updated(high_V, 0.0)
         return not self.known and self.worst_um(response) > stroke.error_um()
 
     def judged(self, response: FreeResponse) -> "UnknownPast":
@@ -191,7 +191,7 @@ def unknown_past(response: FreeResponse, ends_V: tuple[float, float]) -> Unknown
 
     The next voltage is approached directly.
     """
-    lowest, highest = [response.follow(end_V, RESTED_S) for end_V in ends_V]
+    lowest, highest = [response.updated(end_V, RESTED_S) for end_V in ends_V]
     return UnknownPast(lowest, highest, ends_V)
 
 

@@ -41,7 +41,7 @@ class VoltageMemory(FrozenRecord, frozen=True):
         """Return all pieces, oldest first."""
         return (*self.pieces, *self.newest)
 
-    def follow(self, voltage_V: float, dt_s: float) -> "VoltageMemory":
+    def updated(self, voltage_V: float, dt_s: float) -> "VoltageMemory":
         """Add a voltage that has held for ``dt_s``."""
         pieces, newest = self.pieces, self.newest
         if not newest:
@@ -66,8 +66,8 @@ class VoltageMemory(FrozenRecord, frozen=True):
             strides = max(1, ceil(abs(to_V - at_V) / STRIDE_V))
             for stride in range(1, strides + 1):
                 share = stride / strides
-                response = response.follow(at_V + share * (to_V - at_V), move_s / strides)
+                response = response.updated(at_V + share * (to_V - at_V), move_s / strides)
             if rest_s > 0.0:
-                response = response.follow(to_V, rest_s)
+                response = response.updated(to_V, rest_s)
             at_V = to_V
         return response

@@ -43,7 +43,7 @@ class Watch(FrozenRecord, frozen=True):
     count: int = 0
     newest: Fault | None = None
 
-    def follow(self, excess: Fault | None) -> "Watch":
+    def updated(self, excess: Fault | None) -> "Watch":
         """Count a sample; one without excess resets the count."""
         return QUIET if excess is None else Watch(self.count + 1, excess)
 
@@ -126,7 +126,7 @@ def watch_position(limits: MonitorLimits, watches: Watches, x_um: float) -> Watc
     excess = position_excess(limits, x_um)
     if excess is None and watches.position is QUIET:
         return watches
-    return replace(watches, position=watches.position.follow(excess))
+    return replace(watches, position=watches.position.updated(excess))
 
 
 def watch_command(
@@ -144,7 +144,7 @@ def watch_command(
     force, following = watches.force, watches.following
     aim_seq, aim_um = watches.aim_seq, watches.aim_um
     if force_mN is not None:
-        force = force.follow(force_excess(limits, force_mN))
+        force = force.updated(force_excess(limits, force_mN))
     if x_d_um is not None and x_um is not None:
         way_um = 0.0 if aim_um is None else abs(x_d_um - aim_um)
         speed_um_per_s = way_um / ((seq - aim_seq) * limits.period_s)

@@ -279,7 +279,7 @@ class _Arm:
     def move(self, voltage_V: float) -> None:
         if self._old is not None:
             self._pass(self._old)
-        self._response = self._response.follow(voltage_V, self._rig.period_s)
+        self._response = self._response.updated(voltage_V, self._rig.period_s)
         self._pass(self._new)
 
     def _pass(self, mode: Mode) -> None:

@@ -65,7 +65,7 @@ class Pressed:
     def tick(self, voltage_V: float) -> float:
         """One sample, and the force (53) of it."""
         x_um = self.bench.tick(voltage_V)
-        self.response = self.response.follow(self.bench.voltage_V[-1], PERIOD_S)
+        self.response = self.response.updated(self.bench.voltage_V[-1], PERIOD_S)
         self.force_mN.append((self.response.position_um() - x_um) / self.compliance_um_per_mN)
         return self.force_mN[-1]
 

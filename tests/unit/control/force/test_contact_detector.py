@@ -32,7 +32,7 @@ def closed(
         arm_um += 0.3 * (1.0 + bend * (2.0 * index / count - 1.0))
         pressed_um = max(0.0, arm_um - contact_um) * S_P * K_e / (1.0 + S_P * K_e)
         x_um = 3.0 + arm_um - pressed_um + chance.gauss(0.0, NOISE_UM)
-        watch = watch.follow(LIMITS, x_um, 0.3 * index)
+        watch = watch.updated(LIMITS, x_um, 0.3 * index)
     return watch
 
 
@@ -57,20 +57,20 @@ def test_opening_beyond_it_forgets_a_touch_and_opening_a_little_does_not() -> No
     watch = closed(18.0, contact_um=12.0)
     touch = watch.touch
     assert touch is not None
-    back = watch.follow(LIMITS, 16.0, 14.5)
+    back = watch.updated(LIMITS, 16.0, 14.5)
     assert back.touch == touch
-    assert back.follow(LIMITS, 12.0, 9.0).touch is None
+    assert back.updated(LIMITS, 12.0, 9.0).touch is None
 
 
 def test_a_reversal_begins_a_branch_again() -> None:
     watch = ContactDetector(0.0, 0.0)
     for index in range(1, 11):
-        watch = watch.follow(LIMITS, 2.0 * index, 2.0 * index)
+        watch = watch.updated(LIMITS, 2.0 * index, 2.0 * index)
     for index in range(9, 4, -1):
-        watch = watch.follow(LIMITS, 2.0 * index, 2.0 * index)
+        watch = watch.updated(LIMITS, 2.0 * index, 2.0 * index)
     # Half the slope it had before the reversal.
     for index in range(6, 12):
-        watch = watch.follow(LIMITS, 10.0 + 1.0 * (index - 5), 2.0 * index)
+        watch = watch.updated(LIMITS, 10.0 + 1.0 * (index - 5), 2.0 * index)
     assert watch.touch is None
 
 
@@ -78,9 +78,9 @@ def test_going_back_by_less_than_a_step_keeps_the_branch_and_its_touch() -> None
     watch = closed(18.0, contact_um=12.0)
     begin_um = watch.nominal_um
     back_um = 0.9 * LIMITS.step_um * abs(sin(1.0))
-    back = watch.follow(LIMITS, 15.0, 18.0 - back_um)
+    back = watch.updated(LIMITS, 15.0, 18.0 - back_um)
     assert (back.nominal_um, back.touch) == (begin_um, watch.touch)
-    assert watch.follow(LIMITS, 12.0, 18.0 - 1.1 * LIMITS.step_um).nominal_um > begin_um
+    assert watch.updated(LIMITS, 12.0, 18.0 - 1.1 * LIMITS.step_um).nominal_um > begin_um
 
 
 @pytest.mark.parametrize("noise_um", [0.02, 0.05, 0.1, 0.15])
@@ -97,7 +97,7 @@ def test_a_part_is_found_below_six_millinewtons_by_a_noisy_sensor_too(
         pressed_um = max(0.0, arm_um - 20.0) * S_P * K_e / (1.0 + S_P * K_e)
         force_mN = pressed_um / S_P
         x_um = arm_um - pressed_um + chance.gauss(0.0, noise_um)
-        watch = watch.follow(limits, x_um, 0.3 * index)
+        watch = watch.updated(limits, x_um, 0.3 * index)
         if watch.touch is not None:
             found_mN = watch.touch.pushed_back_um(x_um, 0.3 * index) / S_P
         if found_mN >= 2.0:
@@ -115,7 +115,7 @@ def test_a_free_arm_that_saturates_has_no_touch(noise_um: float) -> None:
     for index in range(1, 180):
         nominal_um = 0.3 * index
         arm_um += 0.3 * (1.65 - 0.5 * min(1.0, max(0.0, (nominal_um - 35.0) / 12.0)))
-        watch = watch.follow(limits, arm_um + chance.gauss(0.0, noise_um), nominal_um)
+        watch = watch.updated(limits, arm_um + chance.gauss(0.0, noise_um), nominal_um)
         assert watch.touch is None, nominal_um
 
 
@@ -126,7 +126,7 @@ def test_a_bend_that_is_made_good_is_no_touch_any_more() -> None:
     for index in range(1, 21):
         nominal_um = 14.0 + 0.3 * index
         x_um = watch.touch.x_um + slope * (nominal_um - watch.touch.nominal_um)
-        watch = watch.follow(LIMITS, x_um, nominal_um)
+        watch = watch.updated(LIMITS, x_um, nominal_um)
         if watch.touch is None:
             break
     assert watch.touch is None
@@ -142,7 +142,7 @@ def test_a_noisy_sensor_and_a_soft_part_need_a_longer_step() -> None:
 
 def test_an_arm_that_still_goes_back_after_a_turn_has_met_nothing() -> None:
     watch = ContactDetector(0.0, 0.0, free_to_um=0.0)
-    watch = watch.follow(LIMITS, -2.0, 2.0)
+    watch = watch.updated(LIMITS, -2.0, 2.0)
     assert watch.touch is None
 
 
@@ -153,7 +153,7 @@ def test_a_kink_where_the_arm_has_been_does_not_hide_a_touch_beyond() -> None:
     nominal_um = x_um = 0.0
     for slope in (1.0, 0.4, *[1.0] * 20, *[0.5] * 5):
         nominal_um, x_um = nominal_um + step_um, x_um + slope * step_um
-        watch = watch.follow(LIMITS, x_um, nominal_um)
+        watch = watch.updated(LIMITS, x_um, nominal_um)
     assert watch.touch is not None
     assert watch.touch.on_new_ground
     assert watch.touch.x_um == pytest.approx(x_um - 2.5 * step_um, abs=1.1 * step_um)

@@ -43,7 +43,7 @@ def test_healthy_loads_raise_no_alarm(noise_um: float, period_s: float) -> None:
         K_e = PLAN_K * 0.3 * 10.0 ** random.random()
         rule, watch = limits(noise_um, period_s), StepWatch()
         for tick, (x_um, free_um) in enumerate(load(noise_um, K_e, period_s, random)):
-            watch = watch.follow(rule, x_um, free_um)
+            watch = watch.updated(rule, x_um, free_um)
             kappa = Kappa(S_P * K_e * random.uniform(0.9, 1.1))
             if tick * period_s < 0.1:
                 kappa = SOFTEST
@@ -65,11 +65,11 @@ def test_a_slip_is_found_in_its_first_sample(
     for _ in range(100):
         watch, x_um, free_um = StepWatch(), 0.0, 0.0
         for x_um, free_um in load(noise_um, PLAN_K, 0.02, random)[:22]:
-            watch = watch.follow(rule, x_um, free_um)
+            watch = watch.updated(rule, x_um, free_um)
             assert watch.step(rule, Kappa(kappa) if known else SOFTEST) is None
         step_um = slipped_um * kappa / (1.0 + kappa)
         last_um = x_um + step_um
-        watch = watch.follow(rule, last_um, free_um)
+        watch = watch.updated(rule, last_um, free_um)
         step = watch.step(rule, Kappa(kappa) if known else SOFTEST)
         found += step is not None
         if step is not None and known:
@@ -84,9 +84,9 @@ def test_a_slip_is_found_in_its_first_sample(
 def test_a_jump_at_rest_is_found_with_its_sign(jump_um: float) -> None:
     random, rule, watch = Random(SEED), limits(0.03), StepWatch()
     for _ in range(50):
-        watch = watch.follow(rule, 40.0 + random.gauss(0.0, 0.03), 49.0)
+        watch = watch.updated(rule, 40.0 + random.gauss(0.0, 0.03), 49.0)
         assert watch.step(rule, Kappa(1.0)) is None
-    step = watch.follow(rule, 40.0 + jump_um, 49.0).step(rule, Kappa(1.0))
+    step = watch.updated(rule, 40.0 + jump_um, 49.0).step(rule, Kappa(1.0))
     assert step is not None
     assert step.forwards == (jump_um > 0.0)
     assert step.step_um == pytest.approx(jump_um, abs=0.1)
@@ -105,7 +105,7 @@ def test_a_press_whose_stiffness_is_known_badly_raises_no_alarm(
         for _tick in range(50):
             free_um += 0.8
             x_um = (free_um + kappa * 31.2) / (1.0 + kappa) + random.gauss(0.0, noise_um)
-            watch = watch.follow(rule, x_um, free_um)
+            watch = watch.updated(rule, x_um, free_um)
             alarms += watch.step(rule, Kappa(wrong * kappa)) is not None
     assert alarms == 0
 
@@ -113,9 +113,9 @@ def test_a_press_whose_stiffness_is_known_badly_raises_no_alarm(
 def test_a_step_backwards_is_not_judged_before_the_line_is_known() -> None:
     rule, watch = limits(0.03), StepWatch()
     for x_um in (30.0, 30.1, 30.2):
-        watch = watch.follow(rule, x_um, x_um)
-    assert watch.follow(rule, 29.0, 30.3).step(rule, SOFTEST) is None
-    assert watch.follow(rule, 31.0, 30.3).step(rule, SOFTEST) is not None
+        watch = watch.updated(rule, x_um, x_um)
+    assert watch.updated(rule, 29.0, 30.3).step(rule, SOFTEST) is None
+    assert watch.updated(rule, 31.0, 30.3).step(rule, SOFTEST) is not None
 
 
 @pytest.mark.parametrize("period_s", [0.001, 0.002, 0.005])
@@ -126,13 +126,13 @@ def test_at_short_periods_a_slip_is_found_within_3_ms(period_s: float, slipped_u
 
     random, rule, watch, kappa = Random(SEED), limits(0.03, period_s), StepWatch(), S_P * PLAN_K
     for _ in range(40):
-        watch = watch.follow(rule, 40.0 + random.gauss(0.0, 0.03), 49.0)
+        watch = watch.updated(rule, 40.0 + random.gauss(0.0, 0.03), 49.0)
         assert watch.step(rule, Kappa(kappa)) is None
     for tick in range(1, 40):
         t_s = tick * period_s - 0.5 * period_s
         ring = 1.0 - exp(-63.0 * t_s) * cos(2.0 * pi * 548.0 * t_s)
         x_um = 40.0 + ring * slipped_um * kappa / (1.0 + kappa) + random.gauss(0.0, 0.03)
-        watch = watch.follow(rule, x_um, 49.0)
+        watch = watch.updated(rule, x_um, 49.0)
         if watch.step(rule, Kappa(kappa)) is not None:
             assert t_s < 0.004
             return

@@ -33,7 +33,7 @@ def refusal(
 ) -> str:
     samples = [FreeSample(voltage_V, x_um) for x_um in positions_um]
     found = zero_refusal(
-        MODEL.follow(voltage_V, 0.02),
+        MODEL.updated(voltage_V, 0.02),
         samples,
         part_held=part_held,
         limits=LIMITS,
@@ -83,7 +83,7 @@ def test_what_may_have_crept_is_allowed_for() -> None:
 
 @pytest.mark.parametrize("known", [True, False])
 def test_a_better_model_tolerates_less_except_where_the_memory_is_unknown(known: bool) -> None:
-    model = identified_response(HysteresisModel((0.0,), (D_P,)), D_P, 0.1).follow(1.0, 0.02)
+    model = identified_response(HysteresisModel((0.0,), (D_P,)), D_P, 0.1).updated(1.0, 0.02)
     samples = [model.sample(D_P - 3.0)] * 5
     assert model.zero_tolerance_um(0.0) < 1.0
     found = zero_refusal(model, samples, part_held=False, limits=LIMITS, memory_known=known)

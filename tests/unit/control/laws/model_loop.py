@@ -93,7 +93,7 @@ class Loop:
         self.x_r_um, self.force_r_mN = x_r_um, force_r_mN
         return output
 
-    def follow(self, plan: Sequence[tuple[float, float]]) -> list[LawOutput]:
+    def updated(self, plan: Sequence[tuple[float, float]]) -> list[LawOutput]:
         return [self.tick(x_r_um, force_r_mN) for x_r_um, force_r_mN in plan]
 
     def change(self, law: Law) -> None:

@@ -123,7 +123,7 @@ def test_without_impedance_and_force_both_laws_are_one(K_S: float) -> None:
     runs: list[list[LawOutput]] = []
     for settings in (pbsmic, dsmifc):
         loop = Loop(law_of(settings), resting_arm(10.0, K_e=2.0, x_e_um=8.0))
-        runs.append(loop.follow([(10.0 + 0.1 * min(tick, 20), 4.0) for tick in range(60)]))
+        runs.append(loop.updated([(10.0 + 0.1 * min(tick, 20), 4.0) for tick in range(60)]))
     for one, other in zip(*runs, strict=True):
         assert one.voltage_V == pytest.approx(other.voltage_V, abs=1e-12)
         assert one.sliding_um == pytest.approx(other.sliding_um, abs=1e-11)

@@ -35,7 +35,7 @@ def test_what_repeats_is_learned_away_although_the_answer_comes_a_tick_late() ->
     learner = CycleLearner(no_corrections(N))
     for tick in range(MOST_CYCLES * N):
         late = learner.corrections.at(tick - 1)
-        learner = learner.follow(tick, DISTURBED[tick % N] + late, limited=False)
+        learner = learner.updated(tick, DISTURBED[tick % N] + late, limited=False)
     errors = learner.corrections.errors_um
     assert errors[-1] < 0.1 * errors[0]
     assert len(errors) == MOST_CYCLES
@@ -54,7 +54,7 @@ def followed(learner: CycleLearner, cycles: int, noise: Callable[[], float]) -> 
     """Cycles whose error is what was not learned of ``DISTURBED``, and noise."""
     for tick in range(cycles * N):
         error_um = DISTURBED[tick % N] + learner.corrections.at(tick) + noise()
-        learner = learner.follow(tick, error_um, limited=False)
+        learner = learner.updated(tick, error_um, limited=False)
     return learner
 
 
@@ -78,7 +78,7 @@ def test_of_noise_alone_next_to_nothing_is_learned(seed: int) -> None:
     chance, learner = Random(seed), CycleLearner(no_corrections(100))
     for tick in range(MOST_CYCLES * 100):
         error_um = learner.corrections.at(tick) + chance.gauss(0.0, 0.04)
-        learner = learner.follow(tick, error_um, limited=False)
+        learner = learner.updated(tick, error_um, limited=False)
     known = learner.corrections
     assert known.over
     assert len(known.errors_um) <= 6
@@ -96,10 +96,10 @@ def test_corrections_that_are_over_stay_as_they_are() -> None:
 def test_a_gap_between_cycles_is_no_sign_of_an_end() -> None:
     learner = CycleLearner(no_corrections(4))
     for tick in range(4):
-        learner = learner.follow(tick, 0.5, limited=False)
-    learner = learner.follow(4, 0.5, limited=True)
+        learner = learner.updated(tick, 0.5, limited=False)
+    learner = learner.updated(4, 0.5, limited=True)
     for tick in range(8, 12):
-        learner = learner.follow(tick, -0.5, limited=False)
+        learner = learner.updated(tick, -0.5, limited=False)
     assert learner.corrections.quiet == 0
     assert len(learner.corrections.errors_um) == 2
 
@@ -109,10 +109,10 @@ def test_a_cycle_that_is_not_whole_teaches_nothing(fault: str) -> None:
     learner = CycleLearner(no_corrections(4))
     ticks = {"limited": [0, 1, 2, 3], "missing": [0, 1, 3], "repeated": [0, 1, 1, 2, 3]}[fault]
     for tick in ticks:
-        learner = learner.follow(tick, 0.5, limited=fault == "limited" and tick == 2)
+        learner = learner.updated(tick, 0.5, limited=fault == "limited" and tick == 2)
     assert learner.corrections.errors_um == ()
     for tick in range(4, 8):
-        learner = learner.follow(tick, 0.5, limited=False)
+        learner = learner.updated(tick, 0.5, limited=False)
     assert learner.corrections.errors_um == (0.5,)
 
 
@@ -146,7 +146,7 @@ def judged(
             error_um = share * DISTURBED[tick] + learner.corrections.at(tick)
             error_um += draw.gauss(0.0, noise_um) + drift_um * cycle
             squares += error_um**2
-            learner = learner.follow(tick, error_um, limited=False)
+            learner = learner.updated(tick, error_um, limited=False)
         errors_um.append(sqrt(squares / N))
     return held_out(errors_um[0], errors_um[1:], ticks=N, noise_um=noise_um)
 

@@ -58,7 +58,7 @@ def followed(*runs_V: list[float]) -> Strokes:
     strokes = Strokes()
     for run_V in runs_V:
         for voltage_V in run_V:
-            strokes = strokes.follow(BRANCH, voltage_V, TICK_S)
+            strokes = strokes.updated(BRANCH, voltage_V, TICK_S)
     return strokes
 
 
@@ -141,10 +141,10 @@ def conditioned_way(gain: float, to_V: float = 1.5, pressed_um: float = 0.0) -> 
     for voltage_V in [*STROKED, *[REST_V] * REST_TICKS, *rise_V]:
         if voltage_V > REST_V and base is None:
             base = rest_base(response, rest, REST)
-        response = response.follow(voltage_V, TICK_S)
+        response = response.updated(voltage_V, TICK_S)
         x_um = 3.0 + gain * response.calibrated_um() - (pressed_um if voltage_V > REST_V else 0.0)
         if response.strokes.bottom:
-            bottom = bottom.follow(response, x_um)
+            bottom = bottom.updated(response, x_um)
         rest = response.sample(x_um)
     assert base is not None
     return Way(response, bottom.base, base, rest)
@@ -211,9 +211,9 @@ def test_the_way_from_the_bottom_counts_only_at_the_rest_after_the_strokes() -> 
     assert stroke_change(way.response, way.bottom, way.rest, REST, doubt) is None
     response, bottom = identified_response(MODEL, 19.0, 0.1, branch=BRANCH), Bottom()
     for voltage_V in [*STROKED, *[REST_V] * REST_TICKS]:
-        response = response.follow(voltage_V, TICK_S)
+        response = response.updated(voltage_V, TICK_S)
         if response.strokes.bottom:
-            bottom = bottom.follow(response, 1.04 * response.calibrated_um())
+            bottom = bottom.updated(response, 1.04 * response.calibrated_um())
     rest = response.sample(1.04 * response.calibrated_um())
     found = stroke_change(response, bottom.base, rest, REST, doubt)
     assert found is not None

@@ -99,8 +99,8 @@ def test_the_error_of_the_slope_after_a_turn_is_that_of_the_first_of_the_way_bac
 def test_x_1_states_it_since_its_zero() -> None:
     growth = checked_growth([0.1, 1.0], [0.05, 0.2])
     arm = identified_response(HysteresisModel((0.0,), (19.0,)), 19.0, 0.3, growth)
-    zeroed = arm.follow(1.0, PERIOD_S).rezero([FreeSample(1.0, 5.0, 19.0)] * 10, 10)
-    errors = [zeroed.follow(1.0 + way, PERIOD_S).error_um() for way in (0.0, 0.1, 0.55, -1.0)]
+    zeroed = arm.updated(1.0, PERIOD_S).rezero([FreeSample(1.0, 5.0, 19.0)] * 10, 10)
+    errors = [zeroed.updated(1.0 + way, PERIOD_S).error_um() for way in (0.0, 0.1, 0.55, -1.0)]
     assert errors == pytest.approx([0.0, 0.05, 0.125, 0.2])
 
 

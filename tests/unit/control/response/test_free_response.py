@@ -77,15 +77,15 @@ def test_a_rest_that_is_not_there_is_refused(rest_samples: int) -> None:
 
 
 def test_its_tolerance_of_a_zero_grows_with_travel_and_creep() -> None:
-    zeroed = MODEL.follow(1.0, 0.02).begin(3.0)
+    zeroed = MODEL.updated(1.0, 0.02).begin(3.0)
     assert zeroed.zero_tolerance_um(0.0) == 5.0
-    moved = zeroed.follow(0.5, 0.02)
+    moved = zeroed.updated(0.5, 0.02)
     assert moved.zero_tolerance_um(0.3) == pytest.approx(5.0 + 0.4 * 19.0 * 0.5 + 0.3)
 
 
 def test_a_new_begin_keeps_the_uncertainty_by_the_furthest_travel() -> None:
     line = nominal_response(19.0, FreeSample(0.0, 0.0), hysteresis_fraction=0.2)
-    returned = line.follow(2.5, 0.02).follow(0.0, 0.02).begin(25.7)
+    returned = line.updated(2.5, 0.02).updated(0.0, 0.02).begin(25.7)
     assert returned.position_um() == 25.7
     assert returned.error_um() == pytest.approx(0.2 * 19.0 * 2.5)
     zeroed = returned.rezero([FreeSample(0.0, 25.7)] * 8, 8)

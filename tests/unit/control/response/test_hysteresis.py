@@ -36,7 +36,7 @@ BOUC_WEN = HysteresisModel(
 VOLTAGES = st.lists(st.floats(-2.0, 3.0), min_size=1, max_size=20)
 
 
-def follow(model: HysteresisModel, *voltages_V: float, dt_s: float = 0.0) -> HysteresisState:
+def driven(model: HysteresisModel, *voltages_V: float, dt_s: float = 0.0) -> HysteresisState:
     state = start(model)
     for voltage in voltages_V:
         state = step(model, state, voltage, dt_s)
@@ -44,7 +44,7 @@ def follow(model: HysteresisModel, *voltages_V: float, dt_s: float = 0.0) -> Hys
 
 
 def position(*voltages_V: float) -> float:
-    return displacement_um(PLAYS, follow(PLAYS, *voltages_V))
+    return displacement_um(PLAYS, driven(PLAYS, *voltages_V))
 
 
 def test_first_stroke_and_the_way_back() -> None:
@@ -72,15 +72,15 @@ def test_rate_independent(model: HysteresisModel, voltages: list[float]) -> None
     for voltage in voltages:
         halves += [0.5 * (before + voltage), voltage]
         before = voltage
-    whole_um = displacement_um(model, follow(model, *voltages))
-    assert displacement_um(model, follow(model, *halves)) == pytest.approx(whole_um, abs=1e-9)
+    whole_um = displacement_um(model, driven(model, *voltages))
+    assert displacement_um(model, driven(model, *halves)) == pytest.approx(whole_um, abs=1e-9)
 
 
 @EACH
 @given(voltages=VOLTAGES)
 def test_odd(model: HysteresisModel, voltages: list[float]) -> None:
-    mirrored = follow(model, *[-voltage for voltage in voltages])
-    there = follow(model, *voltages)
+    mirrored = driven(model, *[-voltage for voltage in voltages])
+    there = driven(model, *voltages)
     assert displacement_um(model, mirrored) == pytest.approx(-displacement_um(model, there))
 
 
@@ -89,24 +89,24 @@ def test_odd(model: HysteresisModel, voltages: list[float]) -> None:
 def test_the_displacement_rises_with_the_voltage(
     model: HysteresisModel, voltages: list[float]
 ) -> None:
-    state = follow(model, *voltages)
+    state = driven(model, *voltages)
     higher = step(model, state, state.voltage_V + 0.01, 0.0)
     assert displacement_um(model, higher) > displacement_um(model, state)
 
 
 def test_fading_wears_off_what_small_loops_pass_over() -> None:
-    there = follow(FADING, 2.0, 1.2)
-    shaken = follow(FADING, 2.0, *[1.2 + 0.05 * (-1) ** k for k in range(200)], 1.2)
+    there = driven(FADING, 2.0, 1.2)
+    shaken = driven(FADING, 2.0, *[1.2 + 0.05 * (-1) ** k for k in range(200)], 1.2)
     assert min(abs(1.2 - play) for play in there.plays_V[1:]) > 0.04
     assert max(abs(1.2 - play) for play in shaken.plays_V[:-1]) < 0.03
     assert shaken.plays_V[-1] == there.plays_V[-1]
-    unfaded = follow(PLAYS, 2.0, *[1.2 + 0.05 * (-1) ** k for k in range(200)], 1.2)
+    unfaded = driven(PLAYS, 2.0, *[1.2 + 0.05 * (-1) ** k for k in range(200)], 1.2)
     assert displacement_um(PLAYS, unfaded) == pytest.approx(position(2.0, 1.15, 1.2))
 
 
 def test_fading_is_the_solution_of_its_equation() -> None:
     end_V, steps = 0.45, 20000
-    state = follow(FADING, end_V)
+    state = driven(FADING, end_V)
     for play, fading in ((1, 0.8), (3, 1.4)):
         z = 0.0
         for _ in range(steps):
@@ -140,9 +140,9 @@ def test_what_does_not_fade_is_the_plain_play_to_the_bit(voltages: list[float]) 
     play, thresholds = [0.0, 0.0, 0.0], PLAYS.thresholds_V
     for u in voltages:
         play = [max(u - r, min(u + r, y)) for r, y in zip(thresholds, play, strict=True)]
-    assert follow(PLAYS, *voltages).plays_V == tuple(play)
+    assert driven(PLAYS, *voltages).plays_V == tuple(play)
     # Nor does it matter to such a play that others beside it fade.
-    assert follow(FADING, *voltages).plays_V[-1] == play[-1]
+    assert driven(FADING, *voltages).plays_V[-1] == play[-1]
 
 
 def bent_plays(model: HysteresisModel) -> HysteresisModel:
@@ -179,7 +179,7 @@ def test_slopes_are_those_of_small_steps(model: HysteresisModel, bends: bool) ->
 
 def test_curvature_adds_to_the_static_displacement() -> None:
     bent = replace(PLAYS, curvature_um_per_V2=-0.3)
-    assert displacement_um(bent, follow(bent, 2.0, 1.5)) == pytest.approx(
+    assert displacement_um(bent, driven(bent, 2.0, 1.5)) == pytest.approx(
         position(2.0, 1.5) - 0.3 * 1.5**2
     )
 
@@ -199,8 +199,8 @@ def test_bent_plays_have_wider_loops_at_one_voltage_than_at_another() -> None:
     def width_um(model: HysteresisModel, low_V: float, high_V: float) -> float:
         middle_V = 0.5 * (low_V + high_V)
         settled = (low_V, high_V, low_V, high_V)
-        falling = displacement_um(model, follow(model, *settled, middle_V))
-        rising = displacement_um(model, follow(model, *settled, low_V, middle_V))
+        falling = displacement_um(model, driven(model, *settled, middle_V))
+        rising = displacement_um(model, driven(model, *settled, low_V, middle_V))
         return falling - rising
 
     assert width_um(PLAYS, 0.0, 2.0) == pytest.approx(width_um(PLAYS, 2.0, 4.0))
@@ -252,7 +252,7 @@ def test_a_motion_at_once_is_the_motion_step_by_step(model: HysteresisModel, ben
 
 def test_creep_is_exact_however_the_time_is_cut() -> None:
     once = step(CREEPING, start(CREEPING), 1.0, 4.0)
-    cut = follow(CREEPING, *[1.0] * 200, dt_s=0.02)
+    cut = driven(CREEPING, *[1.0] * 200, dt_s=0.02)
     static = position(1.0)
     expected = static * (1.0 + 0.05 * (1 - exp(-40.0)) + 0.02 * (1 - exp(-0.4)))
     assert displacement_um(CREEPING, once) == pytest.approx(expected)

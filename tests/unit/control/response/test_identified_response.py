@@ -11,24 +11,24 @@ FRESH = identified_response(MODEL, 19.0, 0.2)
 
 
 def test_a_zero_moves_the_offset_alone() -> None:
-    arm = FRESH.follow(1.0, 0.02)
+    arm = FRESH.updated(1.0, 0.02)
     samples = [arm.sample(40.0 + 0.01 * (index % 2)) for index in range(10)]
     zeroed = arm.rezero(samples, 10)
     assert zeroed.position_um() == pytest.approx(40.005)
     assert zeroed.memory == arm.memory
-    rise_um = zeroed.follow(1.5, 0.02).position_um() - zeroed.position_um()
-    assert rise_um == pytest.approx(arm.follow(1.5, 0.02).position_um() - arm.position_um())
+    rise_um = zeroed.updated(1.5, 0.02).position_um() - zeroed.position_um()
+    assert rise_um == pytest.approx(arm.updated(1.5, 0.02).position_um() - arm.position_um())
 
 
 def test_samples_from_before_a_zero_are_judged_by_the_zero_that_holds() -> None:
-    arm = FRESH.follow(1.0, 0.02)
+    arm = FRESH.updated(1.0, 0.02)
     sample = arm.sample(3.0)
-    later = arm.begin(7.0).follow(2.0, 0.02)
+    later = arm.begin(7.0).updated(2.0, 0.02)
     assert later.residual_um(sample) == pytest.approx(-4.0)
 
 
 def test_beginning_keeps_the_memory() -> None:
-    pressed = FRESH.follow(2.0, 0.02).follow(1.0, 0.02)
+    pressed = FRESH.updated(2.0, 0.02).updated(1.0, 0.02)
     begun = pressed.begin(5.0)
     assert begun.position_um() == pytest.approx(5.0)
     assert begun.memory == pressed.memory
@@ -36,8 +36,8 @@ def test_beginning_keeps_the_memory() -> None:
 
 
 def test_the_error_grows_with_travel_and_ends() -> None:
-    begun = FRESH.follow(1.0, 0.02).begin(0.0)
-    errors = [begun.follow(1.0 + travel, 0.02).error_um() for travel in (0.0, 0.25, 0.5, 1.5)]
+    begun = FRESH.updated(1.0, 0.02).begin(0.0)
+    errors = [begun.updated(1.0 + travel, 0.02).error_um() for travel in (0.0, 0.25, 0.5, 1.5)]
     assert errors == pytest.approx([0.0, 0.2 * 2**0.5 / 2, 0.2 * 2**0.5, 0.2 * 2**0.5])
 
 
@@ -47,7 +47,7 @@ def test_a_rest_that_is_not_there_is_refused() -> None:
 
 
 def test_its_tolerance_of_a_zero_is_five_errors_and_the_creep() -> None:
-    begun = FRESH.follow(1.0, 0.02).begin(0.0)
+    begun = FRESH.updated(1.0, 0.02).begin(0.0)
     assert begun.zero_tolerance_um(0.1) == 0.5
-    moved = begun.follow(2.0, 0.02)
+    moved = begun.updated(2.0, 0.02)
     assert moved.zero_tolerance_um(0.1) == pytest.approx(5 * 0.2 * 2**0.5 + 0.1)

@@ -26,9 +26,9 @@ FRESH = recorded_response(BRANCHES, 19.0, 0.2)
 MODEL = HysteresisModel((0.0, 0.5, 1.0), (12.0, 5.0, 3.0))
 
 
-def follow(response: RecordedResponse, *voltages_V: float) -> RecordedResponse:
+def driven(response: RecordedResponse, *voltages_V: float) -> RecordedResponse:
     for voltage in voltages_V:
-        response = response.follow(voltage, 0.02)
+        response = response.updated(voltage, 0.02)
     return response
 
 
@@ -42,20 +42,20 @@ def ramp(*ends_V: float, step_V: float = 0.02) -> list[float]:
 
 
 def at(*voltages_V: float) -> float:
-    return follow(FRESH, *voltages_V).displacement_um()
+    return driven(FRESH, *voltages_V).displacement_um()
 
 
 def test_the_recorded_branches_are_followed() -> None:
-    top = follow(FRESH, *ramp(0.0, 2.5))
+    top = driven(FRESH, *ramp(0.0, 2.5))
     assert top.displacement_um() == pytest.approx(52.0)
     assert at(1.0) == pytest.approx(-8.0 + 60.0 * 0.5**1.5, rel=0.02)
-    down = follow(top, *ramp(2.5, 1.0))
+    down = driven(top, *ramp(2.5, 1.0))
     assert down.displacement_um() == pytest.approx(52.0 - 60.0 * 0.5**1.5, rel=0.02)
 
 
 def test_from_a_turn_the_arm_goes_towards_the_turn_before() -> None:
-    inner = follow(FRESH, 2.5, 1.0)
-    turned = inner.follow(1.3, 0.02)
+    inner = driven(FRESH, 2.5, 1.0)
+    turned = inner.updated(1.3, 0.02)
     low_um = inner.displacement_um()
     share = (0.3 / 1.5) ** 1.5
     assert turned.displacement_um() == pytest.approx(low_um + (52.0 - low_um) * share, rel=0.01)
@@ -63,10 +63,10 @@ def test_from_a_turn_the_arm_goes_towards_the_turn_before() -> None:
 
 @pytest.mark.parametrize("beyond_V", [0.5, 2.7])
 def test_a_loop_that_is_passed_is_forgotten(beyond_V: float) -> None:
-    plain, looped = follow(FRESH, 2.5, 1.0), follow(FRESH, 2.5, 1.0, 1.8, 1.2, 1.6, 1.0)
+    plain, looped = driven(FRESH, 2.5, 1.0), driven(FRESH, 2.5, 1.0, 1.8, 1.2, 1.6, 1.0)
     assert looped.displacement_um() == pytest.approx(plain.displacement_um())
-    after = follow(looped, beyond_V)
-    assert after.displacement_um() == pytest.approx(follow(plain, beyond_V).displacement_um())
+    after = driven(looped, beyond_V)
+    assert after.displacement_um() == pytest.approx(driven(plain, beyond_V).displacement_um())
     assert len(after.turns) == 2
 
 
@@ -74,7 +74,7 @@ def test_a_loop_that_is_passed_is_forgotten(beyond_V: float) -> None:
 def test_the_memory_is_bounded_and_the_arm_stays_on_its_branch(voltages: list[float]) -> None:
     response = FRESH
     for voltage in voltages:
-        response = response.follow(voltage, 0.02)
+        response = response.updated(voltage, 0.02)
         assert 2 <= len(response.turns) <= MOST_TURNS
         x_um = response.displacement_um()
         ends = sorted((response.turns[-1], response.turns[-2]), key=lambda turn: turn.voltage_V)
@@ -87,9 +87,9 @@ def test_the_memory_is_bounded_and_the_arm_stays_on_its_branch(voltages: list[fl
 def test_the_displacement_is_continuous_but_for_what_is_ignored(
     voltages: list[float], end: float
 ) -> None:
-    response = follow(FRESH, *voltages)
+    response = driven(FRESH, *voltages)
     for voltage in ramp(response.voltage_V, end, step_V=0.002):
-        after = response.follow(voltage, 0.02)
+        after = response.updated(voltage, 0.02)
         jump_um = abs(after.displacement_um() - response.displacement_um())
         assert jump_um < 200.0 * (IGNORED_V + 0.004)
         response = after
@@ -97,27 +97,27 @@ def test_the_displacement_is_continuous_but_for_what_is_ignored(
 
 def test_a_spiral_forgets_its_smallest_loops_alone() -> None:
     spiral = [1.0 + 1.4 * 0.93**k * (-1) ** k for k in range(40)]
-    response = follow(FRESH, 2.5, -0.5, *spiral)
+    response = driven(FRESH, 2.5, -0.5, *spiral)
     assert MOST_TURNS - 1 <= len(response.turns) <= MOST_TURNS
     # The loops that are kept are the wide ones, and still lead out as they led in.
-    assert follow(response, 2.5).displacement_um() == pytest.approx(52.0)
+    assert driven(response, 2.5).displacement_um() == pytest.approx(52.0)
 
 
 def test_the_noise_of_a_law_makes_no_loops() -> None:
-    shaken = follow(FRESH, 2.5, 1.0, *[1.0 + 0.004 * (-1) ** k for k in range(100)])
-    assert shaken.turns == follow(FRESH, 2.5, 1.0).turns
+    shaken = driven(FRESH, 2.5, 1.0, *[1.0 + 0.004 * (-1) ** k for k in range(100)])
+    assert shaken.turns == driven(FRESH, 2.5, 1.0).turns
 
 
 def test_beyond_the_record_it_goes_straight_on_and_comes_back_on_a_branch() -> None:
-    beyond = follow(FRESH, 3.0)
+    beyond = driven(FRESH, 3.0)
     assert beyond.displacement_um() == pytest.approx(52.0 + 20.0 * 0.5)
-    back = follow(beyond, 1.25)
+    back = driven(beyond, 1.25)
     assert back.turns[0] == BRANCHES.bottom
     assert back.displacement_um() == pytest.approx(62.0 - 70.0 * 0.5**1.5, rel=0.02)
 
 
 def test_a_zero_moves_the_offset_alone_and_the_error_grows_with_travel() -> None:
-    arm = FRESH.follow(1.0, 0.02)
+    arm = FRESH.updated(1.0, 0.02)
     samples = [arm.sample(40.0 + 0.01 * (index % 2)) for index in range(10)]
     zeroed = arm.rezero(samples, 10)
     assert zeroed.position_um() == pytest.approx(40.005)
@@ -125,13 +125,13 @@ def test_a_zero_moves_the_offset_alone_and_the_error_grows_with_travel() -> None
     assert zeroed.residual_um(samples[0]) == pytest.approx(-0.005)
     assert arm.begin(3.0).position_um() == pytest.approx(3.0)
     assert zeroed.error_um() == 0.0
-    assert zeroed.follow(2.0, 0.02).error_um() == pytest.approx(0.2 * 2**0.5)
+    assert zeroed.updated(2.0, 0.02).error_um() == pytest.approx(0.2 * 2**0.5)
 
 
 def test_its_tolerance_of_a_zero_is_five_errors_and_the_creep() -> None:
     arm = FRESH.begin(0.0)
     assert arm.zero_tolerance_um(0.1) == 0.5
-    assert arm.follow(1.0, 0.02).zero_tolerance_um(0.1) == pytest.approx(5 * 0.2 * 2**0.5 + 0.1)
+    assert arm.updated(1.0, 0.02).zero_tolerance_um(0.1) == pytest.approx(5 * 0.2 * 2**0.5 + 0.1)
 
 
 def swings(*ends_V: float) -> Column:

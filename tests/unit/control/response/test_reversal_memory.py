@@ -10,7 +10,7 @@ from pincette.control.response.reversal_memory import SMALL_V, ReversalMemory, f
 def total_V(*voltages_V: float) -> float:
     way = ReversalMemory(0.0)
     for voltage_V in voltages_V:
-        way = way.follow(voltage_V)
+        way = way.updated(voltage_V)
     return way.total_V
 
 

@@ -32,9 +32,9 @@ def led(
     dt_s: float,
 ) -> tuple[IdentifiedResponse, IdentifiedResponse, UnknownPast]:
     return (
-        arm.follow(voltage_V, dt_s),
-        response.follow(voltage_V, dt_s),
-        past.follow(voltage_V, dt_s),
+        arm.updated(voltage_V, dt_s),
+        response.updated(voltage_V, dt_s),
+        past.updated(voltage_V, dt_s),
     )
 
 
@@ -54,7 +54,7 @@ def test_no_creep_makes_more_than_is_left_of_it(seed: int) -> None:
     """Arms that rested at several places, the last of them shortly before the start."""
     draw, arm = random.Random(seed), MODEL
     for _ in range(draw.randint(1, 3)):
-        arm = arm.follow(draw.uniform(*ENDS_V), 10.0 ** draw.uniform(0.0, 4.0))
+        arm = arm.updated(draw.uniform(*ENDS_V), 10.0 ** draw.uniform(0.0, 4.0))
     arm, response, past = stroked(arm, TURNS_V)
     assert past.fallen.each.low_um
     off_um = arm.displacement_um() - response.displacement_um()
@@ -68,9 +68,9 @@ def test_no_creep_makes_more_than_is_left_of_it(seed: int) -> None:
 def test_an_arm_that_keeps_to_the_model_narrows_a_short_hold() -> None:
     _, response, told = stroked(MODEL, TURNS_V, standard_um=0.02)
     _, _, uninformed = stroked(MODEL, (3.5, -0.5), standard_um=10.0)
-    response = response.follow(2.0, 2.0)
-    told_um = told.follow(2.0, 2.0).error_um(response)
-    assert told_um < 0.5 * uninformed.follow(2.0, 2.0).error_um(response)
+    response = response.updated(2.0, 2.0)
+    told_um = told.updated(2.0, 2.0).error_um(response)
+    assert told_um < 0.5 * uninformed.updated(2.0, 2.0).error_um(response)
 
 
 def test_plays_that_were_not_turned_over_tell_nothing() -> None:

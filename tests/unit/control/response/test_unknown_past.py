@@ -25,7 +25,7 @@ def led(
     response: IdentifiedResponse, past: UnknownPast, *voltages_V: float
 ) -> tuple[IdentifiedResponse, UnknownPast]:
     for voltage_V in voltages_V:
-        response, past = response.follow(voltage_V, 0.5), past.follow(voltage_V, 0.5)
+        response, past = response.updated(voltage_V, 0.5), past.updated(voltage_V, 0.5)
     return response, past
 
 
@@ -35,7 +35,7 @@ def test_no_past_within_the_ends_errs_by_more(model: IdentifiedResponse, seed: i
     draw = random.Random(seed)
     arm = model
     for _ in range(draw.randint(1, 6)):
-        arm = arm.follow(draw.uniform(*ENDS_V), draw.choice((0.1, 10.0, 1000.0)))
+        arm = arm.updated(draw.uniform(*ENDS_V), draw.choice((0.1, 10.0, 1000.0)))
     response, past = led(model, unknown_past(model, ENDS_V), 0.0, 0.8)
     arm, _ = led(arm, past, 0.0, 0.8)
     past = past.rezero(response)
@@ -69,21 +69,21 @@ def test_a_stroke_to_both_ends_wipes_it_out() -> None:
     assert past.worst_um(response) == pytest.approx(0.0)
     known = past.judged(response)
     assert known.known
-    assert known.follow(3.0, 1.0) is known
+    assert known.updated(3.0, 1.0) is known
     assert known.error_um(response) == known.worst_um(response) == 0.0
 
 
 def test_creep_from_before_takes_its_time() -> None:
     response, past = led(CREEPS, unknown_past(CREEPS, ENDS_V), 0.0, *ENDS_V, 0.0)
     assert past.matters(response)
-    response, past = response.follow(0.0, 600.0), past.follow(0.0, 600.0)
+    response, past = response.updated(0.0, 600.0), past.updated(0.0, 600.0)
     assert not past.matters(response)
 
 
 def test_it_is_led_through_what_was_followed_since() -> None:
     memory = VoltageMemory()
     for voltage_V in (0.0, 1.0, 2.0, 1.0, 0.5):
-        memory = memory.follow(voltage_V, 0.5)
+        memory = memory.updated(voltage_V, 0.5)
     past = unknown_past(PLAYS, ENDS_V).replayed(memory)
     assert past.lowest.voltage_V == past.highest.voltage_V == 0.5
     _, stepped = led(PLAYS, unknown_past(PLAYS, ENDS_V), 0.0, 1.0, 2.0, 1.0, 0.5)
@@ -132,10 +132,10 @@ def test_an_arm_that_has_not_moved_tells_nothing() -> None:
 @pytest.mark.parametrize("seed", range(20))
 def test_pasts_of_one_turn_stay_within_what_is_left(seed: int) -> None:
     draw = random.Random(seed)
-    arm = PLAYS.follow(draw.uniform(*ENDS_V), 1.0).follow(0.0, 1.0)
+    arm = PLAYS.updated(draw.uniform(*ENDS_V), 1.0).updated(0.0, 1.0)
     from_um = arm.displacement_um()
     response, past = rose(0.8)
-    arm = arm.follow(0.8, 1.0)
+    arm = arm.updated(0.8, 1.0)
     residual_um = (
         arm.displacement_um() - from_um - response.displacement_um() + PLAYS.displacement_um()
     )
@@ -143,7 +143,7 @@ def test_pasts_of_one_turn_stay_within_what_is_left(seed: int) -> None:
     at_um = arm.displacement_um() - response.displacement_um()
     for to_V in (1.2, 1.8, 2.4):
         response, past = led(response, past, to_V)
-        arm = arm.follow(to_V, 1.0)
+        arm = arm.updated(to_V, 1.0)
         error_um = arm.displacement_um() - response.displacement_um() - at_um
         assert abs(error_um) <= past.error_um(response) + 1e-9, f"seed {seed}"
 
@@ -155,15 +155,15 @@ def test_slow_creep_from_before_is_stated_as_wide_as_it_may_be() -> None:
     stated_um: list[float] = []
     for _ in range(200):
         rested_V, rested_s = draw.uniform(*ENDS_V), 10.0 ** draw.uniform(2.0, 4.0)
-        arm = CREEPS.follow(rested_V, rested_s).follow(0.0, 1.0)
+        arm = CREEPS.updated(rested_V, rested_s).updated(0.0, 1.0)
         response, past = led(CREEPS, unknown_past(CREEPS, ENDS_V), 0.0)
         # Turning points are wiped out, creep is not.
         response, past = led(response, past, *ENDS_V, 0.8)
         arm, _ = led(arm, past, *ENDS_V, 0.8)
         past = past.rezero(response)
         at_um = arm.displacement_um() - response.displacement_um()
-        response, past = response.follow(0.8, 60.0), past.follow(0.8, 60.0)
-        arm = arm.follow(0.8, 60.0)
+        response, past = response.updated(0.8, 60.0), past.updated(0.8, 60.0)
+        arm = arm.updated(0.8, 60.0)
         errors_um.append(abs(arm.displacement_um() - response.displacement_um() - at_um))
         stated_um.append(2.0 * standard_uncertainty_um(past.error_um(response)))
     within = [e <= u for e, u in zip(errors_um, stated_um, strict=True)]

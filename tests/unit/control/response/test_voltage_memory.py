@@ -25,7 +25,7 @@ MODEL = identified_response(
 def remembered(voltages_V: list[float]) -> VoltageMemory:
     memory = VoltageMemory()
     for voltage_V in voltages_V:
-        memory = memory.follow(voltage_V, T)
+        memory = memory.updated(voltage_V, T)
     return memory
 
 
@@ -54,14 +54,14 @@ def test_another_model_led_through_it_stands_where_it_would_stand() -> None:
     path += [1.9 + 0.3 * sin(2.0 * pi * 0.5 * T * count) for count in range(400)]
     live = MODEL
     for voltage_V in path:
-        live = live.follow(voltage_V, T)
-    led = remembered(path).replayed(MODEL).follow(path[-1], 0.0)
+        live = live.updated(voltage_V, T)
+    led = remembered(path).replayed(MODEL).updated(path[-1], 0.0)
     travelled_um = abs(live.position_um())
     assert travelled_um > 20.0
     assert led.position_um() == pytest.approx(live.position_um(), abs=0.1)
     # What follows is what follows for the live one: the turning points are the same.
     for voltage_V in ramp(0.7, 2.2):
-        live, led = live.follow(voltage_V, T), led.follow(voltage_V, T)
+        live, led = live.updated(voltage_V, T), led.updated(voltage_V, T)
         assert led.position_um() == pytest.approx(live.position_um(), abs=0.15)
 
 

@@ -151,7 +151,7 @@ def analyse(run: Run) -> Analysis:
 
 def _error_um(rig: RigFile, way_V: float) -> float:
     """Return the standard error of x_1 at a distance from a zero, in µm."""
-    return derived.free_response(rig.model).begin(0.0).follow(way_V, 0.0).error_um()
+    return derived.free_response(rig.model).begin(0.0).updated(way_V, 0.0).error_um()
 
 
 def _approach(taken: Samples, up_to_mN: float) -> slice:

@@ -153,7 +153,7 @@ def _changes(rig: RigFile, taken: Samples) -> tuple[list[StrokeChange], Series]:
     found: list[StrokeChange] = []
     base: Base | None = None
     for place, (voltage_V, x_um) in enumerate(zip(u.tolist(), x.tolist(), strict=True)):
-        response = response.follow(voltage_V, taken.period_s)
+        response = response.updated(voltage_V, taken.period_s)
         free.append(response.sample(x_um))
         if place in begins:
             base = rest_base(response, rest_mean(free, count), count)

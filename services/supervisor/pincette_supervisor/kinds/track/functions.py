@@ -367,7 +367,7 @@ def learned_of(run: Run, path: Path) -> Corrections | None:
         if before is not None and x_um is not None:
             at_s = before[0] * period_s
             if path.full_from_s - slack_s <= at_s < path.full_to_s - slack_s:
-                learner = learner.follow(before[0], x_um - x_r_um, limited=before[1])
+                learner = learner.updated(before[0], x_um - x_r_um, limited=before[1])
         before = (tick, bool(paused) or bool(limits)) if segment == track else None
     return learner.corrections
 
