@@ -186,7 +186,9 @@ def test_postgresql(python: str, tmp_path: Path) -> None:
             ran(line, tmp_path, {"PINCETTE_STORE": nowhere})
 
 
-def test_without_its_extra_a_program_says_what_is_missing(rig: RunningRig, tmp_path: Path) -> None:
+def test_a_program_without_its_extra_reports_what_is_missing(
+    rig: RunningRig, tmp_path: Path
+) -> None:
     own = environment(tmp_path / "venv", str(wheel(".")), str(wheel("shared")))
     for extra in ("sila", "foxglove"):
         command = [str(own.with_name("pincette")), "run", extra, "--rig", str(rig.path)]

@@ -266,7 +266,7 @@ ADAPTERS: tuple[Adapter, ...] = (rest, bluesky, agent)
 
 
 @pytest.mark.parametrize("adapter", [*ADAPTERS, typed, page, things])
-def test_a_staircase_of_forces_is_climbed_without_letting_go(
+def test_forces_are_reached_one_after_another_without_a_release(
     rig: RunningRig, adapter: Adapter, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
     with adapter(rig, request) as driver:

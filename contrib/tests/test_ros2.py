@@ -84,7 +84,7 @@ def heard_of_a_grip(rig: RunningRig, router: str, python: Path) -> tuple[Any, An
     return json.loads(said), held
 
 
-def test_a_grip_is_heard_by_a_node_and_read_by_ros_itself(
+def test_a_node_receives_a_grip_and_ros_reads_it(
     rig: RunningRig, router: str, tmp_path: Path
 ) -> None:
     begun_s = time.time()

@@ -44,7 +44,7 @@ def described(rig: RunningRig, query: str = "") -> Any:
     return answer.raise_for_status()
 
 
-def test_it_is_valid_by_the_schema_of_the_standard(rig: RunningRig, client: Path) -> None:
+def test_the_thing_description_is_valid_by_its_schema(rig: RunningRig, client: Path) -> None:
     answer = described(rig)
     assert answer.headers["content-type"] == "application/td+json"
     schema = json.loads((client / SCHEMA).read_text(encoding="utf-8"))
@@ -92,7 +92,7 @@ def test_a_cancel_during_the_request_leaves_no_job(rig: RunningRig, client: Path
     assert {job["state"] for job in begun[: len(begun) - before]} <= {"stopped"}, said
 
 
-def test_a_client_and_a_supervisor_that_are_gone_leave_the_part_held(
+def test_a_disconnected_client_and_a_stopped_supervisor_leave_the_part_held(
     rig: RunningRig, client: Path
 ) -> None:
     make_ready(rig)

@@ -60,7 +60,7 @@ def test_a_recipe_completes_it(rig: RunningRig) -> None:
     assert job.json()["prediction"]["figures"]["force_held_mN"] == pytest.approx(7.0, abs=0.2)
 
 
-def test_a_run_engine_sets_a_force_and_lets_go(rig: RunningRig) -> None:
+def test_a_run_engine_sets_a_force_and_releases(rig: RunningRig) -> None:
     engine: Any = new_engine()
     seen: list[tuple[str, Any]] = []
     subscribed(engine, seen)
@@ -112,7 +112,7 @@ def test_a_flight_collects_the_samples_of_both_arms(rig: RunningRig) -> None:
         ended(engine)
 
 
-def test_an_agent_grips_and_lets_go(rig: RunningRig) -> None:
+def test_an_agent_grips_and_releases(rig: RunningRig) -> None:
     async def drive() -> None:
         async with agent(rig.rig.supervisor.url, "--move") as client:
             held = await said(client, "grip", token=await planned(client))

@@ -150,7 +150,7 @@ def test_whoever_else_is_admitted_commands_nothing(site: Site, who: str) -> None
 
 
 @pytest.mark.parametrize("who", ["viewer", "demo/sensor", "right/controller", "right/actuator"])
-def test_whoever_may_not_ask_is_not_answered(site: Site, who: str) -> None:
+def test_clients_without_permission_get_no_answer(site: Site, who: str) -> None:
     intruder = Intruder(who, site.folder.credentials(site.folder.named(who)))
     for port in site.ports():
         with intruder.joined("127.0.0.1", port) as session:
@@ -159,7 +159,7 @@ def test_whoever_may_not_ask_is_not_answered(site: Site, who: str) -> None:
     assert site.asked == []
 
 
-def test_an_operator_trips_on_both_ways_and_does_nothing_else(site: Site) -> None:
+def test_an_operator_can_trip_on_both_paths_and_do_nothing_else(site: Site) -> None:
     for ends in (direct_endpoint(site.rig, "actuator"), tool_endpoint(site.rig)):
         bus = ZenohBus(ends, "demo", "tool")
         assert bus.call(TRIP, Trip(Cause.ESTOP)) == Ack(1)
@@ -183,7 +183,7 @@ def test_an_emergency_stop_past_the_supervisor_is_an_operators(site: Site) -> No
     site.asked.clear()
 
 
-def test_the_supervisor_trips_without_the_router_and_makes_no_other_request(site: Site) -> None:
+def test_the_supervisor_can_trip_without_the_router_but_make_no_other_request(site: Site) -> None:
     ends = direct_endpoint(site.rig, "actuator", program("supervisor", ""))
     assert trip_at(ends, "demo", Trip(Cause.ESTOP)) == Ack(1)
     assert site.asked == [Trip(Cause.ESTOP)]
@@ -196,7 +196,7 @@ def test_the_supervisor_trips_without_the_router_and_makes_no_other_request(site
     site.asked.clear()
 
 
-def test_the_supervisor_asks_all(site: Site) -> None:
+def test_the_supervisor_can_send_requests_to_all_programs(site: Site) -> None:
     bus = ZenohBus(program_endpoint(site.rig, "supervisor", lockstep=False), "demo", "supervisor")
     for question, request in REQUESTS:
         assert bus.call(question, request) == Ack(1)
@@ -205,7 +205,7 @@ def test_the_supervisor_asks_all(site: Site) -> None:
     site.asked.clear()
 
 
-def test_a_rig_that_joins_speaks_for_itself(site: Site) -> None:
+def test_a_rig_that_joins_a_router_publishes_its_own_keys_only(site: Site) -> None:
     joins = {"rig": {"name": "right"}, "bus": {"router": f"127.0.0.1:{site.rig.bus.port}"}}
     right = demo_rig(joins).secured(site.folder.path)
     services, heard = loop_services(), list[Message]()
@@ -229,7 +229,7 @@ def test_a_rig_that_joins_speaks_for_itself(site: Site) -> None:
         bus.close()
 
 
-def test_a_viewer_hears_sees_and_asks_for_the_newest(site: Site) -> None:
+def test_a_viewer_subscribes_and_queries_the_newest_messages(site: Site) -> None:
     bus = ZenohBus(tool_endpoint(seen_as(site.rig, "viewer")), "demo", "tool")
     heard: list[Message] = []
     bus.subscribe(COMMAND, lambda _topic, message: heard.append(message))
@@ -244,7 +244,7 @@ def test_a_viewer_hears_sees_and_asks_for_the_newest(site: Site) -> None:
     bus.close()
 
 
-def test_a_script_that_knows_nothing_of_pincette_listens(site: Site) -> None:
+def test_a_script_without_pincette_can_subscribe(site: Site) -> None:
     place = f"tls/127.0.0.1:{site.rig.bus.port}"
     words = [sys.executable, str(EXAMPLE), "--pki", str(site.folder.path), "--router", place]
     estimator = ZenohBus(
@@ -270,7 +270,7 @@ def test_a_script_that_knows_nothing_of_pincette_listens(site: Site) -> None:
         estimator.close()
 
 
-def test_another_rig_sees_nothing_of_this_one(site: Site) -> None:
+def test_another_rig_receives_nothing_of_this_rig(site: Site) -> None:
     recorder = Intruder("recorder", site.folder.credentials(program("recorder", "right")))
     heard: list[str] = []
     with recorder.joined("127.0.0.1", site.rig.bus.port) as session:
@@ -282,7 +282,7 @@ def test_another_rig_sees_nothing_of_this_one(site: Site) -> None:
     assert heard == []
 
 
-def test_who_proves_nothing_is_not_let_in(site: Site, tmp_path: Path) -> None:
+def test_clients_without_a_valid_certificate_are_not_admitted(site: Site, tmp_path: Path) -> None:
     outsiders = [
         Intruder("plain", None, "tcp"),
         Intruder("bare", None, "tls"),

@@ -76,7 +76,7 @@ class BusContract:
         assert buses[0].call(TRIP, Trip(Cause.ESTOP)) == Ack(41)
         assert asked == [Trip(Cause.ESTOP)]
 
-    def test_a_refusal_brings_its_reason(self, buses: tuple[LatestBus, LatestBus]) -> None:
+    def test_a_refusal_states_its_reason(self, buses: tuple[LatestBus, LatestBus]) -> None:
         def refuse(
             _question: Request, _request: Message, reply: Callable[[Message | str], None]
         ) -> None:
@@ -87,13 +87,13 @@ class BusContract:
         with pytest.raises(RefusalError, match="latched: estop"):
             buses[0].call(TRIP, Trip(Cause.ESTOP))
 
-    def test_nobody_there_is_an_error_that_says_who(
+    def test_a_missing_program_is_an_error_that_names_it(
         self, buses: tuple[LatestBus, LatestBus]
     ) -> None:
         with pytest.raises(BusError, match="estimator/status"):
             buses[0].call(STATUS["estimator"], StatusRequest(), 0.3)
 
-    def test_silence_is_an_error_after_the_time_that_was_given(
+    def test_a_missing_reply_is_an_error_after_the_timeout(
         self, buses: tuple[LatestBus, LatestBus]
     ) -> None:
         kept: list[Callable[[Message | str], None]] = []
@@ -108,7 +108,7 @@ class BusContract:
         with pytest.raises(BusError, match="actuator/trip"):
             buses[0].call(TRIP, Trip(Cause.ESTOP), 0.3)
 
-    def test_the_newest_message_of_a_topic_can_be_asked_for(
+    def test_the_newest_message_of_a_topic_can_be_queried(
         self, buses: tuple[LatestBus, LatestBus]
     ) -> None:
         for seq in range(3):
@@ -118,7 +118,7 @@ class BusContract:
         buses[0].publish(replace(SAMPLE, epoch=4))
         assert buses[1].latest(POSITION) == replace(SAMPLE, epoch=4)
 
-    def test_before_the_first_message_there_is_no_newest(
+    def test_before_the_first_message_a_query_returns_nothing(
         self, buses: tuple[LatestBus, LatestBus]
     ) -> None:
         buses[0].publish(SAMPLE)
@@ -192,7 +192,7 @@ class TestZenohBus(BusContract):
             assert monotonic() < deadline
             sleep(0.005)
 
-    def test_a_topic_that_is_ready_but_silent_has_no_newest(
+    def test_a_topic_without_messages_returns_nothing(
         self, buses: tuple[LatestBus, LatestBus]
     ) -> None:
         first, second = buses
@@ -203,7 +203,7 @@ class TestZenohBus(BusContract):
         assert second.latest(POSITION) is None
         assert monotonic() - begun < ANSWER_S, "an empty answer, not a silence"
 
-    def test_any_tool_can_ask_for_one_or_all_of_them(
+    def test_any_tool_can_query_one_or_all_topics(
         self, buses: tuple[LatestBus, LatestBus], session: zenoh.Session
     ) -> None:
         for message in (SAMPLE, ACQUIRED):
@@ -239,7 +239,7 @@ class TestZenohBus(BusContract):
             key("contract", BURST): (drop, zenoh.Priority.INTERACTIVE_HIGH),
         }
 
-    def test_what_is_no_message_is_counted_and_goes_no_further(
+    def test_an_invalid_message_is_counted_and_dropped(
         self, buses: tuple[LatestBus, LatestBus]
     ) -> None:
         first, second = buses
@@ -254,7 +254,7 @@ class TestZenohBus(BusContract):
         assert second.refused.count == 1
         assert "x_um" in second.refused.reason
 
-    def test_programs_of_every_rig_are_seen_and_tell_their_rig_file(
+    def test_programs_of_every_rig_are_found_and_report_their_rig_file(
         self, ends: SessionConfig, buses: tuple[LatestBus, LatestBus]
     ) -> None:
         watcher, file = buses[0], demo_rig()

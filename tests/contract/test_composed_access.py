@@ -100,7 +100,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Generator[Site]:
         yield made
 
 
-def test_it_says_what_its_services_say_and_nothing_else(site: Site) -> None:
+def test_a_composed_program_publishes_the_keys_of_its_services_only(site: Site) -> None:
     for topic in TOPICS:
         for service in LOOP if topic.per_service else ("",):
             site.pair.declare(topic, service)
@@ -115,7 +115,7 @@ def test_it_says_what_its_services_say_and_nothing_else(site: Site) -> None:
     assert site.told == said & OWN
 
 
-def test_it_answers_and_is_there_for_its_services_alone(site: Site) -> None:
+def test_a_composed_program_answers_for_its_services_only(site: Site) -> None:
     request = Arm(1, 1, "")
     assert site.supervisor.call(ARM["controller"], request) == Ack(1)
     with pytest.raises(BusError, match="no program answers sensor/arm"):
@@ -126,7 +126,7 @@ def test_it_answers_and_is_there_for_its_services_alone(site: Site) -> None:
 
 
 @pytest.mark.parametrize("who", ["controller", "estimator"])
-def test_a_certificate_of_one_of_its_services_commands_nothing(site: Site, who: str) -> None:
+def test_a_certificate_of_one_of_its_services_cannot_publish_commands(site: Site, who: str) -> None:
     """Where the rig file composes it, the service by itself is no partner any more."""
     intruder = Intruder(who, site.folder.credentials(program(who, "demo")))
     before = len(site.commands)
@@ -143,12 +143,14 @@ def test_a_rig_file_that_composes_needs_the_certificate_for_it(site: Site) -> No
         service_endpoint(rig, "loop", loop_programs(rig))
 
 
-def test_an_emergency_stop_goes_straight_to_an_actuator_beside_it(site: Site) -> None:
+def test_an_emergency_stop_reaches_an_actuator_beside_a_composed_program_directly(
+    site: Site,
+) -> None:
     assert EmergencyStop("demo").past_supervisor(site.rig).missing() == []
     assert site.asked[-1] == Trip(Cause.ESTOP)
 
 
-def test_an_emergency_stop_goes_straight_to_a_program_of_all(site: Site) -> None:
+def test_an_emergency_stop_reaches_a_program_of_all_services_directly(site: Site) -> None:
     enrol(site.folder, "demo", (), NOW, composed=["loop"])
     rig = composing(demo_rig(), "loop").secured(site.folder.path)
     whole = ZenohBus(service_endpoint(rig, "loop", loop_programs(rig)), "demo", "loop")

@@ -77,7 +77,7 @@ def test_the_output_is_switched_on_only_after_its_voltage_is_accepted() -> None:
     assert not any(said.startswith(b"SOUT 1") for said in line.lines)
 
 
-def test_an_output_that_is_on_is_taken_over_as_it_is() -> None:
+def test_an_output_that_is_on_is_taken_over_unchanged() -> None:
     line = Recorded(b"RNGE RANGE10;VOLT 3.5;SOUT ON")
     output = line.open()
     assert output.read_V() == 3.5
@@ -95,13 +95,13 @@ def test_an_output_that_is_on_in_another_range_is_not_opened() -> None:
     assert line.voltages_V == []
 
 
-def test_errors_of_the_time_before_do_not_count() -> None:
+def test_earlier_errors_do_not_count() -> None:
     output = Recorded(b"VOLT 99;NONE?").open()
     output.write_V(0.5)
     assert output.read_V() == 0.5
 
 
-def test_an_output_that_somebody_switched_off_is_not_switched_on_again() -> None:
+def test_an_output_that_was_switched_off_by_hand_is_not_switched_on_again() -> None:
     line = Recorded()
     output = line.open()
     output.write_V(2.0)
@@ -113,7 +113,7 @@ def test_an_output_that_somebody_switched_off_is_not_switched_on_again() -> None
     assert line.voltages_V == [2.0, 0.0]
 
 
-def test_an_overload_is_no_reading() -> None:
+def test_a_reading_during_an_overload_is_refused() -> None:
     line = Recorded()
     output = line.open()
     output.write_V(2.0)
@@ -161,7 +161,9 @@ def test_impossible_options_are_refused(option: str, value: str | int) -> None:
         Recorded().open(**{option: value})
 
 
-def test_opening_a_port_warns_that_they_have_not_met(caplog: pytest.LogCaptureFixture) -> None:
+def test_opening_a_port_warns_that_the_driver_was_not_tested_with_its_instrument(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     source = SimulatedDC205(lambda _voltage_V: None)
     with (
         caplog.at_level(logging.WARNING),
@@ -172,7 +174,7 @@ def test_opening_a_port_warns_that_they_have_not_met(caplog: pytest.LogCaptureFi
     assert not srs_dc205.MET
 
 
-def test_a_port_opened_again_finds_the_output_on_and_works_on() -> None:
+def test_after_a_port_is_reopened_the_output_is_on_and_works() -> None:
     line = Recorded()
     now_s = 0.0
     with lent_clock(lambda: now_s), ExitStack() as wires:
@@ -191,7 +193,7 @@ def test_a_port_opened_again_finds_the_output_on_and_works_on() -> None:
         assert line.voltages_V == [2.0, 2.2]
 
 
-def test_a_source_that_lost_its_supply_is_not_switched_on_again() -> None:
+def test_a_source_that_lost_its_power_is_not_switched_on_again() -> None:
     before, after = Recorded(), Recorded()
     now_s = 0.0
     with lent_clock(lambda: now_s), ExitStack() as wires:
@@ -229,11 +231,11 @@ def test_the_time_of_a_write_follows_from_the_line(baud: int, exchange_ms: float
     assert "assumed" in timing.note
 
 
-def test_it_has_no_watchdog() -> None:
+def test_the_source_has_no_watchdog() -> None:
     assert not isinstance(Recorded().open(), WatchedOutput)
 
 
-def test_whatever_the_line_carries_there_is_one_kind_of_error() -> None:
+def test_every_fault_of_the_line_raises_one_kind_of_error() -> None:
     chance = random.Random(SEED)
     failed = 0
     for _ in range(REPLIES):

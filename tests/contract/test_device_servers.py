@@ -45,7 +45,7 @@ def refusal(url: str) -> InstrumentError:
 
 
 @pytest.mark.parametrize("banner", [r"MS,01,+0099.00\\r", r"login: "])
-def test_a_banner_is_no_answer(banner: str, laser: Wire, tmp_path: Path) -> None:
+def test_a_banner_is_not_accepted_as_an_answer(banner: str, laser: Wire, tmp_path: Path) -> None:
     with (
         ser2net(laser.url, tmp_path, options=f"banner: '{banner}'") as server,
         closing(open_sensor(server.url)) as sensor,
@@ -80,14 +80,14 @@ def test_a_port_with_another_client_is_refused_in_the_server_s_words(
         pytest.fail("the port was not free again")
 
 
-def test_a_device_that_is_away_is_named(tmp_path: Path) -> None:
+def test_a_missing_device_is_named(tmp_path: Path) -> None:
     with ser2net(str(tmp_path / "absent"), tmp_path) as server:
         error = refusal(server.url)
         assert error.code == "cannot_open"
         assert "Device open failure" in str(error)
 
 
-def test_a_local_port_and_a_server_keep_each_other_out(laser: Wire, tmp_path: Path) -> None:
+def test_a_local_port_and_a_server_lock_each_other_out(laser: Wire, tmp_path: Path) -> None:
     with ser2net(laser.url, tmp_path) as server:
         with closing(open_sensor(laser.url)):
             assert refusal(server.url).code == "cannot_open"
@@ -109,7 +109,7 @@ def test_a_server_that_restarts_is_found_again(laser: Wire, tmp_path: Path) -> N
         assert sensor.read_um() == pytest.approx(X_UM)
 
 
-def test_an_answer_to_an_earlier_client_is_no_answer(laser: Wire) -> None:
+def test_an_answer_to_an_earlier_client_is_not_accepted(laser: Wire) -> None:
     """After a reconnect the first line is a reading that somebody else asked for."""
     stale = b"MS,01,+0099.00\r"
     with socket.create_server(("127.0.0.1", 0)) as listener:
@@ -144,7 +144,7 @@ def test_an_answer_to_an_earlier_client_is_no_answer(laser: Wire) -> None:
 @pytest.mark.parametrize(
     ("banner", "at_once", "timeout_s"), [(b"\r\n", False, 1.0), (b"login: ", True, 0.2)]
 )
-def test_a_banner_of_a_port_that_is_opened_again_costs_no_further_exchange(
+def test_a_banner_of_a_reopened_port_costs_no_further_exchange(
     banner: bytes, timeout_s: float, *, at_once: bool, laser: Wire
 ) -> None:
     """``at_once``: it is sent before the first request, otherwise together with its answer."""
@@ -204,7 +204,7 @@ MOST_MORE_S = 1.5e-3
 
 @pytest.mark.usefixtures("stalls")
 @pytest.mark.parametrize("server", ["ser2net", "socat"])
-def test_a_reading_behind_a_server_costs_little_more(server: str, tmp_path: Path) -> None:
+def test_a_reading_over_a_server_takes_little_longer(server: str, tmp_path: Path) -> None:
     """At 9600 baud the bytes come one by one; the same terminal directly is measured in turns."""
 
     def reading_s(link: Link) -> float:

@@ -24,7 +24,7 @@ SAID: dict[str, list[Said]] = {
 
 
 @pytest.mark.parametrize("name", DIALOGUES)
-def test_the_driver_says_what_is_written_down(name: str, tmp_path: Path) -> None:
+def test_the_driver_sends_the_documented_dialogue(name: str, tmp_path: Path) -> None:
     record(name, tmp_path / "anew.txt")
     anew = read_recording(tmp_path / "anew.txt")
     kept = read_recording(FOLDER / f"{name}.txt")
@@ -33,7 +33,7 @@ def test_the_driver_says_what_is_written_down(name: str, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("name", DIALOGUES)
-def test_the_recording_gives_what_the_instrument_gave(name: str, tmp_path: Path) -> None:
+def test_the_recording_replays_the_answers_of_the_instrument(name: str, tmp_path: Path) -> None:
     live = record(name, tmp_path / "anew.txt")
     assert replay(name, FOLDER / f"{name}.txt") == live
     assert replay(name, tmp_path / "anew.txt") == live

@@ -67,7 +67,7 @@ def test_the_lock_ends_with_a_program_that_is_killed(url: str) -> None:
         open_link(url, baud=115200, timeout_s=1.0).close()
 
 
-def test_two_names_of_one_address_are_one_instrument() -> None:
+def test_two_names_of_one_address_lock_one_instrument() -> None:
     with closing(TcpPort("127.0.0.1", 0)) as port:
         number = port.url.rpartition(":")[2]
         with another_program_at(port.url):
@@ -113,7 +113,7 @@ def test_servers_at_two_addresses_of_this_host_are_two_instruments() -> None:
         open_link(f"socket://127.0.0.2:{port}", baud=115200, timeout_s=1.0).close()
 
 
-def test_a_server_at_one_address_is_not_the_one_at_all_others() -> None:
+def test_servers_at_different_addresses_are_different_instruments() -> None:
     with (
         listening("127.0.0.2") as port,
         listening("0.0.0.0", port),

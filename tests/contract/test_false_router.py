@@ -42,7 +42,7 @@ def test_a_viewer_cannot_be_mistaken_for_a_router(folder: Folder) -> None:
         open_session(tool_endpoint(rig), "tool")
 
 
-def test_one_that_is_no_router_is_told_nothing_by_a_client(folder: Folder) -> None:
+def test_a_client_sends_nothing_to_a_false_router(folder: Folder) -> None:
     """A service's certificate is good for a server; a client gives it nothing all the same."""
     rig = demo_rig().secured(folder.path)
     sensor = TlsIdentity(folder.credentials(program("sensor", "demo")), {})

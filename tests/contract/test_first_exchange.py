@@ -81,7 +81,7 @@ def test_a_sensor_starts_though_one_of_its_first_answers_is_wrong(
     assert counted.retried == 1
 
 
-def test_an_output_that_never_says_what_it_puts_out_ends_the_start_with_a_reason() -> None:
+def test_an_output_that_never_reports_its_voltage_fails_the_start_with_a_reason() -> None:
     module = SimulatedI7024(lambda _voltage_V: None, lambda: 0.0, checksum=True)
     numbers = count()
 

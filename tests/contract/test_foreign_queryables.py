@@ -155,7 +155,7 @@ def _reaches(probe: zenoh.Session, store: Store) -> bool:
 
 @pytest.mark.parametrize(("kind", "where"), [*zip(KINDS, (*PLACES, "client", "peer"), strict=True)])
 class TestBesideAForeignQueryable:
-    def test_a_stop_and_a_refusal_come_from_the_actuator(
+    def test_stops_and_refusals_come_from_the_actuator(
         self, plain: Site, kind: str, where: str
     ) -> None:
         with beside(plain, kind, where):
@@ -185,7 +185,7 @@ class TestBesideAForeignQueryable:
             assert monotonic() - begun_s < ANSWER_S
 
 
-def test_a_program_without_a_message_says_so_at_once_beside_a_silent_tool(plain: Site) -> None:
+def test_a_program_without_a_message_replies_at_once_beside_a_silent_tool(plain: Site) -> None:
     fresh = ZenohBus(program_endpoint(plain.rig, "recorder", lockstep=False), "fresh", "actuator")
     with beside(plain, "silent", "client"):
         fresh.declare(APPLIED)
@@ -198,7 +198,7 @@ def test_a_program_without_a_message_says_so_at_once_beside_a_silent_tool(plain:
 
 
 @pytest.mark.parametrize("kind", ["store", "silent"])
-def test_a_request_that_no_program_answers_ends_at_its_own_deadline(plain: Site, kind: str) -> None:
+def test_an_unanswered_request_ends_at_its_own_deadline(plain: Site, kind: str) -> None:
     bus = ZenohBus(program_endpoint(plain.rig, "supervisor", lockstep=False), "nobody", "asker")
     with beside(plain, kind, "client"):
         begun_s = monotonic()
@@ -208,7 +208,7 @@ def test_a_request_that_no_program_answers_ends_at_its_own_deadline(plain: Site,
     bus.close()
 
 
-def test_a_reply_with_the_mark_that_is_no_message_is_counted_and_the_next_one_wins(
+def test_an_invalid_reply_with_the_mark_is_counted_and_the_next_one_is_used(
     plain: Site,
 ) -> None:
     def rubbish(query: zenoh.Query) -> None:
@@ -243,7 +243,7 @@ ODD_TOKENS = (
 """Liveliness tokens that no program has; a lookup of the programs' tokens finds each of them."""
 
 
-def test_tokens_that_no_program_has_are_ignored(plain: Site) -> None:
+def test_tokens_without_a_program_are_ignored(plain: Site) -> None:
     place = f"tcp/{plain.rig.bus.host}:{plain.rig.bus.port}"
     changes: list[tuple[str, str, bool]] = []
     with ExitStack() as stack:
@@ -272,7 +272,7 @@ def test_tokens_that_no_program_has_are_ignored(plain: Site) -> None:
 GHOST_TRIP = request_key("ghost", TRIP)
 
 
-def test_a_token_without_a_program_is_known_as_such_at_once(plain: Site) -> None:
+def test_a_token_without_a_program_is_recognized_at_once(plain: Site) -> None:
     place = f"tcp/{plain.rig.bus.host}:{plain.rig.bus.port}"
     with outsider("client", place) as tool:
         token = tool.liveliness().declare_token(live_key("ghost", "actuator"))
@@ -311,7 +311,7 @@ def test_a_program_that_does_not_answer_is_not_mistaken_for_a_mere_token(
         token.undeclare()
 
 
-def test_with_certificates_a_token_is_never_mistaken_for_a_mere_one(secure: Site) -> None:
+def test_with_certificates_a_real_token_is_never_mistaken_for_a_foreign_one(secure: Site) -> None:
     """The access list may refuse the request to a real program: then the query ends at once too."""
     other = ZenohBus(loop_endpoint(secure.rig, "sensor", loop_services()), "demo", "sensor")
     try:
@@ -325,7 +325,7 @@ def test_with_certificates_a_token_is_never_mistaken_for_a_mere_one(secure: Site
 
 
 @pytest.mark.parametrize("who", ["viewer", "demo/sensor"])
-def test_a_certificate_that_may_not_answer_declares_no_queryable(
+def test_a_certificate_without_permission_cannot_declare_a_queryable(
     secure: Site, folder: Folder, who: str
 ) -> None:
     """The access list keeps both the declaration and the replies of others out."""
@@ -351,7 +351,7 @@ def test_a_certificate_that_may_not_answer_declares_no_queryable(
 
 
 @pytest.mark.parametrize("who", ["operator", "demo/sensor"])
-def test_a_certificate_holds_no_token_but_its_own(secure: Site, folder: Folder, who: str) -> None:
+def test_a_certificate_can_hold_only_its_own_token(secure: Site, folder: Folder, who: str) -> None:
     """A token of another program, or one with wildcards, does not pass the router."""
     before, port = secure.supervisor.alive_everywhere(), secure.rig.bus.port
     others = (*ODD_TOKENS, "pincette/v2/demo/live/recorder", "pincette/v2/other/live/actuator")
@@ -371,7 +371,7 @@ def test_a_certificate_holds_no_token_but_its_own(secure: Site, folder: Folder, 
 
 
 @pytest.mark.parametrize("kind", ["stamping store", "silent"])
-def test_with_certificates_a_store_inside_the_router_takes_nothing_away(
+def test_with_certificates_a_store_inside_the_router_answers_nothing(
     secure: Site, kind: str
 ) -> None:
     """A plugin of the router is bound by no access list."""
@@ -384,7 +384,7 @@ def test_with_certificates_a_store_inside_the_router_takes_nothing_away(
         until(lambda: secure.supervisor.latest(APPLIED, PATIENCE_S) == NEWEST)
 
 
-def test_a_second_router_with_a_store_takes_nothing_away(plain: Site) -> None:
+def test_a_second_router_with_a_store_answers_nothing(plain: Site) -> None:
     bus, port = plain.rig.bus, free_ports(1)
     with (
         outsider(
@@ -417,7 +417,7 @@ def test_an_empty_query_on_a_request_key_is_answered_and_not_counted(plain: Site
 
 
 @pytest.mark.parametrize("service", ["estimator", "controller"])
-def test_each_program_of_the_loop_counts_and_shows_what_it_refuses(
+def test_each_program_of_the_loop_counts_and_reports_refused_messages(
     plain: Site, service: str
 ) -> None:
     """A stranger sends rubbish on a topic that the service takes, and on one of its requests."""
@@ -535,7 +535,7 @@ def test_doctor_misses_programs_of_a_running_rig_that_do_not_answer(
 
 
 @pytest.mark.parametrize("mode", [Mode.ARMED, None])
-def test_doctor_does_not_ask_the_router_of_a_rig_at_work(
+def test_doctor_does_not_query_the_router_of_a_rig_in_use(
     plain: Site, monkeypatch: pytest.MonkeyPatch, mode: Mode | None
 ) -> None:
     def asked(_bus: ZenohBus) -> NoReturn:
@@ -548,7 +548,7 @@ def test_doctor_does_not_ask_the_router_of_a_rig_at_work(
     assert plain.rig.rig.name in found.what
 
 
-def test_doctor_does_not_ask_the_router_that_another_rig_at_work_shares(
+def test_doctor_does_not_query_a_router_shared_with_a_rig_in_use(
     plain: Site, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     config = program_endpoint(plain.rig, "recorder", lockstep=False)
@@ -571,6 +571,8 @@ def test_doctor_does_not_ask_the_router_that_another_rig_at_work_shares(
     other.close()
 
 
-def test_doctor_says_nothing_of_a_bus_that_is_down_and_trusts_access_lists(secure: Site) -> None:
+def test_doctor_reports_nothing_about_a_bus_that_is_down_and_trusts_access_lists(
+    secure: Site,
+) -> None:
     assert [*foreign_sessions(demo_rig())] == []
     assert [one.mark for one in foreign_sessions(secure.rig)] == ["ok"]

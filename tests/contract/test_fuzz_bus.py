@@ -50,7 +50,7 @@ def is_sound(kind: type[Message], payload: bytes) -> bool:
     return True
 
 
-def test_garbage_on_a_topic_is_counted_and_goes_no_further(
+def test_garbage_on_a_topic_is_counted_and_dropped(
     program: tuple[ZenohBus, zenoh.Session], capfd: pytest.CaptureFixture[str]
 ) -> None:
     bus, stranger = program

@@ -71,7 +71,7 @@ def test_sound_frames_travel_unchanged(name: str) -> None:
         assert decode(kind, encode(message)) == message
 
 
-def test_twenty_thousand_frames_are_taken_or_refused() -> None:
+def test_twenty_thousand_frames_are_accepted_or_refused() -> None:
     print(f"seed {SEED}")
     told = fuzzed(20_000, SEED)
     assert set(told) == {"refused", *BY_NAME}, "some of every kind are taken, and some refused"
@@ -79,7 +79,7 @@ def test_twenty_thousand_frames_are_taken_or_refused() -> None:
 
 
 @pytest.mark.slow
-def test_a_million_frames_are_taken_or_refused() -> None:
+def test_a_million_frames_are_accepted_or_refused() -> None:
     seed = random.SystemRandom().randrange(2**32)
     print(f"seed {seed}")
     told = fuzzed(1_000_000, seed)

@@ -135,7 +135,7 @@ VALUES: tuple[Any, ...] = (
 """Values that may stand for any quantity."""
 
 
-def test_models_that_are_told_are_read_or_refused() -> None:
+def test_received_models_are_accepted_or_refused() -> None:
     print(f"seed {SEED}")
     chance, rig, read = random.Random(SEED), read_rig(DEMO), 0
     for _ in range(MODELS):
@@ -151,7 +151,7 @@ def test_models_that_are_told_are_read_or_refused() -> None:
 
 
 @pytest.mark.parametrize("text", ["[" * 50_000, "", "null", "1", '{"rig": 1}', "\x00", "NaN", "{}"])
-def test_a_told_rig_file_that_is_invalid_is_refused(text: str) -> None:
+def test_an_invalid_received_rig_file_is_refused(text: str) -> None:
     with pytest.raises(ConfigError):
         parse_rig_json(text)
     if text:

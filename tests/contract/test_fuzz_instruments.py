@@ -205,7 +205,7 @@ class Unclosed:
 
 
 @pytest.mark.parametrize("name", SUBJECTS)
-def test_whatever_is_answered_a_driver_fails_in_one_way(
+def test_a_driver_raises_one_kind_of_error_for_any_answer(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(keyence_lkg, "MODE_CHANGE_S", 0.0)
@@ -233,7 +233,9 @@ class Misled:
 
 
 @pytest.mark.parametrize("name", SUBJECTS)
-def test_the_same_over_a_line(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_driver_raises_one_kind_of_error_over_a_line(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(keyence_lkg, "MODE_CHANGE_S", 0.0)
     subject, chance = SUBJECTS[name], random.Random(SEED)
     print(f"seed {SEED}")

@@ -71,7 +71,7 @@ def door(request: pytest.FixtureRequest, folder: Folder) -> Generator[Door]:
         (b"", False),
     ],
 )
-def test_strangers_keep_nobody_out(
+def test_idle_unknown_connections_do_not_block_others(
     door: Door, words: bytes, stay: bool, record_property: Callable[[str, object], None]
 ) -> None:
     door.opened_s()  # what Zenoh opens with its first link stays open
@@ -90,7 +90,7 @@ def test_strangers_keep_nobody_out(
         sleep(0.05)
 
 
-def test_links_that_are_up_continue_and_are_ended_with_their_own_end(door: Door) -> None:
+def test_existing_links_continue_and_end_with_their_own_peer(door: Door) -> None:
     heard: list[bytes] = []
     with open_session(door.client, "tool") as tool:
         tool.declare_subscriber(
@@ -115,7 +115,7 @@ def test_links_that_are_up_continue_and_are_ended_with_their_own_end(door: Door)
 
 
 @pytest.mark.usefixtures("stalls")
-def test_a_newcomer_needs_no_room_on_any_disk(
+def test_a_new_connection_needs_no_disk_space(
     folder: Folder, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     door = Door(folder)
@@ -183,7 +183,7 @@ def test_the_name_in_the_certificate_reaches_the_access_list(folder: Folder) -> 
         door.router.close()
 
 
-def test_each_link_is_reported_with_its_peer_and_why_it_went(
+def test_each_link_is_reported_with_its_peer_and_the_reason_of_its_end(
     door: Door, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level("INFO", "pincette")
@@ -209,7 +209,7 @@ def test_each_link_is_reported_with_its_peer_and_why_it_went(
     assert len(told) == 2
 
 
-def test_who_says_nothing_is_ended_in_time(door: Door) -> None:
+def test_silent_connections_are_closed_in_time(door: Door) -> None:
     with socket.create_connection(("127.0.0.1", door.port)) as stranger:
         stranger.settimeout(HELLO_S + 2.0)
         begun_s = monotonic()
@@ -219,7 +219,7 @@ def test_who_says_nothing_is_ended_in_time(door: Door) -> None:
     assert door.router.refused.count >= 1
 
 
-def test_the_port_behind_opens_to_the_guard_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_port_behind_accepts_the_guard_only(monkeypatch: pytest.MonkeyPatch) -> None:
     behind = PrivatePort.chosen()
     with socket.socket() as listener:
         listener.bind((behind.host, behind.port))
@@ -255,7 +255,7 @@ def test_a_port_that_is_in_use_is_reported_with_the_remedy(door: Door) -> None:
 
 
 @pytest.mark.usefixtures("stalls")
-def test_zenoh_alone_does_not_bear_failed_handshakes(folder: Folder) -> None:
+def test_zenoh_without_the_guard_fails_after_failed_handshakes(folder: Folder) -> None:
     """The reason for the guard with TLS (zenoh issue 2685); remove the guard once this fails."""
     port = free_ports(1)
     access = router_access([ROUTER, TOOL])

@@ -44,11 +44,11 @@ def place(folder: Folder) -> Generator[str]:
         yield listening
 
 
-def test_there_is_nothing_to_say_where_a_link_can_be_made(place: str, folder: Folder) -> None:
+def test_a_working_link_has_no_diagnosis(place: str, folder: Folder) -> None:
     assert diagnose_link(place, folder.credentials(TOOL), "router") == ""
 
 
-def test_nobody_listens(folder: Folder) -> None:
+def test_a_port_without_a_listener_is_reported(folder: Folder) -> None:
     wanted = endpoint("127.0.0.1", free_ports(1), "router")
     for credentials in (None, folder.credentials(TOOL)):
         assert diagnose_link(wanted, credentials) == f"no program listens at {wanted}"
@@ -75,7 +75,7 @@ def test_another_authority(place: str, tmp_path: Path, folder: Folder) -> None:
     assert str(other.path / "supervisor.crt") in said
 
 
-def test_one_whose_certificate_has_ended(place: str, tmp_path: Path, folder: Folder) -> None:
+def test_an_expired_certificate_is_reported(place: str, tmp_path: Path, folder: Folder) -> None:
     copy = Folder(tmp_path / "copy")
     shutil.copytree(folder.path, copy.path)
     copy.renew(TOOL, NOW - timedelta(days=10), 1.0)
@@ -86,7 +86,7 @@ def test_one_whose_certificate_has_ended(place: str, tmp_path: Path, folder: Fol
     assert "not trusted here: certificate has expired" in said
 
 
-def test_one_who_is_at_another_host(tmp_path: Path) -> None:
+def test_a_certificate_for_another_host_is_reported(tmp_path: Path) -> None:
     elsewhere = Folder(tmp_path / "elsewhere")
     establish(elsewhere, ["demo"], ["bench"], NOW)
     with router(elsewhere.credentials(ROUTER)) as listening:
@@ -94,12 +94,14 @@ def test_one_who_is_at_another_host(tmp_path: Path) -> None:
     assert "IP address mismatch" in said
 
 
-def test_one_who_is_another(place: str, folder: Folder) -> None:
+def test_a_certificate_of_another_program_is_reported(place: str, folder: Folder) -> None:
     said = diagnose_link(place, folder.credentials(TOOL), "demo/actuator")
     assert said == f"{place} sent the certificate of router, not of demo/actuator"
 
 
-def test_a_session_that_cannot_be_opened_says_the_same(place: str, tmp_path: Path) -> None:
+def test_a_session_that_cannot_be_opened_reports_the_same_reason(
+    place: str, tmp_path: Path
+) -> None:
     other = folder_for(tmp_path / "other", "demo")
     port = int(place.rpartition(":")[2])
     ends = client_session("127.0.0.1", port)

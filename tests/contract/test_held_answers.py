@@ -41,7 +41,7 @@ def arrivals(baud: int, line_baud: int, held_s: float, *, in_pieces: bool) -> Ar
 
 @pytest.mark.parametrize("baud", [9600, 19200, 38400, 115200])
 @pytest.mark.parametrize("held_s", [0.001, 0.003, 0.007, 0.020])
-def test_a_whole_answer_after_its_time_was_held_back(baud: int, held_s: float) -> None:
+def test_a_complete_answer_after_its_time_was_held_back(baud: int, held_s: float) -> None:
     hop = arrivals(baud, baud, held_s, in_pieces=False).hop()
     assert hop.held_s == pytest.approx(held_s, abs=2.0 * OVERHEAD_S)
     assert hop.line_baud == 0
@@ -58,14 +58,14 @@ def test_a_line_slower_than_stated_is_estimated(line_baud: int) -> None:
     assert arrivals(115200, line_baud, 0.0, in_pieces=True).hop() == Hop(line_baud=line_baud)
 
 
-def test_a_busy_machine_that_reads_some_answers_whole_is_no_server_that_holds_them() -> None:
+def test_a_busy_machine_is_not_mistaken_for_a_server_that_holds_answers() -> None:
     found = arrivals(9600, 9600, 0.0, in_pieces=True)
     for _ in range(READINGS // 3):
         found.add(6, 15, 0.0, [0.025])
     assert found.hop() == Hop()
 
 
-def test_too_few_or_too_short_answers_say_nothing() -> None:
+def test_too_few_or_too_short_answers_give_no_finding() -> None:
     found = Arrivals(115200)
     for _ in range(4):
         found.add(6, 15, 0.0, [0.005])
@@ -143,7 +143,7 @@ def test_another_delay_of_ser2net_is_measured(
     ("server", "options", "thinks_s", "baud"),
     [("ser2net", "chardelay: false", 0.003, 9600), ("socat", "", 0.0, 38400)],
 )
-def test_a_server_that_forwards_at_once_is_not_mistaken_for_one_that_waits(
+def test_a_server_that_forwards_at_once_is_not_mistaken_for_one_that_holds_answers(
     server: str, options: str, thinks_s: float, baud: int, tmp_path: Path
 ) -> None:
     assert measured(tmp_path, server, options, baud, baud, thinks_s) == Hop()
@@ -156,7 +156,7 @@ def test_a_line_that_is_slower_than_the_rig_file_states_is_named(tmp_path: Path)
 
 
 @pytest.mark.usefixtures("stalls")
-def test_a_slow_line_behind_a_server_that_waits_is_no_default(tmp_path: Path) -> None:
+def test_a_slow_line_behind_a_holding_server_is_not_reported_as_the_default(tmp_path: Path) -> None:
     hop = measured(tmp_path, "ser2net", "", 115200, 9600)
     assert hop.held_s > 0.015
     (found,) = hop_findings("sensor", hop.held_s, hop.line_baud)
@@ -165,7 +165,7 @@ def test_a_slow_line_behind_a_server_that_waits_is_no_default(tmp_path: Path) ->
 
 @pytest.mark.usefixtures("stalls")
 @pytest.mark.parametrize("options", ["", "chardelay: false"])
-def test_doctor_names_the_server_that_holds_answers_back(options: str, tmp_path: Path) -> None:
+def test_doctor_names_the_server_that_holds_answers(options: str, tmp_path: Path) -> None:
     with ExitStack() as running:
         rig = running.enter_context(bench(0.0, 0.0))
         laser = SimulatedKeyence(lambda: 12.34)

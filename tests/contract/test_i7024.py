@@ -77,7 +77,9 @@ def test_the_bytes_are_those_of_the_manual() -> None:
         ("330A03", "03"),
     ],
 )
-def test_a_module_set_otherwise_is_refused_before_it_moves(configuration: str, found: str) -> None:
+def test_a_module_with_other_settings_is_refused_before_it_moves(
+    configuration: str, found: str
+) -> None:
     link = Lines(b">", configuration=b"!01" + configuration.encode())
     with pytest.raises(InstrumentError, match=re.escape(found)) as caught:
         icpdas_i7024.open_output(settings(**UNWATCHED), link)

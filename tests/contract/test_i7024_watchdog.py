@@ -60,7 +60,7 @@ def test_the_watchdog_is_armed_at_the_first_sign_of_life(ticks: int) -> None:
     assert len(bench.lines) == 1
 
 
-def test_without_a_watchdog_nothing_of_it_is_sent() -> None:
+def test_without_a_watchdog_no_watchdog_command_is_sent() -> None:
     bench = Bench()
     output = bench.open(watchdog_s=0)
     output.keep_alive()
@@ -86,7 +86,7 @@ def test_heartbeats_keep_the_voltage_and_silence_loses_it() -> None:
     assert bench.voltages_V == [1.0, 0.0]
 
 
-def test_a_trip_stays_until_it_is_cleared_and_then_the_watchdog_is_armed_again() -> None:
+def test_a_trip_stays_until_it_is_cleared_and_the_watchdog_is_then_armed_again() -> None:
     bench = Bench()
     output = bench.open()
     output.write_V(1.0)
@@ -104,7 +104,7 @@ def test_a_trip_stays_until_it_is_cleared_and_then_the_watchdog_is_armed_again()
     assert bench.voltages_V == [1.0, 0.0, 0.5, 0.0]
 
 
-def test_a_trip_that_somebody_else_has_cleared_leaves_no_write_unwatched_for_long() -> None:
+def test_a_trip_cleared_by_another_program_leaves_no_write_unwatched_for_long() -> None:
     bench = Bench()
     output = bench.open()
     output.write_V(1.0)
@@ -118,7 +118,7 @@ def test_a_trip_that_somebody_else_has_cleared_leaves_no_write_unwatched_for_lon
     assert bench.voltages_V == [1.0, 0.0, 0.75, 0.0]
 
 
-def test_a_trip_of_before_is_cleared_at_opening_with_a_warning(
+def test_an_earlier_trip_is_cleared_at_opening_with_a_warning(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     bench = Bench()
@@ -130,7 +130,7 @@ def test_a_trip_of_before_is_cleared_at_opening_with_a_warning(
     assert bench.voltages_V == [1.0, 0.0, 0.25]
 
 
-def test_a_watchdog_of_a_host_before_does_not_trip_between_opening_and_first_sign_of_life() -> None:
+def test_a_watchdog_of_an_earlier_host_does_not_trip_between_opening_and_first_feed() -> None:
     bench = Bench()
     bench.open().write_V(1.0)
     bench.wait(0.49)
@@ -141,7 +141,7 @@ def test_a_watchdog_of_a_host_before_does_not_trip_between_opening_and_first_sig
     assert bench.voltages_V == [1.0, 1.25]
 
 
-def test_a_trip_since_opening_is_reported_at_the_first_sign_of_life_and_once() -> None:
+def test_a_trip_since_opening_is_reported_once_at_the_first_feed() -> None:
     bench = Bench()
     bench.open().write_V(1.0)
     output = bench.open()
@@ -153,7 +153,7 @@ def test_a_trip_since_opening_is_reported_at_the_first_sign_of_life_and_once() -
     assert bench.voltages_V == [1.0, 0.0]
 
 
-def test_a_trip_between_looking_and_arming_is_told_too() -> None:
+def test_a_trip_between_reading_and_arming_is_reported_too() -> None:
     bench = Bench()
     bench.open().write_V(1.0)
     output = bench.open()
@@ -165,7 +165,7 @@ def test_a_trip_between_looking_and_arming_is_told_too() -> None:
 
 
 @pytest.mark.parametrize("line_s", [0.0, 0.01])
-def test_a_watchdog_that_was_switched_on_while_tripped_does_not_trip_again_when_cleared(
+def test_a_watchdog_switched_on_while_tripped_does_not_trip_again_when_cleared(
     line_s: float,
 ) -> None:
     bench = Bench()
@@ -182,7 +182,7 @@ def test_a_watchdog_that_was_switched_on_while_tripped_does_not_trip_again_when_
     assert bench.voltages_V == [1.0, 0.0, 0.5]
 
 
-def test_an_output_that_does_not_stand_at_zero_keeps_its_safe_value(
+def test_an_output_that_is_not_at_zero_keeps_its_safe_value(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     bench = Bench()
@@ -225,7 +225,7 @@ def test_with_a_checksum_every_line_carries_it() -> None:
     assert bench.voltages_V == [1.0]
 
 
-def test_a_line_that_was_away_longer_than_the_watchdog_finds_the_trip_and_keeps_it(
+def test_a_line_lost_for_longer_than_the_watchdog_time_finds_the_trip_and_keeps_it(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench = Bench()

@@ -285,9 +285,7 @@ def check_recovers(driver: Driven) -> None:
 
 @every_timeout
 @every_driver
-def test_answers_that_all_come_equally_late(
-    make: Callable[[Clock], Made], timeout_s: float
-) -> None:
+def test_all_answers_equally_late(make: Callable[[Clock], Made], timeout_s: float) -> None:
     for tenths in (0, 6, 9, 11, 15, 30, 73, 172):
         with driven(make, timeout_s) as driver:
             accepted = check_ages(driver, constant(0.1 * tenths * timeout_s))
@@ -299,7 +297,7 @@ def test_answers_that_all_come_equally_late(
 
 @every_timeout
 @every_driver
-def test_answers_that_come_late_by_chance(make: Callable[[Clock], Made], timeout_s: float) -> None:
+def test_answers_late_at_random(make: Callable[[Clock], Made], timeout_s: float) -> None:
     for seed in range(3):
         for split in (False, True):
             with driven(make, timeout_s, split=split) as driver:
@@ -311,7 +309,7 @@ def test_answers_that_come_late_by_chance(make: Callable[[Clock], Made], timeout
 
 @every_timeout
 @every_driver
-def test_one_answer_that_comes_late(make: Callable[[Clock], Made], timeout_s: float) -> None:
+def test_one_late_answer(make: Callable[[Clock], Made], timeout_s: float) -> None:
     for tenths in (8, 11, 21, 30):
         with driven(make, timeout_s) as driver:
             quick_s = min(QUICK_S, 0.2 * timeout_s)
@@ -321,7 +319,7 @@ def test_one_answer_that_comes_late(make: Callable[[Clock], Made], timeout_s: fl
 
 @every_timeout
 @every_driver
-def test_answers_that_never_come(make: Callable[[Clock], Made], timeout_s: float) -> None:
+def test_missing_answers(make: Callable[[Clock], Made], timeout_s: float) -> None:
     for every in (3, 30):
         with driven(make, timeout_s) as driver:
 
@@ -337,7 +335,7 @@ def test_answers_that_never_come(make: Callable[[Clock], Made], timeout_s: float
 
 @every_timeout
 @every_driver
-def test_answers_that_come_twice(make: Callable[[Clock], Made], timeout_s: float) -> None:
+def test_duplicated_answers(make: Callable[[Clock], Made], timeout_s: float) -> None:
     with driven(make, timeout_s) as driver:
         check_ages(driver, lambda _number: [0.1 * timeout_s, 0.1 * timeout_s])
         check_recovers(driver)

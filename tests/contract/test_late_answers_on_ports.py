@@ -268,7 +268,7 @@ def test_answers_that_are_late_lost_or_doubled_by_chance(
 
 @PORTS
 @THIRD
-def test_late_answers_to_a_read_back_and_to_drivers_of_others(
+def test_late_answers_to_read_backs_and_other_drivers(
     offer: Offer, port: str, tmp_path: Path
 ) -> None:
     """First all answers are late, then they are late, lost or doubled by chance."""
@@ -286,7 +286,7 @@ def test_late_answers_to_a_read_back_and_to_drivers_of_others(
 
 @PORTS
 @INSTRUMENTS
-def test_every_delay_from_none_to_three_timeouts(offer: Offer, port: str, tmp_path: Path) -> None:
+def test_every_delay_from_zero_to_three_timeouts(offer: Offer, port: str, tmp_path: Path) -> None:
     """The whole table (long)."""
     for tenths in range(31):
         delay_s = 0.1 * tenths * TIMEOUT_S

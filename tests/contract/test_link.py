@@ -37,7 +37,7 @@ def opened(url: str, timeout_s: float = 0.5, **more: Any) -> Generator[Link]:
         link.close()
 
 
-def test_an_answer_comes_without_its_terminator(script: Script) -> None:
+def test_an_answer_is_returned_without_its_terminator(script: Script) -> None:
     with opened(script([b"R0\r", b"MS,01,+0001.00\r"])) as link:
         assert link.exchange(b"R0") == b"R0"
         assert link.exchange(b"MS,01") == b"MS,01,+0001.00"
@@ -48,7 +48,7 @@ def test_unsolicited_lines_are_skipped(script: Script) -> None:
         assert link.exchange(b"MS,01") == b"MS,01,+0001.00"
 
 
-def test_what_follows_the_answer_is_not_mistaken_for_the_next(script: Script) -> None:
+def test_data_after_the_answer_is_not_mistaken_for_the_next_answer(script: Script) -> None:
     with opened(script([b"A\rB\rC", b"D\r"])) as link:
         assert link.exchange(b"1") == b"A"
         assert link.exchange(b"2") == b"D"
@@ -75,7 +75,7 @@ def test_waiting_for_silence_leaves_time_for_an_exchange(
         assert link.quiet_s == pytest.approx(quiet_s)
 
 
-def test_unsolicited_lines_alone_are_no_answer(script: Script) -> None:
+def test_unsolicited_lines_are_not_answers(script: Script) -> None:
     with (
         opened(script([b"TG,01,+0009.00\r"])) as link,
         pytest.raises(InstrumentError, match="no answer") as caught,
@@ -84,7 +84,7 @@ def test_unsolicited_lines_alone_are_no_answer(script: Script) -> None:
     assert caught.value.code == "silent"
 
 
-def test_a_frame_without_an_end_is_cut_off(script: Script) -> None:
+def test_a_frame_without_an_end_is_refused(script: Script) -> None:
     with (
         opened(script([b"x" * (LONGEST_FRAME + 1)])) as link,
         pytest.raises(InstrumentError, match=f"{LONGEST_FRAME + 1} bytes without an end") as caught,
@@ -93,7 +93,7 @@ def test_a_frame_without_an_end_is_cut_off(script: Script) -> None:
     assert caught.value.code == "garbled"
 
 
-def test_a_hang_up_is_named(script: Script) -> None:
+def test_a_closed_connection_is_named(script: Script) -> None:
     url = script([None])
     with opened(url) as link:
         with pytest.raises(InstrumentError, match="connection was closed") as caught:
@@ -111,7 +111,7 @@ def test_a_link_that_was_closed_stays_closed(script: Script) -> None:
             assert caught.value.code == "misused"
 
 
-def test_a_reset_connection_is_a_hang_up_and_is_closed_cleanly() -> None:
+def test_a_reset_connection_is_closed_cleanly() -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         url = f"socket://127.0.0.1:{listener.getsockname()[1]}"
         with opened(url) as link:
@@ -123,7 +123,7 @@ def test_a_reset_connection_is_a_hang_up_and_is_closed_cleanly() -> None:
                 link.exchange(b"MS,01")
 
 
-def test_a_vanished_pseudo_terminal_is_a_hang_up(tmp_path: Path) -> None:
+def test_a_vanished_pseudo_terminal_is_a_closed_connection(tmp_path: Path) -> None:
     wire = serve(str(tmp_path / "port"), SimulatedKeyence(lambda: 0.0))
     with opened(wire.url) as link:
         assert link.exchange(b"R0") == b"ER,R0,01"
@@ -136,7 +136,7 @@ def test_a_vanished_pseudo_terminal_is_a_hang_up(tmp_path: Path) -> None:
     assert caught.value.code == "cannot_open"
 
 
-def test_a_refused_connection_says_what_to_do() -> None:
+def test_a_refused_connection_states_a_remedy() -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         url = f"socket://127.0.0.1:{listener.getsockname()[1]}"
     with pytest.raises(InstrumentError, match="connection refused; is the instrument") as caught:
@@ -204,7 +204,7 @@ class Wreck:
         (serial.SerialTimeoutException("write timeout"), "silent"),
     ],
 )
-def test_whatever_a_port_raises_is_one_kind_of_error(
+def test_every_exception_of_a_port_becomes_one_kind_of_error(
     error: Exception, cause: ErrorCode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def port(*_wanted: object, **_how: object) -> Wreck:
@@ -230,7 +230,7 @@ def test_every_exchange_is_logged_with_its_bytes_escaped(
     assert ": R0 -> hung_up: " in second
 
 
-def test_a_peer_that_has_gone_without_a_word_is_left_for_the_one_that_is_there_now() -> None:
+def test_a_vanished_peer_is_replaced_by_the_present_one() -> None:
     """As behind a network that was cut: the connection stands, and no program answers over it."""
     passed_s = 0.0
     with socket.create_server(("127.0.0.1", 0)) as server:
@@ -252,7 +252,7 @@ def test_a_peer_that_has_gone_without_a_word_is_left_for_the_one_that_is_there_n
                 assert back.recv(16) == b"R0\r"
 
 
-def test_a_connection_gives_up_what_nobody_confirms(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_connection_ends_if_data_is_never_acknowledged(monkeypatch: pytest.MonkeyPatch) -> None:
     given: dict[int, object] = {}
     whole = socket.socket.setsockopt
 

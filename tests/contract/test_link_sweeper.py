@@ -104,7 +104,7 @@ def said(words: str, first_message: bytes) -> bytes:
     [("silent", True), ("garbage", False), ("half", True), ("whole", False)],
 )
 @pytest.mark.parametrize("rounds", [1, pytest.param(10, marks=pytest.mark.slow)])
-def test_a_flood_of_strangers_delays_no_link(
+def test_a_flood_of_unknown_connections_delays_no_link(
     router: tuple[int, int],
     first_message: bytes,
     words: str,
@@ -148,7 +148,7 @@ def test_a_flood_of_strangers_delays_no_link(
         pytest.param(60.0, OVERLOAD_S, False, marks=pytest.mark.slow),
     ],
 )
-def test_links_are_back_after_a_router_stood_still_with_a_full_accept_queue(
+def test_links_return_after_a_stalled_router_with_a_full_accept_queue(
     first_message: bytes,
     tmp_path: Path,
     stopped_s: float,
@@ -203,7 +203,7 @@ def test_an_accepted_connection_has_no_linger_time() -> None:
 
 
 @pytest.mark.usefixtures("stalls")
-def test_links_are_left_alone_however_many_strangers_come(first_message: bytes) -> None:
+def test_links_are_kept_however_many_unknown_connections_arrive(first_message: bytes) -> None:
     """Established links are older than all strangers, and not silent."""
     door = Door(None)
     with ExitStack() as stack:
@@ -216,7 +216,7 @@ def test_links_are_left_alone_however_many_strangers_come(first_message: bytes) 
 
 
 @pytest.mark.usefixtures("stalls")
-def test_a_crowd_of_one_address_costs_only_that_address() -> None:
+def test_many_connections_from_one_address_affect_only_that_address() -> None:
     """The newest of the crowd and the single connection of another address stay."""
     port = free_ports(1)
     accepted = list[socket.socket]()

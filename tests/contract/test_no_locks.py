@@ -90,7 +90,9 @@ def test_every_program_names_place_and_remedy_and_changes_nothing(
     assert (listed.returncode, "ann" in listed.stdout, "ben" in listed.stdout) == (0, True, False)
 
 
-def test_a_backup_may_be_written_to_such_a_share(share: tuple[Path, Run], tmp_path: Path) -> None:
+def test_a_backup_can_be_written_to_a_share_without_locks(
+    share: tuple[Path, Run], tmp_path: Path
+) -> None:
     folder, run = share
     data, backup = tmp_path / "data #1?", folder / "bench.tar.gz"
     assert run(*PINCETTE, "key", "add", "ann", "--data", data).returncode == 0

@@ -72,7 +72,7 @@ def finding(url: str) -> Finding:
     return found
 
 
-def test_a_reading_over_ipv6(laser: Wire, tmp_path: Path) -> None:
+def test_a_sensor_is_read_over_ipv6(laser: Wire, tmp_path: Path) -> None:
     with (
         ser2net(laser.url, tmp_path, host="::1") as server,
         closing(open_sensor(server.url)) as sensor,
@@ -85,7 +85,7 @@ def test_a_udp_port_is_refused_with_what_to_look_at(laser: Wire, tmp_path: Path)
         assert "TCP port" in str(refusal(server.url))
 
 
-def test_doctor_says_of_a_tls_port_that_a_raw_one_is_needed(laser: Wire, tmp_path: Path) -> None:
+def test_doctor_reports_that_a_tls_port_must_be_raw(laser: Wire, tmp_path: Path) -> None:
     openssl = ["req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=server"]
     files = ["-keyout", "key.pem", "-out", "certificate.pem"]
     subprocess.run(
@@ -114,9 +114,7 @@ def test_doctor_does_not_suspect_the_cable_where_the_server_states_the_cause(
     assert "cable" not in found.remedy
 
 
-def test_doctor_does_not_suspect_the_cable_of_a_port_that_is_taken(
-    laser: Wire, tmp_path: Path
-) -> None:
+def test_doctor_does_not_suspect_the_cable_of_a_port_in_use(laser: Wire, tmp_path: Path) -> None:
     with ser2net(laser.url, tmp_path) as server, connect(server.port):
         found = finding(server.url)
     assert "Port already in use" in found.what
@@ -159,7 +157,7 @@ def test_doctor_names_the_laser_at_the_address_of_the_output() -> None:
         ("socket://[fe80::1]:4001", "network interface"),
     ],
 )
-def test_a_url_that_leads_nowhere_is_answered_by_what_to_write(url: str, remedy: str) -> None:
+def test_an_unusable_url_is_answered_with_a_valid_form(url: str, remedy: str) -> None:
     with pytest.raises(InstrumentError, match=remedy) as caught:
         open_link(url, baud=9600, timeout_s=0.2)
     assert caught.value.code == "cannot_open"
@@ -189,7 +187,7 @@ def answering(*, banner: bytes = b"", before: bytes = b"", resets: bool = False)
     assert not thread.is_alive()
 
 
-def test_a_banner_in_utf_16_is_no_telnet_command() -> None:
+def test_a_banner_in_utf_16_is_not_mistaken_for_a_telnet_command() -> None:
     with (
         answering(banner="Gerät läuft\r\n".encode("utf-16")) as url,
         closing(open_sensor(url)) as sensor,
@@ -209,7 +207,7 @@ def test_a_connection_that_is_reset_at_once_is_named() -> None:
     assert "has another client taken the port" in str(error)
 
 
-def test_a_name_server_that_is_away_does_not_delay_a_line_that_is_opened_again(
+def test_a_missing_name_server_does_not_delay_a_reopened_line(
     laser: Wire, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     resolve = socket.getaddrinfo
@@ -233,7 +231,7 @@ def test_a_name_server_that_is_away_does_not_delay_a_line_that_is_opened_again(
         assert time.monotonic() - began_s < RECOVERS_S
 
 
-def test_a_client_that_was_replaced_comes_back_and_the_second_program_is_suspected(
+def test_a_replaced_client_reconnects_and_suspects_a_second_program(
     laser: Wire, tmp_path: Path
 ) -> None:
     with (
@@ -271,7 +269,9 @@ def test_an_idle_timeout_of_the_server_costs_no_arming(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("stalls")
 @pytest.mark.parametrize("watchdog_s", [0.0, 0.5])
-def test_an_output_whose_client_is_replaced_works_on(watchdog_s: float, tmp_path: Path) -> None:
+def test_an_output_whose_client_is_replaced_keeps_working(
+    watchdog_s: float, tmp_path: Path
+) -> None:
     """The second client goes at once, as a look with a terminal program does."""
     put_V: list[float] = []
     module = SimulatedI7024(put_V.append, time.monotonic)
@@ -335,7 +335,7 @@ def second_client(port: int) -> Generator[None]:
 
 
 @pytest.mark.usefixtures("stalls")
-def test_readings_beside_a_second_client_are_new_ones_and_doctor_suspects_it(
+def test_readings_beside_a_second_client_are_new_and_doctor_suspects_it(
     tmp_path: Path,
 ) -> None:
     """The server passes every answer on to both clients; each answer is larger than the last."""
@@ -360,7 +360,7 @@ def test_readings_beside_a_second_client_are_new_ones_and_doctor_suspects_it(
     assert any("max-connections" in one.remedy for one in found), found
 
 
-def test_why_a_line_does_not_come_back_is_named_in_each_fault(laser: Wire, tmp_path: Path) -> None:
+def test_each_fault_states_why_a_line_does_not_return(laser: Wire, tmp_path: Path) -> None:
     with ser2net(laser.url, tmp_path) as server:
         sensor = open_sensor(server.url)
         server.kill()
@@ -414,7 +414,7 @@ def test_a_lock_of_a_live_program_is_respected_and_its_file_is_named(
 @pytest.mark.parametrize(
     "content", [b"     99999999\n", b"99999999 minicom root\n", b"", b"no number", b"-1\n", b"0\n"]
 )
-def test_a_lock_of_no_live_program_is_replaced(content: bytes, laser: Wire, locks: Path) -> None:
+def test_a_lock_of_a_dead_program_is_replaced(content: bytes, laser: Wire, locks: Path) -> None:
     file = lock_file(locks, laser.url)
     file.write_bytes(content)
     with closing(open_sensor(laser.url)) as sensor:
@@ -423,7 +423,7 @@ def test_a_lock_of_no_live_program_is_replaced(content: bytes, laser: Wire, lock
     assert not file.exists()
 
 
-def test_a_folder_of_locks_that_is_absent_keeps_no_instrument_from_working(
+def test_a_missing_lock_folder_does_not_prevent_an_instrument_from_working(
     laser: Wire, locks: Path
 ) -> None:
     locks.rmdir()
@@ -431,7 +431,7 @@ def test_a_folder_of_locks_that_is_absent_keeps_no_instrument_from_working(
         assert sensor.read_um() == pytest.approx(X_UM)
 
 
-def test_a_pipe_in_place_of_a_lock_file_keeps_no_program_waiting(laser: Wire, locks: Path) -> None:
+def test_a_pipe_instead_of_a_lock_file_does_not_block_a_program(laser: Wire, locks: Path) -> None:
     os.mkfifo(lock_file(locks, laser.url))
     with closing(open_sensor(laser.url)) as sensor:
         assert sensor.read_um() == pytest.approx(X_UM)

@@ -27,7 +27,9 @@ def ends(monkeypatch: pytest.MonkeyPatch) -> Generator[SessionConfig]:
         yield client_session("127.0.0.1", port)
 
 
-def test_the_second_of_a_rig_is_refused_until_the_first_has_gone(ends: SessionConfig) -> None:
+def test_a_second_supervisor_of_a_rig_is_refused_until_the_first_has_ended(
+    ends: SessionConfig,
+) -> None:
     stop = threading.Event()
     with closing(ZenohBus(ends, RIG, "second")) as second:
         with closing(ZenohBus(ends, RIG, "first")) as first:

@@ -147,7 +147,7 @@ def test_a_name_whose_first_address_is_dead_is_opened_within_its_time(
             assert monotonic() - began_s < WITHIN_S
 
 
-def test_a_name_all_of_whose_addresses_are_dead_is_given_up_within_its_time(
+def test_a_name_with_only_dead_addresses_is_given_up_in_time(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     know(monkeypatch, *[(socket.AF_INET, "127.0.0.2")] * DEAD)

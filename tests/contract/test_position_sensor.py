@@ -56,13 +56,15 @@ class PositionSensorContract:
         yield target, sensor
         sensor.close()
 
-    def test_reads_what_is_there(self, reach: Reach) -> None:
+    def test_reads_the_present_position(self, reach: Reach) -> None:
         with self.opened(reach) as (target, sensor):
             for x_um in (0.0, 30.02, -12.575, 1234.5, -9000.0):
                 target.x_um = x_um
                 assert sensor.read_um() == pytest.approx(x_um, abs=0.501 * self.step_um)
 
-    def test_what_is_no_measurement_is_an_error_until_it_is_one_again(self, reach: Reach) -> None:
+    def test_an_invalid_measurement_is_an_error_until_the_next_valid_one(
+        self, reach: Reach
+    ) -> None:
         with self.opened(reach) as (target, sensor):
             for x_um, cause in (
                 (self.far_um, "above the measuring range"),
@@ -94,7 +96,7 @@ class PositionSensorContract:
                     sensor.read_um()
                 assert caught.value.code == "garbled"
 
-    def test_a_closed_sensor_says_so_and_may_be_closed_again(self, reach: Reach) -> None:
+    def test_a_closed_sensor_is_reported_and_may_be_closed_again(self, reach: Reach) -> None:
         with self.opened(reach) as (_, sensor):
             sensor.close()
             with pytest.raises(InstrumentError, match="port is closed") as caught:
@@ -158,7 +160,7 @@ class Lines:
         self.closed = True
 
 
-def test_set_up_mode_is_left_and_given_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_set_up_mode_is_left_with_enough_time(monkeypatch: pytest.MonkeyPatch) -> None:
     slept = list[float]()
     monkeypatch.setattr(keyence_lkg.time, "sleep", slept.append)
     instrument = SimulatedKeyence(lambda: 1.0)
@@ -229,7 +231,7 @@ def test_a_display_of_another_unit_or_step_is_not_opened(
     assert link.closed
 
 
-def test_a_display_is_compared_at_the_first_value_where_there_was_none() -> None:
+def test_the_display_is_checked_at_the_first_value() -> None:
     link = answering(b"+FFFFFFF")
     sensor = keyence_lkg.open_sensor(settings(), link)
     link.table[b"MS,01"] = b"MS,01,+0000123"
@@ -249,7 +251,7 @@ def test_a_display_that_is_set_otherwise_while_it_is_read_is_refused() -> None:
     assert sensor.read_um() == pytest.approx(12.35)
 
 
-def test_a_port_opened_warns_that_the_driver_has_not_met_its_instrument(
+def test_opening_a_port_warns_that_the_driver_was_not_tested_with_its_instrument(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def opened(*_wanted: object, **_how: object) -> Lines:
@@ -280,7 +282,7 @@ def test_the_time_of_a_reading_follows_from_the_line(baud: int, exchange_ms: flo
     assert "assumed" in timing.note
 
 
-def test_a_port_opened_again_finds_the_instrument_measuring_or_says_that_it_changes() -> None:
+def test_a_reopened_port_finds_the_instrument_measuring_or_reports_the_mode_change() -> None:
     prepare = _on_open_of(settings("/dev/sensor"))
     prepare(Lines({b"R0": b"ER,R0,01"}))
     with pytest.raises(InstrumentError, match="changing to measuring mode") as caught:

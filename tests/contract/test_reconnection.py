@@ -91,7 +91,7 @@ def test_the_lost_exchange_fails_and_the_next_opens_prepares_and_continues() -> 
     assert len(rig.opened_at_s) == 2
 
 
-def test_it_is_tried_once_each_half_second() -> None:
+def test_the_line_is_retried_every_half_second() -> None:
     rig = Rig()
     rig.there = False
     begin_s = rig.now_s
@@ -103,7 +103,7 @@ def test_it_is_tried_once_each_half_second() -> None:
     assert failed(rig.line).code == "hung_up"
 
 
-def test_a_line_that_breaks_at_once_is_not_opened_more_often() -> None:
+def test_a_line_that_breaks_at_once_is_not_reopened_more_often() -> None:
     rig = Rig()
     rig.there = False
     failed(rig.line)
@@ -130,7 +130,7 @@ def test_a_port_that_is_lost_again_and_again_may_have_a_second_client() -> None:
     assert ["another program" in text for text in texts] == [False] * OFTEN + [True]
 
 
-def test_what_keeps_the_instrument_from_working_on_is_reported_with_its_cause() -> None:
+def test_a_fault_that_prevents_the_instrument_from_continuing_is_reported_with_its_cause() -> None:
     rig = Rig()
 
     def refuse(_link: Link) -> None:
@@ -149,7 +149,7 @@ def test_what_keeps_the_instrument_from_working_on_is_reported_with_its_cause() 
     assert rig.line.exchange(b"A") == b"re A"
 
 
-def test_opening_again_takes_no_longer_than_an_exchange_may() -> None:
+def test_reopening_takes_no_longer_than_an_exchange() -> None:
     rig = Rig()
     rig.prepare = lambda link: rig.said.append(link.exchange(b"R0"))
     rig.there = False
@@ -162,7 +162,7 @@ def test_opening_again_takes_no_longer_than_an_exchange_may() -> None:
     assert rig.said == [b"R0\r"]
 
 
-def test_a_line_of_no_answer_opens_it_again_too() -> None:
+def test_an_unanswered_line_reopens_the_port_too() -> None:
     rig = Rig()
     rig.there = False
     with pytest.raises(InstrumentError, match="connection was closed"):
@@ -181,7 +181,7 @@ def test_a_closed_line_is_not_opened_again() -> None:
     assert len(rig.opened_at_s) == 1
 
 
-def test_an_answer_that_was_on_its_way_through_a_standstill_is_taken() -> None:
+def test_an_answer_delayed_by_a_stall_is_accepted() -> None:
     rig = Rig()
     rig.silent = True
     receive = rig.receive
@@ -199,7 +199,7 @@ def test_an_answer_that_was_on_its_way_through_a_standstill_is_taken() -> None:
     assert rig.line.exchange(b"A") == b"re A late"
 
 
-def test_after_bytes_that_were_no_answer_it_waits_until_the_line_is_quiet() -> None:
+def test_after_unexpected_bytes_the_line_must_be_quiet() -> None:
     rig = Rig()
     write = rig.write
 
@@ -215,7 +215,7 @@ def test_after_bytes_that_were_no_answer_it_waits_until_the_line_is_quiet() -> N
     assert rig.now_s == pytest.approx(began_s + QUIET_S)
 
 
-def test_an_answer_that_came_late_costs_its_own_exchange_alone() -> None:
+def test_a_late_answer_costs_its_own_exchange_only() -> None:
     rig = Rig()
     rig.silent = True
     assert failed(rig.line).code == "silent"
@@ -226,7 +226,7 @@ def test_an_answer_that_came_late_costs_its_own_exchange_alone() -> None:
     assert rig.now_s == began_s  # what it owed has come, so that nothing is waited for
 
 
-def test_of_two_answers_that_are_owed_one_is_not_enough() -> None:
+def test_one_of_two_pending_answers_is_not_enough() -> None:
     rig = Rig()
     rig.silent = True
     for request in (b"A", b"B"):
@@ -253,7 +253,7 @@ def test_a_line_that_is_never_quiet_is_an_error() -> None:
 
 
 @pytest.mark.parametrize("kind", ["tcp", "pty"])
-def test_an_instrument_that_comes_back_is_read_again(kind: str, tmp_path: Path) -> None:
+def test_an_instrument_that_returns_is_read_again(kind: str, tmp_path: Path) -> None:
     now_s = 0.0
     prepared = list[bytes]()
     url = "socket://127.0.0.1:0" if kind == "tcp" else str(tmp_path / "port")

@@ -75,7 +75,7 @@ def test_a_recording_is_one_readable_line_an_exchange(tmp_path: Path) -> None:
     link.close()
 
 
-def test_what_was_recorded_is_played(tmp_path: Path) -> None:
+def test_a_recording_is_replayed(tmp_path: Path) -> None:
     replies = iter([b"!01", b"!garbled", b"a\tb\\\xff\n", b"", None, None])
     path = tmp_path / "dialogue.txt"
     recorder = Recorder(path, "memory://", b"\r", lambda: 0.0)
@@ -119,7 +119,7 @@ def test_a_driver_plays_its_recording_without_a_change(tmp_path: Path) -> None:
     assert all_said(sensor(f"replay:{path}")) == live
 
 
-def test_what_leaves_the_recording_is_named_with_its_line(tmp_path: Path) -> None:
+def test_a_deviation_from_the_recording_is_reported_with_its_line(tmp_path: Path) -> None:
     path = written(tmp_path / "d.txt", "# url: x", "0.1\tR0\tER,R0,01", "0.2\t~**")
     link = replay(path)
     error = failure(link, b"MS,01")
@@ -130,7 +130,7 @@ def test_what_leaves_the_recording_is_named_with_its_line(tmp_path: Path) -> Non
     link.tell(b"~**")
 
 
-def test_a_line_that_was_to_have_no_answer_must_have_had_none(tmp_path: Path) -> None:
+def test_a_line_recorded_without_an_answer_must_be_replayed_without_one(tmp_path: Path) -> None:
     link = replay(written(tmp_path / "d.txt", "0.1\tR0\tER,R0,01"))
     with pytest.raises(InstrumentError, match="line 2: b'R0' needs no answer") as caught:
         link.tell(b"R0")
@@ -157,7 +157,7 @@ def test_a_line_that_is_invalid_is_named(tmp_path: Path, line: str) -> None:
 
 
 @pytest.mark.parametrize("text", [None, "", "hello\n", "# pincette dialogue 2\n", "\xff"])
-def test_what_is_no_recording_is_not_opened(tmp_path: Path, text: str | None) -> None:
+def test_an_invalid_recording_is_not_opened(tmp_path: Path, text: str | None) -> None:
     path = tmp_path / "d.txt"
     if text is not None:
         path.write_text(text, encoding="latin-1")
@@ -166,7 +166,7 @@ def test_what_is_no_recording_is_not_opened(tmp_path: Path, text: str | None) ->
     assert caught.value.code == "cannot_open"
 
 
-def test_a_file_that_is_no_recording_is_not_written_over(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_recording_is_not_overwritten(tmp_path: Path) -> None:
     kept = tmp_path / "rig.toml"
     kept.write_text("kept", encoding="ascii")
     with serve(ANY, SimulatedKeyence(lambda: 1.0)) as wire:

@@ -84,7 +84,7 @@ def test_a_slow_reader_is_waited_for_and_nothing_is_lost(line: socket.socket) ->
     assert bytes(got) == sent
 
 
-def test_a_link_on_which_both_ends_wait_for_the_other_to_read_is_ended(
+def test_a_link_with_both_ends_waiting_for_each_other_is_ended(
     line: socket.socket,
 ) -> None:
     line.settimeout(2.0 * LEASE_S + SLACK_S)

@@ -69,7 +69,7 @@ def sessions(bus: ZenohBus) -> str:
 
 
 @pytest.mark.usefixtures("mute")
-def test_all_that_was_declared_continues_in_another_session(
+def test_declarations_continue_in_a_new_session(
     ends: SessionConfig, caplog: pytest.LogCaptureFixture
 ) -> None:
     bus, other = ZenohBus(ends, RIG, "supervisor"), ZenohBus(ends, RIG, "sensor")
@@ -117,7 +117,7 @@ def test_all_that_was_declared_continues_in_another_session(
         other.close()
 
 
-def test_links_of_the_session_before_are_reported_as_gone(
+def test_links_of_the_previous_session_are_reported_as_closed(
     ends: SessionConfig, caplog: pytest.LogCaptureFixture, request: pytest.FixtureRequest
 ) -> None:
     caplog.set_level("INFO", "pincette")
@@ -141,7 +141,7 @@ def test_links_of_the_session_before_are_reported_as_gone(
 
 
 @pytest.mark.usefixtures("mute")
-def test_who_asks_while_the_session_is_opened_again_gets_an_answer_or_a_refusal(
+def test_requests_during_a_reopening_get_a_reply_or_a_refusal(
     ends: SessionConfig,
 ) -> None:
     """A view of the rig has failed with an internal error, since a session was closed under it."""
@@ -182,7 +182,7 @@ def test_who_asks_while_the_session_is_opened_again_gets_an_answer_or_a_refusal(
 
 
 @pytest.mark.usefixtures("mute")
-def test_who_answers_or_is_gone_costs_no_session(ends: SessionConfig) -> None:
+def test_programs_that_reply_or_are_gone_do_not_cause_a_new_session(ends: SessionConfig) -> None:
     bus, other = ZenohBus(ends, RIG, "supervisor"), ZenohBus(ends, RIG, "controller")
     try:
         other.serve(STATUS["controller"], lambda _question, _request, reply: reply("not now"))

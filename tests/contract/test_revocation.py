@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("stalls")
 REVOKED_WITHIN_S = 2.0
 
 
-def test_whose_certificate_is_revoked_is_out_and_stays_out(tmp_path: Path) -> None:
+def test_a_revoked_certificate_is_disconnected_and_stays_refused(tmp_path: Path) -> None:
     folder = folder_for(tmp_path / "pki", "demo")
     door = Door(folder)
     viewer, revoked = folder.named("viewer"), tmp_path / "pki" / "revoked"
@@ -53,7 +53,7 @@ def test_whose_certificate_is_revoked_is_out_and_stays_out(tmp_path: Path) -> No
         door.router.close()
 
 
-def test_without_its_list_of_the_revoked_nobody_listens(tmp_path: Path) -> None:
+def test_without_the_revocation_list_no_program_listens(tmp_path: Path) -> None:
     """What was lost or cut is taken for an empty list neither by a start nor by a revocation."""
     folder = folder_for(tmp_path / "pki", "demo")
     for name in ("viewer", "operator"):

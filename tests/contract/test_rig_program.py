@@ -28,7 +28,7 @@ def _rig_file(tmp_path: Path, pace: str) -> RigFile:
 
 
 @pytest.mark.parametrize("pace", ["lockstep", "real"])
-def test_it_offers_both_instruments_until_stopped(tmp_path: Path, pace: str) -> None:
+def test_the_rig_program_offers_both_instruments_until_stopped(tmp_path: Path, pace: str) -> None:
     rig, seen = _rig_file(tmp_path, pace), list[float]()
     with offered(rig, tmp_path) as bus:
         sensor, output = open_sensor(rig.sensor), open_output(rig.output)
@@ -46,7 +46,7 @@ def test_it_offers_both_instruments_until_stopped(tmp_path: Path, pace: str) -> 
     assert not (tmp_path / "sensor").is_symlink()
 
 
-def test_it_needs_a_simulation(tmp_path: Path) -> None:
+def test_the_rig_program_needs_a_simulation(tmp_path: Path) -> None:
     real = _rig_file(tmp_path, "real").model_copy(update={"simulation": None})
     with pytest.raises(ConfigError, match=r"rig 'demo' has no \[simulation\]"):
         run(context_of(real, DeafBus(), bool, tmp_path))

@@ -123,7 +123,7 @@ def until(there: Any) -> None:
         sleep(0.02)
 
 
-def test_a_node_sees_topics_and_samples(
+def test_a_node_receives_topics_and_samples(
     sessions: tuple[zenoh.Session, zenoh.Session, zenoh.Session],
 ) -> None:
     rig, ros, node = sessions

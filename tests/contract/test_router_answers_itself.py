@@ -43,7 +43,7 @@ def router(config: SessionConfig) -> Generator[AskRouter]:
 
 @pytest.mark.parametrize("patient", [False, True])
 @pytest.mark.parametrize("secure", [False, True])
-def test_a_router_answers_itself(tmp_path: Path, *, secure: bool, patient: bool) -> None:
+def test_a_router_answers_its_own_query(tmp_path: Path, *, secure: bool, patient: bool) -> None:
     rig = demo_rig()
     if secure:
         rig = rig.secured(folder_for(tmp_path / "pki", "demo").path)
@@ -55,7 +55,7 @@ def test_a_router_answers_itself(tmp_path: Path, *, secure: bool, patient: bool)
 
 
 @pytest.mark.parametrize("kind", ["store", "silent", "rubbish"])
-def test_a_tool_that_answers_everything_neither_sees_nor_delays_it(kind: str) -> None:
+def test_a_tool_that_answers_every_query_neither_sees_nor_delays_it(kind: str) -> None:
     rig = demo_rig()
     place = f"tcp/{rig.bus.host}:{rig.bus.port}"
     with (

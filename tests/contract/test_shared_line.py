@@ -82,7 +82,7 @@ def test_a_line_that_was_lost_is_prepared_for_both() -> None:
         second.close()
 
 
-def test_a_driver_that_does_not_open_leaves_the_line_to_the_other() -> None:
+def test_a_driver_that_fails_to_open_leaves_the_line_to_the_other() -> None:
     behind = Module()
     with serve(ANY, behind.module) as wire, one_line_for_each_url():
         first = open_output(settings(wire.url, 0))
@@ -120,7 +120,7 @@ def test_the_actuator_drives_both_arms_over_one_line() -> None:
         second.close()
 
 
-def test_a_grip_over_one_module_is_that_over_two() -> None:
+def test_a_grip_over_one_module_equals_that_over_two() -> None:
     """But for what the rig file is called by."""
     rig = two_arm_rig()
     url, options = rig.output.url, {"address": 1, "channel": 1}

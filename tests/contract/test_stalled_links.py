@@ -136,7 +136,7 @@ def proxy(port: int) -> Generator[tuple[int, threading.Event, list[socket.socket
             line.close()
 
 
-def test_the_end_of_a_session_waits_for_no_stalled_link() -> None:
+def test_closing_a_session_does_not_wait_for_a_stalled_link() -> None:
     door = Door(None)
     with closing(door.router), proxy(door.port) as (port, stalled, _):
         joined = open_session(client_session("127.0.0.1", port), "tool")
@@ -147,7 +147,7 @@ def test_the_end_of_a_session_waits_for_no_stalled_link() -> None:
         assert monotonic() - begun_s < CLOSE_S + SLACK_S
 
 
-def test_a_session_that_is_given_up_keeps_no_link(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_abandoned_session_keeps_no_link(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its sockets are shut down, so its partner knows of it no more, although nothing is read."""
     monkeypatch.setattr(zenoh_bus, "UNANSWERED_S", 0.3)
     door = Door(None)
@@ -179,7 +179,7 @@ def answer(_question: Request, _message: Message, reply: Callable[[Message], Non
     reply(Ack(1))
 
 
-def test_consumers_that_hang_leave_the_ways_of_a_stop_open() -> None:
+def test_hanging_consumers_do_not_block_a_stop() -> None:
     """The network threads of a process are shared by its sessions, those of a stop included."""
     port = free_ports(8)
     never, hung = threading.Event(), threading.Semaphore(0)

@@ -194,7 +194,7 @@ def test_the_answer_of_another_program_confirms_nothing(
     assert told["unconfirmed"]
 
 
-def test_rigs_that_have_not_confirmed_are_named_and_the_status_says_so(
+def test_rigs_that_have_not_confirmed_are_named_and_the_exit_status_shows_it(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     problem = {
@@ -211,7 +211,7 @@ def test_rigs_that_have_not_confirmed_are_named_and_the_status_says_so(
     assert "right" in told["unconfirmed"]
 
 
-def test_one_rig_is_stopped_by_its_name(capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_rig_is_stopped_by_name(capsys: pytest.CaptureFixture[str]) -> None:
     (entry,) = stopped("right")["rigs"]
     with answering(200, entry) as supervisor:
         words = ["--url", supervisor.url, "--rig", "/nonexistent", "--rig-name", "right"]
@@ -222,7 +222,7 @@ def test_one_rig_is_stopped_by_its_name(capsys: pytest.CaptureFixture[str]) -> N
 
 
 @pytest.mark.parametrize("proven", [False, True])
-def test_a_key_is_sent_only_where_a_certificate_proves_who_answers_and_left_out_if_refused(
+def test_a_key_is_sent_only_if_a_certificate_proves_the_server_and_is_omitted_if_refused(
     proven: bool, tmp_path: Path
 ) -> None:
     """Any program may have taken the port. A proxy may refuse a key that a stop does not need."""
@@ -271,13 +271,13 @@ def test_without_router_and_supervisor_the_actuator_is_stopped_directly(
     assert 0.4 * took_s < told["elapsed_ms"] / 1e3 < took_s + 0.02
 
 
-def test_a_stop_takes_little_more_processor_time_than_python_itself(
+def test_a_stop_needs_little_more_processor_time_than_python_itself(
     actuator: tuple[RigFile, Path, list[Message]],
 ) -> None:
     assert processor_ratio("estop", "--rig", str(actuator[1])) < RATIO
 
 
-def test_a_rig_file_with_a_fault_elsewhere_still_leads_to_the_actuator(
+def test_a_rig_file_with_an_unrelated_fault_still_leads_to_the_actuator(
     actuator: tuple[RigFile, Path, list[Message]],
 ) -> None:
     _, path, asked = actuator
@@ -289,7 +289,7 @@ def test_a_rig_file_with_a_fault_elsewhere_still_leads_to_the_actuator(
     assert len(asked) == 1
 
 
-def test_a_supervisor_that_hangs_does_not_delay_the_direct_way(
+def test_a_hanging_supervisor_does_not_delay_the_direct_stop(
     actuator: tuple[RigFile, Path, list[Message]],
 ) -> None:
     _, path, asked = actuator
@@ -302,7 +302,7 @@ def test_a_supervisor_that_hangs_does_not_delay_the_direct_way(
     assert json.loads(done.stdout)["elapsed_ms"] < 1e3 * (monotonic() - begun_s)
 
 
-def test_a_confirmation_that_comes_late_counts(
+def test_a_late_confirmation_counts(
     actuator: tuple[RigFile, Path, list[Message]],
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
@@ -350,7 +350,7 @@ def test_an_impostor_at_the_port_of_the_supervisor_does_not_replace_the_actuator
     assert impostor.posts
 
 
-def test_an_impostor_confirms_no_stop_of_a_rig_that_is_not_there(tmp_path: Path) -> None:
+def test_an_impostor_cannot_confirm_the_stop_of_a_missing_rig(tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
     path.write_text(rig_toml(demo_rig()), encoding="utf-8")
     with answering(200, stopped("demo")) as impostor:
@@ -382,7 +382,7 @@ def test_a_program_of_another_user_confirms_nothing(
 
 
 @pytest.mark.parametrize("words", [("stop",), ("job", "list")], ids=" ".join)
-def test_other_commands_need_no_home_either(words: tuple[str, ...]) -> None:
+def test_other_commands_do_not_need_a_home_folder_either(words: tuple[str, ...]) -> None:
     account = ["unshare", "--user", f"--map-user={NOBODY}"] if has_namespaces() else []
     url = {"PATH": os.environ["PATH"], "PINCETTE_URL": "http://127.0.0.1:1"}
     done = subprocess.run(

@@ -64,14 +64,14 @@ class VoltageOutputContract:
         yield load, output
         output.close()
 
-    def test_puts_out_what_is_asked_for(self, reach: Reach) -> None:
+    def test_puts_out_the_commanded_voltage(self, reach: Reach) -> None:
         asked_V = [0.0, 1.2345, -0.0004, -self.limit_V, self.limit_V, 2.0]
         with self.opened(reach) as (load, output):
             for voltage_V in asked_V:
                 output.write_V(voltage_V)
             assert load.voltages_V == pytest.approx(asked_V, abs=0.501 * self.step_V)
 
-    def test_reads_back_what_is_put_out_and_moves_nothing(self, reach: Reach) -> None:
+    def test_reads_back_the_voltage_without_moving(self, reach: Reach) -> None:
         with self.opened(reach) as (load, output):
             assert output.read_V() == 0.0
             output.write_V(-1.25)
@@ -82,7 +82,7 @@ class VoltageOutputContract:
         with self.opened(reach) as (load, _):
             assert load.voltages_V == []
 
-    def test_what_it_cannot_put_out_is_refused_before_it_is_sent(self, reach: Reach) -> None:
+    def test_an_impossible_voltage_is_refused_before_it_is_sent(self, reach: Reach) -> None:
         with self.opened(reach) as (load, output):
             for voltage_V in (self.limit_V + 1e-3, -self.limit_V - 1e-3, math.nan, math.inf):
                 with pytest.raises(
@@ -110,7 +110,7 @@ class VoltageOutputContract:
                     output.write_V(1.0)
                 assert caught.value.code == "garbled"
 
-    def test_a_closed_output_says_so_and_may_be_closed_again(self, reach: Reach) -> None:
+    def test_a_closed_output_is_reported_and_may_be_closed_again(self, reach: Reach) -> None:
         with self.opened(reach) as (_, output):
             output.close()
             with pytest.raises(InstrumentError, match="port is closed") as caught:

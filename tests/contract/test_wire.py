@@ -20,7 +20,7 @@ ANY = "socket://127.0.0.1:0"
 
 
 @pytest.mark.parametrize("kind", ["tcp", "pty"])
-def test_a_client_that_comes_back_is_served(kind: str, tmp_path: Path) -> None:
+def test_a_reconnecting_client_is_served(kind: str, tmp_path: Path) -> None:
     url = ANY if kind == "tcp" else str(tmp_path / "port")
     with serve(url, SimulatedKeyence(lambda: 1.0)) as wire:
         for _ in range(3):
@@ -29,7 +29,7 @@ def test_a_client_that_comes_back_is_served(kind: str, tmp_path: Path) -> None:
             link.close()
 
 
-def test_bytes_take_their_time_on_the_line() -> None:
+def test_bytes_need_their_transmission_time() -> None:
     with serve(ANY, SimulatedKeyence(lambda: 1.0), baud=9600) as wire:
         link = open_link(wire.url, baud=9600, timeout_s=1.0)
         began_s = time.monotonic()

@@ -37,7 +37,7 @@ def both() -> Generator[tuple[ZenohBus, zenoh.Session]]:
         bus.close()
 
 
-def test_a_program_of_another_version_is_seen(both: tuple[ZenohBus, zenoh.Session]) -> None:
+def test_a_program_of_another_version_is_found(both: tuple[ZenohBus, zenoh.Session]) -> None:
     bus, other = both
     assert bus.other_wires() == {}
     keys = (live_key("demo", "sensor"), "pincette/v3/demo/live/controller", "pincette/v0/demo/x")
@@ -55,7 +55,7 @@ def test_a_program_of_another_version_is_seen(both: tuple[ZenohBus, zenoh.Sessio
         (1, "controller runs with wire version 1, this program has 2: update the controller"),
     ],
 )
-def test_a_question_to_it_says_which_side_to_update(
+def test_a_request_to_another_version_states_which_side_to_update(
     both: tuple[ZenohBus, zenoh.Session], wire: int, words: str
 ) -> None:
     bus, other = both
@@ -69,7 +69,7 @@ def test_a_question_to_it_says_which_side_to_update(
     assert token
 
 
-def test_an_answer_of_another_version_says_which_side_to_update(
+def test_a_reply_of_another_version_states_which_side_to_update(
     both: tuple[ZenohBus, zenoh.Session],
 ) -> None:
     bus, other = both
@@ -118,7 +118,7 @@ def test_a_sample_of_another_version_is_counted_with_the_side_to_update(
     told("zenoh/bytes", "it was not sent by sensor")
 
 
-def test_who_waits_for_a_program_says_that_it_is_of_another_version(
+def test_waiting_for_a_program_reports_that_it_has_another_version(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     stop = threading.Event()

@@ -83,7 +83,9 @@ def known(session: zenoh.Session, count: int, key: str = KEY) -> None:
 
 
 @pytest.mark.parametrize("mode", ["client", "peer"])
-def test_a_complete_queryable_takes_the_query_of_another_ones_key(net: Net, mode: str) -> None:
+def test_a_complete_queryable_answers_the_query_of_another_programs_key(
+    net: Net, mode: str
+) -> None:
     program, store, asker = (net.join(mode if place < 2 else "client") for place in range(3))
     net.serve(program, KEY, lambda query: query.reply(KEY, b"program"))
     net.serve(store, "rig/**", lambda query: query.reply(KEY, b"store"), complete=True)
@@ -103,7 +105,7 @@ def test_a_stamped_reply_is_kept_and_a_newer_one_without_a_timestamp_dropped(net
     assert sorted(replies(asker, target=ALL, consolidation=NONE)) == [b"new", b"old"]
 
 
-def test_of_several_producers_of_a_key_a_query_returns_one(net: Net) -> None:
+def test_a_query_of_a_key_with_several_producers_returns_one_reply(net: Net) -> None:
     asker = net.join("client")
     for number in range(4):
         payload = str(number).encode()
@@ -114,7 +116,7 @@ def test_of_several_producers_of_a_key_a_query_returns_one(net: Net) -> None:
     assert len(replies(asker, target=ALL, consolidation=NONE)) == 4
 
 
-def test_the_slowest_queryable_holds_all_replies_to_a_wildcard_back(net: Net) -> None:
+def test_the_slowest_queryable_delays_all_replies_to_a_wildcard(net: Net) -> None:
     quick, slow, asker = (net.join("client") for _ in range(3))
     released = threading.Event()
 

@@ -82,7 +82,7 @@ def test_every_container_is_confined(project: Project) -> None:
         assert "Read-only file system" in refused.stdout, name
 
 
-def test_only_rest_is_published_and_on_loopback(project: Project) -> None:
+def test_only_rest_is_published_on_loopback(project: Project) -> None:
     found = [told("port", project.container(name)) for name in [*contained(), "loopback"]]
     assert "".join(found) == "8000/tcp -> 127.0.0.1:8000"
 
@@ -106,7 +106,7 @@ def test_an_image_holds_its_pins_and_nothing_that_builds(image: str, pins: str) 
 
 
 @pytest.mark.usefixtures("project")
-def test_the_images_are_small_and_say_what_they_are() -> None:
+def test_the_images_are_small_and_have_descriptions() -> None:
     base = inspected(BASE)["Size"]
     for image, most_MB in OWN_MB.items():
         facts = inspected(image)
@@ -118,7 +118,7 @@ def test_the_images_are_small_and_say_what_they_are() -> None:
         assert facts["Config"]["User"] == "pincette"
 
 
-def test_the_small_image_says_where_the_other_commands_are(project: Project) -> None:
+def test_the_small_image_names_the_image_of_the_other_commands(project: Project) -> None:
     done = project.compose("exec", "-T", "sensor", "pincette", "doctor")
     assert done.returncode == 2
     assert "The image `pincette` has all of them." in done.stdout
@@ -140,7 +140,7 @@ def test_a_program_that_hangs_is_not_healthy(project: Project) -> None:
 
 
 @pytest.mark.usefixtures("project")
-def test_a_subscriber_outside_hears_the_rig(tmp_path: Path) -> None:
+def test_an_external_subscriber_receives_the_rig(tmp_path: Path) -> None:
     Project(NAME, "listen").up()
     log = tmp_path / "subscribe.log"
     command = [str(ROOT / ".venv/bin/python"), str(ROOT / "docs/examples/subscribe.py")]

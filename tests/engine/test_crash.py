@@ -77,7 +77,7 @@ def test_without_a_program_of_the_loop_the_part_is_kept_and_the_rig_latched(
     whole_grip(rig, seen)
 
 
-def test_an_actuator_that_was_started_again_moves_nothing_before_a_reset(
+def test_a_restarted_actuator_does_not_move_before_a_reset(
     rig: ContainerRig,
     seen: Witness,
     stalls: ContainerStalls,  # noqa: ARG001  records stalls
@@ -96,7 +96,7 @@ def test_an_actuator_that_was_started_again_moves_nothing_before_a_reset(
     whole_grip(rig, seen)
 
 
-def test_without_the_recorder_the_loop_continues_and_the_record_says_so(
+def test_without_the_recorder_the_loop_continues_and_the_record_states_it(
     rig: ContainerRig,
     seen: Witness,
     stalls: ContainerStalls,  # noqa: ARG001  records stalls
@@ -128,7 +128,7 @@ def test_without_the_supervisor_the_part_stays_held_and_its_job_is_interrupted(
     whole_grip(rig, seen)
 
 
-def test_without_the_router_the_loop_continues_and_is_found_again(
+def test_without_the_router_the_loop_continues_and_reconnects(
     rig: ContainerRig,
     seen: Witness,
     stalls: ContainerStalls,  # noqa: ARG001  records stalls
@@ -144,7 +144,7 @@ def test_without_the_router_the_loop_continues_and_is_found_again(
         whole_grip(rig, again)
 
 
-def test_who_holds_the_network_is_started_again_and_the_others_are_made_again(
+def test_the_container_with_the_network_is_restarted_and_the_others_are_recreated(
     rig: ContainerRig,
     stalls: ContainerStalls,  # noqa: ARG001  records stalls
 ) -> None:

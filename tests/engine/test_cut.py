@@ -66,7 +66,7 @@ def cut(rig: ContainerRig, port: int) -> Generator[float]:
             in_network(int(init), "iptables", "-D", *rule)
 
 
-def test_without_the_router_the_loop_continues_and_all_find_it_again(
+def test_without_the_router_the_loop_continues_and_all_programs_reconnect(
     rig: ContainerRig,
     stalls: ContainerStalls,  # noqa: ARG001  records stalls
 ) -> None:

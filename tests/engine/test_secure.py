@@ -49,7 +49,7 @@ def test_no_program_has_the_key_of_the_authority(rig: ContainerRig) -> None:
     )
 
 
-def test_who_has_no_certificate_hears_nothing(rig: ContainerRig, tmp_path: Path) -> None:
+def test_clients_without_a_certificate_receive_nothing(rig: ContainerRig, tmp_path: Path) -> None:
     assert rig.view()["programs"]
     plain = ROOT / "docs/examples/subscribe.py"
     log = tmp_path / "plain.log"
@@ -60,7 +60,7 @@ def test_who_has_no_certificate_hears_nothing(rig: ContainerRig, tmp_path: Path)
         await_text(log, " V\n", process, QUIET_S)
 
 
-def test_a_viewer_hears_the_rig(rig: ContainerRig, tmp_path: Path) -> None:
+def test_a_viewer_receives_the_rig(rig: ContainerRig, tmp_path: Path) -> None:
     project = rig.containers.project
     issue = f"pincette security issue {MADE} anna --role viewer"
     done = project.compose("run", "--rm", "-T", "certificates", issue)
@@ -91,7 +91,7 @@ def test_a_viewer_hears_the_rig(rig: ContainerRig, tmp_path: Path) -> None:
         assert " V" in await_text(log, " V\n", process, 20.0)
 
 
-def test_made_once(rig: ContainerRig) -> None:
+def test_certificates_are_made_once(rig: ContainerRig) -> None:
     """Brought up again, the programs keep the certificates that they have."""
     digest = ("run", "--rm", "-v", f"{NAME}_pki:/pki:ro", "--entrypoint", "md5sum", "pincette")
     before = told(*digest, f"{MADE}/authority.crt")

@@ -63,7 +63,7 @@ def containers(rig: ContainerRig) -> dict[str, str]:
     return {name: told("inspect", "-f", "{{.Id}}", one) for name, one in names.items()}
 
 
-def test_an_upgrade_keeps_what_was_kept(
+def test_an_upgrade_keeps_stored_data(
     rig: ContainerRig,
     stalls: ContainerStalls,  # noqa: ARG001  records stalls
     folder: Path,

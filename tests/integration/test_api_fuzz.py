@@ -103,7 +103,7 @@ def test_another_content_type_moves_nothing(desk: Harness, kind: bytes | None) -
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_no_path_leads_out_of_its_folder(desk: Harness, job: str, place: str) -> None:
+def test_no_path_escapes_its_folder(desk: Harness, job: str, place: str) -> None:
     """Places that name files take every odd path, each other one a third of them in its turn."""
     turn = PLACES.index(place) % 3
     for odd in TRAVERSALS if place in FILES else TRAVERSALS[turn::3]:
@@ -133,7 +133,7 @@ def test_no_path_leads_out_of_its_folder(desk: Harness, job: str, place: str) ->
     ],
     ids=lambda header: repr(header[0][:20] + b": " + header[1][:20]),
 )  # fmt: skip
-def test_odd_headers_are_refused_or_passed_over(
+def test_odd_headers_are_refused_or_ignored(
     desk: Harness, job: str, header: tuple[bytes, bytes]
 ) -> None:
     for method, path, body in (
@@ -149,7 +149,7 @@ def test_odd_headers_are_refused_or_passed_over(
         shown(send(desk.app, method, path, body, [*JSON_HEADERS, named]))
 
 
-def test_a_key_shows_up_nowhere(
+def test_a_key_appears_nowhere(
     desk: Harness, job: str, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
 ) -> None:
     key, said = "pk-0a1b2c3d4e5f", ""
@@ -190,7 +190,7 @@ def test_an_emergency_stop_reads_no_body(desk: Harness) -> None:
     assert desk.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
 
 
-def test_labels_reach_no_header_and_are_escaped_on_the_page(desk: Harness, job: str) -> None:
+def test_labels_never_enter_a_header_and_are_escaped_on_the_page(desk: Harness, job: str) -> None:
     attached = send(desk.app, "GET", f"/api/v1/jobs/{job}/artifacts/samples.csv")
     assert attached.headers["content-disposition"] == f'attachment; filename="{job}.csv"'
     report = send(desk.app, "GET", f"/api/v1/jobs/{job}/artifacts/report.html")
@@ -203,7 +203,9 @@ def test_labels_reach_no_header_and_are_escaped_on_the_page(desk: Harness, job: 
 
 
 @pytest.mark.parametrize("path", ["/api/v2/jobs", "/api/v0/rigs/demo/estop", "/api/v11", "/api/x"])
-def test_another_version_is_told_which_one_is_served(desk: Harness, path: str) -> None:
+def test_a_request_for_another_version_is_answered_with_the_served_one(
+    desk: Harness, path: str
+) -> None:
     for method in ("GET", "POST"):
         problem = refused(send(desk.app, method, path))
         assert problem["status"] == 404

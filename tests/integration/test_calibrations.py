@@ -43,7 +43,7 @@ def test_the_noise_is_that_of_the_sensor(bench: list[Bench]) -> None:
 
 
 @pytest.mark.parametrize(("slope_um_per_s", "stated", "least"), [(0.02, 0.0, 1.2), (0.0, 3.0, 3.0)])
-def test_the_drift_at_rest_is_proposed_and_never_below_the_rig_file(
+def test_the_drift_at_rest_is_proposed_and_never_below_that_of_the_rig_file(
     bench: list[Bench], slope_um_per_s: float, stated: float, least: float
 ) -> None:
     drifting: Tree = {
@@ -56,7 +56,7 @@ def test_the_drift_at_rest_is_proposed_and_never_below_the_rig_file(
     assert found >= least - 0.04
 
 
-def test_weights_hung_as_the_job_asks_give_the_compliance(bench: list[Bench]) -> None:
+def test_weights_hung_as_requested_give_the_compliance(bench: list[Bench]) -> None:
     rig = played()
     assert rig.simulation is not None
     weights = [0.0, 5.0, 10.0, 20.0]
@@ -69,7 +69,7 @@ def test_weights_hung_as_the_job_asks_give_the_compliance(bench: list[Bench]) ->
     assert 0.0 < item.uncertainty < WITHIN * found
 
 
-def test_weights_that_nobody_hung_give_no_compliance(
+def test_weights_that_were_not_hung_give_no_compliance(
     bench: list[Bench], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rig = played()

@@ -23,7 +23,7 @@ WORST_PEAK = 1.5
 
 @pytest.mark.parametrize("kind", CLASSES)
 @pytest.mark.parametrize("share", [0.05, 0.15, 0.25])
-def test_a_drawn_arm_has_the_loop_that_was_asked_for(kind: Class, share: float) -> None:
+def test_a_drawn_arm_has_the_requested_loop(kind: Class, share: float) -> None:
     arm, stroke, width = drawn(kind, share, np.random.default_rng(4), far=False)
     assert width == pytest.approx(share, abs=0.01)
     assert stroke > 1.0
@@ -40,7 +40,7 @@ def test_no_drawn_arm_moves_against_its_voltage(seed: int) -> None:
     assert np.all(np.diff(falling) < 0.0)
 
 
-def test_a_pressed_arm_of_the_campaign_is_in_equilibrium_and_gives_way() -> None:
+def test_a_pressed_arm_of_the_campaign_is_in_equilibrium_and_yields() -> None:
     arm = draw(FIRST).arm
     for _ in range(200):
         arm.put_out(1.5)

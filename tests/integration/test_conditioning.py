@@ -165,7 +165,7 @@ def first_grip(lab: Laboratory, condition: str) -> Held:
 
 
 @pytest.mark.parametrize("name", CLASSES)
-def test_strokes_make_the_first_grip_after_a_restart_true(name: str) -> None:
+def test_strokes_make_the_first_grip_after_a_restart_accurate(name: str) -> None:
     rig = identified(name)
     taught = rig.model.free_response
     assert taught is not None

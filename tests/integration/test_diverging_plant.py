@@ -71,7 +71,7 @@ def test_an_output_that_does_not_move_is_ended(seq: int) -> None:
     check_ended(play(at(seq, "output", "stuck")))
 
 
-def test_a_held_part_is_kept_where_the_output_has_stopped_moving() -> None:
+def test_a_held_part_is_kept_if_the_output_stops_moving() -> None:
     played = play(at(HOLD, "output", "stuck"))
     assert played.trip is not None
     assert played.trip.cause == "following_error"
@@ -83,7 +83,7 @@ def test_a_held_part_is_kept_where_the_output_has_stopped_moving() -> None:
     [("part", "lose", None), ("arm", "hysteresis", 2.0), ("arm", "stiffen", 3.0)],
 )
 @pytest.mark.parametrize("seq", [APPROACH, LOAD, HOLD], ids=["approach", "load", "hold"])
-def test_what_the_guards_can_end_trips_nothing(
+def test_a_fault_that_guards_handle_does_not_trip(
     seq: int, target: str, what: str, value: float | None
 ) -> None:
     more = {} if value is None else {"value": value}

@@ -68,7 +68,7 @@ def test_a_good_rig_is_at_the_noise_of_its_sensor() -> None:
     assert found.position_um.noise == pytest.approx(1.15 * 0.031, rel=0.2)
 
 
-def test_what_is_expected_of_the_true_force_is_what_it_does() -> None:
+def test_the_expected_true_force_agrees_with_the_actual_one() -> None:
     result = plain().result
     assert isinstance(result, TrackResult)
     assert result.true_force_mN is not None
@@ -103,7 +103,7 @@ def test_a_fast_path_lags() -> None:
     assert found.position_um.lag > 2.0 * sources(plain()).position_um.lag
 
 
-def test_a_free_response_that_is_poorly_known_is_the_response_s() -> None:
+def test_a_poorly_known_free_response_is_attributed_to_the_response() -> None:
     rig = demo_rig(SLEW, time="lockstep")
     assert rig.model.free_response is not None
     poor = rig.model.free_response.model_copy(
@@ -116,7 +116,7 @@ def test_a_free_response_that_is_poorly_known_is_the_response_s() -> None:
     assert "calibrate residual" in found.force_mN.to_do
 
 
-def test_a_part_that_is_not_on_the_line_of_the_references_is_the_line_s() -> None:
+def test_a_part_off_the_contact_line_is_attributed_to_the_line() -> None:
     softer = SLEW | {"simulation": {"environment_stiffness_mN_per_um": 1.7}}
     found = sources(played(TRACK, demo_rig(softer, time="lockstep"), on_planned_line=True))
     assert found.position_um.largest == found.force_mN.largest == "contact_line"
@@ -131,7 +131,7 @@ def test_a_limit_that_acts_is_named() -> None:
     assert "limit" in found.position_um.to_do
 
 
-def test_a_grip_has_its_sources_too_and_one_without_a_hold_none() -> None:
+def test_a_grip_has_error_sources_and_one_without_a_hold_has_none() -> None:
     rig = demo_rig(time="lockstep")
     found = sources(played(GripJobRequest(kind="grip", hold_s=1.0), rig))
     assert found.position_um.lag < 0.01

@@ -98,7 +98,7 @@ def bench(tmp_path: Path) -> Bench:
     ("phase", "tick"),
     [("approach", 2), ("approach", 10), ("contact", 5)],
 )
-def test_a_stop_on_the_way_leaves_the_part_alone_and_the_next_grip_succeeds(
+def test_a_stop_before_contact_leaves_the_part_alone_and_the_next_grip_succeeds(
     bench: Bench, phase: str, tick: int
 ) -> None:
     part = bench.rig.part

@@ -195,7 +195,7 @@ def stairs(request: pytest.FixtureRequest) -> Stairs:
     return steps
 
 
-def test_a_staircase_of_forces_never_loses_the_part(stairs: Stairs) -> None:
+def test_changing_forces_never_lose_the_part(stairs: Stairs) -> None:
     for result, step in stairs:
         assert min(step.truths_mN) > 0.8 * min(STAIRCASE_MN)
         assert all(view.held for view in step.views)
@@ -203,7 +203,7 @@ def test_a_staircase_of_forces_never_loses_the_part(stairs: Stairs) -> None:
         assert [phase.phase for phase in result.phases] == ["load", "hold"]
 
 
-def test_each_step_holds_its_force_and_has_no_higher_peak(stairs: Stairs) -> None:
+def test_each_force_is_held_without_a_higher_peak(stairs: Stairs) -> None:
     befores_mN = STAIRCASE_MN[:-1]
     for before_mN, force_mN, (result, step) in zip(
         befores_mN, STAIRCASE_MN[1:], stairs, strict=True
@@ -256,7 +256,9 @@ def test_a_part_of_another_stiffness_is_loaded_and_unloaded_as_well(share: float
 
 
 @RIGS
-def test_a_stop_on_the_way_keeps_the_force_there_and_the_next_hold_continues(rig: RigFile) -> None:
+def test_a_stop_during_a_change_keeps_the_present_force_and_the_next_hold_continues(
+    rig: RigFile,
+) -> None:
     desk = Desk(rig)
     desk.grip(5.0)
     result = desk.hold(20.0, stopped_then_kept("load", 25))
@@ -268,7 +270,7 @@ def test_a_stop_on_the_way_keeps_the_force_there_and_the_next_hold_continues(rig
 
 
 @RIGS
-def test_a_pause_on_the_way_rests_and_continues(rig: RigFile) -> None:
+def test_a_pause_during_a_change_rests_and_continues(rig: RigFile) -> None:
     desk, paused = Desk(rig), list[float]()
     desk.grip(5.0)
 
@@ -287,7 +289,7 @@ def test_a_pause_on_the_way_rests_and_continues(rig: RigFile) -> None:
 
 
 @RIGS
-def test_the_hold_ends_with_its_time_and_the_part_is_let_go(rig: RigFile) -> None:
+def test_the_hold_ends_after_its_time_and_the_part_is_released(rig: RigFile) -> None:
     desk = Desk(rig)
     desk.grip(5.0)
     result = desk.hold(10.0, hold_s=1.5)
@@ -298,7 +300,7 @@ def test_the_hold_ends_with_its_time_and_the_part_is_let_go(rig: RigFile) -> Non
 
 @RIGS
 @pytest.mark.parametrize("phase", ["load", "hold"])
-def test_a_release_lets_the_part_go(rig: RigFile, phase: str) -> None:
+def test_a_release_releases_the_part(rig: RigFile, phase: str) -> None:
     desk = Desk(rig)
     desk.grip(5.0)
     result = desk.hold(10.0, at(phase, 20, "release"))
@@ -307,7 +309,7 @@ def test_a_release_lets_the_part_go(rig: RigFile, phase: str) -> None:
 
 
 @RIGS
-def test_a_force_without_a_zero_moves_nothing_and_keeps_the_part(rig: RigFile) -> None:
+def test_a_force_change_without_a_zero_moves_nothing_and_keeps_the_part(rig: RigFile) -> None:
     """The estimator has begun an epoch without its zero: the force that it reads may be any."""
     desk = Desk(rig)
     desk.grip(15.0)

@@ -40,7 +40,7 @@ def idle(ended: VirtualLoop, seed: int) -> VirtualLoop:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_samples_come_seldom_and_keep_to_the_grid(ended: VirtualLoop, seed: int) -> None:
+def test_an_idle_rig_samples_seldom_and_stays_on_the_grid(ended: VirtualLoop, seed: int) -> None:
     loop = idle(ended, seed)
     found = [(at_s, one) for at_s, one in published(loop, Position) if isinstance(one, Position)]
     seldom = found[-int(IDLE_FOR_S / SAMPLE_S) + 2 :]
@@ -51,7 +51,7 @@ def test_samples_come_seldom_and_keep_to_the_grid(ended: VirtualLoop, seed: int)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_each_sample_has_a_sound_estimate_and_an_answer(ended: VirtualLoop, seed: int) -> None:
+def test_each_sample_has_a_valid_estimate_and_a_reply(ended: VirtualLoop, seed: int) -> None:
     loop = idle(ended, seed)
     positions = [one for _, one in published(loop, Position) if isinstance(one, Position)][:-1]
     estimates = {one.seq: one for _, one in published(loop, Estimate) if isinstance(one, Estimate)}
@@ -71,7 +71,7 @@ def test_the_memories_of_the_arm_continue_by_the_clock(ended: VirtualLoop) -> No
     assert one.unknown == other.unknown or one.unknown.known == other.unknown.known
 
 
-def test_an_arming_ends_it_at_once(ended: VirtualLoop) -> None:
+def test_an_arming_ends_the_slow_sampling_at_once(ended: VirtualLoop) -> None:
     loop = idle(ended, 1)
     loop.run(loop.now_s + 0.5 * SAMPLE_S)
     loop.told = []
@@ -97,7 +97,7 @@ def test_a_request_for_another_epoch_is_refused(ended: VirtualLoop) -> None:
     assert isinstance(loop.call("sensor", Idle(EPOCH)), str), "late, it would slow an armed loop"
 
 
-def test_a_rig_that_was_never_armed_may_sample_seldom() -> None:
+def test_a_rig_that_was_never_armed_may_sample_slowly() -> None:
     loop = VirtualLoop(near_rig())
     loop.run(loop.now_s + 3.0 * T)
     loop.must("sensor", Idle(0))

@@ -71,7 +71,7 @@ def test_the_next_one_closes_the_record_of_the_job_that_was_interrupted(
     after.end()
 
 
-def test_no_grip_is_taken_while_the_program_of_the_killed_one_still_plays(
+def test_no_grip_is_accepted_while_the_motion_of_a_killed_supervisor_continues(
     rig: VirtualRig, tmp_path: Path
 ) -> None:
     office = Office(rig, tmp_path)
@@ -131,7 +131,7 @@ def test_a_refused_arming_ends_the_job_and_its_record(
     office.end()
 
 
-def test_a_kill_in_a_refused_arming_leaves_none_open_either(
+def test_a_kill_during_a_refused_arming_leaves_no_record_open(
     rig: VirtualRig, tmp_path: Path
 ) -> None:
     office = Office(rig, tmp_path)
@@ -148,7 +148,7 @@ def test_a_kill_in_a_refused_arming_leaves_none_open_either(
     after.end()
 
 
-def test_the_next_one_closes_the_record_of_a_part_that_a_stop_has_kept(
+def test_the_next_supervisor_closes_the_record_of_a_part_kept_by_a_stop(
     rig: VirtualRig, tmp_path: Path
 ) -> None:
     office = Office(rig, tmp_path)
@@ -201,7 +201,7 @@ def test_the_next_one_completes_records_whose_documents_were_not_written(
     after.end()
 
 
-def test_a_record_that_was_begun_too_late_for_its_job_keeps_no_other_job_out(
+def test_a_record_started_too_late_for_its_job_blocks_no_other_job(
     rig: VirtualRig, tmp_path: Path
 ) -> None:
     def late(request: Record, _reply: Reply) -> None:

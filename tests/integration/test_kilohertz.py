@@ -64,13 +64,15 @@ def test_a_path_of_10_hz_is_followed_in_position_and_force() -> None:
     assert found.force_percent <= 4.0
 
 
-def test_a_healthy_grip_shows_no_step_of_the_position(said: list[Message]) -> None:
+def test_a_healthy_grip_has_no_step_of_the_position(said: list[Message]) -> None:
     views = [one for one in said if isinstance(one, Telemetry)]
     assert views[-1].outcome == "gripped"
     assert all(view.step_um is None for view in views)
 
 
-def test_a_part_that_steps_in_the_hold_is_met_within_15_ms(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_part_that_steps_during_the_hold_is_detected_within_15_ms(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """By 1 µm; the true position is back where the impedance wants it, but for 15 % of the step.
 
     Where that is goes with the force by K_f, slowly. The law alone is tested: the watch for steps,

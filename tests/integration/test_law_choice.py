@@ -89,7 +89,7 @@ def test_a_path_is_tracked_by_every_law(scheme: str, name: ParameterSet) -> None
 
 
 @pytest.mark.parametrize("kind", ["grip", "track"])
-def test_each_law_moves_the_arm_in_its_own_way(kind: str) -> None:
+def test_the_laws_move_the_arm_differently(kind: str) -> None:
     tables = [played(kind, scheme, name).run.table for scheme in SCHEMES for name in SETS]
     voltages = [tuple(table["voltage_V"]) for table in tables]
     assert len(set(voltages)) == len(voltages)
@@ -98,7 +98,7 @@ def test_each_law_moves_the_arm_in_its_own_way(kind: str) -> None:
 @pytest.mark.parametrize("name", SETS)
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("kind", ["grip", "track"])
-def test_a_result_says_how_well_the_law_knew_the_arm(
+def test_a_result_states_how_accurate_the_model_of_the_law_was(
     kind: str, scheme: str, name: ParameterSet
 ) -> None:
     result = played(kind, scheme, name).result
@@ -167,7 +167,7 @@ def test_gains_of_the_job_act() -> None:
     assert errors[1] > 1.5 * errors[0]
 
 
-def test_a_law_that_is_chosen_and_the_same_in_the_rig_file_are_one() -> None:
+def test_a_chosen_law_equals_the_same_law_in_the_rig_file() -> None:
     own = RIG.law.model_copy(update={"scheme": "dsmifc", "delta": 1e6, "K_P": 2.0})
     rig = RIG.model_copy(update={"law": own})
     chosen = ended({"kind": "grip", "scheme": "dsmifc", "gains": {"K_P": 2.0}})

@@ -71,7 +71,7 @@ def test_the_error_falls_from_cycle_to_cycle() -> None:
     assert errors[-1] < 0.4 * plain[-1]
 
 
-def test_the_record_tells_what_the_controller_has_learned() -> None:
+def test_the_record_contains_what_the_controller_has_learned() -> None:
     found = learned()
     told = result_of(found).learned
     assert told is not None
@@ -87,7 +87,7 @@ def test_the_record_tells_what_the_controller_has_learned() -> None:
     assert largest == pytest.approx(told.largest_um, abs=0.1)
 
 
-def test_the_next_job_begins_with_what_was_learned() -> None:
+def test_the_next_job_starts_with_what_was_learned() -> None:
     first = learned()
     again = played(TRACK, first.learned)
     assert errors_um(again)[0] < 0.5 * errors_um(first)[0]
@@ -96,7 +96,7 @@ def test_the_next_job_begins_with_what_was_learned() -> None:
     assert told.errors_um[: len(errors_um(first))] == pytest.approx(errors_um(first))
 
 
-def test_what_helps_is_kept_with_the_figures_of_cycles_that_it_was_not_learned_from() -> None:
+def test_helpful_corrections_are_stored_with_figures_of_independent_cycles() -> None:
     told = result_of(learned()).learned
     assert told is not None
     assert told.kept
@@ -106,7 +106,7 @@ def test_what_helps_is_kept_with_the_figures_of_cycles_that_it_was_not_learned_f
 
 
 @pytest.mark.parametrize("cycles", [1, 3])
-def test_what_does_not_help_is_not_kept(cycles: int) -> None:
+def test_useless_corrections_are_not_stored(cycles: int) -> None:
     """By a law with the identified response a slow path is at the noise from its first cycle on."""
     slow = {"frequency_hz": 0.5, "cycles": cycles, "set": None}
     found = played(TRACK.model_copy(update=slow))
@@ -117,7 +117,7 @@ def test_what_does_not_help_is_not_kept(cycles: int) -> None:
     assert (told.after_um is None) == (cycles == 1)
 
 
-def test_what_has_become_worse_is_not_kept_either() -> None:
+def test_corrections_that_have_become_worse_are_not_stored_either() -> None:
     """Corrections from another state of the arm, as after a repair, make each cycle worse."""
     first = learned().learned
     assert first is not None
@@ -131,7 +131,7 @@ def test_what_has_become_worse_is_not_kept_either() -> None:
     assert told.after_um > told.before_um
 
 
-def test_what_has_no_cycles_of_whole_periods_learns_nothing() -> None:
+def test_a_cycle_without_a_whole_number_of_periods_learns_nothing() -> None:
     with pytest.raises(FaultyRequestError, match=r"must be a whole number; use 2\.94118 Hz"):
         plan_job(TRACK.model_copy(update={"frequency_hz": 3.0}), rig())
     steps = TrackJobRequest(kind="track", shape="step", levels_mN=[5.0, 10.0], learn=True)

@@ -69,7 +69,7 @@ def test_the_program_is_stopped_in_time_and_nothing_trips(state: str) -> None:
 
 
 @pytest.mark.parametrize("state", ["approach", "hold", "paused"])
-def test_one_that_is_busy_for_most_of_the_lease_changes_nothing(state: str) -> None:
+def test_a_supervisor_that_is_busy_for_most_of_the_lease_changes_nothing(state: str) -> None:
     loop = granted(state, 0.5)
     begun_s = loop.now_s
     for _ in range(6):
@@ -80,7 +80,7 @@ def test_one_that_is_busy_for_most_of_the_lease_changes_nothing(state: str) -> N
     assert not tripped(loop, begun_s)
 
 
-def test_a_trip_ends_the_lease_and_needs_no_second_word() -> None:
+def test_a_trip_ends_the_lease() -> None:
     loop = granted("hold", 0.3)
     begun_s = loop.now_s
     loop.kill("estimator")

@@ -58,7 +58,7 @@ def played(rig: RigFile, request: JobRequest) -> tuple[Run, Motion]:
 
 
 @pytest.mark.parametrize("seed", BEYOND)
-def test_the_next_try_keeps_within_the_limits_of_position(seed: int) -> None:
+def test_the_next_attempt_stays_within_the_position_limits(seed: int) -> None:
     rig = unknown_rig("slow", seed, relays=True)
     request = REQUEST.validate_python({"kind": "calibrate", "calibration": "free_response"})
     run, motion = played(rig, request)

@@ -109,7 +109,7 @@ class Laboratory:
         return found, found.force_held_mN - 0.5 * float(sum(true_mN))
 
 
-def test_strokes_make_the_first_pair_grip_after_a_restart_true() -> None:
+def test_strokes_make_the_first_pair_grip_after_a_restart_accurate() -> None:
     found: dict[str, tuple[PairResult, float]] = {}
     for condition in ("auto", "never"):
         lab = Laboratory(identified())

@@ -63,7 +63,7 @@ def test_the_force_is_held_within_one_mN_through_the_pause(in_hold: list[Message
     assert abs(fsum(truths) / len(truths) - FORCE_MN) < WITHIN_MN
 
 
-def test_it_continues_to_its_end_and_holds_as_long_as_without_a_pause(
+def test_a_paused_job_continues_to_its_end_with_the_same_hold(
     in_hold: list[Message],
 ) -> None:
     views = telemetry(in_hold)

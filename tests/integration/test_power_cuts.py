@@ -68,7 +68,7 @@ def test_files_of_an_old_record_that_a_cut_has_emptied_are_made_again(
     after.end()
 
 
-def test_a_record_whose_messages_are_lost_is_no_longer_stated_as_complete(
+def test_a_record_with_lost_messages_is_not_reported_as_complete(
     rig: VirtualRig, tmp_path: Path
 ) -> None:
     name = ended(rig, tmp_path)
@@ -90,9 +90,7 @@ def test_a_record_whose_messages_are_lost_is_no_longer_stated_as_complete(
 
 
 @pytest.mark.parametrize("stage", STAGES)
-def test_the_start_after_a_power_cut_has_the_job_once_and_its_record(
-    tmp_path: Path, stage: str
-) -> None:
+def test_after_a_power_cut_the_job_exists_once_with_its_record(tmp_path: Path, stage: str) -> None:
     with loop_disk(tmp_path) as disk:
         before = VirtualRig(demo_rig(CHANGES, time="lockstep"), disk.root)
         first = ended(before, disk.root)

@@ -53,7 +53,7 @@ def gripped(simulation: Tree | None = None, **wishes: object) -> Grip:
     )
 
 
-def test_a_grip_is_quick_where_nothing_else_is_asked_for() -> None:
+def test_a_grip_is_quick_by_default() -> None:
     grip = gripped()
     assert grip.outcome == "gripped"
     assert grip.without_hold_s <= 3.0
@@ -82,7 +82,7 @@ def test_another_stiffness_than_planned_does_not_press_harder(factor: float) -> 
 
 
 @pytest.mark.parametrize("contact_um", [9.0, 21.0])
-def test_a_part_far_nearer_than_planned_is_felt_on_the_approach(contact_um: float) -> None:
+def test_a_part_much_nearer_than_planned_is_felt_on_the_approach(contact_um: float) -> None:
     grip = gripped({"bead_contact_um": contact_um}, hold_s=0.5)
     assert grip.outcome == "contact"
     assert grip.phases == ["zero", "approach", "retreat"]
@@ -90,7 +90,7 @@ def test_a_part_far_nearer_than_planned_is_felt_on_the_approach(contact_um: floa
     assert grip.peak_mN < 0.75 * FORCE_MN
 
 
-def test_a_light_quick_grip_goes_as_slowly_as_its_force_asks_for() -> None:
+def test_a_light_quick_grip_is_as_slow_as_its_force_requires() -> None:
     grip = gripped(force_mN=6.0, hold_s=0.5)
     assert grip.outcome == "gripped"
     assert grip.at_touch_mN < 3.3

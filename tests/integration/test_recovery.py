@@ -148,7 +148,7 @@ BEFORE = pytest.mark.parametrize(
 
 
 @BEFORE
-def test_a_part_still_held_is_held_by_another_job_and_let_go_by_a_third(before: Watch) -> None:
+def test_a_held_part_is_held_by_another_job_and_released_by_a_third(before: Watch) -> None:
     desk = held_desk(before)
     kept_V = desk.voltage_V
 
@@ -202,7 +202,7 @@ def test_a_trip_of_the_hold_freezes_again_and_a_grip_follows_the_release() -> No
     assert [m.outcome for m in said if isinstance(m, Telemetry)][-1] == "gripped"
 
 
-def test_a_pose_is_taught_by_a_move_and_gone_back_to() -> None:
+def test_a_pose_is_taught_by_a_move_and_reached_again() -> None:
     desk = Desk()
     taught, _ = desk.job(MoveJobRequest(kind="move", to_um=12.0, teach="ready"), 1)
     assert (taught.outcome, taught.teach) == ("moved", "ready")
@@ -217,7 +217,7 @@ def test_a_pose_is_taught_by_a_move_and_gone_back_to() -> None:
 
 
 @pytest.mark.parametrize("target", [{"to_um": 40.0}, {"by_V": 2.5}])
-def test_a_move_into_the_part_goes_back(target: dict[str, float]) -> None:
+def test_a_move_into_the_part_retreats(target: dict[str, float]) -> None:
     desk = Desk()
     result, _ = desk.job(
         MoveJobRequest.model_validate({"kind": "move", "speed_um_per_s": 10.0, **target}), 1

@@ -125,7 +125,7 @@ def known(rig: RigFile, values: dict[str, object]) -> ModelInUse:
     return replace(model, rig=calibrated(rig, calibration), calibration=calibration)
 
 
-def test_a_later_job_knows_its_force_better_and_says_so() -> None:
+def test_a_later_job_states_a_smaller_uncertainty_of_its_force() -> None:
     recorded, found, later, planned = course()
     assert found.fault == ""
     assert planned.values["residual"]["job"] == "recorded"
@@ -135,7 +135,7 @@ def test_a_later_job_knows_its_force_better_and_says_so() -> None:
     assert stated[place] < 0.75 * before[recorded["phase"].index("track")]
 
 
-def test_the_table_holds_for_its_own_motion_and_free_response_alone() -> None:
+def test_the_table_is_used_for_its_own_motion_and_free_response_only() -> None:
     _, found, _, planned = course()
     rig = planned.armed.rig
     assert table_for(rig, planned.program) is not None
@@ -151,7 +151,7 @@ def test_the_table_holds_for_its_own_motion_and_free_response_alone() -> None:
     assert found.result.outcome == "moved"
 
 
-def test_the_prediction_goes_by_it_too() -> None:
+def test_the_prediction_uses_the_table_too() -> None:
     _, _, _, planned = course()
     without = replace(planned, expecting=armed_with(planned.model, None))
     with_table, bare = played(planned).samples, played(without).samples
@@ -162,7 +162,7 @@ def test_the_prediction_goes_by_it_too() -> None:
     assert max(force_mN) == pytest.approx(20.0, abs=0.5)
 
 
-def test_a_table_of_the_ring_of_the_free_arm_is_not_kept() -> None:
+def test_a_table_of_the_ringing_free_arm_is_not_stored() -> None:
     """Without a lag of the output a fast motion rings the mode, free otherwise than pressed."""
     lagless = {"model": {"output_delay_s": 0.005}, "simulation": {"output_lag_s": 0.0}}
     desk = Desk(demo_rig(laid_over({"limits": {"slew_V_per_s": 40.0}}, lagless), time="lockstep"))
@@ -198,7 +198,7 @@ def cover(table: Columns) -> float:
         pytest.param(NOISE, 2.0, id="noise"),
     ],
 )
-def test_a_table_helps_and_u_covers_as_before_or_none_is_kept(
+def test_a_table_helps_with_u_covering_as_before_or_is_not_stored(
     arm: dict[str, dict[str, object]], frequency_hz: float
 ) -> None:
     """Nobody has stated here when a voltage acts, so that U has no term for the ring."""
@@ -222,7 +222,7 @@ def test_a_table_helps_and_u_covers_as_before_or_none_is_kept(
     assert cover(later) > min(0.9, cover(recorded)) - 0.05
 
 
-def test_a_part_that_is_still_there_ends_it_and_nothing_is_kept() -> None:
+def test_a_part_that_is_still_present_ends_the_run_and_nothing_is_stored() -> None:
     desk = Desk(demo_rig(time="lockstep"))
     first = plan_job(TRACK, desk.rig)
     recorded = desk.play(first)

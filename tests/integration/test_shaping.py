@@ -114,7 +114,7 @@ def tracked(output: Output, frequency_hz: float, seed: int) -> Tracked:
 HZ = pytest.mark.parametrize("frequency_hz", sorted(MOST_PERCENT))
 
 
-def test_one_write_rings_the_mode() -> None:
+def test_a_single_write_excites_the_mode() -> None:
     assert np.median([tracked("one write", 2.0, seed).error_percent for seed in ARMS]) > 1.0
 
 

@@ -35,7 +35,7 @@ def stays_within_the_plan(job: Played) -> bool:
 
 
 @pytest.mark.parametrize(("profile", "slip_um"), [("quick", 3.0), ("gentle", 10.0)])
-def test_a_part_that_slips_is_let_go(profile: str, slip_um: float) -> None:
+def test_a_slipping_part_is_released(profile: str, slip_um: float) -> None:
     job = played(gives_way(slip_um), profile=profile)
     assert job.outcome == "slipped"
     assert job.phases[-3:] == ["load", "unload", "retreat"]

@@ -48,7 +48,7 @@ def played(rig: RigFile, job: str) -> tuple[Telemetry, float, float]:
     ("job", "relays"),
     [("grip", False), ("move", True), ("free_response", False), ("frequency_response", True)],
 )
-def test_a_part_in_the_way_of_a_rig_that_nobody_has_calibrated(job: str, relays: bool) -> None:
+def test_a_part_in_the_way_of_an_uncalibrated_rig(job: str, relays: bool) -> None:
     rig = unknown_rig("fast", 3, relays=relays)
     seen, most_mN, last_mN = played(with_part(rig, 20.0), job)
     print(job, relays, most_mN, seen.touch_x_um, seen.touch_mN)
@@ -61,7 +61,7 @@ def test_a_part_in_the_way_of_a_rig_that_nobody_has_calibrated(job: str, relays:
 
 
 @pytest.mark.parametrize("job", ["grip", "move", "free_response", "contact_stiffness"])
-def test_a_part_in_the_way_of_a_rig_that_is_known(job: str) -> None:
+def test_a_part_in_the_way_of_a_calibrated_rig(job: str) -> None:
     """22.5 µm where 30 are planned: 5 mN were asked for, and 34 came."""
     seen, most_mN, last_mN = played(with_part(demo_rig(time="lockstep"), 22.5), job)
     print(job, most_mN, seen.touch_x_um, seen.touch_mN)
@@ -74,7 +74,7 @@ def test_a_part_in_the_way_of_a_rig_that_is_known(job: str) -> None:
 @pytest.mark.parametrize(
     ("job", "relays"), [("free_response", True), ("move", True), ("frequency_response", False)]
 )
-def test_a_free_way_is_gone_to_its_end(job: str, relays: bool) -> None:
+def test_a_free_motion_runs_to_its_end(job: str, relays: bool) -> None:
     rig = unknown_rig("fast", 3, relays=relays)
     seen, most_mN, _ = played(with_part(rig, None), job)
     assert (seen.outcome, most_mN, seen.touch_mN) == ("moved", 0.0, None)

@@ -64,7 +64,7 @@ def test_the_contact_is_found_to_one_per_cent(seed: int) -> None:
 
 
 @pytest.mark.parametrize("shape", ["sinusoid", "triangle", "step"])
-def test_position_and_force_are_kept_to_one_per_cent(shape: str) -> None:
+def test_position_and_force_are_tracked_within_one_per_cent(shape: str) -> None:
     result = on_a_known_arm(shape, 1)
     for tracking in (result.position_um, result.force_mN, result.true_force_mN):
         assert tracking is not None
@@ -73,7 +73,7 @@ def test_position_and_force_are_kept_to_one_per_cent(shape: str) -> None:
     assert result.limits_acted == []
 
 
-def test_the_demo_rig_tracks_what_its_file_says() -> None:
+def test_the_demo_rig_tracks_the_path_of_its_file() -> None:
     rig = demo_rig(time="lockstep")
     result = tracked(rig, rig.track.shape)
     assert result.outcome == "tracked"

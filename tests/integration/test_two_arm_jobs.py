@@ -100,9 +100,7 @@ def test_place_and_force_each_follow_a_path(
 
 
 @pytest.mark.parametrize(("off_um", "slip_mN"), [(-5.0, 1.5), (4.0, 1.0)])
-def test_a_part_off_the_middle_is_centred_without_being_moved(
-    off_um: float, slip_mN: float
-) -> None:
+def test_a_part_off_centre_is_centred_without_being_moved(off_um: float, slip_mN: float) -> None:
     at_um = 30.85 + off_um
     assert RIG.simulation is not None
     second = RIG.simulation.second
@@ -120,7 +118,7 @@ def test_a_part_off_the_middle_is_centred_without_being_moved(
 
 
 @pytest.mark.parametrize("off_um", [-3.0, 3.0])
-def test_whichever_arm_touches_first_both_must_touch_before_they_load(off_um: float) -> None:
+def test_both_arms_must_touch_before_they_load(off_um: float) -> None:
     """The ground lets the part be pushed, by which the arms have closed on it."""
     second = RIG.simulation and RIG.simulation.second
     assert second is not None
@@ -141,7 +139,7 @@ def test_whichever_arm_touches_first_both_must_touch_before_they_load(off_um: fl
 
 
 @pytest.mark.parametrize("pull_off_mN", [(0.4, 0.1), (0.1, 0.4)])
-def test_a_part_that_sticks_to_one_arm_is_let_go_on_the_other_first(
+def test_a_part_that_sticks_to_one_arm_is_released_on_the_other_first(
     pull_off_mN: tuple[float, float],
 ) -> None:
     assert RIG.simulation is not None
@@ -180,7 +178,7 @@ def test_a_part_is_gripped_carried_and_held() -> None:
     assert {"second_x_um", "second_voltage_V", "place_r_um"} <= table.keys()
 
 
-def test_the_second_arm_is_calibrated_by_itself() -> None:
+def test_the_second_arm_is_calibrated_alone() -> None:
     result, table, _ = play(
         {"kind": "calibrate", "calibration": "free_response", "arm": 2}, lockstep(bead=False)
     )
@@ -196,7 +194,7 @@ def test_the_second_arm_is_calibrated_by_itself() -> None:
 
 
 @pytest.mark.parametrize(("piezo_um_per_V", "agrees"), [(24.2, True), (27.1, False)])
-def test_an_arm_whose_response_is_off_is_told_while_it_holds_and_in_the_result(
+def test_an_arm_with_a_wrong_response_is_reported_during_the_hold_and_in_the_result(
     piezo_um_per_V: float, agrees: bool
 ) -> None:
     second = RIG.simulation and RIG.simulation.second

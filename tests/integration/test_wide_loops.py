@@ -89,14 +89,14 @@ def test_a_part_in_the_way_of_an_arm_with_a_wide_loop_is_found(seed: int, relays
 
 
 @pytest.mark.parametrize(("seed", "relays"), [*product((200, 201), (False, True))])
-def test_four_unknown_arms_find_a_part_and_go_a_free_way(seed: int, relays: bool) -> None:
+def test_four_unknown_arms_find_a_part_and_complete_a_free_motion(seed: int, relays: bool) -> None:
     require_found(seed, relays=relays)
     require_free(seed, relays=relays)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("seed", "relays"), [*product(range(300, 330), (False, True))])
-def test_sixty_unknown_arms_find_a_part_and_go_a_free_way(seed: int, relays: bool) -> None:
+def test_sixty_unknown_arms_find_a_part_and_complete_a_free_motion(seed: int, relays: bool) -> None:
     require_found(seed, relays=relays)
     require_free(seed, relays=relays)
 
@@ -134,13 +134,13 @@ def require_arm_of_plays(seed: int) -> None:
     assert outcome in {"moved", "overtravel"}
 
 
-def test_an_arm_of_plays_finds_a_part_and_goes_a_free_way() -> None:
+def test_an_arm_of_plays_finds_a_part_and_completes_a_free_motion() -> None:
     require_arm_of_plays(50_002)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [50_005 + 3 * number for number in range(20)])
-def test_twenty_arms_of_plays_find_a_part_and_go_a_free_way(seed: int) -> None:
+def test_twenty_arms_of_plays_find_a_part_and_complete_a_free_motion(seed: int) -> None:
     require_arm_of_plays(seed)
 
 
@@ -168,7 +168,7 @@ def require_found_although_confirmed(seed: int) -> None:
     assert (outcome, most_mN) == ("moved", 0.0)
 
 
-def test_a_part_that_presses_the_arm_as_the_course_begins_is_found() -> None:
+def test_a_part_that_presses_the_arm_at_the_start_is_found() -> None:
     """It is no kink on new ground: such parts were pressed with 70 mN to the end of the course."""
     require_pressing_found(7002)
 
@@ -178,7 +178,7 @@ def test_a_part_is_found_although_a_person_has_confirmed_that_there_is_none() ->
     require_found_although_confirmed(7001)
 
 
-def test_a_free_arm_that_bends_goes_its_way_where_no_part_is_confirmed() -> None:
+def test_a_free_arm_that_bends_completes_its_motion_if_no_part_is_confirmed() -> None:
     outcome, _, _ = play_arm(BENT, None, no_part=True, most_V=None)
     assert outcome == "moved"
 

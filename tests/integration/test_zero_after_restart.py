@@ -38,7 +38,7 @@ def part(rig: LastingRig) -> PartState:
 
 
 @pytest.mark.parametrize(("profile", "place_um"), [("quick", 2.0), ("gentle", PRESSES_UM)])
-def test_a_part_before_its_planned_place_is_not_pressed_with_more_than_was_planned(
+def test_a_part_nearer_than_planned_is_not_pressed_harder_than_planned(
     rig: LastingRig, profile: str, place_um: float
 ) -> None:
     assert outcome(rig.run(**GRIP)) == "gripped"
@@ -57,13 +57,13 @@ def test_a_move_stops_at_a_part_that_presses_harder_than_the_uncertainty(rig: La
     assert rig.peak_mN <= OVER * LEAST_MN
 
 
-def test_the_force_of_an_unknown_past_is_no_touch(rig: LastingRig) -> None:
+def test_a_force_from_an_unknown_past_is_not_a_touch(rig: LastingRig) -> None:
     assert outcome(rig.run(**GRIP)) == "gripped"
     rig.restart()
     assert outcome(rig.run(**{**GRIP, "force_mN": LEAST_MN})) == "gripped"
 
 
-def test_such_a_touch_makes_the_next_job_wait_for_a_person(rig: LastingRig) -> None:
+def test_a_touch_before_a_zero_makes_the_next_job_wait_for_a_person(rig: LastingRig) -> None:
     rig.bench.rig.place_part(PRESSES_UM)
     assert outcome(rig.run(**GRIP)) == "contact"
     with pytest.raises(ProblemError) as refused:
@@ -80,7 +80,7 @@ def test_a_part_at_its_planned_place_confirms_the_zero(rig: LastingRig) -> None:
     assert (job.result or {})["zero_unconfirmed"] is False
 
 
-def test_a_person_who_has_looked_may_have_a_part_gripped_before_its_planned_place(
+def test_after_a_confirmation_a_part_nearer_than_planned_can_be_gripped(
     rig: LastingRig,
 ) -> None:
     rig.bench.rig.place_part(3.9)
@@ -88,13 +88,13 @@ def test_a_person_who_has_looked_may_have_a_part_gripped_before_its_planned_plac
     assert (outcome(job), (job.result or {})["zero_unconfirmed"]) == ("gripped", False)
 
 
-def test_new_programs_do_not_report_a_held_part_as_gone(rig: LastingRig) -> None:
+def test_restarted_programs_do_not_report_a_held_part_as_gone(rig: LastingRig) -> None:
     rig.hold(kind="grip", force_mN=15.0, hold_s=60.0)
     rig.restart()
     assert part(rig) == "unknown"
 
 
-def test_a_part_that_new_programs_release_is_gone(rig: LastingRig) -> None:
+def test_a_part_released_by_restarted_programs_is_gone(rig: LastingRig) -> None:
     rig.hold(kind="grip", force_mN=15.0, hold_s=60.0)
     rig.restart()
     assert outcome(rig.run(kind="release")) == "released"

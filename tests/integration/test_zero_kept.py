@@ -60,7 +60,7 @@ def test_a_part_that_presses_at_rest_stops_every_grip(
 
 
 @pytest.mark.parametrize("contact_um", [-0.3, -1.5])
-def test_a_part_that_presses_less_than_a_touch_is_met_on_the_way(
+def test_a_part_that_presses_less_than_a_touch_is_found_during_the_motion(
     tmp_path: Path, contact_um: float
 ) -> None:
     rig = Rig(tmp_path)
@@ -75,7 +75,7 @@ def test_a_part_that_presses_less_than_a_touch_is_met_on_the_way(
     assert all(estimate.arms[0].force_mN > -2.0 for estimate in stated)
 
 
-def test_once_the_part_is_gone_the_next_grip_is_a_good_one(tmp_path: Path) -> None:
+def test_once_the_part_is_removed_the_next_grip_succeeds(tmp_path: Path) -> None:
     rig = Rig(tmp_path)
     rig.virtual.order("part", "place", -9.8, None)
     assert rig.grip() in REFUSED

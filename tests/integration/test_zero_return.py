@@ -42,14 +42,14 @@ def test_a_drift_of_the_sensor_in_the_hold_leaves_the_grip_unverified() -> None:
     assert "not verified" in verdict(KIND, result)
 
 
-def test_without_a_measured_error_the_estimators_own_uncertainty_counts() -> None:
+def test_without_a_measured_error_the_estimators_uncertainty_is_used() -> None:
     job = played()
     found = zero_return_of(columns(job.messages, 0.02), job.rig)
     assert found is not None
     assert found.uncertainty_mN == pytest.approx(0.5, abs=0.3)
 
 
-def test_a_job_that_meets_no_part_has_no_zero_return() -> None:
+def test_a_job_without_contact_has_no_zero_return() -> None:
     job = played({"bead": False})
     assert job.outcome == "no_contact"
     assert zero_return_of(columns(job.messages, 0.02), job.rig) is None

@@ -64,7 +64,7 @@ def found(whole: Json, reference: str) -> Any:
     return node
 
 
-def test_committed_document_is_what_the_topics_say() -> None:
+def test_the_committed_document_describes_the_topics() -> None:
     assert COMMITTED.read_text(encoding="utf-8") == document(), (
         "deploy/asyncapi.json differs from the topics and messages; if the change is wanted: "
         "`make docs`, and look at the difference. A listener that reads by field names survives "
@@ -72,7 +72,7 @@ def test_committed_document_is_what_the_topics_say() -> None:
     )
 
 
-def test_it_is_served() -> None:
+def test_the_document_is_served() -> None:
     async def read() -> httpx.Response:
         transport = httpx.ASGITransport(create_app(cast(Rigs, None)))
         async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
@@ -83,7 +83,7 @@ def test_it_is_served() -> None:
     assert answer.text == document()
 
 
-def test_every_reference_leads_somewhere() -> None:
+def test_every_reference_is_resolved() -> None:
     whole = tree()
     wanted = set(references(whole))
     assert wanted
@@ -91,7 +91,7 @@ def test_every_reference_leads_somewhere() -> None:
         assert isinstance(found(whole, reference), dict), reference
 
 
-def test_nothing_is_described_that_is_not_referred_to() -> None:
+def test_every_description_is_referenced() -> None:
     whole = tree()
     wanted = set(references(whole))
     for room, things in whole["components"].items():
@@ -137,7 +137,7 @@ def test_operations_carry_messages_of_their_own_channel() -> None:
             assert all(item["$ref"].startswith(f"{place}/messages/") for item in part["messages"])
 
 
-def test_no_topic_and_no_question_is_left_out() -> None:
+def test_every_topic_and_request_is_described() -> None:
     whole = tree()
     operations = whole["operations"]
     for topic in TOPICS:
@@ -172,7 +172,7 @@ def test_units_and_texts_come_from_the_source() -> None:
     }
 
 
-def test_what_is_sent_is_what_the_document_says() -> None:
+def test_sent_messages_match_the_document() -> None:
     program = plan_job(GripJobRequest(kind="grip"), demo_rig()).program
     applied = Applied(
         1,
@@ -205,7 +205,7 @@ def test_what_is_sent_is_what_the_document_says() -> None:
             assert not validator.is_valid(payload | {field: [[]]}), field
 
 
-def test_a_listener_learns_the_version_and_the_way_in() -> None:
+def test_a_listener_learns_version_and_connection() -> None:
     whole = json.loads(document())
     assert whole["asyncapi"] == "3.0.0"
     assert ROOT.endswith(f"/{whole['info']['x-pincette-wire']}")

@@ -25,7 +25,7 @@ def test_no_block_at_all_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert "--blocks = 0: the limit is 1" in capsys.readouterr().err
 
 
-def test_the_least_number_of_ticks_leaves_one_to_count() -> None:
+def test_the_minimum_number_of_ticks_leaves_one_to_count() -> None:
     watch = Stopwatch(lambda _line: None)
     for _ in range(LEAST_TICKS):
         watch.answer(b"MS,01")

@@ -24,13 +24,11 @@ TAIL = Expected(value=1.5, noise=0.2, better="lower")
         (TAIL, float("nan"), False),
     ],
 )
-def test_what_is_worse_than_its_noise_does_not_hold(
-    one: Expected, found: float, holds: bool
-) -> None:
+def test_a_ratio_worse_than_its_noise_fails(one: Expected, found: float, holds: bool) -> None:
     assert one.holds(found) is holds
 
 
-def test_what_was_not_measured_does_not_hold() -> None:
+def test_a_missing_measurement_fails() -> None:
     (one,) = judged({"rate": RATE}, {"tail": 1.0})
     assert one == Judged("rate", RATE, None)
     assert not one.holds

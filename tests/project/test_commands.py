@@ -42,7 +42,7 @@ def test_ci_runs_the_test_command_of_the_readme(root: Path) -> None:
     assert script.stat().st_mode & 0o111
 
 
-def test_the_page_of_the_command_line_is_the_one_it_makes(root: Path) -> None:
+def test_the_command_line_page_is_up_to_date(root: Path) -> None:
     generator: dict[str, Any] = runpy.run_path(str(root / "docs/generate_cli.py"))
     page = (root / "docs/reference/cli.md").read_text(encoding="utf-8")
     assert page == generator["page"](), "run `python docs/generate_cli.py`, look at the difference"
@@ -58,9 +58,7 @@ def of_contrib(root: Path) -> set[tuple[str, ...]]:
     return found
 
 
-def test_every_word_of_the_documents_is_known_to_the_command_line(
-    files: list[Path], root: Path
-) -> None:
+def test_every_option_in_the_documents_exists(files: list[Path], root: Path) -> None:
     added = of_contrib(root)
     assert added
     read = 0

@@ -47,14 +47,14 @@ def overlay(root: Path, name: str) -> dict[str, Tree]:
     return cast(dict[str, Tree], read(root / f"deploy/{name}.yml")["services"])
 
 
-def test_there_is_a_service_for_each_program(services: dict[str, Tree]) -> None:
+def test_each_program_has_a_service(services: dict[str, Tree]) -> None:
     assert sorted(services) == sorted([*contained(), HOLDS_THE_NETWORK])
     for name in contained():
         assert services[name]["command"][:2] == ["run", name]
         assert services[name]["network_mode"] == f"service:{HOLDS_THE_NETWORK}"
 
 
-def test_every_container_is_bounded_and_has_no_rights(every: dict[str, Tree]) -> None:
+def test_every_container_has_limits_and_no_privileges(every: dict[str, Tree]) -> None:
     for name, service in every.items():
         assert service["read_only"] is True, name
         assert service["cap_drop"] == ["ALL"], name
@@ -68,7 +68,7 @@ def test_every_container_is_bounded_and_has_no_rights(every: dict[str, Tree]) ->
         assert not service.get("privileged"), name
 
 
-def test_health_is_asked_for_where_the_rig_file_has_the_programs(
+def test_health_checks_exist_where_the_rig_file_has_the_programs(
     root: Path, services: dict[str, Tree]
 ) -> None:
     rig = read_rig(root / "deploy/rigs/demo.toml")
@@ -86,7 +86,7 @@ def test_health_is_asked_for_where_the_rig_file_has_the_programs(
     assert f":{rig.supervisor.port}/readyz" in services["supervisor"]["healthcheck"]["test"][-1]
 
 
-def test_programs_start_after_what_they_lean_on(services: dict[str, Tree]) -> None:
+def test_programs_start_after_their_dependencies(services: dict[str, Tree]) -> None:
     for name in set(contained()) - {"router"}:
         assert services[name]["depends_on"]["router"] == {"condition": "service_healthy"}
     for name in ("sensor", "actuator"):
@@ -94,7 +94,7 @@ def test_programs_start_after_what_they_lean_on(services: dict[str, Tree]) -> No
         assert rig == {"condition": "service_healthy", "required": False}
 
 
-def test_nothing_is_published_beyond_this_machine(root: Path, services: dict[str, Tree]) -> None:
+def test_no_port_is_published_beyond_this_machine(root: Path, services: dict[str, Tree]) -> None:
     published = {name: one["ports"] for name, one in services.items() if "ports" in one}
     assert published == {HOLDS_THE_NETWORK: ["127.0.0.1:8000:8000"]}
     listening = overlay(root, "listen")
@@ -122,7 +122,7 @@ def test_a_profile_adds_a_server_and_its_port_and_nothing_else(every: dict[str, 
     assert (rig.sila.port, rig.foxglove.port) == (PROFILES["sila"], PROFILES["foxglove"])
 
 
-def test_what_is_kept_goes_into_one_volume(compose: Tree, services: dict[str, Tree]) -> None:
+def test_all_data_goes_into_one_volume(compose: Tree, services: dict[str, Tree]) -> None:
     assert compose["volumes"] == {"data": None}
     writing = {name for name, one in services.items() if one.get("command", [])[2:] != []}
     # The actuator notes how it ended, and reads that when it starts.
@@ -134,14 +134,14 @@ def test_what_is_kept_goes_into_one_volume(compose: Tree, services: dict[str, Tr
 
 
 @pytest.mark.parametrize("name", ["real-time", "real-rig"])
-def test_what_ticks_may_be_given_its_fixed_priority(root: Path, name: str) -> None:
+def test_periodic_programs_may_get_their_fixed_priority(root: Path, name: str) -> None:
     over = overlay(root, name)
     given = {one for one, service in over.items() if "ulimits" in service}
     assert given == {*OF_THE_LOOP} - ({"rig"} if name == "real-rig" else set())
     assert {over[one]["ulimits"]["rtprio"] for one in given} == {FIFO}
 
 
-def test_a_real_rig_has_no_simulated_one_and_one_rig_file(root: Path) -> None:
+def test_a_real_rig_has_no_simulated_rig_and_one_rig_file(root: Path) -> None:
     over = overlay(root, "real-rig")
     assert over["rig"] == {"profiles": ["simulated"]}
     for name in set(contained()) - {"rig"}:

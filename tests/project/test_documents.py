@@ -27,7 +27,7 @@ def test_the_register_names_blocks_that_exist(page: str) -> None:
     assert len(list(named(page, SITTINGS[page]))) == len(SITTINGS[page].blocks)
 
 
-def test_no_command_stands_in_an_indented_block() -> None:
+def test_no_command_is_in_an_indented_block() -> None:
     found = [
         f"{path.name}: {line.strip()}"
         for path in pages()

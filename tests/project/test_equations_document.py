@@ -87,7 +87,7 @@ def missing_tests(root: Path, text: str) -> list[str]:
     return missing
 
 
-def test_every_equation_is_there_once(root: Path) -> None:
+def test_every_equation_is_listed_once(root: Path) -> None:
     assert [row.number for row in rows(root)] == list(NUMBERS)
 
 
@@ -98,7 +98,7 @@ def test_no_equation_points_nowhere(root: Path) -> None:
     assert nowhere == []
 
 
-def test_what_an_equation_points_to_names_it(root: Path) -> None:
+def test_the_code_of_an_equation_names_it(root: Path) -> None:
     silent: list[str] = []
     for row in rows(root):
         for path in CODE.findall(row.whole):

@@ -61,16 +61,16 @@ def without_simulation(sensor_url: str, output_url: str) -> RigFile:
 
 
 @pytest.mark.parametrize("language", FILES)
-def test_the_page_shows_the_whole_file(root: Path, page: str, language: str) -> None:
+def test_the_page_shows_the_complete_file(root: Path, page: str, language: str) -> None:
     shown = re.findall(rf"^```{language}\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     assert shown[0] == text(root, language)
 
 
-def test_it_is_short(root: Path) -> None:
+def test_the_driver_is_short(root: Path) -> None:
     assert sum(len(text(root, language).splitlines()) for language in FILES) <= MOST_LINES
 
 
-def test_it_is_listed_as_the_page_says(page: str, place: Path) -> None:
+def test_the_driver_is_listed_as_on_the_page(page: str, place: Path) -> None:
     (shown,) = re.findall(r"^```\n(position sensors.*?)^```$", page, re.MULTILINE | re.DOTALL)
     done = pincette("doctor", "--drivers", path=place)
     assert done.returncode == 0, done.stderr
@@ -93,7 +93,7 @@ def test_a_rig_file_that_names_it_opens_it(place: Path, tmp_path: Path) -> None:
     assert set(lds.asked[1:]) == {b"POS3?"}
 
 
-def test_a_rig_file_that_names_it_where_it_is_not_installed_says_so(tmp_path: Path) -> None:
+def test_a_rig_file_with_a_missing_driver_is_reported(tmp_path: Path) -> None:
     rig = without_simulation("socket://127.0.0.1:1", "socket://127.0.0.1:1")
     file = tmp_path / "rig.toml"
     file.write_text(rig_toml(rig), encoding="utf-8")

@@ -14,7 +14,7 @@ def functions(path: Path) -> set[str]:
     return {item.name for item in ast.walk(tree) if isinstance(item, ast.FunctionDef)}
 
 
-def test_every_row_is_there_once() -> None:
+def test_every_row_is_listed_once() -> None:
     assert [row.number for row in ROWS] == list(range(1, NUMBERS + 1))
 
 

@@ -24,7 +24,7 @@ def test_all_scripts_are_run_one_after_another(root: Path, tmp_path: Path) -> No
     assert make_findings(root, tmp_path).returncode == 0
 
 
-def test_each_script_can_be_run_by_itself(root: Path) -> None:
+def test_each_script_can_be_run_alone(root: Path) -> None:
     scripts = sorted((root / "findings").glob("*.sh"))
     assert len(scripts) > 2
     for script in scripts:

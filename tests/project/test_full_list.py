@@ -21,7 +21,7 @@ def test_every_line_names_a_test_once(root: Path) -> None:
     assert twice == []
 
 
-def test_a_line_stands_for_a_file_a_test_or_a_case() -> None:
+def test_a_line_is_a_file_a_test_or_a_case() -> None:
     known = {"a.py": 1, "b.py::test_b": 2, "c.py::test_c[x]": 3}
     found = [
         rank(name, known)
@@ -31,8 +31,8 @@ def test_a_line_stands_for_a_file_a_test_or_a_case() -> None:
     assert rank("c.py::test_c[y]", known) == -1
 
 
-def test_what_has_not_begun_in_time_is_left_out_and_named(root: Path) -> None:
-    test = "tests/project/test_full_list.py::test_a_line_stands_for_a_file_a_test_or_a_case"
+def test_tests_that_have_not_started_in_time_are_skipped_and_named(root: Path) -> None:
+    test = "tests/project/test_full_list.py::test_a_line_is_a_file_a_test_or_a_case"
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--until", "1", test],
         cwd=root,

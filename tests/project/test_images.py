@@ -93,7 +93,7 @@ def names(root: Path, name: str) -> set[str]:
     ],
 )
 @pytest.mark.parametrize("place", PLACES, ids=lambda place: " ".join(place.values()))
-def test_what_is_installed_are_the_pins_that_are_tested(
+def test_images_install_the_tested_pins(
     root: Path, name: str, tested: str, place: dict[str, str]
 ) -> None:
     installed = {one for one in held(root, name, place) if not one.startswith("uv==")}
@@ -101,7 +101,7 @@ def test_what_is_installed_are_the_pins_that_are_tested(
     assert installed - held(root, tested, place) == set()
 
 
-def test_nothing_is_installed_without_its_hash(dockerfile: str) -> None:
+def test_every_package_is_installed_by_hash(dockerfile: str) -> None:
     joined = dockerfile.replace("\\\n", " ")
     installs = re.findall(r"pip(?: --python \S+)? (?:install|download|wheel) [^;&\n]*", joined)
     assert len(installs) == 11
@@ -145,9 +145,7 @@ def test_every_image_names_its_version(dockerfile: str, pyproject: dict[str, Any
     assert dockerfile.count("USER pincette\n") == 1
 
 
-def test_the_rig_file_of_the_images_promises_what_compose_keeps(
-    root: Path, dockerfile: str
-) -> None:
+def test_the_rig_file_of_the_images_matches_compose(root: Path, dockerfile: str) -> None:
     text = (root / "deploy/rigs/demo.toml").read_text(encoding="utf-8")
     assert re.search(r'^\[supervisor\]\nhost = "127\.0\.0\.1"\nport = 8000$', text, re.MULTILINE)
     (change,) = re.findall(r"sed -i '([^']+)'", dockerfile)
@@ -205,7 +203,7 @@ def test_serves_listening_and_linked(root: Path, own: Path) -> None:
     assert (done.returncode, done.stderr) == (1, f"does not listen on port {port}\n")
 
 
-def test_what_another_listens_on_does_not_count(root: Path, own: Path) -> None:
+def test_ports_of_other_programs_do_not_count(root: Path, own: Path) -> None:
     opened(own)
     with socket.create_server(("127.0.0.1", 0)) as server:
         assert serves(root, own, str(server.getsockname()[1])).returncode == 1

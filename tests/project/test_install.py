@@ -90,7 +90,7 @@ def test_uv_looks_where_pip_does(install: dict[str, Any], monkeypatch: pytest.Mo
     assert "UV_FIND_LINKS" not in install["uv_settings"](listed)
 
 
-def test_what_runs_is_installed_without_what_tests(root: Path) -> None:
+def test_runtime_packages_are_installed_without_test_packages(root: Path) -> None:
     makefile = (root / "Makefile").read_text(encoding="utf-8")
     needs = dict(re.findall(r"^([a-z-]+): (\w+) ##", makefile, re.MULTILINE))
     assert {name for name, step in needs.items() if step == "venv"} == {"demo", "up", "paper"}
@@ -124,7 +124,7 @@ def test_a_python_of_a_version_is_found(root: Path, tmp_path: Path) -> None:
     assert python_of(root, this, PYENV_ROOT=str(tmp_path / "pyenv")).returncode == 0
 
 
-def test_a_python_of_another_version_is_none(root: Path, tmp_path: Path) -> None:
+def test_a_python_of_another_version_is_not_used(root: Path, tmp_path: Path) -> None:
     (tmp_path / "python3.99").symlink_to(sys.executable)
     path = f"{tmp_path}{os.pathsep}{os.environ['PATH']}"
     done = python_of(root, "3.99", PATH=path, PYTHON_3_99=sys.executable)

@@ -35,7 +35,7 @@ def queries(path: Path) -> list[ast.Call]:
     ]
 
 
-def test_one_function_queries_the_bus_and_asks_all(root: Path) -> None:
+def test_one_function_queries_the_bus_with_all_targets(root: Path) -> None:
     places = [
         path
         for part in ("shared", "services", "docs", "contrib")

@@ -33,7 +33,7 @@ def test_every_operation_has_a_name_in_plain_words() -> None:
     assert {"start_job", "get_job", "act_on_job", "estop_rig"} <= set(names)
 
 
-def test_what_a_request_has_as_a_member_is_no_parameter_too() -> None:
+def test_a_request_member_is_not_also_a_parameter() -> None:
     document = json.loads(openapi_document())
     for operations in document["paths"].values():
         for operation in operations.values():
@@ -79,7 +79,7 @@ def unions(tree: Any) -> Iterator[Any]:
             yield from unions(one)
 
 
-def test_every_reference_leads_somewhere() -> None:
+def test_every_reference_is_resolved() -> None:
     text = openapi_document()
     schemas = json.loads(text)["components"]["schemas"]
     wanted = {part.split('"')[0] for part in text.split("#/components/schemas/")[1:]}

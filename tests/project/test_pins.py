@@ -28,7 +28,7 @@ def pinned(root: Path, name: str = "dev") -> tuple[dict[str, list[Requirement]],
 
 
 @pytest.mark.parametrize("name", ["contrib", "dev"])
-def test_there_is_nothing_but_pins_with_hashes(root: Path, name: str) -> None:
+def test_requirements_contain_only_pins_with_hashes(root: Path, name: str) -> None:
     pins, odd = pinned(root, name)
     assert len(pins) > 20
     assert odd == []

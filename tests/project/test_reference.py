@@ -32,7 +32,7 @@ def part(page: str, head: str) -> str:
     return re.split(r"^##", page.split(f"\n{head}\n", 1)[1], maxsplit=1, flags=re.MULTILINE)[0]
 
 
-def test_every_path_and_model_of_rest_is_there(root: Path, rest: str) -> None:
+def test_every_path_and_model_of_rest_is_listed(root: Path, rest: str) -> None:
     tree = json.loads((root / "deploy/openapi.json").read_text(encoding="utf-8"))
     for path, methods in tree["paths"].items():
         for method, said in methods.items():
@@ -53,9 +53,7 @@ def test_a_field_of_rest_has_unit_limits_default_and_meaning(rest: str) -> None:
 
 
 @pytest.mark.parametrize("page", ["rest", "configuration"])
-def test_every_link_within_a_page_leads_somewhere(
-    page: str, request: pytest.FixtureRequest
-) -> None:
+def test_every_link_within_a_page_is_resolved(page: str, request: pytest.FixtureRequest) -> None:
     text: str = request.getfixturevalue(page)
     heads = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
     anchors = {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
@@ -72,7 +70,7 @@ def keys(tree: dict[str, Any], path: str = "") -> Iterator[tuple[str, str]]:
             yield path, name
 
 
-def test_every_key_of_our_rig_files_is_there(root: Path, configuration: str) -> None:
+def test_every_key_of_our_rig_files_is_listed(root: Path, configuration: str) -> None:
     files = sorted((root / "deploy/rigs").glob("*.toml"))
     assert files
     for file in files:

@@ -119,7 +119,7 @@ def write(
     ],
     ids=["no stall", "before the window", "a short one", "a wait for the test's own programs"],
 )
-def test_a_failure_without_a_stall_in_its_window_stands(
+def test_a_failure_without_a_stall_in_its_window_counts(
     tmp_path: Path, before: str, within: str
 ) -> None:
     write(tmp_path, "one", before=before, within=within)
@@ -155,7 +155,7 @@ def test_a_test_is_not_rerun_twice(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("workers", [(), ("-n", "2")], ids=["one process", "two workers"])
-def test_a_session_has_so_many_reruns_and_no_more(tmp_path: Path, workers: tuple[str, ...]) -> None:
+def test_a_session_has_a_limited_number_of_reruns(tmp_path: Path, workers: tuple[str, ...]) -> None:
     write(tmp_path, "a", "b", "c", "d", within="stall(stalls)")
     done = ran(tmp_path, *workers)
     assert done.returncode == 1, done.stdout

@@ -9,7 +9,7 @@ SOURCES = ("shared/pincette/control/safety", "services/actuator/pincette_actuato
 TESTS = ("tests/unit/control/safety", "tests/unit/actuator")
 
 
-def test_every_branch_is_covered_by_unit_tests_alone(root: Path, tmp_path: Path) -> None:
+def test_every_branch_is_covered_by_unit_tests(root: Path, tmp_path: Path) -> None:
     coverage = [sys.executable, "-m", "coverage"]
     data, report = f"--data-file={tmp_path / 'data'}", tmp_path / "report.json"
     sources = f"--source={','.join(SOURCES)}"

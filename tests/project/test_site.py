@@ -63,7 +63,7 @@ def test_make_builds_it_as_strictly(root: Path) -> None:
     assert " ".join(("sphinx-build", *BUILD[3:])) in makefile
 
 
-def test_nothing_is_loaded_from_elsewhere(site: Path, pages: dict[Path, Page]) -> None:
+def test_nothing_is_loaded_from_other_sites(site: Path, pages: dict[Path, Page]) -> None:
     loads = {(path.name, place) for path, page in pages.items() for place in page.loads}
     assert loads
     assert {item for item in loads if REMOTE.match(item[1])} == set()
@@ -84,7 +84,7 @@ def followed(path: Path, page: Page) -> dict[Path, set[str]]:
     return found
 
 
-def test_every_link_leads_somewhere(site: Path, pages: dict[Path, Page]) -> None:
+def test_every_link_is_resolved(site: Path, pages: dict[Path, Page]) -> None:
     dead: list[str] = []
     for path, page in pages.items():
         for goal, places in followed(path, page).items():

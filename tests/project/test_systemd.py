@@ -48,7 +48,9 @@ def wanted(path: Path) -> set[str]:
     return set(re.findall(r"pincette@([a-z]+)\.service", " ".join(settings(path)["Wants"])))
 
 
-def test_each_target_starts_what_up_starts_on_its_host(units: Path, tmp_path: Path) -> None:
+def test_each_target_starts_the_programs_that_up_starts_on_its_host(
+    units: Path, tmp_path: Path
+) -> None:
     rig = demo_rig({"bus": {"upstream": "10.0.0.1:7447"}})
     edge, server = (
         set(Fleet(rig, tmp_path, tmp_path, lambda _name, _line: None, server=server).names())
@@ -67,7 +69,7 @@ def test_the_command_is_one_of_the_command_line(units: Path) -> None:
             assert parsed(*words).params["name"] == name
 
 
-def test_a_program_may_do_no_more_than_it_needs(units: Path) -> None:
+def test_a_program_has_no_more_rights_than_it_needs(units: Path) -> None:
     found = settings(units / UNIT)
     assert {name: found[name][-1] for name in HARDENED} == HARDENED
 

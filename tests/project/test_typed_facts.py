@@ -130,7 +130,7 @@ def test_no_program_reads_a_text_for_people() -> None:
     assert not found, f"use a code instead: {found}"
 
 
-def test_the_page_reads_no_text_for_people() -> None:
+def test_the_page_parses_no_text_for_people() -> None:
     assert len(SCRIPTS) > 10
     found = {
         str(path.relative_to(ROOT)): lines

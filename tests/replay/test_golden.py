@@ -13,7 +13,7 @@ LAST_BITS = 1e-9
 
 
 @pytest.mark.parametrize("name", STEPS)
-def test_a_record_of_an_earlier_version_is_repeated(name: str) -> None:
+def test_a_record_of_an_earlier_version_is_reproduced(name: str) -> None:
     recording = read_record(FOLDER)
     rig, messages = recorded_rig(recording, FOLDER), recorded_epoch(recording)
     found = replay(plugins.load(plugins.SERVICES, name), rig, messages)
@@ -24,5 +24,5 @@ def test_a_record_of_an_earlier_version_is_repeated(name: str) -> None:
         assert replayed == pytest.approx(recorded, rel=LAST_BITS, abs=LAST_BITS), found.first
 
 
-def test_it_stays_small() -> None:
+def test_the_golden_record_is_small() -> None:
     assert (FOLDER / "job.mcap").stat().st_size < 200_000

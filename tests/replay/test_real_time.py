@@ -119,7 +119,7 @@ def test_every_step_is_repeated_with_the_samples_that_it_had(tmp_path: Path) -> 
     assert found["actuator"].identical > ticks // 2
 
 
-def test_where_all_of_a_sample_is_lost_nothing_can_follow(tmp_path: Path) -> None:
+def test_a_sample_that_is_lost_completely_ends_the_replay(tmp_path: Path) -> None:
     said = [item for item in messages() if getattr(item, "seq", -1) not in range(100, 110)]
     again = recorded_epoch(recorded(tmp_path, RIG, said, 1))
     for name in STEPS:
@@ -129,7 +129,7 @@ def test_where_all_of_a_sample_is_lost_nothing_can_follow(tmp_path: Path) -> Non
         assert found.steps >= 98
 
 
-def test_an_estimate_that_is_lost_was_made_all_the_same(tmp_path: Path) -> None:
+def test_a_lost_estimate_is_computed_in_the_replay(tmp_path: Path) -> None:
     said = [item for item in messages() if not (isinstance(item, Estimate) and item.seq == 100)]
     again = recorded_epoch(recorded(tmp_path, RIG, said, 1))
     found = replay(plugins.load(plugins.SERVICES, "estimator"), RIG, again)

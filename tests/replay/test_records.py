@@ -87,7 +87,7 @@ def repeated(folder: Path, name: str) -> list[Findings]:
 
 
 @pytest.mark.parametrize("name", [name for name, *_ in JOBS])
-def test_a_record_is_repeated_without_those_before_it(tmp_path: Path, name: str) -> None:
+def test_a_record_is_reproduced_without_earlier_records(tmp_path: Path, name: str) -> None:
     for found in repeated(tmp_path, name):
         assert (found.different, found.first, found.stopped) == (0, None, "")
         assert found.identical >= found.steps // 2 > 10
@@ -108,7 +108,7 @@ def test_the_jobs_were_what_they_are_called() -> None:
         assert any(isinstance(item, Estimate) and item.tripped for item in played()[name])
 
 
-def test_what_is_carried_into_the_epoch_counts() -> None:
+def test_the_state_carried_into_the_epoch_is_used() -> None:
     messages = [
         replace(item, state_snapshot=Document("")) if isinstance(item, RequestLog) else item
         for item in played()["after a grip"]
@@ -118,7 +118,7 @@ def test_what_is_carried_into_the_epoch_counts() -> None:
     assert (found.first.seq, found.different) == (0, found.steps)
 
 
-def test_a_record_without_its_arming_says_so(tmp_path: Path) -> None:
+def test_a_record_without_its_arming_is_reported(tmp_path: Path) -> None:
     messages: list[Message] = [
         item for item in played()["grip"] if not isinstance(item, RequestLog)
     ]
@@ -129,7 +129,7 @@ def test_a_record_without_its_arming_says_so(tmp_path: Path) -> None:
         assert "its arming is not in the record" in found.stopped
 
 
-def test_a_record_with_a_gap_is_repeated_up_to_it() -> None:
+def test_a_record_with_a_gap_is_reproduced_up_to_it() -> None:
     messages = [
         item
         for item in played()["grip"]
@@ -145,7 +145,7 @@ def test_a_record_with_a_gap_is_repeated_up_to_it() -> None:
     assert [one.steps for one in found] == [30, 30, 60]
 
 
-def test_an_output_that_is_not_said_again_is_a_difference() -> None:
+def test_a_missing_output_is_a_difference() -> None:
     messages = list(played()["grip"])
     odd = next(item for item in messages if isinstance(item, Estimate) and item.seq == 12)
     found = replay(plugins.load(plugins.SERVICES, "estimator"), RIG, [*messages, odd])

@@ -32,7 +32,7 @@ def recorded(what: str) -> tuple[Message, ...]:
 
 @pytest.mark.parametrize("name", LOOP)
 @pytest.mark.parametrize("what", PROGRAMS)
-def test_a_service_repeats_itself_to_the_last_bit(what: str, name: str) -> None:
+def test_a_service_is_reproduced_to_the_last_bit(what: str, name: str) -> None:
     rig, program = PROGRAMS[what]
     runner, published = service_alone(
         plugins.load(plugins.SERVICES, name), rig, program, recorded(what)

@@ -62,7 +62,7 @@ def test_a_record_of_two_arms_is_repeated_to_the_last_bit(tmp_path: Path, name: 
         assert found.identical >= found.steps // 2 > 10
 
 
-def test_what_both_arms_carry_into_an_epoch_is_in_its_record() -> None:
+def test_the_state_that_both_arms_carry_into_an_epoch_is_recorded() -> None:
     snapshots = {
         item.service: item.state_snapshot
         for item in played()["after a grip"]
@@ -90,7 +90,7 @@ def of_second(rig: RigFile) -> tuple[list[float], list[float], list[float]]:
     )
 
 
-def test_the_second_output_puts_out_multiples_of_its_own_step() -> None:
+def test_the_second_output_uses_multiples_of_its_own_step() -> None:
     told_V, true_V, followed_V = of_second(RIG)
     assert len(told_V) > 100
     for voltage_V in (*told_V, *true_V, *followed_V):

@@ -67,7 +67,7 @@ def cannot_start(rig: RigFile, folder: Path) -> str:
     return done.stderr
 
 
-def test_an_instrument_that_nobody_answers_for(tmp_path: Path) -> None:
+def test_an_instrument_that_does_not_answer_is_reported(tmp_path: Path) -> None:
     # A rig that is not simulated: nothing listens where its instruments should be. Whose program
     # is the first to give up is chance.
     rig = demo_rig().model_copy(update={"simulation": None})
@@ -99,7 +99,7 @@ def test_no_supervisor() -> None:
     assert "pincette up" in done.stderr
 
 
-def test_a_program_that_does_not_start_takes_the_others_with_it(tmp_path: Path) -> None:
+def test_a_program_that_fails_to_start_stops_the_others(tmp_path: Path) -> None:
     changes: Tree = {"sensor": {"driver": "no_such_sensor"}}
     said = cannot_start(demo_rig(changes), tmp_path)
     assert "no_such_sensor" in said

@@ -47,7 +47,7 @@ def test_a_damaged_model_moves_nothing_and_is_named_with_the_remedy(tmp_path: Pa
         assert rig.ended(rig.start_grip())["state"] == "succeeded"
 
 
-def test_a_rig_on_the_ports_of_another_does_not_start_and_the_first_holds_on(
+def test_a_rig_on_the_ports_of_another_does_not_start_and_the_first_continues(
     tmp_path: Path,
 ) -> None:
     rig_file, path, data = paced_rig(SHORT), tmp_path / "other.toml", tmp_path / "other"

@@ -79,7 +79,7 @@ def grip(name: str, folder: Path) -> Json:
 COLUMNS = ("seq", "x_um", "force_mN", "force_uncertainty_mN", "voltage_V", "phase", "true_force_mN")
 
 
-def test_in_lockstep_the_same_grip_gives_the_same_numbers_to_the_last_digit(
+def test_in_lockstep_the_same_grip_gives_identical_numbers(
     tmp_path: Path,
 ) -> None:
     tables: dict[str, Json] = {}
@@ -104,7 +104,7 @@ def with_instruments(rig: RunningRig) -> list[Json]:
     return [one for one in rig.view()["programs"] if one["name"] in ("sensor", "actuator")]
 
 
-def test_doctor_and_bring_up_name_a_server_that_holds_answers_back_from_a_running_rig(
+def test_doctor_and_bring_up_name_a_server_that_holds_answers_on_a_running_rig(
     tmp_path: Path,
 ) -> None:
     """The figures come from the programs: the server admits one client, which is theirs."""

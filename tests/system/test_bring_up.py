@@ -21,7 +21,7 @@ def rig(tmp_path: Path) -> Generator[RunningRig]:
         yield running
 
 
-def test_a_script_brings_up_a_rig_and_is_told_what_to_do_at_the_bench(
+def test_a_script_brings_up_a_rig_with_instructions_for_the_bench(
     rig: RunningRig,
 ) -> None:
     supervisor = rig.rig.supervisor

@@ -54,7 +54,7 @@ def set_by(clock: Path, shift_s: float) -> None:
     sleep(SETTLED_S)
 
 
-def test_an_hour_back_and_forth_changes_no_timing_and_is_in_the_record(
+def test_a_clock_step_of_an_hour_changes_no_timing_and_is_recorded(
     rig: RunningRig, seen: Witness, clock: Path
 ) -> None:
     set_by(clock, 0.0)

@@ -42,7 +42,7 @@ def test_a_grip_in_real_time_is_as_from_five_programs(rig: RunningRig, seen: Wit
     assert "the actuator is part of loop" in said.stdout, said.stdout
 
 
-def test_where_the_process_dies_the_module_is_safe_by_itself_and_the_job_names_the_services(
+def test_if_the_process_dies_the_module_becomes_safe_and_the_job_names_the_services(
     rig: RunningRig, seen: Witness
 ) -> None:
     job = hold(rig, seen)
@@ -59,7 +59,9 @@ def test_where_the_process_dies_the_module_is_safe_by_itself_and_the_job_names_t
     assert seen.newest(Applied).state == "idle"
 
 
-def test_told_to_end_it_brings_the_arm_to_rest(rig: RunningRig, seen: Witness) -> None:
+def test_a_composed_program_that_is_stopped_brings_the_arm_to_rest(
+    rig: RunningRig, seen: Witness
+) -> None:
     hold(rig, seen)
     process = rig.fleet.members["loop"].process
     process.terminate()

@@ -39,7 +39,7 @@ def desk(tmp_path: Path) -> Generator[Harness]:
     made.close()
 
 
-def test_a_stop_comes_through_a_flood_of_connections(desk: Harness, figures: list[str]) -> None:
+def test_a_stop_succeeds_during_a_flood_of_connections(desk: Harness, figures: list[str]) -> None:
     with served(desk.app) as address, ExitStack() as held:
         for number in range(MOST + 100):
             stranger = held.enter_context(connected(address))
@@ -65,9 +65,7 @@ def last_words(one: socket.socket) -> bytes:
         return b""
 
 
-def test_a_connection_that_comes_to_no_point_is_given_up(
-    desk: Harness, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_incomplete_connection_is_closed(desk: Harness, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "HEAD_S", 0.2)
     with served(desk.app) as address, ExitStack() as held:
         silent, slow = (held.enter_context(connected(address)) for _ in range(2))
@@ -78,7 +76,7 @@ def test_a_connection_that_comes_to_no_point_is_given_up(
         assert [last_words(one) for one in (silent, slow)] == [b"", b""]
 
 
-def test_no_key_stands_in_a_log_or_an_answer(
+def test_no_key_appears_in_a_log_or_a_response(
     desk: Harness, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
 ) -> None:
     access = Access()

@@ -58,7 +58,7 @@ def raised(rig: RunningRig) -> set[str]:
     return {str(row["cause"]) for row in rig.get("/alarms", limit=500)["alarms"]}
 
 
-def test_a_disk_that_runs_full_in_a_job_stops_nothing_and_is_reported_once_there_is_room(
+def test_a_full_disk_during_a_job_stops_nothing_and_is_reported_once_there_is_space(
     rig: RunningRig,
 ) -> None:
     make_ready(rig)

@@ -17,5 +17,5 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Generator[Path]
 
 
 @pytest.mark.parametrize(("page", "sitting"), cases(SITTINGS))
-def test_what_a_page_shows_is_typed(page: str, sitting: Sitting, checkout: Path) -> None:
+def test_commands_of_a_page_run_as_shown(page: str, sitting: Sitting, checkout: Path) -> None:
     type_page(page, sitting, checkout)

@@ -17,7 +17,7 @@ MEMORY_KB = 60.0
 
 
 @pytest.mark.parametrize("jobs", [FEW, pytest.param(MANY, marks=pytest.mark.slow)])
-def test_jobs_in_a_row_leave_nothing_behind(jobs: int, tmp_path: Path, figures: list[str]) -> None:
+def test_successive_jobs_leak_nothing(jobs: int, tmp_path: Path, figures: list[str]) -> None:
     with running_rig(demo_rig(SHORT, time="lockstep"), tmp_path) as rig:
         footprints = Footprints(rig)
         for number in range(jobs):

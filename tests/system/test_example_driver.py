@@ -37,7 +37,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
             yield running
 
 
-def test_it_is_listed_and_grips_from_the_command_line(rig: RunningRig) -> None:
+def test_the_driver_is_listed_and_grips_from_the_command_line(rig: RunningRig) -> None:
     make_ready(rig, LONG_S)
     url = f"http://{rig.rig.supervisor.host}:{rig.rig.supervisor.port}"
     answers: list[str] = []
@@ -50,7 +50,7 @@ def test_it_is_listed_and_grips_from_the_command_line(rig: RunningRig) -> None:
     assert json.loads(answers[1])["state"] == "succeeded"
 
 
-def test_a_grip_over_rest_is_measured_by_it(rig: RunningRig) -> None:
+def test_a_grip_over_rest_uses_the_driver(rig: RunningRig) -> None:
     make_ready(rig, LONG_S)
     name = rig.start_grip()
     assert rig.ended(name, LONG_S)["state"] == "succeeded"

@@ -52,13 +52,13 @@ def newest(rig: RunningRig) -> str:
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_the_page_of_the_documents_shows_the_whole_file(example: Path, name: str) -> None:
+def test_the_page_shows_the_complete_file(example: Path, name: str) -> None:
     page = (example.parents[1] / "how-to/add-a-job-kind.md").read_text(encoding="utf-8")
     shown = re.findall(r"^```(?:toml|python)\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     assert (example / name).read_text(encoding="utf-8") in shown
 
 
-def test_it_is_listed_planned_and_run_over_rest(rig: RunningRig) -> None:
+def test_the_kind_is_listed_planned_and_run_over_rest(rig: RunningRig) -> None:
     kinds = {kind["name"]: kind for kind in rig.get("/kinds")["kinds"]}
     assert [field["name"] for field in kinds["tap"]["form"]] == ["force_mN"]
     assert kinds["tap"]["request"]["properties"]["force_mN"]["unit"] == "mN"
@@ -78,7 +78,7 @@ def test_it_is_listed_planned_and_run_over_rest(rig: RunningRig) -> None:
     assert picture.content.startswith(b"\x89PNG")
 
 
-def test_it_is_a_command(rig: RunningRig) -> None:
+def test_the_kind_is_a_command(rig: RunningRig) -> None:
     make_ready(rig, LONG_S)
     listed = pincette(rig, "job", "tap", "--force-mN", "9", "--json")
     assert listed.returncode == 0, listed.stdout + listed.stderr
@@ -87,7 +87,7 @@ def test_it_is_a_command(rig: RunningRig) -> None:
     assert job["result"]["contact_stiffness_mN_per_um"] > 0.0
 
 
-def test_it_is_in_the_form_of_the_page_and_its_result_is_shown(
+def test_the_kind_is_in_the_form_of_the_page_and_its_result_is_shown(
     rig: RunningRig, browser: Browser
 ) -> None:
     make_ready(rig, LONG_S)

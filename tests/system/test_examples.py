@@ -73,7 +73,7 @@ def test_an_example_is_short_and_needs_nothing_of_pincette(name: str) -> None:
     assert needed - sys.stdlib_module_names <= FOREIGN
 
 
-def test_no_example_is_left_out() -> None:
+def test_every_example_is_tested() -> None:
     told = (ROOT / "docs/how-to/listen.md").read_text(encoding="utf-8")
     assert {path.stem for path in EXAMPLES.glob("*.py")} - OF_THEIR_OWN == set(FREE_OF_US)
     assert all(f"examples/{name}.py" in told for name in FREE_OF_US)
@@ -122,7 +122,7 @@ def assert_is_what_was_played(rows: list[dict[str, str]], played: Played) -> Non
         assert float(row["voltage_V"]) == tick.applied.arms[0].voltage_V
 
 
-def test_csv_has_each_sample_whole(played: Played, tmp_path: Path) -> None:
+def test_csv_has_every_sample_completely(played: Played, tmp_path: Path) -> None:
     said = done(listening("csv_export", played, "--count", "60", "--file", "rig.csv"), tmp_path)
     assert said == "60 rows, 0 of them incomplete\n"
     rows = rows_of(tmp_path / "rig.csv")
@@ -194,7 +194,7 @@ def publish_until_ended(
         sleep(0.05)
 
 
-def test_csv_leaves_empty_what_is_not_valid_and_keeps_samples_with_a_lost_message(
+def test_csv_leaves_invalid_fields_empty_and_keeps_samples_with_a_lost_message(
     tmp_path: Path,
 ) -> None:
     with publishing() as (bus, place):
@@ -216,7 +216,7 @@ def test_csv_leaves_empty_what_is_not_valid_and_keeps_samples_with_a_lost_messag
     assert said == "9 rows, 1 of them incomplete\n"
 
 
-def test_subscribe_prints_no_voltage_that_the_output_has_not_confirmed(tmp_path: Path) -> None:
+def test_subscribe_prints_no_unconfirmed_voltage(tmp_path: Path) -> None:
     with publishing() as (bus, place):
         text = (EXAMPLES / "subscribe.py").read_text(encoding="utf-8")
         assert "tcp/127.0.0.1:7447" in text
@@ -296,7 +296,7 @@ def gripped(tmp_path_factory: pytest.TempPathFactory) -> Generator[tuple[Path, s
     desk.close()
 
 
-def test_a_record_is_handed_over_as_csv(gripped: tuple[Path, str], tmp_path: Path) -> None:
+def test_a_record_is_exported_as_csv(gripped: tuple[Path, str], tmp_path: Path) -> None:
     record, api = gripped
     said = done(command("record_csv", "--api", api, "--file", "job.csv"), tmp_path)
     assert said == f"{record.name}: job.csv\n"
@@ -308,7 +308,7 @@ def test_a_record_is_handed_over_as_csv(gripped: tuple[Path, str], tmp_path: Pat
     assert "# force_mN [mN]" in (tmp_path / "job.csv").read_text(encoding="utf-8")
 
 
-def test_a_record_that_is_not_there_is_refused_in_words(
+def test_a_missing_record_is_refused_with_a_reason(
     gripped: tuple[Path, str], tmp_path: Path
 ) -> None:
     ended = run(command("record_csv", "none", "--api", gripped[1]), tmp_path, PATIENCE_S)

@@ -76,7 +76,7 @@ def moving(rig: Rig, echoes: Echoes) -> None:
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "hung"])
-def test_without_commands_the_actuator_trips_in_three_periods(
+def test_without_commands_the_actuator_trips_within_three_periods(
     rig: Rig, how: signal.Signals, measured: Callable[[], AbstractContextManager[None]]
 ) -> None:
     echoes = Echoes(rig)

@@ -65,7 +65,9 @@ def beside(rig: RunningRig, kinds: tuple[str, ...], mode: str) -> Generator[None
 
 
 @pytest.mark.parametrize("mode", ["client", "peer", "router"])
-def test_stop_reset_and_a_whole_job_beside_all_of_them(rig: RunningRig, mode: str) -> None:
+def test_stop_reset_and_a_whole_job_succeed_beside_foreign_stores(
+    rig: RunningRig, mode: str
+) -> None:
     make_ready(rig)
     with beside(rig, KINDS, mode):
         job = rig.start_grip()
@@ -79,7 +81,7 @@ def test_stop_reset_and_a_whole_job_beside_all_of_them(rig: RunningRig, mode: st
         assert not rig.view()["latch"]["cause"]
 
 
-def test_a_hold_lasts_as_long_as_asked_beside_them(rig: RunningRig) -> None:
+def test_a_hold_has_its_duration_beside_foreign_stores(rig: RunningRig) -> None:
     make_ready(rig)
     with beside(rig, KINDS, "peer"):
         job = rig.ended(rig.start_grip(hold_s=HELD_S))
@@ -107,7 +109,7 @@ class TestTokensOfOtherRigs:
             for token in tokens:
                 token.undeclare()
 
-    def test_tokens_alone_leave_every_stop_confirmed(self, rig: RunningRig) -> None:
+    def test_foreign_tokens_leave_every_stop_confirmed(self, rig: RunningRig) -> None:
         make_ready(rig)
         with self.present(rig):
             begun_s = monotonic()
@@ -119,7 +121,7 @@ class TestTokensOfOtherRigs:
             assert found.returncode == 0, found.stdout + found.stderr
             assert json.loads(found.stdout)["unconfirmed"] == []
 
-    def test_the_served_rig_is_stopped_beside_one_that_hangs(self, rig: RunningRig) -> None:
+    def test_the_served_rig_is_stopped_beside_a_hanging_one(self, rig: RunningRig) -> None:
         make_ready(rig)
         with self.present(rig, ("hung-a", "hung-b")):
             for path, missed in (("/estop", ["hung-a", "hung-b"]), ("/rigs/demo/estop", None)):
@@ -193,9 +195,7 @@ class TestWhatIsPublished:
         sleep(SILENT_S)
         self.compare(self.seen(rig), "latched")
 
-    def test_after_a_job_telemetry_and_ground_truth_are_what_the_page_says(
-        self, rig: RunningRig
-    ) -> None:
+    def test_after_a_job_telemetry_and_ground_truth_match_the_page(self, rig: RunningRig) -> None:
         make_ready(rig)
         assert rig.ended(rig.start_grip())["state"] == "succeeded"
         bus = ZenohBus(tool_endpoint(rig.rig), "demo", "tool")

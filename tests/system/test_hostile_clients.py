@@ -122,7 +122,7 @@ def grip(rig: RunningRig, hold_s: float) -> int:
     ],
     indirect=["rig"],
 )
-def test_nobody_starves_the_others(
+def test_no_client_starves_the_others(
     rig: RunningRig,
     stalls: StallRecorder,
     figures: list[str],

@@ -136,7 +136,7 @@ def test_the_cable_of_the_output_is_pulled(
     within(WATCHDOG_S + TICK_S + IDLE_S, safe_s, "safety")
 
 
-def test_the_module_makes_itself_safe_where_the_actuator_dies(
+def test_the_module_becomes_safe_by_its_watchdog_if_the_actuator_dies(
     rig: RunningRig, seen: Witness, figures: list[str]
 ) -> None:
     job = hold(rig, seen)
@@ -167,7 +167,7 @@ def await_safe_output(seen: Witness, since_s: float) -> float:
     return at_s - since_s
 
 
-def test_orders_come_from_the_command_line_too(rig: RunningRig, seen: Witness) -> None:
+def test_the_command_line_can_operate_the_simulated_rig_too(rig: RunningRig, seen: Witness) -> None:
     before_um = seen.newest(Position).arms[0].x_um
     done = command("rig", "sensor", "wrong", "5", "--for-s", "0.5", "--rig", str(rig.path))
     assert done.returncode == 0, done.stderr

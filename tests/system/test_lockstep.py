@@ -56,7 +56,7 @@ def recorded(folder: Path, names: Iterable[str]) -> Numbers:
     return cast(Numbers, table.to_pydict())
 
 
-def test_one_process_repeats_itself() -> None:
+def test_one_process_is_reproducible() -> None:
     rig = demo_rig(time="lockstep")
     first, second = in_one_process(rig), in_one_process(rig)
     assert len(first["x_um"]) > 200
@@ -121,7 +121,7 @@ def test_a_hung_program_ends_the_run_with_its_name(tmp_path: Path, name: str) ->
     assert name in ended["cause"]
 
 
-def test_a_supervisor_that_stands_still_loses_no_sample(tmp_path: Path) -> None:
+def test_a_stalled_supervisor_loses_no_sample(tmp_path: Path) -> None:
     with running_rig(demo_rig(time="lockstep"), tmp_path) as running:
         job = running.start_grip(hold_s=20.0)  # ticks of the lockstep take less than a period
         running.until_phase(job, "hold")

@@ -51,7 +51,7 @@ def counters(found: Scrape) -> Scrape:
     }
 
 
-def test_what_a_rig_does_is_seen_and_no_counter_falls(rig: RunningRig) -> None:
+def test_metrics_show_the_rig_and_no_counter_decreases(rig: RunningRig) -> None:
     idle = scrape(rig)
     assert [value(idle, "pincette_service_up", service=name) for name in LOOP] == [1.0] * 4
     job = rig.start_grip()

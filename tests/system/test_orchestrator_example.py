@@ -68,7 +68,7 @@ def newest(rig: RunningRig) -> Json:
     return rig.get("/jobs", limit=1)["jobs"][0]
 
 
-def test_parts_are_picked_held_and_let_go(rig: RunningRig, tmp_path: Path) -> None:
+def test_parts_are_picked_held_and_released(rig: RunningRig, tmp_path: Path) -> None:
     done = ended(rig, tmp_path, "--parts", "2")
     assert done.returncode == 0, done.stdout
     jobs = re.findall(r"part-\d: released, peak force \d+\.\d\d mN, job (\S+)", done.stdout)
@@ -80,7 +80,7 @@ def test_parts_are_picked_held_and_let_go(rig: RunningRig, tmp_path: Path) -> No
     assert rig.view()["part"] == "none"
 
 
-def test_a_part_that_is_not_there_is_reported_and_the_run_continues(
+def test_a_missing_part_is_reported_and_the_run_continues(
     rig: RunningRig, hands: Technician, tmp_path: Path
 ) -> None:
     hands.do("part", "remove")
@@ -125,7 +125,7 @@ def test_ctrl_c_keeps_the_part_held(rig: RunningRig, tmp_path: Path) -> None:
     until_free(rig)
 
 
-def test_nobody_there_is_reported(tmp_path: Path) -> None:
+def test_a_missing_supervisor_is_reported(tmp_path: Path) -> None:
     words = [sys.executable, str(EXAMPLE), "--url", "http://127.0.0.1:9", "--patience-s", "0.2"]
     done = run(words, tmp_path, PATIENCE_S)
     assert done.returncode == 4

@@ -94,7 +94,7 @@ def stood() -> Generator[StallRecorder]:
 
 
 @pytest.mark.parametrize("name", ["supervisor", "recorder"])
-def test_who_answers_people_comes_no_later_than_other_programs(rig: RunningRig, name: str) -> None:
+def test_the_supervisor_is_no_later_than_other_programs(rig: RunningRig, name: str) -> None:
     """At niceness 10 on a busy machine a grip's end was told up to a minute late."""
     program = rig.fleet.members[name].process.pid
     own = os.getpriority(os.PRIO_PROCESS, os.getpid())

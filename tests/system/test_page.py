@@ -142,7 +142,7 @@ def test_estop_in_a_hold_latches_until_a_person_resets(
     assert seen.page.locator("#latch").is_hidden()
 
 
-def test_estop_acts_as_it_is_pressed_wherever_the_pointer_goes_then(
+def test_estop_acts_on_press_wherever_the_pointer_moves_afterwards(
     rig: RunningRig, seen: Visit
 ) -> None:
     seen.page.hover("#estop")
@@ -164,7 +164,7 @@ def test_estop_works_while_the_rest_of_the_server_is_slow(rig: RunningRig, seen:
     until_tripped(rig, seen)
 
 
-def test_a_reload_in_a_running_job_keeps_its_state(rig: RunningRig, seen: Visit) -> None:
+def test_a_reload_during_a_job_keeps_its_state(rig: RunningRig, seen: Visit) -> None:
     name = start_endless(seen)
     seen.page.reload()
     seen.until("#course", "hold")
@@ -185,7 +185,7 @@ def test_a_reload_in_a_running_job_keeps_its_state(rig: RunningRig, seen: Visit)
     assert rig.job(name)["result"]["outcome"] == "released"
 
 
-def test_a_plan_that_breaks_a_limit_says_so_at_the_field(rig: RunningRig, seen: Visit) -> None:
+def test_a_plan_that_breaks_a_limit_is_reported_at_the_field(rig: RunningRig, seen: Visit) -> None:
     before = len(rig.get("/jobs")["jobs"])
     seen.page.fill("#field-force_mN", "55")
     seen.page.click("#dry-run")

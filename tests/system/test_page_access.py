@@ -72,7 +72,7 @@ def barred(seen: Visit, place: str) -> str:
     return str(control.get_attribute("title") or "") if control.is_disabled() else ""
 
 
-def test_the_banner_of_a_stop_says_who_pressed_and_when(
+def test_the_banner_of_a_stop_states_who_pressed_and_when(
     bench: Bench, context: BrowserContext
 ) -> None:
     seen = visit(context, bench.address)

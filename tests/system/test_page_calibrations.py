@@ -54,7 +54,7 @@ def model_version(rig: RunningRig) -> int:
     return int(rig.get(f"/rigs/{rig.rig.rig.name}/model")["version"])
 
 
-def test_what_is_accepted_is_used_and_can_be_taken_back(rig: RunningRig, seen: Visit) -> None:
+def test_an_accepted_proposal_is_used_and_can_be_reverted(rig: RunningRig, seen: Visit) -> None:
     proposal = measure_noise(rig, seen)
     place = f"[id='proposal-{proposal['id']}']"
     value = proposal["values"][0]
@@ -78,7 +78,7 @@ def test_what_is_accepted_is_used_and_can_be_taken_back(rig: RunningRig, seen: V
     seen.until("#fact-model", "rig file")
 
 
-def test_what_is_discarded_changes_nothing(rig: RunningRig, seen: Visit) -> None:
+def test_a_discarded_proposal_changes_nothing(rig: RunningRig, seen: Visit) -> None:
     version = model_version(rig)
     proposal = measure_noise(rig, seen)
     seen.page.click(f"[id='discard-{proposal['id']}']")
@@ -91,7 +91,9 @@ def test_what_is_discarded_changes_nothing(rig: RunningRig, seen: Visit) -> None
     )
 
 
-def test_a_motion_is_played_without_its_part_as_the_page_asks(rig: RunningRig, seen: Visit) -> None:
+def test_a_motion_is_replayed_without_its_part_as_the_page_requests(
+    rig: RunningRig, seen: Visit
+) -> None:
     body = {"kind": "grip", "autostart": True}
     assert rig.ended(rig.post("/jobs", body).json()["id"], LONG_S)["state"] == "succeeded"
     seen.until("#fact-start", "can start", LONG_S)

@@ -245,9 +245,7 @@ def drag(seen: Visit, canvas: str, begin: float, end: float) -> None:
 
 
 @pytest.mark.parametrize("seconds", ["30", "3600"])
-def test_a_stretch_of_a_chart_is_dragged_over_to_zoom(
-    browser: Browser, desk: Harness, seconds: str
-) -> None:
+def test_dragging_over_a_chart_zooms(browser: Browser, desk: Harness, seconds: str) -> None:
     context = browser.new_context(viewport=ViewportSize(**DESK))
     context.add_init_script(WRITTEN)
     with served(desk.app) as address:
@@ -318,7 +316,7 @@ def test_two_jobs_are_compared_in_one_chart(
     context.close()
 
 
-def test_what_has_not_come_yet_is_said_to_load(browser: Browser, desk: Harness) -> None:
+def test_missing_content_is_shown_as_loading(browser: Browser, desk: Harness) -> None:
     context = browser.new_context()
     held: list[Route] = []
     context.route(re.compile(r"/history\?|/jobs\?.*limit=30"), lambda route: held.append(route))
@@ -405,7 +403,7 @@ def test_one_event_has_one_notice(browser: Browser, desk: Harness) -> None:
 
 
 @pytest.mark.parametrize("size", [PHONE, DESK])
-def test_the_words_of_the_bar_and_of_the_tabs_say_what_they_are_about(
+def test_the_labels_of_the_bar_and_the_tabs_are_clear(
     browser: Browser, desk: Harness, size: ViewportSize
 ) -> None:
     context = browser.new_context(viewport=size)

@@ -125,7 +125,7 @@ def test_a_press_is_not_lost_where_the_job_changes_under_it(rig: RunningRig, see
     seen.until("#current-state", "stopped")
 
 
-def test_a_part_that_a_stop_has_left_is_held_on_and_let_go_by_jobs_of_their_own(
+def test_a_part_kept_by_a_stop_is_held_further_and_released_by_jobs(
     rig: RunningRig, seen: Visit
 ) -> None:
     name = grip_until_held(rig, seen)
@@ -146,7 +146,7 @@ def test_a_part_that_a_stop_has_left_is_held_on_and_let_go_by_jobs_of_their_own(
     assert rig.view()["part"] == "none"
 
 
-def test_jobs_wait_in_the_queue_leave_it_and_are_cleared(rig: RunningRig, seen: Visit) -> None:
+def test_jobs_wait_in_the_queue_and_are_removed_or_cleared(rig: RunningRig, seen: Visit) -> None:
     running = grip_until_held(rig, seen)
     choose(seen, "move", value="3")
     seen.page.check("#field-queue")
@@ -168,7 +168,7 @@ def test_jobs_wait_in_the_queue_leave_it_and_are_cleared(rig: RunningRig, seen: 
     assert rig.job(running)["state"] == "running"
 
 
-def test_a_halted_queue_says_why_and_continues_when_a_person_says_so(
+def test_a_halted_queue_states_why_and_continues_when_a_person_resumes_it(
     rig: RunningRig, seen: Visit
 ) -> None:
     running = grip_until_held(rig, seen)
@@ -210,7 +210,7 @@ def test_the_arm_is_jogged_and_a_pose_is_taught(rig: RunningRig, seen: Visit) ->
     )
 
 
-def test_a_path_of_steps_is_asked_for_as_the_fields_say(rig: RunningRig, seen: Visit) -> None:
+def test_a_path_of_steps_is_requested_as_in_the_fields(rig: RunningRig, seen: Visit) -> None:
     choose(seen, "track")
     assert seen.page.locator("#field-frequency_hz").is_visible()
     seen.page.select_option("#field-shape", "step")

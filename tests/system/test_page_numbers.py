@@ -78,7 +78,9 @@ REFUSED = [
 ]
 
 
-def test_a_text_that_is_no_number_is_refused_at_its_field_and_nothing_is_sent(seen: Visit) -> None:
+def test_a_text_that_is_not_a_number_is_refused_at_its_field_and_nothing_is_sent(
+    seen: Visit,
+) -> None:
     found = requests_of(seen)
     for kind, place, texts in REFUSED:
         seen.page.select_option("#kind", kind)
@@ -111,7 +113,7 @@ def choose_shape(seen: Visit, place: str) -> None:
     raise AssertionError(f"no shape has the field {place}")
 
 
-def test_a_path_from_a_file_is_kept_once_by_its_digest(seen: Visit, tmp_path: Path) -> None:
+def test_a_path_from_a_file_is_stored_once_by_its_digest(seen: Visit, tmp_path: Path) -> None:
     points = [{"t_s": 0.25 * number, "force_mN": 5.0 + 0.25 * (number % 2)} for number in range(8)]
     lines = [f"{one['t_s']};{one['force_mN']}".replace(".", ",") for one in points]
     file = tmp_path / "path.csv"
@@ -152,7 +154,7 @@ def test_wheel_and_arrow_keys_change_no_value(seen: Visit) -> None:
     assert seen.page.locator("input[type=number], input[type=date]").count() == 0
 
 
-def test_a_number_that_is_typed_while_the_defaults_come_is_kept(seen: Visit) -> None:
+def test_a_number_typed_while_the_defaults_load_is_kept(seen: Visit) -> None:
     held: list[Route] = []
     seen.page.route("**/jobs?dry_run=true&predict=false", lambda route: held.append(route))
     seen.page.reload()

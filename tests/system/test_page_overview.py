@@ -65,7 +65,7 @@ def desk(browser: Browser, tmp_path: Path) -> Generator[RigsHarness]:
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
-def test_all_rigs_stand_in_one_table_that_nothing_overlaps(
+def test_all_rigs_are_in_one_table_without_overlap(
     browser: Browser,
     desk: RigsHarness,
     pictures: Path,

@@ -73,9 +73,7 @@ def test_a_rig_is_chosen_and_the_page_follows_it(left: RunningRig, seen: Visit) 
     seen.until("#current", "No job yet")
 
 
-def test_estop_names_the_rig_that_it_stops_and_stops_no_other(
-    left: RunningRig, seen: Visit
-) -> None:
+def test_estop_names_its_rig_and_stops_no_other(left: RunningRig, seen: Visit) -> None:
     seen.page.goto(f"{seen.origin}/?rig=right")
     assert seen.text("#estop").split() == ["E-STOP", "right"]
     seen.until("#fact-start", "can start", LONG_S)

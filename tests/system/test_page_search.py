@@ -98,7 +98,7 @@ def test_yesterdays_job_of_a_sample_is_found(
     context.close()
 
 
-def test_a_sample_is_given_where_a_job_is_started(browser: Browser, desk: Harness) -> None:
+def test_a_sample_is_entered_where_a_job_is_started(browser: Browser, desk: Harness) -> None:
     context = browser.new_context()
     with served(desk.app) as address:
         seen = visit(context, address)
@@ -111,7 +111,7 @@ def test_a_sample_is_given_where_a_job_is_started(browser: Browser, desk: Harnes
     context.close()
 
 
-def test_what_is_typed_stays_while_the_job_changes(browser: Browser, desk: Harness) -> None:
+def test_typed_text_is_kept_while_the_job_changes(browser: Browser, desk: Harness) -> None:
     context = browser.new_context()
     with served(desk.app) as address:
         job = gripped(address, "B12")
@@ -137,7 +137,7 @@ def test_what_is_typed_stays_while_the_job_changes(browser: Browser, desk: Harne
     context.close()
 
 
-def test_a_job_is_described_after_its_end(browser: Browser, desk: Harness) -> None:
+def test_a_job_can_be_described_after_its_end(browser: Browser, desk: Harness) -> None:
     context = browser.new_context()
     with served(desk.app) as address:
         job = gripped(address, "B10")
@@ -163,7 +163,7 @@ def test_a_job_is_described_after_its_end(browser: Browser, desk: Harness) -> No
     context.close()
 
 
-def test_a_job_that_came_and_ended_between_two_looks_is_listed(
+def test_a_job_that_started_and_ended_between_two_refreshes_is_listed(
     browser: Browser, desk: Harness
 ) -> None:
     context = browser.new_context()

@@ -80,7 +80,7 @@ def opened(browser: Browser, address: str, script: str) -> Page:
 
 
 @pytest.mark.parametrize(("scripts", "works"), [(WORKS_WITHOUT, True), (STOPS_WITHOUT, False)])
-def test_the_stop_needs_no_function_that_a_browser_may_lack(
+def test_the_stop_needs_no_optional_browser_function(
     browser: Browser, desk: Harness, address: str, scripts: list[str], works: bool
 ) -> None:
     for script in scripts:
@@ -91,7 +91,7 @@ def test_the_stop_needs_no_function_that_a_browser_may_lack(
         page.context.close()
 
 
-def test_the_stop_works_where_no_other_script_comes_or_one_is_damaged(
+def test_the_stop_works_if_other_scripts_are_missing_or_damaged(
     context: BrowserContext, desk: Harness, address: str
 ) -> None:
     def blocked(route: Route) -> None:
@@ -109,7 +109,7 @@ def test_the_stop_works_where_no_other_script_comes_or_one_is_damaged(
         page.unroute_all(behavior="ignoreErrors")
 
 
-def test_a_page_whose_scripts_never_come_does_not_say_connecting_for_ever(
+def test_a_page_without_its_scripts_does_not_show_connecting_for_ever(
     context: BrowserContext, desk: Harness, address: str
 ) -> None:
     page = context.new_page()
@@ -121,7 +121,7 @@ def test_a_page_whose_scripts_never_come_does_not_say_connecting_for_ever(
 
 
 @pytest.mark.parametrize("script", [BLIND, f"{BLIND} navigator.sendBeacon = undefined;"])
-def test_a_browser_that_reads_no_answer_sends_the_stop_as_a_form(
+def test_a_browser_that_cannot_read_responses_sends_the_stop_as_a_form(
     context: BrowserContext, desk: Harness, address: str, script: str
 ) -> None:
     page = context.new_page()
@@ -142,7 +142,7 @@ def test_a_browser_that_reads_no_answer_sends_the_stop_as_a_form(
         "null",
     ],
 )
-def test_only_the_answer_of_the_rig_itself_confirms_a_stop(
+def test_only_a_response_of_the_rig_itself_confirms_a_stop(
     context: BrowserContext, desk: Harness, address: str, answer: str
 ) -> None:
     page = context.new_page()

@@ -33,7 +33,7 @@ def permitted() -> None:
         pytest.param(["deaf"], ["controller", "estimator"], MANY, marks=pytest.mark.slow),
     ],
 )
-def test_a_program_that_is_cut_off_one_way_makes_the_rig_safe_in_time(
+def test_a_program_that_is_cut_off_in_one_direction_makes_the_rig_safe_in_time(
     kinds: list[str], programs: list[str], rounds: int, tmp_path: Path, figures: list[str]
 ) -> None:
     words = ["--rounds", str(rounds), "--kinds", *kinds, "--programs", *programs]

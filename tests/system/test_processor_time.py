@@ -14,7 +14,7 @@ RATIO, DOCTOR, TYPO = 55.0, 80.0, 24.0
 @pytest.mark.parametrize(
     ("words", "most"), [("doctor --rig", DOCTOR), ("rigs --url", RATIO), ("job list --url", RATIO)]
 )
-def test_a_command_takes_little_processor_time(paced: RunningRig, words: str, most: float) -> None:
+def test_commands_need_little_processor_time(paced: RunningRig, words: str, most: float) -> None:
     # On a busy machine doctor may find that the rig is not ready.
     status = None if words.startswith("doctor") else Exit.DONE
     place = str(paced.path) if words.endswith("--rig") else paced.rig.supervisor.url
@@ -24,6 +24,6 @@ def test_a_command_takes_little_processor_time(paced: RunningRig, words: str, mo
 @pytest.mark.parametrize(
     ("words", "most"), [("gripp", TYPO), ("job gripp", RATIO), ("doctor --topics", RATIO)]
 )
-def test_what_asks_nobody_takes_little_processor_time(words: str, most: float) -> None:
+def test_commands_without_requests_need_little_processor_time(words: str, most: float) -> None:
     status = Exit.USAGE if words.endswith("gripp") else Exit.DONE
     assert processor_ratio(*words.split(), status=status) < most

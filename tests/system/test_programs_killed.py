@@ -45,7 +45,7 @@ def await_answers(rig: RunningRig) -> None:
         sleep(0.05)
 
 
-def test_a_grip_without_a_fault_has_no_trip_and_refuses_nothing(
+def test_a_grip_without_a_fault_has_no_trip_and_no_refusal(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, figures: list[str]
 ) -> None:
     before, refused_before = missed(rig), seen.newest(Applied).refused
@@ -116,9 +116,7 @@ def test_a_restarted_actuator_moves_nothing_until_a_person_resets_it(
     assert abs(put_V[-1] - seen.newest(Applied).arms[0].voltage_V) <= output_step_V(rig.rig)
 
 
-def test_a_job_whose_actuator_was_restarted_at_once_has_failed(
-    rig: RunningRig, seen: Witness
-) -> None:
+def test_a_job_whose_actuator_was_restarted_at_once_fails(rig: RunningRig, seen: Witness) -> None:
     job = hold(rig, seen)
     rig.fleet.signal("actuator", signal.SIGKILL)
     restart(rig, "actuator")

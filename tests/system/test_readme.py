@@ -89,7 +89,7 @@ def test_make_demo(folder: Path) -> None:
 
 
 @pytest.mark.usefixtures("made_up")
-def test_every_block_does_what_it_says(folder: Path) -> None:
+def test_every_block_of_the_readme_works_as_described(folder: Path) -> None:
     state = folder / "shell-state"
     state.touch()
     for block in SHELL:

@@ -94,7 +94,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     found.close()
 
 
-def test_a_kill_takes_half_a_second_at_most(bench: Bench) -> None:
+def test_a_kill_loses_half_a_second_at_most(bench: Bench) -> None:
     bench.begin()
     for _ in range(3):
         bench.play(40)
@@ -113,7 +113,7 @@ def test_a_kill_takes_half_a_second_at_most(bench: Bench) -> None:
     assert lost_s <= LOST_S
 
 
-def test_the_next_start_closes_what_was_left(bench: Bench) -> None:
+def test_the_next_start_closes_unfinished_records(bench: Bench) -> None:
     bench.begin()
     bench.play(40)
     bench.kill_recorder()
@@ -172,7 +172,7 @@ def test_a_grip_is_recorded(rig: RunningRig) -> None:
     assert "rig.json" in recording.attachments
 
 
-def test_a_record_tells_what_it_lacks_after_a_restart_of_the_recorder(rig: RunningRig) -> None:
+def test_a_record_states_missing_data_after_a_restart_of_the_recorder(rig: RunningRig) -> None:
     job = rig.start_grip(until_released=True)
     rig.until_phase(job, "hold")
     path = rig.data / "jobs" / job / "job.mcap"
@@ -201,7 +201,7 @@ def test_a_record_tells_what_it_lacks_after_a_restart_of_the_recorder(rig: Runni
     assert again["record_complete"] is True, again["record_detail"]
 
 
-def test_a_recorder_that_dies_leaves_the_job_alone(rig: RunningRig) -> None:
+def test_a_dead_recorder_does_not_affect_the_job(rig: RunningRig) -> None:
     job = rig.start_grip(hold_s=20.0)
     rig.until_phase(job, "hold")
     kill(rig, "recorder")

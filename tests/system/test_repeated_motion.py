@@ -74,7 +74,7 @@ def replayed(rig: RunningRig, *jobs: str) -> None:
             assert (one["first"], one["stopped"]) == (None, ""), one
 
 
-def test_ten_cycles_are_learned_kept_gone_on_from_and_erased(rig: RunningRig) -> None:
+def test_ten_cycles_are_learned_stored_continued_and_erased(rig: RunningRig) -> None:
     body = LEARNING.model_dump(mode="json", exclude_unset=True)
     first = done(rig, body)
     learned = first["result"]["learned"]
@@ -108,7 +108,7 @@ def test_ten_cycles_are_learned_kept_gone_on_from_and_erased(rig: RunningRig) ->
     assert rig.get("/rigs/demo/learning")["programs"] == []
 
 
-def test_a_recipe_that_repeats_learns_on(rig: RunningRig) -> None:
+def test_a_repeated_recipe_continues_to_learn(rig: RunningRig) -> None:
     """A recipe names a program like a request does: its jobs go on from one another."""
     values = LEARNING.model_dump(mode="json", exclude_unset=True)
     for name in ("kind", "autostart"):

@@ -50,7 +50,7 @@ def record(rig: RunningRig, job: str) -> Path:
     return Path(rig.job(job)["record"])
 
 
-def test_every_job_is_repeated_from_its_own_record(rig: RunningRig) -> None:
+def test_every_job_is_reproduced_from_its_own_record(rig: RunningRig) -> None:
     first, second = rig.start_grip(**SHORT), ""
     assert rig.ended(first)["state"] == "succeeded"
     second = rig.start_grip(**SHORT, force_mN=12.0)

@@ -53,7 +53,7 @@ def started(rig: RigFile, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=LONG_S, check=False)
 
 
-def test_it_does_not_start_where_others_reach_it_without_a_key(tmp_path: Path) -> None:
+def test_the_supervisor_does_not_start_if_others_can_reach_it_without_a_key(tmp_path: Path) -> None:
     made(tmp_path / "data", "gone", "admin")
     revoke(tmp_path / "data", "gone")
     done = started(demo_rig({"supervisor": {"host": "0.0.0.0"}}), tmp_path)
@@ -67,7 +67,7 @@ def revoke(data: Path, name: str) -> None:
         assert keys.revoke(name)
 
 
-def test_keys_are_in_force_as_soon_as_there_is_one_and_stand_nowhere(tmp_path: Path) -> None:
+def test_keys_are_in_force_as_soon_as_one_exists_and_appear_nowhere(tmp_path: Path) -> None:
     """The journal's keeper, the HTTP server and the command line as they are; the rig is canned."""
     desk, access = Harness(demo_rig(time="lockstep"), tmp_path), Access()
     desk.app = create_app(desk.rigs, access)

@@ -61,7 +61,7 @@ def context(folder: Folder) -> ssl.SSLContext:
     return server_context(folder.credentials(program(SUPERVISOR, "")))
 
 
-def test_keys_hold_and_who_has_no_part_of_the_authority_is_reported(
+def test_keys_work_over_tls_and_clients_of_another_authority_are_reported(
     desk: Harness, context: ssl.SSLContext, authority: Path, tmp_path: Path
 ) -> None:
     access = Access()
@@ -96,7 +96,7 @@ def test_keys_hold_and_who_has_no_part_of_the_authority_is_reported(
 
 @pytest.mark.usefixtures("stalls")
 @pytest.mark.parametrize("secure", [True], ids=["tls"])
-def test_the_health_of_a_container_is_asked_for_either_way(
+def test_the_health_check_of_a_container_works_with_and_without_tls(
     desk: Harness, context: ssl.SSLContext, secure: bool
 ) -> None:
     composed = yaml.safe_load((ROOT / "docker-compose.yml").read_text(encoding="utf-8"))
@@ -111,7 +111,7 @@ def test_the_health_of_a_container_is_asked_for_either_way(
             assert (done.returncode == 0) == ready
 
 
-def test_a_session_over_tls_has_a_cookie_that_goes_over_tls_alone(
+def test_a_session_over_tls_has_a_cookie_for_tls_only(
     desk: Harness, context: ssl.SSLContext, authority: Path
 ) -> None:
     access = Access()
@@ -134,7 +134,7 @@ def test_a_session_over_tls_has_a_cookie_that_goes_over_tls_alone(
 
 @pytest.mark.usefixtures("stalls")
 @pytest.mark.parametrize("words", [TLS_HELLO_BEGUN, b"GET / HTTP/1.1\r\n\r\n"])
-def test_strangers_without_a_handshake_keep_nobody_out(
+def test_unknown_connections_without_a_handshake_block_nobody(
     desk: Harness,
     context: ssl.SSLContext,
     authority: Path,
@@ -161,7 +161,7 @@ def test_strangers_without_a_handshake_keep_nobody_out(
             sleep(0.05)
 
 
-def test_what_is_sent_right_after_the_handshake_is_answered(
+def test_data_sent_right_after_the_handshake_is_answered(
     desk: Harness, context: ssl.SSLContext, authority: Path
 ) -> None:
     trusted = ssl.create_default_context(cafile=authority)
@@ -177,12 +177,12 @@ def test_what_is_sent_right_after_the_handshake_is_answered(
             line.shutdown(socket.SHUT_RDWR)
 
 
-def test_without_certificates_it_does_not_start(tmp_path: Path) -> None:
+def test_without_certificates_the_supervisor_does_not_start(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"\[bus\] pki names their folder"):
         configure(demo_rig({"supervisor": {"tls": True}}), tmp_path)
 
 
-def test_one_line_of_the_rig_file_is_enough(
+def test_one_line_of_the_rig_file_enables_tls(
     folder: Folder, authority: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PINCETTE_PKI", str(folder.path))

@@ -59,7 +59,7 @@ def start_again(rig: RunningRig, names: Collection[str]) -> None:
             raise
 
 
-def test_actuator_and_supervisor_killed_and_started_clear_no_latch(
+def test_a_restart_of_killed_actuator_and_supervisor_clears_no_latch(
     rig: RunningRig, seen: Witness
 ) -> None:
     approach(rig, seen)
@@ -71,7 +71,7 @@ def test_actuator_and_supervisor_killed_and_started_clear_no_latch(
 
 
 @pytest.mark.full
-def test_an_actuator_that_was_told_to_end_with_a_part_held_asks_a_person(
+def test_an_actuator_stopped_with_a_part_held_needs_a_person(
     rig: RunningRig, seen: Witness
 ) -> None:
     """Its ramp lets the part go; whoever starts it again is told."""

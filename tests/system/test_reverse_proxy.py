@@ -210,7 +210,7 @@ def test_a_proxy_that_drops_host_is_reported(rig: RunningRig, tmp_path: Path) ->
         assert client.post("api/v1/rigs/demo/estop").status_code == 403
 
 
-def test_a_prefix_that_a_proxy_left_is_named(rig: RunningRig, tmp_path: Path) -> None:
+def test_a_prefix_that_a_proxy_did_not_remove_is_named(rig: RunningRig, tmp_path: Path) -> None:
     with proxied("nginx: whole host", rig.rig.supervisor.url, tmp_path) as client:
         answer = client.post("gripper/api/v1/rigs/demo/estop")
         assert answer.status_code == 404

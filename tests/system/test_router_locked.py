@@ -94,7 +94,7 @@ def held(rig: RunningRig) -> str:
     return job
 
 
-def test_one_that_is_locked_ends_and_a_new_one_takes_its_place_while_a_part_is_held(
+def test_a_locked_router_ends_and_is_replaced_while_a_part_is_held(
     rig: RunningRig, lock: Path, figures: list[str]
 ) -> None:
     job, revival = held(rig), Revival(rig.fleet)
@@ -137,7 +137,7 @@ def replaced(rig: RunningRig) -> bool:
 
 
 @pytest.mark.parametrize("rig", [{"safety": {"lease_s": LEASE_S}}], indirect=True)
-def test_one_that_hangs_drops_no_part_and_takes_no_stop_away(rig: RunningRig) -> None:
+def test_a_hanging_router_drops_no_part_and_prevents_no_stop(rig: RunningRig) -> None:
     held(rig)
     with past_the_router(rig) as heard:
         begun_s = monotonic()

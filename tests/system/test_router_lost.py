@@ -89,7 +89,7 @@ def away(rig: RunningRig, for_s: float) -> tuple[float, float]:
     return killed_s, seen_again(rig, 2.0 * RECONNECT_S)
 
 
-def test_the_loop_does_not_notice_and_all_are_back_within_five_seconds(
+def test_the_loop_continues_without_a_router_and_all_programs_reconnect_within_five_seconds(
     rig: RunningRig, seen: Witness, figures: list[str]
 ) -> None:
     job = hold(rig, seen)

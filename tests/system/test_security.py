@@ -112,7 +112,7 @@ def assert_untouched(seen: Witness, since_s: float) -> None:
 
 
 @pytest.mark.parametrize("who", ["right/controller", "operator"])
-def test_whoever_has_a_certificate_of_another_can_neither_command_nor_ask(
+def test_a_certificate_of_another_program_can_neither_command_nor_query(
     rig: RunningRig, seen: Witness, folder: Folder, held: str, who: str
 ) -> None:
     chance = random.Random(SEED)
@@ -147,7 +147,7 @@ def test_whoever_proves_nothing_is_not_let_in(
     assert rig.job(held)["state"] == "running"
 
 
-def test_with_the_controllers_own_key_the_same_puts_do_arrive(
+def test_with_the_controllers_own_key_the_same_messages_arrive(
     rig: RunningRig, seen: Witness, folder: Folder, held: str
 ) -> None:
     """What the others did reaches the actuator from here, and is refused by another rule: owner."""

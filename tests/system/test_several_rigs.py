@@ -21,7 +21,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Generator[Laboratory]:
         yield made
 
 
-def test_both_grip_at_the_same_time_each_with_its_own_record(lab: Laboratory) -> None:
+def test_both_rigs_grip_at_the_same_time_with_separate_records(lab: Laboratory) -> None:
     jobs = {rig: lab.grip(rig, **SHORT) for rig in ("left", "right")}
     for job in jobs.values():
         lab.gripped(job)
@@ -34,7 +34,7 @@ def test_both_grip_at_the_same_time_each_with_its_own_record(lab: Laboratory) ->
         assert {"job.mcap", "samples.parquet", "result.json", "manifest.json"} <= names
 
 
-def test_one_whose_programs_are_killed_leaves_the_other_alone_and_comes_back(
+def test_a_rig_with_killed_programs_leaves_the_other_alone_and_returns(
     lab: Laboratory,
 ) -> None:
     lost = lab.grip("right", **HELD)
@@ -62,7 +62,7 @@ def test_a_supervisor_that_is_killed_finds_the_other_rig_again_and_resumes_nothi
     lab.gripped(lab.grip("left", **SHORT))
 
 
-def test_a_rig_without_its_router_says_who_must_be_started_first(tmp_path: Path) -> None:
+def test_a_rig_without_its_router_states_which_rig_must_be_started_first(tmp_path: Path) -> None:
     joins = {"rig": {"name": "right"}, "bus": {"router": "127.0.0.1:1"}}
     rig = demo_rig(joins, time="lockstep")
     fleet = Fleet(rig, tmp_path / "right.toml", tmp_path / "data", lambda _name, _line: None)

@@ -28,7 +28,7 @@ NAME = "safety-times.json"
 
 
 @pytest.mark.parametrize("rounds", [FEW, pytest.param(ROUNDS, marks=pytest.mark.slow)])
-def test_whatever_befalls_a_program_of_the_loop_the_rig_is_safe_in_time(
+def test_the_rig_is_safe_in_time_after_every_fault_of_a_program_of_the_loop(
     rounds: int, tmp_path: Path, figures: list[str], capfd: pytest.CaptureFixture[str]
 ) -> None:
     why = objection()

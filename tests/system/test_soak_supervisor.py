@@ -116,7 +116,7 @@ def attempt(rig: RigHandle, number: int, told: Told) -> None:
 
 
 @pytest.mark.parametrize("kills", [FEW, pytest.param(MANY, marks=pytest.mark.slow)])
-def test_killed_again_and_again_no_job_is_lost_doubled_or_told_wrongly(
+def test_repeated_kills_lose_duplicate_or_misreport_no_job(
     kills: int, tmp_path: Path, figures: list[str]
 ) -> None:
     chance, moments = random.Random(SEED), Counter[str]()

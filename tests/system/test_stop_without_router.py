@@ -60,7 +60,7 @@ def test_a_stop_over_rest_reaches_the_actuator(
         sleep(0.1)
 
 
-def test_where_nothing_confirms_the_answer_says_so_in_time(rig: RunningRig) -> None:
+def test_an_unconfirmed_stop_is_answered_in_time(rig: RunningRig) -> None:
     with without_router(rig, signal.SIGSTOP):
         rig.fleet.signal("actuator", signal.SIGSTOP)
         try:

@@ -138,7 +138,7 @@ def test_a_stop_keeps_a_held_part_until_it_is_released(rig: RunningRig, seen: Wi
     assert seen.newest(GroundTruth).arms[0].force_mN == 0.0
 
 
-def test_an_abort_freezes_a_held_part_and_then_lets_it_go(
+def test_an_abort_freezes_a_held_part_and_then_releases_it(
     rig: RunningRig, seen: Witness, stalls: StallRecorder
 ) -> None:
     job = hold(rig, seen)

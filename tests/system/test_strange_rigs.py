@@ -38,10 +38,10 @@ def played(folder: Path, seeds: Sequence[int]) -> list[Treated]:
     return treated
 
 
-def test_a_strange_rig_of_each_class_tells_the_truth(tmp_path: Path) -> None:
+def test_an_unusual_rig_of_each_class_reports_correct_results(tmp_path: Path) -> None:
     judge(played(tmp_path, (1, 2)))
 
 
 @pytest.mark.slow
-def test_twenty_strange_rigs_tell_the_truth(tmp_path: Path) -> None:
+def test_twenty_unusual_rigs_report_correct_results(tmp_path: Path) -> None:
     judge(played(tmp_path, range(1, COUNT + 1)))

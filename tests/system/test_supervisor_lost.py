@@ -60,7 +60,7 @@ def acknowledged(rig: RunningRig) -> None:
         rig.post(f"/alarms/{row['id']}/actions", {"type": "acknowledge"}).raise_for_status()
 
 
-def test_killed_with_a_free_arm_the_program_comes_to_rest_and_the_job_reads_interrupted(
+def test_killed_with_a_free_arm_the_motion_comes_to_rest_and_the_job_is_interrupted(
     rig: RunningRig, seen: Witness, figures: list[str]
 ) -> None:
     acknowledged(rig)
@@ -81,7 +81,7 @@ def test_killed_with_a_free_arm_the_program_comes_to_rest_and_the_job_reads_inte
     whole_grip(rig, seen)
 
 
-def test_killed_with_a_part_held_it_stays_held_until_the_next_one_lets_it_go(
+def test_killed_with_a_held_part_it_stays_held_until_the_next_supervisor_releases_it(
     rig: RunningRig, seen: Witness
 ) -> None:
     job = hold(rig, seen)
@@ -99,7 +99,7 @@ def test_killed_with_a_part_held_it_stays_held_until_the_next_one_lets_it_go(
     assert rig.ended(release.json()["id"])["state"] == "succeeded"
 
 
-def test_one_that_hangs_for_less_than_the_lease_changes_nothing(
+def test_a_supervisor_that_hangs_for_less_than_the_lease_changes_nothing(
     rig: RunningRig, seen: Witness
 ) -> None:
     job = hold(rig, seen)

@@ -54,7 +54,7 @@ def alarms(rig: RunningRig) -> list[str]:
     return [str(row["words"]) for row in found]
 
 
-def test_it_restarts_itself_once_and_a_part_stays_held(
+def test_a_supervisor_that_receives_nothing_restarts_itself_once_and_a_part_stays_held(
     rig: RunningRig, seen: Witness, mute: Path, figures: list[str]
 ) -> None:
     make_ready(rig)

@@ -152,7 +152,7 @@ def test_a_program_that_is_killed_or_hangs_stops_both(rig: RunningRig, seen: Wit
     assert rig.ended(job)["state"] == "failed"
 
 
-def test_both_outputs_let_go_by_themselves_where_the_actuator_is_no_more(
+def test_both_outputs_release_by_their_watchdogs_if_the_actuator_is_dead(
     rig: RunningRig, seen: Witness
 ) -> None:
     """Both watchdogs have acted, one hardly later than the other."""

@@ -20,7 +20,7 @@ PROGRAMS = {"recorder", "router", "rig", *LOOP, "supervisor"}
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
-def test_nothing_outlives_it(tmp_path: Path, number: signal.Signals) -> None:
+def test_no_process_outlives_up(tmp_path: Path, number: signal.Signals) -> None:
     rig, path, log = demo_rig(), tmp_path / "rig.toml", tmp_path / "up.log"
     path.write_text(rig_toml(rig), encoding="utf-8")
     command = [*PINCETTE, "up", "--rig", str(path), "--data", str(tmp_path / "data")]
@@ -37,7 +37,7 @@ def test_nothing_outlives_it(tmp_path: Path, number: signal.Signals) -> None:
     assert_nothing_is_left(rig, path, timeout_s=10.0)
 
 
-def test_a_rig_that_was_only_up_and_ended_asks_nobody_when_it_is_up_again(tmp_path: Path) -> None:
+def test_an_idle_rig_that_was_stopped_needs_no_person_at_the_next_start(tmp_path: Path) -> None:
     rig, path, log = demo_rig(), tmp_path / "rig.toml", tmp_path / "up.log"
     path.write_text(rig_toml(rig), encoding="utf-8")
     command = [*PINCETTE, "up", "--rig", str(path), "--data", str(tmp_path / "data")]
@@ -54,7 +54,7 @@ def test_a_rig_that_was_only_up_and_ended_asks_nobody_when_it_is_up_again(tmp_pa
                 assert desk.start("grip", hold_s=0.1).wait(60.0).state == "succeeded"
 
 
-def test_a_router_that_was_killed_is_started_again_and_the_part_stays_held(tmp_path: Path) -> None:
+def test_a_killed_router_is_restarted_and_the_part_stays_held(tmp_path: Path) -> None:
     rig, path, log = demo_rig(), tmp_path / "rig.toml", tmp_path / "up.log"
     path.write_text(rig_toml(rig), encoding="utf-8")
     command = [*PINCETTE, "up", "--rig", str(path), "--data", str(tmp_path / "data")]

@@ -23,7 +23,7 @@ DC205: Tree = {
 QUICK: Tree = {"grip": {"hold_s": 1.0, "load_s": 1.0}}
 
 
-def test_a_grip_over_pseudo_terminals_in_the_time_of_their_bytes(tmp_path: Path) -> None:
+def test_a_grip_over_pseudo_terminals_with_real_transmission_times(tmp_path: Path) -> None:
     rig = demo_rig(
         {
             **QUICK,
@@ -46,7 +46,7 @@ def recorded(folder: Path, job: Json) -> dict[str, list[Any]]:
     return cast("dict[str, list[Any]]", table.to_pydict())
 
 
-def test_a_recording_of_bytes_gives_the_same_job_without_instruments(tmp_path: Path) -> None:
+def test_a_recording_of_bytes_reproduces_the_job_without_instruments(tmp_path: Path) -> None:
     """Replayed through the same drivers and programs, each request must be the recorded one."""
     files = {table: tmp_path / f"{table}.dialogue" for table in ("sensor", "output")}
     keeping: Tree = {table: {"record": str(path)} for table, path in files.items()}

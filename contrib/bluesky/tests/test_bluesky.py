@@ -96,7 +96,7 @@ def located(engine: Any, gripper: Gripper) -> float:
     return found[0]
 
 
-def test_a_part_is_gripped_read_and_let_go(
+def test_a_part_is_gripped_read_and_released(
     engine: Any, gripper: Gripper, documents: list[tuple[str, Any]], rig: RunningRig
 ) -> None:
     updates: list[dict[str, Any]] = []
@@ -233,7 +233,7 @@ def test_a_flight_gives_the_samples_of_its_record(
     assert of(documents, "stop")[0]["num_events"] == {"gripper_samples": len(times)}
 
 
-def test_what_breaks_a_limit_is_refused_with_value_unit_and_limit(
+def test_requests_that_break_a_limit_are_refused_with_value_unit_and_limit(
     engine: Any, gripper: Gripper, rig: RunningRig
 ) -> None:
     words = "force 500.000 mN above the limit 40 mN"
@@ -263,7 +263,7 @@ def test_a_force_that_is_invalid_is_refused_by_name(
     assert rig.view()["active_job"] is None
 
 
-def test_a_release_while_anothers_grip_is_on_its_way_is_an_error(
+def test_a_release_during_another_clients_grip_is_an_error(
     engine: Any, gripper: Gripper, rig: RunningRig
 ) -> None:
     job = rig.start_grip(force_mN=FORCE_MN, until_released=True)
@@ -297,7 +297,9 @@ def test_an_abort_in_the_hold_of_a_flight_keeps_the_part(
     assert rig.view()["part"] == "none"
 
 
-def test_an_abort_on_the_way_comes_to_rest(engine: Any, gripper: Gripper, rig: RunningRig) -> None:
+def test_an_abort_during_a_motion_comes_to_rest(
+    engine: Any, gripper: Gripper, rig: RunningRig
+) -> None:
     @bpp.stage_decorator([gripper])
     @bpp.run_decorator()
     def plan() -> Generator[Any, Any, None]:
@@ -337,7 +339,7 @@ def test_a_pause_during_the_request_stops_it_and_a_resume_grips(
     engine(bps.mv(gripper, 0.0))
 
 
-def test_a_plan_that_waits_no_longer_stops_the_motion(
+def test_cancelling_a_waiting_plan_stops_the_motion(
     engine: Any, gripper: Gripper, rig: RunningRig
 ) -> None:
     def plan() -> Generator[Any, Any, None]:
@@ -404,7 +406,9 @@ def test_a_suspender_waits_until_the_rig_takes_commands(
     engine(bps.mv(gripper, 0.0))
 
 
-def test_somebody_elses_stop_is_an_error(engine: Any, gripper: Gripper, rig: RunningRig) -> None:
+def test_a_stop_by_another_client_is_an_error(
+    engine: Any, gripper: Gripper, rig: RunningRig
+) -> None:
     def plan() -> Generator[Any, Any, None]:
         yield from bps.abs_set(gripper, FORCE_MN, group="grip")
         yield from until_moving(rig)
@@ -432,7 +436,7 @@ time.sleep(60.0)
 """
 
 
-def test_a_killed_process_leaves_the_part_held_and_the_next_finds_its_job(
+def test_after_a_killed_process_the_part_stays_held_and_the_next_process_finds_its_job(
     engine: Any, gripper: Gripper, rig: RunningRig
 ) -> None:
     line = [sys.executable, "-c", KILLED, rig.rig.supervisor.url, str(FORCE_MN)]
@@ -449,7 +453,7 @@ def test_a_killed_process_leaves_the_part_held_and_the_next_finds_its_job(
     assert rig.view()["part"] == "none"
 
 
-def test_a_supervisor_that_is_gone_and_back_leaves_the_part_held(
+def test_a_restarted_supervisor_leaves_the_part_held(
     engine: Any, gripper: Gripper, rig: RunningRig
 ) -> None:
     engine(bps.mv(gripper, FORCE_MN))

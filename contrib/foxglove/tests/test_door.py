@@ -98,7 +98,7 @@ def test_another_page_is_refused(place: tuple[str, int], origin: str) -> None:
     assert both.startswith("HTTP/1.1 403 ")
 
 
-def test_what_comes_after_goes_both_ways_to_the_end(place: tuple[str, int]) -> None:
+def test_data_after_the_handshake_is_forwarded_in_both_directions(place: tuple[str, int]) -> None:
     with socket.create_connection(place, WAIT_S) as line:
         line.sendall((ASKED + "\r\n").encode())
         assert line.recv(65536)
@@ -114,7 +114,7 @@ def test_what_comes_after_goes_both_ways_to_the_end(place: tuple[str, int]) -> N
 
 
 @pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.1\r\n", bytes(2 * HEAD_BYTES)])
-def test_no_request_is_no_connection(place: tuple[str, int], sent: bytes) -> None:
+def test_a_connection_without_a_request_is_refused(place: tuple[str, int], sent: bytes) -> None:
     with socket.create_connection(place, WAIT_S) as line:
         line.sendall(sent)
         line.shutdown(socket.SHUT_WR)
@@ -123,7 +123,7 @@ def test_no_request_is_no_connection(place: tuple[str, int], sent: bytes) -> Non
     assert said(place).startswith("GET")
 
 
-def test_over_tls_pages_are_asked_too(behind: tuple[str, int], tmp_path: Path) -> None:
+def test_origins_are_checked_over_tls_too(behind: tuple[str, int], tmp_path: Path) -> None:
     pki = folder_for(tmp_path / "pki", "demo").path
     where = "127.0.0.1", free_ports(1)
     door = Door(where, behind, VIEWERS, certificate(str(pki / "router.crt")))
@@ -140,12 +140,12 @@ def test_over_tls_pages_are_asked_too(behind: tuple[str, int], tmp_path: Path) -
         door.close()
 
 
-def test_a_port_that_is_taken_is_an_error(place: tuple[str, int], behind: tuple[str, int]) -> None:
+def test_a_port_in_use_is_an_error(place: tuple[str, int], behind: tuple[str, int]) -> None:
     with pytest.raises(OSError, match="in use"):
         Door(place, behind, VIEWERS)
 
 
 @pytest.mark.parametrize("origin", ["null", "*", "viewer.example", "https://viewer.example/path"])
-def test_what_is_no_origin_is_refused_in_the_rig_file(origin: str) -> None:
+def test_an_invalid_origin_is_refused_in_the_rig_file(origin: str) -> None:
     with pytest.raises(ValueError, match="origins"):
         Foxglove(origins=(origin,))

@@ -12,7 +12,7 @@ from tests.support.checkout import ROOT
 FILE = ROOT / "contrib/foxglove/pincette.json"
 
 
-def test_the_file_is_what_the_program_makes() -> None:
+def test_the_file_equals_the_generated_layout() -> None:
     assert FILE.read_text(encoding="utf-8") == text()
 
 
@@ -40,7 +40,7 @@ def test_every_voltage_that_is_shown_was_confirmed_by_the_output() -> None:
     assert "unconfirmed" in APPLIED.message.__struct_fields__
 
 
-def test_the_button_calls_the_service_that_there_is() -> None:
+def test_the_button_calls_an_existing_service() -> None:
     def panels(tree: Any) -> list[dict[str, Any]]:
         if tree.get("type") == "panel":
             return [tree]

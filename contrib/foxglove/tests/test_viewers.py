@@ -39,7 +39,7 @@ def rig(running: RunningRig) -> RunningRig:
     return running
 
 
-def test_a_grip_is_seen_as_its_record_has_it(rig: RunningRig) -> None:
+def test_a_viewer_sees_a_grip_as_recorded(rig: RunningRig) -> None:
     with viewing(rig.rig) as viewer:
         assert viewer.server["name"] == "pincette demo"
         viewer.subscribe("estimate", "telemetry", "applied", "job")
@@ -66,7 +66,7 @@ def test_a_grip_is_seen_as_its_record_has_it(rig: RunningRig) -> None:
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
 
 
-def test_who_speaks_an_older_protocol_is_refused(rig: RunningRig) -> None:
+def test_clients_of_an_older_protocol_are_refused(rig: RunningRig) -> None:
     address = f"ws://127.0.0.1:{rig.rig.foxglove.port}"
     with (
         pytest.raises(Exception, match="400"),
@@ -98,7 +98,7 @@ def test_a_page_of_elsewhere_is_refused(rig: RunningRig) -> None:
         assert line.recv(timeout=10.0)
 
 
-def test_the_emergency_stop_stops_and_says_so(rig: RunningRig) -> None:
+def test_the_emergency_stop_stops_and_is_reported(rig: RunningRig) -> None:
     with viewing(rig.rig) as viewer:
         job = rig.start_grip(until_released=True)
         rig.until_phase(job, "approach")
@@ -117,7 +117,7 @@ def test_the_emergency_stop_stops_and_says_so(rig: RunningRig) -> None:
     rig.post("/rigs/demo/reset", {"acknowledge": True}).raise_for_status()
 
 
-def test_a_supervisor_that_is_gone_is_reported_and_samples_continue(rig: RunningRig) -> None:
+def test_an_unreachable_supervisor_is_reported_and_samples_continue(rig: RunningRig) -> None:
     rig.until_phase(rig.start_grip(until_released=True), "hold")
     with viewing(rig.rig) as viewer:
         viewer.subscribe("estimate")
@@ -135,7 +135,7 @@ def test_a_supervisor_that_is_gone_is_reported_and_samples_continue(rig: Running
     assert viewer.answers[1]["stopped"] is True
 
 
-def test_a_killed_server_leaves_the_part_held_and_comes_back(rig: RunningRig) -> None:
+def test_a_killed_server_leaves_the_part_held_and_can_be_restarted(rig: RunningRig) -> None:
     job = rig.start_grip(until_released=True)
     rig.until_phase(job, "hold")
     rig.fleet.signal("foxglove", signal.SIGKILL)

@@ -193,7 +193,7 @@ def test_the_program_of_the_page_grips(rig: RunningRig, python: Path, tmp_path: 
     assert rig.view()["part"] == "none"
 
 
-def test_a_killed_node_leaves_the_part_held_and_the_next_finds_its_job(
+def test_after_a_killed_node_the_part_stays_held_and_the_next_node_finds_its_job(
     rig: RunningRig, python: Path, tmp_path: Path
 ) -> None:
     supervisor = rig.rig.supervisor.url
@@ -210,7 +210,7 @@ def test_a_killed_node_leaves_the_part_held_and_the_next_finds_its_job(
     assert rig.view()["part"] == "none"
 
 
-def test_a_supervisor_that_is_gone_is_reported_and_its_successor_releases(
+def test_an_unreachable_supervisor_is_reported_and_its_successor_releases(
     rig: RunningRig, python: Path, tmp_path: Path
 ) -> None:
     with node(python, tmp_path, rig.rig.supervisor.url) as (url, _):
@@ -241,7 +241,9 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
         yield found
 
 
-def test_both_arms_of_a_rig_grip_and_let_go(pair: RunningRig, python: Path, tmp_path: Path) -> None:
+def test_both_arms_of_a_rig_grip_and_release(
+    pair: RunningRig, python: Path, tmp_path: Path
+) -> None:
     with node(python, tmp_path, pair.rig.supervisor.url) as (url, _):
         refused = driven(python, tmp_path, url, "grip", json.dumps({"force_mN": 500.0}))
         assert code_of(refused) == "limit-violation"

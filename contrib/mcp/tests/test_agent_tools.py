@@ -30,14 +30,14 @@ def test_a_stop_is_reported_as_made_where_reading_needs_a_key(name: str | None) 
     assert (done.part, done.detail) == ("unknown", "latched: estop")
 
 
-def test_a_stop_is_reported_as_made_where_the_supervisor_is_gone_afterwards() -> None:
+def test_a_stop_is_reported_as_confirmed_if_the_supervisor_ends_afterwards() -> None:
     desk = Desk(stopped(), httpx.ConnectError("gone"))
     done = asyncio.run(Tools(desk.async_supervisor(), "demo").emergency_stop())
     assert (done.part, done.detail) == ("unknown", "latched: estop")
     assert desk.slept_s == [], "who has stopped a rig waits for nothing"
 
 
-def test_what_is_held_is_reported_with_a_stop() -> None:
+def test_a_stop_reports_the_held_part() -> None:
     desk = Desk(stopped(), rig(part="held"))
     assert asyncio.run(Tools(desk.async_supervisor(), "demo").emergency_stop()).part == "held"
 
@@ -56,7 +56,7 @@ def test_status_is_unknown_while_no_supervisor_replies(name: str | None) -> None
     assert (status.state, status.can_start) == ("unknown", False)
 
 
-def test_a_stop_that_nobody_has_confirmed_is_an_error() -> None:
+def test_an_unconfirmed_stop_is_an_error() -> None:
     desk = Desk(problem(503, "estop-unconfirmed"))
     with pytest.raises(ToolError, match="estop-unconfirmed"):
         asyncio.run(Tools(desk.async_supervisor(), "demo").emergency_stop())

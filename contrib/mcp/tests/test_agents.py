@@ -29,7 +29,7 @@ async def until_phase(rig: RunningRig, phase: str) -> str:
         await asyncio.sleep(0.02)
 
 
-def test_what_moves_is_there_only_where_it_is_asked_for(rig: RunningRig) -> None:
+def test_tools_that_move_are_offered_only_if_enabled(rig: RunningRig) -> None:
     async def listed(*options: str) -> dict[str, Any]:
         async with agent(rig.rig.supervisor.url, *options) as client:
             return {tool.name: tool for tool in (await client.list_tools()).tools}
@@ -41,7 +41,7 @@ def test_what_moves_is_there_only_where_it_is_asked_for(rig: RunningRig) -> None
     assert {name for name, tool in moving.items() if tool.annotations.destructive_hint} == MOVES
 
 
-def test_a_grip_takes_the_token_of_a_plan_once(rig: RunningRig) -> None:
+def test_a_grip_uses_the_token_of_a_plan_once(rig: RunningRig) -> None:
     told: list[tuple[float, float | None, str | None]] = []
 
     async def tell(progress: float, total: float | None, message: str | None) -> None:
@@ -103,7 +103,9 @@ def test_a_stop_in_a_timed_hold_ends_the_call_with_the_part_held(rig: RunningRig
     asyncio.run(drive())
 
 
-def test_a_token_states_its_plan_and_is_good_for_the_next_server_once(rig: RunningRig) -> None:
+def test_a_token_states_its_plan_and_is_valid_once_after_a_restart_of_the_server(
+    rig: RunningRig,
+) -> None:
     async def drive() -> None:
         async with agent(rig.rig.supervisor.url, "--move") as client:
             plan = await said(client, "plan_grip", force_mN=FORCE_MN)
@@ -141,7 +143,7 @@ def test_unknown_arguments_and_texts_for_numbers_are_refused(
     assert any(name in asyncio.run(drive()) for name in ("hold", "force_mN"))
 
 
-def test_what_breaks_a_limit_has_no_token(rig: RunningRig) -> None:
+def test_a_plan_that_breaks_a_limit_has_no_token(rig: RunningRig) -> None:
     async def drive() -> tuple[dict[str, Any], str]:
         async with agent(rig.rig.supervisor.url, "--move") as client:
             return await said(client, "plan_grip", force_mN=500.0), await refused(
@@ -155,7 +157,7 @@ def test_what_breaks_a_limit_has_no_token(rig: RunningRig) -> None:
 
 
 @pytest.mark.parametrize("how", ["stop", "cancel", "timeout"])
-def test_a_grip_that_is_stopped_or_given_up_on_its_way_comes_to_rest(
+def test_a_grip_that_is_stopped_or_cancelled_during_its_motion_comes_to_rest(
     rig: RunningRig, how: str
 ) -> None:
     timeout_s = 1.0 if how == "timeout" else None
@@ -218,7 +220,7 @@ def test_an_emergency_stop_and_the_latch_are_reported(rig: RunningRig) -> None:
     asyncio.run(drive())
 
 
-def test_a_killed_server_leaves_the_part_held_and_the_next_finds_its_job(
+def test_after_a_killed_server_the_part_stays_held_and_the_next_server_finds_its_job(
     rig: RunningRig, tmp_path: Path
 ) -> None:
     async def hold() -> str:
@@ -243,7 +245,7 @@ def test_a_killed_server_leaves_the_part_held_and_the_next_finds_its_job(
     assert (released["job"], released["part"]) == (job, "none")
 
 
-def test_a_supervisor_that_is_gone_is_reported_and_its_successor_releases(rig: RunningRig) -> None:
+def test_an_unreachable_supervisor_is_reported_and_its_successor_releases(rig: RunningRig) -> None:
     async def drive() -> tuple[dict[str, Any], dict[str, Any]]:
         async with agent(rig.rig.supervisor.url, "--move") as client:
             await said(client, "grip", token=await planned(client))
@@ -259,7 +261,7 @@ def test_a_supervisor_that_is_gone_is_reported_and_its_successor_releases(rig: R
     assert released["part"] == "none"
 
 
-def test_it_starts_without_its_supervisor_and_says_so() -> None:
+def test_the_server_starts_without_its_supervisor_and_reports_it() -> None:
     async def drive() -> dict[str, Any]:
         async with agent("http://127.0.0.1:9") as client:
             return await said(client, "status")

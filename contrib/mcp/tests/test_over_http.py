@@ -98,7 +98,7 @@ def test_the_sdk_of_typescript_grips_in_the_session_of_its_plan(
     assert "requires its key" in found["without"]
 
 
-def test_a_token_is_for_its_session_alone() -> None:
+def test_a_token_is_valid_in_its_session_only() -> None:
     tokens = Tokens(b"secret", lambda: 0.0)
     token = tokens.of("demo", FORCE_MN, None, "one")
     for other in ("", "another"):

@@ -65,7 +65,7 @@ def test_a_position_is_read_in_steps_of_16_bit() -> None:
 
 
 @pytest.mark.parametrize(("x_um", "voltage_V"), [(1e12, 10.0), (-1e12, -10.0)])
-def test_beyond_its_range_it_stays_at_the_end(x_um: float, voltage_V: float) -> None:
+def test_a_value_beyond_the_range_is_clamped(x_um: float, voltage_V: float) -> None:
     call = Caller(x_um)
     assert call("ReadAnalogScalarF64", task=call.task(POSITION)).value == voltage_V
 
@@ -79,7 +79,7 @@ def test_beyond_its_range_it_stays_at_the_end(x_um: float, voltage_V: float) -> 
         (POSITION, "AO", -200170),
     ],
 )
-def test_what_is_not_connected_is_refused(channel: str, kind: str, code: int) -> None:
+def test_an_unconnected_channel_is_refused(channel: str, kind: str, code: int) -> None:
     call = Caller()
     task = call.task()
     name = f"Create{kind}VoltageChan"
@@ -99,7 +99,7 @@ def test_ranges_rates_and_tasks_that_cannot_be_are_refused() -> None:
     assert call.refused("CreateAIVoltageChan", task=input_task, **again) == -200489
 
 
-def test_one_task_at_a_time_owns_a_side_of_a_device() -> None:
+def test_a_side_of_a_device_is_owned_by_one_task_at_a_time() -> None:
     call = Caller()
     first, second = call.task(POSITION), call.task(DRIVE)
     call("StartTask", task=first)
@@ -112,7 +112,7 @@ def test_one_task_at_a_time_owns_a_side_of_a_device() -> None:
     call("StartTask", task=first)
 
 
-def test_a_voltage_is_put_out_in_steps_of_16_bit() -> None:
+def test_voltages_are_quantized_to_16_bit() -> None:
     call = Caller()
     task = call.task(OUTPUT)
     refused = call.refused("WriteAnalogScalarF64", task=task, value=1.0, auto_start=False)
@@ -161,7 +161,7 @@ def test_a_wave_may_be_written_while_it_plays_and_stops_where_it_runs_dry() -> N
     assert call.refused("WriteAnalogF64", write_array=[0.0, 0.0], **write) == -200290
 
 
-def test_a_buffer_that_the_first_write_has_sized_takes_no_second() -> None:
+def test_a_buffer_sized_by_the_first_write_accepts_no_second() -> None:
     call = Caller()
     task = call.clocked(OUTPUT, rate_hz=1000.0, mode=FINITE, count=4)
     call("WriteAnalogF64", task=task, data_layout_raw=0, write_array=[0.0, 1.25])
@@ -180,7 +180,7 @@ def read(call: Caller, task: Session, count: int, order: FillMode) -> Any:
     return call("ReadAnalogF64", task=task, array_size_in_samps=100, **fields)
 
 
-def test_a_capture_begins_with_a_sample_at_once_and_brings_one_each_period() -> None:
+def test_a_capture_starts_with_a_sample_at_once_and_delivers_one_per_period() -> None:
     call = Caller(5.0)
     task = capture(call)
     reply = read(call, task, 1, FillMode.GROUP_BY_CHANNEL)
@@ -196,14 +196,14 @@ def test_a_capture_begins_with_a_sample_at_once_and_brings_one_each_period() -> 
 
 
 @pytest.mark.parametrize("lockstep", [True, False])
-def test_samples_that_do_not_come_are_a_status_in_the_reply(lockstep: bool) -> None:
+def test_missing_samples_are_a_status_in_the_reply(lockstep: bool) -> None:
     call = Caller(lockstep=lockstep)
     reply = read(call, capture(call), 2, FillMode.GROUP_BY_CHANNEL)
     assert reply.status == -200284
     assert not reply.read_array
 
 
-def test_a_buffer_that_runs_over_is_a_status_until_the_task_is_cleared() -> None:
+def test_an_overflowing_buffer_is_a_status_until_the_task_is_cleared() -> None:
     call = Caller()
     task = capture(call)
     call.rig.now_s = 0.06
@@ -233,7 +233,7 @@ def test_a_session_is_found_by_its_name() -> None:
     assert name == "a"
 
 
-def test_each_side_of_the_device_knows_its_calls() -> None:
+def test_each_side_of_the_device_accepts_its_own_calls() -> None:
     call = Caller()
     sides = {call.task(POSITION).id: "sensor", call.task(OUTPUT).id: "output", 99: ""}
     for number, side in sides.items():
@@ -244,7 +244,7 @@ def test_each_side_of_the_device_knows_its_calls() -> None:
     assert call.daq.side(b"\xff") == ""
 
 
-def test_calls_that_are_invalid_are_refused_or_not_heard() -> None:
+def test_invalid_calls_are_refused_or_ignored() -> None:
     call = Caller()
     assert call.said("GetTaskAttributeUInt32").startswith(b"status\0UNIMPLEMENTED\0")
     for line in (b"", b"StartTask\0", SERVICE + b"StartTask"):

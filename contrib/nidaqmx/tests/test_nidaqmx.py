@@ -150,7 +150,7 @@ class TestCapture:
         url, link = reach(device(rig))
         return rig, position_sensor.open_sensor(sensor_settings(url, **options), link)
 
-    def test_each_block_has_what_came_since_the_last(self, reach: Reach) -> None:
+    def test_each_block_has_the_samples_since_the_previous_block(self, reach: Reach) -> None:
         rig, sensor = self.opened(reach)
         sensor.begin_capture(20_000.0)
         assert len(sensor.read_block().x_um) == 1
@@ -167,7 +167,7 @@ class TestCapture:
         sensor.end_capture()
         sensor.close()
 
-    def test_a_block_of_twenty_seconds_comes_in_several_calls(self, reach: Reach) -> None:
+    def test_a_block_of_twenty_seconds_needs_several_calls(self, reach: Reach) -> None:
         rig, sensor = self.opened(reach)
         sensor.begin_capture(20_000.0)
         rig.now_s = 19.9
@@ -175,7 +175,9 @@ class TestCapture:
         assert len(x_um) == len(drive_V) == 398_001
         sensor.close()
 
-    def test_a_buffer_that_runs_over_is_an_error_and_can_be_begun_again(self, reach: Reach) -> None:
+    def test_an_overflowing_buffer_is_an_error_and_the_capture_can_be_restarted(
+        self, reach: Reach
+    ) -> None:
         rig, sensor = self.opened(reach)
         sensor.begin_capture(1000.0)
         rig.now_s = 21.0
@@ -186,7 +188,7 @@ class TestCapture:
         assert len(sensor.read_block().x_um) == 1
         sensor.close()
 
-    def test_samples_that_do_not_come_are_an_error(self, reach: Reach) -> None:
+    def test_missing_samples_are_an_error(self, reach: Reach) -> None:
         _, sensor = self.opened(reach)
         sensor.begin_capture(1000.0)
         sensor.read_block()
@@ -195,7 +197,7 @@ class TestCapture:
         assert caught.value.code == "silent"
         sensor.close()
 
-    def test_what_it_cannot_do_is_refused(self, reach: Reach) -> None:
+    def test_unsupported_captures_are_refused(self, reach: Reach) -> None:
         _, sensor = self.opened(reach, rate_hz=1000.0)
         with pytest.raises(InstrumentError, match="no capture was started"):
             sensor.read_block()
@@ -214,7 +216,7 @@ class TestWave:
         url, link = reach(device(rig))
         return rig, voltage_output.open_output(output_settings(url), link)
 
-    def test_a_wave_plays_until_it_is_over(self, reach: Reach) -> None:
+    def test_a_wave_plays_to_its_end(self, reach: Reach) -> None:
         rig, output = self.opened(reach)
         output.begin_wave([0.0, 1.25, 2.5], 10_000.0)
         output.look()
@@ -265,7 +267,7 @@ class TestWave:
         assert rig.voltages_V == [0.0]
         output.close()
 
-    def test_what_it_cannot_play_is_refused_before_anything_moves(self, reach: Reach) -> None:
+    def test_unsupported_waves_are_refused_before_anything_moves(self, reach: Reach) -> None:
         rig, output = self.opened(reach)
         for voltages_V, rate_hz in (([0.0, 10.1], 1e3), ([float("nan")], 1e3), ([], 1e3)):
             with pytest.raises(InstrumentError) as caught:
@@ -313,7 +315,7 @@ class TestParts:
         assert rig.wave == ([1.25, 2.5, 5.0], 500.0)
         output.close()
 
-    def test_what_it_cannot_put_out_is_refused_before_anything_moves(self, reach: Reach) -> None:
+    def test_unsupported_voltages_are_refused_before_anything_moves(self, reach: Reach) -> None:
         rig, output = self.opened(reach, rate_hz=1000.0)
         for voltages_V, interval_s in (
             ([0.0, 10.1, 0.0], 0.001),
@@ -348,7 +350,7 @@ def test_impossible_options_are_refused(option: str, value: float | str) -> None
         position_sensor.timing(sensor_settings("memory://", **{option: value}))
 
 
-def test_what_a_period_must_bear_is_stated() -> None:
+def test_the_minimum_period_is_stated() -> None:
     stated = position_sensor.timing(sensor_settings("memory://"))
     assert stated.exchange_s == 0.001
     assert stated.bandwidth_hz == 12_500.0

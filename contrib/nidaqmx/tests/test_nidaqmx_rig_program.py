@@ -49,7 +49,7 @@ def fast_rig(pace: str, changes: Tree | None = None) -> RigFile:
 
 
 @pytest.mark.parametrize("pace", ["lockstep", "real"])
-def test_each_write_over_the_line_is_one_of_the_rig(tmp_path: Path, pace: str) -> None:
+def test_each_write_over_the_line_is_a_write_of_the_rig(tmp_path: Path, pace: str) -> None:
     rig = fast_rig(pace)
     told = truths_of_three_writes(
         rig, tmp_path, lambda: open_sensor(rig.sensor), lambda: open_output(rig.output)
@@ -59,7 +59,7 @@ def test_each_write_over_the_line_is_one_of_the_rig(tmp_path: Path, pace: str) -
     assert [truth.arms[0].voltage_V for truth in told] == pytest.approx([1.0, 1.0, 0.5], abs=step_V)
 
 
-def test_in_lockstep_a_capture_sees_the_wave_that_is_played() -> None:
+def test_in_lockstep_a_capture_records_the_wave_that_is_played() -> None:
     rig = fast_rig("lockstep", {"simulation": {"sensor_noise_um": 0.0}})
     bench = open_bench(rig, lambda: 0.0)
     sensor = open_sensor(rig.sensor, MemoryLink(bench.sensor.answer, None))
@@ -116,7 +116,7 @@ def test_a_script_parts_what_is_for_the_sensor_from_what_is_for_the_output() -> 
     assert sensor.read_um() > 1.0
 
 
-def test_each_pair_of_drivers_meets_its_instruments() -> None:
+def test_each_pair_of_drivers_works_with_its_instruments() -> None:
     rig = fast_rig("real")
     shared = open_bench(rig, lambda: 0.0)
     assert shared.sensor is shared.output
@@ -133,7 +133,7 @@ def test_each_pair_of_drivers_meets_its_instruments() -> None:
     assert mixed.fitted["output"].terminator is None
 
 
-def test_a_serial_line_is_as_fast_as_its_own_driver_says() -> None:
+def test_a_serial_line_has_the_speed_that_its_driver_states() -> None:
     demo = demo_rig({"sensor": {"options": {"baud": 38400}}, "simulation": {"baud": 115200}})
     own = open_bench(demo, lambda: 0.0).fitted
     assert (own["sensor"].baud, own["output"].baud) == (115200, 115200)

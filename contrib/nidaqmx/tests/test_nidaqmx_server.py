@@ -52,7 +52,7 @@ def device(rig: HandRig, terminals: Terminals = WIRED) -> SimulatedDaq:
     return SimulatedDaq(rig, terminals, lockstep=True)
 
 
-def test_a_server_that_comes_back_is_used_again() -> None:
+def test_a_restarted_server_is_used_again() -> None:
     url = f"grpc://127.0.0.1:{free_ports(1)}"
     with DaqServer(url, device(HandRig(lambda: 5.0))):
         sensor, output = sensor_at(url), output_at(url)
@@ -88,7 +88,7 @@ def eventually(act: Callable[[], object]) -> None:
     raise AssertionError("it never came back")
 
 
-def test_what_a_program_has_left_behind_is_taken_back(caplog: pytest.LogCaptureFixture) -> None:
+def test_tasks_left_by_an_earlier_program_are_cleared(caplog: pytest.LogCaptureFixture) -> None:
     rig = HandRig(lambda: 5.0)
     daq = device(rig)
     killed = output_at(MEMORY, MemoryLink(daq.answer, None))
@@ -106,7 +106,7 @@ def test_what_a_program_has_left_behind_is_taken_back(caplog: pytest.LogCaptureF
     assert rig.voltages_V == [2.5]
 
 
-def test_a_task_whose_end_was_not_heard_is_taken_back() -> None:
+def test_a_task_whose_end_was_not_confirmed_is_cleared() -> None:
     rig = HandRig()
     daq = device(rig)
     deaf_to = [b""]
@@ -129,7 +129,7 @@ def test_a_task_whose_end_was_not_heard_is_taken_back() -> None:
     assert rig.voltages_V == [1.25]
 
 
-def test_the_voltage_that_is_there_can_be_measured_or_given(
+def test_the_present_voltage_is_measured_or_configured(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     daq = device(HandRig(), Terminals(output=OUTPUT, drives=(LOOP_BACK,)))
@@ -144,12 +144,12 @@ def test_the_voltage_that_is_there_can_be_measured_or_given(
     assert not caplog.records
 
 
-def test_without_a_server_it_says_what_to_start() -> None:
+def test_a_missing_server_is_reported_with_what_to_start() -> None:
     with pytest.raises(InstrumentError, match="is the device server, or `pincette run rig`"):
         sensor_at(f"grpc://127.0.0.1:{free_ports(1)}")
 
 
-def test_without_the_driver_of_this_machine_it_says_what_to_install() -> None:
+def test_a_missing_local_driver_is_reported_with_what_to_install() -> None:
     with pytest.raises(InstrumentError, match="NI-DAQmx is not installed") as caught:
         voltage_output.open_output(Output(driver="nidaqmx", url=f"ni:{OUTPUT}"))
     assert caught.value.code == "cannot_open"
@@ -158,7 +158,9 @@ def test_without_the_driver_of_this_machine_it_says_what_to_install() -> None:
         voltage_output.open_output(local)
 
 
-def test_without_the_package_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_package_is_reported_with_what_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setitem(sys.modules, "pincette_nidaqmx.tasks", None)
     for open_it in (sensor_at, output_at):
         with pytest.raises(InstrumentError, match=r"pip install 'pincette\[nidaqmx\]'") as caught:
@@ -166,7 +168,7 @@ def test_without_the_package_it_says_what_to_install(monkeypatch: pytest.MonkeyP
         assert caught.value.code == "cannot_open"
 
 
-def test_a_port_that_is_taken_says_so() -> None:
+def test_a_port_in_use_is_reported() -> None:
     with (
         DaqServer("grpc://127.0.0.1:0", device(HandRig())) as first,
         pytest.raises(WireError, match="is in use"),
@@ -201,13 +203,13 @@ def test_calls_are_recorded_logged_and_played_back(
     replayed.close()
 
 
-def test_a_link_carries_no_streams() -> None:
+def test_a_link_does_not_support_streams() -> None:
     channel = LinkChannel(MemoryLink(lambda _request: None, None))
     with pytest.raises(InstrumentError, match="does not support streams"):
         channel.unary_stream("/service/Events")(b"")
 
 
-def test_drivers_fail_in_one_way_whatever_the_answer() -> None:
+def test_drivers_raise_one_kind_of_error_for_every_answer() -> None:
     chance = random.Random(SEED)
     daq = device(HandRig(lambda: 5.0))
     heads = (b"ok\0", b"ok\0", b"ok\0", b"ni-error\0-200077\0", b"status\0", b"")

@@ -38,17 +38,17 @@ OTHERS[NAME] = wire
 
 
 @pytest.mark.parametrize("fate", FATES)
-def test_an_output_that_confirms_nothing_is_never_stepped(fate: Fate) -> None:
+def test_an_unconfirmed_output_is_never_stepped(fate: Fate) -> None:
     for seed in range(SEEDS):
         check(NAME, fate, seed)
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("fate", FATES)
-def test_in_many_cases_an_output_that_confirms_nothing_is_never_stepped(fate: Fate) -> None:
+def test_an_unconfirmed_output_is_never_stepped_in_many_cases(fate: Fate) -> None:
     for seed in range(SEEDS, SEEDS_IN_FULL):
         check(NAME, fate, seed)
 
 
-def test_without_a_fault_nothing_is_read_back_and_nothing_trips() -> None:
+def test_without_a_fault_there_is_no_read_back_and_no_trip() -> None:
     check_without_a_fault(NAME)

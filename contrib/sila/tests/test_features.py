@@ -34,7 +34,7 @@ def test_a_definition_is_valid_and_named_by_its_version(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_everything_is_described(path: Path) -> None:
+def test_every_feature_is_described(path: Path) -> None:
     def short(node: ElementTree.Element) -> Iterator[str]:
         for one in node.iter():
             name, text = one.findtext(f"{SPACE}Identifier"), one.findtext(f"{SPACE}Description")
@@ -44,7 +44,7 @@ def test_everything_is_described(path: Path) -> None:
     assert list(short(ElementTree.parse(path).getroot())) == []
 
 
-def test_what_is_invalid_is_found(tmp_path: Path) -> None:
+def test_invalid_features_are_found(tmp_path: Path) -> None:
     text = FILES[-1].read_text(encoding="utf-8")
     for odd in (
         text.replace("<Observable>No</Observable>", "", 1),

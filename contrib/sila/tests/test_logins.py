@@ -27,13 +27,13 @@ def callers(*, keys: bool, scope: Scope | None) -> Callers:
     return Callers("http://127.0.0.1:9", "demo", None, None, background)
 
 
-def test_a_supervisor_without_keys_logs_nobody_in() -> None:
+def test_without_keys_at_the_supervisor_nobody_can_log_in() -> None:
     """It lets everybody do everything, and would so take any word for a key."""
     with pytest.raises(AuthenticationFailed, match="no keys; make one"):
         callers(keys=False, scope="admin").log_in("ada", "word")
 
 
-def test_a_key_that_it_does_not_know_logs_nobody_in() -> None:
+def test_an_unknown_key_cannot_log_in() -> None:
     with pytest.raises(AuthenticationFailed, match="does not know"):
         callers(keys=True, scope=None).log_in("ada", "word")
 

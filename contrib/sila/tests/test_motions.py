@@ -26,7 +26,7 @@ def shares_and_samples(command: Any) -> tuple[list[float], list[Any]]:
     return shares, samples
 
 
-def test_a_part_is_held_on_and_released(rig: RunningRig, client: Any) -> None:
+def test_a_held_part_is_held_further_and_released(rig: RunningRig, client: Any) -> None:
     gripper = client.Microgripper
     grip = responses(gripper.Grip(FORCE_MN, 0.0, ""))
     client.CancelController.CancelAll()  # nothing runs: a grip ends as the part is held
@@ -55,7 +55,7 @@ def test_a_path_of_force_is_followed(rig: RunningRig, client: Any) -> None:
     assert (too_far.identifier, "limit" in too_far.message) == ("LimitViolation", True)
 
 
-def test_a_calibration_proposes_values_or_says_why_not(rig: RunningRig, client: Any) -> None:
+def test_a_calibration_proposes_values_or_states_why_not(rig: RunningRig, client: Any) -> None:
     assert pincette("rig", "part", "remove", "--rig", rig.path).returncode == 0
     try:
         calibration = client.Microgripper.Calibrate("noise")
@@ -71,7 +71,7 @@ def test_a_calibration_proposes_values_or_says_why_not(rig: RunningRig, client: 
     assert refusal(client.Microgripper.Calibrate("tea leaves")).identifier == "InvalidRequest"
 
 
-def test_a_recipe_has_what_parameters_leave_out(rig: RunningRig, client: Any) -> None:
+def test_a_recipe_supplies_omitted_parameters(rig: RunningRig, client: Any) -> None:
     with Supervisor(rig.rig.supervisor.url) as supervisor:
         supervisor.save_recipe("bead", {"force_mN": 6.0, "hold_s": 0.3})
     assert client.Microgripper.Recipes.get() == ["bead"]
@@ -126,7 +126,7 @@ class Misses:
         return grip, one
 
 
-def test_a_grip_that_meets_no_part_is_tried_again_or_given_up(rig: RunningRig, client: Any) -> None:
+def test_a_grip_without_contact_is_retried_or_given_up(rig: RunningRig, client: Any) -> None:
     misses = Misses(rig, client)
     assert pincette("rig", "part", "remove", "--rig", rig.path).returncode == 0
     try:

@@ -50,7 +50,7 @@ def ready(running: RunningRig) -> RunningRig:
     return running
 
 
-def test_a_staircase_of_forces_is_climbed_without_letting_go(
+def test_forces_are_reached_one_after_another_without_a_release(
     ready: RunningRig, tmp_path: Path
 ) -> None:
     climb(ready, Commands(ready), tmp_path)

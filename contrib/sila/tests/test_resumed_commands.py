@@ -107,7 +107,7 @@ def test_a_listing_that_fails_is_a_reason_and_is_repeated() -> None:
     assert any("the disk is full" in reason for row in reasons for reason in row)
 
 
-def test_a_call_after_the_end_is_refused_and_never_waits() -> None:
+def test_a_call_after_the_end_is_refused_and_does_not_wait() -> None:
     background = Background()
     background.close()
     with pytest.raises(CommandError) as caught:

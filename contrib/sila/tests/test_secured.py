@@ -73,7 +73,9 @@ def logged_in(client: Any, name: str, key: str) -> list[Any]:
     return [client.AuthorizationService.AccessToken(login.AccessToken)]
 
 
-def test_who_trusts_another_authority_does_not_connect(rig: RunningRig, tmp_path: Path) -> None:
+def test_clients_that_trust_another_authority_cannot_connect(
+    rig: RunningRig, tmp_path: Path
+) -> None:
     other = folder_for(tmp_path / "pki", "demo").path / "authority.crt"
     for details in ({"root_certs": other.read_bytes()}, {"insecure": True}):
         with pytest.raises((SilaConnectionError, ConnectionError)), stock_client(rig, **details):
@@ -117,7 +119,7 @@ def test_an_emergency_stop_needs_no_login(
         view.reset()
 
 
-def test_it_is_found_by_discovery(rig: RunningRig, believed: dict[str, Any]) -> None:
+def test_the_server_is_found_by_discovery(rig: RunningRig, believed: dict[str, Any]) -> None:
     name = f"pincette {rig.rig.rig.name}"
     with SilaClient.discover(server_name=name, timeout=DISCOVERY_S, **believed) as found:
         client: Any = found

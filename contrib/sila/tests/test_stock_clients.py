@@ -61,7 +61,7 @@ def test_a_grip_with_a_hold_time_ends_with_its_job(rig: RunningRig, client: Any)
     assert job["labels"]["sila"].startswith("Grip ")
 
 
-def test_what_breaks_a_limit_is_refused_in_words_of_sila(client: Any) -> None:
+def test_requests_that_break_a_limit_are_refused_as_sila_errors(client: Any) -> None:
     error = refusal(client.Microgripper.Grip(500.0, 0.0, ""))
     assert error.identifier == "LimitViolation"
     assert "force 500.000 mN above the limit 40 mN" in error.message
@@ -102,9 +102,7 @@ def test_a_cancel_in_a_timed_hold_ends_the_command_with_the_part_held(
     assert responses(gripper.Grip(FORCE_MN, 0.4, "")).Outcome == "gripped"  # at once
 
 
-def test_a_release_while_a_grip_is_on_its_way_is_refused_as_busy(
-    rig: RunningRig, client: Any
-) -> None:
+def test_a_release_during_a_grip_is_refused_as_busy(rig: RunningRig, client: Any) -> None:
     grip = client.Microgripper.Grip(FORCE_MN, 0.0, "")
     until(lambda: rig.view()["active_job"], "no job")
     assert refusal(client.Microgripper.Release()).identifier == "RigBusy"
@@ -112,7 +110,9 @@ def test_a_release_while_a_grip_is_on_its_way_is_refused_as_busy(
     assert refusal(grip).identifier == "Cancelled"
 
 
-def test_a_supervisor_that_hangs_is_unknown_after_a_second(rig: RunningRig, client: Any) -> None:
+def test_a_hanging_supervisor_is_reported_as_unknown_after_a_second(
+    rig: RunningRig, client: Any
+) -> None:
     gripper = client.Microgripper
     until(lambda: gripper.RigState.get() != "unknown", "it does not answer")
     rig.fleet.signal("supervisor", signal.SIGSTOP)
@@ -144,7 +144,7 @@ def test_a_cancel_during_the_request_stops_it(rig: RunningRig, client: Any) -> N
     assert {job["state"] for job in rig.get("/jobs", label=label)["jobs"]} <= {"stopped"}
 
 
-def test_a_cancel_on_the_way_comes_to_rest(rig: RunningRig, client: Any) -> None:
+def test_a_cancel_during_a_motion_comes_to_rest(rig: RunningRig, client: Any) -> None:
     grip = client.Microgripper.Grip(FORCE_MN, 0.0, "")
     until(lambda: rig.view()["active_job"], "no job")
     rig.until_phase(rig.view()["active_job"], "approach")
@@ -155,7 +155,7 @@ def test_a_cancel_on_the_way_comes_to_rest(rig: RunningRig, client: Any) -> None
     assert caught.value.identifier == "InvalidCommandExecutionUUID"
 
 
-def test_an_emergency_stop_latches_and_says_so(rig: RunningRig, client: Any) -> None:
+def test_an_emergency_stop_latches_and_is_reported(rig: RunningRig, client: Any) -> None:
     gripper = client.Microgripper
     grip = gripper.Grip(FORCE_MN, 0.0, "")
     until(lambda: rig.view()["active_job"], "no job")
@@ -168,7 +168,7 @@ def test_an_emergency_stop_latches_and_says_so(rig: RunningRig, client: Any) -> 
     assert refusal(gripper.Grip(FORCE_MN, 0.0, "")).identifier == "RigLatched"
 
 
-def test_a_lock_stops_grips_and_never_a_stop(rig: RunningRig, client: Any) -> None:
+def test_a_lock_prevents_grips_but_never_a_stop(rig: RunningRig, client: Any) -> None:
     gripper, locks = client.Microgripper, client.LockController
 
     def with_lock(word: str) -> Any:
@@ -192,7 +192,9 @@ def test_a_lock_stops_grips_and_never_a_stop(rig: RunningRig, client: Any) -> No
 
 
 @pytest.mark.usefixtures("cleared")
-def test_a_killed_server_leaves_the_part_held_and_comes_back_to_the_job(rig: RunningRig) -> None:
+def test_after_a_killed_server_the_part_stays_held_and_the_next_server_finds_the_job(
+    rig: RunningRig,
+) -> None:
     with stock_client(rig) as first:
         uuid = first.SiLAService.ServerUUID.get()
         grip = first.Microgripper.Grip(FORCE_MN, 0.0, "")
@@ -227,7 +229,9 @@ def test_the_wait_of_the_page_ends_although_the_server_was_killed(rig: RunningRi
         assert found["responses"](client.Microgripper.Release()).Outcome == "released"
 
 
-def test_a_supervisor_that_is_gone_and_back_is_reported(rig: RunningRig, client: Any) -> None:
+def test_an_unreachable_and_a_restarted_supervisor_are_reported(
+    rig: RunningRig, client: Any
+) -> None:
     gripper = client.Microgripper
     grip = gripper.Grip(FORCE_MN, 0.0, "")
     assert responses(grip).Outcome == "held"

@@ -47,7 +47,7 @@ def distribution() -> Any:
     made.close()
 
 
-def test_a_client_that_leaves_while_values_come_takes_none_from_others(
+def test_a_client_that_disconnects_takes_no_values_from_others(
     distribution: Distribution,
 ) -> None:
     values, over = [str(number) for number in range(2000)], Event()
@@ -76,7 +76,7 @@ def test_a_client_that_leaves_while_values_come_takes_none_from_others(
     assert distribution.thread.is_alive()
 
 
-def test_a_subscriber_begins_with_the_newest_value_and_misses_no_later_one(
+def test_a_subscriber_starts_with_the_newest_value_and_misses_no_later_one(
     distribution: Distribution,
 ) -> None:
     first = distribution.subscribe()[1]

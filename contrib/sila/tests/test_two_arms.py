@@ -28,7 +28,7 @@ def client(rig: RunningRig) -> Generator[Any]:
         yield found
 
 
-def test_both_arms_grip_and_let_go(rig: RunningRig, client: Any) -> None:
+def test_both_arms_grip_and_release(rig: RunningRig, client: Any) -> None:
     gripper = client.Microgripper
     assert gripper.Plan(FORCE_MN, 0.0, "").Feasible is True
     grip = gripper.Grip(FORCE_MN, 0.0, "")
@@ -57,7 +57,7 @@ def test_both_arms_grip_and_let_go(rig: RunningRig, client: Any) -> None:
     assert held.HeldForce == pytest.approx(result["force_held_mN"], abs=0.3)
 
 
-def test_what_breaks_a_limit_is_refused_with_value_unit_and_limit(client: Any) -> None:
+def test_requests_that_break_a_limit_are_refused_with_value_unit_and_limit(client: Any) -> None:
     words = "force 500.000 mN above the limit 40 mN"
     error = refusal(client.Microgripper.Grip(500.0, 0.0, ""))
     assert error.identifier == "LimitViolation"
@@ -67,7 +67,7 @@ def test_what_breaks_a_limit_is_refused_with_value_unit_and_limit(client: Any) -
     assert words in plan.Violations[0]
 
 
-def test_what_one_arm_alone_can_do_is_refused_in_words(client: Any) -> None:
+def test_commands_for_one_arm_are_refused_with_a_reason(client: Any) -> None:
     error = refusal(client.Microgripper.Track("sinusoid", FORCE_MN, 2.0, 1.0, 1, ""))
     assert error.identifier == "InvalidRequest"
     assert "cycles is for 1 driven arm, and this rig has 2" in error.message

@@ -22,7 +22,7 @@ async def refused(command: Any) -> DefinedExecutionError:
     return caught.value
 
 
-def test_it_grips_sees_samples_and_releases(rig: RunningRig) -> None:
+def test_a_grip_samples_and_a_release_work(rig: RunningRig) -> None:
     async def grip() -> tuple[Any, list[str], list[float], Any]:
         async with unitelabs(rig.rig) as client:
             gripper = client.Microgripper
@@ -44,7 +44,7 @@ def test_it_grips_sees_samples_and_releases(rig: RunningRig) -> None:
     assert free.Outcome == "released"
 
 
-def test_what_breaks_a_limit_is_refused_with_value_unit_and_limit(rig: RunningRig) -> None:
+def test_requests_that_break_a_limit_are_refused_with_value_unit_and_limit(rig: RunningRig) -> None:
     async def grip() -> DefinedExecutionError:
         async with unitelabs(rig.rig) as client:
             return await refused(client.Microgripper.Grip(Force=500.0, HoldTime=0.0, Recipe=""))
@@ -80,7 +80,7 @@ def test_a_cancel_during_the_request_stops_it(rig: RunningRig) -> None:
     assert {job["state"] for job in jobs} <= {"stopped"}
 
 
-def test_a_lock_stops_grips_and_never_an_emergency_stop_which_is_reported(rig: RunningRig) -> None:
+def test_a_lock_prevents_grips_but_not_an_emergency_stop_which_is_reported(rig: RunningRig) -> None:
     async def drive() -> tuple[DefinedExecutionError, Any, DefinedExecutionError]:
         async with unitelabs(rig.rig) as client:
             gripper, locks = client.Microgripper, client.LockController
@@ -106,7 +106,7 @@ def test_a_lock_stops_grips_and_never_an_emergency_stop_which_is_reported(rig: R
     assert again.fully_qualified_identifier.endswith("/RigLatched")
 
 
-def test_it_finds_a_held_part_again(rig: RunningRig) -> None:
+def test_a_new_connection_finds_a_held_part(rig: RunningRig) -> None:
     """A client that is gone leaves the part held; the next sees it, and releases it."""
 
     async def grip() -> str:
@@ -125,7 +125,7 @@ def test_it_finds_a_held_part_again(rig: RunningRig) -> None:
     assert asyncio.run(release()) == ("held", job)
 
 
-def test_a_killed_server_and_a_killed_supervisor_are_told_and_the_part_stays_held(
+def test_a_killed_server_and_a_killed_supervisor_are_reported_and_the_part_stays_held(
     rig: RunningRig,
 ) -> None:
     async def grip() -> str:

@@ -58,7 +58,7 @@ def trials() -> BeyondTrials:
     return BeyondTrials(tracks, grips)
 
 
-def test_the_median_is_a_number_under_its_name_and_the_worst_stands_beside() -> None:
+def test_a_summary_has_the_median_under_its_name_and_the_worst_value() -> None:
     found = summary(trials().tracks)
     assert list(found) == list(CLASSES)
     for by_scheme in found.values():
@@ -75,7 +75,7 @@ def test_the_median_is_a_number_under_its_name_and_the_worst_stands_beside() -> 
                 assert values["learned_position_percent_worst"] == 0.225
 
 
-def test_one_bad_rig_shows_in_the_worst_alone() -> None:
+def test_one_bad_rig_changes_only_the_worst_value() -> None:
     tracks = trials().tracks
     first = tracks[0]
     tracks[0] = replace(first, errors=errors(7.0))
@@ -83,7 +83,7 @@ def test_one_bad_rig_shows_in_the_worst_alone() -> None:
     assert (values["position_percent"], values["position_percent_worst"]) == (0.9, 7.0)
 
 
-def test_a_rig_without_a_residual_run_is_left_out_of_its_medians_and_told() -> None:
+def test_a_rig_without_a_residual_run_is_omitted_from_its_medians_and_reported() -> None:
     found = trials()
     missing = [
         trial

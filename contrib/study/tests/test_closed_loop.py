@@ -65,7 +65,7 @@ def test_rms() -> None:
 
 
 @pytest.mark.parametrize("stiffness", [None, 2.4])
-def test_a_path_has_the_paper_s_height_on_the_line_it_is_planned_on(
+def test_a_path_has_the_height_of_the_paper_on_its_planned_line(
     stiffness: float | None,
 ) -> None:
     rig = demo_rig(time="lockstep")
@@ -91,6 +91,6 @@ def test_a_faster_path_has_as_many_seconds() -> None:
     assert spans[0] == pytest.approx(spans[1])
 
 
-def test_a_run_without_the_phase_says_so() -> None:
+def test_a_run_without_the_phase_is_reported() -> None:
     with pytest.raises(StudyError, match="no track: ended"):
         record([], "track", 0.02)

@@ -56,7 +56,7 @@ def test_progress_and_summary_are_reported(
     assert "index.html" in said
 
 
-def test_a_study_that_breaks_off_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_study_reports_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def study(*_: object) -> dict[str, Any]:
         raise StudyError("no track: ended 'no_contact'")
 

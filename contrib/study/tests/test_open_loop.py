@@ -34,7 +34,7 @@ LINEAR = simulation_of(
 FREE = LINEAR.model_copy(update={"bead": False})
 
 
-def test_position_and_voltage_of_a_sample_are_of_one_age() -> None:
+def test_position_and_voltage_of_a_sample_have_the_same_age() -> None:
     voltages = [0.0, 0.5, 0.5, 1.0, 0.25, 0.25]
     motion = drive(FREE, voltages, PERIOD_S)
     # Before each output: the first sample sees an arm that has got nothing yet.
@@ -69,7 +69,7 @@ def test_a_rig_starts_unpoled_each_time() -> None:
     assert first.true_x_um[0] == 0.0
 
 
-def test_a_raised_sinusoid_begins_at_rest_and_keeps_whole_cycles() -> None:
+def test_a_raised_sinusoid_starts_at_rest_and_has_whole_cycles() -> None:
     voltages = raised_sinusoid(2.0, 0.5, 3, PERIOD_S)
     assert len(voltages) == 300
     assert voltages[0] == 0.0

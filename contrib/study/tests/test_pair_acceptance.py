@@ -10,7 +10,7 @@ from tests.support.two_arms import TWO_ARMS
 
 
 @pytest.mark.parametrize("hysteresis", list(CLASSES))
-def test_a_random_pair_keeps_within_the_worst_of_each_figure(
+def test_a_random_pair_stays_within_the_worst_value_of_each_figure(
     hysteresis: str, tmp_path: Path
 ) -> None:
     found = run_pair(TWO_ARMS, tmp_path, (hysteresis, 0))

@@ -64,7 +64,7 @@ def written(folder: Path, *sections: Section) -> tuple[Page, dict[str, Any]]:
     return page, json.loads((path.parent / "paper.json").read_text(encoding="utf-8"))
 
 
-def test_numbers_stand_beside_those_of_the_paper(tmp_path: Path) -> None:
+def test_results_are_compared_with_those_of_the_paper(tmp_path: Path) -> None:
     page, tree = written(tmp_path, section())
     assert tree["summary"] == {"random_rigs": 3}
     found = tree["sections"]["fig5"]
@@ -89,7 +89,7 @@ def test_a_deviation_is_signed_and_of_the_paper_s_magnitude(
     assert Comparison("force", "mN", paper, ours).deviation_percent == deviation
 
 
-def test_what_is_written_is_text_and_never_markup(tmp_path: Path) -> None:
+def test_written_text_is_escaped(tmp_path: Path) -> None:
     odd = section(
         title=ODD,
         text=(ODD,),
@@ -107,7 +107,7 @@ def test_what_is_written_is_text_and_never_markup(tmp_path: Path) -> None:
     assert tree["sections"]["fig5"]["data"] == {ODD: ODD}
 
 
-def test_what_is_no_number_is_not_written(tmp_path: Path) -> None:
+def test_non_finite_numbers_are_not_written(tmp_path: Path) -> None:
     for broken in (
         section(data={"x_um": [nan]}),
         section(comparisons=(Comparison("slope", "", 1.0, float("inf")),)),

@@ -60,7 +60,7 @@ def test_the_frozen_rig_has_what_the_paper_prints() -> None:
     assert (frozen().rig.period_s, frozen().lockstep) == (0.02, True)
 
 
-def test_what_the_paper_does_not_print_is_that_of_the_base() -> None:
+def test_values_that_the_paper_does_not_print_come_from_the_base_rig() -> None:
     here, there = simulation_of(frozen()), simulation_of(BASE)
     assert here.hysteresis == there.hysteresis
     assert here.creep_per_decade == there.creep_per_decade
@@ -70,7 +70,7 @@ def test_what_the_paper_does_not_print_is_that_of_the_base() -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_drawn_rig_is_what_the_draw_says(seed: int) -> None:
+def test_a_drawn_rig_has_the_drawn_values(seed: int) -> None:
     rig, draw = drawn(seed)
     simulation = simulation_of(rig)
     assert draw.seed == simulation.seed == seed
@@ -115,7 +115,7 @@ def test_the_edges_of_the_draw_can_be_had(percent: float) -> None:
     assert found == pytest.approx(percent, abs=0.3)
 
 
-def test_a_rig_that_is_not_simulated_has_none() -> None:
+def test_a_rig_file_without_simulation_is_refused() -> None:
     bare = BASE.model_copy(update={"simulation": None})
     for make in (simulation_of, frozen_rig):
         with pytest.raises(ValueError, match=r"has no \[simulation\]"):

@@ -82,7 +82,7 @@ def falls(values: Sequence[float]) -> bool:
     return all(before > after for before, after in pairwise(values))
 
 
-def test_the_report_is_whole(study: Study) -> None:
+def test_the_report_is_complete(study: Study) -> None:
     assert tuple(study.tree["sections"]) == SECTIONS
     assert study.tree["summary"] == study.summary
     page = (study.folder / "index.html").read_text(encoding="utf-8")
@@ -132,7 +132,7 @@ def test_a_plan_that_is_too_stiff_trades_position_for_force(study: Study) -> Non
     assert "6000" in swept
 
 
-def test_a_consistent_plan_leaves_less_of_both(study: Study) -> None:
+def test_a_consistent_plan_reduces_both_errors(study: Study) -> None:
     cases = study.section("fig11")["data"]
     for gain in SWEPT[2:]:
         here = cases["consistent set, consistent plan"][gain]
@@ -141,7 +141,7 @@ def test_a_consistent_plan_leaves_less_of_both(study: Study) -> None:
         assert here["force_percent"] < there["force_percent"]
 
 
-def test_a_trend_that_does_not_come_out_says_why(study: Study) -> None:
+def test_a_trend_that_is_not_reproduced_states_why(study: Study) -> None:
     for section in study.tree["sections"].values():
         for trend in section["trends"]:
             assert trend["found"]
@@ -168,7 +168,7 @@ def test_the_random_rigs_are_tracked_by_both_laws(study: Study) -> None:
         assert 0.0 < median["force_percent"] < 10.0
 
 
-def test_what_goes_beyond_the_paper_is_stated_for_every_class_law_and_frequency(
+def test_results_beyond_the_paper_are_stated_for_every_class_law_and_frequency(
     study: Study,
 ) -> None:
     assert study.summary["beyond_rigs"] == 1
@@ -211,7 +211,7 @@ def test_grips_are_timed(study: Study) -> None:
         assert 0.0 < found["hold_error_percent"] <= found["hold_error_percent_worst"] < 6.0
 
 
-def test_paths_and_grips_at_1_khz_are_stated_off_nominal_too(study: Study) -> None:
+def test_paths_and_grips_at_1_khz_are_also_stated_off_nominal(study: Study) -> None:
     found = study.summary["beyond"]["kilohertz"]
     assert set(found) == {"relays", "grip"}
     path = found["relays"]["fpbsmic"]["hz_10"]

@@ -42,13 +42,13 @@ def _arm(softer: float) -> RigFile:
 
 
 @pytest.mark.parametrize("case", CASES[1:], ids=lambda case: case.name)
-def test_place_and_force_follow_paths_that_no_line_binds(pair: TaughtPair, case: Case) -> None:
+def test_place_and_force_follow_independent_paths(pair: TaughtPair, case: Case) -> None:
     found = track(pair, case)
     assert found.position_percent < case.position_percent[1]
     assert found.force_percent < case.force_percent[1]
 
 
-def test_a_dry_run_takes_the_error_of_the_models_out_of_the_force(pair: TaughtPair) -> None:
+def test_a_dry_run_removes_the_error_of_the_models_from_the_force(pair: TaughtPair) -> None:
     """The model in the demo rig's file errs by 0.4 mN on such a path; taught pairs do by half."""
     plain, known = (track(pair, CASES[0], dry_run=dry) for dry in (False, True))
     assert plain.position_percent < CASES[0].position_percent[0]
@@ -58,7 +58,7 @@ def test_a_dry_run_takes_the_error_of_the_models_out_of_the_force(pair: TaughtPa
 
 
 @pytest.mark.parametrize("off_um", [-5.0, 5.0])
-def test_a_part_off_the_middle_is_held_without_being_moved(pair: TaughtPair, off_um: float) -> None:
+def test_a_part_off_centre_is_held_without_being_moved(pair: TaughtPair, off_um: float) -> None:
     found = centre(pair, off_um)
     assert found.moved_um < 0.5
     assert found.held_mN == pytest.approx(FORCE_MN, abs=1.0)

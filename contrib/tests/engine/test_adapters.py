@@ -50,7 +50,7 @@ def test_the_stock_client_of_sila_grips() -> None:
     grip_by_sila()
 
 
-def test_a_client_of_foxglove_sees_the_topics(ready: Project) -> None:
+def test_a_foxglove_client_sees_the_topics(ready: Project) -> None:
     grip = ready.shell("docker compose exec -T supervisor pincette job grip --force-mN 15", 90.0)
     assert grip.returncode == 0, grip.stdout
     said = on_the_host(block("docs/how-to/foxglove.md", "foxglove.sdk.v1"))
@@ -93,7 +93,7 @@ def test_an_agent_of_the_host_grips(ready: Project) -> None:
     assert part == "none"
 
 
-def test_only_their_ports_are_published_and_on_loopback(project: Project) -> None:
+def test_only_the_adapters_ports_are_published_on_loopback(project: Project) -> None:
     found = {name: told("port", project.container(f"{name}-port")) for name in PROFILES}
     assert found == {name: f"{port}/tcp -> 127.0.0.1:{port}" for name, port in PROFILES.items()}
 

@@ -35,7 +35,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Generator[Project]:
         shutil.rmtree(WHEELS, ignore_errors=True)
 
 
-def test_no_index_is_asked_and_the_rig_grips(project: Project) -> None:
+def test_without_a_package_index_the_rig_grips(project: Project) -> None:
     done = project.compose("build", "--no-cache", timeout_s=BUILD_S)
     assert done.returncode == 0, done.stdout[-4000:]
     for image in IMAGES[:3]:
@@ -44,7 +44,7 @@ def test_no_index_is_asked_and_the_rig_grips(project: Project) -> None:
     grip_by_sila()
 
 
-def test_without_the_wheels_it_cannot_be_built(project: Project) -> None:
+def test_without_the_wheels_the_image_cannot_be_built(project: Project) -> None:
     for wheel in WHEELS.glob("numpy-*.whl"):
         wheel.unlink()
     done = project.compose("build", "--no-cache", "loopback", timeout_s=BUILD_S)

@@ -19,7 +19,7 @@ GROWTH_KB = 20_000
 """Of the memory after the first hour; what grew with the ticks would be far above it."""
 
 
-def test_some_grips_one_after_the_other_trip_nothing() -> None:
+def test_several_grips_in_a_row_do_not_trip() -> None:
     live(begun(), 30.0)
 
 

@@ -46,7 +46,7 @@ def loop_in(state: str, *programs: str, seed: int = 1) -> VirtualLoop:
 
 @pytest.mark.parametrize("programs", TOGETHER, ids=" and ".join)
 @pytest.mark.parametrize("state", MOVING)
-def test_what_befalls_a_program_does_what_it_does_to_a_service(
+def test_a_fault_of_a_composed_program_acts_as_that_of_a_service(
     state: str, programs: tuple[str, ...]
 ) -> None:
     place = composed_place(state, *programs)
@@ -60,7 +60,7 @@ def test_what_befalls_a_program_does_what_it_does_to_a_service(
 
 @pytest.mark.parametrize("fault", BENCH, ids=lambda fault: fault.name)
 @pytest.mark.parametrize("state", MOVING)
-def test_one_program_notices_its_sensor_s_failure_at_any_time_within_a_period(
+def test_a_composed_program_notices_a_sensor_failure_within_a_period(
     state: str, fault: Fault
 ) -> None:
     for phase in PHASES:
@@ -84,7 +84,7 @@ def test_an_emergency_stop_acts_within_a_period(state: str) -> None:
     ("state", "service", "period_s"),
     [("approach", "estimator", T), ("hold", "controller", T), ("hold", "estimator", SHORT_S)],
 )
-def test_a_service_that_computes_for_too_long_trips_its_program_right_after(
+def test_a_service_that_computes_too_long_trips_its_program_right_afterwards(
     state: str, service: str, period_s: float
 ) -> None:
     """It is no standstill of the machine, for which a command would be waited for."""
@@ -103,7 +103,7 @@ def test_a_service_that_computes_for_too_long_trips_its_program_right_after(
         assert loop.put_out[-1][1] == loop.rig.safety.safe_V
 
 
-def test_a_machine_that_stands_still_for_as_long_trips_no_program() -> None:
+def test_a_stalled_machine_does_not_trip_a_composed_program() -> None:
     loop = loop_in("approach", "loop")
     loop.stop("loop", HUNG_PERIODS * T)
     loop.run(loop.now_s + AFTER_S)
@@ -130,7 +130,7 @@ def test_a_program_that_hangs_moves_nothing_and_does_not_jump_afterwards(
 
 
 @pytest.mark.parametrize("state", MOVING)
-def test_where_the_program_dies_the_output_s_module_is_safe_by_itself(state: str) -> None:
+def test_if_the_program_dies_the_output_module_becomes_safe_by_its_watchdog(state: str) -> None:
     loop = loop_in(state, "loop")
     loop.kill("loop")
     loop.run(loop.now_s + WATCHDOG_S + TICK_S + T)
@@ -138,7 +138,7 @@ def test_where_the_program_dies_the_output_s_module_is_safe_by_itself(state: str
     assert loop.put_out_by_module() == 0.0
 
 
-def test_what_is_no_number_inside_a_program_never_becomes_a_voltage() -> None:
+def test_a_nan_inside_a_program_never_becomes_a_voltage() -> None:
     loop = loop_in("approach", "loop")
     loop.runner("estimator").service = _without_numbers(ESTIMATOR)
     begun_s = loop.now_s

@@ -88,7 +88,7 @@ def test_an_echo_that_is_cut_trips_in_time_in_whatever_pattern() -> None:
             check_cut(state, seed)
 
 
-def test_one_echo_that_is_lost_trips_nothing() -> None:
+def test_one_lost_echo_does_not_trip() -> None:
     for state in MOVING:
         for seed in range(FEW):
             assert not trips_after_lost_echoes(state, seed), f"{state}, pattern {seed}"

@@ -68,13 +68,13 @@ def test_a_lost_bead_ends_the_grip_as_lost_without_a_trip() -> None:
     assert played.begin_of("retreat") <= HOLD + 7
 
 
-def test_a_bead_taken_away_before_contact_is_not_found() -> None:
+def test_a_bead_removed_before_contact_is_not_found() -> None:
     played = play(at(APPROACH, "part", "remove"))
     assert played.outcome == "no_contact"
     check_untripped(played)
 
 
-def test_a_bead_put_elsewhere_is_found_there() -> None:
+def test_a_bead_at_another_place_is_found_there() -> None:
     played = play(at(2, "part", "remove"), at(5, "part", "place", value=7.0))
     assert played.outcome == "gripped"
     check_untripped(played)
@@ -89,7 +89,7 @@ def test_a_bead_that_breaks_in_the_hold_is_lost() -> None:
     assert play(changes=changes).outcome == "gripped"
 
 
-def test_a_force_above_the_limit_ends_the_grip_and_lets_go() -> None:
+def test_a_force_above_the_limit_ends_the_grip_and_releases() -> None:
     played = play(at(HOLD, "weight", "hang", value=FORCE_MAX_MN))
     assert played.outcome == "overforce"
     check_untripped(played)
@@ -188,7 +188,7 @@ def test_a_tripped_watchdog_of_the_output_is_a_trip_that_is_named() -> None:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.05, 0.2, 1.0])
-def test_an_intermittent_sensor_carries_on_or_trips(share: float) -> None:
+def test_an_intermittent_sensor_continues_or_trips(share: float) -> None:
     played = play(at(0, "sensor", "intermittent", value=share))
     bad = [not position.arms[0].valid for position in played.positions]
     in_a_row = any(bad[place : place + 3] == [True] * 3 for place in range(len(bad)))
@@ -209,7 +209,7 @@ def test_an_intermittent_output_trips_at_its_first_loss() -> None:
 
 @pytest.mark.parametrize("target", ["sensor", "output"])
 @FREE_OR_HELD
-def test_an_answer_that_comes_too_late_is_none(target: str, seq: int, state: str) -> None:
+def test_a_late_answer_is_not_accepted(target: str, seq: int, state: str) -> None:
     limit_s = 0.1
     assert play(at(seq, target, "slow", value=limit_s)).trip is None
     played = play(at(seq, target, "slow", value=1.01 * limit_s))
@@ -221,7 +221,7 @@ def test_an_answer_that_comes_too_late_is_none(target: str, seq: int, state: str
 @pytest.mark.parametrize("periods", [1, 3, 5])
 @pytest.mark.parametrize("target", ["sensor", "output"])
 @pytest.mark.parametrize("seq", [0, APPROACH, HOLD])
-def test_an_instrument_that_lives_in_the_past_never_presses_too_hard(
+def test_an_instrument_with_old_values_never_presses_too_hard(
     target: str, periods: int, seq: int
 ) -> None:
     """Nothing tells that a reading is old: no age limit sees it, but the guards bound it."""

@@ -56,7 +56,7 @@ def status(loop: VirtualLoop) -> Status:
     return reply
 
 
-def test_of_two_controllers_the_first_keeps_the_rig_and_the_second_is_refused() -> None:
+def test_the_first_of_two_controllers_keeps_the_rig_and_the_second_is_refused() -> None:
     for state in ("approach", "hold", "paused"):
         loop = place(state).loop.fork(3)
         owner = loop.runner("controller").instance
@@ -108,7 +108,7 @@ def stranger_says(loop: VirtualLoop, payload: bytes, to: str = "actuator") -> No
     ("kind", "listener"),
     [(Position, "estimator"), (Estimate, "controller"), (Applied, "estimator")],
 )
-def test_a_flood_of_other_epochs_pushes_out_nothing_that_counts(
+def test_a_flood_of_other_epochs_displaces_no_valid_message(
     kind: type[Position | Estimate | Applied], listener: str
 ) -> None:
     """Forty times the rate, on every topic but that of the commands."""

@@ -90,19 +90,19 @@ def tries(
 
 
 @pytest.mark.parametrize("state", STATES)
-def test_after_a_death_only_a_person_makes_the_rig_idle(state: str) -> None:
+def test_after_a_death_only_a_person_can_make_the_rig_idle(state: str) -> None:
     for killed in drawn(state, DRAWN):
         check(state, killed, AWAY_S[len(killed) % 2])
 
 
-def test_actuator_and_supervisor_killed_and_started_clear_no_latch() -> None:
+def test_a_restart_of_killed_actuator_and_supervisor_clears_no_latch() -> None:
     for state in STATES:
         check(state, ("actuator", "supervisor"), 0.03)
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("state", STATES)
-def test_after_many_deaths_only_a_person_makes_the_rig_idle(state: str) -> None:
+def test_after_many_deaths_only_a_person_can_make_the_rig_idle(state: str) -> None:
     for killed in drawn(state, DRAWN_IN_FULL):
         check(state, killed, AWAY_S[len(killed) % 2])
 
@@ -114,7 +114,7 @@ def test_every_subset_of_killed_programs_in_every_state(state: str) -> None:
         check(state, killed, AWAY_S[len(killed) % 2])
 
 
-def test_a_rig_that_nobody_has_killed_asks_nobody() -> None:
+def test_a_rig_without_killed_programs_needs_no_person() -> None:
     loop = VirtualLoop(place("idle").loop.rig)
     loop.run(3.0 * T)
     assert VirtualSupervisor(loop, Notes()).before_a_job() is None

@@ -30,14 +30,14 @@ def drawn(fault: Fault, state: str) -> tuple[float, int]:
 
 
 @pytest.mark.parametrize("state", MOVING)
-def test_a_loop_that_is_hurt_is_safe_in_time_and_stays_so(state: str) -> None:
+def test_a_loop_with_a_severe_fault_becomes_safe_in_time_and_stays_safe(state: str) -> None:
     for fault in FATAL:
         phase, seed = drawn(fault, state)
         assert inject(place(state), fault, phase, seed) is not None
 
 
 @pytest.mark.parametrize("state", MOVING)
-def test_a_loop_that_is_hurt_a_little_continues(state: str) -> None:
+def test_a_loop_with_a_slight_fault_continues(state: str) -> None:
     for fault in HARMLESS:
         phase, seed = drawn(fault, state)
         assert inject(place(state), fault, phase, seed) is None

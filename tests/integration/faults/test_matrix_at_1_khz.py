@@ -30,7 +30,7 @@ def drawn(fault: Fault, state: str) -> tuple[float, int]:
 
 
 @pytest.mark.parametrize("state", FEW)
-def test_one_fault_of_each_class_is_met_in_periods_of_1_ms(state: str) -> None:
+def test_one_fault_of_each_class_is_handled_in_periods_of_1_ms(state: str) -> None:
     classes = {(fault.deed, fault.row, fault.must): fault for fault in FAULTS.fatal}
     for fault in classes.values():
         reaction = inject(place(state, SHORT_S), fault, *drawn(fault, state))
@@ -39,13 +39,13 @@ def test_one_fault_of_each_class_is_met_in_periods_of_1_ms(state: str) -> None:
 
 
 @pytest.mark.parametrize("state", MOVING)
-def test_a_loop_that_is_hurt_is_safe_in_time_and_stays_so(state: str) -> None:
+def test_a_loop_with_a_severe_fault_becomes_safe_in_time_and_stays_safe(state: str) -> None:
     for fault in FAULTS.fatal:
         assert inject(place(state, SHORT_S), fault, *drawn(fault, state)) is not None
 
 
 @pytest.mark.parametrize("state", MOVING)
-def test_a_loop_that_is_hurt_a_little_continues(state: str) -> None:
+def test_a_loop_with_a_slight_fault_continues(state: str) -> None:
     for fault in (*FAULTS.harmless, *(FAULTS.lost_once if state in FEW else ())):
         assert inject(place(state, SHORT_S), fault, *drawn(fault, state)) is None
 
@@ -56,7 +56,7 @@ def test_an_idle_rig_does_not_trip_and_does_not_move() -> None:
 
 
 @pytest.mark.parametrize("state", FEW)
-def test_what_befalls_one_program_does_what_it_does_to_a_service(state: str) -> None:
+def test_a_fault_of_the_composed_program_acts_as_that_of_a_service(state: str) -> None:
     whole = composed_place(state, "loop", period_s=SHORT_S)
     faults = [
         *befalling(whole.loop.rig, FAULTS.fatal),
@@ -96,7 +96,7 @@ def test_an_emergency_stop_acts_within_a_period(state: str, programs: tuple[str,
 
 @pytest.mark.parametrize("hung_s", HUNG_SHORT_S)
 @pytest.mark.parametrize("state", FEW)
-def test_one_program_that_hangs_moves_nothing_and_does_not_jump_afterwards(
+def test_a_hanging_composed_program_moves_nothing_and_does_not_jump_afterwards(
     state: str, hung_s: float
 ) -> None:
     loop = composed_place(state, "loop", period_s=SHORT_S).loop.fork(1)
@@ -113,7 +113,9 @@ def test_one_program_that_hangs_moves_nothing_and_does_not_jump_afterwards(
 
 
 @pytest.mark.parametrize("state", FEW)
-def test_where_the_one_program_dies_the_output_s_module_is_safe_by_itself(state: str) -> None:
+def test_if_the_composed_program_dies_the_output_module_becomes_safe_by_its_watchdog(
+    state: str,
+) -> None:
     loop = composed_place(state, "loop", period_s=SHORT_S).loop.fork(1)
     loop.kill("loop")
     loop.run(loop.now_s + WATCHDOG_S + TICK_S)

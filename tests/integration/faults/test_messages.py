@@ -75,7 +75,7 @@ def is_list(source: str, field: str) -> bool:
 
 
 @pytest.mark.parametrize(("source", "field"), FIELDS)
-def test_what_is_no_value_is_refused_in_the_same_cycle_and_counted(source: str, field: str) -> None:
+def test_an_invalid_value_is_refused_in_the_same_cycle_and_counted(source: str, field: str) -> None:
     values = (*NO_VALUES, *(NO_NUMBERS if is_float(source, field) else ()))
     for value in values:
         if value == [] and is_list(source, field):
@@ -90,7 +90,7 @@ def test_what_is_no_value_is_refused_in_the_same_cycle_and_counted(source: str, 
 
 
 @pytest.mark.parametrize(("source", "field"), FIELDS)
-def test_no_value_makes_a_handler_fail_or_a_voltage_leave_its_limits(
+def test_no_value_makes_a_handler_raise_or_a_voltage_exceed_its_limits(
     source: str, field: str
 ) -> None:
     """Values come in the approach and in the hold by turns."""
@@ -99,7 +99,7 @@ def test_no_value_makes_a_handler_fail_or_a_voltage_leave_its_limits(
 
 
 @pytest.mark.parametrize("source", SOURCES.values())
-def test_absurd_numbers_leave_nothing_behind(source: str) -> None:
+def test_absurd_numbers_have_no_lasting_effect(source: str) -> None:
     """Said once and then no more, they neither shut out what is right nor stay in a memory."""
     for field, value in (("seq", 2**53), ("seq", -1), ("epoch", 0), ("epoch", 2**53)):
         if source == "sensor":

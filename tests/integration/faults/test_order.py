@@ -138,7 +138,7 @@ def voltages(seqs: Sequence[int]) -> list[float]:
 
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(Orders)
-def test_the_estimator_makes_of_it_what_it_makes_of_the_part_in_order(
+def test_the_estimator_handles_reordered_messages_like_their_ordered_part(
     orders: list[tuple[int, int]],
 ) -> None:
     seqs = shuffled(orders)
@@ -147,7 +147,7 @@ def test_the_estimator_makes_of_it_what_it_makes_of_the_part_in_order(
 
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(Orders)
-def test_the_controller_makes_of_it_what_it_makes_of_the_part_in_order(
+def test_the_controller_handles_reordered_messages_like_their_ordered_part(
     orders: list[tuple[int, int]],
 ) -> None:
     seqs = shuffled(orders)
@@ -156,7 +156,7 @@ def test_the_controller_makes_of_it_what_it_makes_of_the_part_in_order(
 
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(Orders)
-def test_the_actuator_puts_out_what_it_puts_out_of_the_part_in_order(
+def test_the_actuator_handles_reordered_messages_like_their_ordered_part(
     orders: list[tuple[int, int]],
 ) -> None:
     seqs = shuffled(orders)
@@ -164,7 +164,7 @@ def test_the_actuator_puts_out_what_it_puts_out_of_the_part_in_order(
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_a_loop_whose_messages_all_come_twice_does_what_it_did(seed: int) -> None:
+def test_duplicated_messages_do_not_change_the_loop(seed: int) -> None:
     """The second of each comes when it will; the numbers are the same to the last bit."""
     loops = [place("approach").loop.fork(seed) for _ in range(2)]
     late_s = random.Random(seed).uniform(0.0, 3.0 * T)

@@ -54,7 +54,7 @@ def test_lost_messages_are_borne_or_trip_by_the_age_limit(
 
 
 @pytest.mark.parametrize("periods", [0.0, 0.5, 1.5, 2.4, 2.6, 5.0])
-def test_delayed_commands_are_taken_up_to_the_age_limit(periods: float) -> None:
+def test_delayed_commands_are_accepted_up_to_the_age_limit(periods: float) -> None:
     loop = place("approach").loop.fork(1)
     loop.links.append(LinkFault("late", "controller", "actuator", late_s=periods * T))
     loop.run(loop.now_s + WATCHED_S)
@@ -72,7 +72,7 @@ def wall_clock_s(loop: VirtualLoop, at_s: float, step_s: float) -> float:
     return 1.7e9 + loop.now_s + (step_s if loop.now_s > at_s else 0.0)
 
 
-def test_a_clock_on_the_wall_that_steps_changes_not_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_step_of_the_wall_clock_does_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[list[object]] = []
     for step_s in (0.0, 3600.0, -3600.0):
         loop = begun(seed=9)
@@ -84,7 +84,7 @@ def test_a_clock_on_the_wall_that_steps_changes_not_a_bit(monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize("periods", [1.2, 3.4])
-def test_a_sensor_that_is_starved_skips_and_never_bursts(periods: float) -> None:
+def test_a_starved_sensor_skips_ticks_and_never_bursts(periods: float) -> None:
     """Each of its steps takes longer than the period: the grid is kept, with holes."""
     loop = place("approach").loop.fork(1)
     sensor = loop.runner("sensor")
@@ -106,7 +106,7 @@ def test_a_sensor_that_is_starved_skips_and_never_bursts(periods: float) -> None
 
 @pytest.mark.parametrize("who", ["sensor", "estimator", "controller"])
 @pytest.mark.parametrize(("in_a_row", "trips"), [(1, False), (4, True)])
-def test_one_overrun_is_borne_and_several_in_a_row_trip(
+def test_one_overrun_is_tolerated_and_several_in_a_row_trip(
     who: str, in_a_row: int, trips: bool
 ) -> None:
     loop = place("approach").loop.fork(1)
@@ -140,7 +140,7 @@ def test_a_sensor_that_is_stuck_while_nothing_moves_trips_nothing() -> None:
     assert not tripped(loop)
 
 
-def test_the_grip_itself_ends_well_in_real_time() -> None:
+def test_the_same_grip_succeeds_in_real_time() -> None:
     loop = begun(seed=4)
     loop.run(loop.now_s + 12.0, lambda: loop.newest.final)
     views = [message for _, message in loop.told or [] if isinstance(message, Telemetry)]
@@ -181,11 +181,11 @@ def slews_within_the_limit(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(RATE_FORKS))
-def test_in_whatever_pattern_commands_arrive_the_instrument_slews_no_faster(seed: int) -> None:
+def test_the_instrument_slews_no_faster_in_any_pattern_of_commands(seed: int) -> None:
     slews_within_the_limit(seed)
 
 
 @pytest.mark.full
-def test_in_many_patterns_of_arrival_the_instrument_slews_no_faster() -> None:
+def test_the_instrument_slews_no_faster_in_many_patterns_of_commands() -> None:
     for seed in range(RATE_FORKS, RATE_FORKS_IN_FULL):
         slews_within_the_limit(seed)

@@ -89,7 +89,7 @@ def test_after_a_trip_nothing_moves_until_a_person_has_reset_it(state: str) -> N
 
 
 @pytest.mark.parametrize("state", ["load", "hold", "paused"])
-def test_a_part_that_is_frozen_can_be_held_on_from_the_voltage_that_holds_it(state: str) -> None:
+def test_a_frozen_part_can_be_held_further_from_its_present_voltage(state: str) -> None:
     loop = place(state).loop.fork(3)
     loop.kill("controller")
     loop.run(loop.now_s + 0.08)
@@ -108,7 +108,7 @@ def test_a_part_that_is_frozen_can_be_held_on_from_the_voltage_that_holds_it(sta
 
 
 @pytest.mark.parametrize("state", ["approach", "hold"])
-def test_the_output_s_module_is_safe_by_itself_where_the_actuator_dies(state: str) -> None:
+def test_if_the_actuator_dies_the_output_module_becomes_safe_by_its_watchdog(state: str) -> None:
     loop = place(state).loop.fork(4)
     loop.kill("actuator")
     killed_s = loop.now_s
@@ -148,7 +148,7 @@ def test_a_restarted_actuator_waits_for_a_person_and_takes_over_the_voltage() ->
     assert loop.put_out[-1][1] == stood_V, "a reset moves nothing"
 
 
-def test_programs_with_other_rig_files_are_not_armed_and_say_so() -> None:
+def test_programs_with_other_rig_files_are_not_armed_and_report_it() -> None:
     loop = place("idle").loop.fork(6)
     for name in ("actuator", "estimator", "sensor"):
         reply = loop.call(name, Arm(EPOCH, 1, "0000"))

@@ -131,7 +131,7 @@ def test_a_grip_with_both_arms_without_a_fault_succeeds() -> None:
 
 
 @pytest.mark.parametrize("state", STATES)
-def test_both_arms_freeze_or_open_together_whatever_befalls_a_program(state: str) -> None:
+def test_both_arms_freeze_or_open_together_after_any_fault_of_a_program(state: str) -> None:
     for number, fault in enumerate(OF_PROGRAMS):
         check_trips(state, fault, (0.37 * number + 0.05) % 1.0)
 
@@ -145,9 +145,7 @@ def test_a_sensor_of_either_arm_that_is_lost_stops_both(state: str) -> None:
 
 @pytest.mark.parametrize("fault", OF_OUTPUTS, ids=[fault.name for fault in OF_OUTPUTS])
 @pytest.mark.parametrize("state", STATES)
-def test_an_output_of_either_arm_that_fails_takes_the_other_with_it(
-    state: str, fault: Fault
-) -> None:
+def test_a_failing_output_of_one_arm_also_stops_the_other_arm(state: str, fault: Fault) -> None:
     """What does not confirm its voltage is left to its watchdog, and the other to its own."""
     loop, began_s = hurt(state, fault, 0.4)
     while loop.now_s < began_s + WATCHDOG_S + 6.0 * TICK_S:
@@ -167,7 +165,7 @@ def test_an_output_of_either_arm_that_fails_takes_the_other_with_it(
 
 @pytest.mark.parametrize("deed", ["kill", "stop"])
 @pytest.mark.parametrize("state", STATES)
-def test_both_outputs_let_go_by_themselves_where_the_actuator_is_no_more(
+def test_both_outputs_release_by_their_watchdogs_if_the_actuator_is_dead(
     state: str, deed: str
 ) -> None:
     fault = Fault(f"actuator {deed}", 10, "trip", "kill", "actuator")

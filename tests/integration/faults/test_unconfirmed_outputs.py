@@ -233,16 +233,14 @@ CASES = [(name, fate) for name in DRIVERS for fate in FATES]
 
 
 @pytest.mark.parametrize(("name", "fate"), CASES)
-def test_an_output_that_confirms_nothing_is_never_stepped(name: str, fate: Fate) -> None:
+def test_an_unconfirmed_output_is_never_stepped(name: str, fate: Fate) -> None:
     for seed in range(SEEDS):
         check(name, fate, seed)
 
 
 @pytest.mark.full
 @pytest.mark.parametrize(("name", "fate"), CASES)
-def test_in_many_cases_an_output_that_confirms_nothing_is_never_stepped(
-    name: str, fate: Fate
-) -> None:
+def test_an_unconfirmed_output_is_never_stepped_in_many_cases(name: str, fate: Fate) -> None:
     for seed in range(SEEDS, SEEDS_IN_FULL):
         check(name, fate, seed)
 
@@ -271,7 +269,7 @@ def test_an_idle_output_that_has_lost_its_voltage_is_not_stepped_by_the_next_job
 
 
 @pytest.mark.parametrize("name", DRIVERS)
-def test_without_a_fault_nothing_is_read_back_and_nothing_trips(name: str) -> None:
+def test_without_a_fault_there_is_no_read_back_and_no_trip(name: str) -> None:
     check_without_a_fault(name)
 
 

@@ -117,7 +117,7 @@ def test_an_idle_output_that_was_moved_makes_the_past_unknown() -> None:
     assert doubts(loop) == {FaultCode.MEMORY_UNKNOWN}
 
 
-def test_a_trip_that_leaves_the_output_alone_leaves_the_past_known() -> None:
+def test_a_trip_without_a_move_of_the_output_keeps_the_past_known() -> None:
     loop = a_known_arm()
     reach(loop, "hold", 16)
     loop.stop("controller", AWAY_S)

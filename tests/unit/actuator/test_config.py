@@ -42,7 +42,7 @@ CHANGES = {
 
 
 @pytest.mark.parametrize("time", ["real", "lockstep"])
-def test_every_limit_comes_from_its_place(time: str) -> None:
+def test_every_limit_is_taken_from_its_section(time: str) -> None:
     assert configure(demo_rig(CHANGES, time=time)) == SafetyLimits(
         period_s=0.01,
         lockstep=time == "lockstep",
@@ -82,7 +82,7 @@ def test_a_safe_voltage_may_be_at_the_end_of_the_range(safe_V: float) -> None:
 
 
 @pytest.mark.parametrize("safe_V", [-1.1, 4.1])
-def test_a_safe_voltage_that_cannot_be_put_out_is_refused(safe_V: float) -> None:
+def test_an_impossible_safe_voltage_is_refused(safe_V: float) -> None:
     with pytest.raises(ConfigError) as caught:
         configure(demo_rig({"safety": {"safe_V": safe_V}}))
     assert str(caught.value) == f"[safety] safe_V = {safe_V} V is outside -1.0..4.0 V"
@@ -107,7 +107,7 @@ def test_steps_of_a_ramp_are_odd_half_swings_apart(
     assert taken_s <= 0.25 * period_s
 
 
-def test_the_service_wakes_as_often_as_its_ages_say() -> None:
+def test_the_service_wakes_as_often_as_its_age_limits_require() -> None:
     assert SERVICE.wake_s is not None
     assert SERVICE.wake_s(configure(demo_rig())) == pytest.approx(3.0 * pi / 2437.8, rel=1e-12)
 
@@ -117,5 +117,5 @@ def test_a_period_too_short_for_half_swings_is_divided(period_s: float) -> None:
     assert wake_s(period_s, 2437.8) == pytest.approx(0.2 * period_s, rel=1e-12)
 
 
-def test_one_half_swing_may_take_all_of_the_room() -> None:
+def test_one_half_swing_may_use_the_whole_range() -> None:
     assert wake_s(1.0, 4.0 * pi) == 0.25

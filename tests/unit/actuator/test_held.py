@@ -46,7 +46,7 @@ def test_a_reset_while_frozen_keeps_part_and_voltage(lockstep: bool) -> None:
     assert (applied.state, applied.part_held, applied.final) == ("idle", True, True)
 
 
-def test_an_output_that_fails_in_a_freeze_is_reported_once_beside_the_cause() -> None:
+def test_an_output_that_fails_in_a_freeze_is_reported_once_in_addition_to_the_cause() -> None:
     off = fault(FaultCode.INSTRUMENT_SILENT, "no answer")
     state, outputs = play(frozen(), (Inputs(off, None, None), 0.02))
     told = (fault(FaultCode.OUTPUT_UNCONFIRMED, "no answer"),)
@@ -58,7 +58,7 @@ def test_an_output_that_fails_in_a_freeze_is_reported_once_beside_the_cause() ->
 
 
 @pytest.mark.parametrize(("found_V", "held"), [(1.0, True), (0.97, True), (0.0, False)])
-def test_a_part_that_the_output_has_let_go_is_not_held_after_the_reset(
+def test_a_part_released_by_the_output_is_not_held_after_the_reset(
     found_V: float, held: bool
 ) -> None:
     state, _, _ = handle(CONFIG, frozen(), Reset(acknowledge=True), 0.1)
@@ -66,7 +66,7 @@ def test_a_part_that_the_output_has_let_go_is_not_held_after_the_reset(
     assert (state.arms[0].voltage_V, state.part_held) == (found_V, held)
 
 
-def test_what_was_reset_is_kept_beyond_the_time_of_a_freeze() -> None:
+def test_after_a_reset_the_part_is_kept_beyond_the_time_of_a_freeze() -> None:
     state, _, _ = handle(CONFIG, frozen(), Reset(acknowledge=True), 0.1)
     state = waking(state, 0.1, 5.0)
     assert (state.mode, state.arms[0].voltage_V, state.part_held) == ("idle", 1.0, True)
@@ -92,14 +92,14 @@ def test_a_fault_after_the_reset_still_freezes(when: str) -> None:
     assert (state.mode, state.cause, state.arms[0].voltage_V) == ("frozen", "supervisor", 1.0)
 
 
-def test_no_command_in_time_after_the_arming_freezes_too() -> None:
+def test_a_missing_first_command_after_the_arming_freezes_too() -> None:
     state, _, _ = handle(CONFIG, frozen(), Reset(acknowledge=True), 0.1)
     state = waking(rearmed(state), 0.2, 1.6)
     assert state.mode == "frozen"
     assert "command_age" in state.cause
 
 
-def test_the_first_command_says_whether_the_part_is_still_held() -> None:
+def test_the_first_command_states_whether_the_part_is_still_held() -> None:
     state, _, _ = handle(CONFIG, frozen(), Reset(acknowledge=True), 0.1)
     state, _ = play(
         rearmed(state), (position(0, epoch=12), 0.2), (command(0, held=False, epoch=12), 0.204)
@@ -109,7 +109,7 @@ def test_the_first_command_says_whether_the_part_is_still_held() -> None:
     assert state.mode == "ramping"
 
 
-def test_let_go_ramps_with_a_part_and_out_of_a_freeze() -> None:
+def test_a_release_ramps_with_a_part_and_ends_a_freeze() -> None:
     state, _, _ = handle(CONFIG, holding(held=True), Trip(Cause.ABORT, release_now=True), 0.01)
     assert state.mode == "ramping"
     state, _, _ = handle(
@@ -120,7 +120,7 @@ def test_let_go_ramps_with_a_part_and_out_of_a_freeze() -> None:
     assert (state.mode, state.arms[0].voltage_V, state.part_held) == ("latched", 0.0, False)
 
 
-def test_let_go_while_frozen_does_nothing_more_once_it_is_latched() -> None:
+def test_a_release_during_a_freeze_does_nothing_more_once_latched() -> None:
     state = waking(frozen(), 0.01, 0.6)
     after, _, _ = handle(CONFIG, state, Trip(Cause.ABORT, release_now=True), 0.7)
     assert after == state
@@ -129,12 +129,12 @@ def test_let_go_while_frozen_does_nothing_more_once_it_is_latched() -> None:
 @pytest.mark.parametrize(
     ("words", "faults"), [("smoke", (fault(FaultCode.REQUESTED, "smoke"),)), ("", ())]
 )
-def test_a_trip_states_the_words_of_who_asked(words: str, faults: tuple[Fault, ...]) -> None:
+def test_a_trip_states_the_reason_of_the_requester(words: str, faults: tuple[Fault, ...]) -> None:
     state, _, _ = handle(CONFIG, holding(held=True), Trip(Cause.ESTOP, words=words), 0.01)
     assert state.faults == faults
 
 
-def test_in_lockstep_an_idle_part_is_kept_or_let_go_at_once() -> None:
+def test_in_lockstep_an_idle_part_is_kept_or_released_at_once() -> None:
     state, _, _ = handle(LOCKSTEP, frozen(), Reset(acknowledge=True), 0.1)
     kept, _, outputs = handle(LOCKSTEP, state, Trip(Cause.ESTOP), 0.1)
     assert (kept.mode, kept.arms[0].voltage_V, kept.part_held) == ("latched", 1.0, True)
@@ -146,7 +146,7 @@ def test_in_lockstep_an_idle_part_is_kept_or_let_go_at_once() -> None:
     assert outputs[0] == SetVoltage((0.0,))
 
 
-def test_in_lockstep_a_ramp_that_no_tick_will_end_is_ended_by_the_reset() -> None:
+def test_in_lockstep_the_reset_ends_a_ramp_that_no_tick_will_end() -> None:
     state, _, _ = handle(LOCKSTEP, holding(held=False), Trip(Cause.ESTOP), 0.004)
     assert state.mode == "ramping"
     state, _, outputs = handle(LOCKSTEP, state, Reset(acknowledge=True), 0.004)

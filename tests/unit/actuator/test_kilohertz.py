@@ -73,7 +73,7 @@ def test_a_free_arm_is_safe_in_time_and_in_small_steps() -> None:
     assert put[-1][1:] == (LIMITS.safe_V, "latched")
 
 
-def test_a_part_is_held_for_its_time_and_then_let_go() -> None:
+def test_a_part_is_held_for_its_time_and_then_released() -> None:
     state, sample_s = run(held=True)
     put = silence(state, sample_s + WAY_S, LIMITS.freeze_s + 0.1)
     kept = [at_s for at_s, voltage_V, _ in put if voltage_V == HIGHEST_V]

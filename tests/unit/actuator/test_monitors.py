@@ -56,7 +56,7 @@ def ticks(
 
 
 @pytest.mark.parametrize("held", [False, True])
-def test_a_force_beyond_the_hard_limit_lets_go_in_the_same_cycle(held: bool) -> None:
+def test_a_force_beyond_the_hard_limit_releases_in_the_same_cycle(held: bool) -> None:
     state, outputs = ticks(holding(held=held), range(1, 4), force_mN=55.0, part_held=held)
     assert (state.mode, state.cause) == ("ramping", "force")
     drive, echo = outputs[-2:]
@@ -79,21 +79,23 @@ def test_in_lockstep_the_trip_ends_its_tick() -> None:
     assert state.mode == "ramping"
 
 
-def test_in_lockstep_a_command_that_is_nonsense_ends_its_tick_too() -> None:
+def test_in_lockstep_an_invalid_command_also_ends_its_tick() -> None:
     state, _ = step(LOCKSTEP, armed(), position(0), 0.0)
     state, outputs = step(LOCKSTEP, state, told(0, voltage_V=nan), 0.0)
     assert outputs[0] == SetVoltage((0.0,))
     assert (state.refused, state.mode) == (1, "armed")
 
 
-def test_in_lockstep_a_stranger_ends_no_tick() -> None:
+def test_in_lockstep_an_unauthorized_command_does_not_end_the_tick() -> None:
     state, _ = step(LOCKSTEP, armed(), position(0), 0.0)
     state, outputs = step(LOCKSTEP, state, told(0, owner=OWNER + 1), 0.0)
     assert (outputs, state.refused) == ((), 1)
 
 
 @pytest.mark.parametrize(("held", "mode"), [(False, "ramping"), (True, "frozen")])
-def test_a_position_beyond_the_limits_trips_before_any_command_of_it(held: bool, mode: str) -> None:
+def test_a_position_beyond_the_limits_trips_before_its_command_arrives(
+    held: bool, mode: str
+) -> None:
     events: list[tuple[Inputs, float]] = []
     for seq in (1, 2, 3):
         seen = Position(EPOCH, seq, seq * T, (ArmPosition(80.0, valid=True),))
@@ -115,14 +117,14 @@ def test_a_stranger_does_not_displace_a_command_that_waits() -> None:
     assert (state.refused, state.taken_seq) == (1, 0)
 
 
-def test_one_that_comes_with_the_sample_does_not_either() -> None:
+def test_a_command_that_arrives_with_the_sample_does_not_prevent_the_trip() -> None:
     state, _ = play(armed(), (told(0), 0.001))
     both = replace(told(0, owner=9, voltage_V=3.0), position=position(0).position)
     _, outputs = play(state, (both, 0.002))
     assert outputs[0] == SetVoltage((1.0,))
 
 
-def test_what_waited_when_it_tripped_is_refused_when_its_sample_comes() -> None:
+def test_a_command_waiting_at_the_trip_is_refused_when_its_sample_arrives() -> None:
     state, _ = play(holding(held=False), (told(1), 0.019))
     state, _, _ = handle(CONFIG, state, Trip(Cause.ESTOP), 0.0195)
     assert state.pending is not None
@@ -147,7 +149,7 @@ def test_in_lockstep_a_command_before_its_sample_ends_the_tick_after_a_trip(trip
     assert (echo.seq, echo.state, echo.answered) == (1, "frozen", False)
 
 
-def test_what_it_does_not_answer_is_refused() -> None:
+def test_an_unsupported_request_is_refused() -> None:
     with pytest.raises(RefusedError, match="does not answer StatusRequest"):
         handle(CONFIG, armed(), StatusRequest(), 0.0)
 
@@ -157,7 +159,7 @@ def may_kick_watchdog(state: State, now: float) -> bool:
     return SERVICE.may_kick_watchdog(CONFIG, state, now)
 
 
-def test_an_output_that_does_not_confirm_the_ramp_is_left_to_its_watchdog() -> None:
+def test_an_unconfirmed_ramp_is_left_to_the_watchdog() -> None:
     fault = Inputs(OFF, None, None)
     state, _ = play(holding(held=False), (fault, 0.01))
     assert (state.mode, state.unconfirmed) == ("ramping", True)
@@ -173,14 +175,14 @@ def test_an_output_that_does_not_confirm_the_ramp_is_left_to_its_watchdog() -> N
     assert not may_kick_watchdog(state, 0.02)
 
 
-def test_a_frozen_part_is_kept_by_heartbeats_though_a_write_was_not_confirmed() -> None:
+def test_a_frozen_part_is_kept_by_heartbeats_after_an_unconfirmed_write() -> None:
     state, outputs = play(holding(held=True), (Inputs(OFF, None, None), 0.01))
     assert (state.mode, state.unconfirmed) == ("frozen", True)
     assert not any(isinstance(output, SetVoltage) for output in outputs)
     assert may_kick_watchdog(state, 0.5)
 
 
-def test_a_reset_gives_the_output_another_chance() -> None:
+def test_a_reset_retries_the_output() -> None:
     state, _ = play(holding(held=True), (Inputs(OFF, None, None), 0.01))
     state, _, _ = handle(CONFIG, state, Reset(acknowledge=True), 0.1)
     assert not state.unconfirmed

@@ -35,7 +35,7 @@ def asked(state: State, *voltages_V: float) -> list[tuple[float, int]]:
     return found
 
 
-def test_no_command_leads_out_of_the_plan() -> None:
+def test_no_command_exceeds_the_range_of_the_plan() -> None:
     assert asked(armed(PLANNED), 1.5, 3.9, 1.0, -0.9) == [
         (1.5, 0),
         (2.5, VOLTAGE_MAX),
@@ -44,7 +44,7 @@ def test_no_command_leads_out_of_the_plan() -> None:
     ]
 
 
-def test_without_a_plan_the_limits_of_the_rig_hold() -> None:
+def test_without_a_plan_the_limits_of_the_rig_apply() -> None:
     assert asked(armed(), 2.0, 3.9) == [(2.0, 0), (3.9, 0)]
 
 
@@ -52,7 +52,7 @@ def test_a_plan_widens_no_limit_of_the_rig() -> None:
     assert asked(armed(VoltageRange(-9.0, 9.0)), 2.0, 3.9, 5.0)[-1] == (4.0, VOLTAGE_MAX)
 
 
-def test_an_output_outside_the_plan_comes_nearer_and_goes_no_further_out() -> None:
+def test_an_output_outside_the_plan_may_only_move_towards_it() -> None:
     """An earlier job has left it there; nothing jumps at the arming."""
     state = armed(PLANNED, present_V=3.5)
     assert state.arms[0].voltage_V == 3.5
@@ -64,7 +64,7 @@ def test_an_output_outside_the_plan_comes_nearer_and_goes_no_further_out() -> No
     ]
 
 
-def test_the_next_arming_brings_its_own_range() -> None:
+def test_the_next_arming_sets_its_own_range() -> None:
     state = armed(PLANNED)
     after, _, _ = handle(CONFIG, replace(state, mode="idle"), Arm(EPOCH, OWNER, ""), 0.0)
     assert after.arms[0].planned is None

@@ -11,7 +11,7 @@ FAILED = Inputs(OFF, None, None)
 OVERLOADED = Inputs(fault(FaultCode.INSTRUMENT_INVALID, "overloaded"), None, None)
 
 
-def test_it_is_asked_at_once_and_again_after_a_period_without_any_sample() -> None:
+def test_the_output_is_read_back_at_once_and_again_after_a_period_without_samples() -> None:
     state, (order, echo) = play(holding(held=False), (FAILED, 0.01))
     assert isinstance(order, ReadBack)
     assert isinstance(echo, Applied)
@@ -22,7 +22,7 @@ def test_it_is_asked_at_once_and_again_after_a_period_without_any_sample() -> No
     assert [type(output) for output in outputs] == [ReadBack, Applied]
 
 
-def test_a_tick_between_two_questions_is_answered_and_asks_nothing() -> None:
+def test_a_tick_between_two_read_backs_is_answered_without_a_read_back() -> None:
     state, _ = play(holding(held=False), (FAILED, 0.01), (position(1), 0.011))
     _, outputs = play(state, (WAKE, 0.011 + 0.8 * T))
     (echo,) = outputs
@@ -30,14 +30,14 @@ def test_a_tick_between_two_questions_is_answered_and_asks_nothing() -> None:
     assert (echo.seq, echo.unconfirmed) == (1, True)
 
 
-def test_one_that_answers_but_cannot_say_stands_where_it_was_told() -> None:
+def test_an_output_that_cannot_report_is_assumed_at_its_commanded_voltage() -> None:
     state, _ = play(holding(held=False), (FAILED, 0.01), (OVERLOADED, 0.011))
     assert (state.mode, state.arms[0].voltage_V, state.located) == ("ramping", 1.0, True)
     _, outputs = play(state, (WAKE, 0.012))
     assert isinstance(outputs[0], SetVoltage)
 
 
-def test_one_that_stands_at_the_safe_voltage_is_left_in_peace() -> None:
+def test_an_output_at_the_safe_voltage_is_not_written() -> None:
     state, _ = play(
         holding(held=False), (FAILED, 0.01), (Inputs(PutOut((0.0,)), None, None), 0.011)
     )
@@ -46,7 +46,7 @@ def test_one_that_stands_at_the_safe_voltage_is_left_in_peace() -> None:
     assert not [output for output in outputs if isinstance(output, SetVoltage)]
 
 
-def test_after_a_sleep_an_armed_actuator_asks_before_it_moves() -> None:
+def test_after_a_suspension_an_armed_actuator_reads_back_before_it_moves() -> None:
     state, outputs = play(holding(held=True), (Inputs(Slept(3600.0), None, None), 0.01))
     assert (state.mode, state.cause) == ("frozen", "suspend")
     assert isinstance(outputs[0], ReadBack)

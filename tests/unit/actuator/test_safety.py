@@ -35,7 +35,7 @@ from .bench import (
 )
 
 
-def test_only_a_boot_after_no_death_is_reset_without_an_acknowledgement() -> None:
+def test_only_a_clean_boot_is_reset_without_an_acknowledgement() -> None:
     for before in (Predecessor.NONE, Predecessor.CLEAN):
         state, _, _ = handle(CONFIG, booted(start(CONFIG), before), Reset(), 0.0)
         assert state.mode == "idle"
@@ -73,7 +73,7 @@ def test_a_command_that_waits_for_its_sample_is_not_displaced_by_one_that_is_rep
     assert outputs[0] == SetVoltage((1.01,))
 
 
-def test_a_controller_that_is_not_armed_yet_is_not_refused_for_commanding_nothing() -> None:
+def test_a_controller_that_is_not_armed_yet_is_not_refused_for_empty_commands() -> None:
     unarmed = command(7, epoch=EPOCH - 1).command
     assert unarmed is not None
     nothing = Inputs(None, with_arm(unarmed, valid=False), None)
@@ -98,7 +98,7 @@ def test_free_arm_ramps_within_sixty_and_is_safe_within_a_hundred_ms() -> None:
     assert "no command for" in cause_words(state)
 
 
-def test_after_a_trip_no_command_is_taken_until_a_reset() -> None:
+def test_after_a_trip_no_command_is_accepted_until_a_reset() -> None:
     state, _ = play(holding(held=False), *wakes(0.005, 0.12))
     state, _ = play(state, (position(5), 0.122))
     state, outputs = play(state, (command(5, 3.0), 0.124))
@@ -151,7 +151,7 @@ def test_an_instrument_that_fails_trips() -> None:
     assert (state.mode, cause_words(state)) == ("frozen", "device: laser off")
 
 
-def test_a_tick_without_a_command_is_answered_with_the_kept_voltage() -> None:
+def test_a_tick_without_a_command_is_answered_with_the_present_voltage() -> None:
     state, outputs = play(holding(held=False), (position(1), 0.020), (WAKE, 0.0351))
     applied = outputs[-1]
     assert isinstance(applied, Applied)
@@ -172,7 +172,7 @@ def test_rearming_starts_from_the_applied_voltage() -> None:
 
 
 @given(st.lists(st.tuples(st.integers(0, 30), st.floats(-20, 20)), max_size=40))
-def test_whatever_is_commanded_the_voltage_keeps_its_limits(
+def test_the_voltage_stays_within_its_limits_for_any_command(
     commands: list[tuple[int, float]],
 ) -> None:
     state, previous = armed(), 0.0
@@ -185,7 +185,7 @@ def test_whatever_is_commanded_the_voltage_keeps_its_limits(
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 0.045), st.floats(-1.0, 4.0)), max_size=60))
-def test_in_whatever_pattern_commands_arrive_the_voltage_slews_no_faster(
+def test_the_voltage_slews_no_faster_in_any_pattern_of_commands(
     arrivals: list[tuple[float, float]],
 ) -> None:
     """Two of them right after each other move no further than the time between them allows."""

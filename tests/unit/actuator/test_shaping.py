@@ -49,7 +49,7 @@ def stepped(voltage_V: float = 1.0, *, held: bool = True) -> State:
     return state
 
 
-def test_each_step_is_written_in_parts_from_where_the_last_one_has_ended() -> None:
+def test_each_step_is_written_in_parts_from_the_end_of_the_last_one() -> None:
     state, outputs = play(stepped(), (position(1), T), (command(1, 0.0), T + 0.004))
     assert orders(outputs) == [WriteParts((0.75, 0.25, 0.0), H)]
     applied = outputs[-1]
@@ -64,14 +64,14 @@ def test_the_age_of_a_command_counts_its_last_part() -> None:
     assert applied.command_age_s == pytest.approx(0.004 + 2 * H)
 
 
-def test_a_step_whose_parts_would_reach_into_the_next_sample_is_written_at_once() -> None:
+def test_a_step_whose_parts_would_reach_the_next_sample_is_written_at_once() -> None:
     """The voltage at the sample is then the one that is published for it."""
     _, outputs = play(stepped(), (position(1), T), (command(1, 0.5), 2 * T - H))
     assert orders(outputs) == [SetVoltage((0.5,))]
 
 
 @pytest.mark.parametrize(("after", "found_V"), [(0.5, 0.25), (1.5, 0.75), (2.5, 1.0)])
-def test_an_emergency_stop_between_two_parts_holds_the_part_that_is_put_out(
+def test_an_emergency_stop_between_two_parts_holds_the_present_part(
     after: float, found_V: float
 ) -> None:
     state, _, outputs = handle(SHAPED, stepped(), Trip(Cause.ESTOP), 0.004 + after * H)
@@ -84,7 +84,7 @@ def test_an_emergency_stop_between_two_parts_holds_the_part_that_is_put_out(
     assert later.arms[0].voltage_V == found_V
 
 
-def test_an_emergency_stop_of_a_free_arm_ramps_from_the_part_that_is_put_out() -> None:
+def test_an_emergency_stop_of_a_free_arm_ramps_from_the_present_part() -> None:
     state, _, outputs = handle(SHAPED, stepped(held=False), Trip(Cause.ESTOP), 0.004 + 0.5 * H)
     assert orders(list(outputs)) == [SetVoltage((0.25,))]
     state, outputs = play(state, *((WAKE, 0.005 + 0.005 * count) for count in range(12)))
@@ -108,7 +108,7 @@ def test_a_limit_that_trips_between_two_parts_ends_the_step_too() -> None:
     assert orders(outputs) == [SetVoltage((0.75,))]
 
 
-def test_a_fault_of_the_output_asks_where_it_stands_before_anything_is_written() -> None:
+def test_a_fault_of_the_output_reads_it_back_before_anything_is_written() -> None:
     state, outputs = play(stepped(), (Inputs(OFF, None, None), 0.0045))
     assert orders(outputs) == [ReadBack()]
     state, outputs = play(state, (Inputs(PutOut((0.75,)), None, None), 0.005), (WAKE, 0.008))
@@ -116,7 +116,7 @@ def test_a_fault_of_the_output_asks_where_it_stands_before_anything_is_written()
     assert not orders(outputs)
 
 
-def test_a_command_that_comes_between_two_parts_continues_from_the_part_that_is_put_out() -> None:
+def test_a_command_between_two_parts_continues_from_the_present_part() -> None:
     state, outputs = play(stepped(), (position(1), 0.0045), (command(1, 0.7), 0.004 + 1.5 * H))
     (order,) = orders(outputs)
     assert isinstance(order, WriteParts)
@@ -135,7 +135,7 @@ def test_in_lockstep_a_tick_has_all_parts() -> None:
     assert not orders(list(outputs))
 
 
-def test_no_part_of_any_step_leaves_range_or_slew() -> None:
+def test_no_part_of_a_step_exceeds_range_or_slew() -> None:
     draw, limits = Random(46), ARM.voltage
     state, now, put_V = armed(), 0.0, 0.0
     for seq in range(300):

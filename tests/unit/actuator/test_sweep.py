@@ -23,7 +23,7 @@ def swept(seq: int, voltage_V: float = 1.0, sweep: Sweep = SWEEP) -> Inputs:
     return Inputs(None, replace(plain, sweep=sweep), None)
 
 
-def test_a_sweep_begins_once_and_is_looked_after() -> None:
+def test_a_sweep_starts_once_and_is_monitored() -> None:
     state, outputs = play(
         holding(held=False),
         *((position(seq), 0.02 * seq) for seq in (1,)),

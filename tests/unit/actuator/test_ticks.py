@@ -48,7 +48,7 @@ def stood(mode: str) -> State:
 @pytest.mark.parametrize(
     ("mode", "ordered"), [("idle", False), ("frozen", False), ("latched", True)]
 )
-def test_a_tick_is_answered_once_and_ordered_where_a_voltage_is_to_be_held(
+def test_a_tick_is_answered_once_and_written_where_a_voltage_must_be_held(
     mode: str, ordered: bool
 ) -> None:
     state, outputs = play(stood(mode), (position(1), 0.02), (WAKE, UNASKED_S))
@@ -63,12 +63,12 @@ def test_a_tick_is_answered_once_and_ordered_where_a_voltage_is_to_be_held(
     assert again.mode == mode
 
 
-def test_at_rest_a_tick_is_answered_at_once_and_after_the_one_that_was_not_seen() -> None:
+def test_at_rest_a_tick_is_answered_at_once_even_after_a_missed_one() -> None:
     _, outputs = play(stood("idle"), (position(1), 0.02), (position(6), 0.12), (WAKE, 0.2))
     assert [one.seq for one in outputs if isinstance(one, Applied)] == [1, 5, 6]
 
 
-def test_at_rest_the_clock_is_looked_at_seldom_unless_the_output_has_to_be_read_back() -> None:
+def test_at_rest_the_clock_is_checked_seldom_unless_a_read_back_is_due() -> None:
     assert SERVICE.timer_s is not None
     armed = holding(held=False)
     unknown = replace(armed, mode="latched", unconfirmed=True, located=False)
@@ -111,7 +111,7 @@ def test_an_invalid_command_answers_its_tick_at_once_and_only_once() -> None:
     assert outputs == []
 
 
-def test_what_is_taken_is_reported_with_its_age_and_flags() -> None:
+def test_an_accepted_command_is_reported_with_its_age_and_flags() -> None:
     asked = with_arm(
         Command(EPOCH, 1, OWNER, (ArmCommand(1.5),), True, True, True, True),
         x_d_um=1.0,
@@ -140,7 +140,7 @@ def test_what_is_taken_is_reported_with_its_age_and_flags() -> None:
     assert (state.arms[0].watches.aim_um, state.arms[0].watches.seq) == (1.0, 1)
 
 
-def test_a_sweep_that_has_broken_off_leaves_the_output_unconfirmed() -> None:
+def test_an_interrupted_sweep_leaves_the_output_unconfirmed() -> None:
     state, outputs = play(holding(held=False), (position(1), 0.02), (swept(1), 0.024))
     assert state.unconfirmed is False
     state, outputs = play(state, (position(2), 0.04), (swept(2), 0.044))
@@ -150,7 +150,7 @@ def test_a_sweep_that_has_broken_off_leaves_the_output_unconfirmed() -> None:
     assert cause_words(state) == "device: laser off"
 
 
-def test_a_final_sweep_is_none() -> None:
+def test_a_final_command_starts_no_sweep() -> None:
     last = swept(1).command
     assert last is not None
     final = Inputs(None, replace(last, final=True), None)
@@ -159,7 +159,7 @@ def test_a_final_sweep_is_none() -> None:
     assert outputs[0] == SetVoltage((1.0,))
 
 
-def test_an_arming_leaves_nothing_of_the_one_before() -> None:
+def test_an_arming_resets_the_state_of_the_previous_one() -> None:
     left = swept(1).command
     assert left is not None
     idle = replace(
@@ -184,7 +184,7 @@ def test_the_age_limits_are_those_of_the_configuration() -> None:
     assert state.taken_seq == 0
 
 
-def test_a_tick_whose_sample_was_lost_on_its_way_is_answered_with_the_kept_voltage() -> None:
+def test_a_tick_with_a_lost_sample_is_answered_with_the_present_voltage() -> None:
     state = holding(1.0, held=False)
     newest = state.arrivals[-1].seq
     at_s = state.arrivals[-1].at_s

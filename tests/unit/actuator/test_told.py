@@ -48,7 +48,7 @@ def test_segment_tick_and_slew_are_those_of_the_command() -> None:
     assert (without.segment, without.segment_tick, without.slewing_s) == (None, 0, None)
 
 
-def test_a_tick_is_answered_once_while_the_output_is_asked() -> None:
+def test_a_tick_is_answered_once_while_the_output_is_read_back() -> None:
     state, _ = play(holding(held=True), (FAILED, 0.01), (position(1), 0.02))
     state, outputs = play(state, (WAKE, 0.02 + 0.8 * T))
     assert [one.seq for one in echoes([*outputs])] == [1]
@@ -57,7 +57,7 @@ def test_a_tick_is_answered_once_while_the_output_is_asked() -> None:
     assert state.asked_s == 0.02 + 0.8 * T, "what is not asked is not noted"
 
 
-def test_an_output_that_is_told_something_has_not_yet_said_where_it_is() -> None:
+def test_a_commanded_output_has_not_yet_reported_its_voltage() -> None:
     state, _ = play(
         holding(held=False), (FAILED, 0.01), (Inputs(PutOut((0.9,)), None, None), 0.011)
     )
@@ -67,25 +67,25 @@ def test_an_output_that_is_told_something_has_not_yet_said_where_it_is() -> None
     assert state.located is False
 
 
-def test_what_the_output_says_is_told_of_the_newest_tick() -> None:
+def test_a_reported_voltage_belongs_to_the_newest_tick() -> None:
     _, outputs = play(
         holding(held=True), (FAILED, 0.01), (Inputs(PutOut((0.9,)), None, None), 0.011)
     )
     assert [one.seq for one in echoes([*outputs])] == [0, 0]
 
 
-def test_a_sleep_is_told_from_now_on() -> None:
+def test_a_suspension_is_reported_from_now_on() -> None:
     state, _ = play(holding(held=True), (Inputs(Slept(3600.0), None, None), 0.01))
     assert state.since_s == 0.01
 
 
-def test_a_controller_that_requests_nothing_has_the_output_asked() -> None:
+def test_a_controller_without_requests_causes_a_read_back() -> None:
     state, _ = play(holding(held=True), (FAILED, 0.01), (position(1), 0.02))
     _, outputs = play(replace(state, asked_s=0.0), (UNASKED, 0.022))
     assert isinstance(outputs[0], ReadBack)
 
 
-def test_the_end_of_a_freeze_has_the_output_asked() -> None:
+def test_the_end_of_a_freeze_causes_a_read_back() -> None:
     state, _ = play(holding(held=True), (FAILED, 0.01))
     state, _ = play(state, *wakes(0.015, 0.505))
     state, outputs = play(replace(state, asked_s=0.0), (WAKE, 0.5105))
@@ -93,7 +93,7 @@ def test_the_end_of_a_freeze_has_the_output_asked() -> None:
     assert isinstance(outputs[0], ReadBack)
 
 
-def test_a_doubt_is_reported_beside_the_cause_of_a_freeze_alone() -> None:
+def test_an_uncertainty_is_reported_only_beside_the_cause_of_a_freeze() -> None:
     state, _ = play(holding(held=False), *wakes(0.005, 0.06))
     assert (state.mode, state.cause) == (Mode.RAMPING, "command_age")
     after, _ = play(state, (FAILED, 0.061))
@@ -101,7 +101,7 @@ def test_a_doubt_is_reported_beside_the_cause_of_a_freeze_alone() -> None:
 
 
 @pytest.mark.parametrize(("found_V", "held"), [(1.4, False), (1.5, True), (1.9, True)])
-def test_after_a_restart_a_part_is_let_go_nearer_to_the_safe_voltage(
+def test_after_a_restart_a_part_counts_as_released_near_the_safe_voltage(
     found_V: float, held: bool
 ) -> None:
     kept = with_voltages(holding(held=True), 2.0)

@@ -63,7 +63,7 @@ def at(first_V: float, second_V: float, *, held: bool = False) -> State:
     return state
 
 
-def test_both_voltages_are_put_out_and_told_together() -> None:
+def test_both_voltages_are_put_out_and_reported_together() -> None:
     _, outputs = play(armed(), (position(0), 0.0), (command(0, 1.0, ArmCommand(3.0)), T + 0.001))
     assert outputs[0] == SetVoltage((1.0, 2.0))
     applied = outputs[1]
@@ -73,7 +73,7 @@ def test_both_voltages_are_put_out_and_told_together() -> None:
     assert applied.arms[0].limits_active == 0
 
 
-def test_an_arm_that_rests_lends_the_other_none_of_its_time() -> None:
+def test_a_resting_arm_gives_the_other_none_of_its_slew_time() -> None:
     state = at(1.0, 1.0)
     state, _ = play(state, (position(1), T), (command(1, 1.0, ArmCommand(1.0)), T + 0.004))
     assert state.moved_s == 0.004
@@ -88,7 +88,7 @@ def test_the_second_arm_slews_by_the_time_too() -> None:
     assert state.arms[1].voltage_V == pytest.approx(1.0 + 2.0 * (T - 0.004) / T)
 
 
-def test_a_command_of_one_arm_is_refused_on_a_rig_of_two_and_the_other_way_round() -> None:
+def test_commands_for_one_and_two_arms_are_refused_on_the_other_rig() -> None:
     state, _ = play(armed(), (position(0), 0.0), (command(0, 1.0), 0.004))
     assert (state.arms[0].voltage_V, state.arms[1].voltage_V, state.refused) == (0.0, 0.0, 1)
     assert fault_text(state.refusal) == (
@@ -103,13 +103,13 @@ def test_a_command_of_one_arm_is_refused_on_a_rig_of_two_and_the_other_way_round
     assert "it is for 2 driven arms, the rig has 1" in fault_text(one.refusal)
 
 
-def test_a_command_that_requests_nothing_needs_no_second_arm() -> None:
+def test_an_empty_command_needs_no_second_arm() -> None:
     blind = Command(EPOCH, 0, OWNER, (ArmCommand(0.0),), False, False, False, False)
     state, _ = play(armed(), (position(0), 0.0), (Inputs(None, blind, None), 0.004))
     assert state.refused == 0
 
 
-def test_a_command_is_refused_whole_for_what_is_no_number_of_the_second_arm() -> None:
+def test_a_nan_of_the_second_arm_refuses_the_whole_command() -> None:
     for second, words in (
         (ArmCommand(1e6), "1e+06 V is impossible"),
         (ArmCommand(1.0, force_mN=float("nan")), "not a force"),
@@ -132,7 +132,7 @@ def test_the_second_arm_beyond_its_position_limits_trips_both(held: bool) -> Non
     assert (state.mode, state.arms[0].voltage_V, state.arms[1].voltage_V) == ("latched", 0.0, 0.0)
 
 
-def test_a_sample_that_is_none_of_either_arm_is_not_held_against_it() -> None:
+def test_an_invalid_sample_of_either_arm_does_not_trip_it() -> None:
     state = at(1.0, 2.0)
     state, _ = play(state, (position(1, second=None), T), (position(2, second=90.0), 2 * T))
     assert state.arms[1].watches.position.count == 1
@@ -213,7 +213,7 @@ def test_neither_is_written_until_both_are_read_back(held: bool) -> None:
     assert bool([one for one in outputs if isinstance(one, SetVoltage)]) != held
 
 
-def test_where_one_output_has_let_go_by_itself_a_freeze_ends_and_the_other_follows() -> None:
+def test_if_one_output_has_released_by_itself_the_freeze_ends_and_the_other_follows() -> None:
     state, _ = play(at(1.0, 2.0, held=True), (FAILED, 0.01))
     state, _ = play(state, (Inputs(PutOut((1.0, 0.0)), None, None), 0.011))
     assert (state.mode, state.part_held, state.unconfirmed) == (Mode.RAMPING, False, True)
@@ -224,7 +224,7 @@ def test_where_one_output_has_let_go_by_itself_a_freeze_ends_and_the_other_follo
     assert state.mode == Mode.LATCHED
 
 
-def test_an_output_that_cannot_say_stands_where_it_was_told() -> None:
+def test_an_output_that_cannot_report_is_assumed_at_its_commanded_voltage() -> None:
     invalid = Inputs(fault(FaultCode.INSTRUMENT_INVALID, "overloaded"), None, None)
     state, _ = play(at(1.0, 2.0), (FAILED, 0.01), (invalid, 0.011))
     assert (state.arms[0].voltage_V, state.arms[1].voltage_V, state.located) == (1.0, 2.0, True)
@@ -232,7 +232,7 @@ def test_an_output_that_cannot_say_stands_where_it_was_told() -> None:
     assert (state.mode, state.arms[1].voltage_V) == (Mode.RAMPING, 2.0)
 
 
-def test_both_at_the_safe_voltage_are_at_rest_and_one_alone_is_not() -> None:
+def test_both_at_the_safe_voltage_are_at_rest_and_a_single_one_is_not() -> None:
     state, _ = play(at(1.0, 2.0), (FAILED, 0.01))
     one = found(BOTH, state, (0.0, 2.0), 0.011)
     assert one.mode == Mode.RAMPING
@@ -240,7 +240,7 @@ def test_both_at_the_safe_voltage_are_at_rest_and_one_alone_is_not() -> None:
     assert both.mode == Mode.LATCHED
 
 
-def test_a_frozen_part_is_left_to_the_watchdogs_where_one_output_is_not_known() -> None:
+def test_a_frozen_part_is_left_to_the_watchdogs_if_one_output_is_unknown() -> None:
     """What is fed no heartbeat lets go: the other must not be left to press alone."""
     state, _ = play(at(1.0, 2.0, held=True), (FAILED, 0.01))
     assert state.mode == Mode.FROZEN
@@ -257,7 +257,7 @@ def test_a_shutdown_waits_for_both_arms() -> None:
     assert shutdown(BOTH, at_safe(BOTH, state), 1.0)[1]
 
 
-def test_a_ramp_of_the_second_arm_alone_is_reported() -> None:
+def test_a_ramp_of_only_the_second_arm_is_reported() -> None:
     state = with_voltages(at(1.0, 2.0), 0.0, 2.0)
     state = ramped(trip(BOTH, state, Cause.ESTOP, 0.01), 0.01)
     _, outputs = play(state, (WAKE, 0.012))
@@ -267,7 +267,7 @@ def test_a_ramp_of_the_second_arm_alone_is_reported() -> None:
     assert 0.0 < second_V < 2.0
 
 
-def test_it_begins_from_what_both_put_out() -> None:
+def test_motion_starts_from_the_present_voltages_of_both_outputs() -> None:
     state = initialize_from_output(BOTH, at(1.0, 2.0, held=True), (1.0, 2.0))
     assert state.part_held
     state = initialize_from_output(BOTH, state, (1.0, 0.4))

@@ -23,7 +23,7 @@ from .bench import ARM, EPOCH, OWNER
 from .test_two_arms import BOTH, armed, at, command, position
 
 
-def test_each_output_puts_out_multiples_of_its_own_step() -> None:
+def test_each_output_uses_multiples_of_its_own_step() -> None:
     steps = dataclasses.replace(
         BOTH,
         arms=tuple(
@@ -46,21 +46,21 @@ def test_each_output_puts_out_multiples_of_its_own_step() -> None:
     [(0.0, 0.4, 2.0, False), (0.0, 1.0, 1.0, True), (0.5, 1.0, 1.0, False)],
     ids=["the first alone", "as near to both", "from a safe voltage that is not 0 V"],
 )
-def test_a_part_is_let_go_where_either_output_has_let_go(
+def test_a_part_counts_as_released_if_either_output_has_released(
     safe_V: float, found_V: float, second_V: float, held: bool
 ) -> None:
     limits = dataclasses.replace(BOTH, safe_V=safe_V)
     assert begun(limits, at(1.0, 2.0, held=True), (found_V, second_V)).part_held == held
 
 
-def test_what_is_no_number_of_the_first_arm_is_refused_however_good_the_second_is() -> None:
+def test_a_nan_of_the_first_arm_is_refused_whatever_the_second_is() -> None:
     state = armed()
     for inputs, now in ((position(0), 0.0), (command(0, 1e6, ArmCommand(1.0)), 0.004)):
         state, _ = step(BOTH, state, inputs, now)
     assert (state.arms[0].voltage_V, state.arms[1].voltage_V, state.refused) == (0.0, 0.0, 1)
 
 
-def test_an_arming_forgets_what_was_seen_of_the_second_arm() -> None:
+def test_an_arming_resets_the_observations_of_the_second_arm() -> None:
     state = replace(at(1.0, 2.0), mode=Mode.IDLE)
     assert state.arms[1].watches != UNSEEN
     again, _, _ = handle(BOTH, state, Arm(EPOCH + 1, OWNER, ""), 1.0)
@@ -74,7 +74,7 @@ def rig(*changes: dict[str, object]) -> RigFile:
     return parse_rig(tree)
 
 
-def test_limits_of_the_second_arm_are_its_own() -> None:
+def test_the_second_arm_has_its_own_limits() -> None:
     made = configure(rig({"second": {"limits": {"voltage_max_V": 3.0}}}))
     first, second = made.arms
     assert (first.voltage.max_V, second.voltage.max_V) == (4.0, 3.0)

@@ -51,7 +51,7 @@ def test_a_latched_actuator_that_holds_its_voltage_continues_to_feed() -> None:
     assert output.fed >= 9
 
 
-def test_a_ramp_that_the_output_does_not_confirm_is_left_to_its_watchdog() -> None:
+def test_an_unconfirmed_ramp_is_left_to_the_watchdog() -> None:
     output = Watched()
     runner = Runner(SERVICE, RIG, output)
     waking(runner, 4, 4)
@@ -65,7 +65,7 @@ def test_a_ramp_that_the_output_does_not_confirm_is_left_to_its_watchdog() -> No
     assert runner.state.mode in ("ramping", "latched")
 
 
-def test_a_freeze_is_kept_alive_by_heartbeats_alone() -> None:
+def test_a_freeze_is_kept_alive_by_heartbeats_only() -> None:
     output = Watched()
     runner = Runner(SERVICE, RIG, output)
     runner.state = replace(runner.state, mode="frozen", cause=Cause.DEVICE, unconfirmed=True)

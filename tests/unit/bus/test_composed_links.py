@@ -56,14 +56,14 @@ def test_every_pair_that_shares_a_topic_has_exactly_one_link(
         }
 
 
-def test_one_program_links_to_the_router_alone_and_nobody_waits_for_what_it_says() -> None:
+def test_a_single_program_links_to_the_router_only_and_nobody_waits_for_it() -> None:
     programs = loop_programs(composing(RIG, "loop"))
     ends = peer_session(HOST, PORT, "loop", programs, lockstep=True)
     assert ends.connect == (f"tcp/{HOST}:{PORT}",)
     assert awaited("loop", programs, lockstep=True) == set()
 
 
-def test_what_another_program_waits_for_is_what_its_services_take() -> None:
+def test_programs_wait_for_the_services_that_others_contain() -> None:
     programs = loop_programs(composing(RIG, "sensor+estimator"))
     assert awaited("sensor+estimator", programs, lockstep=False) == {POSITION, ESTIMATE}
     programs = loop_programs(composing(RIG, "estimator+controller"))

@@ -41,7 +41,7 @@ def test_the_pace_is_a_link_in_lockstep_only() -> None:
     assert consumers("actuator", SERVICES, lockstep=True) == {"estimator", "sensor"}
 
 
-def test_a_rig_that_joins_a_router_has_its_own_links_and_that_one() -> None:
+def test_a_rig_that_joins_a_router_has_its_own_links_and_that_router() -> None:
     ends = peer_session(
         "127.0.0.1", 7100, "controller", SERVICES, lockstep=False, router_at=("bench", 7000)
     )

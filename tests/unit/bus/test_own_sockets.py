@@ -36,13 +36,13 @@ def listener() -> Generator[int]:
         yield int(server.getsockname()[1])
 
 
-def test_a_sweeper_starts_all_the_same() -> None:
+def test_a_sweeper_starts_without_the_socket_option() -> None:
     with listener() as port:
         sweeper = LinkSweeper([port])
         sweeper.start()
         sweeper.close()
 
 
-def test_a_private_port_is_signed_all_the_same() -> None:
+def test_a_private_port_is_signed_without_the_socket_option() -> None:
     with listener() as port:
         assert PrivatePort("127.0.0.1", port, b"key").sign_listener() is not None

@@ -20,7 +20,7 @@ with open(sys.argv[1], "r+b") as file:
 """Another program that asks for a lock which this one has, as SQLite does at its end."""
 
 
-def test_a_look_at_the_sockets_takes_no_lock_of_a_file_away(tmp_path: Path) -> None:
+def test_listing_the_sockets_releases_no_file_lock(tmp_path: Path) -> None:
     path = tmp_path / "journal"
     path.write_bytes(b"rows")
     with path.open("r+b") as file, socket.create_server(("127.0.0.1", 0)):
@@ -31,7 +31,7 @@ def test_a_look_at_the_sockets_takes_no_lock_of_a_file_away(tmp_path: Path) -> N
         assert done.returncode == 3
 
 
-def test_each_is_borrowed_and_stays_open() -> None:
+def test_each_socket_is_borrowed_and_stays_open() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         with socket.create_connection(server.getsockname()) as line:
             numbers = {found.fileno() for found in own_sockets()}

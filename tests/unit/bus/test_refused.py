@@ -64,7 +64,7 @@ def test_a_refusal_is_a_finding_for_a_minute() -> None:
 
 
 @pytest.mark.parametrize(("topics", "apart_s"), [(1, MANY_WITHIN_S / (MANY - 2)), (MANY, 0.0)])
-def test_refused_numbers_of_different_times_or_topics_are_no_finding(
+def test_refused_numbers_of_different_times_or_topics_are_not_a_finding(
     topics: int, apart_s: float
 ) -> None:
     clock = Clock()
@@ -76,7 +76,7 @@ def test_refused_numbers_of_different_times_or_topics_are_no_finding(
     assert refused.finding() is None
 
 
-def test_threads_lose_no_count() -> None:
+def test_concurrent_threads_lose_no_count() -> None:
     refused = RefusedMessages("demo/sensor")
 
     def refuse() -> None:

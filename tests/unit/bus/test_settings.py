@@ -34,12 +34,12 @@ PLACES = (router_session("127.0.0.1", 7000), client_session("127.0.0.1", 7000))
 
 
 @pytest.mark.parametrize("ends", [*PLACES, *(secured(ends, MEMBER) for ends in PLACES)])
-def test_nothing_is_found_by_multicast_or_gossip(ends: SessionConfig) -> None:
+def test_multicast_and_gossip_are_off(ends: SessionConfig) -> None:
     scouting = settings(ends, "one")["scouting"]
     assert scouting["multicast"] == scouting["gossip"] == {"enabled": False}
 
 
-def test_with_certificates_there_is_tls_alone_and_a_list_that_denies() -> None:
+def test_with_certificates_only_tls_is_used_with_a_deny_list() -> None:
     for ends in (secured(one, MEMBER) for one in PLACES):
         tree = settings(ends, "one")
         link = tree["transport"]["link"]
@@ -51,14 +51,14 @@ def test_with_certificates_there_is_tls_alone_and_a_list_that_denies() -> None:
         assert address_of(places[0]) == ("127.0.0.1", 7000)
 
 
-def test_without_them_there_is_neither() -> None:
+def test_without_certificates_there_is_neither() -> None:
     for ends in PLACES:
         tree = settings(ends, "one")
         assert "access_control" not in tree
         assert "tls" not in tree["transport"]["link"]
 
 
-def test_the_router_alone_ends_a_link_whose_certificate_ends() -> None:
+def test_only_the_router_ends_a_link_whose_certificate_expires() -> None:
     ends = {
         ends.mode: settings(secured(ends, MEMBER), "one")["transport"]["link"]["tls"]
         for ends in PLACES
@@ -96,7 +96,9 @@ def test_a_program_of_an_extra_shows_the_certificate_of_a_person(tmp_path: Path)
     assert ends.tls.credentials.identity.name == rig.bus.identity
 
 
-def test_a_rig_without_certificates_of_its_own_is_refused_with_the_file(tmp_path: Path) -> None:
+def test_a_rig_without_certificates_of_its_own_is_refused_with_the_file_name(
+    tmp_path: Path,
+) -> None:
     rig = demo_rig().secured(folder_for(tmp_path / "pki", "left").path)
     with pytest.raises(SecurityError, match=r"demo/sensor\.crt: No such file"):
         service_endpoint(rig, "sensor", loop_services())

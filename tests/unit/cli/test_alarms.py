@@ -38,7 +38,7 @@ def alarm(**values: Any) -> Alarm:
         ({"acknowledged_at": AT, "acknowledged_by": "Ada", "cleared_at": AT}, "seen by Ada"),
     ],
 )
-def test_an_alarm_says_what_it_waits_for(values: dict[str, Any], told: str) -> None:
+def test_an_alarm_states_what_clears_it(values: dict[str, Any], told: str) -> None:
     assert state(alarm(**values)) == told
 
 

@@ -39,7 +39,7 @@ def sent(supervisor: Desk, place: int = -1) -> Any:
     return json.loads(supervisor.asked[place].content)
 
 
-def test_a_job_is_followed_and_answered_in_json_alone(
+def test_a_job_is_followed_and_answered_as_json_only(
     at: At, capsys: pytest.CaptureFixture[str]
 ) -> None:
     supervisor = at(desk.job(kind="calibrate", state="running"), desk.job(**SUCCEEDED))
@@ -69,7 +69,7 @@ def test_a_job_is_followed_and_answered_in_json_alone(
         (desk.job(state="failed", cause="lost"), Exit.FAILED, ""),
     ],
 )
-def test_how_a_start_ends(
+def test_exit_statuses_of_a_start(
     at: At, capsys: pytest.CaptureFixture[str], answer: Any, status: Exit, words: str
 ) -> None:
     at(answer)
@@ -77,7 +77,7 @@ def test_how_a_start_ends(
     assert words in capsys.readouterr().err
 
 
-def test_a_plan_that_takes_long_is_not_called_a_missing_supervisor(
+def test_a_long_plan_is_not_reported_as_a_missing_supervisor(
     at: At, capsys: pytest.CaptureFixture[str]
 ) -> None:
     supervisor = at(httpx.ReadTimeout("timed out"))
@@ -98,7 +98,7 @@ def test_a_refusal_in_json_is_the_problem(at: At, capsys: pytest.CaptureFixture[
     assert "too strong" in said.err
 
 
-def test_ctrl_c_leaves_the_job_alone(at: At, capsys: pytest.CaptureFixture[str]) -> None:
+def test_ctrl_c_does_not_affect_the_job(at: At, capsys: pytest.CaptureFixture[str]) -> None:
     def interrupted(_request: httpx.Request) -> httpx.Response:
         raise KeyboardInterrupt
 
@@ -114,7 +114,7 @@ def test_a_job_need_not_be_followed(at: At, capsys: pytest.CaptureFixture[str]) 
     assert capsys.readouterr().out == f"{NAME}\n"
 
 
-def test_what_a_job_may_be_told(at: At) -> None:
+def test_messages_of_a_followed_job(at: At) -> None:
     supervisor = at(desk.job(), desk.job(), desk.job())
     words = "--queue --recipe bead@2 --label part=b12 --label tray=7 --on-stop release"
     main(["job", "grip", "--until-released", "--no-wait", *words.split(), *AT])
@@ -138,7 +138,7 @@ def test_what_a_job_may_be_told(at: At) -> None:
 @pytest.mark.parametrize(
     "action", ["pause", "resume", "stop", "abort", "release", "continue", "start"]
 )
-def test_an_action_is_taken(at: At, capsys: pytest.CaptureFixture[str], action: str) -> None:
+def test_an_action_is_sent(at: At, capsys: pytest.CaptureFixture[str], action: str) -> None:
     supervisor = at(desk.job(), desk.job(state="pausing"))
     assert main(["job", action, NAME]) == Exit.DONE
     assert sent(supervisor) == {"type": action}
@@ -212,9 +212,7 @@ def test_jobs_are_listed_and_shown(at: At, capsys: pytest.CaptureFixture[str]) -
     assert json.loads(capsys.readouterr().out) == []
 
 
-def test_a_record_is_brought_here(
-    at: At, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_record_is_downloaded(at: At, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = {"artifacts": [desk.example(Artifact, name="result.json", sha256="")]}
     files["artifacts"][0]["sha256"] = (
         "44136fa355b3678a1146ad16f7e8649e94fb4fc21fe77e8310c060f61caaff8a"
@@ -255,7 +253,7 @@ def test_jobs_are_exported_as_numbers(at: At, tmp_path: Path) -> None:
     assert main(["job", "list", "--numbers"]) == Exit.USAGE
 
 
-def test_a_recipe_is_kept(at: At, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_recipe_is_saved(at: At, capsys: pytest.CaptureFixture[str]) -> None:
     supervisor = at(httpx.Response(201, json=desk.example(Recipe)))
     words = ["force_mN=8", "part.stiffness_mN_per_um=2.1", "scheme=dsmifc"]
     assert main(["recipe", "save", "bead-1mm", *words, "--note", "glass"]) == Exit.DONE
@@ -270,7 +268,7 @@ def test_a_recipe_is_kept(at: At, capsys: pytest.CaptureFixture[str]) -> None:
     assert "there are 3" in capsys.readouterr().err
 
 
-def test_a_halted_queue_says_why_and_how_to_continue(
+def test_a_halted_queue_states_why_and_how_to_continue(
     at: At, capsys: pytest.CaptureFixture[str]
 ) -> None:
     halted = {"length": 1, "halted": "job x failed: lost", "capacity": 16}
@@ -313,7 +311,7 @@ def test_watching_a_rig_is_a_line_an_event(at: At, capsys: pytest.CaptureFixture
     assert [one["kind"] for one in told] == ["state", "progress", "alarm"]
 
 
-def test_reset_says_what_the_cause_was(at: At, capsys: pytest.CaptureFixture[str]) -> None:
+def test_reset_reports_the_cause(at: At, capsys: pytest.CaptureFixture[str]) -> None:
     latch = {"state": "latched", "cause": "estop", "clear": ""}
     stopped = {"rig": "demo", "cause": "estop", "acknowledged": True, "detail": ""}
     at(
@@ -325,6 +323,6 @@ def test_reset_says_what_the_cause_was(at: At, capsys: pytest.CaptureFixture[str
     assert capsys.readouterr().out == "rig demo: reset; the cause was: estop\n"
 
 
-def test_every_status_has_its_meaning_and_no_two_are_one() -> None:
+def test_every_exit_status_has_a_distinct_meaning() -> None:
     assert set(MEANINGS) == set(Exit)
     assert len({status.value for status in Exit}) == len(Exit)

@@ -34,7 +34,7 @@ def job(name: str) -> JobRow:
 
 
 @pytest.mark.parametrize("records", [False, True])
-def test_what_a_supervisor_keeps_is_there_again(
+def test_restored_data_equals_the_saved_data(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], records: bool
 ) -> None:
     store = open_store(data / "supervisor.sqlite")
@@ -62,7 +62,7 @@ def test_what_a_supervisor_keeps_is_there_again(
     assert "pincette up --data" in capsys.readouterr().out
 
 
-def test_nothing_is_restored_over_what_is_there(
+def test_a_restore_overwrites_nothing(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     open_store(data / "supervisor.sqlite").close()
@@ -72,7 +72,7 @@ def test_nothing_is_restored_over_what_is_there(
     assert "is not empty" in capsys.readouterr().err
 
 
-def test_a_backup_that_was_changed_is_refused_and_leaves_nothing(
+def test_a_modified_backup_is_refused_without_a_trace(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     open_store(data / "supervisor.sqlite").close()
@@ -144,7 +144,7 @@ def other_keys(content: bytes) -> Callable[[bytes], bytes]:
         ("keys.json", other_keys(b'{"version": 9, "keys": []}')),
     ],
 )
-def test_a_backup_of_damaged_files_is_refused_and_leaves_nothing(
+def test_a_backup_of_damaged_files_is_refused_without_a_trace(
     data: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -177,7 +177,7 @@ def test_a_backup_of_damaged_files_is_refused_and_leaves_nothing(
     assert not after.exists()
 
 
-def test_a_folder_without_a_journal_is_no_data_folder(
+def test_a_folder_without_a_journal_is_not_a_data_folder(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["backup", str(tmp_path / "b.tar.gz"), "--data", str(tmp_path)]) == 1
@@ -244,7 +244,7 @@ class Zeros(io.RawIOBase):
         (long_attribute, "a header of"),
     ],
 )
-def test_a_crafted_backup_is_refused_and_leaves_nothing(
+def test_a_crafted_backup_is_refused_without_a_trace(
     data: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -262,7 +262,7 @@ def test_a_crafted_backup_is_refused_and_leaves_nothing(
 
 
 @pytest.mark.parametrize("part", [0.0, 0.001, 0.5, 0.99])
-def test_a_backup_that_was_cut_is_refused_and_leaves_nothing(
+def test_a_truncated_backup_is_refused_without_a_trace(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], part: float
 ) -> None:
     file, after = tmp_path / "bench.tar.gz", tmp_path / "after"
@@ -274,7 +274,7 @@ def test_a_backup_that_was_cut_is_refused_and_leaves_nothing(
     assert not after.exists()
 
 
-def test_a_disk_that_fills_up_leaves_nothing(
+def test_a_full_disk_leaves_no_partial_backup(
     data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file, after = tmp_path / "bench.tar.gz", tmp_path / "after"

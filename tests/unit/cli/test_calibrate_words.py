@@ -34,7 +34,7 @@ def screen() -> tuple[Console, io.StringIO]:
     return Console(file=out, width=100, color_system=None), out
 
 
-def test_only_what_was_given_is_asked_for() -> None:
+def test_only_given_options_are_requested() -> None:
     assert fields("noise") == {}
     assert fields("compliance", "--weights-mN", "0; 5; 10") == {"weights_mN": [0.0, 5.0, 10.0]}
     assert fields("free_response", "--low-V", "-0.5", "--high-V", "3") == {
@@ -43,7 +43,7 @@ def test_only_what_was_given_is_asked_for() -> None:
     }
 
 
-def test_what_cannot_be_read_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unreadable_options_are_reported(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["job", "calibrate", "compliance", "--weights-mN", "0,heavy"]
     assert main(words) == Exit.USAGE
     assert "'heavy' mN cannot be used" in capsys.readouterr().err
@@ -93,7 +93,7 @@ def test_a_proposal_and_the_model_are_shown() -> None:
     assert "2026-08-28, overdue" in out.getvalue()
 
 
-def test_a_plan_says_how_often_it_waits() -> None:
+def test_a_plan_states_how_often_it_waits() -> None:
     console, out = screen()
     plan = desk.example(
         CalibrationPlan, phases=[desk.example(PlannedPhase, duration_s=None)], waits=1
@@ -103,7 +103,7 @@ def test_a_plan_says_how_often_it_waits() -> None:
     assert "feasible: 8.00 s, 1 waits" in out.getvalue()
 
 
-def test_who_follows_is_reported_once_what_is_waited_for() -> None:
+def test_a_follower_is_told_once_what_the_job_waits_for() -> None:
     console, out = screen()
     instruction = "hang 5 mN on the tip"
     live = desk.example(Progress, phase="hang 2", instruction=instruction)

@@ -36,12 +36,12 @@ def test_up_starts_the_programs_that_the_rig_file_names(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["controller+estimator", PAIR])
-def test_run_takes_a_program_by_its_services_in_any_order(name: str) -> None:
+def test_run_accepts_the_services_of_a_program_in_any_order(name: str) -> None:
     assert parsed("run", name).params["name"] == PAIR
     assert run.program_name(name) == PAIR
 
 
-def test_run_says_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_lists_the_known_programs(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "sensor+recorder"]) == Exit.USAGE
     said = capsys.readouterr().err
     assert "'recorder' is not a service of the loop: must be 'loop', or at least two of" in said
@@ -53,7 +53,7 @@ def test_run_says_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
     assert "router, supervisor" in said
 
 
-def test_certificates_on_the_fly_are_made_for_what_is_composed_then_and_later(
+def test_temporary_certificates_include_composed_programs(
     tmp_path: Path,
 ) -> None:
     security.made_certificates(RIG, tmp_path)
@@ -66,7 +66,7 @@ def test_certificates_on_the_fly_are_made_for_what_is_composed_then_and_later(
     assert of_rig(Folder(tmp_path / "another" / security.IN_DATA)) == {*OF_A_RIG, "loop"}
 
 
-def test_security_makes_them_on_demand(
+def test_security_makes_certificates_for_composed_programs_on_demand(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "rig.toml"
@@ -83,7 +83,7 @@ def test_security_makes_them_on_demand(
     assert "not overwritten" in capsys.readouterr().err
 
 
-def test_doctor_needs_the_certificates_of_the_programs_there_are(tmp_path: Path) -> None:
+def test_doctor_needs_the_certificates_of_the_existing_programs(tmp_path: Path) -> None:
     folder = folder_for(tmp_path / "pki", "demo")
     rig = composing(demo_rig(), "loop").secured(folder.path)
     missing = [one.what for one in certificates(rig) if one.mark == "missing"]
@@ -91,7 +91,7 @@ def test_doctor_needs_the_certificates_of_the_programs_there_are(tmp_path: Path)
     assert "loop.crt: No such file" in missing[0]
 
 
-def test_doctor_says_what_is_given_up_and_what_cannot_be() -> None:
+def test_doctor_states_the_disadvantages_of_a_composition_and_what_is_impossible() -> None:
     def found(rig: RigFile) -> list[Finding]:
         return list(composed(rig))
 

@@ -51,7 +51,7 @@ def test_the_record_is_waited_for() -> None:
     assert grip(desk.rig(latch=IDLE), RUNNING, drawing, written)[1][-1] == NAME
 
 
-def test_where_the_machine_stood_still_it_grips_once_more() -> None:
+def test_after_a_stall_of_the_machine_the_demo_grips_again() -> None:
     late = tripped("command_age", "no_command")
     again = (desk.rig(latch=LATCHED), RESET, RUNNING)
     assert grip(desk.rig(latch=IDLE), RUNNING, late, *again, GRIPPED)[0] == "succeeded"
@@ -61,5 +61,5 @@ def test_where_the_machine_stood_still_it_grips_once_more() -> None:
 @pytest.mark.parametrize(
     ("trip", "code"), [("command_age", "instrument_silent"), ("overforce", "no_command")]
 )
-def test_another_trip_is_reported_and_no_more(trip: str, code: str) -> None:
+def test_another_trip_is_reported_without_a_retry(trip: str, code: str) -> None:
     assert grip(desk.rig(latch=IDLE), RUNNING, tripped(trip, code))[0] == "failed"

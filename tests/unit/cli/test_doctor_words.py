@@ -23,13 +23,13 @@ def test_a_motion_needs_a_person_who_agrees(
     assert consent("?") is agreed
 
 
-def test_a_direction_that_nobody_agreed_to_look_at_is_missing() -> None:
+def test_a_direction_check_without_confirmation_is_missing() -> None:
     finding = moved(RIG, lambda _question: False)
     assert finding.mark == "missing"
     assert "not confirmed" in finding.what
 
 
-def test_what_a_driver_warns_of_is_not_printed_beside_the_findings(
+def test_warnings_of_a_driver_are_not_repeated_beside_the_findings(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     path = tmp_path / "bench.toml"

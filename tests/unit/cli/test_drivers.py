@@ -68,13 +68,13 @@ def test_own_drivers_are_listed_with_options_and_defaults() -> None:
     assert "checksum = false" in outputs["icpdas_i7024"].options
 
 
-def test_an_outside_driver_is_listed_with_where_it_comes_from(install: Install) -> None:
+def test_an_external_driver_is_listed_with_its_distribution(install: Install) -> None:
     install("drivers-whole", "whole", WHOLE)
     wanted = ("head (must be given)", 'word = "µ"', "sizes (set when it is opened)")
     assert found("whole") == Driver("whole", "drivers-whole 2.1", True, wanted)
 
 
-def test_a_driver_may_say_nothing_of_itself(
+def test_a_driver_without_a_description_is_listed(
     install: Install, capsys: pytest.CaptureFixture[str]
 ) -> None:
     install("drivers-bare", "bare", OPENER)
@@ -127,7 +127,7 @@ def test_an_extra_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> N
     assert plugins.installation("rich") == ""
 
 
-def test_a_name_that_two_distributions_give_is_refused(install: Install) -> None:
+def test_a_name_registered_by_two_distributions_is_refused(install: Install) -> None:
     install("one-keyence", "keyence_lkg", OPENER)
     both = [each for each in installed(plugins.POSITION_SENSORS) if each.name == "keyence_lkg"]
     assert [driver.origin.split()[0] for driver in both] == ["one-keyence", "pincette"]
@@ -138,7 +138,7 @@ def test_a_name_that_two_distributions_give_is_refused(install: Install) -> None
 
 
 @pytest.mark.parametrize("group", plugins.DRIVERS)
-def test_a_driver_that_is_not_there_is_named_beside_those_that_are(group: str) -> None:
+def test_an_unknown_driver_is_refused_with_the_known_ones(group: str) -> None:
     with pytest.raises(plugins.PluginError) as raised:
         plugins.load(group, "none_such")
     there = ", ".join(plugins.names(group))

@@ -43,7 +43,7 @@ def modules(*words: str) -> set[str]:
 
 
 @pytest.mark.parametrize("words", [(name,) for name in COMMANDS] + [("job", "grip"), ("grip",)])
-def test_a_help_text_loads_what_it_needs_alone(words: tuple[str, ...]) -> None:
+def test_a_help_text_imports_only_what_it_needs(words: tuple[str, ...]) -> None:
     loaded = modules(*words)
     allowed = ALLOWED.get(words[0], set())
     assert [name for name in NEVER if name in loaded and name not in allowed] == []
@@ -51,7 +51,9 @@ def test_a_help_text_loads_what_it_needs_alone(words: tuple[str, ...]) -> None:
 
 
 @pytest.mark.parametrize("words", [("rigs",), ("job", "list")], ids=" ".join)
-def test_a_question_to_a_supervisor_loads_no_command_line_of_httpx(words: tuple[str, ...]) -> None:
+def test_a_request_to_a_supervisor_does_not_import_httpx_command_line(
+    words: tuple[str, ...],
+) -> None:
     line = [sys.executable, "-c", SHOW, *words, "--url", "http://127.0.0.1:9"]
     ran = subprocess.run(line, capture_output=True, text=True, check=True, timeout=60.0)
     loaded = set(json.loads(ran.stdout))

@@ -75,7 +75,7 @@ def test_options_answer_single_questions(bench: Path) -> None:
     assert rig.output.on_silence == "holds"  # it has no watchdog
 
 
-def test_every_question_says_its_unit_its_default_and_where_to_look(
+def test_every_question_states_its_unit_its_default_and_where_to_look(
     bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = typing(monkeypatch, iter(()))
@@ -105,7 +105,7 @@ SWING: dict[str, Any] = {
 }
 
 
-def test_a_limit_that_refuses_30_mN_or_5_hz_was_asked_for_with_what_those_need(
+def test_limits_that_refuse_30_mN_or_5_hz_were_asked_with_the_needed_values(
     bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = typing(monkeypatch, iter(()))
@@ -125,9 +125,7 @@ def test_a_limit_that_refuses_30_mN_or_5_hz_was_asked_for_with_what_those_need(
     assert broken(bench, **SWING) == set()
 
 
-def test_a_number_that_cannot_be_read_is_asked_for_again(
-    bench: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_unreadable_number_is_asked_again(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = typing(monkeypatch, iter(["mine", "fast", "0.04"]))
     assert main(["init", str(bench)]) == 0
     assert asked[1] == asked[2]
@@ -146,7 +144,7 @@ def test_a_number_that_cannot_be_read_is_asked_for_again(
         (["--yes", "--on-silence", "perhaps"], 2, "safe or holds"),
     ],
 )
-def test_answers_that_make_no_rig_file_write_none(
+def test_impossible_answers_write_no_rig_file(
     bench: Path, capsys: pytest.CaptureFixture[str], words: list[str], status: int, said: str
 ) -> None:
     assert main(["init", str(bench), *words]) == status

@@ -13,13 +13,13 @@ def fields(*words: str) -> dict[str, Any]:
     return request_of("job", *words)
 
 
-def test_only_what_was_given_is_asked_for() -> None:
+def test_only_given_options_are_requested() -> None:
     assert fields("grip") == {}
     assert fields("grip", "--force-mN", "15", "--load-s", "1.5") == {"force_mN": 15, "load_s": 1.5}
     assert fields("track") == {}
 
 
-def test_every_shape_can_be_asked_for() -> None:
+def test_every_shape_can_be_requested() -> None:
     swing = ("--shape", "triangle", "--x-pp-um", "8.45", "--frequency-hz", "0.5", "--cycles", "3")
     assert fields("track", *swing) == {
         "shape": "triangle",
@@ -47,7 +47,7 @@ def test_every_shape_can_be_asked_for() -> None:
         (("--shape", "square"), "'square' is not allowed: give one of sinusoid"),
     ],
 )
-def test_what_cannot_be_read_is_reported(
+def test_unreadable_options_are_reported(
     words: tuple[str, ...], text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["job", "track", *words]) == Exit.USAGE
@@ -65,7 +65,7 @@ def test_a_law_can_be_chosen(kind: str) -> None:
     assert fields(kind, "--gains", "tuned") == {"gains": "tuned"}
 
 
-def test_a_law_and_gains_that_only_the_supervisor_knows_are_passed_on() -> None:
+def test_unknown_laws_and_gains_are_passed_to_the_supervisor() -> None:
     chosen = ("--scheme", "another", "--gains", "K_Q=1,zeta=0.7")
     assert fields("grip", *chosen) == {"scheme": "another", "gains": {"K_Q": 1.0, "zeta": 0.7}}
 

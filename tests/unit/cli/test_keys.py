@@ -42,7 +42,7 @@ def keys(data: Path, *words: str) -> int:
     return main(["key", *words, "--data", str(data)])
 
 
-def test_a_key_is_shown_once_and_listed_without_itself(
+def test_a_key_is_shown_once_and_listed_without_its_secret(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     data = tmp_path / "data"

@@ -65,7 +65,7 @@ def test_the_shortest_period_is_reported(
     assert (max(periods_s), min(periods_s), for_s, loaded) == (0.02, 0.001, 7.0, False)
 
 
-def test_a_period_that_is_asked_for_is_the_only_one(
+def test_a_given_period_is_the_only_one_measured(
     machine: Machine, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["latency", "--period-s", "0.002", "--load"]) == Exit.FAILED
@@ -92,7 +92,7 @@ def test_a_program_gets_one_document(
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_rig_file_says_what_is_asked_for(machine: Machine, tmp_path: Path) -> None:
+def test_the_rig_file_states_the_requested_scheduling(machine: Machine, tmp_path: Path) -> None:
     text = Path("deploy/rigs/demo.toml").read_text(encoding="utf-8")
     rig = tmp_path / "rig.toml"
     rig.write_text(f"{text}\n[realtime]\npriority = {{ sensor = 33 }}\n", encoding="utf-8")
@@ -100,7 +100,7 @@ def test_the_rig_file_says_what_is_asked_for(machine: Machine, tmp_path: Path) -
     assert machine.asked[0][2].priority == 33
 
 
-def test_what_is_measured_is_kept_and_what_suits_the_rig_file_is_reported(
+def test_a_measurement_is_stored_and_the_suitable_settings_are_reported(
     machine: Machine, capsys: pytest.CaptureFixture[str]
 ) -> None:
     machine.late_s = 0.031
@@ -129,7 +129,7 @@ def test_a_machine_that_cannot_be_measured_is_reported(
 @pytest.mark.parametrize(
     "words", [["--seconds", "0"], ["--period-s", "2"], ["--period-s", "nan"], ["--seconds", "x"]]
 )
-def test_what_cannot_be_measured_is_refused(
+def test_impossible_measurements_are_refused(
     words: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["latency", *words]) == Exit.USAGE

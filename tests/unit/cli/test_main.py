@@ -51,14 +51,14 @@ def test_run_needs_nothing_of_what_only_people_need() -> None:
     assert "--listen ADDRESS" in done.stdout
 
 
-def test_a_program_that_is_not_there_says_which_package_is_missing(tmp_path: Path) -> None:
+def test_a_missing_program_states_which_package_to_install(tmp_path: Path) -> None:
     done = without("run", "recorder", "--rig", str(DEMO), "--data", str(tmp_path))
     assert done.returncode == 2
     assert "pincette_recorder.program:run" in done.stderr
     assert "Traceback" not in done.stderr
 
 
-def test_another_word_says_what_this_place_is_for() -> None:
+def test_an_unknown_command_states_what_this_image_is_for() -> None:
     done = without("doctor")
     assert done.returncode == 2
     assert "is not installed" in done.stderr
@@ -66,7 +66,7 @@ def test_another_word_says_what_this_place_is_for() -> None:
     assert without("--version").stdout.startswith("pincette ")
 
 
-def test_where_all_is_there_every_word_works(capsys: pytest.CaptureFixture[str]) -> None:
+def test_with_all_packages_every_command_works(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["job", "--help"]) == 0
     assert "grip" in capsys.readouterr().out
 
@@ -97,9 +97,7 @@ def test_run_without_a_rig_file_ends_as_every_word_does(
     ],
     ids=["the loop", "the supervisor", "the help", "a command", "doctor"],
 )
-def test_a_start_does_not_wait_for_what_is_needed_later(
-    script: str, never: tuple[str, ...]
-) -> None:
+def test_a_start_does_not_import_what_is_needed_later(script: str, never: tuple[str, ...]) -> None:
     told = f"import sys\n{script}\nprint('loaded:', *sorted({set(never)!r} & sys.modules.keys()))"
     line = [sys.executable, "-c", told]
     last = subprocess.check_output(line, text=True, timeout=60.0).splitlines()[-1]
@@ -123,7 +121,7 @@ for driver in (Steps, Waves):
 """
 
 
-def test_an_output_that_plays_waves_loads_before_the_ticks_what_a_sweep_needs_within_one() -> None:
+def test_an_output_that_plays_waves_imports_sweep_code_before_the_ticks() -> None:
     line = [sys.executable, "-c", f"import sys\n{A_LOOP}{OPENED}"]
     loaded = subprocess.check_output(line, text=True, timeout=60.0).split()
     assert loaded == ["False", "True"]

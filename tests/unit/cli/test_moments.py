@@ -32,6 +32,6 @@ def test_days_begin_at_this_places_midnight() -> None:
 
 
 @pytest.mark.parametrize("text", ["soon", "d", "-1d", "9999999d", "2026-13-01", ""])
-def test_what_is_no_time_is_refused_with_what_is(text: str) -> None:
+def test_an_invalid_time_is_refused_with_valid_forms(text: str) -> None:
     with pytest.raises(BadParameter, match="yesterday"):
         moment_at(text, NOW)

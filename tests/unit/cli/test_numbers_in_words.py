@@ -40,7 +40,7 @@ def test_a_number_is_sent_as_it_is_shown(text: str, force_mN: float) -> None:
 
 @pytest.mark.parametrize("text", REFUSED)
 @pytest.mark.parametrize("option", ["--force-mN", "--hold-s"])
-def test_what_is_no_number_is_refused_at_its_option(
+def test_an_invalid_number_is_refused_at_its_option(
     option: str, text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["job", "grip", option, text]) == Exit.USAGE
@@ -50,21 +50,21 @@ def test_what_is_no_number_is_refused_at_its_option(
 
 
 @pytest.mark.parametrize("text", ["5.0", "2,5", "1_0", "５", "1e1"])
-def test_a_whole_number_is_refused_likewise(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_invalid_whole_number_is_refused_at_its_option(
+    text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["job", "track", "--cycles", text]) == Exit.USAGE
     assert repr(text) in capsys.readouterr().err
     assert main(["job", "list", "--limit", text]) == Exit.USAGE
 
 
-def test_a_negative_number_is_no_option() -> None:
+def test_a_negative_number_is_not_mistaken_for_an_option() -> None:
     assert request_of("job", "move", "--by-um", "-5") == {"by_um": -5.0}
     assert request_of("job", "move", "--by-um", "-.5e1") == {"by_um": -5.0}
 
 
 @pytest.mark.parametrize("text", ["5,10", "0,5,1,0", "5,10,20", "5;;7", "1 000"])
-def test_a_list_that_can_be_read_in_two_ways_is_refused(
-    text: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_ambiguous_list_is_refused(text: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["job", "track", "--levels-mN", text]) == Exit.USAGE
     assert "--levels-mN" in capsys.readouterr().err
 
@@ -76,7 +76,7 @@ def test_decimal_commas_in_lists_and_points_are_read() -> None:
     }
 
 
-def test_points_come_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_points_are_read_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "path.csv"
     rows = [f"{0.02 * row:.2f};{5.0 + row % 3:.1f}".replace(".", ",") for row in range(2007)]
     file.write_text("t_s;force_mN\n" + "\n".join(rows), encoding="utf-8-sig")
@@ -88,7 +88,7 @@ def test_points_come_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "line 3: force_mN = '5,0x'" in capsys.readouterr().err
 
 
-def test_points_come_from_a_parquet_file(
+def test_points_are_read_from_a_parquet_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file, names = tmp_path / "path.parquet", ("t_s", "x_um", "force_mN")
@@ -110,7 +110,7 @@ def test_points_come_from_a_parquet_file(
     assert "cannot be read" in capsys.readouterr().err
 
 
-def test_what_is_sent_is_shown_with_its_unit() -> None:
+def test_sent_values_are_shown_with_units() -> None:
     fields = {
         "force_mN": 2.5,
         "until_released": True,
@@ -144,7 +144,7 @@ def test_a_member_of_a_recipe_is_read_as_it_is_shown(word: str, found: object) -
 
 
 @pytest.mark.parametrize("text", [*REFUSED, '"5"', "NaN", "Infinity", "[1e400]"])
-def test_a_member_of_a_recipe_that_is_no_number_is_refused(
+def test_an_invalid_number_in_a_recipe_is_refused(
     text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["recipe", "save", "bead", f"force_mN={text}"]) == Exit.USAGE
@@ -152,7 +152,7 @@ def test_a_member_of_a_recipe_that_is_no_number_is_refused(
 
 
 @pytest.mark.parametrize("text", REFUSED[:-1])
-def test_an_order_to_a_simulated_rig_is_refused_likewise(
+def test_an_invalid_command_to_a_simulated_rig_is_refused(
     text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["rig", "part", "place", text]) == Exit.USAGE

@@ -80,7 +80,7 @@ def test_the_first_difference_is_reported(
     assert "estimate 40, force_mN:" in capsys.readouterr().out
 
 
-def test_another_force_leads_to_another_command(
+def test_another_force_gives_another_command(
     recorded: Recorded, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recorded(job=recording(wrong()), good=recording(list(played())))
@@ -105,7 +105,7 @@ def test_zero_and_minus_zero_differ(recorded: Recorded, capsys: pytest.CaptureFi
     assert (first["seq"], str(first["recorded"]), str(first["replayed"])) == (0, "-0.0", "0.0")
 
 
-def test_what_cannot_be_replayed_is_reported(
+def test_an_impossible_replay_is_reported(
     recorded: Recorded, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     assert main(["records", "replay", str(tmp_path)]) == 1

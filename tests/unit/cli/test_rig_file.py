@@ -12,7 +12,9 @@ ROOT = Path(__file__).parents[3]
 DEMO = ROOT / "deploy/rigs/demo.toml"
 
 
-def test_a_named_file_comes_before_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_named_file_takes_precedence_over_the_environment(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setenv("PINCETTE_RIG", "of/the/environment.toml")
     assert chosen(Path("mine.toml")) == Path("mine.toml")
     assert chosen(None) == Path("of/the/environment.toml")
@@ -24,7 +26,7 @@ def test_a_checkout_has_the_demo(monkeypatch: pytest.MonkeyPatch) -> None:
     assert chosen(None).resolve() == DEMO
 
 
-def test_elsewhere_the_ways_out_are_named(
+def test_outside_a_checkout_the_alternatives_are_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delenv("PINCETTE_RIG", raising=False)
@@ -47,9 +49,7 @@ def test_an_address_without_a_port_is_refused(tmp_path: Path, url: str) -> None:
         opened(path)
 
 
-def test_what_the_package_brings_along_comes_last(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_packaged_file_is_used_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ours = tmp_path / "demo.toml"
     ours.write_text("", encoding="utf-8")
     monkeypatch.setattr(cli, "brought", lambda: ours)

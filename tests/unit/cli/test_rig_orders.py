@@ -37,7 +37,7 @@ def test_words_are_read_as_an_order(words: str, order: SimCommand) -> None:
     assert read(words.split(), 0.0, None) == order
 
 
-def test_times_are_taken_over() -> None:
+def test_times_of_a_command_are_passed_on() -> None:
     assert read(["sensor", "stuck"], 2.0, 1.0) == SimCommand("sensor", "stuck", None, 2.0, 1.0)
 
 
@@ -59,7 +59,7 @@ def test_other_words_are_refused_with_what_could_be(words: str, said: str) -> No
     assert said in str(raised.value)
 
 
-def test_alone_it_lists_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_arguments_all_commands_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["rig", "--rig", str(ROOT / "deploy/rigs/demo.toml")]) == 0
     assert capsys.readouterr().out.rstrip("\n") == listing()
     for target, what, _, meaning in operation_rows():
@@ -69,7 +69,9 @@ def test_alone_it_lists_what_there_is(capsys: pytest.CaptureFixture[str]) -> Non
         )
 
 
-def test_a_real_rig_takes_no_orders(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_real_rig_accepts_no_simulation_commands(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     text = (ROOT / "deploy/rigs/demo.toml").read_text(encoding="utf-8")
     path = tmp_path / "rig.toml"
     path.write_text(text[: text.index("[simulation]")], encoding="utf-8")
@@ -77,7 +79,7 @@ def test_a_real_rig_takes_no_orders(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "is real" in capsys.readouterr().err
 
 
-def test_the_page_holds_the_whole_table() -> None:
+def test_the_page_contains_the_whole_table() -> None:
     page = PAGE.read_text(encoding="utf-8").splitlines()
     table = [line for line in page if line.startswith("| `")]
     rows = [
@@ -90,7 +92,7 @@ def test_the_page_holds_the_whole_table() -> None:
     assert of_second == [row for row in table if row.startswith(("| `sensor`", "| `output`"))]
 
 
-def test_the_entries_on_the_page_are_possible() -> None:
+def test_the_examples_on_the_page_are_possible() -> None:
     blocks = PAGE.read_text(encoding="utf-8").split("```toml\n")[1:]
     found = [tomllib.loads(block.split("```")[0]) for block in blocks]
     tree = tomllib.loads((ROOT / "deploy/rigs/demo.toml").read_text(encoding="utf-8"))
@@ -102,7 +104,7 @@ def test_the_entries_on_the_page_are_possible() -> None:
     assert [entry.what for entry in simulation.script] == ["garbage", "lose"]
 
 
-def test_the_rig_answers_on_the_bus() -> None:
+def test_the_rig_replies_over_the_bus() -> None:
     def asked(script: Script) -> Message:
         bus = MemoryBus()
         serve_sim_commands(bus, script)

@@ -33,7 +33,7 @@ def said(capsys: pytest.CaptureFixture[str]) -> Said:
     return run
 
 
-def test_init_makes_all_and_says_what_to_do_with_it(said: Said, tmp_path: Path) -> None:
+def test_init_makes_all_certificates_and_explains_their_use(said: Said, tmp_path: Path) -> None:
     place = tmp_path / "pki"
     text = said("init", place, "--rig", "left", "--rig", "right", "--host", "bench")
     folder = Folder(place)
@@ -46,7 +46,7 @@ def test_init_makes_all_and_says_what_to_do_with_it(said: Said, tmp_path: Path) 
     assert "is not empty" in said("init", place, "--rig", "left", status=1)
 
 
-def test_without_a_name_it_is_for_the_rig_of_the_rig_file(
+def test_without_a_name_the_rig_file_names_the_rig(
     said: Said, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PINCETTE_RIG", str(DEMO))
@@ -54,9 +54,7 @@ def test_without_a_name_it_is_for_the_rig_of_the_rig_file(
     assert Folder(tmp_path / "pki").rigs() == ("demo",)
 
 
-def test_a_rig_and_people_come_and_go_and_it_says_what_to_start_again(
-    said: Said, tmp_path: Path
-) -> None:
+def test_adding_and_revoking_state_what_to_restart(said: Said, tmp_path: Path) -> None:
     folder = folder_for(tmp_path / "pki", "left")
     assert "restart the router" in said("add", folder.path, "right")
     assert folder.rigs() == ("left", "right")
@@ -71,9 +69,7 @@ def test_a_rig_and_people_come_and_go_and_it_says_what_to_start_again(
     assert read_revoked(folder.path) == {otto.serial, sensor.serial}
 
 
-def test_a_lost_list_of_the_revoked_is_begun_again_by_a_person_alone(
-    said: Said, tmp_path: Path
-) -> None:
+def test_a_lost_revocation_list_is_replaced_only_on_request(said: Said, tmp_path: Path) -> None:
     folder = folder_for(tmp_path / "pki", "left")
     revoked = folder.path / "revoked"
     said("revoke", folder.path, "viewer")
@@ -87,7 +83,7 @@ def test_a_lost_list_of_the_revoked_is_begun_again_by_a_person_alone(
         assert "either the NAME" in said("revoke", folder.path, *words, status=1)
 
 
-def test_renew_takes_those_that_are_named_or_end_soon(said: Said, tmp_path: Path) -> None:
+def test_renew_renews_the_named_or_the_expiring_certificates(said: Said, tmp_path: Path) -> None:
     folder = folder_for(tmp_path / "pki", "left", days=90.0)
     assert "none expires within 30 days" in said("renew", folder.path)
     sensor = program("sensor", "left")
@@ -98,7 +94,7 @@ def test_renew_takes_those_that_are_named_or_end_soon(said: Said, tmp_path: Path
     assert "must be above 0" in said("renew", folder.path, "viewer", "--days", "0", status=1)
 
 
-def test_show_says_who_until_when_and_where(said: Said, tmp_path: Path) -> None:
+def test_show_lists_names_expiry_and_hosts(said: Said, tmp_path: Path) -> None:
     folder = folder_for(tmp_path / "pki", "left", days=90.0)
     folder.renew(program("sensor", "left"), NOW, 5.0)
     rows = {row["name"]: row for row in json.loads(said("show", folder.path, "--json"))}
@@ -129,14 +125,16 @@ def test_the_environment_names_a_folder_in_place_of_the_rig_files(
 
 
 class TestOnTheFly:
-    def test_the_demos_are_gone_afterwards(self) -> None:
+    def test_certificates_of_a_demo_are_deleted_afterwards(self) -> None:
         rig = demo_rig()
         with security.temporary_certificates(rig) as place:
             assert Folder(place).rigs() == ("demo",)
             assert Folder(place).facts(program("router", "")).hosts == (rig.bus.host,)
         assert not place.exists()
 
-    def test_those_beside_the_records_stay_and_take_in_another_rig(self, tmp_path: Path) -> None:
+    def test_certificates_beside_the_records_are_kept_and_extended_for_another_rig(
+        self, tmp_path: Path
+    ) -> None:
         place = security.made_certificates(demo_rig(), tmp_path)
         before = Folder(place).credentials(program("sensor", "demo")).certificate.read_bytes()
         other = demo_rig({"rig": {"name": "right"}})
@@ -147,7 +145,7 @@ class TestOnTheFly:
         assert after == before
 
     @pytest.mark.parametrize("word", ["up", "demo"])
-    def test_one_flag_makes_them(self, word: str) -> None:
+    def test_one_flag_makes_the_certificates(self, word: str) -> None:
         assert parsed(word, "--secure").params["secure"]
         assert not parsed(word).params["secure"]
 
@@ -159,27 +157,27 @@ class TestDoctor:
     def says(self, rig: RigFile, now: datetime | None = None) -> list[tuple[str, str]]:
         return [(finding.mark, finding.what) for finding in certificates(rig, now)]
 
-    def test_nothing_of_a_rig_on_loopback_without_certificates(self) -> None:
+    def test_a_rig_on_loopback_without_certificates_gives_no_finding(self) -> None:
         assert self.says(demo_rig()) == []
 
-    def test_that_a_rig_beyond_loopback_is_open(self) -> None:
+    def test_an_open_rig_beyond_loopback_is_reported(self) -> None:
         ((mark, what),) = self.says(demo_rig({"bus": {"host": "192.0.2.1"}}))
         assert mark == "note"
         assert "192.0.2.1" in what
 
-    def test_that_all_is_well(self, tmp_path: Path) -> None:
+    def test_valid_certificates_are_reported(self, tmp_path: Path) -> None:
         folder = folder_for(tmp_path / "pki", "demo", days=90.0)
         ((mark, what),) = self.says(self.rig(folder))
         assert mark == "ok"
         assert f"{NOW + timedelta(days=90):%Y-%m-%d}" in what
 
-    def test_what_ends_soon(self, tmp_path: Path) -> None:
+    def test_expiring_certificates_are_reported(self, tmp_path: Path) -> None:
         folder = folder_for(tmp_path / "pki", "demo", days=90.0)
         ((mark, what),) = self.says(self.rig(folder), NOW + timedelta(days=61))
         assert mark == "note"
         assert "28 days left" in what or "29 days left" in what
 
-    def test_what_has_ended_is_missing_or_is_for_another_host(self, tmp_path: Path) -> None:
+    def test_expired_missing_and_misplaced_certificates_are_reported(self, tmp_path: Path) -> None:
         folder = folder_for(tmp_path / "pki", "demo", days=90.0)
         rig = self.rig(folder)
         late = datetime.now(UTC) + timedelta(days=91)
@@ -192,14 +190,16 @@ class TestDoctor:
             (mark, "192.0.2.1") for mark, what in said if "is reached at 192.0.2.1" in what
         }
 
-    def test_that_the_list_of_the_revoked_is_lost(self, tmp_path: Path) -> None:
+    def test_a_lost_revocation_list_is_reported(self, tmp_path: Path) -> None:
         folder = folder_for(tmp_path / "pki", "demo", days=90.0)
         (folder.path / "revoked").unlink()
         ((mark, what),) = self.says(self.rig(folder))
         assert mark == "missing"
         assert f"{folder.path}/revoked: No such file" in what
 
-    def test_a_program_that_runs_elsewhere_has_its_key_there(self, tmp_path: Path) -> None:
+    def test_the_key_of_a_program_on_another_host_is_not_required_here(
+        self, tmp_path: Path
+    ) -> None:
         folder = folder_for(tmp_path / "pki", "demo", days=90.0)
         folder.credentials(program("sensor", "demo")).private_key.unlink()
         assert [mark for mark, _ in self.says(self.rig(folder))] == ["ok"]

@@ -20,7 +20,9 @@ def rigs(*names: str) -> httpx.Response:
     return httpx.Response(200, json={"rigs": [desk.example(Rig, name=name) for name in names]})
 
 
-def test_each_rig_has_a_line_with_what_keeps_it(at: At, capsys: pytest.CaptureFixture[str]) -> None:
+def test_each_rig_has_a_line_with_the_reason_why_it_cannot_start(
+    at: At, capsys: pytest.CaptureFixture[str]
+) -> None:
     waiting = desk.example(Rig, name="right", can_start=False, reasons=["sensor: silent"])
     listed = {"rigs": [desk.example(Rig, name="left"), waiting]}
     at(httpx.Response(200, json=listed), httpx.Response(200, json=listed))
@@ -35,7 +37,7 @@ def test_each_rig_has_a_line_with_what_keeps_it(at: At, capsys: pytest.CaptureFi
 @pytest.mark.parametrize(
     "words", [["stop"], ["reset"], ["job", "grip"], ["queue", "clear"], ["job", "show", "last"]]
 )
-def test_what_could_mean_two_is_refused_before_anything_is_asked_for(
+def test_an_ambiguous_rig_is_refused_before_any_request(
     at: At, capsys: pytest.CaptureFixture[str], words: list[str]
 ) -> None:
     supervisor = at(rigs(*NAMES))
@@ -44,7 +46,7 @@ def test_what_could_mean_two_is_refused_before_anything_is_asked_for(
     assert supervisor.paths() == ["GET /api/v1/rigs"]
 
 
-def test_events_of_all_are_followed_where_none_is_named(
+def test_without_a_name_the_events_of_all_rigs_are_followed(
     at: At, capsys: pytest.CaptureFixture[str]
 ) -> None:
     events = [

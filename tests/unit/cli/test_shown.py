@@ -128,7 +128,7 @@ def test_a_short_result_of_two_arms_has_the_figures_of_both() -> None:
         ),
     ],
 )
-def test_a_verdict_says_what_is_doubtful(members: dict[str, Any], doubt: str) -> None:
+def test_a_verdict_states_what_is_uncertain(members: dict[str, Any], doubt: str) -> None:
     assert results.verdict_words(RESULT | members) == ["gripped", doubt]
 
 
@@ -164,7 +164,7 @@ def test_a_result_has_every_figure_with_its_unit() -> None:
     assert max(map(len, text.splitlines())) <= 80
 
 
-def test_a_motion_says_where_it_rests() -> None:
+def test_a_motion_states_its_final_position() -> None:
     console, out = screen(terminal=False)
     result = desk.example(MotionResult, drift_um=0.02, held_at_end=True)
     job = job_of(id="j", kind="move", state="succeeded", result=result, record=None)
@@ -183,7 +183,7 @@ def test_a_motion_says_where_it_rests() -> None:
         assert line in spaced(out.getvalue())
 
 
-def test_what_is_not_known_is_reported() -> None:
+def test_unknown_values_are_reported() -> None:
     console, out = screen(terminal=False)
     nothing: dict[str, Any] = dict.fromkeys(RESULT)
     nothing |= {"outcome": "no_contact", "phases": [], "force_target_mN": 20.0}
@@ -253,7 +253,7 @@ def test_the_plot_is_named_where_it_is(tmp_path: Path, name: str) -> None:
     assert f"plot {tmp_path}/{name}" in spaced(out.getvalue())
 
 
-def test_a_plan_that_cannot_be_says_why() -> None:
+def test_an_infeasible_plan_states_why() -> None:
     console, out = screen(terminal=False)
     violation = desk.example(Violation, message="force 500 mN too much")
     show_plan(planned(feasible=False, violations=[violation]), console)
@@ -261,7 +261,7 @@ def test_a_plan_that_cannot_be_says_why() -> None:
     assert out.getvalue().count("force 500 mN too much") == 1
 
 
-def test_a_plan_says_what_is_predicted_and_how_near_the_limits_are() -> None:
+def test_a_plan_states_its_prediction_and_distance_to_the_limits() -> None:
     console, out = screen(terminal=False)
     margin = desk.example(Margin)
     nearer = margin | {"distance": 1.5, "limit": 21.5}
@@ -297,14 +297,14 @@ def test_a_plan_names_its_law_and_how_stable_it_is() -> None:
         assert line in out.getvalue()
 
 
-def test_a_plan_says_where_the_arm_would_rest() -> None:
+def test_a_plan_states_the_final_position_of_the_arm() -> None:
     console, out = screen(terminal=False)
     show_plan(planned(), console)
     assert "  position          -2.13 to +1.92 µm" in out.getvalue()
     assert "  force             -7.64 to +8.46 mN, until loading" in out.getvalue()
 
 
-def test_a_plan_of_a_motion_says_what_it_takes_for_granted() -> None:
+def test_a_plan_of_a_motion_states_its_assumptions() -> None:
     console, out = screen(terminal=False)
     plan = desk.example(MotionPlan, warnings=["nobody has said that a part is held"])
     show_plan(MotionPlan.model_validate(plan), console)

@@ -40,6 +40,6 @@ def berlin(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("berlin")
-def test_two_times_of_the_hour_that_comes_twice_differ() -> None:
+def test_the_two_times_of_a_repeated_hour_differ() -> None:
     assert clock("2026-10-25T00:30:00.000Z") == "2026-10-25 02:30:00+02:00"
     assert clock("2026-10-25T01:30:00.000Z") == "2026-10-25 02:30:00+01:00"

@@ -33,7 +33,9 @@ def test_an_option_cannot_be_abbreviated(
 
 
 @pytest.mark.parametrize("kind", ["grip", "track", "calibrate"])
-def test_a_kind_of_job_is_no_command(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_kind_of_job_is_not_a_top_level_command(
+    kind: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main([kind]) == 2
     assert f"pincette job {kind}" in capsys.readouterr().err
 
@@ -61,7 +63,7 @@ def test_a_mistyped_word_is_corrected(
     assert meant in capsys.readouterr().err
 
 
-def test_what_takes_longer_than_a_moment_says_so(
+def test_a_long_operation_is_announced(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(terminal, "PATIENCE_S", 0.05)

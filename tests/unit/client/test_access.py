@@ -11,7 +11,7 @@ from .desk import URL, Desk
 KEY = "pincette_secret"
 
 
-def test_the_key_goes_into_the_header_and_nowhere_else() -> None:
+def test_the_key_is_sent_only_in_the_header() -> None:
     transport = Desk(desk.rig(), desk.rig())
     supervisor = Supervisor(URL, key=KEY, operator="Ann", transport=transport)
     supervisor.rig("demo").state()
@@ -26,7 +26,7 @@ def test_the_key_goes_into_the_header_and_nowhere_else() -> None:
 
 @pytest.mark.parametrize("key", ["", "two words", "new\nline", "ä", "x" * 201])
 @pytest.mark.parametrize("kind", [Supervisor, AsyncSupervisor])
-def test_what_is_no_key_is_refused_without_being_told(
+def test_an_invalid_key_is_refused_without_printing_it(
     key: str, kind: type[Supervisor] | type[AsyncSupervisor]
 ) -> None:
     with pytest.raises(ValueError, match="the key is not valid") as refused:
@@ -35,7 +35,7 @@ def test_what_is_no_key_is_refused_without_being_told(
 
 
 @pytest.mark.parametrize(("status", "code"), [(401, "no-key"), (403, "scope-too-small")])
-def test_a_refusal_is_reported_in_its_words_and_not_asked_again(status: int, code: str) -> None:
+def test_a_refusal_is_reported_and_not_repeated(status: int, code: str) -> None:
     words = "this needs scope operate; key 'ann' has observe"
     transport = Desk(desk.problem(status, code, needed_scope="operate", detail=words))
     with pytest.raises(ProblemError, match="needs scope operate") as refused:
@@ -44,7 +44,7 @@ def test_a_refusal_is_reported_in_its_words_and_not_asked_again(status: int, cod
     assert transport.slept_s == []
 
 
-def test_who_asks_is_asked() -> None:
+def test_the_operator_is_sent() -> None:
     session = {"keys": True, "name": "ann", "scope": "observe", "signed_in": False}
     transport = Desk(httpx.Response(200, json=session))
     assert transport.supervisor().session().scope == "observe"

@@ -31,7 +31,7 @@ def arguments(function: Callable[..., Any]) -> list[tuple[str, object, str]]:
 
 
 @pytest.mark.parametrize(("one", "other"), PAIRS)
-def test_what_one_can_the_other_can(one: type, other: type) -> None:
+def test_both_clients_have_the_same_methods(one: type, other: type) -> None:
     ours, theirs = public(one), public(other)
     assert ours
     assert methods(ours) == methods(theirs)

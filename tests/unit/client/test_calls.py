@@ -21,7 +21,7 @@ REFUSED = httpx.ConnectError("refused")
 LOST = httpx.ReadTimeout("lost")
 
 
-def test_a_start_is_one_call_with_a_key_of_its_own() -> None:
+def test_a_start_is_one_call_with_its_own_key() -> None:
     supervisor = Desk(desk.job(), desk.job())
     rig = supervisor.supervisor().rig("demo")
     rig.start("grip", force_mN=15.0, labels={"part": "b"})
@@ -39,7 +39,7 @@ def test_a_start_is_one_call_with_a_key_of_its_own() -> None:
     assert len(first.headers["Idempotency-Key"]) == 32
 
 
-def test_a_start_whose_answer_was_lost_is_made_again_with_the_same_key() -> None:
+def test_a_start_with_a_lost_reply_is_repeated_with_the_same_key() -> None:
     supervisor = Desk(LOST, REFUSED, desk.job(state="running"))
     job = supervisor.supervisor().rig("demo").start("grip")
     assert job.state == "running"
@@ -48,14 +48,14 @@ def test_a_start_whose_answer_was_lost_is_made_again_with_the_same_key() -> None
     assert supervisor.slept_s == [0.1, 0.2]
 
 
-def test_a_key_may_be_given() -> None:
+def test_a_key_can_be_given() -> None:
     supervisor = Desk(desk.job())
     supervisor.supervisor().rig("demo").start("grip", idempotency_key="cell-7-part-12")
     assert supervisor.asked[0].headers["Idempotency-Key"] == "cell-7-part-12"
 
 
 @pytest.mark.parametrize("action", ["start", "pause", "stop", "abort"])
-def test_what_only_brings_to_rest_is_asked_again(action: str) -> None:
+def test_idempotent_stops_are_repeated(action: str) -> None:
     supervisor = Desk(desk.job(), LOST, desk.job())
     job = supervisor.supervisor().job("j")
     getattr(job, action)()
@@ -64,7 +64,7 @@ def test_what_only_brings_to_rest_is_asked_again(action: str) -> None:
 
 
 @pytest.mark.parametrize("action", ["resume", "release", "proceed"])
-def test_what_could_act_twice_is_not(action: str) -> None:
+def test_requests_that_could_act_twice_are_not_repeated(action: str) -> None:
     supervisor = Desk(desk.job(), REFUSED, LOST)
     job = supervisor.supervisor().job("j")
     with pytest.raises(NoAnswerError, match="may or may not have been accepted"):
@@ -84,13 +84,13 @@ def test_patience_ends() -> None:
     assert len(supervisor.slept_s) == 6
 
 
-def test_an_address_that_is_invalid_is_reported_at_once() -> None:
+def test_an_invalid_address_is_reported_at_once() -> None:
     supervisor = Desk(httpx.UnsupportedProtocol("no http://"))
     with pytest.raises(NoAnswerError, match="no http://"):
         supervisor.supervisor().rigs()
 
 
-def test_a_refusal_has_its_members_and_is_never_asked_again() -> None:
+def test_a_refusal_has_its_members_and_is_never_repeated() -> None:
     violation = {"pointer": "/force_mN", "message": "force 55 mN above the limit 40 mN"}
     supervisor = Desk(
         desk.problem(422, "limit-violation", violations=[violation]),
@@ -113,7 +113,7 @@ def test_a_refusal_has_its_members_and_is_never_asked_again() -> None:
     assert supervisor.slept_s == []
 
 
-def test_what_is_no_supervisor_is_reported() -> None:
+def test_a_reply_from_another_server_is_reported() -> None:
     gateway = httpx.Response(502, text="bad gateway")
     supervisor = Desk(httpx.Response(200, text="<html>"), gateway)
     with pytest.raises(ForeignAnswerError, match="does not come from a supervisor"):
@@ -123,13 +123,13 @@ def test_what_is_no_supervisor_is_reported() -> None:
 
 
 @pytest.mark.parametrize("status", [502, 503, 504])
-def test_a_proxy_without_a_line_is_asked_again(status: int) -> None:
+def test_a_proxy_without_a_connection_is_retried(status: int) -> None:
     supervisor = Desk(httpx.Response(status, text="<html>"), desk.job(state="running"))
     assert supervisor.supervisor().rig("demo").start("grip").state == "running"
     assert len({request.headers["Idempotency-Key"] for request in supervisor.asked}) == 1
 
 
-def test_a_start_that_was_delivered_is_never_told_as_unheard() -> None:
+def test_a_delivered_start_is_never_reported_as_undelivered() -> None:
     supervisor = Desk(LOST, *[REFUSED] * 50)
     with pytest.raises(NoAnswerError) as lost:
         supervisor.supervisor(patience_s=5.0).rig("demo").start("grip", idempotency_key="k7")
@@ -142,13 +142,13 @@ def test_a_start_that_was_delivered_is_never_told_as_unheard() -> None:
     assert "no answer (refused)" in str(unsent.value)
 
 
-def test_members_that_came_later_are_passed_over() -> None:
+def test_unknown_newer_members_are_ignored() -> None:
     supervisor = Desk(desk.job(novelty={"of": "another version"}), desk.rig(novelty=1))
     assert supervisor.supervisor().job("j").job.kind == "grip"
     assert supervisor.supervisor().rig("demo").state().name == "demo"
 
 
-def test_a_plan_is_asked_for_without_a_job() -> None:
+def test_a_plan_is_requested_without_a_job() -> None:
     supervisor = Desk(httpx.Response(200, json=desk.example(Plan)))
     plan = supervisor.supervisor().rig("demo").plan("grip", force_mN=10.0)
     assert isinstance(plan, Plan)
@@ -156,21 +156,21 @@ def test_a_plan_is_asked_for_without_a_job() -> None:
     assert "Idempotency-Key" not in supervisor.asked[0].headers
 
 
-def test_bring_up_shows_the_warnings_of_the_rig_s_own_path() -> None:
+def test_bring_up_shows_the_warnings_of_the_rigs_own_path() -> None:
     warned = {**desk.example(Plan), "warnings": ["fit an RC of 3.3 ms"]}
     supervisor = Desk(httpx.Response(200, json=warned))
     assert path_warnings(supervisor.supervisor().rig("demo")) == ["fit an RC of 3.3 ms"]
     assert json.loads(supervisor.asked[0].content)["kind"] == "track"
 
 
-def test_why_a_rig_cannot_start() -> None:
+def test_why_a_rig_cannot_start_is_reported() -> None:
     supervisor = Desk(desk.rig(), desk.rig(can_start=False, reasons=["latched: estop"]))
     rig = supervisor.supervisor().rig("demo")
     assert rig.can_start() == []
     assert rig.can_start() == ["latched: estop"]
 
 
-def test_waiting_goes_through_a_restart_and_ends_in_time() -> None:
+def test_waiting_survives_a_restart_and_ends_in_time() -> None:
     ended = desk.job(state="succeeded")
     supervisor = Desk(desk.job(), desk.job(), LOST, REFUSED, REFUSED, ended)
     job = supervisor.supervisor().job("j")
@@ -188,7 +188,7 @@ def test_waiting_goes_through_a_restart_and_ends_in_time() -> None:
     assert [request.url.params.get("timeout_s") for request in slow.asked] == [None, "4.0", "1.0"]
 
 
-def test_only_one_rig_needs_no_name() -> None:
+def test_a_single_rig_needs_no_name() -> None:
     one, two = desk.example(desk.Rig), desk.example(desk.Rig, name="left")
     supervisor = Desk(
         httpx.Response(200, json={"rigs": [one]}), httpx.Response(200, json={"rigs": [one, two]})
@@ -198,7 +198,7 @@ def test_only_one_rig_needs_no_name() -> None:
         supervisor.supervisor().rig()
 
 
-def test_the_other_client_asks_the_same() -> None:
+def test_the_other_client_sends_the_same_requests() -> None:
     supervisor = Desk(LOST, desk.job(), desk.job(state="succeeded"))
 
     async def run() -> str:
@@ -226,7 +226,7 @@ def test_a_refusal_is_raised_by_its_code() -> None:
     assert type(caught.value) is ProblemError
 
 
-def test_what_a_key_has_begun_is_stopped() -> None:
+def test_a_start_is_stopped_by_its_key() -> None:
     stopped = {**desk.example(Job, state="stopping")}
     supervisor = Desk(
         httpx.Response(200, json={"job": None}), LOST, httpx.Response(200, json={"job": stopped})

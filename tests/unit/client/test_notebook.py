@@ -27,7 +27,7 @@ def grip(**changes: object) -> httpx.Response:
     return desk.job(**{**plain, "ended_at": None, "progress": NOW, **changes})
 
 
-def test_a_job_states_its_force_and_asks_nothing() -> None:
+def test_a_job_states_its_force_without_a_request() -> None:
     asked = Desk(grip(id="j", state="running"))
     job = asked.supervisor().job("j")
     assert repr(job) == "<job j: grip, running, hold, 15.02 ± 0.31 mN, 15.00 mN>"
@@ -48,7 +48,7 @@ def test_a_job_that_has_ended_is_shown_with_its_picture(recorded: bool) -> None:
     assert (b64encode(PNG).decode() in html) == recorded
 
 
-def test_a_picture_that_cannot_be_had_is_left_out() -> None:
+def test_an_unavailable_picture_is_omitted() -> None:
     ended = grip(state="failed", ended_at="2026-01-01T00:00:00Z")
     job = Desk(ended, httpx.ConnectError("gone")).supervisor().job("j")
     assert "<img" not in html_of(job)

@@ -78,7 +78,7 @@ def test_a_stop_by_a_lease_is_a_failure() -> None:
     assert (caught.value.code, caught.value.stopped) == ("job-failed", True)
 
 
-def test_a_release_that_is_stopped_on_the_way_ends_as_cancelled() -> None:
+def test_a_stopped_release_ends_as_cancelled() -> None:
     name = desk.example(desk.Job)["id"]
     supervisor = Desk(
         *(desk.job(), held_rig(active_job=name), desk.job()),
@@ -102,7 +102,7 @@ def test_a_release_ends_once_the_next_job_can_start() -> None:
     assert supervisor.answers == []
 
 
-def test_a_release_of_a_job_on_its_way_is_refused_as_busy() -> None:
+def test_a_release_of_a_moving_job_is_refused_as_busy() -> None:
     moving = desk.job(state="running", allowed_actions=["pause", "stop", "abort"])
     supervisor = Desk(desk.rig(part="none", active_job="j"), moving)
     with pytest.raises(RigBusyError) as busy:
@@ -114,7 +114,7 @@ def test_a_release_of_a_job_on_its_way_is_refused_as_busy() -> None:
 
 
 @pytest.mark.parametrize("odd", [float("nan"), float("inf"), float("-inf")])
-def test_a_number_that_is_invalid_is_refused_by_name_before_it_is_sent(odd: float) -> None:
+def test_an_invalid_number_is_refused_by_name_before_it_is_sent(odd: float) -> None:
     supervisor = Desk()
     rig = supervisor.supervisor().rig("demo")
     for call in (rig.plan, rig.start):
@@ -151,7 +151,7 @@ def in_state(state: str, **changes: Any) -> Rig:
     return rig(latch=latch, **changes)
 
 
-def test_a_rig_is_ready_as_the_table_of_states_says() -> None:
+def test_a_rig_is_ready_according_to_the_state_table() -> None:
     for state, entry in RIG_STATES.items():
         startable = ["grip"] if entry.may_start else []
         taken = in_state(state, active_job="j", startable=[], can_start=False)
@@ -168,7 +168,7 @@ def test_the_age_is_that_of_the_actuators_newest_sample() -> None:
     assert status_of(rig(standing=unheard)).age_s is None
 
 
-def test_a_rig_is_unknown_where_nobody_replies() -> None:
+def test_a_rig_without_replies_is_unknown() -> None:
     supervisor = Desk(REFUSED, httpx.ReadTimeout("late"))
     handle = supervisor.supervisor(patience_s=PATIENCE_S).rig("demo")
     for _ in range(2):
@@ -180,7 +180,7 @@ def test_a_rig_is_unknown_where_nobody_replies() -> None:
     assert limits == {NEWS_S}
 
 
-def test_a_watched_rig_is_unknown_after_a_second_without_news() -> None:
+def test_a_watched_rig_is_unknown_after_a_second_without_a_reply() -> None:
     supervisor = Desk(desk.rig(), REFUSED, desk.rig(part="held"))
 
     async def run() -> AsyncGenerator[tuple[str, str]]:

@@ -53,7 +53,7 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Run:
     return play
 
 
-def test_a_part_is_picked_held_and_let_go(run: Run, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_part_is_picked_held_and_released(run: Run, capsys: pytest.CaptureFixture[str]) -> None:
     status, supervisor = run(RIGS, desk.job(), held(), desk.job(), LET_GO)
     assert status == 0
     assert "released, peak force 15.20 mN" in capsys.readouterr().out
@@ -64,7 +64,7 @@ def test_a_part_is_picked_held_and_let_go(run: Run, capsys: pytest.CaptureFixtur
     assert supervisor.slept_s == [1.0]
 
 
-def test_a_busy_rig_is_waited_for_and_a_broken_line_taken_up(run: Run) -> None:
+def test_the_client_waits_for_a_busy_rig_and_resumes_a_broken_connection(run: Run) -> None:
     busy, lost = desk.problem(409, "job-active"), httpx.ReadError("lost")
     status, supervisor = run(RIGS, busy, lost, desk.job(), lost, held(), desk.job(), LET_GO)
     assert status == 0
@@ -72,9 +72,7 @@ def test_a_busy_rig_is_waited_for_and_a_broken_line_taken_up(run: Run) -> None:
     assert len(keys) == 1
 
 
-def test_a_part_that_is_not_there_does_not_end_the_run(
-    run: Run, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_missing_part_does_not_end_the_run(run: Run, capsys: pytest.CaptureFixture[str]) -> None:
     failed = desk.job(state="failed", cause="no_contact: nothing was met")
     status, _ = run(
         *(RIGS, desk.job(), desk.stream(), failed, failed),
@@ -94,7 +92,7 @@ def test_a_latched_rig_needs_a_person(run: Run, capsys: pytest.CaptureFixture[st
     assert len(supervisor.asked) == 2
 
 
-def test_a_person_who_ends_it_leaves_the_part_held(run: Run) -> None:
+def test_an_interrupted_run_leaves_the_part_held(run: Run) -> None:
     asked: list[bytes] = []
 
     def interrupted(_request: httpx.Request) -> httpx.Response:
@@ -109,7 +107,7 @@ def test_a_person_who_ends_it_leaves_the_part_held(run: Run) -> None:
     assert [json.loads(body) for body in asked] == [{"type": "stop"}]
 
 
-def test_a_part_that_is_lost_on_the_way_is_one_part_less(
+def test_a_part_lost_during_the_motion_is_counted(
     run: Run, capsys: pytest.CaptureFixture[str]
 ) -> None:
     over = desk.problem(409, "invalid-transition")
@@ -119,7 +117,7 @@ def test_a_part_that_is_lost_on_the_way_is_one_part_less(
     assert "lost: nothing presses any more" in capsys.readouterr().err
 
 
-def test_a_part_that_is_not_let_go_in_time_needs_a_person(
+def test_a_part_not_released_in_time_needs_a_person(
     run: Run, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def late(_request: httpx.Request) -> httpx.Response:
@@ -133,5 +131,5 @@ def test_a_part_that_is_not_let_go_in_time_needs_a_person(
     assert "continues" in capsys.readouterr().err
 
 
-def test_it_is_short() -> None:
+def test_the_example_is_short() -> None:
     assert len(EXAMPLE.read_text(encoding="utf-8").splitlines()) <= 120

@@ -114,7 +114,7 @@ def test_a_force_that_settles_late_is_reached() -> None:
     assert [now.elapsed_s for now in job.to_hold()] == [9.0, 10.0]
 
 
-def test_a_job_that_was_asked_for_no_force_is_held_by_its_phase() -> None:
+def test_a_job_without_a_requested_force_is_held_by_its_phase() -> None:
     moments = (progress("approach"), progress("hold", force_mN=None))
     job = following(*moments, kind="hold", values={"hold_s": None}).supervisor().job("j")
     assert [now.phase for now in job.to_hold()] == ["approach", "hold"]
@@ -132,7 +132,7 @@ def test_a_job_that_was_asked_for_no_force_is_held_by_its_phase() -> None:
         ("let go", False),
     ],
 )
-def test_a_job_has_succeeded_with_the_force_that_was_asked_for(
+def test_a_job_succeeds_with_the_requested_force(
     result: dict[str, Any] | str | None, reached: bool
 ) -> None:
     stream = desk.stream(event(1, "state", state="succeeded"))
@@ -149,7 +149,7 @@ def test_a_job_has_succeeded_with_the_force_that_was_asked_for(
 
 
 @pytest.mark.parametrize("released", [True, False])
-def test_another_job_on_the_rig_is_no_release(released: bool) -> None:
+def test_another_job_on_the_rig_is_not_a_release(released: bool) -> None:
     ended: dict[str, Any] = {
         **STOPPED,
         "allowed_actions": [],
@@ -175,7 +175,7 @@ def test_a_part_that_is_held_is_named_with_its_job_and_force() -> None:
     assert found.codes == {"code": "part-held", "violations": [], "errors": [], **held}
 
 
-def test_a_part_that_no_job_holds_has_no_job() -> None:
+def test_a_part_without_a_job_is_reported() -> None:
     found = PartHeldError(409, {"type": "urn:pincette:problem:part-held", "title": "held"})
     assert (found.job, found.labels, found.force_mN) == (None, {}, None)
 
@@ -197,7 +197,7 @@ KEPT: dict[str, Any] = {"state": "stopped", "values": VALUES, "allowed_actions":
         (KEPT, {"held": False, "force_mN": 15.0, "force_r_mN": 15.0}, False),
     ],
 )
-def test_a_stopped_job_that_keeps_a_force_is_known(
+def test_a_stopped_job_that_keeps_a_force_is_recognized(
     job: dict[str, Any], now: dict[str, Any], held: bool
 ) -> None:
     newest = {"held": True, "force_held_mN": None, "force_uncertainty_mN": 0.1, **now}
@@ -226,7 +226,7 @@ HOLDS_5: dict[str, Any] = {"phase": "hold", "force_mN": 5.0, "force_r_mN": 5.0}
         ({**OWN, "state": "stopped", "labels": {"cell": "8"}}, HOLDS_5, None, "grip"),
     ],
 )
-def test_a_force_is_reached_from_what_an_own_job_has_left(
+def test_a_force_is_reached_from_the_part_that_an_own_job_holds(
     active: dict[str, Any] | None, now: dict[str, Any], hold_s: float | None, started: str
 ) -> None:
     newest = {"held": True, "force_mN": 15.0, "force_uncertainty_mN": 0.1, **now}
@@ -247,7 +247,7 @@ def test_a_force_is_reached_from_what_an_own_job_has_left(
     assert expected.items() <= body.items()
 
 
-def test_an_own_job_that_is_paused_without_a_part_is_stopped_before_the_grip() -> None:
+def test_an_own_job_paused_without_a_part_is_stopped_before_the_grip() -> None:
     free: dict[str, Any] = {"progress": None, "allowed_actions": ["resume", "stop", "abort"]}
     paused = {**OWN, **free, "id": "j", "state": "paused", "values": VALUES}
     ended = desk.job(**{**paused, "state": "stopped"}, ended_at="now")

@@ -45,7 +45,7 @@ def test_a_stream_continues_where_it_broke() -> None:
     assert job.state == "succeeded"
 
 
-def test_a_job_of_which_nothing_can_follow_has_no_more_events() -> None:
+def test_a_finished_job_has_no_more_events() -> None:
     over = desk.job(state="succeeded")
     supervisor = Desk(desk.job(), desk.stream(event(7), broken=True), httpx.Response(204), over)
     assert [item.number for item in supervisor.supervisor().job("j").events()] == [7]
@@ -61,7 +61,7 @@ def test_the_other_client_reads_the_same() -> None:
     assert asyncio.run(run()) == [7, None, 8, 9, 10]
 
 
-def test_events_of_a_rig_begin_at_the_newest_though_the_line_breaks_at_once() -> None:
+def test_events_of_a_rig_start_at_the_newest_even_if_the_connection_breaks_at_once() -> None:
     newest = httpx.Response(200, json={"events": [], "newest": 41, "oldest": 1})
     lost = httpx.ReadTimeout("silent")
     supervisor = Desk(newest, desk.stream(broken=True), lost, desk.stream(event(42)))
@@ -71,7 +71,7 @@ def test_events_of_a_rig_begin_at_the_newest_though_the_line_breaks_at_once() ->
     assert ids == [None, "41", "41", "41"]
 
 
-def test_a_stream_that_stays_away_is_an_error() -> None:
+def test_a_stream_that_does_not_return_is_an_error() -> None:
     supervisor = Desk(desk.job(), *[httpx.ConnectError("refused")] * 20)
     job = supervisor.supervisor(patience_s=3.0).job("j")
     with pytest.raises(NoAnswerError, match="/events: no answer"):
@@ -79,7 +79,7 @@ def test_a_stream_that_stays_away_is_an_error() -> None:
     assert supervisor.now_s <= 3.0
 
 
-def test_what_is_no_stream_is_reported() -> None:
+def test_an_invalid_stream_is_reported() -> None:
     supervisor = Desk(desk.job(), httpx.Response(200, json={}), desk.problem(503, "too-many"))
     job = supervisor.supervisor().job("j")
     with pytest.raises(ForeignAnswerError, match="application/json, no events"):
@@ -103,7 +103,7 @@ def batch(epoch: int, *seqs: int, now_s: float = 100.0, **changes: Any) -> dict[
     return {"kind": "live", "number": None, **data}
 
 
-def test_samples_come_one_by_one_and_each_once_over_a_line_that_breaks() -> None:
+def test_samples_arrive_one_by_one_and_once_over_a_breaking_connection() -> None:
     supervisor = Desk(
         desk.stream(batch(7, 5, 6), batch(7), batch(7, 7, force_mN=[None]), broken=True),
         httpx.ConnectError("refused"),
@@ -125,7 +125,7 @@ def test_samples_come_one_by_one_and_each_once_over_a_line_that_breaks() -> None
 
 
 @pytest.mark.parametrize(("past_s", "first"), [(0.0, 475), (5.0, 225), (60.0, 0)])
-def test_the_last_minute_comes_where_it_is_asked_for(past_s: float, first: int) -> None:
+def test_the_last_minute_is_sent_on_request(past_s: float, first: int) -> None:
     supervisor = Desk(desk.stream(batch(7, *range(501))))
     assert next(supervisor.supervisor().rig("demo").live(past_s)).seq == first
 
@@ -138,7 +138,7 @@ def listed(sha256: str) -> httpx.Response:
     return httpx.Response(200, json={"artifacts": [file]})
 
 
-def test_a_file_arrives_whole(tmp_path: Path) -> None:
+def test_a_file_arrives_completely(tmp_path: Path) -> None:
     whole = listed(hashlib.sha256(CONTENT).hexdigest())
     broken = desk.stream(broken=True)
     supervisor = Desk(desk.job(), whole, broken, httpx.Response(200, content=CONTENT))
@@ -148,7 +148,7 @@ def test_a_file_arrives_whole(tmp_path: Path) -> None:
     assert [one.name for one in path.parent.iterdir()] == ["samples.csv"]
 
 
-def test_a_damaged_file_is_not_kept(tmp_path: Path) -> None:
+def test_a_damaged_file_is_deleted(tmp_path: Path) -> None:
     supervisor = Desk(desk.job(), listed("0" * 64), httpx.Response(200, content=CONTENT))
     with pytest.raises(DamagedFileError, match="the record states 0000"):
         supervisor.supervisor().job("j").download("samples.csv", tmp_path)
@@ -181,7 +181,7 @@ def test_the_blocking_client_works_in_threads() -> None:
     assert [one.result().name for one in found] == ["demo"] * 20
 
 
-def test_a_stream_that_is_left_gives_its_connection_back() -> None:
+def test_leaving_a_stream_releases_its_connection() -> None:
     events = [desk.example(Event, number=1), desk.example(Event, number=2)]
     response = desk.stream(*events)
     supervisor = Desk(desk.job(), response)

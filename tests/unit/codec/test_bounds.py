@@ -93,7 +93,7 @@ def test_every_unit_has_a_bound() -> None:
 
 
 @pytest.mark.parametrize(("kind", "place", "name"), FLOATS)
-def test_a_number_is_taken_up_to_its_bound_and_not_beyond(
+def test_a_number_is_accepted_up_to_its_bound_only(
     kind: type[Message], place: str, name: str
 ) -> None:
     bound = largest(name)
@@ -122,7 +122,7 @@ def test_a_refusal_names_message_field_value_unit_and_limit() -> None:
 
 
 @pytest.mark.parametrize("name", ["epoch", "seq", "owner"])
-def test_a_whole_number_stays_within_what_every_language_keeps(name: str) -> None:
+def test_a_whole_number_stays_within_what_every_language_can_represent(name: str) -> None:
     least, most = whole_range(name)
     for value in (least, 0, most):
         read = decode(Command, msgpack.packb(tree_of(Command) | {name: value}))
@@ -133,18 +133,18 @@ def test_a_whole_number_stays_within_what_every_language_keeps(name: str) -> Non
         )
 
 
-def test_what_counts_has_a_beginning() -> None:
+def test_counters_have_a_lower_bound() -> None:
     assert (whole_range("epoch")[0], whole_range("seq")[0]) == (0, -1)
     assert "epoch = -1" in refusal(Position, epoch=-1)
     assert decode(Position, encode(replace(POSITION, seq=-1))).seq == -1
 
 
-def test_the_time_of_the_last_sample_there_can_be_is_within_bounds() -> None:
+def test_the_time_of_the_last_possible_sample_is_within_bounds() -> None:
     longest_period_s = 1.0
     assert (LAST_SEQ + 1) * longest_period_s <= LARGEST["s"]
 
 
-def test_texts_are_bounded_and_ones_own_are_cut_before_they_are_refused() -> None:
+def test_texts_are_bounded_and_own_texts_are_cut() -> None:
     said = refusal(Timing, service="x" * (MAX_TEXT + 1))
     assert said.endswith(f"a text of at most {MAX_TEXT} characters, it has {MAX_TEXT + 1}")
     long = decode(Trip, encode(Trip(Cause.ESTOP, words="µ" * 5000)))

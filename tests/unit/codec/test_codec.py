@@ -119,7 +119,7 @@ RECORDS = (ArmPosition, ArmEstimate, ArmCommand, ArmApplied, ArmTelemetry)
 
 @pytest.mark.parametrize("kind", MESSAGES)
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, "1", None, [1.0], {"a": 1}, 2**60])
-def test_no_field_takes_what_it_is_not(kind: type, bad: object) -> None:
+def test_no_field_accepts_another_type(kind: type, bad: object) -> None:
     record = RECORDS[MESSAGES.index(kind)]
     hints = get_type_hints(kind)
     del hints["arms"]
@@ -170,7 +170,7 @@ def test_size_is_bounded() -> None:
 
 @settings(max_examples=200)
 @given(st.binary(max_size=200))
-def test_noise_never_raises_anything_else(noise: bytes) -> None:
+def test_noise_never_raises_another_error(noise: bytes) -> None:
     with pytest.raises(CodecError):
         decode(Command, noise)
 

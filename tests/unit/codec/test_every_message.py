@@ -69,7 +69,7 @@ def test_every_field_states_its_unit_and_its_limit() -> None:
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, b"x", [[]], {"a": 1}, 1 << 60])
-def test_no_field_takes_what_fits_nowhere(value: Any) -> None:
+def test_no_field_accepts_an_impossible_value(value: Any) -> None:
     for name, kind in BY_NAME.items():
         tree = tree_of(name)
         for field in tree:
@@ -103,7 +103,7 @@ def test_a_message_is_for_one_arm_or_for_two(name: str) -> None:
             decode(BY_NAME[name], msgpack.packb(tree | {"arms": [arm] * count}))
 
 
-def test_a_field_twice_is_named_also_where_another_lacks() -> None:
+def test_a_duplicate_field_is_named_even_if_another_is_missing() -> None:
     for name, kind in BY_NAME.items():
         pairs = [(key, msgpack.packb(value)) for key, value in tree_of(name).items()]
         for place, (field, _) in enumerate(pairs):
@@ -116,7 +116,7 @@ def test_a_field_twice_is_named_also_where_another_lacks() -> None:
 
 
 @pytest.mark.parametrize("promise", PROMISES)
-def test_a_header_that_asks_for_gigabytes_is_refused(promise: str) -> None:
+def test_a_header_that_announces_gigabytes_is_refused(promise: str) -> None:
     for name, kind in BY_NAME.items():
         fields = [(key, msgpack.packb(value)) for key, value in tree_of(name).items()]
         payloads = [PROMISES[promise]]

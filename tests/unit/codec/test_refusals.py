@@ -41,7 +41,7 @@ def refused(kind: type[Message], payload: bytes) -> tuple[str, int]:
 
 
 @pytest.mark.parametrize("bomb", BOMBS)
-def test_a_bomb_is_refused_by_little_work_in_little_memory(bomb: str) -> None:
+def test_a_nested_bomb_is_refused_with_little_work_and_memory(bomb: str) -> None:
     for name, kind in BY_NAME.items():
         for payload in (BOMBS[bomb], b"\x81\xa3seq" + BOMBS[bomb]):
             tracemalloc.start()
@@ -66,7 +66,7 @@ def test_a_refusal_costs_work_in_proportion_to_the_items_read() -> None:
     assert many == 10 * few, (base, few, many)
 
 
-def test_a_message_without_lists_reserves_no_room_for_any() -> None:
+def test_a_message_without_lists_reserves_no_space_for_them() -> None:
     tracemalloc.start()
     with pytest.raises(CodecError):
         decode(Position, BOMBS["long lists in long lists"])
@@ -90,12 +90,12 @@ def pairs(*more: tuple[object, object]) -> bytes:
 
 
 @pytest.mark.parametrize("field", POSITION)
-def test_a_field_that_is_there_twice_is_refused_by_name(field: str) -> None:
+def test_a_duplicate_field_is_refused_by_name(field: str) -> None:
     with pytest.raises(CodecError, match=f"Position: fields twice: {field}"):
         decode(Position, pairs((field, POSITION[field])))
 
 
-def test_a_field_twice_is_found_in_every_form_of_a_map() -> None:
+def test_a_duplicate_field_is_found_in_every_form_of_a_map() -> None:
     body = pairs()[1:]
     twice = body + packb("t_s") + packb(9.0)
     for head in (b"\xde\x00", b"\xdf\x00\x00\x00"):
@@ -104,7 +104,7 @@ def test_a_field_twice_is_found_in_every_form_of_a_map() -> None:
             decode(Position, head + b"\x05" + twice)
 
 
-def test_a_field_twice_is_found_where_maps_nest() -> None:
+def test_a_duplicate_field_is_found_in_nested_maps() -> None:
     inner = packb("segments") + b"\x90"
     payload = b"\x81" + packb("program") + b"\x82" + inner + inner
     with pytest.raises(CodecError, match="Load: fields twice: segments"):
@@ -112,7 +112,7 @@ def test_a_field_twice_is_found_where_maps_nest() -> None:
 
 
 @pytest.mark.parametrize("key", [b"seq", b"x" * 99, 5, 1.5, None, True])
-def test_a_key_that_is_no_text_is_refused(key: object) -> None:
+def test_a_key_that_is_not_text_is_refused(key: object) -> None:
     with pytest.raises(CodecError, match="Position: "):
         decode(Position, pairs((key, 1)))
 
@@ -139,7 +139,7 @@ def test_broken_text_is_refused() -> None:
             decode(Position, payload)
 
 
-def test_what_is_no_map_is_refused() -> None:
+def test_a_value_that_is_not_a_map_is_refused() -> None:
     for tree in (None, 1, "a", [], [1.0], True):
         for kind in (Command, StatusRequest):
             with pytest.raises(CodecError, match="not a map"):

@@ -45,7 +45,7 @@ def test_other_fields_of_the_same_version_are_another_build() -> None:
 
 
 @pytest.mark.parametrize("encoding", ["zenoh/bytes", "application/msgpack", "", "text/plain"])
-def test_garbage_is_reported_as_somebody_elses(encoding: str) -> None:
+def test_garbage_is_reported_as_foreign(encoding: str) -> None:
     said = refused(OTHER_FIELDS, encoding)
     assert f"not {ENCODING}: it was not sent by sensor" in said
 
@@ -62,7 +62,7 @@ def test_a_version_that_is_invalid_adds_nothing(version: str) -> None:
     assert said.isprintable()
 
 
-def test_tokens_of_other_versions_are_found_and_foreign_ones_passed_over() -> None:
+def test_tokens_of_other_versions_are_found_and_foreign_ones_ignored() -> None:
     tokens = [
         live_key("demo", "sensor"),
         "pincette/v3/demo/live/controller",

@@ -17,7 +17,7 @@ FOUND = Calibration(
 )
 
 
-def test_values_take_the_place_of_the_rig_files() -> None:
+def test_calibrated_values_replace_those_of_the_rig_file() -> None:
     rig = calibrated(RIG, FOUND)
     assert rig.model.compliance_um_per_mN == 0.47
     assert rig.part.stiffness_mN_per_um == 2.05
@@ -32,7 +32,7 @@ def test_an_empty_calibration_leaves_the_rig_file_as_it_is() -> None:
     assert parse_calibration("") == Calibration()
 
 
-def test_a_free_response_takes_the_place_of_a_recorded_one() -> None:
+def test_a_free_response_replaces_a_recorded_one() -> None:
     taught = RIG.model.free_response
     assert taught is not None
     values = {"model.free_response": taught.model_dump(mode="json")}
@@ -40,7 +40,7 @@ def test_a_free_response_takes_the_place_of_a_recorded_one() -> None:
     assert calibrated(bare, Calibration(values=values)).model.free_response == taught
 
 
-def test_text_and_digest_depend_on_the_content_alone() -> None:
+def test_text_and_digest_depend_on_the_content_only() -> None:
     turned = Calibration(values=dict(reversed(FOUND.values.items())), sources=FOUND.sources)
     assert turned.text() == FOUND.text()
     assert parse_calibration(FOUND.text()) == FOUND
@@ -56,7 +56,7 @@ def test_text_and_digest_depend_on_the_content_alone() -> None:
         ("{", "is not JSON"),
     ],
 )
-def test_what_is_no_calibration_is_refused(text: str, words: str) -> None:
+def test_an_invalid_calibration_is_refused(text: str, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         parse_calibration(text)
 

@@ -34,7 +34,7 @@ def written(folder: Path, composed: str) -> Path:
         ),
     ],
 )
-def test_programs_are_known_by_their_services_in_the_order_of_a_tick(
+def test_programs_are_named_by_their_services_in_the_order_of_a_tick(
     tmp_path: Path, composed: str, programs: tuple[str, ...]
 ) -> None:
     rig = read_rig(written(tmp_path, composed))
@@ -61,19 +61,19 @@ def test_programs_are_known_by_their_services_in_the_order_of_a_tick(
         ('"loop"', r"rig\.composed = 'loop'"),
     ],
 )
-def test_what_cannot_be_composed_is_named(tmp_path: Path, composed: str, words: str) -> None:
+def test_an_impossible_composition_is_named(tmp_path: Path, composed: str, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         read_rig(written(tmp_path, composed))
 
 
-def test_who_runs_where_is_no_part_of_what_programs_must_agree_on() -> None:
+def test_the_composition_is_not_part_of_the_digest() -> None:
     rig = read_rig(DEMO)
     assert composing(rig, "loop").digest() == rig.digest()
     told = parse_rig_json(composing(rig, "loop").model_dump_json())
     assert told.programs == ("loop",)
 
 
-def test_there_are_fifteen_ways_to_share_out_a_loop() -> None:
+def test_a_loop_can_be_partitioned_in_fifteen_ways() -> None:
     found = partitions()
     assert len(set(found)) == len(found) == 15
     assert () in found
@@ -87,7 +87,7 @@ def test_other_programs_compose_nothing() -> None:
     assert canonical_name("controller+sensor") == "sensor+controller"
 
 
-def test_what_is_said_inside_a_program_is_no_input_of_it() -> None:
+def test_messages_inside_a_program_are_not_inputs() -> None:
     services = loop_services()
     pair = CompositeService("estimator+controller", (services["estimator"], services["controller"]))
     assert [item.topic.name for item in pair.inputs] == ["position", "applied"]

@@ -52,7 +52,7 @@ def rig() -> RigFile:
     return rig_of()
 
 
-def test_the_laws_of_the_paper_may_run_on_the_rig_of_the_paper(rig: RigFile) -> None:
+def test_the_laws_of_the_paper_are_admitted_on_the_rig_of_the_paper(rig: RigFile) -> None:
     for scheme in SCHEMES:
         for name in SETS:
             found = judged(rig, default_settings(scheme, name))
@@ -70,7 +70,7 @@ def test_a_hopeless_law_is_refused_with_its_radius(observer: str) -> None:
     assert "at a period of 1 ms" in found.reason
 
 
-def test_what_the_rig_file_says_of_the_part_is_what_is_judged(rig: RigFile) -> None:
+def test_the_part_of_the_rig_file_is_judged(rig: RigFile) -> None:
     sure = rig_of(part={"stiffness_tolerance": 0.01})
     hard = rig_of(part={"stiffness_mN_per_um": 200.0, "stiffness_tolerance": 0.01})
     law = law_settings(K_P=2.0, K_f=1e5)
@@ -115,7 +115,7 @@ def test_the_same_rig_file_is_tuned_once(rig: RigFile) -> None:
     assert again == found
 
 
-def test_an_uncertain_force_takes_weight_off_the_force(rig: RigFile) -> None:
+def test_an_uncertain_force_reduces_the_weight_of_the_force(rig: RigFile) -> None:
     vague = rig_of(model={"hysteresis_fraction": 0.2})
     sharp, dull = tuned(rig, "pbsmic"), tuned(vague, "pbsmic")
     assert dull.chosen.settings.gains["K_f"] == 0.0 < sharp.chosen.settings.gains["K_f"]

@@ -23,7 +23,7 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def test_a_file_is_laid_over_its_base_value_by_value(folder: Path) -> None:
+def test_a_file_overrides_its_base_value_by_value(folder: Path) -> None:
     text = 'base = "base.toml"\n[rig]\nname = "other"\n[sensor.options]\noutput = 2\n'
     rig, demo = read_rig(written(folder, text)), read_rig(folder / "base.toml")
     assert (rig.rig.name, rig.rig.period_s) == ("other", demo.rig.period_s)
@@ -31,7 +31,7 @@ def test_a_file_is_laid_over_its_base_value_by_value(folder: Path) -> None:
     assert rig.limits == demo.limits
 
 
-def test_another_law_or_driver_takes_nothing_that_belongs_to_the_base_file_s(folder: Path) -> None:
+def test_another_law_or_driver_inherits_nothing_of_the_base_files_one(folder: Path) -> None:
     text = 'base = "base.toml"\n[law]\nscheme = "dsmifc"\n[sensor]\ndriver = "other"\n'
     rig, demo = read_rig(written(folder, text)), read_rig(folder / "base.toml")
     assert demo.law.scheme == "pbsmic"
@@ -52,19 +52,19 @@ def test_another_law_or_driver_takes_nothing_that_belongs_to_the_base_file_s(fol
         ('base = "base.toml"\n[bus]\nrouter = "tcp/bench:7447"', "bus.router"),
     ],
 )
-def test_what_cannot_be_used_is_named(folder: Path, text: str, words: str) -> None:
+def test_unusable_values_are_named(folder: Path, text: str, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         read_rig(written(folder, text))
 
 
 @pytest.mark.parametrize("name", ["demo", "fast", "kilohertz", "bring-up", "left", "right"])
-def test_a_file_that_was_told_is_the_one_that_was_read(name: str) -> None:
+def test_a_received_rig_file_equals_the_file_that_was_read(name: str) -> None:
     rig = read_rig(RIGS / f"{name}.toml")
     told = parse_rig_json(rig.model_dump_json())
     assert (told, told.digest()) == (rig, rig.digest())
 
 
-def test_a_told_file_that_is_not_understood_names_the_place() -> None:
+def test_an_invalid_received_rig_file_names_the_place() -> None:
     with pytest.raises(ConfigError, match=r"bus\.frills"):
         parse_rig_json('{"bus": {"frills": 1}}')
 
@@ -91,7 +91,7 @@ def test_a_zero_of_fewer_than_ten_periods_is_refused_with_value_limit_and_remedy
         read_rig(written(folder, f"{text}0.19"))
 
 
-def test_a_slow_rig_that_states_no_zero_is_read_from_files_and_programs(folder: Path) -> None:
+def test_a_slow_rig_without_a_stated_zero_is_read_from_files_and_programs(folder: Path) -> None:
     tree = BASE.replace("period_s = 0.02", "period_s = 0.05")
     tree = "".join(line for line in tree.splitlines(True) if not line.startswith("zero_s"))
     rig = read_rig(written(folder, tree))

@@ -30,7 +30,7 @@ def refusal(*changes: dict[str, Any], without: str = "") -> str:
     return str(refused.value)
 
 
-def test_what_is_left_out_is_as_the_first_arms_but_for_what_is_taught() -> None:
+def test_omitted_values_are_those_of_the_first_arm_except_identified_ones() -> None:
     wanted = tree()
     del wanted["second"]["model"]
     del wanted["second"]["contact_um"]
@@ -43,7 +43,7 @@ def test_what_is_left_out_is_as_the_first_arms_but_for_what_is_taught() -> None:
     assert rig.model.free_response is not None
 
 
-def test_each_arm_is_a_rig_of_one() -> None:
+def test_each_arm_is_a_rig_of_one_arm() -> None:
     first, second = RIG.arms
     assert RIG.second is not None
     assert first.arms == (first,)
@@ -57,9 +57,7 @@ def test_each_arm_is_a_rig_of_one() -> None:
     assert second.simulation.second is None
 
 
-def test_without_its_own_table_the_second_arm_is_a_twin_and_relays_take_the_place_of_a_shape() -> (
-    None
-):
+def test_without_its_own_table_the_second_arm_is_a_copy_and_relays_replace_a_shape() -> None:
     simulation = RIG.simulation
     assert simulation is not None
     one, two = simulation.model_copy(update={"second": None}).arms
@@ -75,7 +73,7 @@ def test_without_its_own_table_the_second_arm_is_a_twin_and_relays_take_the_plac
 RELAYS = {"loop_share": 0.2, "full_drive_V": 1.0}
 
 
-def test_it_travels_as_json() -> None:
+def test_the_rig_file_is_sent_as_json() -> None:
     assert parse_rig_json(RIG.model_dump_json()) == RIG
     assert parse_rig_json(RIG.model_dump_json()).digest() == RIG.digest()
     assert RIG.serial_numbers == {}
@@ -110,7 +108,7 @@ def test_a_line_that_both_outputs_share_is_one_line() -> None:
     assert "is 0.2 where [output] has 0.1, and both are at 'socket://127.0.0.1:7462'" in said
 
 
-def test_tables_of_a_second_arm_that_there_is_not_are_refused() -> None:
+def test_tables_of_a_missing_second_arm_are_refused() -> None:
     assert "simulation.second" in refusal(without="second")
     assert "this rig has one driven arm; add [second.sensor] and [second.output]" in refusal(
         without="second"
@@ -129,10 +127,10 @@ def test_an_arm_has_one_class_of_hysteresis() -> None:
 
 
 @pytest.mark.parametrize("odd", [7, [], {"sensor": 3}, {"model": 3, "limits": []}])
-def test_what_is_no_table_is_refused_as_such(odd: Any) -> None:
+def test_an_invalid_table_is_refused(odd: Any) -> None:
     assert "second" in refusal({"second": odd}, without="second")
 
 
-def test_a_rig_of_one_arm_has_none() -> None:
+def test_a_rig_of_one_arm_has_no_second_table() -> None:
     rig: RigFile = read_rig(DEMO)
     assert rig.arms == (rig,)

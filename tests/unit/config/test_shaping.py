@@ -15,7 +15,7 @@ def fast(changes: Tree) -> RigFile:
     return at_own_ports(read_rig(FAST), changes)
 
 
-def test_it_is_off_unless_it_is_asked_for() -> None:
+def test_shaping_is_off_by_default() -> None:
     rig = fast({})
     assert rig.shaping_s is None
     assert rig.output_timing == rig.model.output(rig.rig.period_s)
@@ -30,7 +30,7 @@ def test_the_interval_follows_the_calibrated_mode() -> None:
     assert found_s == pytest.approx(rig.shaping_s * 2437.8 / 2000.0)
 
 
-def test_an_interval_that_is_given_is_kept() -> None:
+def test_a_given_interval_is_used() -> None:
     rig = fast(laid_over(SHAPED, {"output": {"shaping_interval_s": 0.0012}}))
     assert rig.shaping_s == 0.0012
     assert rig.output_timing.delay_s == pytest.approx(0.0032)
@@ -51,6 +51,6 @@ def test_the_parts_count_in_the_timing_of_a_tick() -> None:
         ({"output": {"shaping_interval_s": 0.01}}, "period of 20 ms"),
     ],
 )
-def test_what_cannot_be_shaped_is_refused(changes: Tree, named: str) -> None:
+def test_impossible_shaping_is_refused(changes: Tree, named: str) -> None:
     with pytest.raises(ConfigError, match=named):
         fast(laid_over(SHAPED, changes))

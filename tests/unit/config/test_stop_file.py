@@ -70,7 +70,7 @@ def test_a_base_that_cannot_be_read_is_noted(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "[rig]\n", "[rig]\nname = 5\n", "[rig]\nname = 'A b'\n", "["])
-def test_without_the_name_of_the_rig_there_is_no_way(text: str, tmp_path: Path) -> None:
+def test_without_the_name_of_the_rig_a_stop_is_impossible(text: str, tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ConfigError):

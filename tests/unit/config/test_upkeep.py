@@ -24,7 +24,7 @@ def test_the_guides_entries_are_understood() -> None:
 
 
 @pytest.mark.parametrize("name", ["demo", "bring-up", "fast"])
-def test_a_rig_file_says_what_can_be_written_into_it(name: str, tmp_path: Path) -> None:
+def test_a_rig_file_states_its_possible_keys(name: str, tmp_path: Path) -> None:
     text = (RIGS / f"{name}.toml").read_text(encoding="utf-8")
     assert "serial_number" in text
     path = tmp_path / "rig.toml"

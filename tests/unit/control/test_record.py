@@ -73,13 +73,13 @@ def test_names_of_fields() -> None:
     assert field_names(float) is None
 
 
-def test_what_is_made_stays_frozen() -> None:
+def test_a_record_is_frozen() -> None:
     made: Any = structs.replace(Base(), x_um=2.0)
     with pytest.raises(AttributeError):
         made.x_um = 3.0
 
 
-def test_a_record_that_checks_itself_does_so_when_it_is_replaced() -> None:
+def test_a_validated_record_is_validated_on_replacement() -> None:
     with pytest.raises(ValueError, match=r"4\.0 µm, limit 3\.0 µm"):
         structs.replace(Checked(1.0, 3.0), x_um=4.0)
 
@@ -89,6 +89,6 @@ def test_an_unknown_field_is_refused() -> None:
         replace(Derived(), y_um=1.0)
 
 
-def test_it_travels_to_another_process() -> None:
+def test_a_record_can_be_sent_to_another_process() -> None:
     record = Derived(2.0, "derived", True, (1, 2), Base())
     assert pickle.loads(pickle.dumps(record)) == record

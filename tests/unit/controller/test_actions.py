@@ -32,7 +32,7 @@ MOVES = Program(
 )
 
 
-def test_let_go_unloads_and_ends_where_the_arm_is_then() -> None:
+def test_a_release_unloads_and_ends_at_the_present_position() -> None:
     arm = Arm()
     arm.until("hold")
     arm.player = let_go(PROGRAM, arm.player)
@@ -42,7 +42,7 @@ def test_let_go_unloads_and_ends_where_the_arm_is_then() -> None:
     assert arm.player.ref.x_um == pytest.approx(12.0)
 
 
-def test_retract_goes_back_with_a_part_and_without_one() -> None:
+def test_retract_goes_back_with_and_without_a_part() -> None:
     arm = Arm()
     arm.until("hold")
     arm.player = retract(PROGRAM, let_go(PROGRAM, arm.player))
@@ -75,7 +75,7 @@ def test_a_part_is_kept_only_at_rest_and_stays_held() -> None:
     assert (player.ended, player.held, player.outcome) == (True, True, "stopped")
 
 
-def test_what_is_held_from_the_start_stays_at_its_voltage_until_released() -> None:
+def test_a_part_held_from_the_start_stays_at_its_voltage_until_released() -> None:
     at_V = replace(BLANK, applied_V=2.5)
     player = begin(KEEPS, (replace(BLANK, applied_V=2.5),), T)
     assert not waits(player)
@@ -93,7 +93,7 @@ def test_what_is_held_from_the_start_stays_at_its_voltage_until_released() -> No
     assert voltages == sorted(voltages, reverse=True)
 
 
-def test_a_stop_of_such_a_hold_keeps_its_voltage_too() -> None:
+def test_a_stop_of_a_continued_hold_keeps_its_voltage_too() -> None:
     player = begin(KEEPS, (replace(BLANK, applied_V=2.5),), T)
     player = stop(pause(player))
     for _ in range(50):
@@ -106,7 +106,7 @@ def test_a_stop_of_such_a_hold_keeps_its_voltage_too() -> None:
     assert player.ref.voltages_V[0] == pytest.approx(0.0)
 
 
-def test_beyond_a_limit_such_a_hold_lets_go_by_its_own_way() -> None:
+def test_beyond_a_limit_a_continued_hold_releases_by_its_own_segments() -> None:
     program = replace(KEEPS, guards=replace(GUARDS, position_max_um=40.0))
     player = Arm(program=program).player
     player = advance(program, player, (replace(BLANK, x_um=41.0, applied_V=2.5),), T)
@@ -117,7 +117,7 @@ def test_beyond_a_limit_such_a_hold_lets_go_by_its_own_way() -> None:
 
 
 @pytest.mark.parametrize("refused", [False, True])
-def test_a_move_that_meets_something_goes_back(refused: bool) -> None:
+def test_a_move_that_touches_something_goes_back(refused: bool) -> None:
     arm = Arm(program=MOVES)
     arm.refusal = Fault(FaultCode.ZERO_BEYOND_FIRST_TOUCH) if refused else None
     arm.until()
@@ -130,7 +130,7 @@ def test_a_move_that_meets_something_goes_back(refused: bool) -> None:
 
 
 @pytest.mark.parametrize("phase", ["zero", "approach"])
-def test_a_grip_that_meets_something_on_a_free_way_goes_back_to_its_rest(phase: str) -> None:
+def test_a_grip_that_touches_something_in_free_space_returns_to_rest(phase: str) -> None:
     arm = Arm()
     arm.until(phase)
     arm.tick()
@@ -168,7 +168,7 @@ def test_an_arm_that_goes_back_cannot_meet_the_part_again() -> None:
     assert (arm.player.outcome, arm.player.segment.phase) == ("gripped", "retreat")
 
 
-def test_what_holds_the_arm_from_behind_is_let_go() -> None:
+def test_a_part_that_holds_the_arm_from_behind_is_released() -> None:
     arm = Arm(contact_um=99.0, program=MOVES)
     arm.until("move")
     arm.tick()
@@ -181,7 +181,7 @@ def test_what_holds_the_arm_from_behind_is_let_go() -> None:
     assert arm.player.ref.x_um > 4.0
 
 
-def test_a_press_that_still_lasts_as_the_way_back_begins_is_no_touch() -> None:
+def test_a_press_that_still_lasts_at_the_start_of_the_return_is_not_a_touch() -> None:
     arm = Arm()
     arm.until("retreat")
     for _ in range(10):
@@ -190,7 +190,7 @@ def test_a_press_that_still_lasts_as_the_way_back_begins_is_no_touch() -> None:
     assert arm.player.outcome == "gripped"
 
 
-def test_a_force_that_is_certain_ends_a_program_before_any_zero() -> None:
+def test_a_certain_force_ends_a_program_before_any_zero() -> None:
     arm = Arm(contact_um=99.0)
     arm.tick()
     unsure = replace(arm.estimate(), force_mN=45.0, force_uncertainty_mN=6.0)
@@ -199,7 +199,7 @@ def test_a_force_that_is_certain_ends_a_program_before_any_zero() -> None:
     assert advance(arm.program, arm.player, (sure,), T).outcome == "overforce"
 
 
-def test_a_voltage_that_leads_into_something_goes_back_to_where_it_began() -> None:
+def test_a_voltage_move_into_something_returns_to_its_start() -> None:
     segments = (
         Drive("zero", 0.1, guarded=True, zeroes=True),
         Drive("move", 1.0, guarded=True, courses=(Ramp(1.0),)),
@@ -221,7 +221,7 @@ def test_a_voltage_that_leads_into_something_goes_back_to_where_it_began() -> No
     assert player.ref.voltages_V[0] == pytest.approx(0.0)
 
 
-def test_a_touch_below_the_contact_force_is_none() -> None:
+def test_a_touch_below_the_contact_force_is_not_a_touch() -> None:
     arm = Arm(contact_um=99.0, program=MOVES)
     arm.until("move")
     for _ in range(10):
@@ -248,7 +248,7 @@ def test_a_soft_kink_is_a_bend_where_the_guards_admit_bends(
     assert arm.player.outcome == outcome
 
 
-def test_no_kink_before_the_place_where_a_program_began_is_a_bend() -> None:
+def test_no_kink_before_the_start_of_a_program_is_a_bend() -> None:
     bends = replace(MOVES, guards=replace(MOVES.guards, bend_mN_per_um=1.0))
     arm = Arm(contact_um=99.0, program=bends)
     arm.until("move")

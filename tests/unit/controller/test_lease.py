@@ -77,7 +77,7 @@ def test_a_free_arm_comes_to_rest_and_the_program_ends() -> None:
     assert (told[-1].phase, told[-1].outcome, told[-1].held) == ("stopping", "stopped", False)
 
 
-def test_a_held_part_stays_held_at_the_force_it_had_for_as_long_as_nobody_comes() -> None:
+def test_a_held_part_stays_held_with_its_force_until_somebody_acts() -> None:
     bench = Leased()
     bench.reach("hold")
     while not bench.asked:
@@ -92,7 +92,7 @@ def test_a_held_part_stays_held_at_the_force_it_had_for_as_long_as_nobody_comes(
 
 
 @pytest.mark.parametrize(("then", "last"), [("let_go", "unload"), ("retract", "retreat")])
-def test_the_job_says_what_becomes_of_a_held_part(then: str, last: str) -> None:
+def test_the_job_decides_about_a_held_part(then: str, last: str) -> None:
     bench = Leased(then)
     bench.reach("hold")
     bench.renew(then)
@@ -118,7 +118,7 @@ def test_out_of_a_pause_nothing_moves() -> None:
 
 
 @pytest.mark.parametrize("late", [0, 1, 5, 9])
-def test_whoever_is_late_but_comes_within_the_lease_changes_nothing(late: int) -> None:
+def test_a_late_renewal_within_the_lease_changes_nothing(late: int) -> None:
     alone, renewed = Bench(program()), Leased()
     while renewed.state.playing:
         if renewed.seq % (late + 1) == late:
@@ -130,7 +130,7 @@ def test_whoever_is_late_but_comes_within_the_lease_changes_nothing(late: int) -
     assert not alone.state.playing
 
 
-def test_without_a_lease_a_program_plays_to_its_end() -> None:
+def test_without_a_lease_a_program_runs_to_its_end() -> None:
     bench = Leased(length_s=None)
     last = None
     while bench.state.playing:
@@ -142,7 +142,7 @@ def test_without_a_lease_a_program_plays_to_its_end() -> None:
     assert last.outcome == "gripped"
 
 
-def test_a_program_that_was_stopped_has_nothing_left_to_stop() -> None:
+def test_a_stopped_program_is_not_stopped_again() -> None:
     bench = Leased()
     bench.reach("hold")
     bench.state = handle(bench.config, bench.state, Action(ActionCode.STOP), bench.now_s)[0]
@@ -160,14 +160,14 @@ def test_a_lease_that_has_ended_is_not_granted_again() -> None:
         bench.renew()
 
 
-def test_the_next_arming_begins_without_the_lease_of_the_one_before() -> None:
+def test_the_next_arming_starts_without_the_previous_lease() -> None:
     bench = Leased()
     fresh = Bench(program())
     assert bench.state.lease is not None
     assert fresh.state.lease is None
 
 
-def test_what_makes_no_lease_is_refused_with_its_value() -> None:
+def test_an_impossible_lease_is_refused_with_its_value() -> None:
     good = Lease(7, 10.0)
     assert lease_objection(good, 7, playing=True, ended=False) == ""
     assert lease_objection(good, 8, playing=True, ended=False) == (

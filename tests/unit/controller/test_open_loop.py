@@ -26,7 +26,7 @@ def plays(*segments: Segment) -> Bench:
     return Bench(Program(segments, GUARDS, 2.0))
 
 
-def test_a_voltage_path_is_put_out_as_it_is() -> None:
+def test_a_voltage_path_is_put_out_unchanged() -> None:
     bench = plays(Drive("rise", 0.4, courses=(Follow(ramp(0.3)),)))
     last = bench.until()
     asked = [tick.command.arms[0].voltage_V for tick in bench.ticks[:-1]]
@@ -47,7 +47,7 @@ def test_a_relative_path_counts_from_where_the_voltage_is() -> None:
     assert bench.applied_V == pytest.approx(0.5)
 
 
-def test_a_wait_keeps_the_voltage_until_somebody_says_continue() -> None:
+def test_a_wait_keeps_the_voltage_until_it_is_continued() -> None:
     bench = plays(Drive("rise", 0.4, courses=(Follow(ramp(0.3)),)), Drive("hang 5 mN", None))
     with pytest.raises(RefusedError, match="does not wait for a person"):
         handle(CONFIG, bench.state, Action(ActionCode.CONTINUE), 0.0)
@@ -60,7 +60,7 @@ def test_a_wait_keeps_the_voltage_until_somebody_says_continue() -> None:
     assert bench.applied_V == pytest.approx(0.3)
 
 
-def test_a_sweep_goes_with_every_command_of_its_segment_and_with_no_other() -> None:
+def test_a_sweep_is_sent_with_every_command_of_its_segment_only() -> None:
     bench = plays(
         Drive("rest", 0.1),
         PlayedSweep("sweep", SWEEP.duration_s, sweep=SWEEP),
@@ -106,7 +106,7 @@ def test_a_stop_ends_what_plays(phase: str) -> None:
 
 
 @pytest.mark.parametrize("own_retreat", [True, False])
-def test_beyond_a_limit_of_position_the_arm_goes_back(own_retreat: bool) -> None:
+def test_beyond_a_position_limit_the_arm_goes_back(own_retreat: bool) -> None:
     """Nothing else watches the position while no law holds."""
     retreat = (Move("retreat", 0.6, to_um=(0.0,)),) if own_retreat else ()
     segments = (Drive("rise", 0.4, courses=(Follow(ramp(0.5)),)), Drive("rest", 5.0))

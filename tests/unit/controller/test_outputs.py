@@ -24,13 +24,13 @@ COMMAND = Command(
 SEEN = with_arm(QUIET, applied_V=0.25)
 
 
-def test_a_command_within_the_limits_leaves_as_it_is() -> None:
+def test_a_command_within_the_limits_is_sent_unchanged() -> None:
     (watches,), command = check_command(CONFIG.arms, (UNSEEN,), COMMAND, SEEN)
     assert command is COMMAND
     assert watches.seq == 0
 
 
-def test_a_force_beyond_the_hard_limit_leaves_no_command_but_what_is_known() -> None:
+def test_a_force_beyond_the_hard_limit_leaves_only_known_values_in_the_command() -> None:
     watches, command = UNSEEN, COMMAND
     for seq in range(3):
         pressing = with_arm(COMMAND, seq=seq, force_mN=60.0)
@@ -66,7 +66,7 @@ def test_a_position_beyond_the_hard_limits_leaves_no_command() -> None:
         ({"force_mN": nan}, "the law: nan mN is not a force"),
     ],
 )
-def test_a_law_that_makes_nonsense_is_not_passed_on(changes: dict[str, float], words: str) -> None:
+def test_an_invalid_output_of_a_law_is_not_passed_on(changes: dict[str, float], words: str) -> None:
     odd = with_arm(COMMAND, **changes)
     (watches,), command = check_command(CONFIG.arms, (UNSEEN,), odd, SEEN)
     assert watches is UNSEEN
@@ -75,7 +75,7 @@ def test_a_law_that_makes_nonsense_is_not_passed_on(changes: dict[str, float], w
     assert (command.arms[0].force_mN, command.arms[0].x_d_um) == (None, None)
 
 
-def test_a_controller_that_has_failed_says_why_and_commands_no_more() -> None:
+def test_a_failed_controller_states_why_and_sends_no_more_commands() -> None:
     bench = Bench(program())
     state: State = bench.state
     commands: list[Command] = []
@@ -94,7 +94,7 @@ def test_a_controller_that_has_failed_says_why_and_commands_no_more() -> None:
     assert not state.playing
 
 
-def test_what_a_command_knows_of_its_sample() -> None:
+def test_the_facts_about_the_sample_in_a_command() -> None:
     bench = Bench(program())
     state, outputs = step(CONFIG, bench.state, Inputs(QUIET), 0.0)
     first = outputs[0]
@@ -114,7 +114,7 @@ def test_what_a_command_knows_of_its_sample() -> None:
     assert (blind.valid, blind.arms[0].force_mN, blind.arms[0].x_d_um) == (False, 7.0, None)
 
 
-def test_a_number_that_nobody_would_take_is_not_told_and_ends_the_commands() -> None:
+def test_a_number_that_no_program_accepts_is_not_sent_and_ends_the_commands() -> None:
     segments = (
         Seek("contact", 1.0, to_um=(14.0,)),
         Drive("hold", 0.6, courses=(Ramp(0.0),)),

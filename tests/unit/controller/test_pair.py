@@ -54,7 +54,7 @@ def phases(told: list[Telemetry]) -> list[str]:
     return [name for at, name in enumerate(names) if at == 0 or names[at - 1] != name]
 
 
-def test_a_part_is_gripped_held_and_let_go() -> None:
+def test_a_part_is_gripped_held_and_released() -> None:
     pair = IdealPair(grip())
     told = pair.play()
     assert phases(told) == [
@@ -71,7 +71,7 @@ def test_a_part_is_gripped_held_and_let_go() -> None:
     assert [u == pytest.approx(0.0, abs=0.01) for u in pair.voltages_V] == [True, True]
 
 
-def test_what_is_held_has_the_force_that_is_planned_at_the_place_where_it_lay() -> None:
+def test_a_held_part_has_the_planned_force_at_its_original_place() -> None:
     pair = IdealPair(grip())
     while (told := pair.tick()[1]).phase != "unload":
         pass
@@ -80,7 +80,7 @@ def test_what_is_held_has_the_force_that_is_planned_at_the_place_where_it_lay() 
     assert told.place_um == pytest.approx(told.place_r_um, abs=0.01)
 
 
-def test_place_and_force_follow_their_own_paths() -> None:
+def test_place_and_force_follow_independent_paths() -> None:
     pair = IdealPair(track())
     forces: list[float] = []
 
@@ -110,7 +110,7 @@ def test_a_part_is_found_from_each_side_before_both_close() -> None:
 
 
 @pytest.mark.parametrize("drift_mN_per_s", [-0.1, 0.0, 0.1])
-def test_an_arm_that_looks_for_the_part_presses_little_more_than_its_touch(
+def test_a_seeking_arm_presses_little_more_than_its_touch(
     drift_mN_per_s: float,
 ) -> None:
     """What is read of a free arm's force drifts along its way, as its model errs by."""
@@ -146,7 +146,7 @@ def early(*, centred: bool) -> Program:
 
 @pytest.mark.parametrize("centred", [False, True])
 @pytest.mark.parametrize("arm", [0, 1])
-def test_a_part_found_before_its_place_by_an_unconfirmed_zero_is_not_loaded(
+def test_a_part_found_too_early_by_an_unconfirmed_zero_is_not_loaded(
     arm: int, centred: bool
 ) -> None:
     pair = IdealPair(early(centred=centred))
@@ -167,18 +167,18 @@ def test_a_part_found_before_its_place_by_an_unconfirmed_zero_is_not_loaded(
 
 
 @pytest.mark.parametrize("centred", [False, True])
-def test_a_part_found_before_its_place_by_a_confirmed_zero_is_loaded(centred: bool) -> None:
+def test_a_part_found_too_early_by_a_confirmed_zero_is_loaded(centred: bool) -> None:
     assert IdealPair(early(centred=centred)).play()[-1].outcome == Outcome.GRIPPED
 
 
-def test_the_way_to_a_part_continues_until_its_touch_shows() -> None:
+def test_the_approach_continues_until_its_touch_is_detected() -> None:
     """A touch of F keeps an arm s·F behind its free way, also that of the part farthest off."""
     compliant = dataclasses.replace(request(), compliances_um_per_mN=(0.46, 0.5))
     ways = zip(compliant.furthest_um, request().furthest_um, strict=True)
     assert [one - other for one, other in ways] == pytest.approx([0.8 * 0.46, 0.8 * 0.5])
 
 
-def test_a_stop_holds_both_references_and_a_release_lets_go() -> None:
+def test_a_stop_holds_both_references_and_a_release_releases() -> None:
     pair = IdealPair(track())
     told = pair.play({"track": ActionCode.STOP, "stopped": ActionCode.RELEASE})
     held = [each for each in told if each.phase == "stopped"]
@@ -189,12 +189,12 @@ def test_a_stop_holds_both_references_and_a_release_lets_go() -> None:
     assert not told[-1].held
 
 
-def test_a_retract_lets_go_and_goes_back() -> None:
+def test_a_retract_releases_and_goes_back() -> None:
     told = IdealPair(track()).play({"track": ActionCode.RETRACT})
     assert phases(told)[-2:] == ["unload", "retreat"]
 
 
-def test_a_part_that_is_kept_stays_pressed_by_both() -> None:
+def test_a_kept_part_stays_pressed_by_both_arms() -> None:
     pair = IdealPair(grip(None))
     told = pair.play({"hold": ActionCode.KEEP})
     assert told[-1].held
@@ -215,7 +215,7 @@ def test_a_pause_rests_where_the_place_turns_and_a_resume_continues() -> None:
     assert pair.play()[-1].outcome == Outcome.TRACKED
 
 
-def test_a_part_that_one_arm_has_no_force_of_is_lost_to_both() -> None:
+def test_a_part_without_a_force_at_one_arm_is_lost_to_both() -> None:
     pair = IdealPair(grip(None))
     while pair.tick()[1].phase != "hold":
         pass
@@ -251,7 +251,7 @@ def test_without_a_part_both_arms_go_back() -> None:
     assert phases(told)[-1] == "retreat"
 
 
-def test_what_the_second_arm_meets_on_its_free_way_turns_both_back() -> None:
+def test_a_touch_of_the_second_arm_in_free_space_reverses_both() -> None:
     pair = IdealPair(grip())
     while pair.tick()[1].phase != "approach":
         pass
@@ -265,7 +265,7 @@ def test_what_the_second_arm_meets_on_its_free_way_turns_both_back() -> None:
 
 
 @pytest.mark.parametrize("arm", [0, 1])
-def test_two_arms_of_which_one_is_pressed_before_its_strokes_make_none(arm: int) -> None:
+def test_if_one_of_two_arms_is_pressed_before_its_strokes_neither_makes_strokes(arm: int) -> None:
     strokes = Drive("condition", 0.1, guarded=True, courses=(Stay(), Stay()))
     program = grip()
     pair = IdealPair(replace(program, segments=(strokes, *program.segments)))
@@ -282,7 +282,7 @@ def test_two_arms_of_which_one_is_pressed_before_its_strokes_make_none(arm: int)
 
 
 @pytest.mark.parametrize("arm", [0, 1])
-def test_an_arm_that_meets_something_behind_it_without_a_law_moves_out_of_it(arm: int) -> None:
+def test_an_arm_with_something_behind_it_moves_out_without_a_law(arm: int) -> None:
     back = Drive("retreat", 1.0, guarded=True, courses=(Ramp(0.0), Ramp(0.0)))
     pair = IdealPair(replace(grip(), segments=(back,)))
     pair.part, pair.voltages_V = False, (1.0, 1.0)
@@ -298,7 +298,7 @@ def test_an_arm_that_meets_something_behind_it_without_a_law_moves_out_of_it(arm
 
 
 @pytest.mark.parametrize(("behind", "outcome"), [(0, "zero_refused"), (1, "contact")])
-def test_after_a_refused_zero_each_arm_whose_zero_is_known_is_watched_on_its_way_back(
+def test_after_a_refused_zero_each_arm_with_a_known_zero_is_monitored_on_return(
     behind: int, outcome: str
 ) -> None:
     """The zero of the first arm was refused, so that its force is not known."""
@@ -341,7 +341,7 @@ def test_a_held_part_is_carried_and_stays_held() -> None:
     assert pair.forces() == pytest.approx(begin, abs=0.3)
 
 
-def test_a_part_that_is_carried_can_be_let_go() -> None:
+def test_a_carried_part_can_be_released() -> None:
     pair = carry()
     pair.tick()
     pair.tick(ActionCode.RELEASE)
@@ -371,9 +371,7 @@ def test_each_command_is_for_both_arms() -> None:
 
 @pytest.mark.parametrize("number", ["x_r_um", "x_d_um"])
 @pytest.mark.parametrize("value", [nan, inf, -1e300])
-def test_a_number_of_the_second_arm_that_no_decoder_takes_is_a_fault(
-    number: str, value: float
-) -> None:
+def test_an_invalid_number_of_the_second_arm_is_a_fault(number: str, value: float) -> None:
     _, telemetry = IdealPair(grip()).tick()
     assert len(telemetry.arms) == 2
     assert number_out_of_bounds(telemetry) is None

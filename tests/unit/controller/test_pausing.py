@@ -79,7 +79,7 @@ def test_in_every_phase_a_pause_begins_at_the_next_rest(
     assert arm.player.outcome == "gripped"
 
 
-def test_along_a_path_a_pause_begins_where_it_turns() -> None:
+def test_along_a_path_a_pause_begins_at_a_turning_point() -> None:
     arm = Arm(program=TRACK)
     arm.until("track")
     for _ in range(30):
@@ -124,7 +124,7 @@ def test_steps_pause_in_their_dwell_and_a_voltage_where_it_rests() -> None:
 
 
 @pytest.mark.parametrize("phase", ["approach", "load", "hold", "unload"])
-def test_a_stop_out_of_a_pause_moves_nothing(phase: str) -> None:
+def test_a_stop_during_a_pause_moves_nothing(phase: str) -> None:
     arm = Arm()
     arm.until(phase)
     paused(arm)
@@ -170,7 +170,7 @@ def test_a_part_lost_in_a_pause_ends_it(phase: str) -> None:
     assert (arm.player.held, arm.player.pause.active) == (False, False)
 
 
-def test_a_wish_that_is_taken_back_leaves_no_trace() -> None:
+def test_a_cancelled_pause_leaves_no_trace() -> None:
     arm = Arm()
     arm.until("load")
     arm.player = pause(arm.player)

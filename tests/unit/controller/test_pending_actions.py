@@ -26,7 +26,7 @@ def until_paused(bench: Bench) -> int:
     raise AssertionError("no pause began")
 
 
-def test_a_pause_holds_the_force_and_is_told_where_it_begins_and_ends() -> None:
+def test_a_pause_holds_the_force_and_reports_its_start_and_end() -> None:
     bench = Bench(program())
     bench.until("hold")
     asked = ask(bench, "pause")
@@ -47,7 +47,7 @@ def test_a_pause_holds_the_force_and_is_told_where_it_begins_and_ends() -> None:
     assert bench.until().telemetry.outcome == "gripped"
 
 
-def test_a_pause_acts_at_the_seq_it_is_asked_for_or_later() -> None:
+def test_a_pause_acts_at_the_requested_seq_or_later() -> None:
     bench = Bench(program())
     bench.until("hold")
     at_seq = bench.seq + 15
@@ -55,7 +55,7 @@ def test_a_pause_acts_at_the_seq_it_is_asked_for_or_later() -> None:
     assert until_paused(bench) == at_seq
 
 
-def test_a_pause_asked_for_twice_is_one() -> None:
+def test_a_pause_requested_twice_acts_once() -> None:
     bench = Bench(program())
     bench.until("hold")
     ask(bench, "pause")
@@ -66,7 +66,7 @@ def test_a_pause_asked_for_twice_is_one() -> None:
     assert not bench.tick().telemetry.paused
 
 
-def test_a_resume_takes_a_wish_back_before_it_has_acted() -> None:
+def test_a_resume_cancels_a_pause_before_it_has_acted() -> None:
     bench = Bench(program())
     bench.until("load")
     ask(bench, "pause")
@@ -77,7 +77,7 @@ def test_a_resume_takes_a_wish_back_before_it_has_acted() -> None:
     assert last.telemetry.outcome == "gripped"
 
 
-def test_a_stop_out_of_a_pause_keeps_the_voltage() -> None:
+def test_a_stop_during_a_pause_keeps_the_voltage() -> None:
     bench = Bench(program())
     bench.until("hold")
     ask(bench, "pause")
@@ -96,7 +96,7 @@ def test_a_stop_out_of_a_pause_keeps_the_voltage() -> None:
 @pytest.mark.parametrize(
     ("action", "phases"), [("let_go", ["unload"]), ("retract", ["unload", "retreat"])]
 )
-def test_the_stops_that_let_go_are_reported_as_stops(action: str, phases: list[str]) -> None:
+def test_stops_that_release_are_reported_as_stops(action: str, phases: list[str]) -> None:
     bench = Bench(program())
     bench.until("hold")
     seq = ask(bench, action)
@@ -107,7 +107,7 @@ def test_the_stops_that_let_go_are_reported_as_stops(action: str, phases: list[s
     assert last.telemetry.outcome == "stopped"
 
 
-def test_keep_hands_the_part_over_at_the_voltage_applied() -> None:
+def test_keep_hands_the_part_over_at_the_applied_voltage() -> None:
     bench = Bench(program())
     bench.until("hold")
     ask(bench, "stop")
@@ -120,7 +120,7 @@ def test_keep_hands_the_part_over_at_the_voltage_applied() -> None:
     assert (last.telemetry.acted, last.telemetry.outcome) == ((), "stopped")
 
 
-def test_what_has_nothing_to_act_on_is_refused_with_the_reason() -> None:
+def test_an_action_without_effect_is_refused_with_the_reason() -> None:
     bench = Bench(program())
     for action, why in (
         ("resume", "not paused"),

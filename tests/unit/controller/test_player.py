@@ -20,7 +20,7 @@ def test_a_grip_goes_through_every_phase_and_ends_gripped() -> None:
     assert not arm.player.held
 
 
-def test_in_the_hold_position_and_force_agree_on_the_fitted_line() -> None:
+def test_during_the_hold_position_and_force_agree_on_the_fitted_line() -> None:
     arm = Arm(contact_um=11.5, stiffness=1.8)
     arm.until("hold")
     for _ in range(12):
@@ -74,7 +74,7 @@ def test_a_stiffness_that_may_be_right_within_the_uncertainty_is_held(stiffness:
 
 
 @pytest.mark.parametrize("stiffness", [1.2, 3.0])
-def test_a_part_of_another_stiffness_is_let_go(stiffness: float) -> None:
+def test_a_part_of_another_stiffness_is_released(stiffness: float) -> None:
     arm = Arm(stiffness=stiffness)
     arm.until()
     assert arm.player.outcome == "wrong_stiffness"
@@ -137,7 +137,7 @@ def test_a_refused_zero_ends_the_program() -> None:
     assert arm.phases == ["zero", "retreat"]
 
 
-def test_an_arm_that_a_part_pushes_back_is_not_moved_towards_it() -> None:
+def test_an_arm_that_is_pushed_back_by_a_part_is_not_moved_towards_it() -> None:
     arm = Arm(contact_um=-9.0)
     arm.player = begin(PROGRAM, (replace(BLANK, x_um=-4.0),), period_s=T)
     arm.refusal = Fault(FaultCode.ZERO_OFFSET)
@@ -149,7 +149,7 @@ def test_an_arm_that_a_part_pushes_back_is_not_moved_towards_it() -> None:
     assert furthest_um == pytest.approx(-4.0)
 
 
-def test_a_zero_that_nobody_confirms_ends_the_program() -> None:
+def test_an_unconfirmed_zero_ends_the_program() -> None:
     player = begin(PROGRAM, (BLANK,), T)
     for _ in range(200):
         player = advance(PROGRAM, player, (BLANK,), T)
@@ -163,7 +163,7 @@ def awaiting_zero() -> Arm:
     return arm
 
 
-def test_a_zero_that_no_estimate_answers_is_requested_again_until_one_does() -> None:
+def test_an_unanswered_zero_is_requested_again() -> None:
     arm = awaiting_zero()
     waiting = advance(PROGRAM, arm.player, (replace(arm.estimate(), zero_age_s=None),), T)
     assert (waiting.zero, waiting.segment.phase) == (True, "zero")
@@ -172,7 +172,7 @@ def test_a_zero_that_no_estimate_answers_is_requested_again_until_one_does() -> 
     assert (after.zero, after.segment.phase) == (False, "approach")
 
 
-def test_no_zero_is_requested_on_the_way_back_from_too_much_force() -> None:
+def test_no_zero_is_requested_on_the_return_from_too_much_force() -> None:
     arm = awaiting_zero()
     player = advance(PROGRAM, arm.player, (replace(arm.estimate(), force_mN=40.1),), T)
     phases: set[str] = set()
@@ -185,7 +185,7 @@ def test_no_zero_is_requested_on_the_way_back_from_too_much_force() -> None:
 
 
 @pytest.mark.parametrize("phase", ["load", "hold", "unload"])
-def test_stop_with_a_part_keeps_the_force_until_release(phase: str) -> None:
+def test_a_stop_with_a_part_keeps_the_force_until_release(phase: str) -> None:
     arm = Arm()
     arm.until(phase)
     arm.tick()
@@ -202,7 +202,7 @@ def test_stop_with_a_part_keeps_the_force_until_release(phase: str) -> None:
     assert (arm.player.outcome, arm.player.held) == ("stopped", False)
 
 
-def test_stop_without_a_part_comes_to_rest_and_ends() -> None:
+def test_a_stop_without_a_part_comes_to_rest_and_ends() -> None:
     arm = Arm()
     arm.until("approach")
     for _ in range(8):
@@ -239,7 +239,7 @@ def test_along_the_path_position_and_force_agree_on_the_identified_line() -> Non
     assert (min(forces), max(forces)) == pytest.approx((2.0, 18.0), abs=0.1)
 
 
-def test_at_its_trough_a_path_loses_no_part_but_at_its_peak_it_may() -> None:
+def test_a_part_may_be_lost_at_the_peak_of_a_path_but_not_at_its_trough() -> None:
     arm = Arm(program=TRACK)
     arm.until("track")
     while arm.player.ref.force_mN > 2.1:
@@ -258,7 +258,7 @@ def test_at_its_trough_a_path_loses_no_part_but_at_its_peak_it_may() -> None:
     assert arm.player.segment.phase == "retreat"
 
 
-def test_stop_along_a_path_keeps_the_force() -> None:
+def test_a_stop_along_a_path_keeps_the_force() -> None:
     arm = Arm(program=TRACK)
     arm.until("track")
     for _ in range(30):

@@ -42,7 +42,7 @@ def test_a_quick_grip_goes_through_every_phase_and_ends_gripped() -> None:
     assert arm.player.outcome == "gripped"
 
 
-def test_the_load_begins_no_faster_than_the_seek_and_ends_at_rest() -> None:
+def test_the_load_starts_no_faster_than_the_seek_and_ends_at_rest() -> None:
     arm = Arm(program=QUICK)
     arm.until("load")
     touch, x_um = arm.player, [arm.player.entry.ref.x_um, arm.player.ref.x_um]
@@ -64,7 +64,7 @@ def test_the_load_begins_no_faster_than_the_seek_and_ends_at_rest() -> None:
 
 @pytest.mark.parametrize("program", [PROGRAM, QUICK, TRACK], ids=["gentle", "quick", "track"])
 @pytest.mark.parametrize("share", [0.5, 0.8, 1.0, 1.2, 2.0, 3.0])
-def test_the_references_of_a_load_stay_on_the_hard_side_of_the_line(
+def test_the_references_of_a_load_stay_on_the_stiff_side_of_the_line(
     program: Program, share: float
 ) -> None:
     stiffness = share * K_E
@@ -86,7 +86,7 @@ def test_the_references_of_a_load_stay_on_the_hard_side_of_the_line(
 
 
 @pytest.mark.parametrize("stiffness", [0.5 * K_E, 2.0 * K_E])
-def test_a_part_far_from_the_plan_is_loaded_as_planned_and_let_go(stiffness: float) -> None:
+def test_a_part_far_from_the_plan_is_loaded_as_planned_and_released(stiffness: float) -> None:
     arm = Arm(stiffness=stiffness, program=QUICK)
     forces_mN: list[float] = []
     while not arm.player.ended:
@@ -97,7 +97,7 @@ def test_a_part_far_from_the_plan_is_loaded_as_planned_and_let_go(stiffness: flo
     assert "hold" not in arm.phases
 
 
-def test_the_rate_of_the_load_does_not_lead_past_its_end() -> None:
+def test_the_rate_of_the_load_does_not_overshoot_its_end() -> None:
     load = QUICK.segments[LOAD]
     assert isinstance(load, Press)
     assert load_rate(load, 4.0, 80.0) == 80.0
@@ -119,7 +119,7 @@ def test_a_pause_at_the_touch_waits_for_the_end_of_the_load() -> None:
     assert arm.player.outcome == "gripped"
 
 
-def test_a_stop_in_flight_holds_the_force_that_is_there() -> None:
+def test_a_stop_during_the_load_holds_the_present_force() -> None:
     arm = Arm(program=QUICK)
     arm.until("load")
     for _ in range(4):
@@ -134,7 +134,7 @@ def test_a_stop_in_flight_holds_the_force_that_is_there() -> None:
 
 
 @pytest.mark.parametrize("contact_um", [2.0, 5.0, 8.0])
-def test_a_part_that_stands_nearer_than_planned_is_felt_on_the_approach(contact_um: float) -> None:
+def test_a_part_nearer_than_planned_is_felt_on_the_approach(contact_um: float) -> None:
     arm = Arm(contact_um=contact_um, program=QUICK)
     forces_mN: list[float] = []
     while not arm.player.ended:
@@ -147,7 +147,7 @@ def test_a_part_that_stands_nearer_than_planned_is_felt_on_the_approach(contact_
     assert forces_mN[-1] == 0.0
 
 
-def test_a_force_that_creeps_in_on_the_approach_is_no_part() -> None:
+def test_a_slowly_growing_force_on_the_approach_is_not_a_part() -> None:
     """The free response may be wrong by more than is stated, but not in a moment."""
     arm = Arm(program=QUICK)
     arm.until("approach")
@@ -165,7 +165,7 @@ def test_a_force_that_creeps_in_on_the_approach_is_no_part() -> None:
     assert arm.player.outcome == ""
 
 
-def test_the_law_goes_through_the_touch_without_a_bump() -> None:
+def test_the_law_passes_through_the_touch_without_a_bump() -> None:
     """The controller's step over an arm that is (4): the voltage goes on as it rose before."""
     bench = Bench(quick(program()))
     bench.until("load")

@@ -166,17 +166,17 @@ def judge(row: Row, count: int) -> None:
 
 
 @pytest.mark.parametrize("row", TABLE, ids=str)
-def test_a_part_that_gives_way_in_a_load_is_not_pressed_harder(row: Row) -> None:
+def test_a_part_that_slips_during_a_load_is_not_pressed_harder(row: Row) -> None:
     judge(row, FEW)
 
 
 @pytest.mark.parametrize("row", TABLE, ids=str)
 @pytest.mark.full
-def test_over_200_loads_a_part_that_gives_way_is_not_pressed_harder(row: Row) -> None:
+def test_over_200_loads_a_slipping_part_is_not_pressed_harder(row: Row) -> None:
     judge(row, ALL)
 
 
 @pytest.mark.parametrize("noise_um", [0.03, 0.15])
-def test_loads_of_a_part_that_stays_are_not_stopped(noise_um: float) -> None:
+def test_loads_of_a_part_without_slip_are_not_stopped(noise_um: float) -> None:
     played = loads(1e-9, noise_um, 0, FEW)
     assert {one.slips for one in played} == {0}

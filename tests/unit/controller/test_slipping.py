@@ -68,7 +68,7 @@ def loaded(program: Program, ticks: int) -> Sensed:
 
 
 @pytest.mark.parametrize("program", [PROGRAM, QUICK], ids=["gentle", "quick"])
-def test_a_healthy_grip_shows_no_step(program: Program) -> None:
+def test_a_healthy_grip_has_no_step(program: Program) -> None:
     arm = Sensed(program)
     arm.until()
     assert arm.player.outcome == "gripped"
@@ -166,7 +166,7 @@ def test_a_stiffness_near_the_plan_may_be_used(share: float) -> None:
 
 
 @pytest.mark.parametrize("share", [-0.004, 0.0, 0.29, 3.1])
-def test_a_stiffness_that_no_part_can_have_is_never_used(share: float) -> None:
+def test_an_impossible_stiffness_is_never_used(share: float) -> None:
     """-0.009 mN/µm with x_e = 863 µm drove the arm to its end once."""
     assert not admissible(PROGRAM, share * K_E)
     arm = Arm()

@@ -34,12 +34,12 @@ def test_a_program_without_laws_runs_with_the_rig_files() -> None:
     assert bench.state.laws == (OneArmLaw(build(CONFIG.law, ARM, T, 0.03)),)
 
 
-def test_a_program_brings_its_laws() -> None:
+def test_a_program_contains_its_laws() -> None:
     bench = Bench(program(BOTH_LAWS, load=1))
     assert bench.state.laws == tuple(OneArmLaw(build(law, ARM, T, 0.03)) for law in BOTH_LAWS)
 
 
-def test_the_rig_file_says_arm_law_and_low_pass() -> None:
+def test_the_rig_file_determines_arm_law_and_low_pass() -> None:
     config = configure(DEMO)
     assert config.period_s == 0.02
     assert config.force_filter_s == DEMO.model.force_filter_s
@@ -50,14 +50,14 @@ def test_the_rig_file_says_arm_law_and_low_pass() -> None:
 
 
 @pytest.mark.parametrize("law", [2, -1])
-def test_a_segment_must_name_a_law_that_is_there(law: int) -> None:
+def test_a_segment_must_name_an_existing_law(law: int) -> None:
     with pytest.raises(RefusedError, match=f"hold names law {law}, there are 2"):
         handle(CONFIG, start(CONFIG), Load(program(BOTH_LAWS, hold=law)), 0.0)
     with pytest.raises(RefusedError, match="hold names law 1, there are 1"):
         handle(CONFIG, start(CONFIG), Load(program(hold=1)), 0.0)
 
 
-def test_an_impossible_law_is_refused_before_anything_plays() -> None:
+def test_an_impossible_law_is_refused_before_anything_moves() -> None:
     state, _, _ = handle(CONFIG, start(CONFIG), Load(program()), 0.0)
     impossible = program((PBSMIC, DSMIFC.with_gains(M=1e308)), load=1)
     with pytest.raises(RefusedError, match=r"a law of the program: impedance K̄ = inf mN/µm"):
@@ -83,7 +83,7 @@ def test_loading_does_not_touch_what_plays() -> None:
     assert len(armed.laws) == 2
 
 
-def test_both_laws_carry_a_grip_to_its_end() -> None:
+def test_both_laws_complete_a_grip() -> None:
     bench = Bench(program(BOTH_LAWS, load=1, hold=0, unload=1))
     last = bench.until()
     assert last.telemetry.outcome == "gripped"
@@ -124,7 +124,7 @@ def test_a_change_of_law_between_segments_is_bumpless() -> None:
 
 @pytest.mark.parametrize("load", [0, 1], ids=["same law", "another law"])
 @pytest.mark.parametrize("laws", [BOTH_LAWS, BOTH_LAWS[::-1]], ids=["to dsmifc", "to pbsmic"])
-def test_the_force_comes_and_goes_without_a_bump(laws: tuple[LawSettings, ...], load: int) -> None:
+def test_the_force_starts_and_ends_without_a_bump(laws: tuple[LawSettings, ...], load: int) -> None:
     """2 mN that are fed from one sample to the next would be 2/41.3 V at once, x_r that ran ahead
     of the pressed arm as much again."""
     bench = Bench(program(laws, load=load, hold=load, unload=load))
@@ -135,7 +135,7 @@ def test_the_force_comes_and_goes_without_a_bump(laws: tuple[LawSettings, ...], 
     assert bench.ticks[first_of(bench.ticks, "load")].estimate.arms[0].force_mN > 2.0
 
 
-def test_a_law_that_began_again_in_contact_would_be_a_bump(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_restarting_a_law_in_contact_would_cause_a_bump(monkeypatch: pytest.MonkeyPatch) -> None:
     """The negative: 20 mN that come as a step at the begin of the hold are 20/41.3 V."""
 
     def restart(
@@ -161,7 +161,7 @@ def test_a_law_that_began_again_in_contact_would_be_a_bump(monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize("other", [DSMIFC, PBSMIC.with_gains(K_P=0.5)], ids=["dsmifc", "gains"])
-def test_a_change_of_law_in_motion_is_not_seen(other: LawSettings) -> None:
+def test_a_change_of_law_during_motion_is_invisible(other: LawSettings) -> None:
     """The seek has its full speed from its first sample, at which its law begins."""
     steps: list[list[float]] = []
     for plays in (program((PBSMIC, other), contact=1), program((PBSMIC,))):
@@ -231,7 +231,7 @@ def test_limits_freeze_the_integral_outward_only(limits: int, frozen: bool) -> N
     assert (after.law.integral_um == before.law.integral_um) is frozen
 
 
-def test_blind_or_disarmed_it_asks_for_nothing() -> None:
+def test_without_samples_or_arming_nothing_is_requested() -> None:
     bench = Bench(program())
     bench.tick()
     before = bench.state.player
@@ -247,7 +247,7 @@ def test_blind_or_disarmed_it_asks_for_nothing() -> None:
     assert step(CONFIG, state, Inputs(None), 0.0) == (state, ())
 
 
-def test_the_memory_of_the_response_is_led_by_what_is_applied_and_outlives_an_arming() -> None:
+def test_the_memory_of_the_response_follows_the_applied_voltage_and_survives_an_arming() -> None:
     """A missing voltage is left out, and counts for two periods later, as in the estimator."""
     config = configure(DEMO)
     state, _, _ = handle(config, start(config), Load(program()), 0.0)
@@ -266,7 +266,7 @@ def test_the_memory_of_the_response_is_led_by_what_is_applied_and_outlives_an_ar
     assert again.memories[0].followed_seq == -1
 
 
-def test_another_model_is_led_through_the_past() -> None:
+def test_another_model_is_replayed_through_the_past() -> None:
     config = configure(DEMO)
     state, _, _ = handle(config, start(config), Load(program()), 0.0)
     state, _, _ = handle(config, state, Arm(1, 5, ""), 0.0)
@@ -286,7 +286,7 @@ def test_another_model_is_led_through_the_past() -> None:
     assert again.memories[0].response.position_um() != state.memories[0].response.position_um()
 
 
-def test_a_law_that_needs_a_model_is_made_at_the_arming_that_brings_it() -> None:
+def test_a_law_that_needs_a_model_is_built_at_the_arming_with_it() -> None:
     line = free_response(DEMO.model.model_copy(update={"free_response": None}))
     before = configure(DEMO)
     arm = dataclasses.replace(before.arms[0], response=line)

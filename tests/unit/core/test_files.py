@@ -31,7 +31,7 @@ def test_an_ordinary_write_does_not(disk: Durable, tmp_path: Path) -> None:
     assert list(disk.cut(root, tmp_path / "left").iterdir()) == []
 
 
-def test_a_cut_while_a_file_is_replaced_leaves_the_old_one(disk: Durable, tmp_path: Path) -> None:
+def test_an_interrupted_replacement_leaves_the_old_file(disk: Durable, tmp_path: Path) -> None:
     root = tmp_path / "root"
     root.mkdir()
     replace_file(root / "keys", b"old")

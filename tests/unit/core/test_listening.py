@@ -39,7 +39,7 @@ def test_each_refusal_has_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("off", [errno.EAFNOSUPPORT, errno.EADDRNOTAVAIL])
-def test_every_listener_names_the_remedy_where_ipv6_is_off(
+def test_every_listener_names_the_remedy_if_ipv6_is_off(
     monkeypatch: pytest.MonkeyPatch, off: int
 ) -> None:
     class NoIPv6(socket.socket):
@@ -77,7 +77,7 @@ def test_a_name_without_an_address_is_named() -> None:
         ("::", "127.0.0.1"),
     ],
 )
-def test_the_account_of_a_listener_is_known(listens: str, asked: str) -> None:
+def test_the_account_of_a_listener_is_found(listens: str, asked: str) -> None:
     if ":" in listens and not listening.has_ipv6():
         pytest.skip("this machine has no IPv6")
     with listening.bound(listens, 0) as listener:
@@ -89,7 +89,7 @@ def test_the_account_of_a_listener_is_known(listens: str, asked: str) -> None:
             listening.bound(listens, port)
 
 
-def test_a_rig_does_not_come_up_where_another_program_has_the_port_of_rest() -> None:
+def test_a_rig_does_not_start_if_another_program_uses_the_port_of_rest() -> None:
     rig = demo_rig()
     with listening.bound(rig.supervisor.host, rig.supervisor.port) as other:
         other.listen()
@@ -133,7 +133,7 @@ def test_a_supervisor_does_not_wait_for_an_address_that_the_machine_does_not_hav
         program.await_port("192.0.2.7", 8000, Event())
 
 
-def test_a_port_that_another_program_takes_before_it_is_served_ends_the_supervisor(
+def test_a_port_taken_by_another_program_before_serving_ends_the_supervisor(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """``up`` and systemd restart it then, and it waits for the port."""

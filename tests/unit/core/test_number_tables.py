@@ -64,7 +64,7 @@ def test_the_usual_forms_are_read(text: str) -> None:
         ("0;5\n0.5;1e400\n", 2),
     ],
 )
-def test_what_is_unclear_is_refused_with_its_line(text: str, line: int) -> None:
+def test_ambiguous_rows_are_refused_with_their_line(text: str, line: int) -> None:
     with pytest.raises(FileError, match=rf"line {line}\b"):
         table(text, NAMES)
 

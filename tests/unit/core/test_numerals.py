@@ -79,7 +79,7 @@ def test_a_number_is_read_as_it_is_shown(text: str, value: float) -> None:
         "9" * 401,
     ],
 )
-def test_a_text_that_states_no_number_or_two_is_refused(text: str) -> None:
+def test_a_text_with_no_number_or_two_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"\w"):
         numerals.number(text)
 
@@ -92,7 +92,7 @@ def test_a_whole_number_is_read(text: str, value: int) -> None:
 @pytest.mark.parametrize(
     "text", ["5.0", "5,0", "1e3", "1_000", "５", "", "1 000", "0x1", "9" * 5000]
 )
-def test_a_whole_number_has_digits_alone(text: str) -> None:
+def test_a_whole_number_has_only_digits(text: str) -> None:
     with pytest.raises(ValueError, match="whole number"):
         numerals.whole(text)
 
@@ -136,7 +136,7 @@ def test_a_list_is_read_as_it_is_shown(text: str, values: list[float]) -> None:
         "1,000 2",
     ],
 )
-def test_a_list_that_can_be_read_in_two_ways_is_refused(text: str) -> None:
+def test_an_ambiguous_list_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"\w"):
         numerals.numbers(text)
 
@@ -150,7 +150,7 @@ def test_a_list_that_can_be_read_in_two_ways_is_refused(text: str) -> None:
         ("0:5, 1:6", [["0", "5"], ["1", "6"]]),
     ],
 )
-def test_records_are_separated_by_what_is_no_decimal_sign(
+def test_records_are_separated_by_characters_other_than_decimal_signs(
     text: str, found: list[list[str]]
 ) -> None:
     assert numerals.records(text, 2) == found

@@ -51,7 +51,7 @@ def test_output_that_cannot_be_written_is_counted_and_raises_nothing(
         behind.close()
 
 
-def test_a_reader_that_has_paused_blocks_nobody() -> None:
+def test_a_paused_reader_blocks_no_output() -> None:
     reader, writer = os.pipe()
     fcntl.fcntl(writer, fcntl.F_SETPIPE_SZ, 4096)
     output = LossyWriter(os.fdopen(writer, "w"))
@@ -64,7 +64,7 @@ def test_a_reader_that_has_paused_blocks_nobody() -> None:
     os.close(reader)
 
 
-def test_output_comes_again_once_it_can_be_written() -> None:
+def test_output_resumes_once_it_can_be_written() -> None:
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     output = LossyWriter(os.fdopen(writer, "w"))
@@ -96,7 +96,7 @@ def test_characters_that_the_encoding_lacks_are_replaced() -> None:
     os.close(reader)
 
 
-def test_long_texts_arrive_whole_and_in_order() -> None:
+def test_long_texts_arrive_completely_and_in_order() -> None:
     reader, writer = os.pipe()
     behind = os.fdopen(writer, "w")
     output = LossyWriter(behind)

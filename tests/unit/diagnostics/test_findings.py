@@ -92,7 +92,7 @@ class Constant:
         pass
 
 
-def test_nothing_is_missing_of_the_demo(tmp_path: Path) -> None:
+def test_the_demo_has_no_missing_finding(tmp_path: Path) -> None:
     assert missing(rig_findings(RIG)) == []
     assert missing(shared_ports(RIG)) == []
     said = [finding.what for finding in findings(DEMO, tmp_path)]
@@ -120,7 +120,7 @@ def test_lines_that_are_too_slow_together_are_refused_with_their_sum() -> None:
     assert timing(RIG).ok
 
 
-def test_what_the_output_does_alone_must_be_known() -> None:
+def test_the_behaviour_of_the_output_without_its_host_must_be_stated() -> None:
     assert "0.5 s after the last message from its host" in watchdog(RIG).what
     without: dict[str, object] = {"driver": "srs_dc205", "options": {}}
     off: dict[str, object] = {"options": {"watchdog_s": 0.0}}
@@ -150,7 +150,7 @@ def test_limits_that_forbid_a_grip_are_named_with_their_numbers(
     assert any(words in what for what in missing(limits(changed(**tables))))
 
 
-def test_what_is_assumed_of_the_model_is_said_and_stops_nothing() -> None:
+def test_assumed_values_of_the_model_are_reported_without_blocking() -> None:
     bare = read_rig(DEMO.with_name("bring-up.toml"))
     finding = model(bare)
     assert finding.mark == "note"
@@ -159,13 +159,13 @@ def test_what_is_assumed_of_the_model_is_said_and_stops_nothing() -> None:
     assert "pincette job calibrate" in finding.remedy
 
 
-def test_a_driver_that_has_not_met_its_instrument_says_so_on_a_real_rig() -> None:
+def test_an_untested_driver_is_reported_on_a_real_rig() -> None:
     real = RIG.model_copy(update={"simulation": None})
     notes = [finding.what for finding in rig_findings(real) if finding.mark == "note"]
     assert sum("has not been tested with its instrument" in note for note in notes) == 2
 
 
-def test_an_unknown_driver_and_a_wrong_option_are_missing() -> None:
+def test_an_unknown_driver_and_a_wrong_option_are_reported() -> None:
     (first, *_) = missing(rig_findings(changed(sensor={"driver": "other"})))
     assert first == "driver other"
     assert any(
@@ -225,7 +225,7 @@ def test_the_latency_of_a_usb_adapter_is_read(tmp_path: Path, held_ms: int, ok: 
     assert list(latency("socket://127.0.0.1:1", tmp_path)) == []
 
 
-def test_the_direction_is_found_and_the_voltage_comes_back() -> None:
+def test_the_direction_is_found_and_the_voltage_is_restored() -> None:
     bench = Bench()
     finding = direction(RIG, bench.sensor, bench.output, bench.sleep)
     assert finding.ok
@@ -267,7 +267,7 @@ def test_an_arm_that_does_not_move_is_found() -> None:
     assert "amplifier is on" in finding.remedy
 
 
-def test_the_voltage_comes_back_where_the_sensor_fails_on_the_way() -> None:
+def test_the_voltage_is_restored_if_the_sensor_fails_during_the_move() -> None:
     class Failing(Constant):
         def read_um(self) -> float:
             if self._count >= 50:
@@ -301,7 +301,7 @@ def test_a_simulated_rig_is_not_moved(tmp_path: Path) -> None:
     assert "leave --move to a rig that is real" in found[-1].remedy
 
 
-def test_a_driver_of_another_package_without_options_has_no_watchdog() -> None:
+def test_an_external_driver_without_options_has_no_watchdog() -> None:
     output = Output(driver="srs_dc205", url="/dev/ttyUSB0", on_silence="safe")
     assert "to a safe value on its own" in watchdog(RIG.model_copy(update={"output": output})).what
 
@@ -309,9 +309,7 @@ def test_a_driver_of_another_package_without_options_has_no_watchdog() -> None:
 @pytest.mark.parametrize(
     ("slowest_s", "mark"), [(0.002, "ok"), (0.0079, "ok"), (0.0081, "note"), (0.05, "note")]
 )
-def test_readings_that_leave_a_thin_margin_below_their_timeout_are_noted(
-    slowest_s: float, mark: str
-) -> None:
+def test_readings_close_to_their_timeout_are_noted(slowest_s: float, mark: str) -> None:
     took = times_of([0.0018] * 39 + [slowest_s])
     assert took is not None
     found = margin("sensor: readings", took, 0.016)

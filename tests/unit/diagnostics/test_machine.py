@@ -31,7 +31,7 @@ def test_a_fixed_priority_that_is_permitted_is_well(monkeypatch: pytest.MonkeyPa
 @pytest.mark.parametrize(
     ("niceness", "instead"), [(take, "niceness -10"), (refuse, "normal priority")]
 )
-def test_one_that_is_not_is_noted_with_what_to_do(
+def test_an_unsuitable_machine_is_noted_with_a_remedy(
     monkeypatch: pytest.MonkeyPatch, niceness: object, instead: str
 ) -> None:
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
@@ -42,7 +42,7 @@ def test_one_that_is_not_is_noted_with_what_to_do(
     assert "LimitRTPRIO=10" in finding.remedy
 
 
-def test_asking_changes_nothing_of_the_program_that_asks(tmp_path: Path) -> None:
+def test_checking_permissions_changes_nothing_of_the_program(tmp_path: Path) -> None:
     before = os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)
     found = [finding.what for finding in machine(tmp_path)]
     assert (os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)) == before
@@ -55,7 +55,7 @@ def asking(realtime: RealTime, time: str = "real") -> RigFile:
     return rig.model_copy(update={"realtime": realtime, "rig": changed})
 
 
-def test_what_a_rig_file_asks_for_in_vain_is_noted_or_missing() -> None:
+def test_settings_that_are_not_permitted_are_noted_or_required() -> None:
     before = os.sched_getaffinity(0)
     (noted,) = os_requests(asking(RealTime(cores={"sensor": (1023,)})))
     assert noted.mark == "note"
@@ -66,10 +66,10 @@ def test_what_a_rig_file_asks_for_in_vain_is_noted_or_missing() -> None:
     assert os.sched_getaffinity(0) == before
 
 
-def test_in_lockstep_nothing_is_asked_for() -> None:
+def test_in_lockstep_nothing_is_requested() -> None:
     assert list(os_requests(asking(RealTime(cores=(1023,)), "lockstep"))) == []
 
 
-def test_the_page_it_names_is_there() -> None:
+def test_the_named_page_exists() -> None:
     page = Path(__file__).parents[3] / "docs/how-to/real-time.md"
     assert "LimitRTPRIO=10" in page.read_text(encoding="utf-8")

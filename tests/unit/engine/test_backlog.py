@@ -46,7 +46,7 @@ class Bus(MemoryBus):
         sink(topic, message)
 
 
-def test_of_a_backlog_the_newest_sample_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_from_a_backlog_the_newest_sample_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is left to the program's own thread; who brings one alone steps with it at once."""
     monkeypatch.setattr(engine, "monotonic", lambda: 10.0)
     bus = Bus()

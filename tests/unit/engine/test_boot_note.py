@@ -15,11 +15,11 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "data" / "actuator-demo.json"
 
 
-def test_none_was_there(path: Path) -> None:
+def test_a_missing_note_is_recognized(path: Path) -> None:
     assert BootNote(path).found() == FIRST
 
 
-def test_who_began_and_said_nothing_more_has_died(path: Path) -> None:
+def test_a_program_that_started_without_an_end_has_died(path: Path) -> None:
     BootNote(path).begin()
     assert BootNote(path).found() == Before(Predecessor.DIED)
     BootNote(path).end(Predecessor.DIED, 7)
@@ -27,7 +27,7 @@ def test_who_began_and_said_nothing_more_has_died(path: Path) -> None:
 
 
 @pytest.mark.parametrize("ending", [Predecessor.CLEAN, Predecessor.NONE])
-def test_who_has_ended_so_is_found_so(path: Path, ending: Predecessor) -> None:
+def test_the_noted_end_is_found(path: Path, ending: Predecessor) -> None:
     note = BootNote(path)
     note.begin()
     note.end(ending, 7)
@@ -47,13 +47,13 @@ def test_who_has_ended_so_is_found_so(path: Path, ending: Predecessor) -> None:
         b'{"ended": "clean", "instance": "7"}',
     ],
 )
-def test_a_damaged_note_is_no_clean_end(path: Path, content: bytes) -> None:
+def test_a_damaged_note_is_not_a_clean_end(path: Path, content: bytes) -> None:
     path.parent.mkdir()
     path.write_bytes(content)
     assert BootNote(path).found() == Before(Predecessor.DIED)
 
 
-def test_a_note_that_cannot_be_replaced_is_no_clean_end(
+def test_a_note_that_cannot_be_replaced_is_not_a_clean_end(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     note = BootNote(path)
@@ -83,7 +83,7 @@ def test_a_full_disk_at_the_first_start_leaves_no_clean_end(
     assert BootNote(path).found() == Before(Predecessor.DIED)
 
 
-def test_a_program_does_not_start_where_it_can_leave_no_note(path: Path) -> None:
+def test_a_program_that_cannot_write_its_note_does_not_start(path: Path) -> None:
     path.parent.write_text("a file where the folder belongs")
     with pytest.raises(OSError, match=r"actuator-demo\.json cannot be written .*--data"):
         BootNote(path).begin()

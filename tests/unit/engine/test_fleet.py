@@ -37,7 +37,7 @@ def test_two_rigs_of_one_laboratory_share_no_port() -> None:
 
 
 @pytest.mark.parametrize("name", ["router", "supervisor"])
-def test_what_the_rigs_of_a_router_share_is_not_started_by_a_rig_that_joins(
+def test_programs_shared_by_a_router_are_not_started_by_a_rig_that_joins_it(
     name: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     assert run_program(name, RIGS / "right.toml", Options(data=tmp_path)) == 2

@@ -52,7 +52,7 @@ def test_nothing_is_collected_within_a_turn() -> None:
 
 
 @pytest.mark.usefixtures("settled")
-def test_cycles_are_freed_after_so_many_turns() -> None:
+def test_cycles_are_freed_after_a_number_of_turns() -> None:
     left = weakref.ref(Cycle())
     collector = Collector()
     for _ in range(COLLECT_EVERY - 1):
@@ -62,6 +62,6 @@ def test_cycles_are_freed_after_so_many_turns() -> None:
     assert left() is None
 
 
-def test_every_program_beside_the_loop_attends_before_it_says_that_it_serves() -> None:
+def test_every_program_beside_the_loop_tunes_its_collector_before_it_serves() -> None:
     told = subprocess.check_output([sys.executable, "-c", A_PROGRAM], text=True, timeout=60.0)
     assert told.splitlines() == ["ready: here", f"{SWITCH_S} True True"]

@@ -58,7 +58,7 @@ def pair() -> tuple[Instruments, Device, Device]:
     return Instruments(devices, 0.02, ReadingWatch(0.02, lambda: 0.0)), one, two
 
 
-def test_both_are_read_and_each_fault_is_its_arms() -> None:
+def test_both_sensors_are_read_and_each_fault_belongs_to_its_arm() -> None:
     both, one, two = pair()
     assert [arm.x_um for arm in both.read().arms] == [1.0, 2.0]
     one.fails = two.fails = True
@@ -84,7 +84,7 @@ def as_fault(said: Fault | PutOut | None) -> Fault:
     return said
 
 
-def test_both_are_read_back_or_neither() -> None:
+def test_both_outputs_are_read_back_or_neither() -> None:
     both, _, two = pair()
     assert both.put_out(ReadBack()) == PutOut((1.0, 2.0))
     assert both.recover() == PutOut((1.0, 2.0))
@@ -96,7 +96,7 @@ def test_both_are_read_back_or_neither() -> None:
         both.recover()
 
 
-def test_a_wave_is_none_of_the_second_arms() -> None:
+def test_a_wave_is_never_played_by_the_second_arm() -> None:
     both, _, two = pair()
     for order in (Wave((1.0,), 100.0), CheckWave()):
         assert "first arm: the voltage output cannot play waves" in fault_text(
@@ -105,7 +105,7 @@ def test_a_wave_is_none_of_the_second_arms() -> None:
     assert two.value == 2.0
 
 
-def test_neither_hears_that_its_host_lives_where_the_first_does_not_answer() -> None:
+def test_neither_watchdog_is_fed_if_the_first_does_not_answer() -> None:
     both, one, two = pair()
     assert both.keep_alive(1.0) is None
     assert (one.fed, two.fed) == (1, 1)
@@ -114,7 +114,7 @@ def test_neither_hears_that_its_host_lives_where_the_first_does_not_answer() -> 
     assert two.fed == 1
 
 
-def test_an_acquisition_is_refused_and_both_are_given_back() -> None:
+def test_an_acquisition_is_refused_and_both_instruments_are_released() -> None:
     both, one, two = pair()
     both.capture(0.0)
     with pytest.raises(RefusedError, match="a rig of two arms has none"):
@@ -138,7 +138,7 @@ def positions(*values_um: tuple[float, float]) -> list[Position]:
     return found
 
 
-def test_the_second_arm_counts_towards_the_part_in_its_own_way() -> None:
+def test_the_second_arm_has_the_opposite_direction() -> None:
     (position,) = positions((5.0, -3.0))
     assert len(position.arms) == 2
     assert (position.arms[0].x_um, position.arms[1].x_um, position.usable) == (5.0, 4.0, True)

@@ -31,7 +31,7 @@ def numbered(sample: Sample, seq: int) -> Sample:
 
 
 @given(st.lists(st.integers(-2, 40), max_size=60))
-def test_what_is_taken_is_the_part_that_is_in_order(seqs: list[int]) -> None:
+def test_a_tick_uses_the_part_that_is_in_order(seqs: list[int]) -> None:
     joiner = begun()
     taken = [seq for seq in seqs if joiner.admits(numbered(POSITION, seq), 101.0)]
     in_order: list[int] = []
@@ -48,7 +48,7 @@ def test_each_topic_has_its_own_numbers() -> None:
     assert not joiner.admits(numbered(ESTIMATE, 3), 101.0)
 
 
-def test_an_older_command_is_left_to_the_actuator_to_judge() -> None:
+def test_an_older_command_is_left_to_the_actuator() -> None:
     joiner = begun()
     for seq in (5, 5, 4, -1):
         assert joiner.admits(numbered(COMMAND, seq), 101.0)
@@ -64,7 +64,7 @@ def test_no_sample_is_newer_than_the_grid_could_make_it() -> None:
         assert joiner.admits(numbered(sample, 12), 101.0), "one that errs shuts nobody out"
 
 
-def test_a_clock_that_is_slower_than_the_sensor_s_is_forgiven_for_ever() -> None:
+def test_a_slower_clock_than_the_sensors_is_tolerated_forever() -> None:
     joiner = begun(now=0.0)
     for day in range(1, 400):
         now = 86_400.0 * day
@@ -81,7 +81,7 @@ def test_another_epoch_and_the_idle_loop_are_not_judged() -> None:
         assert idle.admits(Position(0, seq, 0.0, (ArmPosition(1.0, valid=True),)), 0.0)
 
 
-def test_an_epoch_begins_without_numbers() -> None:
+def test_an_epoch_starts_without_numbers() -> None:
     joiner = begun()
     assert joiner.admits(numbered(POSITION, 40), 101.0)
     joiner.begin(5, 102.0)

@@ -27,7 +27,7 @@ def findings(late_s: float, refused: str = "") -> Findings:
     return Findings(wake_ups, HOP, refused, "", 2, None, False)
 
 
-def test_it_is_found_as_it_was_kept(tmp_path: Path) -> None:
+def test_a_measurement_is_found_as_stored(tmp_path: Path) -> None:
     data, found = tmp_path / "data", findings(0.031, "fixed priority 10")
     keep(data, found, AT)
     known = kept(data)
@@ -36,7 +36,7 @@ def test_it_is_found_as_it_was_kept(tmp_path: Path) -> None:
     assert changes_of(RIG, known) == changes_of(RIG, found)
 
 
-def test_another_machine_or_a_damaged_file_says_nothing(
+def test_another_machine_or_a_damaged_file_gives_no_measurement(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert kept(tmp_path) is None
@@ -51,7 +51,7 @@ def test_another_machine_or_a_damaged_file_says_nothing(
     assert kept(tmp_path) is None
 
 
-def test_up_and_doctor_tell_it_with_what_suits_the_machine(tmp_path: Path) -> None:
+def test_up_and_doctor_report_the_measurement_with_suitable_settings(tmp_path: Path) -> None:
     assert machine_words(RIG, tmp_path) == [
         "the timing of this machine is not known:",
         f"  {how(RIG)}",

@@ -46,7 +46,7 @@ class Clocks:
     [(0.9, 0.9, None), (1.4, 0.0, 1.4), (8.0, 0.1, PATIENCE_WAKES), (8.0, 7.0, 7.0)],
     ids=["short", "as long as a sensor is waited for", "a machine that stood still", "hung"],
 )
-def test_it_is_told_what_was_no_standstill(
+def test_the_actuator_is_informed_of_time_that_was_no_standstill(
     where: str,
     looks: float,
     computed_looks: float,
@@ -77,5 +77,5 @@ def test_it_is_told_what_was_no_standstill(
     assert [one.busy_s for one in told if isinstance(one, Busy)] == pytest.approx(wanted)
 
 
-def test_an_actuator_in_a_program_of_its_own_is_told_nothing() -> None:
+def test_an_actuator_in_its_own_program_is_not_informed() -> None:
     assert Loop([Runner(SERVICES["actuator"], RIG, Output())], MemoryBus()).looking is None

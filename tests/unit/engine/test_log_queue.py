@@ -40,7 +40,7 @@ def read_until(reading: int, end: bytes) -> list[str]:
     return found.decode().splitlines()
 
 
-def test_a_pipe_that_nobody_reads_delays_no_line_and_the_rest_is_counted(
+def test_an_unread_pipe_delays_no_line_and_the_lost_lines_are_counted(
     pipe: tuple[int, int],
 ) -> None:
     lines = LogQueue(TEXT, pipe[1], capacity=10)

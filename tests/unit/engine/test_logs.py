@@ -41,7 +41,7 @@ def said() -> list[dict[str, Any]]:
     return [json.loads(line) for line in ran.stderr.splitlines()]
 
 
-def test_every_line_is_an_object_that_says_when_who_and_of_what() -> None:
+def test_every_line_is_an_object_with_time_program_and_source() -> None:
     late, port, old, gone = said()
     assert late["message"] == "sample 7 is late"
     assert (late["level"], late["program"], late["rig"]) == ("warning", "sensor", "demo")
@@ -55,7 +55,7 @@ def test_every_line_is_an_object_that_says_when_who_and_of_what() -> None:
     assert "OSError: gone" in gone["error"]
 
 
-def test_what_is_given_hides_nothing_of_the_line() -> None:
+def test_given_fields_hide_nothing_of_the_line() -> None:
     given = {"msg": "x", "levelname": "INFO", "program": "other", "place": Path()}
     record = logging.makeLogRecord(given)
     line = json.loads(JsonLines("rig").format(record))
@@ -63,7 +63,9 @@ def test_what_is_given_hides_nothing_of_the_line() -> None:
     assert "rig" not in line
 
 
-def test_the_command_line_goes_before_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_line_takes_precedence_over_the_environment(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.delenv(VARIABLE, raising=False)
     assert chosen(None) == "text"
     monkeypatch.setenv(VARIABLE, "json")
@@ -73,7 +75,7 @@ def test_the_command_line_goes_before_the_environment(monkeypatch: pytest.Monkey
         chosen(None)
 
 
-def test_a_program_that_cannot_start_says_so_as_json(tmp_path: Path) -> None:
+def test_a_program_that_cannot_start_reports_it_as_json(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "pincette", "run", "sensor", "--log-format", "json"]
     ran = subprocess.run(
         [*command, "--rig", str(tmp_path / "none.toml")],

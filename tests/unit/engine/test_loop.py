@@ -136,7 +136,7 @@ def test_a_tick_passes_through_one_program_in_its_order() -> None:
     assert outside.sinks == {}, "nothing is taken from outside"
 
 
-def test_one_turn_makes_one_tick_so_that_questions_are_heard_between() -> None:
+def test_one_turn_makes_one_tick_so_that_requests_are_received_between() -> None:
     loop, outside = in_lockstep(*LOOP)
     armed(loop, outside)
     outside.told.clear()
@@ -155,7 +155,7 @@ def test_every_service_answers_for_itself() -> None:
     assert len(outside.answerers) == sum(len(SERVICES[name].requests) for name in LOOP)
 
 
-def test_what_came_of_a_question_leaves_before_its_reply() -> None:
+def test_the_outputs_of_a_request_are_sent_before_its_reply() -> None:
     loop, outside = in_lockstep(*LOOP)
     asked(loop, outside, RESET, Reset(acknowledge=True))
     outside.told.clear()
@@ -163,7 +163,7 @@ def test_what_came_of_a_question_leaves_before_its_reply() -> None:
     assert kinds(before) == [Applied, RequestLog]
 
 
-def test_what_another_program_waits_for_leaves_at_once_and_the_rest_at_the_end() -> None:
+def test_outputs_awaited_by_other_programs_are_sent_at_once_and_the_rest_at_the_end() -> None:
     left: list[type] = []
 
     class Watched(Runner):
@@ -185,7 +185,7 @@ def test_what_another_program_waits_for_leaves_at_once_and_the_rest_at_the_end()
     assert kinds(outside.told) == [Command, Estimate]
 
 
-def test_the_actuator_notes_a_sample_before_anything_is_computed_with_it() -> None:
+def test_the_actuator_notes_a_sample_before_anything_is_computed() -> None:
     loop = Loop(
         [
             Runner(SERVICES[name], RIG, device)
@@ -209,7 +209,7 @@ def test_the_actuator_notes_a_sample_before_anything_is_computed_with_it() -> No
     assert stepped == ["actuator", "estimator", "controller", "actuator"]
 
 
-def test_it_waits_for_whoever_is_first_to_be_due() -> None:
+def test_the_loop_waits_for_the_next_deadline() -> None:
     runners = [
         Runner(SERVICES["sensor"], RIG, Laser()),
         Runner(SERVICES["actuator"], RIG, Output()),
@@ -221,7 +221,7 @@ def test_it_waits_for_whoever_is_first_to_be_due() -> None:
     assert loop.wait_s(10.0 + 0.9 * wake_s) == pytest.approx(0.1 * wake_s)
 
 
-def test_no_turn_tells_the_timing_of_two_services() -> None:
+def test_no_turn_publishes_the_timing_of_two_services() -> None:
     devices: dict[str, Laser | Output] = {"sensor": Laser(), "actuator": Output()}
     outside = Outside()
     loop = Loop([Runner(SERVICES[name], RIG, devices.get(name)) for name in LOOP], outside)
@@ -295,7 +295,7 @@ def test_a_service_that_fails_ends_the_program_with_its_instrument_at_rest(where
     ("names", "shared"),
     [(LOOP, True), (("sensor", "actuator"), True), (LOOP[:3], False), (LOOP[1:], False)],
 )
-def test_only_beside_an_actuator_a_sensor_is_waited_for_shortly(
+def test_only_beside_an_actuator_a_sensor_has_a_short_wait(
     names: tuple[str, ...], shared: bool
 ) -> None:
     limit_s = shared_timeout_s(RIG, [SERVICES[name] for name in names])

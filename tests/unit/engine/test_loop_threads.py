@@ -94,21 +94,21 @@ def waiting(program: Program) -> None:
         pass
 
 
-def test_before_it_runs_what_comes_waits(program: Program) -> None:
+def test_before_the_start_submitted_work_waits(program: Program) -> None:
     program.submit(item(1))
     assert program.turns == 0
     program.start()
     assert program.taken == [(program.thread.ident, 1)]
 
 
-def test_who_brings_makes_the_turn(program: Program) -> None:
+def test_the_submitting_thread_runs_the_turn(program: Program) -> None:
     program.start()
     waiting(program)
     program.submit(item(1))
     assert program.taken == [(threading.get_ident(), 1)]
 
 
-def test_what_is_left_is_taken_by_the_program(program: Program) -> None:
+def test_deferred_work_is_run_by_the_program(program: Program) -> None:
     program.start()
     waiting(program)
     program.defer(item(1))
@@ -117,7 +117,7 @@ def test_what_is_left_is_taken_by_the_program(program: Program) -> None:
     assert program.taken == [(program.thread.ident, 1), (program.thread.ident, 2)]
 
 
-def test_who_is_at_a_turn_takes_what_comes_meanwhile(program: Program) -> None:
+def test_the_running_thread_also_takes_new_work(program: Program) -> None:
     def submit_more(number: int) -> None:
         if number < 3:
             other = threading.Thread(target=program.submit, args=(item(number + 1),))
@@ -161,7 +161,7 @@ def test_a_stop_ends_the_longest_wait(program: Program) -> None:
     assert program.raised == []
 
 
-def test_nothing_is_lost_or_taken_twice_and_never_are_two_at_a_turn(program: Program) -> None:
+def test_nothing_is_lost_or_run_twice_and_never_by_two_threads_at_once(program: Program) -> None:
     seed, count, threads = 23, 2000, 4
     print(f"seed {seed}")
     at_it = threading.Lock()

@@ -106,7 +106,7 @@ def test_an_output_that_has_lost_its_voltage_is_not_written(bench: Bench) -> Non
 
 
 @pytest.mark.parametrize("reopens_in_s", [None, TOO_LATE_S])
-def test_a_line_that_is_not_back_in_time_is_a_fault(
+def test_a_line_that_does_not_return_in_time_is_a_fault(
     bench: Bench, reopens_in_s: float | None
 ) -> None:
     bench.output.failing, bench.output.reopens_in_s = ["hung_up"], reopens_in_s

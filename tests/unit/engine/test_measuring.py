@@ -43,7 +43,7 @@ def test_the_grid_is_absolute() -> None:
     assert clock.now_s == pytest.approx(100.0 + 50 * T + 0.004)
 
 
-def test_points_that_are_over_are_missed_and_not_caught_up() -> None:
+def test_missed_grid_points_are_skipped() -> None:
     clock = Clock(*[0.0] * 19, 3.5 * T)
     count, max_s, missed = measured(clock, 50.5 * T)
     assert missed == 3
@@ -55,7 +55,7 @@ def test_the_first_wake_ups_are_not_counted() -> None:
     assert measured(Clock(0.5 * T), 50.5 * T)[1] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_wait_that_ends_early_is_waited_on() -> None:
+def test_a_wait_that_ends_early_is_continued() -> None:
     clock = Clock(*[-0.5 * T, 0.0] * 60)
     count, max_s, _ = measured(clock, 50.5 * T)
     assert count == 50 - SETTLED
@@ -63,7 +63,7 @@ def test_a_wait_that_ends_early_is_waited_on() -> None:
     assert clock.waits > 50
 
 
-def test_a_load_is_a_program_for_each_processor_and_one_on_the_disk_and_ends(
+def test_a_load_has_a_program_per_processor_and_one_for_the_disk_and_ends(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     started: list[subprocess.Popen[bytes]] = []
@@ -79,7 +79,7 @@ def test_a_load_is_a_program_for_each_processor_and_one_on_the_disk_and_ends(
     assert all(program.poll() is not None for program in started)
 
 
-def test_what_burns_and_what_writes_ends_by_itself(tmp_path: Path) -> None:
+def test_load_programs_end_by_themselves(tmp_path: Path) -> None:
     load.main(["0.01", "cpu"])
     load.main(["0.01", "disk", str(tmp_path / "block")])
     assert (tmp_path / "block").stat().st_size >= load.BLOCK

@@ -47,7 +47,7 @@ class Late:
 # A sensor is waited for 16 ms in a tick of 20 ms, a sixth of its timeout.
 @pytest.mark.parametrize(("name", "tries"), [("sensor", 7), ("actuator", 3)])
 @pytest.mark.parametrize("opened", [True, False])
-def test_one_that_does_not_answer_at_once_is_asked_again(
+def test_an_instrument_that_does_not_answer_at_once_is_retried(
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
     name: str,
@@ -63,7 +63,7 @@ def test_one_that_does_not_answer_at_once_is_asked_again(
 
 
 @pytest.mark.parametrize(("failures", "opened"), [(0, True), (17, True), (18, False)])
-def test_a_sensor_that_is_waited_for_shortly_is_asked_as_long_as_any_other(
+def test_a_sensor_with_a_short_wait_is_retried_as_long_as_any_other(
     monkeypatch: pytest.MonkeyPatch, failures: int, opened: bool
 ) -> None:
     assert RIG.sensor.timeout_s == 0.1
@@ -83,7 +83,7 @@ def test_the_sensor_is_opened_with_the_shorter_patience(
 
 
 @pytest.mark.parametrize("name", ["sensor", "actuator"])
-def test_a_line_that_makes_noise_is_given_time(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def test_a_noisy_line_is_given_time(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     slept: list[float] = []
     monkeypatch.setattr("pincette.engine.instrument.sleep", slept.append)
     driver, counts = Late(monkeypatch, 2, "garbled"), LineCounts()

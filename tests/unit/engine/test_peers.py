@@ -7,17 +7,17 @@ def test_everybody_who_is_missing_is_named() -> None:
     assert absent({"sensor", "actuator"}, {}, {}) == "actuator, sensor"
 
 
-def test_a_cause_that_is_known_is_reported() -> None:
+def test_a_known_cause_is_reported() -> None:
     causes = {"actuator": "no program listens at tcp/127.0.0.1:7451", "sensor": ""}
     said = absent({"sensor", "actuator"}, {}, causes)
     assert said == "actuator (no program listens at tcp/127.0.0.1:7451), sensor"
 
 
-def test_a_wire_that_differs_is_the_cause_whatever_else_is_known() -> None:
+def test_another_wire_version_is_the_reported_cause() -> None:
     said = absent({"actuator"}, {"actuator": 7}, {"actuator": "no program listens"})
     assert "wire version 7" in said
     assert "no program listens" not in said
 
 
-def test_who_has_come_meanwhile_is_not_named() -> None:
+def test_a_program_that_has_appeared_meanwhile_is_not_named() -> None:
     assert absent({"sensor"}, {"actuator": 7}, {"actuator": "no program listens"}) == "sensor"

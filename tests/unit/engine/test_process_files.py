@@ -19,7 +19,7 @@ def before() -> Generator[None]:
 
 @pytest.mark.usefixtures("before")
 @pytest.mark.parametrize(("mask", "file", "folder"), [(0o022, 0o600, 0o700), (0o277, 0o400, 0o500)])
-def test_others_read_nothing_that_a_program_writes(
+def test_files_of_a_program_are_not_readable_by_others(
     tmp_path: Path, mask: int, file: int, folder: int
 ) -> None:
     os.umask(mask)

@@ -70,7 +70,7 @@ class Fake(Linux):
         return self.has
 
 
-def test_what_is_permitted_is_asked_for_and_nothing_is_reported(
+def test_permitted_settings_are_requested_without_a_report(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     system = Fake()
@@ -86,18 +86,18 @@ def test_what_is_permitted_is_asked_for_and_nothing_is_reported(
     assert caplog.messages == []
 
 
-def test_by_default_neither_processors_nor_memory_are_asked_for() -> None:
+def test_by_default_neither_processors_nor_memory_are_requested() -> None:
     system = Fake()
     assert ask(Scheduling(), system) == ()
     assert system.asked == [("priority", 10), ("slack", 1e-6)]
 
 
-def test_nothing_is_asked_for_where_nothing_is_wished() -> None:
+def test_without_settings_nothing_is_requested() -> None:
     system = Fake(permits=frozenset())
     assert ask(Scheduling(priority=0, timer_slack_s=0.0), system) == ()
 
 
-def test_what_is_not_permitted_is_reported_in_one_line_with_limits_and_remedies(
+def test_refused_settings_are_reported_in_one_line_with_limits_and_remedies(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     system = Fake(permits=frozenset(), rtprio=0, memlock=64 * KIB, has=(0, 3))
@@ -121,7 +121,7 @@ def test_what_is_not_permitted_is_reported_in_one_line_with_limits_and_remedies(
         assert part in line
 
 
-def test_niceness_stands_in_for_a_priority() -> None:
+def test_niceness_replaces_a_refused_priority() -> None:
     system = Fake(permits=frozenset({"niceness"}), rtprio=5)
     (refusal,) = ask(Scheduling(timer_slack_s=0.0), system)
     assert system.asked == [("niceness", -10)]
@@ -136,21 +136,21 @@ def test_a_limit_that_suffices_is_not_blamed() -> None:
     assert "cpu.rt_runtime_us" in refusal.remedy
 
 
-def test_processors_that_are_not_there_are_not_asked_for() -> None:
+def test_missing_processors_are_not_requested() -> None:
     system = Fake()
     (refusal,) = ask(Scheduling(priority=0, cores=(1, 7), timer_slack_s=0.0), system)
     assert refusal.setting == "cores"
     assert system.asked == []
 
 
-def test_what_is_required_keeps_a_program_from_starting() -> None:
+def test_a_required_setting_that_is_refused_prevents_a_start() -> None:
     system = Fake(permits=frozenset({"slack"}), rtprio=0)
     with pytest.raises(ConfigError, match=r"required = priority: does not .*rtprio limit 0"):
         raise_priority(Scheduling(required=frozenset({"priority"})), system)
     raise_priority(Scheduling(required=frozenset({"timer_slack"})), system)
 
 
-def test_a_trial_leaves_priority_and_memory_alone() -> None:
+def test_a_trial_changes_neither_priority_nor_memory() -> None:
     system = Fake(memlock=8 * KIB)
     (refusal,) = trial(ALL, system)
     assert refusal.setting == "memory"
@@ -158,7 +158,7 @@ def test_a_trial_leaves_priority_and_memory_alone() -> None:
     assert trial(ALL, Fake()) == ()
 
 
-def test_a_rig_file_gives_each_program_its_own() -> None:
+def test_a_rig_file_has_settings_for_each_program() -> None:
     realtime = {
         "priority": {"sensor": 30},
         "cores": {"sensor": [1], "actuator": [0, 1]},
@@ -189,7 +189,7 @@ def test_a_rig_file_gives_each_program_its_own() -> None:
         ({"nice": 3}, "nice"),
     ],
 )
-def test_what_cannot_be_wished_is_refused(wish: dict[str, object], why: str) -> None:
+def test_impossible_settings_are_refused(wish: dict[str, object], why: str) -> None:
     with pytest.raises(ConfigError, match=why):
         parse_rig({**read_tree(), "realtime": wish})
 
@@ -228,7 +228,7 @@ print(json.dumps({
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the calls are Linux's")
-def test_a_real_try_is_granted_or_refused_as_the_limits_say() -> None:
+def test_a_real_request_is_granted_or_refused_by_the_limits() -> None:
     """Whatever this machine permits, what was done is what was said."""
     done = subprocess.run([sys.executable, "-c", TRY], capture_output=True, text=True, check=True)
     told = json.loads(done.stdout)

@@ -41,14 +41,14 @@ def test_a_program_is_reported_with_the_arming_that_plays_it() -> None:
     assert (again.epoch, again.load) == (4, Load(PROGRAM))
 
 
-def test_what_is_refused_or_changes_nothing_is_not_reported() -> None:
+def test_refused_requests_and_those_without_effect_are_not_logged() -> None:
     runner = Runner(CONTROLLER, RIG)
     assert asked(runner, ARM) == []
     assert asked(runner, Action(ActionCode.STOP)) == []
     assert asked(runner, StatusRequest()) == []
 
 
-def test_an_actuator_tells_of_trip_and_reset_and_of_the_voltage_it_brings() -> None:
+def test_an_actuator_logs_trip_and_reset_with_the_voltage() -> None:
     tape, found_V = Tape(), 1229 * RIG.output.step_V
     runner = Runner(ACTUATOR, RIG, tape)
     tape.found_V = found_V
@@ -64,7 +64,7 @@ def test_an_actuator_tells_of_trip_and_reset_and_of_the_voltage_it_brings() -> N
     assert (trip.trip, trip.epoch, trip.seq) == (Trip(Cause.ESTOP), 3, -1)
 
 
-def test_an_action_is_reported_with_the_sample_after_which_it_came() -> None:
+def test_an_action_is_logged_with_the_sample_after_which_it_arrived() -> None:
     runner = Runner(CONTROLLER, RIG)
     asked(runner, Load(PROGRAM))
     asked(runner, ARM)
@@ -81,7 +81,7 @@ def test_an_action_is_reported_with_the_sample_after_which_it_came() -> None:
     assert (stop.epoch, stop.seq, stop.topic) == (4, -1, "")
 
 
-def test_a_record_holds_a_program_whole() -> None:
+def test_a_record_contains_a_complete_program() -> None:
     runner = Runner(CONTROLLER, RIG)
     asked(runner, Load(PROGRAM))
     for item in asked(runner, ARM):

@@ -127,7 +127,7 @@ def test_an_arm_with_a_past_is_not_taught_as_one_without() -> None:
         teach(drawn, to_limits=True)
 
 
-def test_recorded_branches_take_the_place_of_the_identified_response() -> None:
+def test_recorded_branches_replace_the_identified_response() -> None:
     tables = tomllib.loads(DEMO.read_text(encoding="utf-8"))
     tables["model"]["recorded_response"] = tomllib.loads(response_tables(DEMO, "recorded"))[
         "model"

@@ -60,7 +60,7 @@ class Watched:
         self.revival.look(lambda member, line: self.said.append(f"{member.name}: {line}"))
 
 
-def test_a_supervisor_is_started_again_and_told_once(programs: Programs) -> None:
+def test_a_supervisor_is_restarted_and_reported_once(programs: Programs) -> None:
     watched = Watched(programs)
     programs.members["supervisor"].process.returncode = -9
     for _ in range(3):
@@ -74,7 +74,7 @@ def test_a_supervisor_is_started_again_and_told_once(programs: Programs) -> None
 
 
 @pytest.mark.parametrize("name", ["recorder", "router", "upstream"])
-def test_other_programs_beside_the_loop_are_started_again(programs: Programs, name: str) -> None:
+def test_other_programs_beside_the_loop_are_restarted(programs: Programs, name: str) -> None:
     watched = Watched(programs)
     programs.members[name].process.returncode = -9
     watched.after(0.1)
@@ -82,7 +82,7 @@ def test_other_programs_beside_the_loop_are_started_again(programs: Programs, na
     assert programs.revived == [name]
 
 
-def test_the_loop_is_left_to_a_person(programs: Programs) -> None:
+def test_programs_of_the_loop_are_left_to_a_person(programs: Programs) -> None:
     watched = Watched(programs)
     programs.members["controller"].process.returncode = 1
     watched.after(100.0)
@@ -104,7 +104,7 @@ def test_a_program_that_was_ready_is_restarted_whatever_its_status(
     assert f"status {status}" in watched.said[0]
 
 
-def test_one_that_dies_again_and_again_is_waited_for_longer(programs: Programs) -> None:
+def test_a_program_that_dies_repeatedly_is_restarted_with_growing_delay(programs: Programs) -> None:
     watched = Watched(programs)
     waits_s: list[float] = []
     for _ in range(8):

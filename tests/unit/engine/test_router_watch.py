@@ -39,7 +39,7 @@ def test_a_router_that_answers_continues(router: Router) -> None:
     assert router.ends == []
 
 
-def test_a_question_that_does_not_return_ends_the_router_after_the_limit(router: Router) -> None:
+def test_a_query_that_does_not_return_ends_the_router_after_the_limit(router: Router) -> None:
     router.watch.ask()
     router.look_for(LIMIT_S)
     assert router.ends == []
@@ -47,7 +47,7 @@ def test_a_question_that_does_not_return_ends_the_router_after_the_limit(router:
     assert router.ends == [pytest.approx(LIMIT_S + LOOK_S)]
 
 
-def test_a_question_that_fails_is_no_answer(router: Router) -> None:
+def test_a_failing_query_is_not_an_answer(router: Router) -> None:
     router.error = RuntimeError("the session is closed")
     for _ in range(round(LIMIT_S / LOOK_S) + 1):
         with pytest.raises(RuntimeError):

@@ -87,7 +87,7 @@ def position(seq: int, epoch: int = 1) -> Position:
 
 @pytest.mark.parametrize("rig", [RIG, LOCKSTEP])
 @pytest.mark.parametrize("applied_first", [True, False])
-def test_sample_k_meets_applied_of_k_minus_one(rig: RigFile, applied_first: bool) -> None:
+def test_sample_k_is_joined_with_applied_k_minus_one(rig: RigFile, applied_first: bool) -> None:
     runner = joining(rig)
     messages: list[Message] = [APPLIED_0, position(1)]
     for message in messages if applied_first else reversed(messages):
@@ -97,7 +97,7 @@ def test_sample_k_meets_applied_of_k_minus_one(rig: RigFile, applied_first: bool
     assert runner.state.seen[0][0] == Inputs(position(1), APPLIED_0)
 
 
-def test_other_numbers_and_epochs_are_no_partners() -> None:
+def test_other_numbers_and_epochs_are_not_joined() -> None:
     runner = joining(LOCKSTEP)
     runner.take(replace(APPLIED_0, seq=1), 0.0)
     runner.take(replace(APPLIED_0, epoch=2), 0.0)
@@ -115,7 +115,7 @@ def test_real_time_continues_without_a_partner_after_a_quarter_period() -> None:
     assert runner.state.seen == ((Inputs(position(1), None), 0.005),)
 
 
-def test_real_time_plays_no_backlog() -> None:
+def test_in_real_time_a_backlog_is_skipped() -> None:
     runner = joining(RIG)
     for seq in range(300):
         runner.take(replace(APPLIED_0, seq=seq - 1), 10.0)
@@ -126,7 +126,7 @@ def test_real_time_plays_no_backlog() -> None:
     assert runner.missed == 299
 
 
-def test_a_sample_that_is_repeated_pushes_out_none_that_waits() -> None:
+def test_a_repeated_sample_displaces_no_waiting_one() -> None:
     runner = joining(RIG)
     for seq in (5, 0, 5):
         runner.take(position(seq), 10.0)
@@ -152,7 +152,7 @@ def test_arming_is_refused_with_another_rig_file() -> None:
     assert RIG.digest() in reply
 
 
-def test_status_tells_epoch_digest_and_instance() -> None:
+def test_status_reports_epoch_digest_and_instance() -> None:
     runner = joining(RIG)
     runner.call(Arm(9, 1, RIG.digest()), 0.0)
     reply, _ = runner.call(StatusRequest(), 0.0)
@@ -168,7 +168,7 @@ class BrokenSensor:
         """Nothing to give back."""
 
 
-def test_a_sensor_that_fails_gives_an_invalid_sample_with_the_reason() -> None:
+def test_a_failing_sensor_gives_an_invalid_sample_with_the_reason() -> None:
 
     runner = Runner(SENSOR, RIG, BrokenSensor())
     (sample,) = runner.tick(1.0)
@@ -180,7 +180,7 @@ def test_a_sensor_that_fails_gives_an_invalid_sample_with_the_reason() -> None:
     )
 
 
-def test_an_arming_brings_the_model_that_the_service_works_with() -> None:
+def test_an_arming_sets_the_model_of_the_service() -> None:
     runner = Runner(ESTIMATOR, RIG)
     found = Calibration(values={"model.compliance_um_per_mN": 0.5})
     before = runner.config
@@ -228,7 +228,7 @@ class Buffered:
         """Nothing to give back."""
 
 
-def test_an_acquisition_lasts_as_long_as_the_arming_that_asked_for_it() -> None:
+def test_an_acquisition_lasts_as_long_as_the_arming_that_requested_it() -> None:
     sensor = Buffered()
     runner = Runner(SENSOR, RIG, sensor)
     runner.call(Arm(1, 1, RIG.digest(), capture_hz=150.0), 0.0)
@@ -301,7 +301,7 @@ def stepping(output: PlainOutput) -> tuple[Runner, Message]:
     return runner, applied
 
 
-def test_a_step_is_given_to_the_output_in_parts() -> None:
+def test_a_step_is_passed_to_the_output_in_parts() -> None:
     output = PartsOutput()
     _, applied = stepping(output)
     assert isinstance(applied, Applied)

@@ -42,7 +42,7 @@ def test_awake_nothing_is_reported() -> None:
         hand.awake_s += 5.0
 
 
-def test_a_sleep_is_reported_once_with_its_length() -> None:
+def test_a_suspension_is_reported_once_with_its_length() -> None:
     hand = Hand(slept_s=7.0)
     watch = SleepWatch(hand)
     assert watch.slept_s() == 0.0, "what was slept before the program began"
@@ -53,7 +53,7 @@ def test_a_sleep_is_reported_once_with_its_length() -> None:
     assert watch.slept_s() == 0.0
 
 
-def test_a_program_that_is_put_off_between_the_readings_has_not_slept() -> None:
+def test_a_program_preempted_between_the_readings_was_not_suspended() -> None:
     hand = Hand()
     watch = SleepWatch(hand)
     watch.slept_s()
@@ -64,7 +64,7 @@ def test_a_program_that_is_put_off_between_the_readings_has_not_slept() -> None:
     assert watch.slept_s() == pytest.approx(1.0), "and the sleep is not lost by that"
 
 
-def test_the_loop_tells_its_actuator_which_trips_though_its_own_clock_has_not_moved() -> None:
+def test_the_loop_informs_its_actuator_which_trips_though_its_own_clock_has_not_moved() -> None:
     rig, hand = read_rig(DEMO), Hand()
     runner = Runner(SERVICE, rig, Tape())
     loop = Loop([runner], MemoryBus(), sleep_watch=SleepWatch(hand))

@@ -52,7 +52,7 @@ def test_a_program_that_logs_makes_progress() -> None:
         assert machine.progress.why_given_up() == ""
 
 
-def test_a_standstill_is_given_up() -> None:
+def test_a_stalled_start_is_given_up() -> None:
     machine = Machine()
     while machine.now_s < STALLED_S:
         machine.now_s += 1.0
@@ -62,13 +62,13 @@ def test_a_standstill_is_given_up() -> None:
     assert "no progress" in machine.progress.why_given_up()
 
 
-def test_a_start_without_end_is_given_up() -> None:
+def test_an_endless_start_is_given_up() -> None:
     machine = Machine()
     machine.now_s = machine.used_s = LONGEST_S + 1.0
     assert "not ready" in machine.progress.why_given_up()
 
 
-def test_demand_counts_work_of_children_and_no_sleep() -> None:
+def test_demand_includes_children_but_not_sleep() -> None:
     code = (
         "import subprocess, sys, time;"
         "subprocess.run([sys.executable, '-c', 'while True: pass']) if sys.argv[1] == 'busy'"
@@ -115,7 +115,7 @@ def test_a_standstill_names_the_program(fleet: Fleet, monkeypatch: pytest.Monkey
     fleet.down()
 
 
-def test_logs_of_earlier_starts_are_kept_and_only_this_account_reads_them(
+def test_logs_of_earlier_starts_are_kept_for_this_account_only(
     fleet: Fleet, tmp_path: Path
 ) -> None:
     for _ in range(2):

@@ -58,7 +58,7 @@ def moved(config: Any, **others: Any) -> Any:
 
 
 @pytest.mark.parametrize("kind", RIGS)
-def test_what_an_estimator_remembers_comes_back(kind: type) -> None:
+def test_the_memory_of_an_estimator_is_restored(kind: type) -> None:
     config = ESTIMATOR.configure(RIGS[kind])
     state = moved(config)
     assert type(state.arms[0].response) is kind
@@ -68,7 +68,7 @@ def test_what_an_estimator_remembers_comes_back(kind: type) -> None:
     assert back.arms[0].response.updated(0.9, 0.02) == state.arms[0].response.updated(0.9, 0.02)
 
 
-def test_the_change_of_a_stroke_that_was_compared_comes_back() -> None:
+def test_the_compared_change_of_a_stroke_is_restored() -> None:
     """A start has none: the second arming after a comparison failed with a TypeError."""
     config = ESTIMATOR.configure(RIGS[IdentifiedResponse])
     state = moved(config, stroke=StrokeChange(0.1 + 0.2, 0.004))
@@ -85,7 +85,7 @@ def test_a_model_does_not_travel_with_what_it_remembers() -> None:
     assert str(tree["known_V"]) == "-0.0"
 
 
-def test_after_a_start_there_is_nothing_to_tell() -> None:
+def test_after_a_start_the_snapshot_is_empty() -> None:
     for service in SERVICES:
         config = service.configure(demo_rig())
         assert snapshot(service, config, service.start(config)) == ""
@@ -93,7 +93,7 @@ def test_after_a_start_there_is_nothing_to_tell() -> None:
         assert restored(service, config, begun, "") == begun
 
 
-def test_what_is_carried_replaces_what_was_there() -> None:
+def test_carried_fields_replace_the_present_ones() -> None:
     config = ACTUATOR.configure(demo_rig())
     start = ACTUATOR.start(config)
     arms = (replace(start.arms[0], voltage_V=1.5),)
@@ -110,7 +110,7 @@ def test_what_is_carried_replaces_what_was_there() -> None:
         ("{", "Expecting"),
     ],
 )
-def test_what_was_not_carried_is_refused(text: str, words: str) -> None:
+def test_unknown_carried_fields_are_refused(text: str, words: str) -> None:
     config = ESTIMATOR.configure(demo_rig())
     with pytest.raises((TypeError, ValueError), match=words):
         restored(ESTIMATOR, config, ESTIMATOR.start(config), text)

@@ -13,7 +13,7 @@ from pincette.engine.teaching import free_range_um, teach, without_part
 DEMO = Path(__file__).parents[3] / "deploy/rigs/demo.toml"
 
 
-def test_the_motion_covers_the_softest_part_and_stays_within_the_limits() -> None:
+def test_the_motion_covers_the_softest_part_within_the_limits() -> None:
     rig = read_rig(DEMO)
     low_um, high_um = free_range_um(rig)
     assert high_um == pytest.approx(33.0 + 20.0 / (0.7 * 2.17) + 0.46 * 20.0)
@@ -28,7 +28,7 @@ def test_the_motion_covers_the_softest_part_and_stays_within_the_limits() -> Non
     assert free_range_um(tight) == (-1.0, 40.0)
 
 
-def test_nothing_is_touched_and_nothing_taught_before_is_used() -> None:
+def test_nothing_is_touched_and_no_earlier_model_is_used() -> None:
     rig = read_rig(DEMO)
     bare = without_part(rig)
     assert bare.simulation is not None
@@ -38,7 +38,7 @@ def test_nothing_is_touched_and_nothing_taught_before_is_used() -> None:
 
 
 @given(voltages=st.lists(st.floats(-1.0, 4.0), min_size=1, max_size=20), up=st.booleans())
-def test_what_was_taught_rises_with_the_voltage_whatever_went_before(
+def test_the_taught_model_rises_with_the_voltage_whatever_happened_before(
     voltages: list[float], up: bool
 ) -> None:
     taught = read_rig(DEMO).model.free_response

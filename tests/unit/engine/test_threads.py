@@ -38,7 +38,7 @@ def test_a_thread_that_fails_ends_the_program(
     ]
 
 
-def test_an_action_continues_after_it_failed_and_is_logged_once(
+def test_a_repeated_action_continues_after_a_failure_which_is_logged_once(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     calls: list[int] = []

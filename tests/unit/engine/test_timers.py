@@ -68,7 +68,7 @@ def estimator(epoch: int = 1) -> Runner:
     return runner
 
 
-def test_a_sensor_keeps_to_its_grid() -> None:
+def test_a_sensor_stays_on_its_grid() -> None:
     runner = sensor()
     assert runner.wait_s(10.0) == pytest.approx(T)
     assert not runner.due(10.0 + 0.99 * T)
@@ -84,7 +84,7 @@ def test_a_sensor_keeps_to_its_grid() -> None:
 
 
 @pytest.mark.parametrize("points", [1, 2, 7])
-def test_missed_points_of_the_grid_are_counted_and_never_caught_up(points: int) -> None:
+def test_missed_grid_points_are_counted_and_skipped(points: int) -> None:
     runner = sensor()
     now = 10.0 + (1 + points) * T + 0.001
     runner.tick(now)
@@ -94,7 +94,7 @@ def test_missed_points_of_the_grid_are_counted_and_never_caught_up(points: int) 
     assert runner.wait_s(now + 0.002) == pytest.approx(T - 0.003)
 
 
-def test_an_actuator_keeps_its_grid_of_wakings_and_counts_no_missed_ones() -> None:
+def test_an_actuator_stays_on_its_grid_and_counts_no_missed_points() -> None:
     runner = Runner(ACTUATOR, RIG, Output())
     wake_s = runner.config.age.wake_s
     runner.begin(10.0)
@@ -148,7 +148,7 @@ def test_a_program_without_a_clock_waits_for_messages_or_for_a_partner() -> None
     assert not runner.due(1e9)
 
 
-def test_in_lockstep_nothing_asks_for_a_step_but_messages() -> None:
+def test_in_lockstep_only_messages_cause_a_step() -> None:
     for service, device in ((SENSOR, Laser()), (ACTUATOR, Output())):
         runner = Runner(service, LOCKSTEP, device)
         runner.begin(10.0)
@@ -156,7 +156,7 @@ def test_in_lockstep_nothing_asks_for_a_step_but_messages() -> None:
         assert not runner.due(1e9)
 
 
-def test_what_came_before_is_counted_and_not_stepped_with() -> None:
+def test_earlier_messages_are_counted_but_cause_no_step() -> None:
     runner = estimator()
     stepped: list[int] = []
     for seq in (0, 2, 1, 2, 3):
@@ -172,7 +172,7 @@ def test_what_came_before_is_counted_and_not_stepped_with() -> None:
     assert status.refused == 2
 
 
-def test_what_another_epoch_says_does_not_push_out_what_counts() -> None:
+def test_messages_of_another_epoch_displace_no_valid_message() -> None:
     runner = estimator()
     runner.take(APPLIED, 10.0)
     messages = [POSITION, *(replace(POSITION, epoch=9 + n) for n in range(3))]

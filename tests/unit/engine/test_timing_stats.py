@@ -76,7 +76,7 @@ def fire_all(runner: Runner, now: float, took_s: float = 0.001) -> list[Message]
     return said
 
 
-def test_a_sensor_is_late_against_its_own_grid_and_takes_as_long_as_it_takes() -> None:
+def test_a_sensor_is_late_relative_to_its_own_grid_and_its_duration_is_measured() -> None:
     runner = armed(Runner(SENSOR, RIG, Laser()))
     lates_s = (0.0, 0.001, 0.004)
     for tick, late_s in enumerate(lates_s, start=1):
@@ -91,7 +91,7 @@ def test_a_sensor_is_late_against_its_own_grid_and_takes_as_long_as_it_takes() -
     assert told.age.count == 0
 
 
-def test_points_that_a_sensor_missed_are_counted_from_the_arming_on() -> None:
+def test_points_missed_by_a_sensor_are_counted_from_the_arming_on() -> None:
     runner = Runner(SENSOR, RIG, Laser())
     runner.begin(10.0)
     runner.tick(10.0 + 4 * T)
@@ -148,7 +148,7 @@ def test_the_age_at_an_actuator_is_that_of_the_command_s_sample() -> None:
     assert timing(runner).lateness.max_s == pytest.approx(0.0007)
 
 
-def test_what_other_epochs_say_is_not_counted() -> None:
+def test_messages_of_other_epochs_are_not_counted() -> None:
     runner = armed(Runner(ESTIMATOR, RIG))
     runner.take(replace(POSITION, epoch=5), 10.0)
     fire_all(runner, 10.0 + T)
@@ -172,7 +172,7 @@ def test_in_lockstep_nothing_is_counted() -> None:
     assert runner.timing(1e9) == ()
 
 
-def test_it_is_told_about_once_a_second() -> None:
+def test_timing_is_published_about_once_a_second() -> None:
     runner = armed(Runner(ESTIMATOR, RIG))
     told = [runner.timing(10.0 + 0.01 * look) for look in range(1000)]
     at = [look for look, outputs in enumerate(told) if outputs]

@@ -50,7 +50,7 @@ def course(seq: int) -> tuple[tuple[float, float], tuple[float, float]]:
     return (19.0 * voltages[0], 18.5 * voltages[1]), voltages
 
 
-def test_each_arm_has_the_estimate_that_it_has_alone() -> None:
+def test_each_arm_has_the_same_estimate_as_alone() -> None:
     both = PairBench(configure(RIG))
     alone = [Bench(configure(arm)) for arm in RIG.arms]
     for seq in range(120):
@@ -118,7 +118,9 @@ def test_forces_that_differ_beyond_their_uncertainty_are_a_finding() -> None:
 @pytest.mark.parametrize(
     ("ticks", "apart_mN", "held"), [(30, 20.0, True), (150, 0.05, True), (150, 20.0, False)]
 )
-def test_short_small_or_free_differences_are_none(ticks: int, apart_mN: float, held: bool) -> None:
+def test_short_small_or_free_differences_are_ignored(
+    ticks: int, apart_mN: float, held: bool
+) -> None:
     bench = zeroed()
     rest(bench, ticks, apart_mN, held=held)
     assert FaultCode.FORCES_DISAGREE not in codes(bench)

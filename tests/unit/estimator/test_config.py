@@ -25,7 +25,7 @@ def test_the_rig_file_names_the_observer(name: str) -> None:
     )
 
 
-def test_a_short_period_is_no_matter_for_quasi_static() -> None:
+def test_a_short_period_does_not_affect_the_quasi_static_observer() -> None:
     configure(a_rig(None, period_s=0.0052))
     with pytest.raises(ConfigError) as refused:
         configure(a_rig(None, period_s=0.005))

@@ -38,7 +38,7 @@ def test_U_grows_by_the_drift_since_the_zero() -> None:
     assert with_drift[1] == pytest.approx(sqrt(without[1] ** 2 + drift_mN**2), rel=0.01)
 
 
-def test_a_drift_makes_no_zero_implausible() -> None:
+def test_a_drift_does_not_make_a_zero_implausible() -> None:
     rig = a_rig(TAUGHT)
     sensor = rig.sensor.model_copy(update={"drift_um_per_min": UM_PER_MIN})
     config = configure(rig.model_copy(update={"sensor": sensor}))

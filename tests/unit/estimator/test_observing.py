@@ -28,7 +28,7 @@ def test_a_free_arm_reads_what_its_ages_make_of_it(ages: str, rms_mN: float) -> 
 
 
 @BOTH
-def test_the_ring_of_a_free_arm_is_no_force(config: EstimatorConfig) -> None:
+def test_the_ring_of_a_free_arm_is_not_a_force(config: EstimatorConfig) -> None:
     mode = sample_mode(2437.8, 0.0260, 0.001)
     bench = Bench(config)
     bench.rest(0.0, 0.0)
@@ -44,7 +44,7 @@ def test_the_ring_of_a_free_arm_is_no_force(config: EstimatorConfig) -> None:
 
 
 @BOTH
-def test_after_a_gap_the_observer_begins_again(config: EstimatorConfig) -> None:
+def test_after_a_gap_the_observer_restarts(config: EstimatorConfig) -> None:
     bench = Bench(config)
     bench.rest(0.0, 0.0)
     assert not bench.feed(1.0, None).valid
@@ -55,7 +55,7 @@ def test_after_a_gap_the_observer_begins_again(config: EstimatorConfig) -> None:
 
 
 @BOTH
-def test_a_zero_begins_the_observer_again(config: EstimatorConfig) -> None:
+def test_a_zero_restarts_the_observer(config: EstimatorConfig) -> None:
     bench = Bench(config)
     bench.rest(0.0, 0.0)
     bench.rest(0.8, 0.0, count=80)
@@ -63,7 +63,7 @@ def test_a_zero_begins_the_observer_again(config: EstimatorConfig) -> None:
     assert bench.feed(0.8, 0.0).arms[0].force_mN == pytest.approx(0.0, abs=1e-9)
 
 
-def test_an_arming_begins_the_observer_again() -> None:
+def test_an_arming_restarts_the_observer() -> None:
     bench = Bench(configure(a_rig(TAUGHT, force_ages="printed")))
     bench.rest(0.0, 0.0)
     bench.feed(0.0, 1.0)

@@ -18,7 +18,9 @@ NONE_V = (1e300, -1e300, 9.01, -6.01, nan, inf)
 
 @BOTH
 @pytest.mark.parametrize("x_um", NONE_UM)
-def test_a_position_beyond_the_sensor_s_range_is_none(config: EstimatorConfig, x_um: float) -> None:
+def test_a_position_beyond_the_sensors_range_is_invalid(
+    config: EstimatorConfig, x_um: float
+) -> None:
     spoilt, sound = Bench(config), Bench(config)
     for bench in (spoilt, sound):
         bench.rest(0.0, 0.0)
@@ -34,9 +36,7 @@ def test_a_position_beyond_the_sensor_s_range_is_none(config: EstimatorConfig, x
 
 @BOTH
 @pytest.mark.parametrize("voltage_V", NONE_V)
-def test_a_voltage_that_no_output_has_is_not_followed(
-    config: EstimatorConfig, voltage_V: float
-) -> None:
+def test_an_impossible_voltage_is_not_followed(config: EstimatorConfig, voltage_V: float) -> None:
     bench = Bench(config)
     bench.rest(0.0, 0.2)
     before = bench.state
@@ -50,7 +50,7 @@ def test_a_voltage_that_no_output_has_is_not_followed(
 
 
 @pytest.mark.parametrize(("x_um", "voltage_V"), [(9999.0, 0.0), (-9999.0, 9.0), (0.0, -6.0)])
-def test_what_is_just_possible_is_taken(x_um: float, voltage_V: float) -> None:
+def test_barely_possible_values_are_accepted(x_um: float, voltage_V: float) -> None:
     assert Bench(LINEAR).feed(x_um, voltage_V).valid
 
 

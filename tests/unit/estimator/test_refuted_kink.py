@@ -54,14 +54,14 @@ def touched_with_mN(
 
 
 @pytest.mark.parametrize("seed", BENT)
-def test_noise_that_bends_the_way_of_a_free_arm_is_no_touch(seed: int) -> None:
+def test_noise_that_bends_the_path_of_a_free_arm_is_not_a_touch(seed: int) -> None:
     assert touched_with_mN(seed) is None
 
 
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("K_e", [0.7 * K_E, 1.3 * K_E])
 @pytest.mark.parametrize("gain", [0.98, 1.0, 1.02])
-def test_a_part_is_felt_by_its_kink_as_ever(seed: int, K_e: float, gain: float) -> None:
+def test_a_part_is_still_detected_by_its_kink(seed: int, K_e: float, gain: float) -> None:
     """Also where the force reads up to 1.4 mN wrong, as a model 2 % off makes it."""
     felt_mN = touched_with_mN(seed, contact_um=33.0, K_e=K_e, gain=gain)
     print(seed, K_e, gain, felt_mN)
@@ -71,7 +71,7 @@ def test_a_part_is_felt_by_its_kink_as_ever(seed: int, K_e: float, gain: float) 
 
 @pytest.mark.parametrize("held", [False, True])
 @pytest.mark.parametrize("config", [LINEAR, CONFIG])
-def test_a_part_that_pressed_the_arm_as_it_was_found_is_met_on_the_way_up(
+def test_a_part_that_pressed_the_arm_at_the_start_is_found_on_the_way_up(
     config: EstimatorConfig, held: bool
 ) -> None:
     """The place where the arm was found is no ground that is known to be free.

@@ -86,7 +86,7 @@ def a_past(arm: FreeArm, seed: int) -> None:
 
 @pytest.mark.parametrize("from_zero", [False, True])
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_force_after_a_restart_is_within_what_is_stated(
+def test_the_force_after_a_restart_is_within_its_uncertainty(
     free: PlantParameters, seed: int, *, from_zero: bool
 ) -> None:
     arm = FreeArm(free)
@@ -100,7 +100,7 @@ def test_the_force_after_a_restart_is_within_what_is_stated(
     assert beyond == [], f"seed {seed}"
 
 
-def test_without_a_restart_the_same_stroke_errs_by_less(free: PlantParameters) -> None:
+def test_without_a_restart_the_same_stroke_has_a_smaller_error(free: PlantParameters) -> None:
     """The error is that of the restart: one who stays knows the past, one who starts does not."""
     worst: dict[bool, float] = {}
     for restarts in (False, True):
@@ -112,14 +112,14 @@ def test_without_a_restart_the_same_stroke_errs_by_less(free: PlantParameters) -
     assert worst[True] > 2.0 * worst[False]
 
 
-def test_the_approach_of_a_new_arm_tells_that_it_is_new(free: PlantParameters) -> None:
+def test_the_approach_of_a_new_arm_reveals_that_it_is_new(free: PlantParameters) -> None:
     held = {known: FreeArm(free).stroke(1, from_zero=known)[-1] for known in (False, True)}
     assert held[False].arms[0].force_uncertainty_mN > 3.0
     assert abs(held[True].arms[0].force_mN) < held[True].arms[0].force_uncertainty_mN < 1.0
 
 
 @pytest.mark.parametrize("low_V", [0.0, -1.0])
-def test_the_approach_shows_nothing_where_strokes_are_impossible_or_come_first(
+def test_the_approach_reveals_nothing_if_strokes_are_impossible_or_come_first(
     free: PlantParameters, low_V: float
 ) -> None:
     """By its zeros before and after the approach, a quarter of the unknown past was left in U."""
@@ -137,13 +137,15 @@ def test_the_approach_shows_nothing_where_strokes_are_impossible_or_come_first(
     assert stated_mN[1] > 0.5 * stated_mN[0]
 
 
-def test_a_stroke_makes_less_of_what_is_unknown(free: PlantParameters) -> None:
+def test_a_stroke_reduces_the_unknown_past(free: PlantParameters) -> None:
     arm = FreeArm(free)
     first, second = arm.stroke(1), arm.stroke(2)
     assert second[-1].arms[0].force_uncertainty_mN < 0.5 * first[-1].arms[0].force_uncertainty_mN
 
 
-def test_it_is_told_until_strokes_have_wiped_it_out(free: PlantParameters) -> None:
+def test_the_unknown_past_is_reported_until_strokes_have_wiped_it_out(
+    free: PlantParameters,
+) -> None:
     arm = FreeArm(free)
     (told,) = arm.bench.state.findings
     assert told.code is FaultCode.MEMORY_UNKNOWN
@@ -162,7 +164,7 @@ def test_in_lockstep_a_new_arm_is_not_mistaken_for_the_models() -> None:
     assert [finding.code for finding in bench.state.findings] == [FaultCode.MEMORY_UNKNOWN]
 
 
-def test_a_line_has_no_memory_to_lose() -> None:
+def test_a_straight_line_has_no_memory_to_lose() -> None:
     assert Bench(configure(a_rig(None))).state.arms[0].unknown.known
 
 
@@ -181,7 +183,7 @@ def test_another_model_does_not_make_the_past_known() -> None:
     )
 
 
-def test_a_replay_begins_with_the_same_past(free: PlantParameters) -> None:
+def test_a_replay_starts_with_the_same_past(free: PlantParameters) -> None:
     arm = FreeArm(free)
     arm.stroke(1)
     arm.bench.arm(2)

@@ -32,7 +32,7 @@ def test_a_step_widens_the_uncertainty_by_its_ring(*, held: bool) -> None:
     assert 1.0 * ring_um <= added_um <= 1.5 * ring_um
 
 
-def test_it_decays_from_sample_to_sample() -> None:
+def test_the_ring_decays_from_sample_to_sample() -> None:
     rest = (0.1, 0.1)
     first = stated_mN(0.0, 0.0, 0.1, output=LAGLESS) ** 2 - stated_mN(0.0, 0.0, 0.1) ** 2
     later = (
@@ -41,7 +41,7 @@ def test_it_decays_from_sample_to_sample() -> None:
     assert later < 2.0 * first * ring_kept(OMEGA, ZETA, T) ** 4
 
 
-def test_a_lag_of_the_output_takes_it_away() -> None:
+def test_a_lag_of_the_output_removes_the_ring() -> None:
     volts = (0.0, 0.0, 0.1)
     lagging = stated_mN(*volts, output=OutputTiming(0.005, 0.0033))
     assert lagging - stated_mN(*volts) < 0.1 * (

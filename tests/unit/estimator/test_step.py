@@ -56,7 +56,7 @@ def test_a_zero_is_refused_while_a_part_is_held(config: EstimatorConfig) -> None
 
 
 @BOTH
-def test_a_zero_takes_the_offset_away_and_starts_its_age(config: EstimatorConfig) -> None:
+def test_a_zero_removes_the_offset_and_starts_its_age(config: EstimatorConfig) -> None:
     bench = Bench(config)
     bench.rest(0.0, 0.0)
     bench.rest(0.4, 0.0)
@@ -88,7 +88,7 @@ def test_memory_and_offset_outlive_an_arming() -> None:
     )
 
 
-def test_a_confirmed_zero_gives_up_the_offset_of_earlier_epochs() -> None:
+def test_a_confirmed_zero_discards_the_offset_of_earlier_epochs() -> None:
     bench = Bench(IDENTIFIED)
     bench.rest(0.0, 0.0)
     bench.feed(0.0, 0.0, zero=True)
@@ -97,7 +97,7 @@ def test_a_confirmed_zero_gives_up_the_offset_of_earlier_epochs() -> None:
 
 
 @pytest.mark.parametrize("config", [LINEAR, IDENTIFIED], ids=["linear", "identified"])
-def test_a_part_that_presses_at_rest_is_never_zeroed_away(config: EstimatorConfig) -> None:
+def test_a_part_that_presses_at_rest_is_never_zeroed(config: EstimatorConfig) -> None:
     bench = Bench(config)
     bench.rest(0.0, 0.0)
     assert bench.feed(0.0, 0.0, zero=True).arms[0].zero_refusal is None
@@ -114,7 +114,7 @@ def test_a_part_that_presses_at_rest_is_never_zeroed_away(config: EstimatorConfi
     assert bench.feed(-pushed_um, 0.0, zero=True).arms[0].zero_age_s == 0.0
 
 
-def test_an_arm_ahead_of_its_zero_begins_there() -> None:
+def test_an_arm_ahead_of_its_zero_starts_there() -> None:
     """A part was zeroed away and then removed: what is read is not a force."""
     bench = Bench(IDENTIFIED)
     bench.rest(-9.0, 0.0)
@@ -136,7 +136,7 @@ def test_the_force_of_a_held_part_outlives_an_arming() -> None:
         assert estimate.arms[0].force_mN == pytest.approx(wanted_mN, abs=0.05)
 
 
-def test_another_model_is_led_through_what_the_arm_has_been_through() -> None:
+def test_another_model_is_replayed_through_the_past_of_the_arm() -> None:
     bench, other = Bench(LINEAR), Bench(IDENTIFIED)
     for one in (bench, other):
         for voltage_V in (0.0, 1.0, 2.0, 1.0):
@@ -156,7 +156,7 @@ def test_another_model_is_led_through_what_the_arm_has_been_through() -> None:
     assert there == pytest.approx(wanted, abs=1e-3)
 
 
-def test_another_compliance_alone_changes_the_force() -> None:
+def test_another_compliance_changes_only_the_force() -> None:
     bench = Bench(LINEAR)
     bench.config = configure(a_rig(None, compliance_um_per_mN=0.92))
     bench.arm(2)
@@ -164,7 +164,7 @@ def test_another_compliance_alone_changes_the_force() -> None:
     assert bench.feed(-0.92, 0.0).arms[0].force_mN == pytest.approx(1.0)
 
 
-def test_an_invalid_estimate_says_why() -> None:
+def test_an_invalid_estimate_states_why() -> None:
     bench = Bench(LINEAR)
     assert fault_text(bench.feed(0.0, None).fault) == "no voltage for the sample before"
     broken = with_arm(
@@ -188,7 +188,7 @@ def test_the_memory_advances_over_samples_without_a_position() -> None:
 
 @BOTH
 @pytest.mark.parametrize("value", [nan, inf, -inf])
-def test_what_is_no_number_cannot_enter(config: EstimatorConfig, value: float) -> None:
+def test_invalid_numbers_are_rejected(config: EstimatorConfig, value: float) -> None:
     bench = Bench(config)
     bench.rest(0.0, 0.0)
     for estimate in (bench.feed(value, 0.0), bench.feed(0.0, value)):
@@ -211,7 +211,7 @@ def test_a_sample_of_another_epoch_is_counted_and_dropped(config: EstimatorConfi
     assert step(config, state, Inputs(None, APPLIED), 0.0) == (state, ())
 
 
-def test_it_answers_arming_alone() -> None:
+def test_the_estimator_answers_arming_only() -> None:
     guards = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.5, 1.0)
     with pytest.raises(RefusedError, match="does not answer Load"):
         handle(LINEAR, start(LINEAR), Load(Program((), guards, 2.0)), 0.0)
@@ -226,7 +226,7 @@ def test_the_published_force_has_no_low_pass() -> None:
     assert bench.feed(free_um, 0.0).arms[0].force_mN == pytest.approx(0.0, abs=1e-9)
 
 
-def test_the_perturbation_is_that_of_its_own_force() -> None:
+def test_the_perturbation_uses_the_estimators_own_force() -> None:
     bench = Bench(LINEAR)
     bench.rest(0.0, 0.0)
     plant = LINEAR.arms[0].plant
@@ -242,7 +242,7 @@ def test_the_perturbation_is_that_of_its_own_force() -> None:
     assert estimate.arms[0].perturbation_mN == pytest.approx(wanted_mN)
 
 
-def test_the_uncertainty_grows_with_the_back_and_forth_since_the_zero() -> None:
+def test_the_uncertainty_grows_with_the_motion_back_and_forth_since_the_zero() -> None:
     (arm,) = IDENTIFIED.arms
     bench = Bench(replace(IDENTIFIED, arms=(replace(arm, forgotten_mN=3.0),)))
     bench.rest(0.0, 0.0)

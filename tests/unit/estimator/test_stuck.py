@@ -23,7 +23,7 @@ def alarm(readings: list[float], voltages: list[float]) -> int | None:
     return None
 
 
-def test_ten_noises_of_a_free_arm_are_what_must_be_seen() -> None:
+def test_a_free_arm_must_move_by_ten_times_the_noise() -> None:
     assert moved_V(0.03, 19.0) == pytest.approx(NOISES * 0.03 / 19.0)
     assert moved_V(0.0, 19.0) == inf
 
@@ -44,7 +44,7 @@ def test_a_loop_that_counters_creep_is_not_stuck() -> None:
     assert alarm([5.0] * 5000, voltages) is None
 
 
-def test_a_step_that_is_not_visible_yet_is_no_alarm() -> None:
+def test_a_step_that_is_not_visible_yet_raises_no_alarm() -> None:
     voltages = [1.0] * 20 + [1.5] * 20
     for late in range(1, 3):
         readings = [5.0] * (20 + late) + [14.5] * (20 - late)

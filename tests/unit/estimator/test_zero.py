@@ -44,7 +44,7 @@ class Approach:
 
 
 @RESPONSES
-def test_a_free_arm_may_be_zeroed_before_the_first_touch_and_not_beyond(
+def test_a_free_arm_may_be_zeroed_only_before_the_first_touch(
     taught: IdentifiedFreeResponse | None,
 ) -> None:
     approach = Approach(taught)
@@ -57,7 +57,7 @@ def test_a_free_arm_may_be_zeroed_before_the_first_touch_and_not_beyond(
 
 
 @RESPONSES
-def test_an_arm_that_touched_something_on_the_way_is_not_zeroed(
+def test_an_arm_that_touched_something_is_not_zeroed(
     taught: IdentifiedFreeResponse | None,
 ) -> None:
     approach = Approach(taught)
@@ -71,7 +71,7 @@ def test_an_arm_that_touched_something_on_the_way_is_not_zeroed(
     assert approach.zero(12.0).arms[0].zero_refusal is None
 
 
-def test_before_the_first_zero_the_refusal_says_what_to_do() -> None:
+def test_before_the_first_zero_the_refusal_states_what_to_do() -> None:
     approach = Approach(None)
     approach.bench.rest(-7.0, 0.0)
     estimate = approach.bench.feed(-7.0, 0.0, zero=True)
@@ -122,7 +122,7 @@ def with_a_zero_due(lost: int = 1) -> Approach:
 
 
 @pytest.mark.parametrize("lost", [1, 3])
-def test_a_zero_whose_sample_is_lost_is_taken_once_at_the_next_measured_one(lost: int) -> None:
+def test_a_zero_with_a_lost_sample_is_taken_once_at_the_next_measured_one(lost: int) -> None:
     approach = with_a_zero_due(lost)
     place_um, voltage_V = approach.place(1e9), approach.voltage_V
     taken = approach.bench.feed(place_um, voltage_V, answered=False)

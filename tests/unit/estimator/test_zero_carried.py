@@ -44,7 +44,7 @@ def test_force_and_age_continue() -> None:
     )
 
 
-def test_it_continues_for_a_third_epoch_too() -> None:
+def test_the_zero_is_carried_into_a_third_epoch_too() -> None:
     bench = held_bench()
     first = armed(bench, zero_kept=True).arms[0].zero_age_s
     for _ in range(HELD_SAMPLES):
@@ -55,18 +55,18 @@ def test_it_continues_for_a_third_epoch_too() -> None:
 
 
 @pytest.mark.parametrize(("zero_kept", "held"), [(False, True), (True, False)])
-def test_without_the_request_or_the_part_there_is_none(zero_kept: bool, held: bool) -> None:
+def test_without_the_request_or_the_part_no_zero_is_carried(zero_kept: bool, held: bool) -> None:
     assert armed(held_bench(), zero_kept=zero_kept, held=held).arms[0].zero_age_s is None
 
 
-def test_an_estimator_without_a_zero_has_none_to_carry() -> None:
+def test_an_estimator_without_a_zero_carries_none() -> None:
     bench = Bench(configure(DEMO))
     for _ in range(HELD_SAMPLES):
         bench.feed(HELD_UM, AT_V, held=True)
     assert armed(bench, zero_kept=True).arms[0].zero_age_s is None
 
 
-def test_a_replay_begins_with_the_same_zero() -> None:
+def test_a_replay_starts_with_the_same_zero() -> None:
     bench = held_bench()
     request = Arm(2, 1, "", zero_kept=True)
     state, _, _ = handle(bench.config, bench.state, request, 0.0)

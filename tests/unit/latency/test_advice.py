@@ -24,11 +24,11 @@ def measured(late_s: float) -> Measured:
     return Measured(T, counted([late_s] * 1000), 0)
 
 
-def test_a_machine_that_wakes_up_in_time_needs_no_change() -> None:
+def test_a_punctual_machine_needs_no_change() -> None:
     assert changes(RIG, measured(1e-4), HOP, "") == []
 
 
-def test_one_that_stood_still_for_31_ms_needs_an_age_limit_of_four_and_a_half_periods() -> None:
+def test_a_machine_that_stalled_for_31_ms_needs_an_age_limit_of_four_and_a_half_periods() -> None:
     # 20 ms + 2 · 31 ms + 3 · 0.2 ms + 2 ms = 84.6 ms = 4.23 T
     (change,) = changes(RIG, measured(0.031), HOP, "")
     assert (change.key, change.value) == ("[safety] command_age_periods", "4.5")
@@ -36,14 +36,14 @@ def test_one_that_stood_still_for_31_ms_needs_an_age_limit_of_four_and_a_half_pe
     assert changes(RIG._replace(age_periods=4.5), measured(0.031), HOP, "") == []
 
 
-def test_where_no_age_limit_is_long_enough_the_period_is_to_be_longer() -> None:
+def test_if_no_age_limit_is_long_enough_a_longer_period_is_proposed() -> None:
     change = age_change(RIG, 0.2, 0.0026)
     assert change is not None
     assert (change.key, change.value) == ("[rig] period_s", "0.045")
     assert age_periods(0.045, 0.2, 0.0026) <= MOST_PERIODS
 
 
-def test_a_priority_that_is_refused_or_not_asked_for_comes_first() -> None:
+def test_a_refused_or_unrequested_priority_is_proposed_first() -> None:
     refused = "fixed priority 10 (SCHED_FIFO)"
     assert [one.key for one in changes(RIG, measured(0.031), HOP, refused)] == [
         "[realtime] priority",
@@ -54,7 +54,7 @@ def test_a_priority_that_is_refused_or_not_asked_for_comes_first() -> None:
     assert changes(RIG._replace(priority=0), measured(1e-4), HOP, "") == []
 
 
-def test_hops_that_take_half_a_period_need_one_process_for_two_services() -> None:
+def test_hops_of_half_a_period_need_one_process_for_two_services() -> None:
     slow = counted([0.003] * 1000)
     (change,) = changes(RIG, measured(1e-4), slow, "")
     assert (change.key, change.value) == ("[rig] composed", '["estimator+controller"]')
@@ -64,7 +64,7 @@ def test_hops_that_take_half_a_period_need_one_process_for_two_services() -> Non
 @given(
     st.floats(1e-3, 0.1), st.floats(0.0, 1.0), st.floats(0.0, 0.01), st.floats(1.5, MOST_PERIODS)
 )
-def test_what_is_proposed_leaves_room_for_twice_the_latest_wake_up(
+def test_the_proposal_leaves_room_for_twice_the_latest_wake_up(
     period_s: float, late_s: float, transit_s: float, age: float
 ) -> None:
     change = age_change(Asked(period_s, age, 0.0, 10, ()), late_s, transit_s)
@@ -92,7 +92,7 @@ def test_a_trip_always_has_a_longer_limit_to_propose(silent_s: float) -> None:
         (0.003, 0.0002, None),
     ],
 )
-def test_the_fastest_law_that_a_machine_keeps_is_recommended(
+def test_the_fastest_supported_law_is_recommended(
     late_s: float, hop_s: float, wanted: tuple[float, str, tuple[str, ...]] | None
 ) -> None:
     grids = [Measured(one, counted([late_s] * 1000), 0) for one in (0.02, 0.002, 0.001)]

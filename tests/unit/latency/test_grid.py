@@ -13,34 +13,34 @@ def test_samples_on_their_grid_are_not_late() -> None:
     assert late == pytest.approx([0.0] * 50, abs=1e-12)
 
 
-def test_a_late_sample_is_late_by_so_much_and_leaves_the_grid_where_it_is() -> None:
+def test_a_late_sample_leaves_the_grid_unchanged() -> None:
     grid = SeenGrid(T)
     delays_s = [0.0, 0.003, 0.0, 0.011, 0.001]
     late = [grid.lateness_s(seq, seq * T + delay_s) for seq, delay_s in enumerate(delays_s)]
     assert late == pytest.approx(delays_s)
 
 
-def test_an_earlier_sample_shows_that_the_grid_lies_earlier() -> None:
+def test_an_earlier_sample_moves_the_grid_earlier() -> None:
     grid = SeenGrid(T)
     delays_s = [0.004, 0.001, 0.001, 0.004]
     late = [grid.lateness_s(seq, seq * T + delay_s) for seq, delay_s in enumerate(delays_s)]
     assert late == pytest.approx([0.0, 0.0, 0.0, 0.003])
 
 
-def test_samples_that_were_lost_leave_the_grid_where_it_is() -> None:
+def test_lost_samples_leave_the_grid_unchanged() -> None:
     grid = SeenGrid(T)
     grid.lateness_s(0, 0.0)
     assert grid.lateness_s(7, 7 * T + 0.002) == pytest.approx(0.002)
 
 
-def test_points_that_the_sensor_missed_are_late_once() -> None:
+def test_points_missed_by_the_sensor_are_late_once() -> None:
     grid = SeenGrid(T)
     grid.lateness_s(0, 0.0)
     assert grid.lateness_s(1, 4 * T + 0.001) == pytest.approx(3 * T + 0.001)
     assert grid.lateness_s(2, 5 * T + 0.002) == pytest.approx(0.002)
 
 
-def test_a_delay_by_more_than_a_period_is_over_with_the_next_sample() -> None:
+def test_a_delay_of_more_than_a_period_ends_with_the_next_sample() -> None:
     grid = SeenGrid(T)
     grid.lateness_s(0, 0.0)
     assert grid.lateness_s(1, 2 * T + 0.005) == pytest.approx(T + 0.005)

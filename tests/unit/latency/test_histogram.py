@@ -31,7 +31,7 @@ def test_buckets_follow_each_other_without_a_gap() -> None:
 
 
 @given(some.integers(0, 2**63 - 1))
-def test_a_duration_lies_in_its_bucket(duration_ns: int) -> None:
+def test_a_duration_is_within_its_bucket(duration_ns: int) -> None:
     bucket = bucket_of(duration_ns)
     assert first_ns(bucket) <= duration_ns < first_ns(bucket + 1)
     assert 0 <= bucket < BUCKETS
@@ -44,7 +44,7 @@ def test_a_bucket_is_no_wider_than_its_share() -> None:
     assert first_ns(LINEAR + 1) - first_ns(LINEAR) == 2
 
 
-def test_what_lies_before_zero_counts_as_zero() -> None:
+def test_negative_durations_count_as_zero() -> None:
     assert bucket_of(-5) == 0
     assert counted([-1e-9, -1.0, 0.0]) == Distribution((0,), (3,), 0.0)
 
@@ -62,7 +62,7 @@ def test_a_quantile_is_the_order_statistic_or_a_bucket_above_it(
 
 
 @given(some.lists(DURATIONS, min_size=1))
-def test_the_longest_is_told_exactly(durations_s: list[float]) -> None:
+def test_the_longest_duration_is_exact(durations_s: list[float]) -> None:
     told = counted(durations_s)
     assert told.max_s == max(durations_s)
     assert told.quantile_s(1.0) == told.max_s
@@ -74,7 +74,7 @@ def test_merging_is_as_if_one_had_counted_everything(parts: list[list[float]]) -
     assert merged(map(counted, parts)) == counted([one for part in parts for one in part])
 
 
-def test_of_nothing_no_quantile_is_reported() -> None:
+def test_an_empty_histogram_has_no_quantile() -> None:
     assert Histogram().distribution() == Distribution()
     assert Distribution().quantile_s(0.5) is None
 
@@ -85,7 +85,7 @@ def test_a_share_is_a_share(share: float) -> None:
         counted([1.0]).quantile_s(share)
 
 
-def test_clearing_begins_again() -> None:
+def test_clearing_restarts_the_count() -> None:
     histogram = Histogram()
     histogram.add(1.0)
     histogram.clear()
@@ -103,7 +103,7 @@ def test_clearing_begins_again() -> None:
         ((1,), (0,), "is empty"),
     ],
 )
-def test_what_no_histogram_tells_is_refused(
+def test_an_impossible_histogram_is_refused(
     buckets: tuple[int, ...], counts: tuple[int, ...], why: str
 ) -> None:
     with pytest.raises(ValueError, match=why):

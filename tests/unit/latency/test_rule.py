@@ -16,7 +16,7 @@ def measured(*late_s: float, period_s: float = T, count: int = 10_000) -> Measur
     return Measured(period_s, counted(filled), 0)
 
 
-def test_a_machine_that_wakes_up_in_time_supports_the_period() -> None:
+def test_a_punctual_machine_supports_the_period() -> None:
     assert objections(measured()) == ()
     assert objections(measured(0.49 * T)) == ()
     assert objections(measured(*[0.09 * T] * 100)) == ()
@@ -28,18 +28,18 @@ def test_a_heavy_tail_is_an_objection() -> None:
     assert why.endswith("limit 0.1 T = 2 ms")
 
 
-def test_one_wake_up_that_is_far_too_late_is_one() -> None:
+def test_one_very_late_wake_up_is_an_objection() -> None:
     (why,) = objections(measured(0.51 * T))
     assert why == "the latest wake-up: 10.2 ms, limit 0.5 T = 10 ms"
 
 
-def test_hops_that_take_half_the_period_are_one() -> None:
+def test_hops_of_half_the_period_are_an_objection() -> None:
     assert objections(measured(), counted([0.12 * T] * 1000)) == ()
     (why,) = objections(measured(), counted([0.13 * T] * 1000))
     assert why.startswith("4 hops at their p99.9: 10.")
 
 
-def test_too_few_wake_ups_say_nothing() -> None:
+def test_too_few_wake_ups_give_no_verdict() -> None:
     (why,) = objections(measured(count=99))
     assert why == "99 wake-ups, too few for a judgement: 100 are needed"
     assert objections(measured(count=100)) == ()

@@ -18,7 +18,7 @@ def _tables(changes: dict[str, Any] | None = None) -> dict[str, Any]:
     return laid_over(tables, changes or {})
 
 
-def test_records_are_kept_for_ever_unless_the_rig_file_says_otherwise() -> None:
+def test_records_are_kept_forever_by_default() -> None:
     config = configure(parse_rig(_tables()), Path("data"))
     assert (config.keep_s, config.keep_bytes) == (None, None)
     assert (config.min_free_bytes, config.silence_s) == (200_000_000, 10.0)
@@ -34,6 +34,6 @@ def test_days_and_gigabytes() -> None:
 @pytest.mark.parametrize(
     "table", [{"keep_days": 0.0}, {"keep_GB": -1.0}, {"silence_s": 0.5}, {"keep_weeks": 1.0}]
 )
-def test_what_makes_no_sense_is_refused(table: dict[str, float]) -> None:
+def test_impossible_limits_are_refused(table: dict[str, float]) -> None:
     with pytest.raises(ConfigError, match=f"recorder.{next(iter(table))}"):
         parse_rig(_tables({"recorder": table}))

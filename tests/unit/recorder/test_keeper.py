@@ -61,7 +61,7 @@ def test_tables_agree_with_the_messages_bit_for_bit(bench: Bench) -> None:
     assert float(burst.schema.metadata[b"rate_hz"]) == 1e4
 
 
-def test_request_and_model_go_into_the_file(bench: Bench) -> None:
+def test_request_and_model_are_written_to_the_file(bench: Bench) -> None:
     bench.config.models.mkdir()
     (bench.config.models / "0003-abc123.json").write_text('{"version": 3}', encoding="utf-8")
     bench.begin(request='{"kind": "grip"}', model_digest="abc123")
@@ -82,7 +82,7 @@ def test_other_epochs_and_other_jobs_are_not_recorded(bench: Bench) -> None:
     assert recorded.messages == len(loop(2))
 
 
-def test_what_finds_no_room_is_counted_and_told(tmp_path: Path) -> None:
+def test_messages_without_space_are_counted_and_reported(tmp_path: Path) -> None:
     bench = Bench(tmp_path, room=10)
     messages = loop(4)
     bench.begin()
@@ -104,7 +104,7 @@ def test_what_finds_no_room_is_counted_and_told(tmp_path: Path) -> None:
     assert _manifest(bench)["complete"] is False
 
 
-def test_a_sample_that_never_came_is_noticed(bench: Bench) -> None:
+def test_a_missing_sample_is_noticed(bench: Bench) -> None:
     bench.begin()
     bench.feed([item for item in loop(9) if not (isinstance(item, Position) and item.seq == 4)])
     recorded = bench.finish(8)
@@ -132,7 +132,7 @@ def test_the_last_samples_are_waited_for(bench: Bench) -> None:
     assert recorded.complete
 
 
-def test_the_last_samples_are_not_waited_for_for_ever(bench: Bench) -> None:
+def test_the_wait_for_the_last_samples_is_limited(bench: Bench) -> None:
     bench.begin()
     bench.feed(loop(10)[:20])
     assert bench.finish(9) is None
@@ -187,7 +187,7 @@ def test_a_silent_loop_is_given_up(bench: Bench) -> None:
     assert (_folder(bench) / "samples.parquet").is_file()
 
 
-def test_an_idle_loop_that_goes_on_measuring_is_no_sign_of_life(bench: Bench) -> None:
+def test_an_idle_loop_that_still_measures_does_not_count_as_active(bench: Bench) -> None:
     _whole(bench)
     for seq in range(30, 42):
         bench.feed([Position(EPOCH, seq, 0.0, (ArmPosition(0.0, valid=True),))])
@@ -205,13 +205,13 @@ def test_a_pause_is_not_silent(bench: Bench) -> None:
     assert bench.writer.record is not None
 
 
-def test_finishing_twice_gives_the_same_answer(bench: Bench) -> None:
+def test_finishing_twice_gives_the_same_reply(bench: Bench) -> None:
     _whole(bench)
     first = bench.finish(29)
     assert bench.ended(29) == first
 
 
-def test_finishing_what_was_given_up_says_so(bench: Bench) -> None:
+def test_finishing_an_abandoned_record_is_reported(bench: Bench) -> None:
     _whole(bench)
     bench.wait(1.0)
     bench.wait(10.5)
@@ -236,7 +236,7 @@ def test_finishing_after_a_restart_of_the_recorder(bench: Bench) -> None:
     assert "the recorder ended" in recorded.detail
 
 
-def test_beginning_again_makes_the_tables_of_what_there_is(bench: Bench) -> None:
+def test_starting_again_writes_the_tables_of_the_present_messages(bench: Bench) -> None:
     messages = loop(30)
     cut = 120
     bench.begin()
@@ -250,9 +250,7 @@ def test_beginning_again_makes_the_tables_of_what_there_is(bench: Bench) -> None
     assert (recorded.complete, recorded.messages) == (True, len(messages))
 
 
-def test_a_disk_that_fills_up_leaves_what_was_written(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_keeps_what_was_written(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     messages = loop(30)
     bench.begin()
     bench.feed(messages[:100])
@@ -274,7 +272,7 @@ def test_a_disk_that_fills_up_leaves_what_was_written(
     assert _manifest(bench)["complete"] is False
 
 
-def test_a_message_that_no_file_has_room_for_is_counted(bench: Bench) -> None:
+def test_a_message_too_large_for_the_file_is_counted(bench: Bench) -> None:
     messages = loop(10)
     bench.begin()
     bench.feed([*messages[:20], Position(EPOCH, 2**63, 0.0, (ArmPosition(0.0),)), *messages[20:]])
@@ -293,7 +291,7 @@ def test_ending_closes_what_is_open(bench: Bench) -> None:
     assert "the recorder was ended" in _manifest(bench)["detail"]
 
 
-def test_files_state_when_the_samples_came_and_not_when_the_job_was_asked_for(
+def test_files_state_when_the_samples_were_taken_and_not_when_the_job_was_requested(
     bench: Bench,
 ) -> None:
     messages = loop(30)

@@ -21,7 +21,7 @@ def test_a_topic_that_lags_behind_the_others_is_waited_for(bench: Bench, late: t
     assert recorded.complete
 
 
-def test_an_arming_that_is_over_has_a_last_sample_also_where_nobody_knows_it(bench: Bench) -> None:
+def test_an_ended_arming_has_a_last_sample_even_if_its_number_is_unknown(bench: Bench) -> None:
     bench.begin()
     bench.feed(loop(10))
     recorded = bench.finish(None)
@@ -30,9 +30,7 @@ def test_an_arming_that_is_over_has_a_last_sample_also_where_nobody_knows_it(ben
 
 
 @pytest.mark.parametrize("ticks", [0, 10])
-def test_a_last_sample_that_nobody_knows_is_waited_for_until_nothing_comes(
-    bench: Bench, ticks: int
-) -> None:
+def test_an_unknown_last_sample_is_awaited_until_nothing_arrives(bench: Bench, ticks: int) -> None:
     bench.begin()
     said = loop(ticks)
     messages = [item for item in said if not (isinstance(item, Applied) and item.final)]

@@ -113,7 +113,7 @@ def test_a_record_of_two_million_messages(bench: Bench) -> None:
 
 
 @pytest.mark.usefixtures("small")
-def test_a_long_record_that_breaks_off_is_closed_in_bounded_memory(bench: Bench) -> None:
+def test_a_long_interrupted_record_is_closed_in_bounded_memory(bench: Bench) -> None:
     record = LongRecord(bench)
     record.feed(1400)
     path = bench.jobs / "j-1" / NAME

@@ -33,7 +33,7 @@ def _manifest(folder: Path) -> dict[str, Any]:
     return json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
 
 
-def test_only_what_is_not_closed_is_found(tmp_path: Path) -> None:
+def test_only_unclosed_records_are_found(tmp_path: Path) -> None:
     orphan = _orphan(tmp_path)
     (tmp_path / "j-2").mkdir()
     write(tmp_path / "j-2" / "job.mcap", loop(3))
@@ -62,7 +62,7 @@ def test_an_orphan_is_closed(tmp_path: Path) -> None:
     assert list(record_repair.unclosed(tmp_path)) == []
 
 
-def test_what_the_manifest_says_already_stays(tmp_path: Path) -> None:
+def test_values_in_the_manifest_are_kept(tmp_path: Path) -> None:
     folder = _orphan(tmp_path)
     told: dict[str, Any] = {
         "model_version": "3",

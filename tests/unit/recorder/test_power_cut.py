@@ -83,7 +83,7 @@ def test_a_finished_record_outlasts_a_power_cut(
     assert mcap_reading.read(left / "job.mcap").messages == loop(30)
 
 
-def test_at_no_moment_has_a_complete_manifest_files_that_are_lost(
+def test_a_complete_manifest_never_lists_lost_files(
     recording: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     disk, seen = Durable(monkeypatch), 0
@@ -105,7 +105,7 @@ def test_at_no_moment_has_a_complete_manifest_files_that_are_lost(
     assert seen > 10
 
 
-def test_the_begin_of_a_record_is_on_the_disk_before_it_is_confirmed(
+def test_the_start_of_a_record_is_on_the_disk_before_it_is_confirmed(
     disk: Durable, recording: Bench, tmp_path: Path
 ) -> None:
     assert recording.begin() == Ack(0)
@@ -132,7 +132,7 @@ def test_samples_of_a_running_job_reach_the_disk_within_a_second(
     assert background_sync.SYNC_S + 0.25 + 0.05 < 1.0  # sync, chunk, and look of the recorder
 
 
-def test_what_is_left_is_repaired(disk: Durable, recording: Bench, tmp_path: Path) -> None:
+def test_remains_are_repaired(disk: Durable, recording: Bench, tmp_path: Path) -> None:
     recording.begin()
     recording.feed(loop(30)[:150])
     recording.wait(0.0)
@@ -153,7 +153,7 @@ def test_what_is_left_is_repaired(disk: Durable, recording: Bench, tmp_path: Pat
 
 @pytest.mark.parametrize("garbage", [b"", bytes(10_000), b"\x06\xff\xff", bytes(range(256)) * 64])
 @pytest.mark.parametrize("share", [0.01, 0.5, 0.9])
-def test_a_torn_last_chunk_costs_that_chunk_at_most(
+def test_a_torn_last_chunk_costs_at_most_that_chunk(
     tmp_path: Path, share: float, garbage: bytes
 ) -> None:
     folder, messages = tmp_path / "j-1", loop(20)[:70]
@@ -240,7 +240,7 @@ def test_messages_that_are_lost_are_reported_and_nothing_is_deleted(bench: Bench
     assert manifest_of(folder) == again
 
 
-def test_tables_with_more_samples_than_the_messages_stay(bench: Bench) -> None:
+def test_tables_with_more_samples_than_the_messages_are_kept(bench: Bench) -> None:
     bench.begin()
     bench.feed(loop(30))
     bench.finish(29)
@@ -295,7 +295,7 @@ def test_an_error_of_the_disk_is_not_forgotten(
     assert "Input/output error" in recorded.detail
 
 
-def test_on_a_file_system_that_is_cut_off_a_finished_record_is_whole(tmp_path: Path) -> None:
+def test_after_a_cut_off_file_system_a_finished_record_is_complete(tmp_path: Path) -> None:
     with loop_disk(tmp_path) as disk:
         bench = Bench(disk.root)
         bench.begin()
@@ -345,7 +345,7 @@ def test_the_end_of_a_record_that_raises_anything_is_answered(
     assert isinstance(replies[0], str)
 
 
-def test_a_supervisor_waits_for_one_record_at_most_of_those_that_a_start_compares(
+def test_a_supervisor_waits_for_at_most_one_of_the_records_compared_at_a_start(
     recording: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     names = ["j-1", "j-2", "j-3", "j-4"]

@@ -26,7 +26,7 @@ def test_another_job_is_refused_while_the_loop_plays(bench: Bench) -> None:
     assert bench.writer.record.job == "j-1"
 
 
-def test_another_job_waits_for_the_last_sample_of_the_one_before(bench: Bench) -> None:
+def test_another_job_waits_for_the_last_sample_of_the_previous_one(bench: Bench) -> None:
     bench.begin()
     played = loop(20)
     bench.feed(played[:-3])
@@ -41,7 +41,7 @@ def test_another_job_waits_for_the_last_sample_of_the_one_before(bench: Bench) -
     assert bench.writer.record.job == "j-2"
 
 
-def test_a_job_that_waits_for_another_lets_it_finish_whole(bench: Bench) -> None:
+def test_a_waiting_job_lets_the_previous_one_finish_completely(bench: Bench) -> None:
     bench.begin()
     played = loop(20)
     bench.feed(played[:-3])
@@ -54,7 +54,7 @@ def test_a_job_that_waits_for_another_lets_it_finish_whole(bench: Bench) -> None
     assert (bench.reply.complete, bench.answer) == (True, Ack(0))
 
 
-def test_another_job_takes_over_from_one_that_nobody_finished(bench: Bench) -> None:
+def test_another_job_takes_over_from_an_unfinished_one(bench: Bench) -> None:
     bench.begin()
     bench.feed(loop(20))
     bench.writer.take()
@@ -84,7 +84,7 @@ def test_a_full_disk_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("job", ["", "../up", ".hidden", "a/b", "x" * 90, "-rf"])
-def test_a_job_that_is_no_name_of_a_folder_is_refused(bench: Bench, job: str) -> None:
+def test_a_job_name_that_is_not_a_folder_name_is_refused(bench: Bench, job: str) -> None:
     answer = bench.begin(job)
     assert isinstance(answer, str)
     assert "not a valid folder name" in answer
@@ -92,7 +92,7 @@ def test_a_job_that_is_no_name_of_a_folder_is_refused(bench: Bench, job: str) ->
 
 
 @pytest.mark.parametrize("about", ["[]", "{", '{"a": 1}', '{"period_s": "x"}', '{"period_s": "0"}'])
-def test_about_that_is_no_map_of_texts_is_refused(bench: Bench, about: str) -> None:
+def test_about_must_be_a_map_of_texts(bench: Bench, about: str) -> None:
     answers: list[Message | str] = []
     bench.writer.begin(Record("j-1", EPOCH, Document(about)), answers.append)
     (answer,) = answers

@@ -30,7 +30,7 @@ def _ages(count: int) -> dict[str, float]:
     return {f"j-{place:02d}": 1000.0 - place for place in range(count)}
 
 
-def test_nothing_is_deleted_where_nothing_is_asked() -> None:
+def test_by_default_nothing_is_deleted() -> None:
     assert records_to_delete(_kept(50), _ages(50), None, None) == []
 
 
@@ -38,7 +38,7 @@ def test_the_old_are_deleted() -> None:
     assert records_to_delete(_kept(20), _ages(20), 997.0, None) == ["j-00", "j-01", "j-02"]
 
 
-def test_the_newest_ten_stay_whatever_their_age() -> None:
+def test_the_newest_ten_are_kept_whatever_their_age() -> None:
     assert records_to_delete(_kept(12), _ages(12), 1.0, None) == ["j-00", "j-01"]
     assert records_to_delete(_kept(10), _ages(10), 1.0, 1) == []
 
@@ -47,7 +47,7 @@ def test_the_oldest_are_deleted_until_the_rest_fits() -> None:
     assert records_to_delete(_kept(20), _ages(20), None, 1750) == ["j-00", "j-01", "j-02"]
 
 
-def test_a_folder_is_deleted_and_others_stay(tmp_path: Path) -> None:
+def test_a_folder_is_deleted_and_others_are_kept(tmp_path: Path) -> None:
     _closed(tmp_path, 13)
     (tmp_path / "open").mkdir()
     (tmp_path / "open" / "job.mcap").write_bytes(b"")
@@ -60,7 +60,7 @@ def test_a_folder_is_deleted_and_others_stay(tmp_path: Path) -> None:
     assert left == [*(f"j-{place:02d}" for place in range(3, 13)), "open"]
 
 
-def test_a_deletion_that_broke_off_is_ended(tmp_path: Path) -> None:
+def test_an_interrupted_deletion_is_completed(tmp_path: Path) -> None:
     grave = tmp_path / ".deleted-j-01"
     grave.mkdir()
     (grave / "manifest.json").write_text("{}", encoding="utf-8")
@@ -176,7 +176,7 @@ def test_after_a_step_nothing_is_deleted_until_a_person_agrees(
     assert not (machine.records / files.CLOCK_AGREED).exists()
 
 
-def test_a_clock_that_is_set_right_again_needs_no_person(machine: Machine) -> None:
+def test_a_corrected_clock_needs_no_person(machine: Machine) -> None:
     machine.run(89.0)
     machine.boot(off_s=TO_1970)  # a board without a battery
     machine.run(0.1)
@@ -188,7 +188,7 @@ def test_a_clock_that_is_set_right_again_needs_no_person(machine: Machine) -> No
     assert machine.left() == 10
 
 
-def test_an_agreement_to_an_earlier_step_is_none_to_the_next_one(machine: Machine) -> None:
+def test_an_acknowledged_step_does_not_acknowledge_the_next_one(machine: Machine) -> None:
     files.agree_to_clock(machine.records)
     _step(machine, 200 * DAY_S)
     assert machine.stepped
@@ -215,7 +215,7 @@ def test_size_counts_the_order_in_which_records_were_closed(tmp_path: Path) -> N
     assert {path.name for path in tmp_path.glob("j-*")} == {f"j-{n:02d}" for n in range(2, 13)}
 
 
-def test_the_count_is_kept_as_json(machine: Machine) -> None:
+def test_the_count_is_stored_as_json(machine: Machine) -> None:
     machine.run(1.0)
     machine.repairer.close()
     tree = json.loads((machine.records / STATE).read_bytes())

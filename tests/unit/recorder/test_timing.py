@@ -9,7 +9,7 @@ from tests.support.recorded import loop, timing
 from .conftest import Bench
 
 
-def test_what_each_program_told_last_of_its_punctuality_is_a_file_of_its_own(bench: Bench) -> None:
+def test_the_last_timing_of_each_program_is_a_separate_file(bench: Bench) -> None:
     assert bench.begin() == Ack(0)
     bench.feed([timing("estimator", 10, 0.001), timing("sensor", 12, 0.003), *loop(30)])
     bench.feed([timing("estimator", 20, 0.001, 0.004)])
@@ -27,14 +27,14 @@ def test_what_each_program_told_last_of_its_punctuality_is_a_file_of_its_own(ben
     assert {"timing.json", "samples.parquet"} <= files
 
 
-def test_a_loop_that_keeps_no_clock_leaves_no_such_file(bench: Bench) -> None:
+def test_a_loop_in_lockstep_leaves_no_timing_file(bench: Bench) -> None:
     assert bench.begin() == Ack(0)
     bench.feed(loop(30))
     bench.finish(29)
     assert not (bench.jobs / "j-1" / "timing.json").exists()
 
 
-def test_what_a_loop_tells_of_itself_does_not_keep_a_record_open(bench: Bench) -> None:
+def test_timing_messages_do_not_keep_a_record_open(bench: Bench) -> None:
     assert bench.begin() == Ack(0)
     bench.feed([message for message in loop(30) if not isinstance(message, Telemetry)])
     assert bench.finish(29) is None
@@ -44,7 +44,7 @@ def test_what_a_loop_tells_of_itself_does_not_keep_a_record_open(bench: Bench) -
     assert isinstance(bench.reply, Recorded)
 
 
-def test_of_timing_only_what_says_more_is_written(bench: Bench) -> None:
+def test_only_timing_with_new_information_is_written(bench: Bench) -> None:
     assert bench.begin() == Ack(0)
     bench.feed(loop(30)[:-1])
     for second in range(25):

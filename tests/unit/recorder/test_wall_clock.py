@@ -49,7 +49,7 @@ def test_a_clock_that_is_steered_slowly_is_not_set() -> None:
     assert clock.words() == ""
 
 
-def test_the_next_record_begins_at_the_time_of_day_as_it_is_then() -> None:
+def test_the_next_record_starts_at_the_present_time_of_day() -> None:
     hands = Hands()
     clock = WallClock(hands.wall_ns, hands.steady_ns)
     hands.wall_s += HOUR_S

@@ -51,7 +51,7 @@ def test_pandas_reads_it(samples: Path, tmp_path: Path) -> None:
     assert list(frame["seq"]) == list(range(30))
 
 
-def test_numbers_alone_are_described_by_their_metadata(samples: Path) -> None:
+def test_number_files_are_described_by_their_metadata(samples: Path) -> None:
     frame: Any = pandas.read_csv(StringIO("".join(number_rows(samples))))
     assert [str(kind) for kind in frame.dtypes if kind not in ("int64", "float64")] == []
     tree = json.loads("".join(number_metadata(samples)))
@@ -75,7 +75,7 @@ def _words(column: dict[str, Any]) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("make", [csv_rows, number_rows, number_metadata])
-def test_a_file_that_is_not_there_is_reported_before_the_first_line(
+def test_a_missing_file_is_reported_before_the_first_line(
     make: Callable[[Path], Iterator[str]], tmp_path: Path
 ) -> None:
     with pytest.raises(OSError, match=r"samples\.parquet"):

@@ -11,18 +11,18 @@ def _without(kind: type[Message], *seqs: int) -> list[Message]:
     ]
 
 
-def test_nothing_is_missing() -> None:
+def test_a_complete_record_lacks_nothing() -> None:
     assert lost(loop(10)) == {}
 
 
-def test_what_others_were_derived_from_is_missing() -> None:
+def test_missing_sources_of_derived_messages_are_counted() -> None:
     assert lost(_without(Position, 3, 4)) == {"position": 2}
     assert lost(_without(Estimate, 5)) == {"estimate": 1}
     assert lost(_without(Command, 7)) == {"command": 1}
     assert lost(_without(Applied, 2)) == {"applied": 1}
 
 
-def test_a_tick_that_nobody_saw_is_not_missing() -> None:
+def test_a_tick_without_any_message_is_not_missing() -> None:
     def seen(message: Message) -> bool:
         return getattr(message, "seq", 0) < 6
 

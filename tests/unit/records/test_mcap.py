@@ -27,7 +27,7 @@ from tests.support.recorded import (
 )
 
 
-def test_a_record_comes_back(tmp_path: Path) -> None:
+def test_a_record_is_read_back(tmp_path: Path) -> None:
     messages = [*loop(40), notice()]
     write(tmp_path / "job.mcap", messages)
     recording = mcap_reading.read(tmp_path / "job.mcap")
@@ -98,7 +98,7 @@ def test_a_file_without_its_end_is_read_by_the_public_reader(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_what_is_left_of_a_file_that_breaks_off_anywhere_is_read(tmp_path: Path, seed: int) -> None:
+def test_the_remains_of_a_file_truncated_anywhere_are_read(tmp_path: Path, seed: int) -> None:
     path = tmp_path / "job.mcap"
     messages = loop(400)
     write(path, messages, finish=False)
@@ -121,7 +121,7 @@ def test_what_is_left_of_a_file_that_breaks_off_anywhere_is_read(tmp_path: Path,
             assert len(list(make_reader(file, validate_crcs=True).iter_messages())) == kept
 
 
-def test_a_copy_that_cannot_be_written_leaves_the_file(
+def test_a_copy_that_cannot_be_written_keeps_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "job.mcap"

@@ -115,7 +115,7 @@ def test_log_times_count_from_sample_0(tmp_path: Path) -> None:
     assert mcap_reading.read_about(tmp_path / "job.mcap")["begin_at"] == TIMES["begin_at"]
 
 
-def test_sample_0_is_counted_back_from_the_first_sample_that_came(tmp_path: Path) -> None:
+def test_the_time_of_sample_0_is_computed_from_the_first_received_sample(tmp_path: Path) -> None:
     late = [
         (message, at)
         for message, at in arrivals(loop(40))
@@ -134,7 +134,7 @@ def test_a_record_without_samples_states_no_sample_0(tmp_path: Path) -> None:
     }
 
 
-def test_a_record_of_an_earlier_version_states_no_begin() -> None:
+def test_a_record_of_an_earlier_version_states_no_start() -> None:
     times = RecordTimes(ABOUT, PERIOD_S)
     assert times.texts() == {}
     times.add(Position(EPOCH, 0, 0.0, (ArmPosition(0.0, valid=True),)), START_NS)
@@ -145,7 +145,7 @@ def test_a_record_of_an_earlier_version_states_no_begin() -> None:
     }
 
 
-def test_a_first_sample_that_came_late_makes_its_time_less_certain() -> None:
+def test_a_late_first_sample_makes_its_time_less_certain() -> None:
     times = RecordTimes(ABOUT, PERIOD_S)
     for message, arrival_ns in arrivals(loop(40)):
         late_ns = 30_000_000 if isinstance(message, Sample) and message.seq < 2 else 0

@@ -76,7 +76,7 @@ def test_messages_that_are_late_or_lost() -> None:
             assert found[name] == whole[name], name
 
 
-def test_what_never_came_is_counted_across_blocks() -> None:
+def test_missing_rows_are_counted_across_blocks() -> None:
     gone = {(Position, 15), (Estimate, 40), (Command, 41), (Applied, 31), (Applied, 100)}
     messages = [one for one in loop(TICKS) if (type(one), getattr(one, "seq", 0)) not in gone]
     whole = lost(messages)

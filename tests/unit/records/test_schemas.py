@@ -24,7 +24,7 @@ def _bits(message: Message) -> list[Any]:
     [*loop(4), notice(), asked(), timing("sensor", 3, 0.001, 0.002)],
     ids=lambda m: f"{type(m).__name__}",
 )
-def test_a_message_comes_back_bit_for_bit(message: Message) -> None:
+def test_a_message_is_read_back_bit_for_bit(message: Message) -> None:
     schema = SCHEMAS[name_of(message)]
     back = schema.unpack(schema.pack(message))
     assert back == message
@@ -40,7 +40,7 @@ def test_every_topic_has_a_schema_with_the_fields_of_its_message() -> None:
         ]
 
 
-def test_what_may_be_absent_is_optional() -> None:
+def test_fields_that_may_be_absent_are_optional() -> None:
     files = descriptor_pb2.FileDescriptorSet.FromString(SCHEMAS["estimate"].descriptor)
     (described,) = files.file[0].message_type
     (arm,) = [inner for inner in described.nested_type if inner.name == "ArmEstimate"]

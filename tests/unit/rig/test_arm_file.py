@@ -86,7 +86,7 @@ def test_time_passes_for_the_arm_while_no_program_runs(tmp_path: Path) -> None:
     assert a_day_ago_um > 0.1
 
 
-def test_both_arms_of_a_pair_live_on(tmp_path: Path) -> None:
+def test_both_arms_of_a_pair_are_saved(tmp_path: Path) -> None:
     rig, clock = two_arm_rig(time="lockstep"), Clock()
     first = bench_of(rig)
     assert isinstance(first.rig, SimulatedPair)

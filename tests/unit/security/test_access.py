@@ -46,7 +46,7 @@ def list_of(name: str, *, lockstep: bool = False) -> Access:
 
 
 @pytest.mark.parametrize("topic", TOPICS, ids=lambda topic: topic.name)
-def test_the_router_takes_a_topic_of_its_producer_alone(topic: Topic) -> None:
+def test_the_router_accepts_a_topic_from_its_producer_only(topic: Topic) -> None:
     for producer, wanted in keys_of("left", topic).items():
         say = {who.name for who in EVERYBODY if lets(AT_ROUTER, who, "ingress", "put", wanted)}
         assert say == {
@@ -58,7 +58,7 @@ def test_the_router_takes_a_topic_of_its_producer_alone(topic: Topic) -> None:
 @pytest.mark.parametrize(
     "wildcard", ["pincette/v2/left/*", "pincette/v2/*/command", "**", "pincette/**"]
 )
-def test_a_put_on_a_wildcard_is_let_through_for_nobody(wildcard: str) -> None:
+def test_a_put_on_a_wildcard_is_never_admitted(wildcard: str) -> None:
     for who, access in [
         *product(EVERYBODY, [AT_ROUTER]),
         *product(EVERYBODY, [list_of(name) for name in LOOP]),
@@ -67,7 +67,7 @@ def test_a_put_on_a_wildcard_is_let_through_for_nobody(wildcard: str) -> None:
         assert not lets(access, who, "ingress", "delete", key("left", COMMAND))
 
 
-def test_only_the_supervisor_asks_everything() -> None:
+def test_only_the_supervisor_may_send_every_request() -> None:
     for who, question in product(EVERYBODY, REQUESTS):
         wanted = request_key("left", question)
         asked = lets(AT_ROUTER, who, "ingress", "query", wanted)
@@ -78,26 +78,26 @@ def test_only_the_supervisor_asks_everything() -> None:
     assert not any(may_ask(name, question) for name, question in product(OF_A_RIG, REQUESTS))
 
 
-def test_a_question_on_a_wildcard_reaches_no_question() -> None:
+def test_a_query_on_a_wildcard_reaches_no_request() -> None:
     for who in (VIEWER, OPERATOR, *PROGRAMS):
         for wildcard in ("pincette/v2/left/**", "pincette/v2/left/call/*/*", "**"):
             assert not lets(AT_ROUTER, who, "ingress", "query", wildcard)
 
 
-def test_answers_come_from_whom_they_are_asked_of() -> None:
+def test_replies_come_only_from_the_requested_program() -> None:
     for who, question in product(PROGRAMS, REQUESTS):
         answers = lets(AT_ROUTER, who, "ingress", "reply", request_key("left", question))
         assert answers == (who == program(question.service, "left"))
 
 
-def test_tokens_are_held_for_oneself_alone() -> None:
+def test_a_program_can_hold_only_its_own_token() -> None:
     for who, other in product(PROGRAMS, PROGRAMS):
         token = live_key(other.rig, other.role)
         assert lets(AT_ROUTER, who, "ingress", "liveliness_token", token) == (who == other)
     assert not lets(AT_ROUTER, VIEWER, "ingress", "liveliness_token", live_key("left", "sensor"))
 
 
-def test_viewers_hear_all_rigs_and_a_rig_only_itself() -> None:
+def test_viewers_receive_all_rigs_and_a_rig_only_itself() -> None:
     for topic, rig in product(TOPICS, ("left", "right")):
         for message, flow in (("declare_subscriber", "ingress"), ("put", "egress")):
             assert lets(AT_ROUTER, VIEWER, flow, message, key(rig, topic))
@@ -109,7 +109,7 @@ def test_viewers_hear_all_rigs_and_a_rig_only_itself() -> None:
 
 
 @pytest.mark.parametrize("lockstep", [False, True])
-def test_a_service_takes_of_its_partners_what_its_step_takes(lockstep: bool) -> None:
+def test_a_service_receives_from_its_peers_what_its_step_needs(lockstep: bool) -> None:
     for name in LOOP:
         access = list_of(name, lockstep=lockstep)
         for topic in TOPICS:
@@ -123,7 +123,7 @@ def test_a_service_takes_of_its_partners_what_its_step_takes(lockstep: bool) -> 
             assert say == ({f"left/{topic.producer}"} if taken and direct else set())
 
 
-def test_what_one_lets_out_the_other_lets_in() -> None:
+def test_egress_of_one_program_matches_ingress_of_the_other() -> None:
     for one, other in combinations(LOOP, 2):
         here, there = list_of(one, lockstep=True), list_of(other, lockstep=True)
         ours, theirs = program(one, "left"), program(other, "left")
@@ -134,7 +134,7 @@ def test_what_one_lets_out_the_other_lets_in() -> None:
             )
 
 
-def test_the_router_and_a_service_agree_on_what_passes_between_them() -> None:
+def test_the_router_and_a_service_agree_on_their_traffic() -> None:
     for name in LOOP:
         access, who = list_of(name), program(name, "left")
         for wanted in PLACES:
@@ -146,7 +146,7 @@ def test_the_router_and_a_service_agree_on_what_passes_between_them() -> None:
             assert asked == lets(AT_ROUTER, who, "egress", "query", wanted)
 
 
-def test_without_the_router_operators_make_their_requests_and_the_supervisor_trips() -> None:
+def test_without_the_router_operators_send_their_requests_and_the_supervisor_trips() -> None:
     for name, who in product(LOOP, EVERYBODY):
         granted = list_of(name).get(who.name, ())
         linked = {f"left/{other}" for other in partners(name, SERVICES, lockstep=False)}
@@ -161,7 +161,7 @@ def test_without_the_router_operators_make_their_requests_and_the_supervisor_tri
             assert granted == ()
 
 
-def test_a_client_takes_from_the_one_it_means_alone() -> None:
+def test_a_client_receives_only_from_its_target() -> None:
     access = client_access(ROUTER)
     assert lets(access, ROUTER, "ingress", "put", key("left", COMMAND))
     assert list(access) == [ROUTER.name]
@@ -185,5 +185,5 @@ def test_settings_deny_by_default_and_name_every_rule_once() -> None:
     assert {rule["permission"] for rule in whole["rules"]} == {"allow"}
 
 
-def test_a_router_says_nothing_of_its_own() -> None:
+def test_a_router_publishes_nothing_of_its_own() -> None:
     assert rights(ROUTER) == Rights()

@@ -17,7 +17,7 @@ def authority() -> Pair:
     return new_authority(NOW, 100.0)
 
 
-def test_a_certificate_says_who_it_is_where_and_until_when(authority: Pair) -> None:
+def test_a_certificate_states_name_hosts_and_expiry(authority: Pair) -> None:
     facts = read(issue(authority, CONTROLLER, HOSTS, NOW, 10.0).certificate)
     assert facts.identity == CONTROLLER
     assert set(facts.hosts) == set(HOSTS)
@@ -25,12 +25,12 @@ def test_a_certificate_says_who_it_is_where_and_until_when(authority: Pair) -> N
     assert facts.ends == NOW + timedelta(days=10)
 
 
-def test_it_ends_with_its_authority_at_the_latest(authority: Pair) -> None:
+def test_a_certificate_expires_no_later_than_its_authority(authority: Pair) -> None:
     facts = read(issue(authority, CONTROLLER, HOSTS, NOW, 1000.0).certificate)
     assert facts.ends == NOW + timedelta(days=100)
 
 
-def test_nobody_connects_to_a_person_so_its_certificate_has_no_host(authority: Pair) -> None:
+def test_the_certificate_of_a_person_has_no_host(authority: Pair) -> None:
     facts = read(issue(authority, person("anna", "viewer"), HOSTS, NOW, 10.0).certificate)
     assert facts.hosts == ()
 
@@ -50,13 +50,13 @@ def test_a_key_belongs_to_one_certificate(authority: Pair) -> None:
 
 
 @pytest.mark.parametrize("text", [b"", b"-----BEGIN CERTIFICATE-----\nAAAA\n"])
-def test_what_is_no_certificate_is_refused(text: bytes) -> None:
+def test_an_invalid_certificate_is_refused(text: bytes) -> None:
     with pytest.raises(ValueError, match=r"."):
         read(text)
 
 
 @pytest.mark.parametrize("name", ["", "Left", "a/b", "..", "router", "authority", "x" * 32, "1a"])
-def test_what_cannot_be_a_name_is_refused(name: str) -> None:
+def test_an_invalid_name_is_refused(name: str) -> None:
     with pytest.raises(SecurityError, match="cannot be the name of a rig"):
         programs_of(name)
     with pytest.raises(SecurityError, match="cannot be the name of a person"):
@@ -68,7 +68,7 @@ def test_an_unknown_role_is_refused() -> None:
         person("anna", "king")
 
 
-def test_programs_that_rigs_share_belong_to_none() -> None:
+def test_programs_shared_by_rigs_belong_to_none() -> None:
     assert program("router", "demo") == Identity("router", "router")
     assert program("supervisor", "demo").rig == ""
     assert CONTROLLER.rig == "demo"

@@ -28,7 +28,7 @@ def list_of(name: str, composed: Programs, *, lockstep: bool = False) -> Access:
 
 
 @pytest.mark.parametrize("name", sorted({name for one in COMPOSED for name in one}))
-def test_it_has_the_rights_of_its_services_together(name: str) -> None:
+def test_a_composed_program_has_the_rights_of_all_its_services(name: str) -> None:
     own = rights(program(name, NAME))
     parts = [rights(program(one, NAME)) for one in member_services(name)]
     for what in ("tells", "answers", "asks", "hears", "lives", "sees"):
@@ -39,7 +39,9 @@ def test_it_has_the_rights_of_its_services_together(name: str) -> None:
 
 
 @pytest.mark.parametrize("composed", COMPOSED, ids=" and ".join)
-def test_the_router_lets_it_speak_for_its_services_alone(composed: Programs) -> None:
+def test_the_router_lets_a_composed_program_publish_for_its_services_only(
+    composed: Programs,
+) -> None:
     at_router = router_access(programs_of(NAME, composed))
     for name, other in product(composed, (*LOOP, "recorder", "rig")):
         who, own = program(name, NAME), other in member_services(name)
@@ -57,7 +59,7 @@ def test_the_router_lets_it_speak_for_its_services_alone(composed: Programs) -> 
 
 @pytest.mark.parametrize("lockstep", [False, True])
 @pytest.mark.parametrize("composed", COMPOSED, ids=" and ".join)
-def test_a_program_takes_of_its_partners_what_its_steps_take(
+def test_a_program_receives_from_its_peers_what_its_steps_need(
     composed: Programs, lockstep: bool
 ) -> None:
     rig = composing(RIG, *composed)
@@ -81,7 +83,7 @@ def test_a_program_takes_of_its_partners_what_its_steps_take(
 
 
 @pytest.mark.parametrize("composed", COMPOSED, ids=" and ".join)
-def test_what_one_lets_out_the_other_lets_in(composed: Programs) -> None:
+def test_egress_of_one_program_matches_ingress_of_the_other(composed: Programs) -> None:
     programs = composing(RIG, *composed).programs
     for one, other in combinations(programs, 2):
         here, there = (list_of(name, composed, lockstep=True) for name in (one, other))
@@ -94,7 +96,7 @@ def test_what_one_lets_out_the_other_lets_in(composed: Programs) -> None:
             )
 
 
-def test_a_service_s_own_certificate_opens_nothing_where_it_is_composed() -> None:
+def test_the_certificate_of_a_single_service_is_useless_where_it_is_composed() -> None:
     access = list_of("actuator", ("estimator+controller",))
     assert program("controller", NAME).name not in access
     assert program("estimator+controller", NAME).name in access

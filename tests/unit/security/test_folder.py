@@ -22,7 +22,7 @@ def folder(tmp_path: Path) -> Folder:
     return made
 
 
-def test_it_begins_with_all_that_a_rig_needs(folder: Folder) -> None:
+def test_a_new_folder_has_all_certificates_of_a_rig(folder: Folder) -> None:
     names = {facts.identity.name for facts in folder.all()}
     own = {f"demo/{name}" for name in OF_A_RIG}
     assert names == {"router", "supervisor", "viewer", "operator", *own}
@@ -31,7 +31,7 @@ def test_it_begins_with_all_that_a_rig_needs(folder: Folder) -> None:
     assert folder.rigs() == ("demo",)
 
 
-def test_secrets_are_the_owners_alone(folder: Folder) -> None:
+def test_secrets_are_readable_by_their_owner_only(folder: Folder) -> None:
     keys = list(folder.path.rglob("*.key"))
     assert len(keys) == 11
     assert {stat.S_IMODE(key.stat().st_mode) for key in keys} == {0o600}
@@ -45,7 +45,7 @@ def test_every_file_is_explained(folder: Folder) -> None:
         assert name in text
 
 
-def test_a_folder_that_is_not_empty_is_left_alone(folder: Folder) -> None:
+def test_a_folder_that_is_not_empty_is_not_changed(folder: Folder) -> None:
     before = {path: path.read_bytes() for path in folder.path.rglob("*") if path.is_file()}
     with pytest.raises(SecurityError, match="not empty"):
         establish(folder, ["demo"], [], NOW)
@@ -54,13 +54,13 @@ def test_a_folder_that_is_not_empty_is_left_alone(folder: Folder) -> None:
     assert before == {path: path.read_bytes() for path in before}
 
 
-def test_a_bad_name_is_refused_before_anything_is_made(tmp_path: Path) -> None:
+def test_an_invalid_name_is_refused_before_anything_is_made(tmp_path: Path) -> None:
     with pytest.raises(SecurityError, match="cannot be the name"):
         establish(Folder(tmp_path / "pki"), ["demo", "Left"], [], NOW)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_another_rig_and_another_person_come_later(folder: Folder) -> None:
+def test_another_rig_and_another_person_can_be_added_later(folder: Folder) -> None:
     enrol(folder, "right", ["bench"], NOW)
     folder.issue(person("anna", "operator"), [], NOW, 10.0)
     assert folder.rigs() == ("demo", "right")
@@ -70,7 +70,7 @@ def test_another_rig_and_another_person_come_later(folder: Folder) -> None:
         enrol(folder, "right", [], NOW)
 
 
-def test_one_who_is_taken_out_is_known_no_more(folder: Folder) -> None:
+def test_a_removed_name_is_unknown(folder: Folder) -> None:
     folder.remove(folder.named("viewer"))
     with pytest.raises(SecurityError, match="'viewer' has no certificate"):
         folder.named("viewer")
@@ -87,7 +87,7 @@ def test_a_renewed_certificate_has_another_key_and_the_same_hosts(folder: Folder
     assert after.hosts == before.hosts
 
 
-def test_what_ends_soon_is_due(folder: Folder) -> None:
+def test_expiring_certificates_are_due(folder: Folder) -> None:
     end = folder.facts(CONTROLLER).ends
     assert list(due(folder, end - SOON)) == []
     assert CONTROLLER in due(folder, end - SOON + timedelta(seconds=1))
@@ -115,35 +115,37 @@ class TestWhatIsNotInOrder:
         folder.credentials(CONTROLLER).private_key.unlink()
         self.refused(folder, r"controller\.key: No such file")
 
-    def test_a_file_is_no_certificate(self, folder: Folder) -> None:
+    def test_a_file_without_a_certificate_is_refused(self, folder: Folder) -> None:
         folder.credentials(CONTROLLER).certificate.write_text("hello")
         self.refused(folder, r"controller\.crt: ")
 
-    def test_it_is_of_another_authority(self, folder: Folder, tmp_path: Path) -> None:
+    def test_a_certificate_of_another_authority_is_refused(
+        self, folder: Folder, tmp_path: Path
+    ) -> None:
         other = Folder(tmp_path / "other")
         establish(other, ["demo"], [], NOW)
         (other.path / "authority.crt").replace(folder.path / "authority.crt")
         self.refused(folder, "another authority")
 
-    def test_it_is_anothers(self, folder: Folder) -> None:
+    def test_a_certificate_of_another_program_is_refused(self, folder: Folder) -> None:
         other = folder.credentials(program("sensor", "demo"))
         other.certificate.replace(folder.credentials(CONTROLLER).certificate)
         self.refused(folder, "is the certificate of demo/sensor .* not of demo/controller")
 
-    def test_it_has_another_key(self, folder: Folder) -> None:
+    def test_a_certificate_with_another_key_is_refused(self, folder: Folder) -> None:
         files = folder.credentials(CONTROLLER)
         other = folder.credentials(program("sensor", "demo"))
         other.private_key.replace(files.private_key)
         self.refused(folder, "is not the key of")
 
-    def test_it_has_ended(self, folder: Folder) -> None:
+    def test_an_expired_certificate_is_refused(self, folder: Folder) -> None:
         end = folder.facts(CONTROLLER).ends
         assert checked(folder.credentials(CONTROLLER), end - timedelta(seconds=1))
         self.refused(
             folder, "expired on 2013-07-10: `pincette security renew .* demo/controller`", end
         )
 
-    def test_it_has_not_begun(self, folder: Folder) -> None:
+    def test_a_certificate_that_is_not_valid_yet_is_refused(self, folder: Folder) -> None:
         self.refused(folder, "valid from .* set this machine's clock", NOW - timedelta(days=1))
 
     def test_its_role_is_another(self, folder: Folder) -> None:

@@ -33,7 +33,7 @@ def clocks() -> Clocks:
     return Clocks()
 
 
-def test_it_continues_by_what_has_passed_while_the_time_of_day_is_behind(clocks: Clocks) -> None:
+def test_the_latest_time_advances_by_elapsed_time_while_the_clock_is_behind(clocks: Clocks) -> None:
     time, begin = clocks.time(), clocks.wall
     clocks.wall -= 1000 * HOUR
     clocks.go_on(HOUR)
@@ -42,7 +42,7 @@ def test_it_continues_by_what_has_passed_while_the_time_of_day_is_behind(clocks:
     assert time.now() == begin + 2 * HOUR
 
 
-def test_it_follows_a_step_forward_and_not_the_step_back(clocks: Clocks) -> None:
+def test_the_latest_time_follows_a_step_forward_but_not_backward(clocks: Clocks) -> None:
     time, begin = clocks.time(), clocks.wall
     clocks.wall += 1000 * HOUR
     assert (time.now(), time.ahead) == (begin + 1000 * HOUR, timedelta(0))
@@ -59,7 +59,7 @@ def test_a_person_agrees_to_the_time_of_day(clocks: Clocks) -> None:
 
 
 @pytest.mark.parametrize("year", [2200, 9999])
-def test_it_learns_what_an_earlier_program_has_seen(clocks: Clocks, year: int) -> None:
+def test_the_latest_time_includes_that_of_an_earlier_program(clocks: Clocks, year: int) -> None:
     time = clocks.time()
     time.learn(datetime(2000, 1, 1, tzinfo=UTC))
     assert time.now() == clocks.wall
@@ -69,7 +69,7 @@ def test_it_learns_what_an_earlier_program_has_seen(clocks: Clocks, year: int) -
     assert time.ahead > HOUR
 
 
-def test_a_certificate_that_has_ended_opens_no_link_after_a_step_back(
+def test_an_expired_certificate_opens_no_link_after_a_step_back(
     tmp_path: Path, clocks: Clocks
 ) -> None:
     folder, time = folder_for(tmp_path / "pki", "demo"), clocks.time()

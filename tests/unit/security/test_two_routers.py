@@ -36,7 +36,7 @@ def sides(*, apart: bool) -> tuple[tuple[Identity, ...], tuple[Identity, ...]]:
 
 
 @pytest.mark.parametrize("apart", [True, False])
-def test_each_program_is_beyond_one_router_and_people_beyond_both(apart: bool) -> None:
+def test_each_program_is_behind_one_router_and_people_are_behind_both(apart: bool) -> None:
     rig, server = ({one.name for one in side} for side in sides(apart=apart))
     assert rig & server == {one.name for one in PEOPLE}
     ours = {one.name for one in KNOWN if one.rig in ("", "left")} - {"router", "upstream"}
@@ -45,7 +45,7 @@ def test_each_program_is_beyond_one_router_and_people_beyond_both(apart: bool) -
 
 
 @pytest.mark.parametrize("apart", [True, False])
-def test_what_reaches_the_loop_from_upstream_is_what_its_people_may(apart: bool) -> None:
+def test_from_upstream_only_permitted_messages_reach_the_loop(apart: bool) -> None:
     _, server = sides(apart=apart)
     at_rig = neighbour_access(UPSTREAM, server)
     for topic, rig in product(TOPICS, ("left", "right")):
@@ -61,7 +61,7 @@ def test_what_reaches_the_loop_from_upstream_is_what_its_people_may(apart: bool)
         assert not lets(at_rig, UPSTREAM, "ingress", "liveliness_token", live_key("left", name))
 
 
-def test_a_rigs_router_speaks_for_its_own_rig_alone() -> None:
+def test_a_rigs_router_may_publish_for_its_own_rig_only() -> None:
     rig, _ = sides(apart=True)
     at_server = neighbour_access(ROUTER, rig)
     for topic in TOPICS:
@@ -77,7 +77,7 @@ def test_a_rigs_router_speaks_for_its_own_rig_alone() -> None:
         assert not lets(at_server, ROUTER, "ingress", "put", wildcard)
 
 
-def test_what_one_router_lets_out_the_other_lets_in() -> None:
+def test_egress_of_one_router_matches_ingress_of_the_other() -> None:
     rig, server = sides(apart=True)
     at_rig, at_server = neighbour_access(UPSTREAM, server), neighbour_access(ROUTER, rig)
     for topic, wanted in [
@@ -105,7 +105,7 @@ def far(**bus: str) -> RigFile:
     return demo_rig({"bus": tree["bus"]})
 
 
-def test_who_is_beside_which_router() -> None:
+def test_programs_are_assigned_to_their_router() -> None:
     rig = far(host="10.0.0.2", upstream="10.0.0.1:7447")
     port = rig.bus.port
     assert router_endpoint(rig).listen == (f"tcp/10.0.0.2:{port}",)
@@ -126,7 +126,7 @@ def test_a_rig_without_upstream_is_as_it_was() -> None:
         upstream_endpoint(rig)
 
 
-def test_where_the_server_is_changes_no_digest() -> None:
+def test_the_address_of_the_server_changes_no_digest() -> None:
     rig = demo_rig()
     above = rig.bus.model_copy(update={"upstream": "10.0.0.1:7447"})
     assert rig.model_copy(update={"bus": above}).digest() == rig.digest()

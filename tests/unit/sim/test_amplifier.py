@@ -20,7 +20,7 @@ def _followed(
     return result
 
 
-def test_an_ideal_amplifier_gives_what_it_gets() -> None:
+def test_an_ideal_amplifier_returns_its_input() -> None:
     assert _followed(IDEAL, 1.25, 1e-3, 1) == [(1.25, 1.25)]
     assert _followed(IDEAL, -90.0, 1e-6, 1) == [(-90.0, -90.0)]
 
@@ -32,7 +32,7 @@ def test_gain_error_and_saturation() -> None:
     assert _followed(amplifier, -9.0, 1e-3, 1)[0][1] == -3.0
 
 
-def test_the_slew_limit_is_kept_and_the_goal_reached() -> None:
+def test_the_slew_limit_is_kept_and_the_target_reached() -> None:
     path = _followed(AmplifierParameters(slew_V_per_s=500.0), 2.2, 1e-3, 6)
     assert [out_V for _, out_V in path] == pytest.approx([0.5, 1.0, 1.5, 2.0, 2.2, 2.2])
 
@@ -44,7 +44,7 @@ def test_the_lag_is_exact_for_a_constant_input() -> None:
     assert out_V == pytest.approx(1.0 - math.exp(-5e-4 / lag_s), rel=1e-12)
 
 
-def test_slew_and_lag_are_exact_together_whatever_the_step() -> None:
+def test_slew_and_lag_are_exact_together_for_any_step() -> None:
     amplifier = AmplifierParameters(slew_V_per_s=500.0, lag_s=4e-4)
     whole = _followed(amplifier, 1.3, 5e-3, 1)[-1]
     assert _followed(amplifier, 1.3, 5e-5, 100)[-1] == pytest.approx(whole, rel=1e-12)

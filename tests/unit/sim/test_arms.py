@@ -93,7 +93,7 @@ def test_two_arms_of_one_frequency_keep_it_when_they_are_joined(simulation: Simu
     assert -rate.real / abs(rate) == pytest.approx(0.026, rel=1e-9)
 
 
-def test_a_passive_arm_rings_when_the_part_is_gone(simulation: Simulation) -> None:
+def test_a_passive_arm_rings_after_the_part_is_removed(simulation: Simulation) -> None:
     omega = 2.0 * math.pi * 300.0
     p = bare_arms(
         simulation,
@@ -107,7 +107,7 @@ def test_a_passive_arm_rings_when_the_part_is_gone(simulation: Simulation) -> No
     assert min(deflections_um) == pytest.approx(-at_rest(p, 2.4).passive_um, rel=0.04)
 
 
-def test_at_rest_the_free_arm_stands_where_hysteresis_puts_it(simulation: Simulation) -> None:
+def test_at_rest_the_free_arm_is_at_the_position_of_the_hysteresis(simulation: Simulation) -> None:
     p = replace(
         plant.plant_parameters(simulation),
         second_share=SHARE,

@@ -18,7 +18,7 @@ def test_hertz_is_25_nm_at_1_mN_for_the_small_ball() -> None:
     assert hertz_um_per_mN23(25.0, glass_GPa) == pytest.approx(0.025, rel=0.03)
 
 
-def test_the_papers_bead_weighs_and_sticks_as_the_facts_say() -> None:
+def test_weight_and_adhesion_of_the_papers_bead_are_as_calculated() -> None:
     assert ball_weight_mN(700.0, 2500.0) == pytest.approx(0.035, rel=0.01)
     assert pull_off_mN(700.0, 0.05, 1.0) == pytest.approx(0.165, rel=0.01)
     assert pull_off_mN(700.0, 0.1, 1.0) == pytest.approx(0.33, rel=0.01)

@@ -75,7 +75,7 @@ def test_a_fresh_source(line: bytes, reply: bytes | None) -> None:
         (b"RNGE RANGE5", 0, 14),
     ],
 )
-def test_an_error_is_kept_until_it_is_read(line: bytes, execution: int, command: int) -> None:
+def test_an_error_is_stored_until_it_is_read(line: bytes, execution: int, command: int) -> None:
     source = Stage().source
     assert source.answer(line) is None
     assert source.answer(b"LEXE?;LCME?") == b"%d;%d" % (execution, command)
@@ -102,7 +102,7 @@ def test_a_range_bounds_the_voltage(name: bytes, limit_V: int) -> None:
     assert stage.source.answer(b"VOLT?") == b"-%d.000000" % limit_V
 
 
-def test_a_smaller_range_keeps_no_voltage_beyond_it() -> None:
+def test_a_smaller_range_clamps_the_voltage() -> None:
     source = Stage().source
     assert source.answer(b"RNGE RANGE10;VOLT 5;RNGE RANGE1;VOLT?") == b"0.000000"
 

@@ -49,7 +49,7 @@ def test_the_configuration_names_type_speed_and_format() -> None:
     assert reply.startswith(b"!1A")
 
 
-def test_only_its_channel_drives_the_plant() -> None:
+def test_only_the_configured_channel_drives_the_plant() -> None:
     stage = Stage()
     stage.module.answer(b"#1A0-01.250")
     stage.module.answer(b"#1A2+03.000")
@@ -135,7 +135,7 @@ def test_a_heartbeat_carries_the_checksum_too() -> None:
     assert stage.module.tripped
 
 
-def test_a_checksum_is_asked_for_and_given() -> None:
+def test_a_checksum_is_required_and_sent() -> None:
     stage = Stage(checksum=True)
     # The bytes of $1AM add up to 0x24 + 0x31 + 0x41 + 0x4D = 0xE3.
     assert stage.module.answer(b"$1AM") is None

@@ -20,7 +20,7 @@ def _through(p: PlantParameters, *voltages_V: float, dwell_s: float = 1.0) -> Pl
     return state
 
 
-def test_a_lifted_part_falls_when_it_is_let_go(simulation: Simulation) -> None:
+def test_a_lifted_part_falls_when_it_is_released(simulation: Simulation) -> None:
     p = bare_arms(simulation, second_share=SHARE, part=FALLS, output_lag_s=0.003)
     held = _through(p, 2.0)
     assert held.part == "there"

@@ -23,7 +23,7 @@ def test_the_instrument_has_its_own_step_and_lag(
     assert plant_parameters(known).output_lag_s == lag_s
 
 
-def test_numbers_of_the_rig_file_come_first(simulation: Simulation) -> None:
+def test_numbers_of_the_rig_file_take_precedence(simulation: Simulation) -> None:
     given = simulation.model_copy(update={"output_step_V": 0.5, "output_lag_s": None})
     assert resolved(given, "srs_dc205").output_step_V == 0.5
     assert resolved(given, "srs_dc205").output_lag_s == 0.001

@@ -36,21 +36,21 @@ def test_a_monotone_piece_may_be_cut_anywhere(h_um: float, du_V: float, share: f
 
 
 @given(LEVELS, MOVES)
-def test_it_is_odd_and_bounded(h_um: float, du_V: float) -> None:
+def test_the_hysteresis_is_odd_and_bounded(h_um: float, du_V: float) -> None:
     after = advance_hysteresis(SHAPE, h_um, du_V)
     assert advance_hysteresis(SHAPE, -h_um, -du_V) == -after
     assert abs(after) <= max(abs(h_um), 9.0 / (1.04 + 0.26)) + 1e-9
 
 
 @pytest.mark.parametrize("way_V", np.geomspace(1e-12, 2.0, 60).tolist())
-def test_a_short_way_is_as_exact_as_a_long_one(way_V: float) -> None:
+def test_a_short_motion_is_as_exact_as_a_long_one(way_V: float) -> None:
     along = BoucWen(A_um_per_V=1.0, b_per_V=1.3, g_per_V=0.0)
     exact = -math.expm1(-1.3 * way_V) / 1.3
     assert advance_hysteresis(along, 0.0, way_V) == pytest.approx(exact, rel=5e-16, abs=0.0)
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_many_ways_are_one_after_the_other(seed: int) -> None:
+def test_many_motions_equal_one_after_the_other(seed: int) -> None:
     chance = np.random.default_rng(seed)
     # Short ways and long ones, reversals and rests, more than are worked out ahead.
     sizes = chance.choice([0.0, 1e-6, 1e-3, 0.02, 0.5, 2.0], 300) * chance.choice([-1.0, 1.0], 300)
@@ -65,7 +65,7 @@ def test_many_ways_are_one_after_the_other(seed: int) -> None:
     assert levels_um == one_by_one
 
 
-def test_a_cycle_closes_on_itself() -> None:
+def test_a_cycle_is_closed() -> None:
     h_um, ends = 0.0, list[float]()
     for _ in range(12):
         h_um = advance_hysteresis(SHAPE, advance_hysteresis(SHAPE, h_um, 2.0), -2.0)
@@ -76,7 +76,7 @@ def test_a_cycle_closes_on_itself() -> None:
 
 @pytest.mark.parametrize("asymmetry", [-0.15, 0.3])
 @pytest.mark.parametrize("du_V", [-2.0, 2.0])
-def test_each_way_has_its_own_b(asymmetry: float, du_V: float) -> None:
+def test_each_direction_has_its_own_b(asymmetry: float, du_V: float) -> None:
     shape = BoucWen(9.0, 1.04, 0.26, asymmetry)
     b_per_V = 1.04 * (1.0 + asymmetry if du_V > 0.0 else 1.0 - asymmetry)
     one_way = BoucWen(9.0, b_per_V, 0.26)
@@ -97,7 +97,7 @@ def test_an_asymmetric_cycle_closes_off_centre() -> None:
     assert symmetric == advance_hysteresis(BoucWen(9.0, 1.04, 0.26, 0.0), 0.0, 2.0)
 
 
-def test_without_shape_it_is_a_straight_line() -> None:
+def test_without_a_shape_it_is_a_straight_line() -> None:
     assert advance_hysteresis(BoucWen(9.0, 0.0, 0.0), -1.0, 0.5) == pytest.approx(3.5)
 
 

@@ -52,7 +52,7 @@ def test_values_have_eight_characters(position_um: float | None, unit: Unit, tex
         (b"", None),
     ],
 )
-def test_in_measuring_mode(line: bytes, reply: bytes | None) -> None:
+def test_readings_in_measuring_mode(line: bytes, reply: bytes | None) -> None:
     assert SimulatedKeyence(lambda: 1.5).answer(line) == reply
 
 
@@ -70,12 +70,12 @@ def test_in_measuring_mode(line: bytes, reply: bytes | None) -> None:
         (b"R0", b"ER,R0,01"),
     ],
 )
-def test_the_older_controller_speaks_its_own_dialect(line: bytes, reply: bytes) -> None:
+def test_the_older_controller_uses_its_own_protocol(line: bytes, reply: bytes) -> None:
     assert SimulatedKeyence(lambda: 1.5, dialect="LK-G3000").answer(line) == reply
 
 
 @pytest.mark.parametrize(("trouble", "code"), [("timeout", b"88"), ("other", b"99")])
-def test_trouble_of_its_own_shows(trouble: Fault, code: bytes) -> None:
+def test_internal_faults_are_reported(trouble: Fault, code: bytes) -> None:
     instrument = SimulatedKeyence(lambda: 1.5)
     instrument.trouble = trouble
     assert instrument.answer(b"MS,01") == b"ER,MS," + code
@@ -97,7 +97,7 @@ def test_set_up_mode_stops_measuring_until_it_is_left() -> None:
     ]
 
 
-def test_a_change_of_mode_takes_its_time() -> None:
+def test_a_change_of_mode_takes_time() -> None:
     now_s = 10.0
     instrument = SimulatedKeyence(lambda: 1.5, clock=lambda: now_s, mode_change_s=1.0)
     assert instrument.answer(b"MS,01") == b"MS,01,+0001.50"
@@ -149,7 +149,7 @@ def test_a_zero_holds_until_it_is_reset_and_a_locked_panel_sets_none() -> None:
     assert instrument.answer(b"MM,110000000000") == b"MM,110000000000,+0000.50,+0002.00"
 
 
-def test_unasked_lines_come_before_an_answer_and_not_in_set_up_mode() -> None:
+def test_unsolicited_lines_precede_an_answer_except_in_set_up_mode() -> None:
     instrument = SimulatedKeyence(lambda: 1.5, unsolicited_every=2)
     replies = [instrument.answer(b"MS,01") for _ in range(4)]
     alone, both = b"MS,01,+0001.50", b"TG,01,+0001.50\rMS,01,+0001.50"

@@ -17,7 +17,7 @@ def test_mean_variance_and_whiteness() -> None:
     assert neighbours == pytest.approx(0.0, abs=0.03)
 
 
-def test_a_number_depends_on_seed_and_index_alone() -> None:
+def test_a_number_depends_on_seed_and_index_only() -> None:
     asked, again = GaussianNoise(7), GaussianNoise(7)
     places = [0, 5 * BLOCK, 3, BLOCK - 1, BLOCK, 3]
     assert [asked.at(index) for index in places] == [GaussianNoise(7).at(index) for index in places]
@@ -26,7 +26,7 @@ def test_a_number_depends_on_seed_and_index_alone() -> None:
     assert asked.at(3) != asked.at(BLOCK + 3)
 
 
-def test_a_stream_is_noise_of_its_own() -> None:
+def test_each_stream_has_independent_noise() -> None:
     count = 5000
     first, other = GaussianNoise(1), GaussianNoise(1, stream=1)
     pairs = [(first.at(index), other.at(index)) for index in range(count)]

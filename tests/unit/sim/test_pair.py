@@ -63,7 +63,7 @@ def _pressed(p: PairParameters, state: PairState, free_um: tuple[float, float]) 
     return advance_pair(p, state, 0.15)
 
 
-def test_arms_that_do_not_touch_move_as_one_arm_alone_does() -> None:
+def test_arms_that_do_not_touch_move_like_single_arms() -> None:
     arm = replace(plant_parameters(_simulation()), environment_stiffness_mN_per_um=0.0)
     p = PairParameters(arm, replace(arm, piezo_um_per_V=20.0), GAP_UM, 30.0)
     pair, alone = start_pair(p), plant.start()
@@ -112,7 +112,7 @@ def test_a_loose_part_is_pushed_without_a_force() -> None:
 
 
 @pytest.mark.parametrize(("pull_off_mN", "keeps"), [((0.3, 0.1), 0), ((0.1, 0.3), 1)])
-def test_a_lifted_part_stays_on_the_face_that_sticks_more(
+def test_a_lifted_part_stays_on_the_face_with_more_adhesion(
     pull_off_mN: tuple[float, float], keeps: int
 ) -> None:
     part = PartParameters(lift_after_s=0.1)
@@ -134,7 +134,7 @@ def test_a_lifted_part_with_a_weight_falls_where_the_arms_open() -> None:
     assert [event.what for event in state.events] == ["lost"]
 
 
-def test_a_part_that_lands_lies_where_it_was_carried_to_and_is_gripped_again() -> None:
+def test_a_part_that_lands_stays_where_it_was_carried_and_can_be_gripped_again() -> None:
     part = PartParameters(hold_mN=0.05, lift_after_s=0.1)
     p = _pair(part=part, lands=True, ground_slip_mN=1.5)
     state = _pressed(p, start_pair(p), (36.0, 36.0))
@@ -152,7 +152,7 @@ def test_a_part_that_lands_lies_where_it_was_carried_to_and_is_gripped_again() -
 @pytest.mark.parametrize("aside_s", [0.0, 0.1])
 @pytest.mark.parametrize("shares", [(0.0,), (0.9, 0.3, 0.0)])
 @pytest.mark.parametrize("carried", [True, False])
-def test_a_part_that_stays_where_it_is_let_go_is_not_struck_again(
+def test_a_part_that_stays_where_it_is_released_is_not_struck_again(
     carried: bool, shares: tuple[float, ...], aside_s: float
 ) -> None:
     """By one step, as a watchdog does it, or by those of a tick each; one arm before the other."""
@@ -202,7 +202,7 @@ def test_a_held_pair_swings_with_both_masses_on_both_springs() -> None:
 
 
 @pytest.mark.parametrize("step_s", [5e-4, 2e-4, 3.7e-5])
-def test_arms_that_part_from_a_loose_part_for_an_instant_close_on_it_again(
+def test_arms_that_leave_a_loose_part_for_an_instant_close_on_it_again(
     step_s: float,
 ) -> None:
     """Nothing but faces holds it: the force of a single face is exactly 0, and tells nothing."""
@@ -223,7 +223,7 @@ def test_arms_that_part_from_a_loose_part_for_an_instant_close_on_it_again(
     assert pair_forces_mN(p, state) == pytest.approx((held_mN, held_mN), abs=0.05)
 
 
-def test_touching_and_leaving_gives_the_arms_no_energy() -> None:
+def test_touching_and_leaving_add_no_energy() -> None:
     p = _pair(ground_slip_mN=0.5)
     state = replace(start_pair(p), first=replace(plant.start(), speed_um_per_s=1.2e5))
     highest, before = 0.0, math.inf
@@ -248,7 +248,7 @@ def _energy_nJ(p: PairParameters, state: PairState) -> float:
     return total
 
 
-def test_a_part_that_is_taken_away_leaves_the_arms_free() -> None:
+def test_a_removed_part_leaves_the_arms_free() -> None:
     p = _pair()
     state = remove_pair_part(_pressed(p, start_pair(p), (36.0, 36.0)))
     state = advance_pair(p, state, 1.0)

@@ -22,7 +22,7 @@ def made(
     return bench.rig, truths, now
 
 
-def test_a_tick_of_lockstep_ends_once_both_are_written() -> None:
+def test_a_tick_of_lockstep_ends_once_both_outputs_are_written() -> None:
     pair, truths, _ = made()
     pair.put_out(0, 0.5)
     pair.put_out(0, 1.0)
@@ -38,7 +38,7 @@ def test_a_tick_of_lockstep_ends_once_both_are_written() -> None:
     assert pair.snapshot().tips_um[0] > pair.snapshot().tips_um[1] > 1.0
 
 
-def test_readings_of_both_arms_have_noise_of_their_own_and_repeat_themselves() -> None:
+def test_readings_of_both_arms_have_independent_reproducible_noise() -> None:
     pair, _, _ = made()
     assert [pair.measure_um(0) for _ in range(3)] == [pair.measure_um(0)] * 3
     fine: Tree = {"simulation": {"sensor_step_um": 1e-6}}
@@ -47,7 +47,7 @@ def test_readings_of_both_arms_have_noise_of_their_own_and_repeat_themselves() -
     assert one.measure_um(0) != one.measure_um(1)
 
 
-def test_in_real_time_each_voltage_acts_from_when_it_is_written() -> None:
+def test_in_real_time_each_voltage_acts_from_its_write_on() -> None:
     pair, truths, now = made({"simulation": {"bead": False}}, time="real")
     now[0] = 0.01
     pair.put_out(0, 1.0)
@@ -64,7 +64,7 @@ def test_in_real_time_each_voltage_acts_from_when_it_is_written() -> None:
     assert pair.snapshot().tips_um[1] > 5.0
 
 
-def test_parts_are_taken_and_put_back_where_there_is_room() -> None:
+def test_parts_can_be_removed_and_placed_where_there_is_room() -> None:
     pair, _, _ = made()
     pair.remove_part()
     assert not pair.snapshot().part_present
@@ -96,7 +96,7 @@ def test_a_rig_may_begin_without_a_part() -> None:
         ({"actuation_delay_s": 0.5}, "is above the period"),
     ],
 )
-def test_what_a_pair_does_not_have_is_refused(change: Tree, words: str) -> None:
+def test_unsupported_features_of_a_pair_are_refused(change: Tree, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         made({"simulation": change})
 
@@ -116,7 +116,7 @@ def test_drivers_of_either_arm_must_be_simulated() -> None:
         made({"second": {"output": {"driver": "nobody"}}})
 
 
-def test_faults_of_the_second_arm_are_its_own() -> None:
+def test_faults_of_the_second_arm_do_not_affect_the_first() -> None:
     rig = two_arm_rig()
     script = script_of(rig)
     bench = open_bench(rig, lambda: 0.0, None, script)
@@ -126,7 +126,7 @@ def test_faults_of_the_second_arm_are_its_own() -> None:
     assert bench.fitted["sensor"].instrument.answer(b"MS,01") is not None
 
 
-def test_a_rig_of_one_arm_takes_no_orders_for_a_second() -> None:
+def test_a_rig_of_one_arm_accepts_no_commands_for_a_second() -> None:
     rig = demo_rig({"simulation": {"scripts": True}})
     script = script_of(rig)
     open_bench(rig, lambda: 0.0, None, script)
@@ -135,7 +135,7 @@ def test_a_rig_of_one_arm_takes_no_orders_for_a_second() -> None:
     assert Script().order(SimCommand("part", "lose")) == "there is no rig to operate"
 
 
-def test_simulations_of_two_arms_are_whole() -> None:
+def test_simulations_of_two_arms_are_complete() -> None:
     simulation = two_arm_rig().simulation
     assert isinstance(simulation, Simulation)
     assert simulation.pair_of_arms.ground_slip_mN == 1.5

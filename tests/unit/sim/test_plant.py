@@ -129,7 +129,7 @@ def test_contact_force_balances_the_arm(demo_plant: PlantParameters) -> None:
     assert plant.contact_force_mN(free, alone) == 0.0
 
 
-def test_there_is_no_pull_before_contact(demo_plant: PlantParameters) -> None:
+def test_there_is_no_attraction_before_contact(demo_plant: PlantParameters) -> None:
     state = plant.advance(demo_plant, plant.set_voltage(demo_plant, plant.start(), 0.5), 1.0)
     assert state.x_um < demo_plant.contact_um
     assert plant.contact_force_mN(demo_plant, state) == 0.0
@@ -139,7 +139,7 @@ def test_the_same_path_gives_the_same_bits(demo_plant: PlantParameters) -> None:
     assert _swept(demo_plant, 2.3) == _swept(demo_plant, 2.3)
 
 
-def test_a_long_rest_is_one_step_and_the_same(demo_plant: PlantParameters) -> None:
+def test_a_long_rest_is_computed_in_one_step(demo_plant: PlantParameters) -> None:
     state = plant.set_voltage(demo_plant, plant.start(), 2.3)
     once = plant.advance(demo_plant, state, 100.0)
     for _ in range(1000):

@@ -26,7 +26,7 @@ def _drawn(simulation: Simulation, seed: int, known: dict[int, Simulation]) -> S
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_drawn_rig_keeps_the_bounds(
+def test_a_drawn_rig_is_within_its_bounds(
     simulation: Simulation, seed: int, drawn: dict[int, Simulation]
 ) -> None:
     rig = _drawn(simulation, seed, drawn)
@@ -42,7 +42,7 @@ def test_a_drawn_rig_keeps_the_bounds(
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_rig_with_relays_is_the_same_but_for_its_hysteresis(
+def test_a_rig_with_relays_differs_only_in_its_hysteresis(
     simulation: Simulation, seed: int, drawn: dict[int, Simulation]
 ) -> None:
     rig = random_simulation(simulation, seed, relays=True)
@@ -61,7 +61,7 @@ def test_a_seed_is_a_rig(simulation: Simulation, drawn: dict[int, Simulation]) -
     assert len({_drawn(simulation, seed, drawn).piezo_um_per_V for seed in SEEDS}) == len(SEEDS)
 
 
-def test_a_wanted_loop_is_made(simulation: Simulation) -> None:
+def test_a_requested_loop_is_produced(simulation: Simulation) -> None:
     for percent in (10.0, 23.0):
         loop = free_loop(with_loop(simulation, 18.0, percent))
         assert loop.width_percent == pytest.approx(percent, abs=0.01)

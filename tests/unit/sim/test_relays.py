@@ -59,7 +59,7 @@ def test_a_lattice_of_single_relays_moves_the_same_way() -> None:
 
 
 @given(PATHS, PATHS)
-def test_a_larger_swing_wipes_out_what_it_passes(path_V: list[float], inner_V: list[float]) -> None:
+def test_a_larger_swing_wipes_out_smaller_ones(path_V: list[float], inner_V: list[float]) -> None:
     with_loops, kept = followed([*path_V, 4.0, -3.1, *inner_V, 3.2, -1.0])
     without, plain = followed([*path_V, 4.0, -3.1, 3.2, -1.0])
     assert with_loops[-2:] == without[-2:]
@@ -78,7 +78,9 @@ def test_loops_between_the_same_voltages_are_congruent(
 
 
 @given(PATHS, st.integers(2, 7))
-def test_it_depends_on_the_path_and_not_on_its_pieces(path_V: list[float], pieces: int) -> None:
+def test_the_result_depends_on_the_path_and_not_on_its_sampling(
+    path_V: list[float], pieces: int
+) -> None:
     cut_V, before_V = list[float](), 0.0
     for voltage_V in path_V:
         steps = np.linspace(before_V, voltage_V, pieces + 1)[1:-1]
@@ -88,14 +90,14 @@ def test_it_depends_on_the_path_and_not_on_its_pieces(path_V: list[float], piece
     assert followed(cut_V)[1] == followed(path_V)[1]
 
 
-def test_it_saturates() -> None:
+def test_the_response_saturates() -> None:
     levels_um, turns = followed([50.0, 60.0, -60.0, 60.0])
     assert levels_um[1] - levels_um[0] == pytest.approx(SHAPE.gain_um_per_V * 10.0)
     assert levels_um[3] == pytest.approx(levels_um[1])
     assert len(turns) <= 2
 
 
-def test_only_turning_points_that_count_are_kept() -> None:
+def test_only_relevant_turning_points_are_stored() -> None:
     """A decaying swing is remembered turn by turn; the first one beyond them all leaves none."""
     decaying = [2.0 * (-0.8) ** index for index in range(30)]
     _, turns = followed(decaying)
@@ -105,7 +107,7 @@ def test_only_turning_points_that_count_are_kept() -> None:
 
 @pytest.mark.parametrize("share", [0.05, 0.2, 0.4])
 @pytest.mark.parametrize("centre_V", [-0.3, 0.0, 0.5])
-def test_the_loop_is_as_wide_as_asked(share: float, centre_V: float) -> None:
+def test_the_loop_has_the_requested_width(share: float, centre_V: float) -> None:
     full_V, gain = 1.5, 19.0
     shape = loop_of_relays(gain, share, full_V, 0.45, 0.9, centre_V)
     rising_V = np.linspace(-full_V, full_V, 2001)
@@ -150,7 +152,7 @@ def test_the_arm_starts_unpoled_and_remembers(simulation: Simulation) -> None:
     assert (again.x_um, again.turns) == (pytest.approx(state.x_um), state.turns)
 
 
-def test_a_loop_wider_than_relays_alone_is_refused() -> None:
+def test_a_loop_too_wide_for_relays_is_refused() -> None:
     with pytest.raises(ValueError, match=r"loop_share = 0\.9: at most 0\.\d+ with thresholds at"):
         loop_of_relays(19.0, 0.9, 1.0, 0.3, 0.6)
     with pytest.raises(ValueError, match=r"coercive voltage 1\.0 V: must be above 0 and up to 5"):

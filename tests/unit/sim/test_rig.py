@@ -36,14 +36,14 @@ def test_lockstep_runs_are_bit_identical_however_often_one_looks(simulation: Sim
     assert _run(_lockstep(simulation), 1) == _run(_lockstep(simulation), 3)
 
 
-def test_in_lockstep_the_plant_stands_still_until_a_write(simulation: Simulation) -> None:
+def test_in_lockstep_the_plant_is_frozen_until_a_write(simulation: Simulation) -> None:
     rig = _lockstep(simulation)
     rig.put_out(1.0)
     assert len({rig.measure_um() for _ in range(10)}) == 1
     assert rig.now_s() == PERIOD_S
 
 
-def test_when_the_plant_moves_through_a_tick_changes_nothing(simulation: Simulation) -> None:
+def test_the_time_at_which_the_plant_is_computed_changes_nothing(simulation: Simulation) -> None:
     seen = list[tuple[Snapshot, float, float]]()
     for at_once in (False, True):
         rig = _lockstep(simulation)

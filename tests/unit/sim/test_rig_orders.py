@@ -23,7 +23,7 @@ def _held(rig: SimulatedRig, voltage_V: float, ticks: int = 60) -> float:
     return rig.measure_um()
 
 
-def test_a_part_can_be_placed_and_taken_away(simulation: Simulation) -> None:
+def test_a_part_can_be_placed_and_removed(simulation: Simulation) -> None:
     rig = _rig(simulation, bead=False)
     _held(rig, 2.2)
     assert not rig.snapshot().part_present
@@ -93,7 +93,7 @@ def test_impossible_orders_are_refused(simulation: Simulation, factor: float) ->
     assert rig.events() == []
 
 
-def test_a_part_that_falls_by_itself_is_reported(simulation: Simulation) -> None:
+def test_a_part_that_falls_is_reported(simulation: Simulation) -> None:
     part = Bead(friction=0.3, lift_after_s=0.5)
     rig = _rig(simulation, part=part, passive_natural_frequency_rad_per_s=2437.8)
     _held(rig, 2.2)
@@ -107,7 +107,7 @@ def test_a_part_that_falls_by_itself_is_reported(simulation: Simulation) -> None
     assert rig.snapshot().part_present
 
 
-def test_in_real_time_orders_come_after_catching_up(simulation: Simulation) -> None:
+def test_in_real_time_commands_act_after_catching_up(simulation: Simulation) -> None:
     now_s = [50.0]
     rig = SimulatedRig(simulation, PERIOD_S, False, lambda: now_s[0])
     rig.put_out(2.2)
@@ -122,7 +122,7 @@ def test_in_real_time_orders_come_after_catching_up(simulation: Simulation) -> N
 
 
 @pytest.mark.parametrize("omega", [None, 2437.8])
-def test_a_part_gives_way_by_order(simulation: Simulation, omega: float | None) -> None:
+def test_a_part_slips_on_command(simulation: Simulation, omega: float | None) -> None:
     rig = _rig(simulation, passive_natural_frequency_rad_per_s=omega, creep_per_decade=0.0)
     before_um, before_mN = _held(rig, 2.2), rig.snapshot().force_mN
     rig.slip_part(2.0)
@@ -133,7 +133,7 @@ def test_a_part_gives_way_by_order(simulation: Simulation, omega: float | None) 
 
 
 @pytest.mark.parametrize("slips", [1, 3])
-def test_a_part_gives_way_at_its_force(simulation: Simulation, slips: int) -> None:
+def test_a_part_slips_at_its_force(simulation: Simulation, slips: int) -> None:
     part = Bead(slip_force_mN=6.0, slip_um=1.5, slips=slips)
     rig, largest_mN = _rig(simulation, part=part, creep_per_decade=0.0), 0.0
     for tick in range(240):

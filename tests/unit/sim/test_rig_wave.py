@@ -37,7 +37,7 @@ def _lockstep(simulation: Simulation, period_s: float = PERIOD_S) -> SimulatedRi
     return SimulatedRig(simulation, period_s, True, lambda: 0.0)
 
 
-def test_a_wave_is_the_same_voltages_by_hand(fast: Simulation) -> None:
+def test_a_wave_equals_the_same_voltages_written_one_by_one(fast: Simulation) -> None:
     by_wave, by_hand = _lockstep(fast), _lockstep(fast, 1.0 / RATE_HZ)
     by_wave.put_out_wave(SWEPT, RATE_HZ)
     for _ in range(4):
@@ -49,7 +49,7 @@ def test_a_wave_is_the_same_voltages_by_hand(fast: Simulation) -> None:
     assert by_wave.wave_over
 
 
-def test_the_last_voltage_stays_and_a_single_one_ends_the_wave(fast: Simulation) -> None:
+def test_the_last_voltage_is_kept_and_a_single_one_ends_the_wave(fast: Simulation) -> None:
     rig = _lockstep(fast)
     rig.put_out_wave([0.1, 0.2, 0.3], 100.0)
     assert not rig.wave_over
@@ -73,7 +73,7 @@ def test_the_old_voltage_holds_for_the_delay(fast: Simulation) -> None:
     assert drive_V == pytest.approx(expected, abs=1e-6)
 
 
-def test_each_tick_has_a_truth(fast: Simulation) -> None:
+def test_each_tick_has_a_ground_truth(fast: Simulation) -> None:
     told = list[tuple[int, float]]()
 
     def tell(truth: GroundTruth) -> None:
@@ -87,7 +87,7 @@ def test_each_tick_has_a_truth(fast: Simulation) -> None:
     assert rig.now_s() == pytest.approx(3 * PERIOD_S)
 
 
-def test_captured_samples_are_the_plants_own(fast: Simulation) -> None:
+def test_captured_samples_are_those_of_the_plant(fast: Simulation) -> None:
     rig = _lockstep(fast)
     rig.begin_capture(RATE_HZ)
     rig.put_out_wave(SWEPT, RATE_HZ)
@@ -116,7 +116,7 @@ def test_no_sample_is_lost_on_a_grid_beside_the_ticks(simulation: Simulation) ->
         assert count == math.floor(tick * PERIOD_S * 333.0 + 1e-9)
 
 
-def test_captured_noise_is_its_own_and_the_same_again(simulation: Simulation) -> None:
+def test_captured_noise_is_independent_and_reproducible(simulation: Simulation) -> None:
     def run(drained: int) -> list[float]:
         rig, seen = _lockstep(simulation), list[float]()
         rig.begin_capture(2000.0)
@@ -155,7 +155,7 @@ def test_the_sensors_average_and_drift_are_captured_too(fast: Simulation) -> Non
     assert x_um[399] == pytest.approx(mean_um + 0.5 * 0.4, abs=1e-4)
 
 
-def test_a_capture_is_begun_once_and_drained_in_time(simulation: Simulation) -> None:
+def test_a_capture_is_started_once_and_drained_in_time(simulation: Simulation) -> None:
     rig = _lockstep(simulation)
     with pytest.raises(ValueError, match="no capture is running"):
         rig.drain()

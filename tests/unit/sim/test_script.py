@@ -12,7 +12,7 @@ from pincette.sim.script.script import FORBIDDEN, script_of
 from tests.unit.sim.stand import Rig, Stand, T, entry, stand
 
 
-def test_without_an_order_nothing_changes() -> None:
+def test_without_a_command_nothing_changes() -> None:
     bench = stand()
     assert bench.run(5) == [0.0, 1.0, 2.0, 3.0, 4.0]
     assert bench.rig.writes == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
@@ -23,12 +23,12 @@ def test_a_stuck_sensor_shows_its_last_reading_for_its_time() -> None:
     assert bench.run(8) == [0.0, 1.0, 2.0, 2.0, 2.0, 2.0, 6.0, 7.0]
 
 
-def test_a_sensor_stays_stuck_for_longer_than_the_past_is_kept() -> None:
+def test_a_sensor_stays_stuck_for_longer_than_the_past_is_stored() -> None:
     bench = stand(entry(3 * T, "sensor", "stuck"))
     assert set(bench.run(1000)[3:]) == {2.0}
 
 
-def test_readings_are_off_old_or_out_of_range() -> None:
+def test_readings_are_wrong_old_or_out_of_range() -> None:
     assert stand(entry(2 * T, "sensor", "wrong", value=-5.0)).run(4) == [0.0, 1.0, -3.0, -2.0]
     delayed = stand(entry(4 * T, "sensor", "delayed", value=3 * T)).run(7)
     assert delayed == [0.0, 1.0, 2.0, 3.0, 1.0, 2.0, 3.0]
@@ -39,7 +39,7 @@ def test_readings_are_off_old_or_out_of_range() -> None:
     assert keyence.answer(b"MS,01") == b"MS,01,-FFFFFFF"
 
 
-def test_an_output_does_not_move_is_off_or_late() -> None:
+def test_an_output_is_frozen_off_or_late() -> None:
     def put(what: str, **value: float) -> list[float]:
         bench = stand(entry(2 * T, "output", what, **value))
         bench.run(5)
@@ -50,7 +50,7 @@ def test_an_output_does_not_move_is_off_or_late() -> None:
     assert put("delayed", value=2 * T) == pytest.approx([0.0, 0.1, 0.0, 0.1, 0.2])
 
 
-def test_an_output_that_plays_parts_does_not_move_is_off_or_late() -> None:
+def test_an_output_with_parts_is_frozen_off_or_late() -> None:
     def put(what: str, **value: float) -> list[tuple[float, ...]]:
         bench, played = stand(entry(2 * T, "output", what, **value)), list[tuple[float, ...]]()
 
@@ -80,7 +80,7 @@ def test_orders_of_the_file_count_from_the_first_write_and_others_from_now() -> 
     assert bench.rig.done[1:] == [(4 * T, "hysteresis 3.0")]
 
 
-def test_each_deed_is_done_to_the_rig() -> None:
+def test_each_operation_acts_on_the_rig() -> None:
     bench = stand()
     bench.order("part", "remove")
     bench.order("part", "place")
@@ -102,7 +102,7 @@ def test_each_deed_is_done_to_the_rig() -> None:
     ]
 
 
-def test_heal_ends_what_was_before_it_and_nothing_after() -> None:
+def test_heal_ends_earlier_faults_only() -> None:
     bench = stand()
     bench.order("sensor", "wrong", 5.0)
     bench.order("output", "stuck")
@@ -140,12 +140,12 @@ def test_a_wrong_order_is_refused_with_what_could_be(order: SimCommand, words: s
     assert bench.rig.done == []
 
 
-def test_what_the_rig_cannot_bear_is_reported() -> None:
+def test_impossible_commands_are_reported() -> None:
     bench = stand()
     assert "there is no room" in bench.script.order(SimCommand("part", "place", 13.0))
 
 
-def test_orders_need_leave(demo: RigFile) -> None:
+def test_commands_need_permission(demo: RigFile) -> None:
     script = script_of(demo)
     script.operate(Rig())
     assert script.order(SimCommand("part", "remove")) == FORBIDDEN
@@ -176,7 +176,7 @@ def test_a_run_can_be_repeated_to_the_bit() -> None:
     assert said() == said()
 
 
-def test_the_table_names_each_deed_once() -> None:
+def test_the_table_names_each_operation_once() -> None:
     for operations in OPERATIONS.values():
         names = [operation.what for operation in operations]
         assert len(names) == len(set(names))

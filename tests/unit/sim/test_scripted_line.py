@@ -18,7 +18,7 @@ def on_a_line(what: str, *value: float, lockstep: bool = True) -> tuple[Stand, E
     return bench, echo, line
 
 
-def test_an_unplugged_instrument_hears_nothing_and_lives_on() -> None:
+def test_an_unplugged_instrument_receives_nothing_and_keeps_running() -> None:
     bench, echo, line = on_a_line("off")
     assert line.answer(b"MS,01") is None
     assert (echo.heard, echo.idled) == ([b"before"], 1)
@@ -26,7 +26,7 @@ def test_an_unplugged_instrument_hears_nothing_and_lives_on() -> None:
     assert line.answer(b"MS,01") == b"MS,01"
 
 
-def test_a_pulled_cable_hangs_up_where_there_is_one() -> None:
+def test_a_pulled_cable_closes_a_connection() -> None:
     with pytest.raises(HungUpError):
         on_a_line("off", 1.0, lockstep=False)[2].answer(b"MS,01")
     assert on_a_line("off", 1.0, lockstep=True)[2].answer(b"MS,01") is None
@@ -57,7 +57,7 @@ def test_intermittent_loses_its_share(share: float) -> None:
     assert len(echo.heard) == 2001 - lost
 
 
-def test_a_slow_answer_is_none_in_lockstep_once_nobody_waits_for_it() -> None:
+def test_a_slow_answer_in_lockstep_is_dropped_once_nobody_waits_for_it() -> None:
     script, rig, echo = Script(timeouts_s={"sensor": 0.1}), Rig(), Echo()
     script.operate(rig)
     line = script.link("sensor", echo)

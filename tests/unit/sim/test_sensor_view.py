@@ -14,7 +14,7 @@ def test_the_mean_of_a_ramp_is_half_a_window_old() -> None:
     assert average.mean_um() == pytest.approx(500.0 - 5.0 * 10.0)
 
 
-def test_before_the_first_place_the_arm_has_stood_there() -> None:
+def test_before_the_first_position_the_arm_was_at_rest_there() -> None:
     average = Average(0.02)
     average.add(1.0, 4.0)
     assert average.mean_um() == pytest.approx(4.0)
@@ -30,7 +30,7 @@ def test_a_window_may_begin_between_two_places() -> None:
     assert average.mean_um() == pytest.approx(expected)
 
 
-def test_old_places_are_dropped_and_the_mean_stays() -> None:
+def test_old_positions_are_dropped_and_the_mean_is_kept() -> None:
     average = Average(0.02)
     for index in range(3 * KEPT):
         average.add(0.001 * index, math.sin(0.3 * index))
@@ -49,7 +49,7 @@ def test_drift_is_a_function_of_time(simulation: Simulation) -> None:
     assert drift_um(drifting, 400.0) == pytest.approx(0.8)
 
 
-def test_a_reading_has_drift_and_noise_and_whole_steps(simulation: Simulation) -> None:
+def test_a_reading_has_drift_noise_and_whole_steps(simulation: Simulation) -> None:
     drift = Drift(slope_um_per_s=0.01)
     drifting = simulation.model_copy(
         update={"drift": drift, "sensor_step_um": 0.025, "sensor_noise_um": 0.05}

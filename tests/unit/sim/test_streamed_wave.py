@@ -36,14 +36,14 @@ def played_in_pieces(simulation: Simulation, ahead: int) -> Played:
 
 
 @pytest.mark.parametrize("ahead", [PER_TICK, 3 * PER_TICK])
-def test_in_pieces_a_wave_is_the_same_to_the_bit(simulation: Simulation, ahead: int) -> None:
+def test_a_wave_in_pieces_is_the_same_to_the_bit(simulation: Simulation, ahead: int) -> None:
     whole, pieces = played_whole(simulation), played_in_pieces(simulation, ahead)
     assert len(whole[0]) == 9 * PER_TICK
     assert pieces == whole
     assert max(map(abs, whole[1])) > 0.2
 
 
-def test_a_wave_keeps_to_the_clock_of_the_capture(simulation: Simulation) -> None:
+def test_a_wave_uses_the_clock_of_the_capture(simulation: Simulation) -> None:
     now_s = [100.0]
     quick = {"output_lag_s": 0.0, "output_step_V": 1e-6}
     rig = SimulatedRig(simulation.model_copy(update=quick), PERIOD_S, False, lambda: now_s[0])
@@ -60,7 +60,7 @@ def test_a_wave_keeps_to_the_clock_of_the_capture(simulation: Simulation) -> Non
     assert rig.wave_over
 
 
-def test_a_wave_that_runs_dry_is_over_and_takes_no_more(simulation: Simulation) -> None:
+def test_a_wave_that_runs_dry_has_ended_and_accepts_no_more(simulation: Simulation) -> None:
     rig = SimulatedRig(simulation, PERIOD_S, True, clock)
     rig.put_out_wave(WAVE_V[:PER_TICK], RATE_HZ)
     assert not rig.wave_over
@@ -71,7 +71,7 @@ def test_a_wave_that_runs_dry_is_over_and_takes_no_more(simulation: Simulation) 
 
 
 @pytest.mark.parametrize("voltages_V", [[], [0.0, math.nan]])
-def test_what_is_no_wave_is_refused_and_nothing_happens(
+def test_an_invalid_wave_is_refused_without_effect(
     simulation: Simulation, voltages_V: list[float]
 ) -> None:
     rig = SimulatedRig(simulation, PERIOD_S, True, clock)

@@ -75,7 +75,7 @@ def test_the_bounces_do_not_depend_on_the_substep(simulation: Simulation) -> Non
         assert end.x_um == pytest.approx(ends[-1].x_um, abs=2e-3)
 
 
-def test_an_impact_keeps_the_momentum(simulation: Simulation) -> None:
+def test_an_impact_conserves_the_momentum(simulation: Simulation) -> None:
     p = bare_arms(simulation, second_share=SHARE)
     first, second = arms_of(p).inverse_masses
     passive = arms_of(p).passive_mass

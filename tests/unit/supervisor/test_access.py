@@ -66,7 +66,7 @@ def made(book: KeyFile, name: str, scope: Scope = "operate", expires_at: str | N
     return key
 
 
-def test_scopes_hold_those_before_them() -> None:
+def test_scopes_include_the_lower_ones() -> None:
     held = [(has, needed) for has in SCOPES for needed in SCOPES if covers(has, needed)]
     assert held == [
         ("observe", "observe"),
@@ -78,7 +78,7 @@ def test_scopes_hold_those_before_them() -> None:
     ]
 
 
-def test_keys_are_long_differ_and_are_known_by_their_begin() -> None:
+def test_keys_are_long_and_distinct_and_identified_by_their_beginning() -> None:
     keys = {new_key() for _ in range(100)}
     assert len(keys) == 100
     assert all(re.fullmatch(r"pincette_[A-Za-z0-9_-]{43}", key) for key in keys)
@@ -97,13 +97,13 @@ def test_no_file_holds_a_key_or_a_cookie(
     assert cookie.encode() not in written
 
 
-def test_without_a_key_whoever_comes_may_do_everything(authenticator: Authenticator) -> None:
+def test_without_keys_every_client_may_do_everything(authenticator: Authenticator) -> None:
     caller = authenticator.identify(HERE, "whatever is shown", None)
     assert (caller.scope, caller.name, caller.way) == ("admin", None, "open")
     require_scope(caller, "admin")
 
 
-def test_with_a_key_nobody_comes_in_without(
+def test_with_a_key_clients_without_it_are_refused(
     book: KeyFile, authenticator: Authenticator, store: Store
 ) -> None:
     key = made(book, "ann")
@@ -133,7 +133,7 @@ def test_a_scope_that_is_too_small_is_reported_with_both(has: Scope, needed: Sco
     assert wanted in (refused.value.headers or {})["WWW-Authenticate"]
 
 
-def test_a_revoked_key_opens_nothing_and_the_gate_stays_shut(
+def test_a_revoked_key_is_refused_and_keys_stay_required(
     book: KeyFile, authenticator: Authenticator, store: Store
 ) -> None:
     key, cookie = made(book, "ann"), new_cookie()
@@ -177,7 +177,7 @@ def test_a_session_ends_when_its_page_is_silent_for_long(
     assert SessionRepository(store).all() == []
 
 
-def test_a_wrong_key_is_not_passed_over_for_a_cookie(
+def test_a_wrong_key_is_not_replaced_by_a_cookie(
     book: KeyFile, authenticator: Authenticator, store: Store
 ) -> None:
     key, cookie = made(book, "ann"), new_cookie()
@@ -205,7 +205,7 @@ def test_sessions_are_bounded(
     assert len(SessionRepository(store).all()) == 5
 
 
-def test_the_use_of_a_key_is_kept_once_a_minute(
+def test_the_use_of_a_key_is_stored_once_a_minute(
     book: KeyFile,
     authenticator: Authenticator,
     clock: Clock,
@@ -231,14 +231,14 @@ def test_the_use_of_a_key_is_kept_once_a_minute(
     assert [row.used_at for row in book.read()] == [NOW]
 
 
-def test_a_name_is_given_once(book: KeyFile) -> None:
+def test_a_name_is_used_once(book: KeyFile) -> None:
     made(book, "ann")
     book.revoke("ann")
     with pytest.raises(KeyNameTakenError):
         made(book, "ann", "admin")
 
 
-def test_beyond_loopback_keys_are_wanted_also_before_there_is_one() -> None:
+def test_beyond_loopback_keys_are_required_even_before_the_first_one() -> None:
     authenticator = Authenticator(always=True)
     assert authenticator.keys_wanted
     assert authenticator.identify("192.168.1.20", None, None).scope is None
@@ -254,13 +254,11 @@ def test_beyond_loopback_keys_are_wanted_also_before_there_is_one() -> None:
         (Caller("10.0.0.9"), "cell-7", "10.0.0.9"),
     ],
 )
-def test_a_label_is_no_identity_where_there_are_keys(
-    caller: Caller, label: str, signed: str
-) -> None:
+def test_with_keys_a_label_is_not_an_identity(caller: Caller, label: str, signed: str) -> None:
     assert caller.signed(label) == signed
 
 
-def test_what_was_known_stays_in_force_while_the_journal_cannot_be_read(
+def test_known_keys_stay_in_force_while_the_journal_cannot_be_read(
     book: KeyFile, authenticator: Authenticator, store: Store
 ) -> None:
     key = made(book, "ann")

@@ -136,7 +136,7 @@ def test_keys_that_cannot_be_read_shut_everything_but_the_stop(desk: Desk) -> No
     assert desk.call("GET", "/jobs", None).status_code == 401
 
 
-def test_a_key_that_is_revoked_while_keys_cannot_be_read_stays_shut(desk: Desk) -> None:
+def test_a_key_revoked_while_keys_cannot_be_read_stays_refused(desk: Desk) -> None:
     file = desk.harness.store.folder / KEY_FILE
     content = file.read_text(encoding="utf-8")
     file.write_text("{", encoding="utf-8")

@@ -87,7 +87,7 @@ def office(store: Store) -> Office:
 
 @pytest.mark.parametrize("restarted", [False, True])
 @pytest.mark.parametrize("back", [2 * MINUTE, YEAR])
-def test_a_step_back_revives_no_key_that_has_ended(
+def test_a_step_back_revives_no_expired_key(
     office: Office, back: timedelta, *, restarted: bool
 ) -> None:
     office.go_on(LASTS - MINUTE)
@@ -204,7 +204,7 @@ def test_a_later_change_of_keys_keeps_the_latest_time(tmp_path: Path) -> None:
     assert KeyFile(tmp_path).latest_at() == latest
 
 
-def test_shown_keys_are_refused_as_ended_over_rest(harness: Harness) -> None:
+def test_expired_keys_are_refused_over_rest(harness: Harness) -> None:
     clocks, key = Clocks(), new_key()
     access = Access(clocks.authenticator())
     harness.app = create_app(harness.rigs, access)

@@ -36,7 +36,7 @@ ESTOP = "/api/v1/rigs/demo/estop"
 NOT_HELD = {"short": 0.0, "long": 0.0}
 
 
-def test_a_bucket_gives_a_burst_and_then_its_rate() -> None:
+def test_a_bucket_allows_a_burst_and_then_its_rate() -> None:
     buckets = TokenBuckets(per_s=10.0, burst=5.0)
     assert [buckets.wait_s("a", 0.0) for _ in range(5)] == [0.0] * 5
     assert buckets.wait_s("a", 0.0) == pytest.approx(0.1)
@@ -47,7 +47,7 @@ def test_a_bucket_gives_a_burst_and_then_its_rate() -> None:
     assert buckets.wait_s("a", 100.0) > 0.0
 
 
-def test_patient_callers_of_a_bucket_come_one_after_the_other() -> None:
+def test_waiting_callers_of_a_bucket_are_served_in_order() -> None:
     buckets = TokenBuckets(per_s=10.0, burst=1.0)
     waits = [buckets.wait_s("a", 0.0, patience_s=0.25) for _ in range(4)]
     assert waits == pytest.approx([0.0, 0.1, 0.2, 0.3])
@@ -55,7 +55,7 @@ def test_patient_callers_of_a_bucket_come_one_after_the_other() -> None:
     assert buckets.wait_s("a", 0.1, patience_s=0.25) == pytest.approx(0.2)
 
 
-def test_clients_of_one_address_beyond_its_rate_are_served_later(
+def test_clients_of_one_address_beyond_its_rate_are_delayed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(limits, "HELD_S", NOT_HELD)
@@ -70,7 +70,7 @@ def test_clients_of_one_address_beyond_its_rate_are_served_later(
     assert asyncio.run(run()) == {200}
 
 
-def test_a_flood_of_addresses_takes_no_more_memory() -> None:
+def test_a_flood_of_addresses_needs_no_more_memory() -> None:
     buckets = TokenBuckets(per_s=1.0, burst=1.0)
     for number in range(3 * CLIENTS):
         buckets.wait_s(str(number), 0.0)
@@ -79,7 +79,7 @@ def test_a_flood_of_addresses_takes_no_more_memory() -> None:
     assert buckets.wait_s("0", 0.0) == 0.0
 
 
-def test_a_client_beyond_its_rate_gets_a_time_to_retry_and_may_still_stop(
+def test_a_client_beyond_its_rate_gets_a_retry_time_and_may_still_stop(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     harness.app = create_app(harness.rigs, Access(buckets=TokenBuckets(per_s=1e-3, burst=2.0)))
@@ -176,7 +176,7 @@ def test_one_client_has_a_share_of_each_kind_of_request(
 
 
 @pytest.mark.parametrize("path", ["/jobs", LONG[0]])
-def test_all_clients_together_have_a_bound(monkeypatch: pytest.MonkeyPatch, path: str) -> None:
+def test_all_clients_together_have_a_limit(monkeypatch: pytest.MonkeyPatch, path: str) -> None:
     async def test(call: Call, go: asyncio.Event) -> None:
         most, of_one = AT_ONCE[kind_of(path)], OF_ONE[kind_of(path)]
         keys = [f"key{number // of_one}" for number in range(most)]
@@ -190,7 +190,7 @@ def test_all_clients_together_have_a_bound(monkeypatch: pytest.MonkeyPatch, path
     held(monkeypatch, test)
 
 
-def test_a_flood_of_long_polls_that_are_answered_at_once_leaves_the_rate_of_other_requests(
+def test_a_flood_of_long_polls_leaves_the_rate_of_other_requests(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async def test(call: Call, go: asyncio.Event) -> None:
@@ -212,7 +212,7 @@ def test_actions_without_a_key_are_not_exempt(monkeypatch: pytest.MonkeyPatch) -
     held(monkeypatch, test)
 
 
-def test_an_address_without_keys_stands_for_as_many_clients_as_the_site_says(
+def test_an_address_without_keys_counts_as_a_configured_number_of_clients(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """50 honest clients behind one proxy, each with its streams."""
@@ -279,7 +279,9 @@ def test_a_stop_of_a_job_is_not_limited_and_other_actions_are(
     assert harness.call("POST", "/api/v1/jobs/stop", json=stop).status_code == 200
 
 
-def test_who_does_not_take_an_answer_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_client_that_does_not_read_its_response_is_disconnected(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(limits, "SEND_S", 0.01)
 
     async def app(_scope: Scope, _receive: Receive, send: Send) -> None:
@@ -399,9 +401,7 @@ def test_many_query_parameters_are_refused(harness: Harness) -> None:
     assert len(answer.content) < 2_000
 
 
-def test_a_body_that_does_not_come_is_given_up(
-    harness: Harness, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_body_ends_the_request(harness: Harness, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "BODY_S", 0.05)
 
     async def slow() -> Any:
@@ -417,7 +417,7 @@ def test_a_body_that_does_not_come_is_given_up(
     )
 
 
-def test_an_emergency_stop_needs_no_body_and_minds_none(harness: Harness) -> None:
+def test_an_emergency_stop_needs_no_body_and_ignores_one(harness: Harness) -> None:
     answer = harness.call("POST", ESTOP, content=b" " * (2 * LARGE_BYTES))
     assert answer.status_code == 200
 

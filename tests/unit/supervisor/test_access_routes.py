@@ -74,7 +74,7 @@ def every_route(routes: list[BaseRoute]) -> list[BaseRoute]:
     return found
 
 
-def test_every_operation_demands_a_scope_or_stands_in_the_list() -> None:
+def test_every_operation_requires_a_scope_or_is_listed_as_open() -> None:
     found = {place: demanded(one) for place, one in operations().items()}
     assert {place for place, scope in found.items() if scope is None} == set(OPEN)
     for place, scope in found.items():
@@ -84,7 +84,7 @@ def test_every_operation_demands_a_scope_or_stands_in_the_list() -> None:
         assert scope in (expected, None), place
 
 
-def test_no_route_is_left_out_of_the_description(harness: Harness) -> None:
+def test_every_route_is_described(harness: Harness) -> None:
     undescribed = {
         getattr(route, "path", "")
         for route in every_route(harness.app.routes)
@@ -108,7 +108,7 @@ def test_the_description_names_how_a_key_is_shown() -> None:
         assert wanted <= one["responses"].keys(), place
 
 
-def test_whoever_has_too_small_a_scope_is_refused_before_anything_is_looked_at(
+def test_a_too_small_scope_is_refused_before_anything_is_read(
     harness: Harness, ring: ScopeKeys
 ) -> None:
     for (method, path), operation in operations().items():
@@ -129,7 +129,7 @@ def test_whoever_has_too_small_a_scope_is_refused_before_anything_is_looked_at(
     assert harness.told("alarm") == []
 
 
-def test_an_observer_sees_and_stops_and_nothing_else(harness: Harness, ring: ScopeKeys) -> None:
+def test_an_observer_can_read_and_stop_only(harness: Harness, ring: ScopeKeys) -> None:
     seen = ring.headers("observe")
     assert harness.call("GET", "/api/v1/rigs", headers=seen).status_code == 200
     assert harness.call("POST", "/api/v1/rigs/demo/estop", headers=seen).status_code == 200
@@ -142,9 +142,7 @@ def test_an_observer_sees_and_stops_and_nothing_else(harness: Harness, ring: Sco
     assert "key 'an-observe' has observe" in answer.json()["detail"]
 
 
-def test_the_key_is_who_asked_and_a_label_stands_beside_it(
-    harness: Harness, ring: ScopeKeys
-) -> None:
+def test_the_key_names_the_caller_and_a_label_is_added(harness: Harness, ring: ScopeKeys) -> None:
     headers = {**ring.headers("operate"), "X-Operator": "an-admin"}
     job = harness.call("POST", "/api/v1/jobs", json={"kind": "grip"}, headers=headers)
     assert job.status_code == 201
@@ -185,7 +183,9 @@ def test_a_page_signs_in_and_out(harness: Harness, ring: ScopeKeys) -> None:
     assert harness.call("GET", "/api/v1/rigs", headers=cookie).status_code == 401
 
 
-def test_over_tls_the_cookie_goes_nowhere_else(harness: Harness, ring: ScopeKeys) -> None:
+def test_over_tls_the_cookie_is_sent_to_this_supervisor_only(
+    harness: Harness, ring: ScopeKeys
+) -> None:
     headers = {**ring.headers("observe"), "Origin": "https://localhost"}
     answer = harness.call("POST", "/api/v1/session", headers=headers)
     assert "Secure" in answer.headers["set-cookie"]

@@ -28,7 +28,7 @@ def book(store: Store) -> AlarmRepository:
     return AlarmRepository(store)
 
 
-def test_what_stands_is_counted_on_one_row(book: AlarmRepository) -> None:
+def test_an_alarm_is_counted_in_one_row(book: AlarmRepository) -> None:
     first = book.add(DISK)
     later = replace(DISK, words="disk: 4 MB free, limit 200 MB", raised_at=LATER)
     again = [book.add(later) for _ in range(99)]
@@ -38,7 +38,7 @@ def test_what_stands_is_counted_on_one_row(book: AlarmRepository) -> None:
     assert again[-1] == row
 
 
-def test_it_is_open_until_it_is_both_over_and_seen(book: AlarmRepository) -> None:
+def test_an_alarm_is_open_until_it_has_ended_and_was_acknowledged(book: AlarmRepository) -> None:
     number = book.add(DISK).number
     book.acknowledge(number, AT, "Ada")
     assert book.count_open("demo") == 1
@@ -48,7 +48,7 @@ def test_it_is_open_until_it_is_both_over_and_seen(book: AlarmRepository) -> Non
     assert book.add(DISK).number > number
 
 
-def test_what_comes_back_unseen_stands_again_on_its_row(book: AlarmRepository) -> None:
+def test_an_unacknowledged_alarm_that_returns_uses_its_row_again(book: AlarmRepository) -> None:
     number = book.add(DISK).number
     book.clear("demo", LATER, cause="disk", clears="condition")
     assert book.standing("demo") == []
@@ -56,7 +56,7 @@ def test_what_comes_back_unseen_stands_again_on_its_row(book: AlarmRepository) -
     assert (back.number, back.cleared_at, back.count) == (number, None, 2)
 
 
-def test_what_is_over_at_once_is_closed_by_who_has_seen_it(book: AlarmRepository) -> None:
+def test_a_momentary_alarm_is_closed_by_its_acknowledgement(book: AlarmRepository) -> None:
     moment = replace(DISK, cause="recorder.lost", clears="acknowledge")
     row = book.add(moment)
     assert row.cleared_at == AT
@@ -73,7 +73,7 @@ def test_each_trip_belongs_to_its_job_and_ends_with_the_reset(book: AlarmReposit
     assert [row.number for row in book.clear("demo", LATER, clears="reset")] == [1, 2]
 
 
-def test_the_first_who_has_seen_it_stays(book: AlarmRepository) -> None:
+def test_the_first_acknowledgement_is_kept(book: AlarmRepository) -> None:
     number = book.add(DISK).number
     book.acknowledge(number, AT, "Ada")
     row = book.acknowledge(number, LATER, "Bob")
@@ -82,7 +82,9 @@ def test_the_first_who_has_seen_it_stays(book: AlarmRepository) -> None:
     assert book.acknowledge(99, LATER, "Bob") is None
 
 
-def test_only_so_many_are_kept(book: AlarmRepository, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_number_of_stored_alarms_is_limited(
+    book: AlarmRepository, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(events, "ALARMS_KEPT", 20)
     for place in range(220):
         book.add(replace(DISK, cause=f"cause {place}"))
@@ -152,7 +154,7 @@ def test_acknowledging_resets_nothing(harness: Harness) -> None:
     assert row["cleared_at"] is None
 
 
-def test_who_asked_for_an_emergency_stop_is_in_its_words(harness: Harness) -> None:
+def test_the_words_of_an_emergency_stop_name_its_requester(harness: Harness) -> None:
     harness.call("POST", "/api/v1/rigs/demo/estop", headers={"X-Operator": "Ada"})
     harness.until(lambda: bool(alarms(harness)))
     (row,) = alarms(harness)
@@ -173,7 +175,7 @@ def test_the_first_of_several_requests_names_an_emergency_stop(harness: Harness)
         book.reset()
 
 
-def test_a_program_that_dies_stands_until_it_is_back(harness: Harness) -> None:
+def test_the_alarm_of_a_dead_program_lasts_until_it_returns(harness: Harness) -> None:
     watch = harness.manager.alarm_monitor
     watch.poll()
     assert alarms(harness) == []
@@ -203,7 +205,7 @@ def test_a_second_controller_is_one_alarm_however_many_commands_it_sends(harness
     assert "command of owner 9, armed for 5" in row["words"]
 
 
-def test_commands_that_are_late_now_and_then_are_no_alarm(
+def test_occasional_late_commands_raise_no_alarm(
     rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     now_s = 0.0
@@ -216,7 +218,7 @@ def test_commands_that_are_late_now_and_then_are_no_alarm(
     assert alarms(harness) == []
 
 
-def test_a_stuck_sensor_stands_while_it_is_stuck(harness: Harness) -> None:
+def test_the_alarm_of_a_stuck_sensor_lasts_while_it_is_stuck(harness: Harness) -> None:
     watch = harness.manager.alarm_monitor
     estimate = samples.grip(1)[0].estimate
     words = "sensor stuck: 12.000 µm in 10 samples while the voltage moved"
@@ -231,7 +233,7 @@ def test_a_stuck_sensor_stands_while_it_is_stuck(harness: Harness) -> None:
     assert alarms(harness)[0]["cleared_at"] is not None
 
 
-def test_a_disk_that_runs_full_is_reported_before_it_is(
+def test_an_almost_full_disk_is_reported_early(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     watch = harness.manager.alarm_monitor
@@ -248,7 +250,7 @@ def test_a_disk_that_runs_full_is_reported_before_it_is(
     assert row["words"].endswith("12 MB free, limit 200 MB")
 
 
-def test_what_cannot_be_written_is_written_with_its_time_once_it_can(
+def test_alarms_that_could_not_be_written_are_written_later_with_their_time(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     add = AlarmRepository.add
@@ -270,7 +272,7 @@ def test_what_cannot_be_written_is_written_with_its_time_once_it_can(
     assert row["raised_at"] <= row["cleared_at"]
 
 
-def test_the_next_supervisor_knows_what_stands(
+def test_the_next_supervisor_knows_the_open_alarms(
     rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     before = open_harness(rig_file)
@@ -331,7 +333,7 @@ def test_lost_messages_are_reported_with_the_record_that_lacks_them_and_what_to_
     assert row["words"] == f"recorder lost 3 messages: {lack}; 3 messages lost; {AFTER_A_LOSS}"
 
 
-def test_a_rig_without_a_job_is_let_sample_seldom_after_a_while(
+def test_a_rig_without_a_job_samples_slowly_after_a_while(
     rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     now_s = 0.0

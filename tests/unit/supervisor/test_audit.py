@@ -19,7 +19,7 @@ def audit(harness: Harness, ring: ScopeKeys, **query: Any) -> list[dict[str, Any
     return answer.json()["entries"]
 
 
-def test_what_is_done_is_kept(harness: Harness, ring: ScopeKeys) -> None:
+def test_actions_are_stored(harness: Harness, ring: ScopeKeys) -> None:
     headers = ring.headers("operate")
     body = {"kind": "grip", "dry_run": True}
     harness.call("POST", "/api/v1/jobs", json=body, headers=headers)
@@ -42,7 +42,9 @@ def test_what_is_done_is_kept(harness: Harness, ring: ScopeKeys) -> None:
     assert [one["number"] for one in rest] == [2, 1]
 
 
-def test_a_stranger_who_insists_fills_no_log(harness: Harness, ring: ScopeKeys) -> None:
+def test_an_insistent_unknown_client_does_not_fill_the_log(
+    harness: Harness, ring: ScopeKeys
+) -> None:
     for number in range(50):
         headers = {"X-Operator": f"an-admin {number}"}
         harness.call("GET", f"/api/v1/jobs/{number}", headers=headers)
@@ -60,7 +62,7 @@ def test_the_log_is_only_added_to(harness: Harness, ring: ScopeKeys, tmp_path: P
     assert audit(harness, ring)[0]["who"] == "an-observe"
 
 
-def test_stops_of_a_stranger_are_reported_once_and_beside_those_of_others(
+def test_stops_of_an_unknown_client_are_logged_once_beside_those_of_others(
     harness: Harness, ring: ScopeKeys
 ) -> None:
     for _ in range(50):
@@ -98,7 +100,7 @@ DAMAGES = [
 
 
 @pytest.mark.parametrize(("damage", "broken"), DAMAGES)
-def test_what_was_changed_in_the_file_is_found(
+def test_a_changed_entry_of_the_file_is_found(
     harness: Harness, ring: ScopeKeys, tmp_path: Path, damage: str, broken: int
 ) -> None:
     for _ in range(5):
@@ -132,7 +134,7 @@ SELECT '2026-03-01T12:00:00.000Z', 'ann', '127.0.0.1', 'POST /estop', '', 200, 1
 """
 
 
-def test_the_oldest_of_very_many_entries_go(
+def test_the_oldest_of_very_many_entries_are_deleted(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("pincette_supervisor.journal.access.AUDIT_SWEEP", 0)

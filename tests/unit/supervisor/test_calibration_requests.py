@@ -44,7 +44,7 @@ def test_a_fault_is_reported_with_its_place(
     assert words in error["message"]
 
 
-def test_both_addresses_take_the_same_calibration(harness: Harness) -> None:
+def test_both_addresses_accept_the_same_calibration(harness: Harness) -> None:
     as_job = harness.post("/jobs", body("noise", duration_s=4.0), dry_run="true")
     alone = harness.post(
         "/calibrations", {"calibration": "noise", "duration_s": 4.0, "dry_run": True}
@@ -76,7 +76,7 @@ def test_a_motion_beyond_a_limit_is_refused_before_it_begins(
     assert harness.get("/jobs")["jobs"] == []
 
 
-def test_weights_are_asked_for_there_and_back(harness: Harness) -> None:
+def test_weights_are_requested_up_and_down(harness: Harness) -> None:
     plan = harness.post(
         "/jobs", body("compliance", weights_mN=[0.0, 5.0, 10.0]), dry_run="1"
     ).json()
@@ -105,7 +105,7 @@ def test_a_plan_predicts_its_voltages_within_the_limits(harness: Harness) -> Non
     ]
 
 
-def test_slow_instruments_are_reported_with_the_bandwidth_that_there_is(harness: Harness) -> None:
+def test_slow_instruments_are_reported_with_their_bandwidth(harness: Harness) -> None:
     response = harness.post("/jobs", body("frequency_response", to_hz=700.0))
     assert response.status_code == 422
     problem = response.json()
@@ -143,7 +143,7 @@ def test_the_loop_of_an_unknown_arm_is_not_mistaken_for_too_much_force() -> None
     assert most_mN(unknown) > unknown.limits.force_max_mN + 60.0
 
 
-def test_a_person_who_has_seen_no_part_lets_a_free_arm_bend() -> None:
+def test_a_confirmation_that_there_is_no_part_allows_a_bending_arm() -> None:
     """A free arm of wide relays read 3 mN of its own bend and could not be brought up.
 
     Without that confirmation every kink above the contact force is a touch; with it, one that is

@@ -66,7 +66,7 @@ def test_a_calibration_proposes_and_changes_nothing(harness: Harness) -> None:
     assert plot.headers["content-type"] == "image/png"
 
 
-def test_what_is_accepted_is_what_later_jobs_work_with(harness: Harness) -> None:
+def test_later_jobs_use_the_accepted_values(harness: Harness) -> None:
     name = proposal(harness)
     accepted = decide(harness, name, "accept").json()
     assert (accepted["state"], accepted["model_version"]) == ("accepted", 1)
@@ -89,7 +89,7 @@ def test_what_is_accepted_is_what_later_jobs_work_with(harness: Harness) -> None
 
 
 @pytest.mark.parametrize("action", ["accept", "discard"])
-def test_a_proposal_is_decided_about_once(harness: Harness, action: str) -> None:
+def test_a_proposal_is_decided_once(harness: Harness, action: str) -> None:
     name = proposal(harness)
     decided = decide(harness, name, action).json()
     assert decided["allowed_actions"] == []
@@ -101,7 +101,7 @@ def test_a_proposal_is_decided_about_once(harness: Harness, action: str) -> None
     assert harness.get("/rigs/demo/model")["version"] == (1 if action == "accept" else 0)
 
 
-def test_an_accepted_proposal_supersedes_those_of_its_kind_before_it(
+def test_an_accepted_proposal_supersedes_earlier_ones_of_its_kind(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(bring_up, "PAGE", 1)
@@ -114,7 +114,7 @@ def test_an_accepted_proposal_supersedes_those_of_its_kind_before_it(
     assert decide(harness, second, "accept").status_code == 409
 
 
-def test_a_rig_goes_back_to_a_version_and_to_its_file_alone(harness: Harness) -> None:
+def test_a_rig_can_return_to_a_version_or_to_its_file(harness: Harness) -> None:
     for noise_um in (0.02, 0.04):
         decide(harness, proposal(harness, noise_um), "accept")
     values = [in_use(harness, "sensor.noise_um")["value"]]
@@ -128,7 +128,7 @@ def test_a_rig_goes_back_to_a_version_and_to_its_file_alone(harness: Harness) ->
     assert "no version of the model '7'; there are 0, 1, 2" in unknown.json()["detail"]
 
 
-def test_nothing_changes_while_a_job_has_the_rig(harness: Harness) -> None:
+def test_nothing_changes_while_a_job_uses_the_rig(harness: Harness) -> None:
     name = proposal(harness)
     job = harness.post("/jobs", {"kind": "grip"}).json()["id"]
     harness.reach(job, "ready")
@@ -156,7 +156,7 @@ def test_values_that_make_an_impossible_rig_are_refused(harness: Harness) -> Non
     assert harness.get("/rigs/demo/model")["versions"] == []
 
 
-def test_readings_that_say_nothing_fail_the_job_and_propose_nothing(harness: Harness) -> None:
+def test_uninformative_readings_fail_the_job_and_propose_nothing(harness: Harness) -> None:
     harness.bus.edit = at_rest(0.0)
     job = harness.calibrated()
     assert job["state"] == "failed"
@@ -205,7 +205,7 @@ def test_a_job_waits_for_each_weight(harness: Harness) -> None:
     assert value["value"] == pytest.approx(TRUE_UM_PER_MN, rel=0.01)
 
 
-def test_nothing_continues_that_does_not_wait(harness: Harness) -> None:
+def test_a_job_that_does_not_wait_cannot_be_continued(harness: Harness) -> None:
     harness.bus.edit, harness.bus.pause_at = at_rest(), 50
     body = {"calibration": "noise", "autostart": True}
     name = harness.post("/calibrations", body).json()["id"]
@@ -219,7 +219,7 @@ def test_nothing_continues_that_does_not_wait(harness: Harness) -> None:
     assert stopped["result"]["values"] == []
 
 
-def test_a_service_that_works_with_another_model_than_it_was_armed_with_is_named(
+def test_a_service_using_another_model_than_armed_is_named(
     harness: Harness,
 ) -> None:
     decide(harness, proposal(harness), "accept")
@@ -243,7 +243,7 @@ def heard_idle(harness: Harness) -> None:
     harness.bus.idle()
 
 
-def test_the_model_outlives_a_restart_but_no_other_instrument(
+def test_the_model_survives_a_restart_but_not_another_instrument(
     harness: Harness, rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     decide(harness, proposal(harness), "accept")
@@ -266,7 +266,7 @@ def test_the_model_outlives_a_restart_but_no_other_instrument(
     assert other.get("/rigs/demo")["can_start"] is True
 
 
-def test_limits_jobs_and_the_part_leave_the_model_in_use(
+def test_limits_jobs_and_the_part_do_not_change_the_model_in_use(
     harness: Harness, rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     decide(harness, proposal(harness), "accept")
@@ -285,7 +285,7 @@ def test_limits_jobs_and_the_part_leave_the_model_in_use(
     assert other.get("/rigs/demo")["can_start"] is True
 
 
-def test_a_value_that_a_person_changes_in_the_rig_file_is_used_alone(
+def test_a_value_changed_in_the_rig_file_overrides_only_itself(
     harness: Harness, rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     decide(harness, proposal(harness), "accept")

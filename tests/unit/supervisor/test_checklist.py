@@ -30,7 +30,7 @@ def codes(step: dict[str, Any]) -> list[str]:
     return [reason["code"] for reason in step["reasons"]]
 
 
-def test_what_is_assumed_is_found_before() -> None:
+def test_assumed_values_are_identified_before_they_are_needed() -> None:
     found: set[str] = set()
     for step in ordered():
         assert not set(step.functions.assumes) - found
@@ -54,7 +54,7 @@ def test_the_order_follows_what_is_assumed_not_the_places(monkeypatch: pytest.Mo
     assert names[-2:] == ["contact_stiffness", "noise"]
 
 
-def test_a_rig_that_nobody_has_calibrated_begins_with_the_noise(harness: Harness) -> None:
+def test_an_uncalibrated_rig_starts_with_the_noise(harness: Harness) -> None:
     found = harness.get("/rigs/demo/checklist")
     assert found["next"] == "noise"
     states = {step["calibration"]: step["state"] for step in found["steps"]}
@@ -118,20 +118,20 @@ def test_decisions_of_many_proposals_are_read_in_one_query(
     assert read == [2]
 
 
-def test_at_1_khz_bursts_take_the_place_of_the_sweep() -> None:
+def test_at_1_khz_bursts_replace_the_sweep() -> None:
     rig = read_rig(DEMO.parent / "kilohertz.toml")
     needed = {step.variant.name: step.functions.needed(rig) for step in ordered()}
     assert (needed["frequency_response"], needed["output_timing"]) == (False, True)
 
 
-def test_each_step_is_a_request_that_is_taken_as_it_is(harness: Harness) -> None:
+def test_each_step_is_an_acceptable_request(harness: Harness) -> None:
     for step in steps(harness).values():
         if step["state"] != "unsupported":
             answer = harness.post("/jobs", step["request"], dry_run="true")
             assert (answer.status_code, answer.json()["feasible"]) == (200, True)
 
 
-def test_what_is_in_use_is_found_behind_any_number_of_proposals(
+def test_the_model_in_use_is_found_behind_any_number_of_proposals(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     name = proposal(harness)
@@ -141,7 +141,7 @@ def test_what_is_in_use_is_found_behind_any_number_of_proposals(
     assert (noise["state"], noise["accepted"]) == ("done", name)
 
 
-def test_what_is_proposed_is_decided_about_and_then_the_next_one_follows(harness: Harness) -> None:
+def test_a_proposal_is_decided_and_then_the_next_step_follows(harness: Harness) -> None:
     name = proposal(harness)
     noise = steps(harness)["noise"]
     assert (noise["state"], noise["proposal"], noise["gained"]) == ("next", name, [])
@@ -161,13 +161,13 @@ def test_what_is_proposed_is_decided_about_and_then_the_next_one_follows(harness
     assert harness.get("/rigs/demo/checklist")["next"] == "noise"
 
 
-def test_what_is_discarded_is_to_be_made_again(harness: Harness) -> None:
+def test_a_discarded_step_must_be_repeated(harness: Harness) -> None:
     decide(harness, proposal(harness), "discard")
     noise = steps(harness)["noise"]
     assert (noise["state"], noise["proposal"]) == ("next", None)
 
 
-def test_what_was_made_with_another_value_is_to_be_made_again(harness: Harness) -> None:
+def test_a_step_made_with_another_value_must_be_repeated(harness: Harness) -> None:
     """The press rests on the compliance, which is measured afterwards here."""
     name = proposal(harness)
     row = harness.store.get(name)
@@ -199,7 +199,7 @@ def test_a_calibration_that_is_overdue_is_next_again(
     assert noise["gained"]
 
 
-def test_a_calibration_that_would_be_refused_says_so(
+def test_a_calibration_that_would_be_refused_states_it(
     rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     tight = rig_file.limits.model_copy(update={"position_max_um": 25.0})
@@ -208,7 +208,7 @@ def test_a_calibration_that_would_be_refused_says_so(
     assert codes(press) == ["not_calibrated", "refused"]
 
 
-def test_a_sweep_is_needed_where_the_estimator_takes_the_mode_into_account() -> None:
+def test_a_sweep_is_needed_if_the_estimator_uses_the_mode() -> None:
     (sweep,) = [step for step in ordered() if step.variant.name == "frequency_response"]
     fast = read_rig(DEMO.parent / "fast.toml")
     assert sweep.functions.needed(fast) == (fast.model.force_observer != "quasi_static")
@@ -223,9 +223,7 @@ def test_a_sweep_is_needed_where_the_estimator_takes_the_mode_into_account() -> 
         ({"model": {"compliance_um_per_mN": 4.6}}, [0.0, 0.5, 1.0, 2.0]),
     ],
 )
-def test_weights_that_are_left_out_are_within_the_limits(
-    changes: Tree, weights_mN: list[float]
-) -> None:
+def test_omitted_weights_are_within_the_limits(changes: Tree, weights_mN: list[float]) -> None:
     rig = demo_rig(changes)
     assert weights_within(rig) == pytest.approx(weights_mN)
     request = REQUEST.validate_python({"kind": "calibrate", "calibration": "compliance"})

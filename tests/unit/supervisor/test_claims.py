@@ -40,7 +40,7 @@ def test_all_see_who_has_claimed_a_rig(harness: Harness) -> None:
     assert [event.body["change"] for event in harness.told("claim")] == ["taken"]
 
 
-def test_others_begin_nothing_and_are_told_whose_it_is(harness: Harness) -> None:
+def test_other_clients_cannot_start_jobs_and_learn_who_holds_the_claim(harness: Harness) -> None:
     claim(harness)
     for refused in (
         grip(harness),
@@ -57,13 +57,13 @@ def test_others_begin_nothing_and_are_told_whose_it_is(harness: Harness) -> None
     assert harness.get("/jobs")["jobs"] == []
 
 
-def test_what_moves_nothing_is_open_to_all(harness: Harness) -> None:
+def test_requests_that_move_nothing_are_open_to_all(harness: Harness) -> None:
     claim(harness)
     assert grip(harness, dry_run=True).status_code == 200
     assert harness.post("/rigs/demo/queue/actions", {"type": "clear"}).status_code == 200
 
 
-def test_the_holder_works_on(harness: Harness) -> None:
+def test_the_holder_can_start_jobs(harness: Harness) -> None:
     claim(harness)
     taken = grip(harness, MINE)
     assert taken.status_code == 201, taken.text
@@ -88,7 +88,7 @@ def test_an_emergency_stop_is_everybodys(harness: Harness) -> None:
     assert len(harness.bus.trips) == 1
 
 
-def test_it_is_renewed_given_back_and_broken(harness: Harness) -> None:
+def test_a_claim_is_renewed_returned_and_broken(harness: Harness) -> None:
     since = claim(harness, lease_s=10.0).json()["since"]
     renewed = claim(harness, lease_s=100.0).json()
     assert renewed["since"] == since
@@ -117,7 +117,7 @@ def test_a_key_that_made_a_job_answers_with_it_whoever_has_the_rig(harness: Harn
     assert again.json()["id"] == first.json()["id"]
 
 
-def test_a_lease_ends_by_itself_and_lives_on_over_a_restart(harness: Harness) -> None:
+def test_a_claim_expires_and_survives_a_restart(harness: Harness) -> None:
     now_s = 1000.0
 
     def clock() -> float:

@@ -10,7 +10,7 @@ from pincette_supervisor.plugin import FaultyRequestError
 
 
 @pytest.mark.parametrize("kind", ["grip", "track"])
-def test_a_plan_says_before_it_starts_that_no_free_response_has_been_identified(
+def test_a_plan_warns_that_no_free_response_has_been_identified(
     rig_file: RigFile, kind: str
 ) -> None:
     request = REQUEST.validate_python({"kind": kind})
@@ -24,7 +24,7 @@ def test_a_plan_says_before_it_starts_that_no_free_response_has_been_identified(
     assert "calibrate free_response first" in warning
 
 
-def test_a_part_is_not_pressed_by_voltage_where_the_force_is_not_known(
+def test_a_part_is_not_pressed_by_voltage_if_the_force_is_unknown(
     rig_file: RigFile,
 ) -> None:
     bare = rig_file.model_copy(

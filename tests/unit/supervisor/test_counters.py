@@ -46,21 +46,21 @@ def test_a_trip_counts_once_however_long_it_lasts() -> None:
     assert trips(counters) == {"command_age": 1, "estop": 1}
 
 
-def test_every_cause_there_is_has_a_count_and_no_other() -> None:
+def test_every_existing_cause_has_a_counter() -> None:
     asked = [applied("latched", f"asked: invented {number}") for number in range(50)]
     counters = fed([state for one in asked for state in (one, applied("idle"))])
     assert set(counters.trips()) == set(CAUSES)
     assert trips(counters) == {"asked": 50}
 
 
-def test_a_latch_from_before_is_no_trip_and_the_next_one_is() -> None:
+def test_an_earlier_latch_is_not_a_trip_but_the_next_one_is() -> None:
     counters = fed([applied("latched", "boot")] * 3, RigCounters(applied("latched", "boot")))
     assert trips(counters) == {}
     fed([applied("idle"), applied("latched", "boot")], counters)
     assert trips(counters) == {"boot": 1}
 
 
-def test_ages_are_of_commands_that_were_taken() -> None:
+def test_ages_are_those_of_accepted_commands() -> None:
     ages_s = (0.003, 0.0031, 0.3)
     taken = [replace(applied("armed"), answered=True, command_age_s=age_s) for age_s in ages_s]
     counters = fed([*taken, applied("armed"), applied("idle")])
@@ -89,7 +89,7 @@ def test_the_peak_of_an_arming_is_its_highest_valid_force() -> None:
     assert counters.peaks().counts[-1] == 2
 
 
-def test_what_is_estimated_while_nothing_is_armed_is_no_peak() -> None:
+def test_an_estimate_without_an_arming_is_not_a_peak() -> None:
     held = max((tick.estimate for tick in samples.grip()), key=lambda one: one.arms[0].force_mN)
     counters = fed([replace(held, epoch=0), replace(held, epoch=3)])
     assert counters.peaks().newest_mN is None
@@ -99,7 +99,7 @@ def test_what_is_estimated_while_nothing_is_armed_is_no_peak() -> None:
     assert counters.peaks().newest_mN == pytest.approx(held.arms[0].force_mN)
 
 
-def test_an_arming_whose_end_was_not_heard_counts_when_the_next_one_has_a_force() -> None:
+def test_an_arming_without_a_received_end_counts_when_the_next_one_has_a_force() -> None:
     cut = [message for tick in samples.grip(7)[:300] for message in tick.messages()]
     counters = fed(cut)
     assert counters.peaks().counts[-1] == 0
@@ -107,7 +107,7 @@ def test_an_arming_whose_end_was_not_heard_counts_when_the_next_one_has_a_force(
     assert counters.peaks().counts[-1] == 2
 
 
-def test_a_whole_grip_has_no_gap_and_one_with_holes_has_them() -> None:
+def test_a_complete_grip_has_no_gaps_and_an_incomplete_one_has() -> None:
     assert set(fed(of_grip()).gaps().values()) == {0}
     ticks = samples.grip()
     holed = [tick for tick in ticks if not 50 <= tick.position.seq < 53]
@@ -117,7 +117,7 @@ def test_a_whole_grip_has_no_gap_and_one_with_holes_has_them() -> None:
     )
 
 
-def test_numbers_that_an_idle_loop_leaves_out_are_no_gap() -> None:
+def test_numbers_skipped_by_an_idle_loop_are_not_gaps() -> None:
     counters = fed([applied("idle", seq=3), applied("latched", "estop", seq=900)])
     assert counters.gaps()["applied"] == 0
 
@@ -127,7 +127,7 @@ def timing(epoch: int, missed: int, lateness_s: list[float], service: str = "sen
     return replace(samples.timing(service, 5), epoch=epoch, missed=missed, lateness=told, age=told)
 
 
-def test_what_a_program_tells_continues_over_armings_and_restarts() -> None:
+def test_reported_counts_continue_over_armings_and_restarts() -> None:
     counters = fed([timing(1, 2, [0.001, 0.004]), timing(1, 3, [0.001, 0.004, 0.004])])
     assert counters.missed()["sensor"] == 3
     fed([timing(2, 1, [0.002]), timing(0, 4, [0.03])], counters)
@@ -143,7 +143,7 @@ def test_a_service_that_is_invalid_is_not_counted() -> None:
     assert counters.missed() == dict.fromkeys(("sensor", "estimator", "controller", "actuator"), 0)
 
 
-def test_what_was_refused_and_lost_continues_over_a_restart() -> None:
+def test_refused_and_lost_counts_continue_over_a_restart() -> None:
     def status(service: str, instance: int, missed: int, refused: int) -> Status:
         return Status(service, "0", instance, "", 0, 0, missed, refused)
 
@@ -161,7 +161,7 @@ def test_what_was_refused_and_lost_continues_over_a_restart() -> None:
     assert refused == {"recorder": 5, "actuator": 9}
 
 
-def test_an_estimate_without_a_zero_is_no_peak() -> None:
+def test_an_estimate_without_a_zero_is_not_a_peak() -> None:
     held = max((tick.estimate for tick in samples.grip()), key=lambda one: one.arms[0].force_mN)
     unzeroed = with_arm(held, force_mN=99.0, zero_age_s=None)
     counters = RigCounters()

@@ -59,7 +59,7 @@ def test_a_key_has_a_length_and_can_be_printed(harness: Harness, key: str) -> No
     assert harness.get("/jobs")["jobs"] == []
 
 
-def test_an_etag_says_whether_a_job_has_changed(harness: Harness) -> None:
+def test_an_etag_shows_whether_a_job_has_changed(harness: Harness) -> None:
     job = harness.playing_to(IN_APPROACH)
     response = harness.call("GET", f"/api/v1/jobs/{job}")
     tag = response.headers["etag"]
@@ -107,7 +107,7 @@ def test_a_job_is_found_by_its_outcome_and_by_labels_of_any_alphabet(harness: Ha
     assert harness.get("/jobs", outcome="lost")["jobs"] == []
 
 
-def test_an_action_is_kept_with_who_asked_and_when_it_acted(harness: Harness) -> None:
+def test_an_action_is_stored_with_its_requester_and_time(harness: Harness) -> None:
     job = harness.playing_to(IN_APPROACH)
     assert harness.act(job, "stop", headers={"X-Operator": "x" * 961}).status_code == 422
     harness.act(job, "stop", headers={"X-Operator": "Ada, cell 4"})
@@ -182,7 +182,9 @@ def test_a_refused_first_request_leaves_its_key_to_the_next(harness: Harness) ->
     assert sorted(answer.status_code for answer in answers) == [201, 422]
 
 
-def test_only_so_many_wait_for_a_key(harness: Harness, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_number_of_requests_waiting_for_a_key_is_limited(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("pincette_supervisor.jobs.job_manager.WAITING", 1)
     answers = together(harness, *[GRIP] * 5, key="k")
     assert [answer.status_code for answer in answers].count(201) == 1
@@ -191,7 +193,7 @@ def test_only_so_many_wait_for_a_key(harness: Harness, monkeypatch: pytest.Monke
     assert all("again in a moment with the same key" in problem["detail"] for problem in late)
 
 
-def test_a_caller_that_has_hung_up_starts_nothing(harness: Harness) -> None:
+def test_a_disconnected_caller_starts_nothing(harness: Harness) -> None:
     """The body comes whole, and the connection is closed while the job is being planned."""
 
     async def send() -> None:
@@ -227,7 +229,7 @@ def test_a_caller_that_has_hung_up_starts_nothing(harness: Harness) -> None:
     assert entry["detail"] == "grip: the client closed the connection, nothing was started"
 
 
-def test_a_change_is_waited_for_from_now_on_where_nothing_is_known(harness: Harness) -> None:
+def test_without_a_known_revision_a_wait_is_for_the_next_change(harness: Harness) -> None:
     ready = harness.post("/jobs", {"kind": "grip"}).json()
     harness.reach(ready["id"], "ready")
     still = harness.get(f"/jobs/{ready['id']}", wait="change", timeout_s=0.3)
@@ -266,14 +268,14 @@ def test_a_label_is_named_in_any_alphabet_and_found_by_it(harness: Harness) -> N
         assert refused.status_code == 422, text
 
 
-def test_jobs_of_a_rig_that_never_was_are_not_found(harness: Harness) -> None:
+def test_jobs_of_an_unknown_rig_are_not_found(harness: Harness) -> None:
     refused = harness.call("GET", "/api/v1/jobs", params={"rig": "other"})
     assert refused.status_code == 404
     assert "there are demo" in refused.json()["detail"]
     assert harness.get("/jobs", rig="demo")["jobs"] == []
 
 
-def test_a_file_that_never_was_is_not_offered(harness: Harness) -> None:
+def test_a_missing_file_is_not_offered(harness: Harness) -> None:
     job = harness.post("/jobs", {"kind": "grip"}).json()["id"]
     harness.reach(job, "ready")
     harness.acted(job, "stop")

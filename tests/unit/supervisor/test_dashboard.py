@@ -38,7 +38,7 @@ def test_every_metric_and_label_is_served() -> None:
             assert {one.strip() for by in grouped for one in by.split(",")} <= known, expression
 
 
-def test_legends_name_labels_that_are_left() -> None:
+def test_legends_name_existing_labels() -> None:
     for panel in TREE["panels"]:
         for one in panel["targets"]:
             names = set(re.findall(r"{{(\w+)}}", one["legendFormat"]))

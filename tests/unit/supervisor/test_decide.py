@@ -80,7 +80,7 @@ def wrong(facts: Facts, command: Command | None) -> str:
 
 
 @pytest.mark.parametrize("state", sorted(PLAYED | TERMINAL))
-def test_every_combination_of_facts_gives_a_command_that_fits(state: JobState) -> None:
+def test_every_combination_of_facts_gives_a_suitable_command(state: JobState) -> None:
     flags = product(BOTH, BOTH, BOTH, BOTH, BOTH, BOTH, BOTH, BOTH)
     reasons = product(LATENESS, (None, LEASE), (None, LACK))
     stops = STOPS if state == "stopping" else STOPS[:1]  # no other state gives that order
@@ -167,5 +167,5 @@ def test_the_states_of_the_table_follow_from_the_states_of_a_job() -> None:
         (Facts(state="paused", paused=True), None),
     ],
 )  # fmt: skip
-def test_a_look_gives_its_command(facts: Facts, command: Command | None) -> None:
+def test_one_evaluation_gives_one_command(facts: Facts, command: Command | None) -> None:
     assert decide(facts) == command

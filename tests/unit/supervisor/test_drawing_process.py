@@ -30,7 +30,7 @@ def pixels(drawn: object) -> object:
     return getattr(drawn, "png", drawn)
 
 
-def test_records_and_trajectories_are_drawn_there_as_here(
+def test_records_and_trajectories_are_drawn_the_same_in_both_processes(
     open_harness: Callable[..., Harness],
     rig_file: RigFile,
     artist: Worker,

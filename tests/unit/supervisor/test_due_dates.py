@@ -28,7 +28,7 @@ def after(days: float) -> datetime:
     return datetime.fromisoformat(MEASURED) + timedelta(days=days)
 
 
-def test_what_was_accepted_says_when_it_is_due(
+def test_an_accepted_calibration_states_its_due_date(
     rig_file: RigFile, tmp_path: Path, store: Store
 ) -> None:
     model = RigModel(kept_up(rig_file, "S1", "O1", 180.0), tmp_path / "models", store)
@@ -51,7 +51,7 @@ def test_what_was_accepted_says_when_it_is_due(
     assert assumed.serial_numbers == {}
 
 
-def test_without_a_time_nothing_is_ever_due(
+def test_without_a_validity_nothing_is_ever_due(
     rig_file: RigFile, tmp_path: Path, store: Store
 ) -> None:
     model = RigModel(rig_file, tmp_path / "models", store)
@@ -60,7 +60,9 @@ def test_without_a_time_nothing_is_ever_due(
     assert model.warnings(after(1e5)) == []
 
 
-def test_what_is_overdue_is_a_warning(rig_file: RigFile, tmp_path: Path, store: Store) -> None:
+def test_overdue_calibrations_are_a_warning(
+    rig_file: RigFile, tmp_path: Path, store: Store
+) -> None:
     model = RigModel(kept_up(rig_file, days=180.0), tmp_path / "models", store)
     model.add({NOISE: 0.02}, {}, "a", MEASURED)
     model.add({COMPLIANCE: 0.44}, {}, "b", "2026-06-01T12:00:00.000Z")
@@ -78,7 +80,7 @@ def test_what_is_overdue_is_a_warning(rig_file: RigFile, tmp_path: Path, store: 
     assert view[NOISE] is True
 
 
-def test_another_instrument_is_a_warning_and_no_refusal(
+def test_another_instrument_is_a_warning_but_no_refusal(
     rig_file: RigFile, tmp_path: Path, store: Store
 ) -> None:
     before = RigModel(kept_up(rig_file, "S1", "O1"), tmp_path / "models", store)
@@ -108,7 +110,7 @@ def test_a_calibration_is_of_the_instruments_of_its_time(
     assert "sensor is S2, calibration a was made with S1" in warning
 
 
-def test_changes_of_instruments_are_remembered_so_far_back(
+def test_changes_of_instruments_are_stored_up_to_a_limit(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("pincette_supervisor.model.KEPT_CHANGES", 2)
@@ -121,7 +123,7 @@ def test_changes_of_instruments_are_remembered_so_far_back(
     assert known.at("2026-03-09T00:00:00.000Z") == {"sensor": "S3"}
 
 
-def test_how_a_rig_is_looked_after_is_not_shared_by_its_programs(rig_file: RigFile) -> None:
+def test_settings_for_maintenance_are_not_part_of_the_digest(rig_file: RigFile) -> None:
     assert kept_up(rig_file, "S1", "O1", 180.0).digest() == rig_file.digest()
     part = rig_file.part.model_copy(update={"contact_um": 31.0})
     assert rig_file.model_copy(update={"part": part}).digest() != rig_file.digest()
@@ -139,7 +141,7 @@ def test_a_serial_number_has_a_length(rig_file: RigFile) -> None:
         kept_up(rig_file, "S" * 61)
 
 
-def test_a_time_longer_than_the_calendar_has_no_end() -> None:
+def test_a_validity_longer_than_the_calendar_has_no_end() -> None:
     assert due_at(MEASURED, 1e9) is None
     assert due_at(MEASURED, None) is None
     assert due_at(MEASURED, 180.0) == DUE

@@ -60,7 +60,7 @@ def test_a_stream_continues_where_the_listener_was(bench: Bench, app: FastAPI) -
     asyncio.run(scene())
 
 
-def test_a_stream_of_all_rigs_begins_with_what_is_to_come(bench: Bench, app: FastAPI) -> None:
+def test_a_stream_of_all_rigs_starts_with_future_events(bench: Bench, app: FastAPI) -> None:
     bench.log.append("state", "a", state="running")
     other = EventLog(bench.store, "other", bench.log.listeners)
 
@@ -75,7 +75,7 @@ def test_a_stream_of_all_rigs_begins_with_what_is_to_come(bench: Bench, app: Fas
     asyncio.run(scene())
 
 
-def test_a_stream_of_a_job_ends_when_the_job_is_over(bench: Bench, app: FastAPI) -> None:
+def test_a_stream_of_a_job_ends_with_the_job(bench: Bench, app: FastAPI) -> None:
     bench.job("a", "running")
     bench.active.append("a")
     bench.log.append("state", "a", state="running")
@@ -97,7 +97,7 @@ def test_a_stream_of_a_job_ends_when_the_job_is_over(bench: Bench, app: FastAPI)
     asyncio.run(scene())
 
 
-def test_a_job_that_is_over_tells_what_it_was(bench: Bench, app: FastAPI) -> None:
+def test_an_ended_job_sends_its_past_events(bench: Bench, app: FastAPI) -> None:
     bench.job("a", "succeeded")
     for state in ("queued", "running", "succeeded"):
         bench.log.append("state", "a", state=state)
@@ -131,7 +131,7 @@ def test_a_stream_is_refused_with_204_once_nothing_can_follow(
     asyncio.run(scene())
 
 
-def test_an_empty_last_event_id_is_none(bench: Bench, app: FastAPI) -> None:
+def test_an_empty_last_event_id_is_ignored(bench: Bench, app: FastAPI) -> None:
     bench.job("a", "succeeded")
     for state in ("queued", "succeeded"):
         bench.log.append("state", "a", state=state)
@@ -157,7 +157,7 @@ def test_a_silent_stream_gives_a_sign_of_life(
     asyncio.run(scene())
 
 
-def test_streams_end_with_the_log_and_give_their_places_back(
+def test_streams_end_with_the_log_and_release_their_places(
     bench: Bench, app: FastAPI, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(event_log, "LISTENERS_MAX", 2)
@@ -178,7 +178,9 @@ def test_streams_end_with_the_log_and_give_their_places_back(
     asyncio.run(scene())
 
 
-def test_so_many_may_listen(bench: Bench, app: FastAPI, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_number_of_listeners_is_limited(
+    bench: Bench, app: FastAPI, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(event_log, "LISTENERS_MAX", 0)
     bench.job("a", "succeeded")
     for path in ("/events", "/rigs/demo/events", "/jobs/a/events"):
@@ -189,7 +191,7 @@ def test_so_many_may_listen(bench: Bench, app: FastAPI, monkeypatch: pytest.Monk
         assert get(app, f"{path}/list").status_code == 200
 
 
-def test_a_list_has_what_is_kept(bench: Bench, app: FastAPI) -> None:
+def test_a_list_has_the_stored_events(bench: Bench, app: FastAPI) -> None:
     bench.job("a", "running")
     for job in ("a", None, "b"):
         bench.log.append("state", job, state="running")
@@ -209,7 +211,7 @@ def test_a_list_has_what_is_kept(bench: Bench, app: FastAPI) -> None:
         assert (answer.json()["oldest"], answer.json()["newest"]) == (1, 4)
 
 
-def test_what_cannot_be_found_or_read_is_refused(app: FastAPI) -> None:
+def test_unknown_or_unreadable_events_are_refused(app: FastAPI) -> None:
     for path in ("/jobs/none/events", "/rigs/none/events"):
         for more in ("", "/list"):
             assert get(app, path + more).status_code == 404
@@ -220,9 +222,7 @@ def test_what_cannot_be_found_or_read_is_refused(app: FastAPI) -> None:
     assert refused.json()["type"].endswith("invalid-request")
 
 
-def test_a_job_that_is_not_there_takes_no_place(
-    app: FastAPI, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_unknown_job_uses_no_place(app: FastAPI, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(event_log, "LISTENERS_MAX", 1)
     for _ in range(3):
         assert get(app, "/jobs/none/events").status_code == 404

@@ -73,7 +73,7 @@ def numbers(found: list[Event]) -> list[int | None]:
     return [event.number for event in found]
 
 
-def test_an_event_is_kept_and_heard_as_it_was_told(log: EventLog, store: Store) -> None:
+def test_an_event_is_stored_and_received_as_published(log: EventLog, store: Store) -> None:
     async def scene() -> list[Event]:
         listening = log.subscribe()
         await listening.next()
@@ -87,7 +87,7 @@ def test_an_event_is_kept_and_heard_as_it_was_told(log: EventLog, store: Store) 
     assert heard.at == kept.at
 
 
-def test_a_listener_without_a_number_hears_nothing_of_the_past(log: EventLog) -> None:
+def test_a_listener_without_a_number_receives_no_past_events(log: EventLog) -> None:
     told(log, 3)
 
     async def scene() -> list[Event]:
@@ -102,14 +102,14 @@ def test_a_listener_without_a_number_hears_nothing_of_the_past(log: EventLog) ->
     assert numbers(played(scene)) == [4]
 
 
-def test_the_past_is_told_page_by_page(log: EventLog, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_past_events_are_sent_page_by_page(log: EventLog, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(events, "PAGE", 10)
     count = 27
     told(log, count)
     assert numbers(played(lambda: first(log, count - 5, 5))) == list(range(6, count + 1))
 
 
-def test_nothing_is_missed_or_heard_twice_while_others_tell(
+def test_nothing_is_missed_or_received_twice_during_concurrent_events(
     log: EventLog, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(events, "PAGE", 10)
@@ -168,7 +168,7 @@ def test_progress_is_reported_in_passing(log: EventLog, store: Store) -> None:
     assert store.events_after(0) == []
 
 
-def test_listeners_hear_their_job_their_rig_or_all(store: Store) -> None:
+def test_listeners_receive_their_job_their_rig_or_all(store: Store) -> None:
     shared = Listeners()
     here, there = EventLog(store, "demo", shared), EventLog(store, "other", shared)
 
@@ -197,7 +197,7 @@ def test_listeners_hear_their_job_their_rig_or_all(store: Store) -> None:
     assert played(past) == [[1], [2], [1, 2, 3, 4]]
 
 
-def test_a_listener_learns_what_is_kept_no_more(
+def test_a_listener_learns_that_events_were_deleted(
     log: EventLog, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(store_module, "EVENTS_KEPT", 10)
@@ -208,12 +208,12 @@ def test_a_listener_learns_what_is_kept_no_more(
     assert heard.number == 20
 
 
-def test_a_number_of_another_journal_begins_again(log: EventLog) -> None:
+def test_a_number_of_another_journal_starts_over(log: EventLog) -> None:
     told(log, 2)
     assert numbers(played(lambda: first(log, 2, 300))) == [1, 2]
 
 
-def test_there_is_room_for_so_many(log: EventLog) -> None:
+def test_the_number_of_events_is_limited(log: EventLog) -> None:
     async def scene() -> None:
         places = [log.subscribe() for _ in range(events.LISTENERS_MAX)]
         with pytest.raises(TooManyListenersError):
@@ -252,7 +252,7 @@ def test_listeners_end_with_the_log(log: EventLog) -> None:
     assert played(scene) == [1, 2, 3]
 
 
-def test_what_cannot_be_kept_is_not_reported(log: EventLog, store: Store) -> None:
+def test_an_event_that_cannot_be_stored_is_not_sent(log: EventLog, store: Store) -> None:
     async def scene() -> None:
         listening = log.subscribe()
         await listening.next()
@@ -266,7 +266,7 @@ def test_what_cannot_be_kept_is_not_reported(log: EventLog, store: Store) -> Non
     played(scene)
 
 
-def test_a_listener_whose_event_loop_has_ended_delays_nobody(log: EventLog) -> None:
+def test_a_listener_with_a_closed_event_loop_delays_nobody(log: EventLog) -> None:
     async def scene() -> object:
         return log.subscribe()
 

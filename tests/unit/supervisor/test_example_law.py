@@ -49,13 +49,13 @@ def dry_run(harness: Harness, **fields: Any) -> dict[str, Any]:
     ("language", "file"),
     [("toml", "pyproject.toml"), ("python", "pincette_example_law/__init__.py")],
 )
-def test_the_page_shows_the_whole_file(language: str, file: str) -> None:
+def test_the_page_shows_the_complete_file(language: str, file: str) -> None:
     page = PAGE.read_text(encoding="utf-8")
     shown = re.findall(rf"^```{language}\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     assert shown[0] == (EXAMPLES / "law" / file).read_text(encoding="utf-8")
 
 
-def test_rest_tells_its_name_and_its_gains(harness: Harness) -> None:
+def test_rest_lists_its_name_and_its_gains(harness: Harness) -> None:
     laws = {law["scheme"]: law for law in harness.get("/laws")["laws"]}
     assert set(laws) == {"pbsmic", "dsmifc", "fpbsmic", "two_arms", NAME}
     gains = {gain["name"]: gain["default"] for gain in laws[NAME]["gains"]}
@@ -73,7 +73,7 @@ def test_its_loop_is_judged_before_anything_moves(harness: Harness) -> None:
     assert fast["law"]["spectral_radius"] > 1.0
 
 
-def test_its_matrix_is_what_the_equations_say() -> None:
+def test_its_matrix_agrees_with_the_equations() -> None:
     """From (x, F, u_{k-1}, state) to u_k: [x_{d,k} - x_{d,k-1} + K_I(x_{d,k-1} - x_{k-1})]/g."""
     settings = law_definition(NAME).settings(force_age="newest", K_I=0.4)
     law = build(settings, ARM, T, 0.0)

@@ -50,7 +50,7 @@ def frozen_disk(monkeypatch: pytest.MonkeyPatch) -> Generator[Callable[[], None]
             thawed.set()
 
 
-def test_what_hangs_delays_one_caller_for_a_moment_and_then_nobody() -> None:
+def test_a_hanging_disk_delays_one_caller_briefly_and_then_nobody() -> None:
     queue, thawed, written = WriteQueue(wait_s=0.1), threading.Event(), list[int]()
 
     def write(number: int) -> None:
@@ -73,7 +73,7 @@ def test_what_hangs_delays_one_caller_for_a_moment_and_then_nobody() -> None:
     assert not queue.late
 
 
-def test_what_is_posted_and_fails_by_itself_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+def test_failed_background_writes_are_logged(caplog: pytest.LogCaptureFixture) -> None:
     queue, written = WriteQueue(), list[int]()
 
     def wrong() -> None:
@@ -149,7 +149,7 @@ def _is_held(lock: "threading.RLock") -> bool:
     return False
 
 
-def test_a_request_that_waits_for_the_disk_keeps_no_stop_from_the_rig(
+def test_a_request_that_waits_for_the_disk_blocks_no_stop(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The manager's lock is held while a new job is being stored."""
@@ -214,7 +214,7 @@ def test_a_session_counts_at_once_and_not_after_its_end(
     assert (authenticator.identify("here", None, cookie).scope is None) == signs_out
 
 
-def test_a_session_ends_at_once_though_its_end_cannot_be_written(
+def test_a_session_ends_at_once_even_if_its_end_cannot_be_written(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store, authenticator = harness.store, Authenticator()

@@ -50,7 +50,7 @@ def test_an_error_beyond_its_tolerance_misses_it() -> None:
     assert found.force_error_mN == pytest.approx(FORCE_ERROR_MN)
 
 
-def test_what_is_off_while_it_settles_is_forgiven_and_dated() -> None:
+def test_errors_while_settling_are_allowed_and_dated() -> None:
     found = goal(off_at(10, 5.0), force_tolerance_mN=0.3)
     assert found.met
     assert found.settled_s == pytest.approx(11 * PERIOD_S)
@@ -61,7 +61,7 @@ def test_what_is_off_while_it_settles_is_forgiven_and_dated() -> None:
     assert late.force_error_mN == pytest.approx(5.0 + FORCE_ERROR_MN)
 
 
-def test_a_hold_that_ended_before_it_could_settle_meets_nothing() -> None:
+def test_a_hold_that_ended_before_it_could_settle_misses_the_goal() -> None:
     short = [tick for tick in samples.grip() if tick.telemetry.phase != "hold"]
     assert goal(short, force_tolerance_mN=0.3).met is False
     assert goal(samples.grip(), force_tolerance_mN=0.3, settling_s=60.0).met is False

@@ -26,7 +26,7 @@ def untaught(changes: Tree | None = None) -> RigFile:
     return rig.model_copy(update={"model": rig.model.model_copy(update={"free_response": None})})
 
 
-def test_a_grip_is_quick_by_default_and_says_with_what_speeds() -> None:
+def test_a_grip_is_quick_by_default_and_states_its_speeds() -> None:
     made = planned()
     assert made.plan.feasible
     assert made.values["profile"] == "quick"
@@ -36,7 +36,7 @@ def test_a_grip_is_quick_by_default_and_says_with_what_speeds() -> None:
     assert made.plan.duration_s < 8.0
 
 
-def test_a_gentle_grip_is_planned_as_before() -> None:
+def test_the_plan_of_a_gentle_grip_is_unchanged() -> None:
     made = planned(profile="gentle")
     assert made.values["profile"] == "gentle"
     assert [segment.duration_s for segment in made.program.segments if segment.phase == "load"] == [

@@ -53,9 +53,7 @@ async def ended(call: Coroutine[Any, Any, int]) -> "asyncio.Task[int]":
 
 
 @pytest.mark.parametrize("status", [400, 401, 404, 413, 422])
-def test_refusals_beyond_a_burst_are_held_back(
-    monkeypatch: pytest.MonkeyPatch, status: int
-) -> None:
+def test_refusals_beyond_a_burst_are_delayed(monkeypatch: pytest.MonkeyPatch, status: int) -> None:
     monkeypatch.setattr(limits, "REFUSAL_HELD_S", 3600.0)
 
     async def test(call: Call) -> None:
@@ -77,7 +75,7 @@ def test_refusals_beyond_a_burst_are_held_back(
     held(test)
 
 
-def test_a_refusal_that_was_held_back_is_answered(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_delayed_refusal_is_answered(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "REFUSAL_HELD_S", HOLD_S)
 
     async def test(call: Call) -> None:
@@ -86,7 +84,7 @@ def test_a_refusal_that_was_held_back_is_answered(monkeypatch: pytest.MonkeyPatc
     held(test)
 
 
-def test_a_held_request_is_marked_so_that_it_makes_room_for_others(
+def test_a_delayed_request_is_marked_so_that_it_makes_room_for_others(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(limits, "REFUSAL_HELD_S", 3600.0)
@@ -116,7 +114,7 @@ def test_a_held_request_is_marked_so_that_it_makes_room_for_others(
         (b"GET / HTTP/1.1\r\nHost: a\r\n" + b"a: b\r\n" * 300, b"431"),
     ],
 )
-def test_what_is_no_valid_http_is_refused_at_once_or_late(
+def test_invalid_http_is_refused_at_once_or_later(
     monkeypatch: pytest.MonkeyPatch, head: bytes, status: bytes
 ) -> None:
     monkeypatch.setattr(server, "Refusals", lambda: Refusals(per_s=1e-3, burst=1.0))

@@ -36,24 +36,24 @@ def test_a_peak_of_one_sample_is_kept() -> None:
     assert low[history.NAMES.index("x_um")].tolist() == pytest.approx([0.0, 1.0, 2.0, 3.0])
 
 
-def test_a_force_without_a_zero_is_no_force() -> None:
+def test_a_force_without_a_zero_is_omitted() -> None:
     _, low, _ = history.reduce(record(2), 1000.0, None)
     assert np.isnan(low[history.NAMES.index("force_mN")][0])
     assert low[history.NAMES.index("force_error_mN")][1] == 1.0
 
 
-def test_samples_of_lockstep_are_spread_over_the_time_that_a_job_took() -> None:
+def test_samples_of_lockstep_are_spread_over_the_duration_of_the_job() -> None:
     at_s, _, _ = history.reduce(record(4), 1000.0, 7.9)
     assert at_s[-1] == 1007.5
 
 
-def test_the_second_that_has_begun_is_shown() -> None:
+def test_the_current_second_is_shown() -> None:
     reduced = history.reduce(record(4), 1000.0, None)
     at_s, _, _ = history.joined([reduced], 900.0, 1003.2, 1.0)
     assert at_s.tolist() == [1000.5, 1001.5, 1002.5, 1003.5]
 
 
-def test_hours_are_read_over_rest_and_end_where_they_are_told_to(harness: Harness) -> None:
+def test_hours_are_read_over_rest_up_to_the_requested_end(harness: Harness) -> None:
     job = harness.ended(harness.grip()["id"])
     name = harness.manager.name
     found = harness.get(f"/rigs/{name}/history", hours=2, points=50)
@@ -82,7 +82,7 @@ def test_one_job_is_read_over_its_own_time(harness: Harness, points: int) -> Non
     assert peak >= job["result"]["force_held_mN"]
 
 
-def test_a_record_that_was_deleted_leaves_its_job_without_samples(harness: Harness) -> None:
+def test_a_deleted_record_leaves_its_job_without_samples(harness: Harness) -> None:
     job = harness.ended(harness.grip()["id"])
     (harness.bus.records / job["id"] / "samples.parquet").unlink()
     queries: tuple[dict[str, str], ...] = ({}, {"job": job["id"]})

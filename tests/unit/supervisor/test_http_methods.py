@@ -109,7 +109,7 @@ def test_options_of_an_unknown_path_is_a_problem(harness: Harness) -> None:
     assert harness.call("OPTIONS", "/none").status_code == 404
 
 
-def test_a_prefix_that_a_proxy_left_is_named(harness: Harness) -> None:
+def test_a_prefix_that_a_proxy_did_not_remove_is_named(harness: Harness) -> None:
     answer = harness.call("POST", "/gripper/api/v1/rigs/demo/estop")
     assert answer.status_code == 404
     assert "'/gripper'" in answer.json()["detail"]

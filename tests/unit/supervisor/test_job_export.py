@@ -130,7 +130,7 @@ def test_results_of_any_shape_have_their_columns() -> None:
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_a_job_that_changes_between_the_two_readings_keeps_the_columns(
+def test_a_job_that_changes_between_the_two_passes_keeps_the_columns(
     form: Callable[[job_table.Rows], Iterator[bytes]],
 ) -> None:
     before, after = {"a": 1.5, "b": True}, {"a": "word", "b": False, "c": 1}
@@ -171,7 +171,7 @@ def test_the_first_bytes_do_not_wait_for_the_journal(
     assert read == []
 
 
-def test_a_client_that_hangs_up_ends_the_export(
+def test_a_disconnected_client_ends_the_export(
     journal: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     read = counted_pages(journal, monkeypatch)

@@ -58,7 +58,7 @@ def test_a_list_has_the_progress_of_the_live_job(harness: Harness) -> None:
     assert stopped == as_found_alone(harness, stopped)
 
 
-def test_a_list_is_encoded_as_its_schema_says(harness: Harness) -> None:
+def test_a_list_is_encoded_according_to_its_schema(harness: Harness) -> None:
     names = ended_jobs(harness, 2)
     for limit, following in ((1, names[1]), (2, None)):
         answer = harness.call("GET", "/api/v1/jobs", params={"limit": limit})
@@ -69,7 +69,7 @@ def test_a_list_is_encoded_as_its_schema_says(harness: Harness) -> None:
         assert answer.content == stated.model_dump_json(by_alias=True).encode()
 
 
-def test_a_job_is_kept_at_one_revision_and_the_one_used_longest_ago_goes() -> None:
+def test_jobs_are_cached_at_one_revision_and_the_least_recently_used_is_dropped() -> None:
     settled = SettledJobs(most=2)
     settled.add("a", 3, b"a3")
     settled.add("b", 5, b"b5")

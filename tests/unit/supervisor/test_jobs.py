@@ -18,7 +18,7 @@ from .harness import Harness, ending
 from .samples import Tick
 
 
-def test_one_request_grips(harness: Harness) -> None:
+def test_a_grip_is_one_request(harness: Harness) -> None:
     taken = harness.grip(labels={"part": "bead"})
     assert taken["values"]["force_mN"] == 20.0
     job = harness.ended(taken["id"])
@@ -57,7 +57,7 @@ def test_the_record_is_complete_when_the_job_has_ended(harness: Harness) -> None
 
 
 @pytest.mark.usefixtures("drawn")
-def test_one_request_tracks(harness: Harness) -> None:
+def test_a_track_is_one_request(harness: Harness) -> None:
     harness.bus.edit = lambda ticks: samples.track(ticks[0].position.epoch)
     body = {"kind": "track", "autostart": True, "cycles": 2, "x_pp_um": 9.0}
     taken = harness.post("/jobs", body).json()
@@ -149,7 +149,7 @@ def test_a_stop_keeps_the_part_until_it_is_released(harness: Harness) -> None:
     assert [action["type"] for action in freed["actions"]] == ["stop", "release"]
 
 
-def test_a_part_that_a_fault_takes_after_a_stop_is_told_of(harness: Harness) -> None:
+def test_a_part_lost_by_a_fault_after_a_stop_is_reported(harness: Harness) -> None:
     job = harness.playing_to(IN_HOLD)
     harness.post(f"/jobs/{job}/actions", {"type": "stop"})
     assert harness.ended(job)["cause"] == ""
@@ -183,7 +183,7 @@ def test_a_release_in_the_hold_ends_the_job_well(harness: Harness) -> None:
     assert ended["result"]["outcome"] == "released"
 
 
-def test_a_release_without_a_part_is_no_action_of_the_state(harness: Harness) -> None:
+def test_a_release_without_a_part_is_not_an_allowed_action(harness: Harness) -> None:
     job = harness.playing_to(IN_APPROACH)
     response = harness.post(f"/jobs/{job}/actions", {"type": "release"})
     assert response.status_code == 409
@@ -204,7 +204,7 @@ def test_an_abort_latches_and_needs_a_reset(harness: Harness) -> None:
     assert response.json()["cause"] == "abort"
 
 
-def test_an_emergency_stop_fails_the_job_and_names_itself(harness: Harness) -> None:
+def test_an_emergency_stop_fails_the_job_and_is_its_cause(harness: Harness) -> None:
     job = harness.playing_to(IN_APPROACH)
     response = harness.post("/rigs/demo/estop")
     assert response.status_code == 200

@@ -43,7 +43,7 @@ def manifest(harness: Harness, job: str) -> dict[str, Any]:
     return json.loads((record(harness, job) / folder.MANIFEST).read_text(encoding="utf-8"))
 
 
-def test_what_was_said_is_in_job_manifest_report_and_samples(harness: Harness) -> None:
+def test_labels_given_at_the_start_are_in_job_manifest_report_and_samples(harness: Harness) -> None:
     job = gripped(harness, **SAID)
     view = harness.get(f"/jobs/{job}")
     assert {name: view[name] for name in SAID} == SAID
@@ -59,7 +59,7 @@ def test_what_was_said_is_in_job_manifest_report_and_samples(harness: Harness) -
     assert metadata.items() >= {**texts, "label glue": "none"}.items()
 
 
-def test_what_is_said_afterwards_is_in_job_manifest_and_report(harness: Harness) -> None:
+def test_labels_given_afterwards_are_in_job_manifest_and_report(harness: Harness) -> None:
     job = gripped(harness, sample="wafer 6 / die 3", labels={"glue": "none"})
     before = harness.get(f"/jobs/{job}")
     samples = (record(harness, job) / folder.SAMPLES).read_bytes()
@@ -96,9 +96,7 @@ def test_a_running_and_a_queued_job_are_described_and_keep_it(harness: Harness) 
     ("body", "pointer"),
     [({"sample": 7}, "/sample"), ({"colour": "red"}, "/colour"), ({"notes": "x" * 4001}, "/notes")],
 )
-def test_what_cannot_be_said_is_refused(
-    harness: Harness, body: dict[str, Any], pointer: str
-) -> None:
+def test_invalid_labels_are_refused(harness: Harness, body: dict[str, Any], pointer: str) -> None:
     job = gripped(harness)
     answer = harness.call("PATCH", f"/api/v1/jobs/{job}", json=body)
     assert answer.status_code == 422
@@ -106,7 +104,7 @@ def test_what_cannot_be_said_is_refused(
     assert harness.call("PATCH", "/api/v1/jobs/none", json={"sample": "B7"}).status_code == 404
 
 
-def test_jobs_are_found_by_what_was_said_of_them(harness: Harness) -> None:
+def test_jobs_are_found_by_their_labels(harness: Harness) -> None:
     other, job = gripped(harness, sample="B70"), gripped(harness, **SAID)
     edited(harness, job, pinned=True)
     queries: list[dict[str, Any]] = [

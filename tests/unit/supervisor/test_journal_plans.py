@@ -56,7 +56,7 @@ BY_SEVERAL = (
 
 
 @pytest.mark.parametrize("wanted", BY_COLUMN)
-def test_a_list_looks_its_jobs_up_and_sorts_nothing(store: Store, wanted: JobFilter) -> None:
+def test_a_list_uses_an_index_and_sorts_nothing(store: Store, wanted: JobFilter) -> None:
     (step,) = plan(store, newest(wanted))
     assert step.startswith("SEARCH jobs USING INDEX ix_jobs_"), step
 
@@ -81,13 +81,13 @@ def test_a_filter_by_several_columns_reads_one_index(store: Store, wanted: JobFi
     assert "jobs USING COVERING INDEX ix_jobs_listed" in numbers, numbers
 
 
-def test_a_filter_by_a_sample_and_more_reads_the_index_of_the_sample(store: Store) -> None:
+def test_a_filter_by_a_sample_and_more_uses_the_index_of_the_sample(store: Store) -> None:
     wanted = JobFilter(rig="demo", kind="grip", sample="B7", before_number=9)
     *_, numbers = plan(store, newest(wanted))
     assert numbers.startswith("SEARCH jobs USING INDEX ix_jobs_sample_number"), numbers
 
 
-def test_what_is_asked_for_all_the_time_reads_no_job_and_no_event(store: Store) -> None:
+def test_frequent_queries_read_no_job_and_no_event(store: Store) -> None:
     asked: list[str] = []
 
     def note(_c: Any, _cursor: Any, statement: str, values: Any, *_: Any) -> None:

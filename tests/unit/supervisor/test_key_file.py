@@ -93,7 +93,7 @@ def test_a_lost_journal_changes_nobodys_access(tmp_path: Path) -> None:
         assert rights(authenticator, revoked) is None
 
 
-def test_a_damaged_journal_prevents_the_start_and_no_change_of_keys(tmp_path: Path) -> None:
+def test_a_damaged_journal_prevents_the_start_but_no_change_of_keys(tmp_path: Path) -> None:
     key = made(tmp_path)
     damage_journal(tmp_path)
     with pytest.raises(StoreError, match=STORE):
@@ -189,7 +189,7 @@ def test_without_its_key_file_a_supervisor_that_had_keys_does_not_start(
     assert rights(authenticator, key) == "operate"
 
 
-def test_a_supervisor_notes_keys_that_were_added_beside_a_damaged_journal(tmp_path: Path) -> None:
+def test_a_supervisor_loads_keys_added_beside_a_damaged_journal(tmp_path: Path) -> None:
     damage_journal(tmp_path)
     made(tmp_path)
     lose_journal(tmp_path)
@@ -200,7 +200,7 @@ def test_a_supervisor_notes_keys_that_were_added_beside_a_damaged_journal(tmp_pa
 
 
 @pytest.mark.parametrize("lose", [lose_keys, empty_keys])
-def test_a_running_supervisor_whose_keys_go_admits_nobody_until_they_are_back(
+def test_a_running_supervisor_without_its_key_file_admits_nobody_until_it_returns(
     tmp_path: Path, lose: Callable[[Path], None]
 ) -> None:
     key, cookie, authenticator = made(tmp_path), new_cookie(), Authenticator()
@@ -224,7 +224,7 @@ def test_a_running_supervisor_whose_keys_go_admits_nobody_until_they_are_back(
         assert rights(authenticator, None) is None
 
 
-def test_keys_and_sessions_of_an_earlier_journal_are_not_forgotten(tmp_path: Path) -> None:
+def test_keys_and_sessions_of_an_earlier_journal_are_kept(tmp_path: Path) -> None:
     key, cookie = made(tmp_path), new_cookie()
     with closing(sqlite3.connect(tmp_path / STORE)) as base:
         base.executescript(EARLIER)
@@ -278,7 +278,7 @@ def test_a_digest_that_is_invalid_is_damage(tmp_path: Path) -> None:
         KeyFile(tmp_path).read()
 
 
-def test_keys_and_journal_are_readable_by_their_owner_alone(tmp_path: Path) -> None:
+def test_keys_and_journal_are_readable_by_their_owner_only(tmp_path: Path) -> None:
     journal = tmp_path / STORE
     journal.touch(mode=0o644)  # as an earlier version left it
     made(tmp_path)
@@ -288,7 +288,7 @@ def test_keys_and_journal_are_readable_by_their_owner_alone(tmp_path: Path) -> N
     assert modes == dict.fromkeys((KEY_FILE, STORE, f"{STORE}-wal", f"{STORE}-shm"), 0o600)
 
 
-def test_a_damaged_page_of_the_journal_is_told_when_it_is_opened(tmp_path: Path) -> None:
+def test_a_damaged_page_of_the_journal_is_reported_at_opening(tmp_path: Path) -> None:
     path = tmp_path / STORE
     with closing(Store(path)) as store:
         for number in range(300):

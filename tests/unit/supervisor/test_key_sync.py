@@ -56,7 +56,7 @@ def until(holds: Callable[[], bool]) -> None:
 
 
 @pytest.mark.parametrize("number", NUMBERS)
-def test_a_key_is_revoked_where_no_lock_can_be_had(
+def test_a_key_can_be_revoked_without_file_locks(
     tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch, number: int
 ) -> None:
     key, file = made(tmp_path), tmp_path / KEY_FILE
@@ -76,7 +76,7 @@ def test_a_key_is_revoked_where_no_lock_can_be_had(
         until(lambda: access.authenticator.identify(HERE, key, None).scope is None)
 
 
-def test_keys_that_cannot_be_read_let_nobody_in_and_come_back(
+def test_unreadable_keys_admit_nobody_and_recover(
     tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     key, now_s = made(tmp_path), 100.0
@@ -142,7 +142,7 @@ def test_a_lock_that_fails_names_place_and_remedy_and_changes_nothing(
         ("SQLITE_NOTADB", "move it away"),
     ],
 )
-def test_only_a_damaged_journal_is_to_be_moved_away(
+def test_only_a_damaged_journal_should_be_moved_away(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, wanted: str
 ) -> None:
     cause = sqlite3.OperationalError("disk I/O error")

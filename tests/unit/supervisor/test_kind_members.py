@@ -26,14 +26,14 @@ def kinds(monkeypatch: pytest.MonkeyPatch) -> dict[str, JobKind]:
     return found
 
 
-def test_a_kind_says_what_a_stop_does_where_its_request_cannot(kinds: dict[str, JobKind]) -> None:
+def test_a_kind_states_what_a_stop_does_if_its_request_cannot(kinds: dict[str, JobKind]) -> None:
     assert kinds["move"].stop_of(MOVE) == "release"
     assert lease_end(MOVE) is LeaseEnd.LET_GO
     assert kinds["grip"].stop_of(GRIP) == "retract"
     assert lease_end(GRIP) is LeaseEnd.RETRACT
 
 
-def test_a_kind_says_what_the_end_of_the_supervisor_does(kinds: dict[str, JobKind]) -> None:
+def test_a_kind_states_what_the_end_of_the_supervisor_does(kinds: dict[str, JobKind]) -> None:
     assert interruption(kinds["grip"]) is ActionCode.LET_GO
     assert interruption(kinds["hold"]) is ActionCode.STOP
     assert interruption(kinds["calibrate"]) is ActionCode.RETRACT
@@ -41,5 +41,5 @@ def test_a_kind_says_what_the_end_of_the_supervisor_does(kinds: dict[str, JobKin
 
 
 @pytest.mark.usefixtures("kinds")
-def test_a_kind_says_how_long_its_program_plays_on_alone(rig_file: RigFile) -> None:
+def test_a_kind_states_how_long_its_program_runs_alone(rig_file: RigFile) -> None:
     assert lease_s(MOVE, rig_file) == 2.5 * rig_file.safety.lease_s

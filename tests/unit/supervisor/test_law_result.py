@@ -56,7 +56,7 @@ def test_the_true_perturbation_error_is_that_of_the_arm() -> None:
     assert found[3:] == pytest.approx(wanted, abs=1e-9)
 
 
-def test_it_is_that_of_the_parameter_set() -> None:
+def test_the_law_result_is_that_of_the_parameter_set() -> None:
     ticks, _ = pressed_arm()
     table = table_of(ticks)
     printed = discretize(printed_arm(), PERIOD_S)
@@ -66,7 +66,7 @@ def test_it_is_that_of_the_parameter_set() -> None:
     assert other["true_perturbation_error_mN"].p50 > 1e4
 
 
-def test_what_is_missing_or_no_measurement_leaves_a_hole() -> None:
+def test_missing_or_invalid_measurements_leave_a_gap() -> None:
     ticks, _ = pressed_arm()
     blind = replace(ticks[20], position=with_arm(ticks[20].position, x_um=0.0, valid=False))
     found = true_perturbation_error(table_of([*ticks[:20], blind, *ticks[21:]]), PLANT)
@@ -77,14 +77,14 @@ def test_what_is_missing_or_no_measurement_leaves_a_hole() -> None:
     assert holes == [0, 1, 2, 31, 32, 33]
 
 
-def test_a_real_rig_tells_no_true_force() -> None:
+def test_a_real_rig_has_no_true_force() -> None:
     messages: list[Message] = [m for tick in samples.grip() for m in tick.messages()[:-1]]
     found = law_figures(columns(messages, PERIOD_S), PLANT)
     assert found["true_perturbation_error_mN"] is None
     assert found["perturbation_error_mN"].p95 == pytest.approx(0.1)
 
 
-def test_figures_are_of_the_magnitude_and_of_the_law_s_own_force() -> None:
+def test_figures_use_the_magnitude_and_the_laws_own_force() -> None:
     ticks = samples.grip()
     seen = [
         replace(tick, telemetry=replace(tick.telemetry, sliding_um=-0.02, perturbation_mN=-0.2))

@@ -52,7 +52,7 @@ def settings_of(law: dict[str, Any]) -> LawSettings:
     return law_settings(law["scheme"], law["set"], law["force_age"], **law["gains"])
 
 
-def test_without_a_wish_it_is_that_of_the_rig_file(harness: Harness, rig_file: RigFile) -> None:
+def test_the_default_law_is_that_of_the_rig_file(harness: Harness, rig_file: RigFile) -> None:
     law = dry_run(harness)["law"]
     assert settings_of(law) == rig_file.law_settings
     assert law["gains_from"] == "rig"
@@ -82,7 +82,7 @@ def test_a_law_that_the_rig_file_has_not_is_that_of_the_paper_or_the_default(
     assert law["gains_from"] == origin
 
 
-def test_a_rig_file_without_a_law_of_its_own_says_what_it_has(
+def test_a_rig_file_without_a_law_states_the_default(
     rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     own = rig_file.law.model_copy(update={"scheme": "dsmifc", "delta": 1e6, "K_P": 1.5})
@@ -198,7 +198,7 @@ def test_an_unstable_law_is_a_limit_and_nothing_moves(
     assert plan["law"]["spectral_radius"] == found.radius
 
 
-def test_an_unstable_law_comes_after_what_else_the_plan_breaks(harness: Harness) -> None:
+def test_an_unstable_law_is_reported_after_other_broken_limits(harness: Harness) -> None:
     plan = dry_run(harness, force_mN=55.0, gains=UNSTABLE)
     quantities = [violation["quantity"] for violation in plan["violations"]]
     assert "force" in quantities
@@ -212,7 +212,7 @@ def test_an_unstable_law_comes_after_what_else_the_plan_breaks(harness: Harness)
         {"set": "printed"},
     ],
 )
-def test_the_law_is_kept_with_the_job_and_its_record(
+def test_the_law_is_stored_with_the_job_and_its_record(
     harness: Harness, wishes: dict[str, Any]
 ) -> None:
     planned = dry_run(harness, **wishes)["law"]

@@ -22,7 +22,7 @@ def repository(store: Store) -> LearnedRepository:
     return LearnedRepository(store, "demo")
 
 
-def test_what_is_kept_comes_back_as_it_travels(repository: LearnedRepository) -> None:
+def test_stored_corrections_are_read_back_unchanged(repository: LearnedRepository) -> None:
     assert repository.all() == []
     repository.keep(row("a"))
     found = repository.find("a")
@@ -32,7 +32,7 @@ def test_what_is_kept_comes_back_as_it_travels(repository: LearnedRepository) ->
     assert repository.find("b") is None
 
 
-def test_one_program_or_all_are_forgotten(repository: LearnedRepository) -> None:
+def test_one_program_or_all_can_be_erased(repository: LearnedRepository) -> None:
     for name in ("a", "b", "c"):
         repository.keep(row(name))
     assert repository.erase("b") == 1
@@ -49,7 +49,7 @@ def test_a_program_that_did_not_help_is_forgotten(repository: LearnedRepository)
     assert repository.find("a") is None
 
 
-def test_the_one_that_learned_longest_ago_goes(repository: LearnedRepository) -> None:
+def test_the_program_that_learned_longest_ago_is_dropped(repository: LearnedRepository) -> None:
     for number in range(LEARNED_MAX + 1):
         repository.keep(row(f"{number}", f"2026-03-01T12:{number:02d}:00.000Z"))
     kept = repository.all()
@@ -58,7 +58,7 @@ def test_the_one_that_learned_longest_ago_goes(repository: LearnedRepository) ->
     assert kept[0].program == f"{LEARNED_MAX}"
 
 
-def test_each_rig_has_its_own(store: Store) -> None:
+def test_each_rig_has_its_own_corrections(store: Store) -> None:
     demo, other = LearnedRepository(store, "demo"), LearnedRepository(store, "other")
     other.keep(row("a", "2026-01-01T12:00:00.000Z"))
     for number in range(LEARNED_MAX + 1):
@@ -75,7 +75,7 @@ def test_a_program_that_learns_again_replaces_its_row(repository: LearnedReposit
     assert repository.all() == [later]
 
 
-def test_a_table_replaces_that_of_its_own_program_alone() -> None:
+def test_a_table_replaces_that_of_its_own_program_only() -> None:
     def table(program: str, job: str) -> dict[str, str]:
         return {"program": program, "job": job}
 
@@ -88,7 +88,7 @@ def test_a_table_replaces_that_of_its_own_program_alone() -> None:
     assert merged(before, {"model.piezo_um_per_V": 19.0}, "") == {"model.piezo_um_per_V": 19.0}
 
 
-def test_it_is_listed_and_erased_over_rest(harness: Harness) -> None:
+def test_learning_is_listed_and_erased_over_rest(harness: Harness) -> None:
     repository = LearnedRepository(harness.store, harness.manager.name)
     name = "0123456789abcdef"
     repository.keep(row(name))

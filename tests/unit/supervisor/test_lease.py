@@ -52,7 +52,7 @@ def test_a_job_in_real_time_plays_under_the_lease_of_its_rig(real_time: RigFile)
         assert lease.then == then
 
 
-def test_a_calibration_outlives_a_supervisor_that_stands_still_and_lets_go_at_its_end(
+def test_a_calibration_survives_a_stalled_supervisor_and_releases_at_its_end(
     real_time: RigFile,
 ) -> None:
     noise = NoiseRequest(calibration="noise")
@@ -74,7 +74,7 @@ def test_neither_lockstep_nor_a_rig_without_a_lease_has_one(
     assert lease_of(real_time.model_copy(update={"safety": safety}), grip, 7) is None
 
 
-def test_it_is_granted_before_the_first_sample(real_time: RigFile) -> None:
+def test_the_lease_is_granted_before_the_first_sample(real_time: RigFile) -> None:
     bus = Line(real_time)
     bus.latch = ""
     program = plan_job(GripJobRequest(kind="grip"), real_time).program
@@ -83,7 +83,7 @@ def test_it_is_granted_before_the_first_sample(real_time: RigFile) -> None:
     assert bus.asked.index("controller/arm") < granted < bus.asked.index("sensor/arm")
 
 
-def test_what_is_not_answered_is_asked_again_and_what_is_refused_is_not(
+def test_unanswered_renewals_are_repeated_and_refused_ones_are_not(
     real_time: RigFile,
 ) -> None:
     bus = Line(real_time)
@@ -138,7 +138,7 @@ def test_a_supervisor_that_was_away_finds_the_job_stopped_with_the_cause(
     assert harness.freed(job)["state"] == "stopped"
 
 
-def test_what_happened_while_no_supervisor_was_there_is_reported_by_the_next(
+def test_events_without_a_supervisor_are_reported_by_the_next_one(
     rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     before = open_harness(rig_file, guard_s=1e6)

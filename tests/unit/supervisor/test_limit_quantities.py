@@ -13,7 +13,7 @@ from .harness import Harness
 
 
 @pytest.mark.parametrize("quantity", get_args(LimitedQuantity))
-def test_a_broken_limit_of_every_quantity_goes_over_rest(quantity: LimitedQuantity) -> None:
+def test_broken_limits_of_every_quantity_are_reported_over_rest(quantity: LimitedQuantity) -> None:
     broken = feasibility.Violation("/x", quantity, 10.0, 5.0, "Hz", 1.0, "10 Hz above 5 Hz")
     seen = violation_view(broken)
     assert Violation.model_validate_json(seen.model_dump_json()) == seen

@@ -92,7 +92,7 @@ def seqs(batches: list[LiveBatch]) -> list[int]:
 
 
 @pytest.mark.parametrize("arms", [1, 2])
-def test_a_voltage_that_the_output_has_not_confirmed_is_not_known(scene: Scene, arms: int) -> None:
+def test_an_unconfirmed_voltage_is_unknown(scene: Scene, arms: int) -> None:
     """The rest of its sample is, and the sample waits for nothing else."""
     listener = scene.live.open()
     ticks = samples.grip()[:6]
@@ -131,7 +131,7 @@ def test_samples_are_joined_by_number_and_parted_by_phase(scene: Scene) -> None:
     assert all(batch.dropped == 0 for batch in batches)
 
 
-def test_what_was_told_is_not_told_again(scene: Scene) -> None:
+def test_a_published_sample_is_not_published_again(scene: Scene) -> None:
     listener = scene.live.open()
     ticks = samples.grip()
     scene.play(ticks[:10])
@@ -151,7 +151,7 @@ def test_the_order_within_a_tick_does_not_matter(scene: Scene) -> None:
     assert None not in batches[0].x_r_um
 
 
-def test_the_force_has_no_hole_where_the_messages_of_a_stall_come_program_by_program(
+def test_the_force_has_no_gap_if_the_messages_of_a_stall_arrive_program_by_program(
     scene: Scene,
 ) -> None:
     listener = scene.live.open()
@@ -183,7 +183,7 @@ def test_samples_are_shown_where_the_estimates_have_ended(scene: Scene) -> None:
     assert [force_mN is None for _, force_mN in found] == [n >= 10 for n in range(len(found))]
 
 
-def test_a_sample_without_the_controllers_view_is_told_late_and_keeps_the_phase(
+def test_a_sample_without_telemetry_is_published_late_with_the_phase(
     scene: Scene,
 ) -> None:
     listener = scene.live.open()
@@ -198,7 +198,7 @@ def test_a_sample_without_the_controllers_view_is_told_late_and_keeps_the_phase(
     assert batches[0].voltage_V[3] is not None
 
 
-def test_what_follows_the_end_of_a_program_has_no_phase(scene: Scene) -> None:
+def test_samples_after_the_end_of_a_program_have_no_phase(scene: Scene) -> None:
     listener = scene.live.open()
     ticks = samples.grip()[:5]
     scene.play(ticks)
@@ -213,7 +213,7 @@ def test_what_follows_the_end_of_a_program_has_no_phase(scene: Scene) -> None:
     assert batches[0].seq == list(range(5))
 
 
-def test_an_idle_rig_has_position_and_voltage_alone(scene: Scene) -> None:
+def test_an_idle_rig_has_only_position_and_voltage(scene: Scene) -> None:
     listener = scene.live.open()
     scene.idle(0, 3 * LATE_TICKS)
     batches = heard(listener)
@@ -225,7 +225,7 @@ def test_an_idle_rig_has_position_and_voltage_alone(scene: Scene) -> None:
     assert set(batches[0].force_mN) == set(batches[0].x_r_um) == {None}
 
 
-def test_what_is_not_valid_is_not_shown(scene: Scene) -> None:
+def test_invalid_values_are_not_shown(scene: Scene) -> None:
     listener = scene.live.open()
     tick = samples.grip()[0]
     blind = with_arm(tick.position, valid=False, x_um=0.0, fault=NO_READING)
@@ -235,7 +235,7 @@ def test_what_is_not_valid_is_not_shown(scene: Scene) -> None:
     assert batch.force_mN == [None]
 
 
-def test_a_new_epoch_begins_a_new_batch(scene: Scene) -> None:
+def test_a_new_epoch_starts_a_new_batch(scene: Scene) -> None:
     listener = scene.live.open()
     scene.play(samples.grip(7)[:5])
     scene.play(samples.grip(8)[:5])
@@ -255,7 +255,7 @@ def test_a_fresh_listener_gets_the_past_thinned(scene: Scene) -> None:
     assert batches[0].dropped == 0
 
 
-def test_a_slow_listener_gets_fewer_points_and_the_count_of_those_it_missed(
+def test_a_slow_listener_gets_fewer_points_and_the_number_of_missed_ones(
     scene: Scene,
 ) -> None:
     listener = scene.live.open()
@@ -268,7 +268,7 @@ def test_a_slow_listener_gets_fewer_points_and_the_count_of_those_it_missed(
     assert sum(batch.dropped for batch in batches[1:]) == 0
 
 
-def test_what_came_late_is_no_gap_and_what_never_came_is_one(scene: Scene) -> None:
+def test_late_samples_are_not_gaps_but_missing_ones_are(scene: Scene) -> None:
     listener = scene.live.open()
     ticks = samples.grip()[:60]
     scene.play(ticks[:20])
@@ -280,7 +280,7 @@ def test_what_came_late_is_no_gap_and_what_never_came_is_one(scene: Scene) -> No
     assert [seq for seq, gap in gaps.items() if gap] == [ticks[45].position.seq]
 
 
-def test_a_gap_is_not_thinned_away(scene: Scene) -> None:
+def test_a_gap_survives_thinning(scene: Scene) -> None:
     listener = scene.live.open()
     heard(listener)
     scene.idle(0, 200)
@@ -299,7 +299,7 @@ def test_a_fast_rig_is_thinned_at_the_door() -> None:
     assert steps == {17}
 
 
-def test_silence_is_reported_once_a_while(scene: Scene) -> None:
+def test_silence_is_reported_periodically(scene: Scene) -> None:
     listener = scene.live.open()
     (sign,) = heard(listener)
     assert sign.seq == []
@@ -309,7 +309,7 @@ def test_silence_is_reported_once_a_while(scene: Scene) -> None:
     assert [batch.seq for batch in heard(listener)] == [[]]
 
 
-def test_each_client_has_a_number_of_listeners(scene: Scene) -> None:
+def test_each_client_has_a_limited_number_of_listeners(scene: Scene) -> None:
     for client in ("ann", "ben", "cell-7"):
         for _ in range(LISTENERS_MAX):
             scene.live.open(client)
@@ -320,7 +320,7 @@ def test_each_client_has_a_number_of_listeners(scene: Scene) -> None:
     scene.live.open("ben")
 
 
-def test_columns_that_are_no_numbers_are_refused() -> None:
+def test_columns_without_numbers_are_refused() -> None:
     with pytest.raises(ValidationError):
         LiveBatch.model_validate({"rig": "demo", "seq": ["one"]})
 

@@ -102,7 +102,7 @@ def check(harness: Harness, warm_up: int, ticks: int, growth_MB: float) -> None:
 
 
 @pytest.mark.usefixtures("small")
-def test_a_long_hold_ends_after_its_release_and_memory_stays_bounded(harness: Harness) -> None:
+def test_a_long_hold_ends_after_its_release_with_bounded_memory(harness: Harness) -> None:
     check(harness, 6000, 15_000, 8.0)
 
 
@@ -112,7 +112,7 @@ def test_a_hold_of_20_million_messages(harness: Harness) -> None:
 
 
 @pytest.mark.usefixtures("small")
-def test_a_part_held_after_a_stop_is_kept_in_evenly_spaced_rows() -> None:
+def test_a_part_held_after_a_stop_is_stored_in_evenly_spaced_rows() -> None:
     kept = RunSamples(PERIOD_S)
     tick = samples.grip()[IN_HOLD]
     telemetry = replace(tick.telemetry, outcome=Outcome.STOPPED)
@@ -123,7 +123,7 @@ def test_a_part_held_after_a_stop_is_kept_in_evenly_spaced_rows() -> None:
 
 
 @pytest.mark.usefixtures("small")
-def test_the_wait_for_a_person_is_kept_in_evenly_spaced_rows() -> None:
+def test_the_wait_for_a_person_is_stored_in_evenly_spaced_rows() -> None:
     kept = RunSamples(PERIOD_S, thinned=frozenset({"hang 1", "hang 2"}))
     tick = samples.grip()[IN_HOLD]
     seq = 0

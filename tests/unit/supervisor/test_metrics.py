@@ -59,7 +59,7 @@ def test_every_metric_of_the_table_is_served_in_both_formats_and_no_other(harnes
     assert len(list(parse(response.text))) == len(FAMILIES)
 
 
-def test_a_grip_is_seen(harness: Harness) -> None:
+def test_a_grip_is_counted(harness: Harness) -> None:
     states = {"rig": "demo", "kind": "grip", "state": "succeeded"}
     assert value(harness, "pincette_jobs", **states) == 0.0
     assert harness.ended(harness.grip()["id"])["state"] == "succeeded"
@@ -83,7 +83,7 @@ def test_a_trip_is_counted_by_its_cause_and_latches(harness: Harness) -> None:
     assert value(harness, "pincette_latched") == 1.0
 
 
-def test_a_program_that_goes_or_hangs_is_not_up(harness: Harness) -> None:
+def test_a_missing_or_hanging_program_is_not_up(harness: Harness) -> None:
     harness.health.refresh(force=True)
     assert value(harness, "pincette_service_up", service="estimator") == 1.0
     harness.bus.kill("estimator")
@@ -94,13 +94,13 @@ def test_a_program_that_goes_or_hangs_is_not_up(harness: Harness) -> None:
     assert value(harness, "pincette_service_up", service="recorder") == 1.0
 
 
-def test_timing_is_reported_in_real_time_alone(harness: Harness) -> None:
+def test_timing_is_reported_in_real_time_only(harness: Harness) -> None:
     names = {name for name, _ in series(harness)}
     assert "pincette_lateness_seconds_bucket" not in names
     assert "pincette_command_age_seconds_bucket" in names
 
 
-def test_what_programs_tell_of_their_timing_arrives(
+def test_published_timing_is_exported(
     real_time: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     harness = open_harness(real_time)
@@ -117,19 +117,19 @@ def test_what_programs_tell_of_their_timing_arrives(
 
 
 @pytest.mark.parametrize("accept", ["", "*/*", "text/plain; version=none", f"{OPEN[:-5]}x"])
-def test_an_odd_wish_brings_the_plain_text(harness: Harness, accept: str) -> None:
+def test_an_unknown_format_returns_plain_text(harness: Harness, accept: str) -> None:
     response = harness.call("GET", "/metrics", headers={"Accept": accept})
     assert response.status_code == 200
     assert list(text_string_to_metric_families(response.text))
 
 
-def test_who_may_look_on_may_scrape(harness: Harness, ring: ScopeKeys) -> None:
+def test_observers_may_scrape(harness: Harness, ring: ScopeKeys) -> None:
     assert harness.call("GET", "/metrics").status_code == 401
     for scope in ("observe", "operate", "admin"):
         assert harness.call("GET", "/metrics", headers=ring.headers(scope)).status_code == 200
 
 
-def test_without_a_journal_the_rest_is_reported(
+def test_without_a_journal_the_other_metrics_are_reported(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def unread() -> dict[tuple[str, str, str], int]:
@@ -151,7 +151,7 @@ def test_the_series_are_bounded_whatever_is_reported(harness: Harness) -> None:
     assert len(before) < 300
 
 
-def test_each_rig_has_its_own_and_too_many_are_counted(
+def test_each_rig_has_its_own_metrics_and_surplus_rigs_are_counted(
     rig_file: RigFile, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rigs_harness = RigsHarness(rig_file, tmp_path_factory.mktemp("rigs"))

@@ -57,7 +57,7 @@ def test_a_journal_is_opened_again_as_it_was(tmp_path: Path) -> None:
     again.close()
 
 
-def test_what_was_learned_moves_from_notes_into_its_table(tmp_path: Path) -> None:
+def test_learned_corrections_move_from_notes_into_their_table(tmp_path: Path) -> None:
     path = tmp_path / "jobs.sqlite"
     Store(path).close()
     at = "2026-03-01T12:00:00.000Z"
@@ -101,7 +101,7 @@ def test_a_journal_of_another_schema_is_refused(tmp_path: Path, revision: str) -
             Store(path)
 
 
-def test_a_journal_without_a_revision_is_refused_and_left_as_it_was(tmp_path: Path) -> None:
+def test_a_journal_without_a_revision_is_refused_and_unchanged(tmp_path: Path) -> None:
     path = tmp_path / "jobs.sqlite"
     with closing(sqlite3.connect(path)) as base:
         base.execute("CREATE TABLE jobs (id TEXT PRIMARY KEY)")
@@ -113,7 +113,7 @@ def test_a_journal_without_a_revision_is_refused_and_left_as_it_was(tmp_path: Pa
     assert tables == [("jobs",)]
 
 
-def test_migrating_says_nothing(tmp_path: Path) -> None:
+def test_a_migration_prints_nothing(tmp_path: Path) -> None:
     script = (
         "import logging, pathlib\n"
         "logging.basicConfig(level=logging.INFO)\n"

@@ -25,7 +25,7 @@ def test_a_count_continues_after_a_restart() -> None:
 
 
 @given(TOLD)
-def test_a_count_never_falls_and_lacks_nothing_of_the_newest(told: list[tuple[int, int]]) -> None:
+def test_a_count_never_decreases_and_includes_the_newest(told: list[tuple[int, int]]) -> None:
     count, before = MonotonicCounter(), 0
     for start, value in told:
         count.update(value, start)
@@ -34,7 +34,7 @@ def test_a_count_never_falls_and_lacks_nothing_of_the_newest(told: list[tuple[in
 
 
 @given(st.lists(st.tuples(st.integers(0, 2), DURATIONS_S), max_size=8))
-def test_no_bucket_ever_falls(told: list[tuple[int, list[float]]]) -> None:
+def test_no_bucket_ever_decreases(told: list[tuple[int, list[float]]]) -> None:
     durations = MonotonicHistogram()
     before, before_s = durations.counts(), 0.0
     for start, values in told:

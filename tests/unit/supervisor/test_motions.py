@@ -49,7 +49,7 @@ def plan(
         ({"to_um": 3.0, "on_stop": "hold"}, "Extra inputs"),
     ],
 )
-def test_a_move_that_does_not_go_together_is_refused(wish: dict[str, Any], words: str) -> None:
+def test_an_inconsistent_move_is_refused(wish: dict[str, Any], words: str) -> None:
     with pytest.raises(ValidationError, match=words):
         REQUEST.validate_python({"kind": "move", **wish})
 
@@ -60,7 +60,7 @@ def test_a_hold_has_one_end() -> None:
 
 
 @pytest.mark.parametrize("kind", ["grip", "track", "hold"])
-def test_a_job_that_holds_says_what_becomes_of_its_part(kind: str) -> None:
+def test_a_holding_job_states_what_happens_to_its_part(kind: str) -> None:
     plain = REQUEST.validate_python({"kind": kind})
     assert getattr(plain, "on_stop", None) == "hold"
     assert getattr(plain, "on_abort", None) == "freeze"
@@ -77,7 +77,7 @@ def test_a_recipe_is_a_name_with_or_without_a_version(name: str) -> None:
     REQUEST.validate_python({"kind": "grip", "recipe": "bead-1mm@3", "queue": True})
 
 
-def test_a_move_begins_where_the_rig_stands() -> None:
+def test_a_move_starts_at_the_present_position() -> None:
     planned, view = plan({"kind": "move", "by_um": 3.0})
     assert view.feasible
     assert view.begins_at.model_dump() == {"x_um": 9.0, "voltage_V": 0.5}
@@ -89,7 +89,7 @@ def test_a_move_begins_where_the_rig_stands() -> None:
     assert (planned.begins_held, planned.present) == (False, FREE)
 
 
-def test_without_a_word_of_the_rig_it_is_taken_to_rest_and_that_is_reported() -> None:
+def test_an_unreported_rig_is_assumed_at_rest_with_a_warning() -> None:
     _, view = plan({"kind": "move", "by_um": 3.0}, None)
     assert view.begins_at.x_um is None
     assert view.curves.x_r_um[0] == 0.0
@@ -97,13 +97,13 @@ def test_without_a_word_of_the_rig_it_is_taken_to_rest_and_that_is_reported() ->
     assert "give a target position instead of a distance" in view.warnings[1]
 
 
-def test_a_voltage_needs_no_law() -> None:
+def test_a_move_to_a_voltage_needs_no_law() -> None:
     planned, view = plan({"kind": "move", "to_V": 1.0})
     assert view.law is None
     assert planned.program.laws
 
 
-def test_cycles_keep_away_from_the_part_unless_told_otherwise() -> None:
+def test_cycles_keep_away_from_the_part_by_default() -> None:
     body = {"kind": "move", "to_um": 5.0, "conditioning_cycles": 2}
     _, view = plan(body)
     assert max(view.curves.x_r_um) < RIG.part.contact_um - RIG.part.contact_tolerance_um
@@ -141,7 +141,7 @@ def test_a_limit_that_a_move_breaks_is_named(
 
 
 @pytest.mark.parametrize("kind", ["hold", "release"])
-def test_what_is_held_is_let_go_within_the_slew_limit(kind: str) -> None:
+def test_a_held_part_is_released_within_the_slew_limit(kind: str) -> None:
     planned, view = plan({"kind": kind}, HELD)
     assert planned.begins_held
     assert (view.feasible, view.warnings, view.law) == (True, [], None)
@@ -153,7 +153,7 @@ def test_what_is_held_is_let_go_within_the_slew_limit(kind: str) -> None:
     assert (planned.planned_s is None) == (kind == "hold")
 
 
-def test_that_a_part_is_held_may_be_known_to_the_operator_alone() -> None:
+def test_an_operator_may_state_that_a_part_is_held() -> None:
     for present, words in ((FREE, "is not known to the rig"), (Present(2.5, 39.0), "is not known")):
         _, view = plan({"kind": "hold", "hold_s": 3.0}, present)
         assert view.feasible

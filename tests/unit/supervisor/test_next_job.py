@@ -10,7 +10,7 @@ from .harness import Harness
 
 
 @pytest.mark.parametrize("kind", ["release", "hold"])
-def test_what_needs_a_part_is_refused_where_none_is_held(harness: Harness, kind: str) -> None:
+def test_jobs_that_need_a_part_are_refused_without_one(harness: Harness, kind: str) -> None:
     harness.ended(harness.grip()["id"])
     view = harness.get("/rigs/demo")
     assert view["part"] == "none"

@@ -9,7 +9,7 @@ from fastapi import FastAPI
 from pincette_supervisor.rest.server import server_of
 
 
-def test_accepted_connections_send_at_once() -> None:
+def test_accepted_connections_have_no_send_delay() -> None:
     server = server_of(FastAPI())
     server.config.load()
     server.lifespan = server.config.lifespan_class(server.config)

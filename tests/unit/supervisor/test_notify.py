@@ -88,7 +88,7 @@ def test_the_end_of_a_job_is_posted_and_its_signature_holds(harness: Harness) ->
     assert headers["content-type"] == "application/json"
 
 
-def test_what_is_refused_comes_again_later_under_the_same_id(harness: Harness) -> None:
+def test_a_refused_notice_is_sent_again_under_the_same_id(harness: Harness) -> None:
     with http_receiver([500, 503]) as received:
         delivery, clock = deliver(harness.store, webhook(received))
         ended(harness)
@@ -107,7 +107,7 @@ def test_what_is_refused_comes_again_later_under_the_same_id(harness: Harness) -
     assert len({headers["webhook-id"] for headers, _ in received.posts}) == 1
 
 
-def test_a_restart_loses_none_and_sends_none_twice(harness: Harness) -> None:
+def test_a_restart_loses_no_notice_and_sends_none_twice(harness: Harness) -> None:
     with http_receiver() as received:
         delivery, _ = deliver(harness.store, webhook(received))
         first = ended(harness)
@@ -120,7 +120,7 @@ def test_a_restart_loses_none_and_sends_none_twice(harness: Harness) -> None:
     assert jobs == [first, second]
 
 
-def test_a_receiver_that_is_gone_is_left_alone(harness: Harness) -> None:
+def test_a_receiver_that_is_gone_gets_no_more_notices(harness: Harness) -> None:
     with http_receiver([410]) as received:
         delivery, clock = deliver(harness.store, webhook(received))
         ended(harness)
@@ -130,7 +130,7 @@ def test_a_receiver_that_is_gone_is_left_alone(harness: Harness) -> None:
     assert len(received.posts) == 1
 
 
-def test_an_alarm_is_reported_once_and_its_end_where_it_is_required(harness: Harness) -> None:
+def test_an_alarm_is_notified_once_and_its_end_if_required(harness: Harness) -> None:
     alarms = harness.manager.context.alarms
     with http_receiver() as received, http_receiver() as all_of_it:
         usual, _ = deliver(harness.store, webhook(received))
@@ -148,7 +148,7 @@ def test_an_alarm_is_reported_once_and_its_end_where_it_is_required(harness: Har
     assert types == ["alarm.raised", "alarm.cleared"]
 
 
-def test_a_mail_says_what_ended_and_is_tried_again(harness: Harness) -> None:
+def test_a_mail_states_what_ended_and_is_retried(harness: Harness) -> None:
     with smtp_receiver(refusals=1) as received:
         delivery, clock = deliver(harness.store, mail(received))
         job = ended(harness)
@@ -166,7 +166,7 @@ def test_a_mail_says_what_ended_and_is_tried_again(harness: Harness) -> None:
     assert f"job: {job}" in body.get_content()
 
 
-def test_the_supervisor_tells_by_itself(harness: Harness) -> None:
+def test_the_supervisor_sends_notices_by_itself(harness: Harness) -> None:
     with http_receiver() as received:
         outbox = Outbox(harness.store, [webhook(received)])
         EventLog(harness.store, "demo").append("queue", action="clear")
@@ -178,7 +178,7 @@ def test_the_supervisor_tells_by_itself(harness: Harness) -> None:
     assert json.loads(received.posts[0][1])["data"]["job"] == job
 
 
-def test_a_secret_is_its_owners_alone(tmp_path: Path) -> None:
+def test_a_secret_is_readable_by_its_owner_only(tmp_path: Path) -> None:
     path = tmp_path / "secret"
     rig = Supervisor(webhooks=(Webhook(url="http://localhost/", secret_file="secret"),))
     with pytest.raises(SecretError, match="cannot be read"):

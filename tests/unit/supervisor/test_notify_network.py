@@ -77,7 +77,7 @@ def titles(received: Received) -> list[str]:
 
 
 @pytest.mark.parametrize("variable", ["http_proxy", "ALL_PROXY"])
-def test_a_webhook_goes_through_a_proxy(
+def test_a_webhook_can_use_a_proxy(
     variable: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     with running_proxy(tmp_path) as proxy, http_receiver() as received:
@@ -103,7 +103,7 @@ def test_a_secure_webhook_is_tunnelled_to_a_receiver_of_a_private_authority(
         assert proxy.requests() == [f"CONNECT {NAME}:{received.port}"] * 2
 
 
-def test_a_proxy_may_itself_be_reached_over_tls(
+def test_a_proxy_may_be_reached_over_tls(
     institute: Credentials, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     with (
@@ -175,7 +175,7 @@ def test_no_proxy_reaches_a_receiver_directly(
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])
-def test_no_proxy_is_asked_for_a_receiver_on_this_machine(
+def test_no_proxy_is_used_for_a_receiver_on_this_machine(
     host: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HTTP_PROXY", f"http://127.0.0.1:{free_ports(1)}")

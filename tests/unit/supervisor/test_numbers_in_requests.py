@@ -27,7 +27,7 @@ def answer(harness: Harness, path: str, body: str) -> int:
     return harness.call("POST", url, content=body, headers=JSON).status_code
 
 
-def test_what_is_no_number_of_json_is_refused(harness: Harness) -> None:
+def test_invalid_numbers_of_json_are_refused(harness: Harness) -> None:
     taken = [
         (path, body, text)
         for path, body in BODIES
@@ -37,7 +37,7 @@ def test_what_is_no_number_of_json_is_refused(harness: Harness) -> None:
     assert taken == []
 
 
-def test_whole_and_decimal_numbers_are_the_same(harness: Harness) -> None:
+def test_whole_and_decimal_numbers_are_equal(harness: Harness) -> None:
     for text in ("2", "2.0", "2e0"):
         assert answer(harness, PLAN, f'{{"kind": "track", "cycles": {text}}}') == 200
 

@@ -36,7 +36,7 @@ class EncodedBus(MemoryBus):
         """Nobody comes or goes."""
 
 
-def test_a_position_from_before_the_end_of_a_ramp_is_not_where_the_arm_stands() -> None:
+def test_a_position_from_before_the_end_of_a_ramp_is_not_the_present_position() -> None:
     bus = EncodedBus()
     observer = Observer(bus)
     tick, *_ = samples.grip()
@@ -61,7 +61,7 @@ def test_a_position_from_before_the_end_of_a_ramp_is_not_where_the_arm_stands() 
     assert hear(104, 4.1, 0.0) == 4.1
 
 
-def test_a_position_from_before_an_actuator_was_started_again_is_not_where_the_arm_stands() -> None:
+def test_a_position_from_before_a_restart_of_the_actuator_is_not_the_present_position() -> None:
     bus = EncodedBus()
     observer = Observer(bus)
     tick, *_ = samples.grip()
@@ -80,7 +80,7 @@ def test_a_position_from_before_an_actuator_was_started_again_is_not_where_the_a
     assert observer.standing() is None
 
 
-def test_a_payload_is_decoded_once_for_all_who_hear_it() -> None:
+def test_a_payload_is_decoded_once_for_all_subscribers() -> None:
     bus = EncodedBus()
     observer = Observer(bus)
     live = LiveSamples("demo", samples.PERIOD_S)

@@ -25,7 +25,7 @@ NAMES = frozenset({"gripper.lab"})
         "Gripper.Lab:8000",
     ],
 )
-def test_its_own_names(place: str) -> None:
+def test_own_names_are_accepted(place: str) -> None:
     assert is_ours(place, NAMES)
 
 
@@ -98,7 +98,7 @@ def test_a_foreign_name_reads_nothing_and_starts_nothing(harness: Harness) -> No
     assert harness.get("/jobs")["jobs"] == []
 
 
-def test_a_name_of_the_rig_file_is_taken(harness: Harness) -> None:
+def test_a_name_of_the_rig_file_is_accepted(harness: Harness) -> None:
     harness.app = create_app(harness.rigs, Access(names=NAMES))
     assert harness.call("GET", "/api/v1/rigs", headers={"Host": "gripper.lab"}).status_code == 200
 
@@ -112,7 +112,7 @@ def test_a_name_of_the_rig_file_is_taken(harness: Harness) -> None:
         {"Sec-Fetch-Site": "same-site", "Origin": "http://localhost:3000"},
     ],
 )
-def test_a_page_of_elsewhere_starts_no_grip_without_keys_either(
+def test_a_page_of_another_site_cannot_start_a_grip_even_without_keys(
     harness: Harness, headers: dict[str, str]
 ) -> None:
     grip = {"kind": "grip", "autostart": True}
@@ -121,7 +121,7 @@ def test_a_page_of_elsewhere_starts_no_grip_without_keys_either(
     assert harness.get("/jobs")["jobs"] == []
 
 
-def test_its_own_page_starts_a_grip(harness: Harness) -> None:
+def test_the_supervisors_page_can_start_a_grip(harness: Harness) -> None:
     headers = {"Origin": "http://localhost", "Sec-Fetch-Site": "same-origin"}
     answer = harness.call("POST", "/api/v1/jobs", json={"kind": "grip"}, headers=headers)
     assert answer.status_code == 201
@@ -138,7 +138,7 @@ def test_a_page_of_elsewhere_is_allowed_nothing_by_cors(harness: Harness) -> Non
         assert not [name for name in answer.headers if name.startswith("access-control")]
 
 
-def test_every_answer_says_how_it_may_be_used(harness: Harness, rig_file: RigFile) -> None:
+def test_every_response_has_security_headers(harness: Harness, rig_file: RigFile) -> None:
     for path in ("/api/v1/rigs", "/api/v1/nothing", f"/api/v1/rigs/{rig_file.rig.name}", "/livez"):
         headers = harness.call("GET", path).headers
         assert headers["x-content-type-options"] == "nosniff"

@@ -53,7 +53,7 @@ def code_of(answer: Any) -> str | None:
 
 
 @pytest.mark.parametrize(("headers", "stop", "order"), CASES)
-def test_the_check_says_what_really_happens(
+def test_the_check_predicts_the_real_outcome(
     named: Harness, headers: dict[str, str], stop: str | None, order: str | None
 ) -> None:
     found = named.call("POST", PLACE, headers=headers)
@@ -87,7 +87,7 @@ def test_the_check_moves_nothing_and_is_not_audited(named: Harness) -> None:
     assert not named.health.latch().reason.cause.value.startswith("estop")
 
 
-def test_without_a_key_a_stop_is_accepted_and_an_order_is_not(
+def test_without_a_key_a_stop_is_accepted_and_another_request_is_not(
     harness: Harness, ring: ScopeKeys
 ) -> None:
     codes = {

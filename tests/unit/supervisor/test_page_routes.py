@@ -16,7 +16,7 @@ from pincette.records import parquet
 from .harness import Harness
 
 
-def test_the_page_names_the_rig_and_lets_nothing_in(harness: Harness) -> None:
+def test_the_page_names_the_rig_and_loads_nothing_from_elsewhere(harness: Harness) -> None:
     page = harness.call("GET", "/")
     assert page.status_code == 200
     assert 'action="api/v1/rigs/demo/estop"' in page.text
@@ -39,7 +39,7 @@ def test_every_file_of_the_page_is_served(harness: Harness, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["none.js", "index.html", "..%2Fconfig.py", "%2e%2e/config.py"])
-def test_nothing_else_is_served(harness: Harness, name: str) -> None:
+def test_no_other_file_is_served(harness: Harness, name: str) -> None:
     assert harness.call("GET", f"/page/{name}").status_code == 404
 
 
@@ -64,7 +64,7 @@ def test_a_file_of_points_is_read_as_on_the_command_line(harness: Harness, tmp_p
     assert read(bytes(MOST_BYTES + 1)).status_code == 413
 
 
-def test_a_rigs_name_is_no_markup(rig_file: RigFile, open_harness: Callable[..., Harness]) -> None:
+def test_a_rigs_name_is_escaped(rig_file: RigFile, open_harness: Callable[..., Harness]) -> None:
     named = rig_file.rig.model_copy(update={"name": 'a"><script>'})
     harness = open_harness(rig_file.model_copy(update={"rig": named}))
     assert "<script>" not in harness.call("GET", "/").text

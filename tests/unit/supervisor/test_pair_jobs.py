@@ -105,12 +105,12 @@ def test_a_limit_that_one_arm_breaks_is_reported_with_the_arm() -> None:
         assert any(f"arm {arm}: position" in each.message for each in made.violations)
 
 
-def test_too_much_force_is_laid_to_its_member() -> None:
+def test_too_much_force_is_attributed_to_its_member() -> None:
     made = plan({"kind": "grip", "force_mN": 200.0}).plan
     assert {each.pointer for each in made.violations} >= {"/force_mN"}
 
 
-def test_each_path_is_of_its_own_shape_and_time() -> None:
+def test_each_path_has_its_own_shape_and_duration() -> None:
     points = [{"t_s": 0.0, "place_um": 0.0}, {"t_s": 2.0, "place_um": 3.0}]
     body = {
         "kind": "track",
@@ -138,7 +138,7 @@ def test_each_path_is_of_its_own_shape_and_time() -> None:
         ({"kind": "grip", "gains": "tuned"}, "is for 1 driven arm, but this rig has 2: give"),
     ],
 )
-def test_what_makes_no_job_is_refused(body: dict[str, Any], said: str) -> None:
+def test_impossible_jobs_are_refused(body: dict[str, Any], said: str) -> None:
     with pytest.raises(FaultyRequestError, match=said):
         plan(body)
 
@@ -205,7 +205,7 @@ def test_one_arm_of_two_is_calibrated_while_the_other_rests() -> None:
     assert any(paths_of(segment) for segment in second.segments)
 
 
-def test_a_calibration_that_meets_a_part_is_for_one_arm() -> None:
+def test_a_calibration_that_touches_a_part_needs_a_single_arm() -> None:
     with pytest.raises(ValueError, match="a rig with one driven arm"):
         plan({"kind": "calibrate", "calibration": "contact_stiffness"})
     with pytest.raises(FaultyRequestError, match="this rig has one driven arm"):
@@ -240,7 +240,7 @@ UNKNOWN_PAST = Present(0.0, 0.0, False, second_V=0.0, second_um=0.0, memory_know
         {"kind": "track", "place": {"pp_um": 4.0}},
     ],
 )
-def test_both_arms_make_strokes_before_they_meet_a_part(body: dict[str, Any]) -> None:
+def test_both_arms_make_strokes_before_they_touch_a_part(body: dict[str, Any]) -> None:
     rig = taught(RIG, -0.8, -0.5)
     plain, stroked = plan(body, rig=without_strokes(rig)), plan(body, UNKNOWN_PAST, rig)
     assert stroked.plan.violations == []

@@ -49,7 +49,7 @@ def test_a_pause_rests_and_a_resume_continues_to_the_end(harness: Harness) -> No
     ]
 
 
-def test_a_pause_comes_only_at_a_safe_point_and_can_be_taken_back(harness: Harness) -> None:
+def test_a_pause_acts_only_at_a_safe_point_and_can_be_cancelled(harness: Harness) -> None:
     harness.bus.rests = False
     job = harness.playing_to(IN_APPROACH)
     assert harness.acted(job, "pause")["state"] == "pausing"
@@ -65,7 +65,7 @@ def test_a_pause_comes_only_at_a_safe_point_and_can_be_taken_back(harness: Harne
 
 
 @pytest.mark.parametrize("action", ["pause", "stop", "resume"])
-def test_a_controller_that_does_nothing_is_tripped_when_the_time_is_over(
+def test_a_controller_that_does_nothing_is_tripped_after_the_deadline(
     rig_file: RigFile, open_harness: Callable[..., Harness], action: str
 ) -> None:
     clock = Clock()

@@ -73,7 +73,7 @@ def test_a_queued_job_is_planned_when_it_is_queued_and_when_it_starts(
     assert (work["plan"], work["find"]) == (2, 2)
 
 
-def test_a_queued_job_whose_recipe_has_become_invalid_fails_alone(
+def test_a_queued_job_with_an_invalid_recipe_fails_without_affecting_others(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An upgrade may refuse values that the version before has stored."""

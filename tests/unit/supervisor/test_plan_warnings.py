@@ -110,7 +110,7 @@ def test_a_tolerance_within_the_noise_is_named(name: str, value: float) -> None:
         ({"kind": "move", "to_um": 5.0, "warm_up_s": 0.1}, "warm_up_s"),
     ],
 )
-def test_a_value_that_the_output_or_whole_cycles_override_is_named(
+def test_a_value_overridden_by_the_output_or_whole_cycles_is_named(
     wish: dict[str, Any], name: str
 ) -> None:
     stepped = RIG.model_copy(update={"output": RIG.output.model_copy(update={"step_V": 0.00122})})
@@ -145,7 +145,7 @@ GENTLE = {"kind": "grip", "profile": "gentle"}
         ),
     ],
 )
-def test_a_touch_or_a_load_that_cannot_be_kept_is_refused_by_its_member(
+def test_an_impossible_touch_or_load_is_refused_by_its_member(
     rig: RigFile, wish: dict[str, Any], pointer: str, quantity: str
 ) -> None:
     plan = planned(rig, **wish).plan
@@ -179,7 +179,7 @@ def test_a_force_within_its_own_uncertainty_is_refused() -> None:
         {"kind": "move", "to_um": 5.0, "position_tolerance_um": 0.1, "settling_s": 0.6},
     ],
 )
-def test_a_goal_that_can_be_judged_brings_no_warning(wish: dict[str, Any]) -> None:
+def test_a_goal_that_can_be_judged_causes_no_warning(wish: dict[str, Any]) -> None:
     assert "settling_s" not in warnings(**wish)
 
 
@@ -205,14 +205,14 @@ PLACES = {
         (RIG, {"kind": "hold", "hold_s": 0.005}, ("hold", "0.005 s", "0.02 s")),
     ],
 )
-def test_what_lies_between_two_samples_is_named(
+def test_points_between_two_samples_are_named(
     rig: RigFile, wish: dict[str, Any], numbers: tuple[str, ...]
 ) -> None:
     told = warnings(rig, **wish)
     assert all(number in told for number in numbers), told
 
 
-def test_points_a_period_apart_bring_no_warning() -> None:
+def test_points_a_period_apart_cause_no_warning() -> None:
     for gap_s in (RIG.rig.period_s, 0.1):
         told = warnings(kind="track", shape="waypoints", points=points(gap_s))
         assert "period" not in told

@@ -41,7 +41,7 @@ def imported(folder: Path) -> Iterator[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("folder", [KINDS, EXAMPLE])
-def test_kinds_import_the_public_api_alone(folder: Path) -> None:
+def test_kinds_import_only_the_public_api(folder: Path) -> None:
     found = {
         (module, name)
         for module, name in imported(folder)

@@ -51,9 +51,7 @@ def is_model(name: str | None, *_: object) -> bool:
     return not (name or "").startswith("ix_jobs_search_")
 
 
-def test_its_tables_are_those_of_the_models_and_no_file_is_made(
-    store: Store, tmp_path: Path
-) -> None:
+def test_its_tables_match_the_models_and_no_file_is_created(store: Store, tmp_path: Path) -> None:
     with store.reading() as connection:
         # Indexes of expressions are no part of the models.
         context = MigrationContext.configure(
@@ -64,7 +62,7 @@ def test_its_tables_are_those_of_the_models_and_no_file_is_made(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_job_is_run_found_again_and_told_of(
+def test_a_job_is_run_and_found_again_with_its_events(
     rig_file: RigFile, open_harness: Callable[..., Harness], url: str
 ) -> None:
     harness = open_harness(rig_file, store_url=url)
@@ -116,7 +114,7 @@ def test_the_audit_log_is_only_added_to(store: Store) -> None:
     assert audit.chain().entries == 3
 
 
-def test_sessions_alarms_and_recipes_are_kept(store: Store) -> None:
+def test_sessions_alarms_and_recipes_are_stored(store: Store) -> None:
     sessions, session = SessionRepository(store), SessionRow("b" * 64, "a" * 64, utc_now())
     sessions.sign_in(session)
     assert sessions.all() == [session]
@@ -130,7 +128,7 @@ def test_sessions_alarms_and_recipes_are_kept(store: Store) -> None:
     assert versions == [1, 2]
 
 
-def test_a_server_that_goes_and_comes_loses_nothing(
+def test_a_restart_of_the_server_loses_nothing(
     rig_file: RigFile, open_harness: Callable[..., Harness], postgres: Server, url: str
 ) -> None:
     harness = open_harness(rig_file, store_url=url)
@@ -161,7 +159,7 @@ def test_two_supervisors_do_not_share_a_database(store: Store, tmp_path: Path, u
 @pytest.mark.parametrize(
     "odd", ["mysql://host/x", "nothing", "postgresql://u:secret@/x?host=/none"]
 )
-def test_what_is_no_server_is_reported_without_its_password(tmp_path: Path, odd: str) -> None:
+def test_an_unreachable_server_is_reported_without_its_password(tmp_path: Path, odd: str) -> None:
     with pytest.raises(StoreError) as refused:
         Store(tmp_path / "supervisor.sqlite", odd)
     assert "secret" not in str(refused.value)

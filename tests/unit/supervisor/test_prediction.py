@@ -89,7 +89,7 @@ def test_a_rig_that_is_its_model_does_what_was_predicted(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["grip", "track"])
-def test_the_demo_rig_comes_near_to_what_was_predicted(kind: str) -> None:
+def test_the_demo_rig_is_close_to_the_prediction(kind: str) -> None:
     planned = plan(demo(), kind=kind)
     found = played(planned)
     messages = ComposedLoop(demo()).play(planned.program)
@@ -102,7 +102,7 @@ def test_the_demo_rig_comes_near_to_what_was_predicted(kind: str) -> None:
     assert max(found.samples.voltage_V) == pytest.approx(peak_V, abs=0.08)
 
 
-def test_what_a_simulated_rig_knows_of_itself_is_not_looked_at() -> None:
+def test_hidden_values_of_a_simulated_rig_are_not_used() -> None:
     other = demo_rig({"simulation": {"piezo_um_per_V": 30.0, "bead": False}}, time="lockstep")
     real = demo().model_copy(update={"simulation": None})
     wanted = played(plan(demo(), kind="grip")).samples
@@ -122,7 +122,7 @@ def test_hysteresis_and_creep_are_predicted_where_they_were_identified() -> None
     assert "straight line" in straight_one.assumptions[1]
 
 
-def test_curves_peaks_and_margins_say_the_same() -> None:
+def test_curves_peaks_and_margins_agree() -> None:
     planned = plan(demo(), kind="track")
     found = played(planned)
     samples, limits = found.samples, demo().limits
@@ -149,7 +149,7 @@ def margin(margins: list[Margin], quantity: str, limit: float) -> Margin:
     return next(item for item in margins if (item.quantity, item.limit) == (quantity, limit))
 
 
-def test_the_band_is_told_where_the_law_keeps_to_one() -> None:
+def test_the_band_is_reported_if_the_law_has_one() -> None:
     without = predicted(straight(), kind="grip").plan.prediction
     within = predicted(straight(), kind="grip", gains={"K_S": 1.0}).plan.prediction
     assert without is not None
@@ -160,7 +160,7 @@ def test_the_band_is_told_where_the_law_keeps_to_one() -> None:
     assert band.distance == pytest.approx(band.limit - band.nearest)
 
 
-def test_a_limit_that_only_the_loop_breaks_makes_the_plan_infeasible() -> None:
+def test_a_limit_broken_only_by_the_loop_makes_the_plan_infeasible() -> None:
     rig = at_own_ports(straight(), {"limits": {"force_max_mN": 20.1}})
     assert plan(rig, kind="grip", force_mN=20.0).plan.feasible
     after = predicted(rig, kind="grip", force_mN=20.0).plan
@@ -176,7 +176,7 @@ def test_a_limit_that_only_the_loop_breaks_makes_the_plan_infeasible() -> None:
     assert "mN" in broken.message
 
 
-def test_a_voltage_that_the_actuator_would_keep_back_is_a_violation() -> None:
+def test_a_voltage_that_the_actuator_would_limit_is_a_violation() -> None:
     rig = at_own_ports(straight(), {"limits": {"voltage_max_V": 2.55}})
     after = predicted(rig, kind="grip").plan
     assert after.prediction is not None
@@ -184,7 +184,7 @@ def test_a_voltage_that_the_actuator_would_keep_back_is_a_violation() -> None:
     assert after.prediction.peaks.voltage_max_V <= 2.55
 
 
-def test_a_hold_without_end_is_released_after_a_moment() -> None:
+def test_an_endless_hold_is_predicted_with_an_early_release() -> None:
     prediction = predicted(straight(), kind="grip", until_released=True).plan.prediction
     assert prediction is not None
     assert (prediction.outcome, prediction.succeeds) == ("released", True)
@@ -211,7 +211,7 @@ def test_a_short_period_does_not_take_longer(monkeypatch: pytest.MonkeyPatch) ->
     assert prediction.cut == "3 s can be predicted at most"
 
 
-def test_a_move_begins_where_the_arm_stands() -> None:
+def test_a_move_starts_at_the_present_position_of_the_arm() -> None:
     planned = plan(straight(), Present(1.0, 19.0, False), kind="move", to_um=35.0)
     found = played(planned)
     assert found.samples.voltage_V[0] == pytest.approx(1.0, abs=0.01)
@@ -235,7 +235,7 @@ def test_the_weights_of_a_calibration_are_hung() -> None:
     assert after.prediction.outcome == "moved"
 
 
-def test_nothing_is_predicted_of_a_swept_sine() -> None:
+def test_a_swept_sine_is_not_predicted() -> None:
     rig = read_rig(Path(DEMO).with_name("fast.toml"))
     planned = plan(rig, kind="calibrate", calibration="frequency_response")
     prediction = with_prediction(planned, played(planned)).plan.prediction
@@ -244,7 +244,7 @@ def test_nothing_is_predicted_of_a_swept_sine() -> None:
     assert not prediction.complete
 
 
-def test_a_driver_that_states_nothing_is_taken_as_ideal() -> None:
+def test_a_driver_without_stated_timing_is_assumed_ideal() -> None:
     unknown = straight().model_copy(
         update={"output": straight().output.model_copy(update={"driver": "nobody_knows"})}
     )

@@ -35,7 +35,7 @@ def nothing() -> DryRun:
     return DryRun(dry_run.Samples(), "gripped", "", stated_instruments(straight()))
 
 
-def test_a_plan_is_checked_before_a_job_is_made_of_it() -> None:
+def test_a_plan_is_checked_before_its_job_is_created() -> None:
     rig, teller = at_own_ports(straight(), {"limits": {"force_max_mN": 20.1}}), PredictionCache()
     within = plan(rig, kind="grip", force_mN=15.0)
     assert teller.checked(within) is within
@@ -45,7 +45,7 @@ def test_a_plan_is_checked_before_a_job_is_made_of_it() -> None:
     assert [item.quantity for item in checked.violations] == ["force"]
 
 
-def test_a_release_and_a_calibration_are_taken_whatever_is_predicted() -> None:
+def test_a_release_and_a_calibration_are_accepted_whatever_is_predicted() -> None:
     def play(_planned: Planned) -> DryRun:
         raise AssertionError("must not be played")
 
@@ -58,12 +58,12 @@ def test_a_release_and_a_calibration_are_taken_whatever_is_predicted() -> None:
         assert PredictionCache(play).checked(planned) is planned
 
 
-def test_what_cannot_be_predicted_is_no_reason_against_a_job() -> None:
+def test_a_missing_prediction_does_not_refuse_a_job() -> None:
     planned = plan(straight(), Present(1.0, 1e6, False), kind="grip")
     assert PredictionCache().checked(planned) is planned
 
 
-def test_the_same_plan_is_played_once() -> None:
+def test_the_same_plan_is_predicted_once() -> None:
     asked: list[float] = []
 
     def count(planned: Planned) -> DryRun:
@@ -79,7 +79,7 @@ def test_the_same_plan_is_played_once() -> None:
     assert len(asked) == 3
 
 
-def test_who_would_wait_too_long_is_sent_away(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_requests_that_would_wait_too_long_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     entered, go_on = threading.Event(), threading.Event()
 
     def wait(_planned: Planned) -> DryRun:
@@ -99,7 +99,7 @@ def test_who_would_wait_too_long_is_sent_away(monkeypatch: pytest.MonkeyPatch) -
     assert teller.dry_run(planned).outcome == "gripped"
 
 
-def test_an_arm_out_of_the_sensors_sight_cannot_be_predicted() -> None:
+def test_an_arm_out_of_the_sensors_range_cannot_be_predicted() -> None:
     planned = plan(straight(), Present(1.0, 1e6, False), kind="grip")
     with pytest.raises(ProblemError, match="outside the sensor's range"):
         PredictionCache().predicted(planned)

@@ -31,7 +31,7 @@ def order(harness: Harness, what: str) -> Any:
     )
 
 
-def test_a_queued_job_begins_when_the_one_before_has_succeeded(harness: Harness) -> None:
+def test_a_queued_job_starts_when_the_previous_one_has_succeeded(harness: Harness) -> None:
     first = harness.playing_to(IN_HOLD, queue=True)
     second, third = queued(harness), queued(harness)
     assert (second["state"], second["position"], third["position"]) == ("queued", 1, 2)
@@ -89,7 +89,7 @@ def test_a_queued_job_is_stopped_before_its_turn_and_the_others_move_up(harness:
     assert harness.act(third["id"], "start").json()["allowed_actions"] == ["stop", "abort"]
 
 
-def test_a_job_whose_turn_has_come_is_planned_again_and_fails_where_there_is_no_plan(
+def test_a_job_is_planned_again_at_its_turn_and_fails_without_a_plan(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def no_plan(*_given: object) -> Planned:
@@ -136,7 +136,7 @@ def test_the_queue_survives_a_restart_and_waits_for_a_person(
     assert (ended["state"], ended["labels"]) == ("succeeded", {"part": "bead"})
 
 
-def test_a_queue_is_not_resumed_while_a_part_is_held_and_uses_up_no_job(harness: Harness) -> None:
+def test_a_queue_is_not_resumed_while_a_part_is_held_and_no_job_is_lost(harness: Harness) -> None:
     first = harness.playing_to(IN_HOLD)
     second = queued(harness)["id"]
     harness.acted(first, "stop")
@@ -153,7 +153,7 @@ def test_a_queue_is_not_resumed_while_a_part_is_held_and_uses_up_no_job(harness:
     assert harness.ended(second)["state"] == "succeeded"
 
 
-def test_an_emergency_stop_between_two_jobs_uses_up_none(
+def test_an_emergency_stop_between_two_jobs_loses_none(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = harness.playing_to(IN_HOLD)

@@ -23,7 +23,7 @@ def readiness(harness: Harness, status: int) -> dict[str, Any]:
     return response.json()
 
 
-def test_a_rig_that_is_whole_is_ready(harness: Harness) -> None:
+def test_a_complete_rig_is_ready(harness: Harness) -> None:
     found = readiness(harness, 200)
     assert (found["status"], found["reasons"]) == ("ready", [])
     assert [check["name"] for check in found["checks"]] == ["store"]
@@ -35,7 +35,7 @@ def test_a_rig_that_is_whole_is_ready(harness: Harness) -> None:
     assert checks(harness).keys() == names
 
 
-def test_alive_says_how_long_a_turn_takes(harness: Harness) -> None:
+def test_liveness_reports_the_duration_of_a_turn(harness: Harness) -> None:
     found = harness.call("GET", "/livez").json()
     assert found["status"] == "alive"
     (check,) = found["checks"]

@@ -63,7 +63,7 @@ def test_each_table_has_every_state_once() -> None:
 
 
 @pytest.mark.parametrize("state", RIG_STATES)
-def test_a_part_is_never_more_certain_than_the_report_of_it(state: RigState) -> None:
+def test_a_part_is_never_more_certain_than_its_report(state: RigState) -> None:
     for reported, age in product(("none", "held"), AGES):
         certainty = PART[state][reported][age]
         assert certainty != "known" or age == "known"
@@ -75,7 +75,7 @@ def test_a_part_is_never_more_certain_than_the_report_of_it(state: RigState) -> 
             assert certainty == "unknown"
 
 
-def test_what_has_the_rig_decides_which_jobs_start() -> None:
+def test_the_occupant_of_the_rig_decides_which_jobs_can_start() -> None:
     for part, job, playing in product(PARTS, JOBS, (False, True)):
         occupant = occupant_of(part, job, playing=playing)
         found = ready(part, occupant)
@@ -98,7 +98,7 @@ def test_what_has_the_rig_decides_which_jobs_start() -> None:
             assert broken.is_free(begins_held=False) == starts
 
 
-def test_the_stage_moves_only_beside_an_arm_that_is_known_to_rest() -> None:
+def test_the_stage_may_move_only_if_the_arm_is_known_to_rest() -> None:
     hold, approach = samples.grip(7)[IN_HOLD], samples.grip(7)[IN_APPROACH]
     off = with_arm(hold.estimate, force_mN=hold.telemetry.force_r_mN + 30.0)
     telemetries = (None, approach.telemetry, hold.telemetry)

@@ -60,7 +60,7 @@ def keep(harness: Harness, status: int = 201, **body: Any) -> dict[str, Any]:
     return response.json()
 
 
-def test_a_recipe_completes_what_a_request_leaves_out() -> None:
+def test_a_recipe_supplies_omitted_values_of_a_request() -> None:
     values = {"force_mN": 8.0, "hold_s": 2.0, "gains": {"K_P": 0.5}, "frequency_hz": 1.0}
     assert complete(values, hold_s=1.0) == {
         "kind": "grip",
@@ -82,13 +82,13 @@ def test_members_that_exclude_each_other_are_the_requests() -> None:
     assert steps == {"kind": "track", "recipe": "bead@3", "shape": "step", "load_s": 1.0}
 
 
-def test_a_request_without_a_recipe_stays_as_it_is() -> None:
+def test_a_request_without_a_recipe_is_unchanged() -> None:
     found = resolved({"force_mN": 8.0}, recipe=None)
     assert found.kept == found.request == request(recipe=None)
     assert found.recipe is None
 
 
-def test_the_journal_keeps_the_version_of_the_recipe_and_no_values_of_it() -> None:
+def test_the_journal_stores_the_version_of_the_recipe_and_not_its_values() -> None:
     kept = resolved({"force_mN": 8.0}).kept
     assert kept.model_dump(exclude_unset=True) == {"kind": "grip", "recipe": "bead@3"}
 
@@ -110,7 +110,7 @@ def test_a_recipe_that_cannot_be_followed_is_named(wishes: dict[str, Any], words
     assert raised.value.pointer == "/recipe"
 
 
-def test_a_plan_says_which_recipe_it_follows(rig_file: RigFile) -> None:
+def test_a_plan_states_its_recipe(rig_file: RigFile) -> None:
     found = planned(rig_file, {"force_mN": 8.0, "hold_s": 0.5})
     assert found.values["force_mN"] == 8.0
     stamp = found.values["recipe"]
@@ -119,7 +119,7 @@ def test_a_plan_says_which_recipe_it_follows(rig_file: RigFile) -> None:
     assert "part" not in found.values
 
 
-def test_a_recipe_says_where_its_object_lies_and_how_stiff_it_is(rig_file: RigFile) -> None:
+def test_a_recipe_states_position_and_stiffness_of_its_part(rig_file: RigFile) -> None:
     part = {"contact_um": 25.0, "stiffness_mN_per_um": 3.0}
     found = planned(rig_file, {"force_mN": 9.0, "hold_s": 0.5, "part": part})
     assert found.values["part"] == part
@@ -184,7 +184,7 @@ def test_a_value_that_cannot_be_is_named(
     assert (first["loc"], first["type"]) == (place, kind)
 
 
-def test_faults_of_all_values_are_reported_once() -> None:
+def test_faults_of_all_values_are_reported_at_once() -> None:
     with pytest.raises(FaultyValuesError) as raised:
         checked_values({"load_s": -1.0, "cycles": 0, "part": {"contact_um": "x"}, "odd": 1})
     assert sorted(error["loc"] for error in raised.value.errors) == [
@@ -195,7 +195,7 @@ def test_faults_of_all_values_are_reported_once() -> None:
     ]
 
 
-def test_versions_are_added_and_stay(harness: Harness) -> None:
+def test_versions_are_added_and_kept(harness: Harness) -> None:
     first = keep(harness, values={"force_mN": 8}, note="by hand")
     assert (first["version"], first["values"], first["note"]) == (1, {"force_mN": 8.0}, "by hand")
     assert keep(harness, 200, values={"force_mN": 8.0}, note="again") == first
@@ -228,7 +228,7 @@ def test_an_unknown_recipe_is_not_found(harness: Harness, path: str) -> None:
     assert harness.call("GET", f"/api/v1/recipes/{path}").status_code == 404
 
 
-def test_a_job_follows_the_version_it_was_taken_with(harness: Harness) -> None:
+def test_a_job_uses_the_version_it_was_accepted_with(harness: Harness) -> None:
     keep(harness, values={"force_mN": 20.0, "hold_s": 4.0})
     keep(harness, values={"force_mN": 18.0})
     job = harness.grip(recipe="bead@1")
@@ -239,7 +239,7 @@ def test_a_job_follows_the_version_it_was_taken_with(harness: Harness) -> None:
     assert newest["values"]["force_mN"] == 18.0
 
 
-def test_the_part_of_a_recipe_is_armed_for_its_job_alone(harness: Harness) -> None:
+def test_the_part_of_a_recipe_is_armed_for_its_job_only(harness: Harness) -> None:
     keep(harness, values={"part": {"contact_um": 29.0}})
     model = harness.manager.context.model.in_use
     job = harness.grip(recipe="bead")
@@ -252,13 +252,13 @@ def test_the_part_of_a_recipe_is_armed_for_its_job_alone(harness: Harness) -> No
     assert harness.bus.calibration == ""
 
 
-def test_a_job_by_an_unknown_recipe_is_refused(harness: Harness) -> None:
+def test_a_job_with_an_unknown_recipe_is_refused(harness: Harness) -> None:
     refused = harness.post("/jobs", {"kind": "grip", "recipe": "none"})
     assert refused.status_code == 422
     assert refused.json()["errors"][0]["pointer"] == "/recipe"
 
 
-def test_there_are_not_too_many(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_number_of_recipes_is_limited(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(journal, "RECIPES_MAX", 2)
     monkeypatch.setattr(journal, "VERSIONS_MAX", 2)
     book = RecipeRepository(store)

@@ -86,7 +86,7 @@ def test_the_manifest_has_the_sum_of_every_file(tmp_path: Path, rig_file: RigFil
         ("no program answers recorder/finish", False, "no program answers recorder/finish"),
     ],
 )
-def test_the_manifest_says_whether_the_record_is_complete(
+def test_the_manifest_states_whether_the_record_is_complete(
     tmp_path: Path, rig_file: RigFile, recorded: Recorded | str, complete: bool, detail: str
 ) -> None:
     write(tmp_path, rig_file).write(tmp_path, recorded)
@@ -94,7 +94,7 @@ def test_the_manifest_says_whether_the_record_is_complete(
     assert (manifest["complete"], manifest["detail"]) == (complete, detail)
 
 
-def test_samples_that_are_there_are_in_the_manifest(tmp_path: Path, rig_file: RigFile) -> None:
+def test_the_manifest_lists_the_present_samples(tmp_path: Path, rig_file: RigFile) -> None:
     (tmp_path / folder.LIVE).write_bytes(b"samples")
     write(tmp_path, rig_file)
     manifest = json.loads((tmp_path / folder.MANIFEST).read_text(encoding="utf-8"))
@@ -129,7 +129,7 @@ def test_the_picture_is_a_png_of_its_size(
 
 
 @pytest.mark.usefixtures("drawn")
-def test_a_picture_leaves_nothing_of_what_it_was_drawn_on(
+def test_drawing_a_picture_leaks_no_memory(
     tmp_path: Path, rig_file: RigFile, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Left to the collector of cycles, each held 7 MB for some jobs."""

@@ -44,7 +44,7 @@ def over(harness: Harness) -> str:
     return job
 
 
-def test_the_end_is_told_while_the_record_is_written(
+def test_the_end_is_published_while_the_record_is_written(
     harness: Harness, gate: threading.Event
 ) -> None:
     job = harness.grip()["id"]
@@ -62,7 +62,7 @@ def test_the_end_is_told_while_the_record_is_written(
     assert kinds.index("record") > kinds.index("result")
 
 
-def test_the_rig_is_free_for_the_next_job_which_waits_for_the_recorder_alone(
+def test_the_rig_is_free_for_the_next_job_which_waits_for_the_recorder_only(
     harness: Harness, gate: threading.Event
 ) -> None:
     first = over(harness)
@@ -76,7 +76,7 @@ def test_the_rig_is_free_for_the_next_job_which_waits_for_the_recorder_alone(
         assert harness.get(f"/jobs/{job}")["record_complete"] is True
 
 
-def test_a_part_is_handed_over_while_the_picture_of_the_job_before_is_drawn(
+def test_a_part_is_handed_over_while_the_previous_picture_is_drawn(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn = threading.Event()
@@ -108,9 +108,7 @@ def test_files_that_are_being_written_are_waited_for(
     assert {"grip.png", folder.REPORT, folder.RESULT} <= names
 
 
-def test_what_is_being_written_is_not_deleted_under_it(
-    harness: Harness, gate: threading.Event
-) -> None:
+def test_a_record_being_written_is_not_deleted(harness: Harness, gate: threading.Event) -> None:
     job = over(harness)
     threading.Timer(0.3, gate.set).start()
     deleted = harness.call("DELETE", f"/api/v1/jobs/{job}/record")
@@ -119,7 +117,7 @@ def test_what_is_being_written_is_not_deleted_under_it(
     assert not (harness.manager.context.records / job).exists()
 
 
-def test_what_is_said_meanwhile_is_in_the_documents(
+def test_labels_given_meanwhile_are_in_the_documents(
     harness: Harness, gate: threading.Event
 ) -> None:
     job = over(harness)
@@ -132,7 +130,7 @@ def test_what_is_said_meanwhile_is_in_the_documents(
     assert '"sample": "B7"' in (record / folder.MANIFEST).read_text()
 
 
-def test_a_recorder_that_does_not_answer_is_told_of_a_job_that_has_ended(
+def test_a_missing_reply_of_the_recorder_is_reported_in_an_ended_job(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     call = harness.bus.call
@@ -148,7 +146,7 @@ def test_a_recorder_that_does_not_answer_is_told_of_a_job_that_has_ended(
     assert "does not answer" in ended["record_detail"]
 
 
-def test_an_interrupted_job_is_not_told_as_recorded_before_its_result_is_there(
+def test_an_interrupted_job_is_not_reported_as_recorded_before_its_result_exists(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     job = harness.ended(harness.grip()["id"])["id"]
@@ -172,7 +170,7 @@ def test_an_interrupted_job_is_not_told_as_recorded_before_its_result_is_there(
     assert harness.ended(job)["result"]["samples"] > 0
 
 
-def test_a_record_that_was_not_written_is_closed_after_a_restart(harness: Harness) -> None:
+def test_an_unwritten_record_is_closed_after_a_restart(harness: Harness) -> None:
     job = harness.ended(harness.grip()["id"])["id"]
     row = harness.store.get(job)
     assert row is not None
@@ -190,7 +188,7 @@ def test_a_record_that_was_not_written_is_closed_after_a_restart(harness: Harnes
     assert again.result == row.result
 
 
-def test_a_job_whose_documents_fail_for_any_reason_says_so(
+def test_a_job_reports_any_failure_of_its_documents(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(*_: Any) -> Picture:
@@ -202,7 +200,7 @@ def test_a_job_whose_documents_fail_for_any_reason_says_so(
     assert (ended["artifacts"], ended["record_complete"]) == ("ready", True)
 
 
-def test_a_job_that_ends_while_it_is_looked_at_is_not_told_as_recorded(
+def test_a_job_that_ends_during_a_request_is_not_reported_as_recorded(
     harness: Harness, gate: threading.Event, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     job = over(harness)
@@ -251,7 +249,7 @@ def test_the_newest_motion_is_found_behind_any_number_of_other_jobs(
         recorded_motion(store, tmp_path / "none", rig, "")
 
 
-def test_a_record_that_nothing_writes_any_more_is_not_waited_for(
+def test_an_abandoned_record_is_not_awaited(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An unexpected error ends a job between its last state and the writing of its record."""

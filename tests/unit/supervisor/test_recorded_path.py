@@ -48,7 +48,7 @@ def test_a_recorded_trajectory_of_2007_rows_is_planned() -> None:
 
 
 @pytest.mark.skipif(not MEASURED.is_file(), reason=f"{MEASURED} is not there")
-def test_a_path_that_somebody_has_measured_is_planned() -> None:
+def test_a_measured_path_is_planned() -> None:
     lines = MEASURED.read_text(encoding="ascii").splitlines()[::4]  # a row each period
     um = [float(line.split()[4]) for line in lines]
     low, high = min(um), max(um)
@@ -59,7 +59,7 @@ def test_a_path_that_somebody_has_measured_is_planned() -> None:
     assert knots_of(RIG, {"kind": "track", "shape": "waypoints", "points": points}) == [len(um)]
 
 
-def test_two_paths_of_the_most_points_fit_in_one_message() -> None:
+def test_two_paths_with_the_maximum_of_points_fit_in_one_message() -> None:
     force = {"shape": "waypoints", "points": rows(POINTS_MAX, "force_mN", 8.0, 9.0)}
     place = {"shape": "waypoints", "points": rows(POINTS_MAX, "place_um", 0.0, 0.5)}
     wish = {"kind": "track", "force": force, "place": place}
@@ -82,7 +82,7 @@ def test_two_recorded_trajectories_fit_in_one_request() -> None:
     assert parsed(json.dumps(wish).encode()) == wish
 
 
-def test_of_thousands_of_wrong_points_or_members_few_are_reported(harness: Harness) -> None:
+def test_only_some_of_thousands_of_wrong_points_or_members_are_reported(harness: Harness) -> None:
     wrong = [{"t": 1.0, "force": 2.0}] * POINTS_MAX
     answer = harness.post("/jobs", {"kind": "track", "shape": "waypoints", "points": wrong})
     assert answer.status_code == 422

@@ -16,7 +16,7 @@ from .harness import Harness
 HOLDING = ["hold", "release"]
 
 
-def test_a_part_that_a_trip_has_frozen_is_kept_by_a_reset_and_let_go_by_a_job(
+def test_a_part_frozen_by_a_trip_is_kept_by_a_reset_and_released_by_a_job(
     harness: Harness,
 ) -> None:
     harness.bus.freezes = True
@@ -39,7 +39,7 @@ def test_a_part_that_a_trip_has_frozen_is_kept_by_a_reset_and_let_go_by_a_job(
     assert release.json()["kind"] == "release"
 
 
-def test_a_part_that_a_stop_has_kept_is_handed_over_to_a_job(harness: Harness) -> None:
+def test_a_part_kept_by_a_stop_is_handed_over_to_a_job(harness: Harness) -> None:
     job = harness.playing_to(IN_HOLD)
     harness.acted(job, "stop")
     harness.ended(job)
@@ -53,9 +53,7 @@ def test_a_part_that_a_stop_has_kept_is_handed_over_to_a_job(harness: Harness) -
 @pytest.mark.parametrize(
     ("policy", "act"), [("hold", "stop"), ("release", "let_go"), ("retract", "retract")]
 )
-def test_a_stop_does_with_the_part_what_the_request_says(
-    harness: Harness, policy: str, act: str
-) -> None:
+def test_a_stop_treats_the_part_as_requested(harness: Harness, policy: str, act: str) -> None:
     job = harness.playing_to(IN_HOLD, on_stop=policy)
     harness.acted(job, "stop")
     stopped = harness.ended(job)
@@ -65,16 +63,14 @@ def test_a_stop_does_with_the_part_what_the_request_says(
 
 
 @pytest.mark.parametrize(("policy", "let_go"), [("freeze", False), ("ramp", True)])
-def test_an_abort_does_with_the_part_what_the_request_says(
-    harness: Harness, policy: str, let_go: bool
-) -> None:
+def test_an_abort_treats_the_part_as_requested(harness: Harness, policy: str, let_go: bool) -> None:
     job = harness.playing_to(IN_HOLD, on_abort=policy)
     harness.acted(job, "abort")
     assert harness.ended(job)["state"] == "aborted"
     assert {trip.release_now for trip in harness.bus.trips} == {let_go}
 
 
-def test_a_program_that_still_plays_after_a_restart_is_stopped_once(
+def test_a_program_still_running_after_a_restart_is_stopped_once(
     harness: Harness, rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     job = harness.playing_to(IN_APPROACH)
@@ -88,7 +84,7 @@ def test_a_program_that_still_plays_after_a_restart_is_stopped_once(
     assert after.told("rig")[-1].body["found"] == "a program played"
 
 
-def test_a_restart_on_a_full_disk_stops_the_program_and_marks_the_job_once_there_is_room(
+def test_a_restart_on_a_full_disk_stops_the_program_and_marks_the_job_later(
     harness: Harness,
     rig_file: RigFile,
     open_harness: Callable[..., Harness],
@@ -113,7 +109,7 @@ def test_a_restart_on_a_full_disk_stops_the_program_and_marks_the_job_once_there
     after.until(lambda: after.ended(job)["record_complete"] is not None)
 
 
-def test_a_restart_leaves_a_rig_at_rest_alone(harness: Harness) -> None:
+def test_a_restart_does_not_disturb_a_rig_at_rest(harness: Harness) -> None:
     harness.health.refresh()
     harness.manager.recover(harness.store.interrupt_unfinished(utc_now()))
     assert harness.bus.acts == []
@@ -127,7 +123,7 @@ def test_without_a_recorder_no_job_can_start(harness: Harness) -> None:
     assert response.json()["reasons"][0].startswith("recorder: no program answers")
 
 
-def test_a_recorder_that_dies_during_a_job_costs_the_record_alone(harness: Harness) -> None:
+def test_a_recorder_that_dies_during_a_job_costs_only_the_record(harness: Harness) -> None:
     job = harness.playing_to(IN_HOLD)
     harness.bus.kill("recorder")
     harness.bus.play()
@@ -137,7 +133,7 @@ def test_a_recorder_that_dies_during_a_job_costs_the_record_alone(harness: Harne
     assert "no program answers" in ended["record_detail"]
 
 
-def test_a_record_that_lacks_samples_says_so(harness: Harness) -> None:
+def test_a_record_with_missing_samples_reports_it(harness: Harness) -> None:
     harness.bus.incomplete = "12 messages found no room"
     ended = harness.ended(harness.grip()["id"])
     assert ended["state"] == "succeeded"
@@ -147,7 +143,7 @@ def test_a_record_that_lacks_samples_says_so(harness: Harness) -> None:
     )
 
 
-def test_it_is_safe_to_move_the_stage_in_a_steady_hold_and_at_rest_only(harness: Harness) -> None:
+def test_the_stage_may_be_moved_only_during_a_steady_hold_and_at_rest(harness: Harness) -> None:
     def safe() -> tuple[bool, str, int]:
         found = harness.get("/rigs/demo")["safe_to_move"]
         return found["value"], found["state"], len(found["reasons"])
@@ -167,7 +163,7 @@ def test_it_is_safe_to_move_the_stage_in_a_steady_hold_and_at_rest_only(harness:
     assert safe() == (False, "tripped", 1)
 
 
-def test_whoever_listens_hears_states_phases_and_the_result(harness: Harness) -> None:
+def test_listeners_receive_states_phases_and_the_result(harness: Harness) -> None:
     job = harness.freed(harness.grip()["id"])["id"]
     assert [row.body["state"] for row in harness.told("state", job=job)] == [
         "queued",
@@ -190,7 +186,7 @@ def test_whoever_listens_hears_states_phases_and_the_result(harness: Harness) ->
     ("more", "paused"),
     [({"until_released": True}, False), ({"until_released": True}, True), ({"hold_s": 4.0}, True)],
 )
-def test_a_new_force_takes_a_part_over_from_a_job_that_keeps_it_at_rest(
+def test_a_new_force_takes_over_a_part_from_a_job_that_holds_it_at_rest(
     harness: Harness, more: dict[str, object], paused: bool
 ) -> None:
     job = harness.playing_to(IN_HOLD, **more)
@@ -207,7 +203,7 @@ def test_a_new_force_takes_a_part_over_from_a_job_that_keeps_it_at_rest(
 
 
 @pytest.mark.parametrize("more", [{"hold_s": 4.0}, {"until_released": True}])
-def test_a_job_that_is_on_its_way_keeps_its_part_from_a_new_force(
+def test_a_moving_job_does_not_hand_its_part_over_to_a_new_force(
     harness: Harness, more: dict[str, object]
 ) -> None:
     place = IN_HOLD if "hold_s" in more else IN_APPROACH

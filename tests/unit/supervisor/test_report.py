@@ -66,7 +66,7 @@ def test_the_page_needs_nothing_else(model: type[GripResult]) -> None:
     assert links[0].startswith("data:image/png;base64,")
 
 
-def test_it_begins_with_a_verdict_in_one_line() -> None:
+def test_the_report_starts_with_a_verdict_in_one_line() -> None:
     kind = job_kinds()["grip"]
     told = verdict(kind, {"outcome": "gripped", "force_held_mN": 20.0123})
     assert told == f"{OUTCOMES['gripped']}; force held 20.01 mN"
@@ -87,12 +87,12 @@ def test_digits_are_those_that_an_instrument_has() -> None:
     assert any("sliding function is within its band" in text for text in page.text)
 
 
-def test_what_was_asked_for_stands_as_it_was_asked_for() -> None:
+def test_requested_values_are_shown_as_requested() -> None:
     page = _page(_example(GripResult), values={"force_mN": 20.125})
     assert "20.125 mN" in page.text
 
 
-def test_figures_come_with_their_units() -> None:
+def test_figures_have_units() -> None:
     page = _page(_example(GripResult))
     place = page.text.index("force held")
     assert page.text[place + 1] == "19.99 mN"
@@ -110,13 +110,13 @@ def test_course_limits_and_actions_are_tables() -> None:
     assert {"start / s", "duration / s", "hold"} <= set(page.text)
 
 
-def test_what_is_missing_is_reported() -> None:
+def test_missing_values_are_reported() -> None:
     page = _page(_example(GripResult), state={"complete": False, "detail": "3 <lost>"})
     assert "The record is not complete: 3 <lost>" in page.text
     assert not any("not complete" in text for text in _page(_example(GripResult)).text)
 
 
-def test_whose_it_is_and_what_was_asked_for() -> None:
+def test_the_report_states_requester_and_request() -> None:
     page = _page(_example(GripResult))
     assert page.text[page.text.index("model version") + 1] == "3"
     assert page.text[page.text.index("law K P") + 1] == "1"
@@ -139,7 +139,7 @@ def test_a_calibration_has_its_values_and_what_it_states() -> None:
     assert "calibrate: moved" in page.text
 
 
-def test_how_punctual_the_loop_was_is_a_table() -> None:
+def test_the_punctuality_of_the_loop_is_a_table() -> None:
     timing = LoopTiming.model_validate(_example(LoopTiming))
     text = _page(_example(GripResult), timing=timing).text
     begin = text.index("Timing")

@@ -48,7 +48,7 @@ def test_a_missing_kind_is_named(harness: Harness) -> None:
 
 
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity"])
-def test_what_is_not_finite_is_refused(harness: Harness, number: str) -> None:
+def test_non_finite_numbers_are_refused(harness: Harness, number: str) -> None:
     response = harness.call(
         "POST",
         "/api/v1/jobs",
@@ -72,7 +72,7 @@ def test_a_force_beyond_the_limit_names_value_limit_unit_and_time(harness: Harne
     assert "40" in violations[0]["message"]
 
 
-def test_a_dry_run_answers_with_the_plan_and_makes_no_job(harness: Harness) -> None:
+def test_a_dry_run_returns_the_plan_and_creates_no_job(harness: Harness) -> None:
     response = harness.post("/jobs", {"kind": "grip"}, dry_run="true")
     assert response.status_code == 200
     plan = response.json()
@@ -191,7 +191,7 @@ def test_a_path_beyond_a_limit_names_it(
 
 
 @pytest.mark.parametrize("shape", ["sinusoid", "triangle", "step"])
-def test_a_dry_run_of_a_track_plans_what_the_rig_file_says(harness: Harness, shape: str) -> None:
+def test_a_dry_run_of_a_track_plans_the_path_of_the_rig_file(harness: Harness, shape: str) -> None:
     response = harness.post("/jobs", {"kind": "track", "shape": shape}, dry_run="true")
     assert response.status_code == 200
     plan = response.json()
@@ -202,7 +202,7 @@ def test_a_dry_run_of_a_track_plans_what_the_rig_file_says(harness: Harness, sha
     assert max(plan["curves"]["force_r_mN"]) == pytest.approx(highest, rel=0.02)
 
 
-def test_one_height_of_a_path_follows_from_the_other(harness: Harness) -> None:
+def test_one_amplitude_of_a_path_follows_from_the_other(harness: Harness) -> None:
     stiffness = 2.17
     by_position = harness.post("/jobs", {"kind": "track", "x_pp_um": 8.0}, dry_run="true").json()
     body = {"kind": "track", "force_pp_mN": 8.0 * stiffness}
@@ -210,7 +210,7 @@ def test_one_height_of_a_path_follows_from_the_other(harness: Harness) -> None:
     assert by_position == by_force
 
 
-def test_a_plan_says_what_an_error_of_the_part_would_do(harness: Harness) -> None:
+def test_a_plan_states_the_effect_of_an_error_of_the_part(harness: Harness) -> None:
     plan = harness.post("/jobs", {"kind": "grip", "force_mN": 20.0}, dry_run="true").json()
     errors = plan["steady_errors"]
     # The part 3 µm away and 30 % softer than planned, by (51) and (52), K/K_f = 9.9505 mN/µm.

@@ -108,7 +108,7 @@ def test_lost_samples_are_counted_and_change_no_figure() -> None:
     assert result.force_error_mN == pytest.approx(samples.FORCE_ERROR_MN)
 
 
-def test_a_grip_that_never_held_has_no_force_held() -> None:
+def test_a_grip_that_never_held_has_no_held_force() -> None:
     result = result_of(samples.grip()[:100])
     assert result.outcome == "unfinished"
     assert result.force_held_mN is None
@@ -117,7 +117,7 @@ def test_a_grip_that_never_held_has_no_force_held() -> None:
     assert result.contact_x_um is None
 
 
-def test_a_trip_is_the_outcome_whatever_the_controller_said() -> None:
+def test_a_trip_is_the_outcome_whatever_the_controller_reported() -> None:
     ticks = samples.grip()
     last = ticks[-1]
     tripped = replace(last.applied, state=Mode.LATCHED, cause=Cause.ESTOP, answered=False)
@@ -134,7 +134,7 @@ def test_actions_are_listed_with_their_sample() -> None:
     assert [(a.type, a.seq) for a in result.actions] == [("stop", 400), ("release", 400)]
 
 
-def test_no_sample_at_all_makes_an_empty_result() -> None:
+def test_without_samples_the_result_is_empty() -> None:
     result = result_of([])
     assert (result.samples, result.phases, result.outcome) == (0, [], "unfinished")
 
@@ -145,7 +145,7 @@ def test_every_column_names_a_field_of_its_message() -> None:
         assert column.field in {field.name for field in fields(record)}
 
 
-def test_a_sample_that_never_came_leaves_a_hole_in_its_columns_only() -> None:
+def test_a_missing_sample_leaves_a_gap_in_its_columns_only() -> None:
     tick = samples.grip()[0]
     messages: list[Message] = [m for m in tick.messages() if not isinstance(m, Applied)]
     table = columns(messages, PERIOD_S)
@@ -165,7 +165,7 @@ def test_truths_are_numbered_by_their_order() -> None:
     assert table["true_x_um"] == expected
 
 
-def test_truths_after_a_trip_are_left_out() -> None:
+def test_ground_truth_after_a_trip_is_omitted() -> None:
     ticks = samples.grip()[:10]
     applied = [
         replace(t.applied, state="ramping" if t.applied.seq >= 7 else "armed") for t in ticks

@@ -56,7 +56,7 @@ def noisy(ticks: list[samples.Tick]) -> list[samples.Tick]:
     return samples.rest(ticks[0].position.epoch)
 
 
-def test_a_noise_begins_again_by_itself_and_succeeds(real: Harness) -> None:
+def test_a_noise_calibration_restarts_by_itself_and_succeeds(real: Harness) -> None:
     real.bus.edit, real.bus.pause_at = noisy, TICKS
     first = begun(real, "noise", duration_s=4.0)
     real.bus.pause_at = None
@@ -71,7 +71,7 @@ def test_a_noise_begins_again_by_itself_and_succeeds(real: Harness) -> None:
     assert real.get("/rigs/demo")["queue"]["halted"] == ""
 
 
-def test_it_begins_no_more_often_than_the_request_says(real: Harness) -> None:
+def test_a_calibration_restarts_no_more_often_than_requested(real: Harness) -> None:
     real.bus.edit, real.bus.pause_at = noisy, TICKS
     job = begun(real, "noise", tries=2)
     real.bus.trip(STALLED)
@@ -98,7 +98,7 @@ def test_another_trip_waits_for_a_person(real: Harness, why: str) -> None:
     assert len(real.get("/jobs")["jobs"]) == 1
 
 
-def test_what_presses_a_part_is_begun_by_a_person(real: Harness) -> None:
+def test_a_calibration_that_presses_a_part_is_restarted_by_a_person(real: Harness) -> None:
     real.bus.pause_at = IN_APPROACH
     job = begun(real, "contact_stiffness")
     real.bus.trip(STALLED)
@@ -178,7 +178,7 @@ def too_far(ticks: list[samples.Tick]) -> list[samples.Tick]:
     return made
 
 
-def test_an_arm_that_went_too_far_moves_less_by_itself(real: Harness) -> None:
+def test_after_overtravel_the_next_attempt_moves_less(real: Harness) -> None:
     real.bus.edit = too_far
     first = begun(real, "free_response", tries=2)
     ended = real.ended(first)

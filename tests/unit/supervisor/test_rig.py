@@ -39,7 +39,7 @@ def test_the_newest_voltage_is_one_that_the_output_has_confirmed(harness: Harnes
     assert harness.get("/rigs/demo")["newest"]["voltage_V"] is None
 
 
-def test_each_program_says_how_punctual_it_is(harness: Harness) -> None:
+def test_each_program_reports_its_punctuality(harness: Harness) -> None:
     harness.bus.silent.add("controller")
     timing = harness.get("/rigs/demo/timing")
     assert [one["program"] for one in timing["programs"]] == ["sensor", "estimator", "actuator"]
@@ -84,7 +84,7 @@ def test_an_actuator_that_was_started_again_needs_a_person(harness: Harness) -> 
     assert harness.ended(harness.grip()["id"])["state"] == "succeeded"
 
 
-def test_what_a_program_said_before_it_went_or_came_is_not_shown(harness: Harness) -> None:
+def test_earlier_messages_of_a_restarted_program_are_not_shown(harness: Harness) -> None:
     assert harness.ended(harness.grip()["id"])["state"] == "succeeded"
     assert harness.get("/rigs/demo")["can_start"] is True
     harness.bus.kill("actuator")
@@ -95,7 +95,7 @@ def test_what_a_program_said_before_it_went_or_came_is_not_shown(harness: Harnes
     assert harness.get("/rigs/demo")["latch"]["cause"] == "restart"
 
 
-def test_an_answer_that_comes_after_one_to_a_later_question_is_dropped(harness: Harness) -> None:
+def test_a_reply_that_arrives_after_a_later_one_is_dropped(harness: Harness) -> None:
     call, asked, go_on = harness.bus.call, threading.Event(), threading.Event()
 
     def slow(question: Request, request: Message, timeout_s: float = 2.0) -> Message:
@@ -134,7 +134,7 @@ def test_an_emergency_stop_is_cleared_by_an_acknowledged_reset_only(harness: Har
     assert harness.get("/rigs/demo")["can_start"] is True
 
 
-def test_who_stopped_and_who_reset_the_rig_is_reported(harness: Harness) -> None:
+def test_the_requesters_of_stop_and_reset_are_reported(harness: Harness) -> None:
     who = {"X-Operator": "Ada"}
     assert harness.call("POST", "/api/v1/rigs/demo/estop", headers=who).status_code == 200
     harness.until(lambda: bool(harness.told("alarm")))
@@ -145,7 +145,7 @@ def test_who_stopped_and_who_reset_the_rig_is_reported(harness: Harness) -> None
     assert (told.body["reset"], told.body["by"]) == ("estop", "Ada")
 
 
-def test_an_emergency_stop_that_nobody_confirms_says_what_to_do(harness: Harness) -> None:
+def test_an_unconfirmed_emergency_stop_states_a_remedy(harness: Harness) -> None:
     harness.bus.silent.add("actuator")
     response = harness.post("/rigs/demo/estop")
     assert response.status_code == 503
@@ -169,7 +169,7 @@ def test_a_program_with_another_rig_file_is_named(harness: Harness) -> None:
     assert reason.startswith("sensor: runs with rig file 0123456789abcdef")
 
 
-def test_in_real_time_the_sensor_must_have_spoken(
+def test_in_real_time_a_sample_is_required(
     real_time: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     harness = open_harness(real_time)
@@ -206,7 +206,7 @@ def test_a_sensor_that_falls_silent_is_a_reason_with_its_age_and_limit(
     assert reason == "sensor: silent for 620 ms, limit 200 ms"
 
 
-def test_the_latch_of_an_earlier_supervisors_rig_is_not_cleared_unseen(
+def test_the_latch_of_an_earlier_supervisor_is_not_cleared_automatically(
     harness: Harness, rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     harness.health.refresh(force=True)
@@ -221,7 +221,7 @@ def test_the_latch_of_an_earlier_supervisors_rig_is_not_cleared_unseen(
 @pytest.mark.parametrize(
     ("replaces", "state"), [(1, "switched_on"), (7, "latched"), (None, "latched")]
 )
-def test_a_rig_that_was_only_switched_on_and_off_asks_nobody(
+def test_a_rig_that_was_only_switched_on_and_off_needs_no_person(
     replaces: int | None,
     state: str,
     harness: Harness,

@@ -18,7 +18,7 @@ def model(rig_file: RigFile, tmp_path: Path, store: Store) -> RigModel:
     return RigModel(rig_file, tmp_path / "models", store)
 
 
-def test_values_are_laid_over_those_before(model: RigModel) -> None:
+def test_new_values_override_earlier_ones(model: RigModel) -> None:
     first = model.add({NOISE: 0.02}, {NOISE: 0.001}, "a")
     second = model.add({COMPLIANCE: 0.44}, {COMPLIANCE: None}, "b")
     assert (first.version, second.version) == (1, 2)
@@ -30,9 +30,7 @@ def test_values_are_laid_over_those_before(model: RigModel) -> None:
     assert model.digest == model.file.digest() != model.rig.digest()
 
 
-def test_a_version_says_all_of_itself_and_its_name_what_it_is(
-    model: RigModel, tmp_path: Path
-) -> None:
+def test_a_version_is_complete_and_named_by_its_digest(model: RigModel, tmp_path: Path) -> None:
     added = model.add({NOISE: 0.02}, {NOISE: 0.001}, "a")
     (path,) = (tmp_path / "models" / "demo").iterdir()
     assert path.name == f"0001-{added.digest}.json"
@@ -97,7 +95,7 @@ def test_numbers_continue_where_versions_ended(model: RigModel) -> None:
     assert model.files.read(2).previous == ""
 
 
-def test_what_the_force_takes_for_granted_is_what_no_calibration_has_found(model: RigModel) -> None:
+def test_assumptions_of_the_force_are_values_without_a_calibration(model: RigModel) -> None:
     drifts = {f"model.{name}" for name in ("creep_mN_per_decade", "forgotten_mN")}
     alone = model.in_use
     assert {NOISE, COMPLIANCE, "model.forgotten_scale_V", *drifts} < set(

@@ -44,7 +44,7 @@ def test_a_fresh_rig_is_switched_on_and_not_latched(harness: Harness) -> None:
     assert (rig["can_start"], rig["safe_to_move"]["value"]) == (True, True)
 
 
-def test_what_is_told_agrees_through_a_job_a_stop_and_a_reset(harness: Harness) -> None:
+def test_reported_states_agree_through_a_job_a_stop_and_a_reset(harness: Harness) -> None:
     told(harness)
     job = harness.playing_to(IN_APPROACH)
     assert told(harness)["latch"]["state"] == "armed"
@@ -58,6 +58,6 @@ def test_what_is_told_agrees_through_a_job_a_stop_and_a_reset(harness: Harness) 
 
 
 @pytest.mark.parametrize("program", ["actuator", "sensor"])
-def test_a_rig_that_is_not_heard_is_no_rig_that_can_start(harness: Harness, program: str) -> None:
+def test_a_silent_rig_cannot_start(harness: Harness, program: str) -> None:
     harness.bus.kill(program)
     assert not told(harness)["can_start"]

@@ -58,7 +58,7 @@ def test_without_a_tolerance_a_large_ring_is_a_warning_with_its_remedy() -> None
     assert not planned(fast_rig("one write"), 0.5).warnings
 
 
-def test_a_line_that_is_too_slow_for_parts_is_told_to_fit_an_rc() -> None:
+def test_a_line_too_slow_for_parts_is_advised_to_use_an_rc() -> None:
     lagless = {"model": {"output_delay_s": 0.005}, "limits": {"slew_V_per_s": 40.0}}
     rig = demo_rig(lagless, time="lockstep")
     (warning,) = planned(rig, 2.0).warnings
@@ -82,7 +82,7 @@ def test_doctor_recommends_parts_where_the_output_can_time_them() -> None:
         assert [one.mark for one in ring(fast_rig(kind, fast))] == ["ok"]
 
 
-def test_doctor_points_out_that_u_does_not_count_a_ring_that_nobody_has_stated() -> None:
+def test_doctor_reports_that_u_does_not_include_an_unstated_ring() -> None:
     tree = fast_rig("one write", {"track": {"frequency_hz": 2.0}})
     model = tree.model.model_copy(update={"output_delay_s": None})
     first, _ = ring(tree.model_copy(update={"model": model}))

@@ -21,7 +21,7 @@ def untold(ticks: list[Tick]) -> list[Tick]:
     return [replace(tick, telemetry=view) for tick, view in zip(ticks, said, strict=True)]
 
 
-def test_a_last_word_that_comes_late_is_waited_for(harness: Harness) -> None:
+def test_a_late_last_message_is_awaited(harness: Harness) -> None:
     late: list[Telemetry] = []
 
     def overtaken(ticks: list[Tick]) -> list[Tick]:
@@ -37,7 +37,7 @@ def test_a_last_word_that_comes_late_is_waited_for(harness: Harness) -> None:
     assert harness.ended(job)["state"] == "succeeded"
 
 
-def test_how_it_ended_is_asked_for_where_the_word_of_it_was_lost(
+def test_the_outcome_is_queried_if_its_message_was_lost(
     rig_file: RigFile, open_harness: Callable[..., Harness], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     harness = open_harness(rig_file, guard_s=0.3)

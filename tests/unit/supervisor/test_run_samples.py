@@ -56,14 +56,14 @@ def result_of(tables: RunTables) -> dict[str, object]:
     return completed(made, tables, PERIOD_S).model_dump()
 
 
-def test_a_usual_run_is_kept_in_full() -> None:
+def test_a_usual_run_is_stored_in_full() -> None:
     messages = long_grip(1000)
     tables = RunSamples.of(messages, PERIOD_S).tables()
     assert tables.even == tables.extreme == columns(messages, PERIOD_S)
 
 
 @pytest.mark.usefixtures("small")
-def test_a_run_without_a_long_hold_is_kept_in_full() -> None:
+def test_a_run_without_a_long_hold_is_stored_in_full() -> None:
     messages = [
         replace(one, phase="track") if hasattr(one, "phase") else one for one in long_grip(2000)
     ]
@@ -109,7 +109,7 @@ def test_the_result_of_a_long_hold_is_that_of_all_its_samples() -> None:
 
 
 @pytest.mark.usefixtures("small")
-def test_what_is_kept_does_not_grow_with_the_hold() -> None:
+def test_stored_rows_do_not_grow_with_the_hold() -> None:
     kept = [
         len(RunSamples.of(long_grip(ticks), PERIOD_S).tables().extreme["seq"])
         for ticks in (4000, 16_000)

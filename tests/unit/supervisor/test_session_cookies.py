@@ -54,7 +54,7 @@ def test_two_supervisors_of_one_host_keep_a_browser_signed_in(both: list[Place])
         assert browser.get(other + SESSION).json()["signed_in"] is True
 
 
-def test_every_address_of_one_supervisor_can_be_signed_in_to(both: list[Place]) -> None:
+def test_a_browser_can_sign_in_at_every_address_of_a_supervisor(both: list[Place]) -> None:
     (address, ring), _ = both
     with httpx.Client() as browser:
         for one in (address, address.replace("127.0.0.1", "localhost")):

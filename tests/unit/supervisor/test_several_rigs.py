@@ -70,7 +70,7 @@ def test_a_rig_that_joins_may_state_that_its_supervisor_speaks_tls(
     rigs_harness.served("right")
 
 
-def test_a_rig_whose_programs_come_is_served_beside_the_own(
+def test_a_rig_whose_programs_appear_is_served_beside_the_own_rig(
     both: RigsHarness, files: Files
 ) -> None:
     assert both.names() == ["left", "right"]
@@ -82,7 +82,7 @@ def test_a_rig_whose_programs_come_is_served_beside_the_own(
     }
 
 
-def test_jobs_of_both_run_at_once(both: RigsHarness) -> None:
+def test_jobs_of_both_rigs_run_at_once(both: RigsHarness) -> None:
     waiting = both.playing_to(IN_HOLD, rig="left")
     right = both.ended(both.grip(rig="right")["id"])
     assert right["state"] == "succeeded"
@@ -94,9 +94,7 @@ def test_jobs_of_both_run_at_once(both: RigsHarness) -> None:
 
 
 @pytest.mark.parametrize("path", ["/jobs", "/trajectories", "/trajectories/plot", "/calibrations"])
-def test_what_does_not_say_which_rig_is_refused_with_their_names(
-    both: RigsHarness, path: str
-) -> None:
+def test_a_request_without_a_rig_is_refused_with_their_names(both: RigsHarness, path: str) -> None:
     body = {"calibration": "noise"} if path == "/calibrations" else {"kind": "grip"}
     status, detail = refusal(both.post(path, body))
     assert (status, detail) == (422, "rig is missing: name one of left, right")
@@ -106,7 +104,7 @@ def test_what_does_not_say_which_rig_is_refused_with_their_names(
     )
 
 
-def test_a_key_finds_the_job_that_it_created_before_the_other_rig_came(
+def test_a_key_finds_the_job_that_it_created_before_the_other_rig_appeared(
     rigs_harness: RigsHarness, files: Files
 ) -> None:
     key = {"Idempotency-Key": "tray-7"}
@@ -119,7 +117,7 @@ def test_a_key_finds_the_job_that_it_created_before_the_other_rig_came(
     assert first.json()["id"] == second.json()["id"]
 
 
-def test_one_that_goes_says_so_and_leaves_the_other_alone(both: RigsHarness) -> None:
+def test_a_disappearing_rig_is_reported_and_leaves_the_other_alone(both: RigsHarness) -> None:
     both.go("right")
     both.until(lambda: "its programs have stopped" in both.found("right"))
     right = both.get("/rigs/right")
@@ -135,7 +133,7 @@ def test_one_that_goes_says_so_and_leaves_the_other_alone(both: RigsHarness) -> 
     assert both.ended(both.grip(rig="right")["id"])["state"] == "succeeded"
 
 
-def test_another_rig_file_waits_until_no_job_has_the_rig(both: RigsHarness, files: Files) -> None:
+def test_another_rig_file_waits_until_no_job_uses_the_rig(both: RigsHarness, files: Files) -> None:
     before, now = files.right.digest(), joined(files.left, "right", force_max_mN=31.0)
     both.at("right")
     job = both.playing_to(IN_HOLD, rig="right")
@@ -165,7 +163,7 @@ def test_another_rig_file_waits_until_no_job_has_the_rig(both: RigsHarness, file
     ],
     ids=["not understood", "not joined"],
 )
-def test_one_that_cannot_be_served_is_named_with_the_reason(
+def test_an_unusable_rig_is_named_with_the_reason(
     rigs_harness: RigsHarness, files: Files, told: str | None, words: str
 ) -> None:
     alone = files.right.model_copy(update={"bus": files.left.bus})
@@ -199,7 +197,7 @@ def found_and_not_served(harness: RigsHarness, stop: Callable[[str], None], *nam
         harness.rigs.set_unusable(name, "its rig file is not valid")
 
 
-def test_a_rig_that_cannot_be_served_is_stopped_all_the_same(rigs_harness: RigsHarness) -> None:
+def test_an_unusable_rig_can_still_be_stopped(rigs_harness: RigsHarness) -> None:
     tripped: list[str] = []
     found_and_not_served(rigs_harness, tripped.append, "right")
     answer = rigs_harness.post("/estop")
@@ -209,7 +207,7 @@ def test_a_rig_that_cannot_be_served_is_stopped_all_the_same(rigs_harness: RigsH
     assert tripped == ["right", "right"]
 
 
-def test_rigs_that_have_not_confirmed_are_named_beside_those_that_have(
+def test_unconfirmed_rigs_are_named_beside_confirmed_ones(
     rigs_harness: RigsHarness,
 ) -> None:
     def silent(rig: str) -> None:
@@ -244,7 +242,9 @@ def test_rigs_beyond_the_limit_of_one_stop_are_not_reported_as_stopped(
     assert len(tried) == MOST_AT_ONCE
 
 
-def test_a_stop_of_the_served_rigs_waits_for_no_rig_that_hangs(rigs_harness: RigsHarness) -> None:
+def test_a_stop_of_the_served_rigs_does_not_wait_for_a_hanging_rig(
+    rigs_harness: RigsHarness,
+) -> None:
     """However many requests for all rigs wait for one that hangs."""
     over = threading.Event()
 
@@ -284,7 +284,7 @@ class TestTokensWithoutPrograms:
                 for program in LOOP:
                     sink(name, program, alive)
 
-    def test_they_cost_one_session_and_few_threads_and_are_asked_ever_more_rarely(
+    def test_unusable_rigs_cost_one_session_and_few_threads_and_are_queried_less_often(
         self, rigs_harness: RigsHarness, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(rig_finder, "AGAIN_MOST_S", 1000.0)
@@ -299,7 +299,9 @@ class TestTokensWithoutPrograms:
         assert rounds < 5.0
         assert len(rigs_harness.opened) == 1
 
-    def test_a_stop_of_all_rigs_is_confirmed_beside_them(self, rigs_harness: RigsHarness) -> None:
+    def test_a_stop_of_all_rigs_is_confirmed_beside_unusable_rigs(
+        self, rigs_harness: RigsHarness
+    ) -> None:
         self.appear(rigs_harness)
         rigs_harness.until(lambda: {*self.NAMES} <= rigs_harness.rigs.unusable.keys())
         answer = rigs_harness.post("/estop")
@@ -309,7 +311,9 @@ class TestTokensWithoutPrograms:
         assert rigs_harness.opened[1].closed
         assert rigs_harness.post(f"/rigs/{self.NAMES[0]}/estop").status_code == 503
 
-    def test_nothing_is_kept_of_them_once_they_have_gone(self, rigs_harness: RigsHarness) -> None:
+    def test_nothing_remains_of_unusable_rigs_once_they_have_disappeared(
+        self, rigs_harness: RigsHarness
+    ) -> None:
         self.appear(rigs_harness)
         rigs_harness.until(lambda: {*self.NAMES} <= rigs_harness.rigs.unusable.keys())
         self.appear(rigs_harness, alive=False)
@@ -321,7 +325,7 @@ class TestTokensWithoutPrograms:
         assert len(session.asked) == counted
 
 
-def test_an_emergency_stop_is_of_one_rig_or_of_all(both: RigsHarness) -> None:
+def test_an_emergency_stop_stops_one_rig_or_all(both: RigsHarness) -> None:
     both.post("/rigs/right/estop").raise_for_status()
     assert [len(both.canned[rig].trips) for rig in ("left", "right")] == [0, 1]
     stopped = both.post("/estop").json()["rigs"]
@@ -332,13 +336,13 @@ def test_an_emergency_stop_is_of_one_rig_or_of_all(both: RigsHarness) -> None:
     assert [len(both.canned[rig].trips) for rig in ("left", "right")] == [1, 2]
 
 
-def test_one_that_hangs_delays_neither_view_nor_stop_of_the_other(both: RigsHarness) -> None:
+def test_a_hanging_rig_delays_neither_view_nor_stop_of_the_other(both: RigsHarness) -> None:
     with both.canned["right"].turn:  # none of its programs answers
         assert both.get("/rigs/left")["can_start"]
         assert both.post("/rigs/left/estop").json()["acknowledged"]
 
 
-def test_what_a_calibration_proposes_is_for_its_own_rig(both: RigsHarness) -> None:
+def test_a_proposal_applies_to_its_own_rig(both: RigsHarness) -> None:
     both.at("right")
     both.bus.edit = lambda ticks: samples.rest(ticks[0].position.epoch)
     job = both.calibrated(rig="right")
@@ -360,7 +364,7 @@ def test_a_trajectory_is_of_the_rig_that_it_was_planned_for(both: RigsHarness) -
     assert both.ended(started["id"])["state"] == "succeeded"
 
 
-def test_the_page_is_of_the_own_rig_or_of_the_one_named(both: RigsHarness) -> None:
+def test_the_page_shows_the_own_rig_or_the_named_one(both: RigsHarness) -> None:
     assert 'data-rig="left"' in both.call("GET", "/").text
     assert 'data-rig="right"' in both.call("GET", "/?rig=right").text
     assert both.call("GET", "/?rig=up").status_code == 404

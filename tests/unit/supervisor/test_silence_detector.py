@@ -70,7 +70,7 @@ def test_a_loop_that_answers_is_not_tripped_and_continues(desk: Harness) -> None
     assert desk.ended(job)["state"] == "succeeded"
 
 
-def test_a_line_that_is_cut_is_left_to_the_lease(desk: Harness) -> None:
+def test_a_cut_line_is_left_to_the_lease(desk: Harness) -> None:
     job = held(desk)
     desk.bus.silent.update(PROGRAMS)
     sleep(DEAF_S)
@@ -87,7 +87,7 @@ def lose_router(desk: Harness) -> None:
         desk.bus.kill(program)
 
 
-def test_a_router_that_stays_away_ends_the_job_with_its_lease_and_trips_nothing(
+def test_a_missing_router_ends_the_job_with_its_lease_without_a_trip(
     real_time: RigFile, open_harness: Callable[..., Harness], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The controller stops by itself then, and a held part stays held."""
@@ -104,7 +104,7 @@ def test_a_router_that_stays_away_ends_the_job_with_its_lease_and_trips_nothing(
     assert stops == []
 
 
-def test_an_actuator_whose_token_vanishes_while_others_are_seen_ends_the_job(
+def test_a_vanished_token_of_the_actuator_ends_the_job(
     desk: Harness,
 ) -> None:
     job = held(desk)
@@ -114,7 +114,7 @@ def test_an_actuator_whose_token_vanishes_while_others_are_seen_ends_the_job(
     assert "killed or hung: actuator" in ended["cause"]
 
 
-def test_an_actuator_that_is_silent_while_others_are_heard_ends_the_job(desk: Harness) -> None:
+def test_a_silent_actuator_ends_the_job_while_others_are_received(desk: Harness) -> None:
     job = held(desk)
     desk.bus.silent.add("actuator")
     pass_time(desk)
@@ -127,7 +127,7 @@ def test_an_actuator_that_is_silent_while_others_are_heard_ends_the_job(desk: Ha
     assert "actuator: silent for more than 1 s" in desk.ended(job)["cause"]
 
 
-def test_without_a_lease_a_line_that_is_cut_ends_the_job(
+def test_without_a_lease_a_cut_line_ends_the_job(
     real_time: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     safety = real_time.safety.model_copy(update={"lease_s": 0.0})

@@ -22,7 +22,7 @@ def tripped(harness: Harness, why: str = STALLED) -> str:
     return str(harness.ended(job)["cause"])
 
 
-def test_what_the_machine_kept_and_what_to_change_is_in_the_cause(real: Harness) -> None:
+def test_the_cause_states_the_stall_of_the_machine_and_a_remedy(real: Harness) -> None:
     cause = tripped(real)
     assert "commands came within 8 ms of their samples, p99.9 8 ms" in cause
     # 20 ms + 2 · (51 - 20) ms + 8 ms = 90 ms
@@ -30,7 +30,7 @@ def test_what_the_machine_kept_and_what_to_change_is_in_the_cause(real: Harness)
     assert cause.endswith(HOW)
 
 
-def test_a_later_wake_up_that_was_measured_counts(real: Harness) -> None:
+def test_a_measured_later_wake_up_counts(real: Harness) -> None:
     late = (Measured(0.02, counted([0.06] * 1000), 0),)
     hop = counted([0.0002] * 1000)
     data = real.manager.context.records.parent
@@ -39,7 +39,7 @@ def test_a_later_wake_up_that_was_measured_counts(real: Harness) -> None:
     assert "command_age_periods = 7.5 (the latest wake-up was late by 60.0 ms" in tripped(real)
 
 
-def test_another_trip_says_nothing_of_the_machine(real: Harness) -> None:
+def test_another_trip_does_not_mention_the_machine(real: Harness) -> None:
     assert HOW not in tripped(real, "device: no answer")
 
 
@@ -59,7 +59,7 @@ def test_a_trip_by_age_names_the_measured_exchanges_with_the_instruments(real: H
     assert found["values"]["output_worst_s"] == 0.0015
 
 
-def test_instruments_that_are_measured_to_be_too_slow_let_no_job_start(real: Harness) -> None:
+def test_instruments_measured_too_slow_prevent_jobs(real: Harness) -> None:
     took = ExchangeTimes(40, 0.026, 0.027, 0.03)
     real.bus.exchanges["sensor"] = (took,)
     rig = real.get("/rigs/demo")

@@ -59,14 +59,14 @@ def part_of(view: dict[str, Any]) -> tuple[str, str]:
     return view["part"], view["standing"]["part_certainty"]
 
 
-def test_what_was_just_heard_is_known(rig: Rig) -> None:
+def test_a_fresh_state_is_known(rig: Rig) -> None:
     rig.say()
     view = rig.told(0.0)
     assert (state_of(view), part_of(view)) == (("armed", "known"), ("held", "known"))
     assert view["standing"]["state_age_s"] == view["standing"]["part_age_s"] == 0.0
 
 
-def test_an_actuator_killed_in_a_hold_holds_a_part_only_until_its_module_may_have_let_go(
+def test_an_actuator_killed_in_a_hold_holds_a_part_until_its_module_may_have_released(
     rig: Rig,
 ) -> None:
     rig.say()
@@ -80,7 +80,7 @@ def test_an_actuator_killed_in_a_hold_holds_a_part_only_until_its_module_may_hav
     assert not view["safe_to_move"]["value"]
 
 
-def test_one_that_hangs_is_trusted_and_then_unknown(rig: Rig) -> None:
+def test_the_state_of_a_hanging_program_is_believed_and_then_unknown(rig: Rig) -> None:
     rig.say()
     rig.harness.bus.silent.add("actuator")
     view = rig.told(HEARD_S + 0.01)
@@ -88,7 +88,7 @@ def test_one_that_hangs_is_trusted_and_then_unknown(rig: Rig) -> None:
     assert state_of(rig.told(LETS_GO_S + 0.01)) == ("unknown", "unknown")
 
 
-def test_an_output_that_holds_by_itself_is_trusted_for_as_long_as_nobody_looks(
+def test_the_part_at_a_holding_output_is_believed_without_limit(
     real_time: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     output = real_time.output.model_copy(
@@ -101,7 +101,7 @@ def test_an_output_that_holds_by_itself_is_trusted_for_as_long_as_nobody_looks(
     assert (state_of(view), part_of(view)) == (("unknown", "unknown"), ("held", "believed"))
 
 
-def test_without_a_part_nothing_becomes_one(rig: Rig) -> None:
+def test_a_missing_part_never_becomes_present(rig: Rig) -> None:
     rig.say(IN_APPROACH)
     rig.harness.bus.kill("actuator")
     view = rig.told(60.0)
@@ -145,7 +145,7 @@ def test_a_freeze_with_an_output_that_answers_is_trusted_with_the_age_of_its_vol
     assert view["standing"]["part_age_s"] == pytest.approx(5.02)
 
 
-def test_metrics_tell_it_too(rig: Rig) -> None:
+def test_metrics_export_the_state_too(rig: Rig) -> None:
     def served() -> dict[str, list[tuple[dict[str, str], float]]]:
         found = RigCollector(rig.harness.rigs).collect()
         return {
@@ -180,7 +180,7 @@ def test_metrics_tell_it_too(rig: Rig) -> None:
         (Mode.LATCHED, "earlier", ("unknown", "unknown")),
     ],
 )
-def test_an_actuator_does_not_know_of_a_part_that_one_before_it_held(
+def test_a_restarted_actuator_does_not_know_of_an_earlier_part(
     rig: Rig, mode: Mode, holder: str | None, expected: tuple[str, str]
 ) -> None:
     health = rig.harness.health

@@ -60,12 +60,12 @@ def test_an_end_is_reached_from_every_state_and_left_from_none() -> None:
             assert next_state(state, "interrupt") == "interrupted"
 
 
-def test_what_is_queued_waits_on_through_a_restart() -> None:
+def test_a_queued_job_survives_a_restart() -> None:
     assert "interrupt" not in STATES["queued"].events
 
 
 @pytest.mark.parametrize("state", list(STATES))
-def test_each_event_leads_where_the_table_says_or_nowhere(state: JobState) -> None:
+def test_each_event_leads_to_the_state_of_the_table_or_is_refused(state: JobState) -> None:
     for event in EVENT_NAMES:
         if event in STATES[state].events:
             assert next_state(state, event) in STATES
@@ -103,7 +103,7 @@ def test_a_stop_of_a_pause_does_not_go_through_running() -> None:
     assert "running" not in reachable("stopping")
 
 
-def test_a_pause_leads_back_to_where_it_came_from() -> None:
+def test_a_pause_returns_to_its_earlier_state() -> None:
     pause: tuple[tuple[Event, JobState], ...] = (
         ("pause", "pausing"),
         ("rest", "paused"),

@@ -60,7 +60,7 @@ class Witness:
                 self.odd.append(f"an action on {row.id} was not told")
 
 
-def test_no_write_leaves_a_state_or_an_action_that_no_event_tells(
+def test_every_change_of_state_or_action_is_published_as_an_event(
     rig_file: RigFile, open_harness: Callable[..., Harness], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     witness = Witness(monkeypatch)
@@ -86,7 +86,7 @@ def test_a_change_that_fails_is_not_reported(store: Store) -> None:
     assert store.event_span()[1] == 0
 
 
-def test_a_change_that_cannot_be_told_is_not_made(store: Store) -> None:
+def test_a_change_that_cannot_be_published_is_not_made(store: Store) -> None:
     log = EventLog(store, "demo")
     store.add(ROW)
 
@@ -102,7 +102,7 @@ def test_a_change_that_cannot_be_told_is_not_made(store: Store) -> None:
     assert (row.state, row.actions, row.revision) == ("queued", (), 1)
 
 
-def test_memory_follows_the_write_and_comes_before_whoever_listens(
+def test_memory_is_updated_after_the_write_and_before_listeners(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     log = EventLog(store, "demo")

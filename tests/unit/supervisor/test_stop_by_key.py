@@ -25,7 +25,7 @@ def stop(harness: Harness, key: str) -> Any:
     return response.json()["job"]
 
 
-def test_a_request_that_is_being_planned_comes_to_nothing(
+def test_a_request_stopped_while_being_planned_creates_no_job(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     planning, go_on, resolve = threading.Event(), threading.Event(), JobManager.resolve
@@ -50,7 +50,7 @@ def test_a_request_that_is_being_planned_comes_to_nothing(
     assert harness.bus.epoch == 0, "the rig was armed"
 
 
-def test_a_request_that_comes_after_its_stop_comes_to_nothing(harness: Harness) -> None:
+def test_a_request_that_arrives_after_its_stop_creates_no_job(harness: Harness) -> None:
     assert stop(harness, "early") is None
     assert create(harness, "early").status_code == 409
     assert create(harness, "another").status_code == 201
@@ -68,12 +68,12 @@ def test_the_job_of_a_key_is_stopped_once(harness: Harness) -> None:
     assert (replayed.status_code, replayed.json()["id"]) == (200, job)
 
 
-def test_a_job_that_has_ended_stays_as_it_is(harness: Harness) -> None:
+def test_an_ended_job_is_not_changed(harness: Harness) -> None:
     job = create(harness, "k").json()["id"]
     assert harness.ended(job)["state"] == "succeeded"
     assert stop(harness, "k")["state"] == "succeeded"
 
 
 @pytest.mark.parametrize("key", ["", "x" * 256, "tab\there"])
-def test_what_is_no_key_is_refused(harness: Harness, key: str) -> None:
+def test_an_invalid_key_is_refused(harness: Harness, key: str) -> None:
     assert harness.post("/jobs/stop", {"idempotency_key": key}).status_code == 422

@@ -184,7 +184,7 @@ def test_a_page_of_another_site_stops_nothing(exchange: Exchange, line: str, hos
 @pytest.mark.parametrize("line", FOREIGN)
 @pytest.mark.parametrize("length", [15_000, 17_000])
 @pytest.mark.parametrize("host", ["", "Host: 127.0.0.1\r\n"])
-def test_nor_does_it_by_a_head_that_is_no_valid_one(
+def test_an_invalid_head_does_not_stop_either(
     exchange: Exchange, line: str, length: int, host: str
 ) -> None:
     head = f"POST /api/v1/estop?{'x' * length} HTTP/1.1\r\n{host}{line}\r\n\r\n"
@@ -208,7 +208,7 @@ def test_a_name_of_the_rig_file_in_an_absolute_target_is_a_host(exchange: Exchan
 
 @pytest.mark.parametrize("path", ["/livez", "/readyz"])
 @pytest.mark.parametrize("method", ["GET", "HEAD", "OPTIONS"])
-def test_probes_answer_anybody(exchange: Exchange, path: str, method: str) -> None:
+def test_probes_answer_every_client(exchange: Exchange, path: str, method: str) -> None:
     for head in ("HTTP/1.0\r\n", "HTTP/1.1\r\nHost: evil\r\n", "HTTP/1.1\r\nHost:\r\n"):
         status, _, body = exchange(f"{method} {path} {head}\r\n".encode())
         assert status in (200, 204, 503)

@@ -29,7 +29,7 @@ def row(name: str, created_at: str = AT) -> JobRow:
     return JobRow(name, "grip", "demo", "queued", {"kind": "grip"}, {"duration_s": 1.5}, created_at)
 
 
-def test_what_was_kept_is_read_back_after_a_restart(tmp_path: Path) -> None:
+def test_stored_data_is_read_back_after_a_restart(tmp_path: Path) -> None:
     path = tmp_path / "deep" / "jobs.sqlite"
     store = Store(path)
     store.add(row("a"))
@@ -53,13 +53,13 @@ def test_what_was_kept_is_read_back_after_a_restart(tmp_path: Path) -> None:
     again.close()
 
 
-def test_a_fact_replaces_the_one_before(store: Store) -> None:
+def test_a_fact_replaces_the_previous_one(store: Store) -> None:
     store.set_note("actuator", "17")
     store.set_note("actuator", "18")
     assert store.get_note("actuator") == "18"
 
 
-def test_jobs_left_unfinished_become_interrupted_and_queued_ones_stay(store: Store) -> None:
+def test_unfinished_jobs_become_interrupted_and_queued_ones_are_kept(store: Store) -> None:
     for name, state in (("a", "running"), ("b", "succeeded"), ("c", "queued"), ("d", "aborting")):
         store.add(row(name))
         store.change(name, state=state)
@@ -72,7 +72,7 @@ def test_jobs_left_unfinished_become_interrupted_and_queued_ones_stay(store: Sto
     assert "supervisor" in job.cause
 
 
-def test_the_newest_come_first(store: Store) -> None:
+def test_the_newest_are_first(store: Store) -> None:
     for second in range(3):
         store.add(row(f"job{second}", f"2026-03-01T12:00:0{second}.000Z"))
     assert [job.id for job in store.newest(2)] == ["job2", "job1"]
@@ -130,7 +130,7 @@ def test_a_key_creates_one_job(tmp_path: Path, store: Store) -> None:
     again.close()
 
 
-def test_a_race_of_equal_keys_makes_one_job(store: Store) -> None:
+def test_a_race_of_equal_keys_creates_one_job(store: Store) -> None:
     gate, losers = threading.Barrier(8), list[str]()
 
     def create(name: str) -> None:
@@ -182,7 +182,7 @@ def test_events_are_numbered_and_narrowed(tmp_path: Path, store: Store) -> None:
     again.close()
 
 
-def test_the_oldest_events_are_given_up_in_passing(
+def test_the_oldest_events_are_deleted_in_passing(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(store_module, "EVENTS_KEPT", 20)
@@ -198,7 +198,7 @@ def test_the_oldest_events_are_given_up_in_passing(
     assert store.event_span() == (50, 70)
 
 
-def test_a_number_is_never_given_twice(store: Store) -> None:
+def test_a_number_is_never_used_twice(store: Store) -> None:
     store.add_event(AT, "demo", None, "state", {})
     store.add_event(AT, "demo", None, "state", {})
     with store.writing() as base:
@@ -206,7 +206,7 @@ def test_a_number_is_never_given_twice(store: Store) -> None:
     assert store.add_event(AT, "demo", None, "state", {}) == 3
 
 
-def test_only_what_may_change_changes(store: Store) -> None:
+def test_only_changeable_columns_change(store: Store) -> None:
     store.add(row("a"))
     with pytest.raises(ValueError, match="request cannot be changed"):
         store.change("a", request="{}")
@@ -223,7 +223,7 @@ def test_a_number_that_json_has_not_is_refused_and_nothing_changes(store: Store)
     assert (job.state, job.result, job.revision) == ("queued", None, 1)
 
 
-def test_a_closed_store_says_so(store: Store) -> None:
+def test_a_closed_store_is_reported(store: Store) -> None:
     store.close()
     with pytest.raises(StoreError, match=r"supervisor\.sqlite is closed"):
         store.get("a")
@@ -240,14 +240,14 @@ def test_a_data_base_that_fails_is_named(store: Store) -> None:
         store.set_note("a", "b")
 
 
-def test_a_file_that_is_no_store_is_refused(tmp_path: Path) -> None:
+def test_a_file_without_a_store_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "jobs.sqlite"
     path.write_text("this is a text, and longer than the header of a data base would be\n" * 20)
     with pytest.raises(StoreError, match="move it away"):
         Store(path)
 
 
-def test_what_is_opened_twice_keeps_its_log_where_another_program_closes(tmp_path: Path) -> None:
+def test_a_store_opened_twice_keeps_its_log_when_another_program_closes(tmp_path: Path) -> None:
     """To close a file takes all of a process's locks on it, those of SQLite too."""
     path = tmp_path / "journal.sqlite"
     first, second = Store(path), Store(path)

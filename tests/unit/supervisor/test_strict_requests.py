@@ -67,7 +67,7 @@ def test_every_route_refuses_what_it_does_not_know(harness: Harness, path: str) 
     assert answer.json()["errors"][0]["parameter"] == "rgi"
 
 
-def test_an_emergency_stop_passes_over_every_word(harness: Harness) -> None:
+def test_an_emergency_stop_ignores_every_parameter(harness: Harness) -> None:
     for path in ("/estop?now=1&now=2", "/rigs/demo/estop?x"):
         assert send(harness, path, b"<stop/>", {"content-type": "text/xml"}).status_code == 200
 
@@ -81,7 +81,7 @@ def test_a_body_of_another_type_is_refused(harness: Harness, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["application/json; charset=utf-8", "application/vnd.x+json"])
-def test_kinds_of_json_are_taken(harness: Harness, kind: str) -> None:
+def test_variants_of_the_json_content_type_are_accepted(harness: Harness, kind: str) -> None:
     path = "/jobs?dry_run=true&predict=false"
     assert send(harness, path, headers={"content-type": kind}).status_code == 200
 

@@ -24,7 +24,7 @@ class Hand:
         return self.now_s
 
 
-def test_awake_it_goes_as_the_clock_does() -> None:
+def test_while_awake_the_clock_follows_the_system_clock() -> None:
     hand = Hand()
     awake_clock = SuspendAwareClock(hand)
     for _ in range(60):
@@ -35,7 +35,7 @@ def test_awake_it_goes_as_the_clock_does() -> None:
     assert awake_clock() == pytest.approx(60 * GRID_S + 0.02)
 
 
-def test_it_stands_still_while_nobody_looks() -> None:
+def test_the_clock_stops_without_samples() -> None:
     hand = Hand()
     awake_clock = SuspendAwareClock(hand)
     hand.now_s += 3600.0

@@ -21,7 +21,7 @@ def test_each_affordance_is_a_path_of_rest(document: Any) -> None:
         assert {path for path in table.values() if method not in document["paths"][path]} == set()
 
 
-def test_nothing_resets(document: Any) -> None:
+def test_no_affordance_resets_the_rig(document: Any) -> None:
     actions = thing(document, "a", BASE)["actions"].values()
     assert not [one for one in actions if "reset" in one["forms"][0]["href"]]
 
@@ -54,7 +54,7 @@ def test_other_rigs_are_linked(document: Any) -> None:
     assert left["properties"]["state"]["forms"][0]["href"] == "api/v1/rigs/left"
 
 
-def test_a_request_names_the_rig_and_must_where_there_are_several(document: Any) -> None:
+def test_a_request_names_the_rig_if_there_are_several(document: Any) -> None:
     for others in ([], ["right"]):
         actions = thing(document, "left", BASE, others=others)["actions"]
         for name in ("plan", "start"):

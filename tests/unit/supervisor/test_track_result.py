@@ -49,7 +49,7 @@ def test_a_track_has_the_figures_it_was_made_with() -> None:
     assert result.force_uncertainty_mN == samples.UNCERTAINTY_MN
 
 
-def test_full_amplitude_begins_and_ends_with_whole_cycles() -> None:
+def test_full_amplitude_starts_and_ends_with_whole_cycles() -> None:
     ticks = samples.track()
     table = columns([m for tick in ticks for m in tick.messages()], PERIOD_S)
     full = full_amplitude(run_of("track", table), [PATH])
@@ -68,7 +68,7 @@ def test_an_error_in_the_blend_does_not_count() -> None:
     assert position.maximum < 0.05
 
 
-def test_on_a_real_rig_no_true_force_is_known() -> None:
+def test_on_a_real_rig_the_true_force_is_unknown() -> None:
     ticks = samples.track()
     messages = [m for tick in ticks for m in tick.messages()[:-1]]
     result = result_from(messages)

@@ -41,7 +41,7 @@ def followed(hold_at_s: float | None, *, arms: int = 1) -> list[Progress]:
     return found
 
 
-def test_the_way_to_the_hold_is_told_where_the_hold_has_no_end() -> None:
+def test_the_time_to_an_endless_hold_is_reported() -> None:
     found = followed(HOLD_AT_S)
     assert all(one.percent is None for one in found)
     before = [one.hold_in_s for one in found if one.phase in ("zero", "approach", "contact")]
@@ -71,7 +71,7 @@ def test_the_force_held_is_the_mean_of_two_arms() -> None:
     assert [now.force_mN for now in two] == [now.force_mN for now in one]
 
 
-def test_no_phase_is_missed_where_many_samples_come_at_once() -> None:
+def test_no_phase_is_missed_if_many_samples_arrive_at_once() -> None:
     ticks = list(samples.grip())
     tracker = Tracker(ticks[0].position.epoch, PERIOD_S, None, lockstep=True)
     tracker.update([tick.telemetry for tick in ticks])

@@ -26,7 +26,7 @@ def made(harness: Harness, **wishes: Any) -> dict[str, Any]:
     return response.json()
 
 
-def test_a_trajectory_is_planned_predicted_and_kept(harness: Harness) -> None:
+def test_a_trajectory_is_planned_predicted_and_stored(harness: Harness) -> None:
     body = {"kind": "grip", "hold_s": 0.5, "force_mN": 12.0, "autostart": True}
     response = harness.post("/trajectories", body)
     assert response.status_code == 201
@@ -54,7 +54,7 @@ def test_the_same_request_is_the_same_trajectory(harness: Harness) -> None:
     assert len(harness.get("/trajectories", limit=1)["trajectories"]) == 1
 
 
-def test_a_trajectory_that_breaks_a_limit_is_not_kept(harness: Harness) -> None:
+def test_a_trajectory_that_breaks_a_limit_is_not_stored(harness: Harness) -> None:
     body = {"kind": "grip", "force_mN": 55.0}
     refused = harness.post("/trajectories", body)
     assert refused.status_code == 422
@@ -70,7 +70,7 @@ def test_a_trajectory_that_breaks_a_limit_is_not_kept(harness: Harness) -> None:
     assert drawn.content.startswith(PNG)
 
 
-def test_samples_come_in_three_forms_with_their_units(harness: Harness) -> None:
+def test_samples_are_available_in_three_forms_with_units(harness: Harness) -> None:
     digest = made(harness)["digest"]
     tree = harness.get(f"/trajectories/{digest}/samples")
     samples = tree["samples"]
@@ -108,7 +108,7 @@ def test_a_trajectory_is_drawn(harness: Harness) -> None:
     assert drawn.content.startswith(PNG)
 
 
-def test_a_job_is_made_of_a_trajectory(harness: Harness) -> None:
+def test_a_job_is_created_from_a_trajectory(harness: Harness) -> None:
     digest = made(harness, force_mN=20.0)["digest"]
     path, body = f"/api/v1/trajectories/{digest}/jobs", {"autostart": True, "labels": {"a": "b"}}
     headers = {"Idempotency-Key": "one"}
@@ -165,7 +165,7 @@ def test_another_model_makes_a_trajectory_stale(harness: Harness) -> None:
     assert "version 1" in earlier["stale"][0]
 
 
-def test_another_rig_file_leaves_the_request_alone(
+def test_another_rig_file_does_not_change_the_request(
     harness: Harness, rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     digest = made(harness)["digest"]
@@ -181,7 +181,7 @@ def test_another_rig_file_leaves_the_request_alone(
         assert refused.json()["type"].endswith("trajectory-stale")
 
 
-def test_a_move_goes_to_a_place(harness: Harness) -> None:
+def test_a_move_needs_a_target_position(harness: Harness) -> None:
     response = harness.post("/trajectories", {"kind": "move", "to_um": 12.5})
     assert response.status_code == 201
     assert response.json()["plan"]["prediction"]["outcome"] == "moved"
@@ -199,14 +199,14 @@ def test_an_unknown_trajectory_is_not_found(harness: Harness, path: str) -> None
     assert harness.call("GET", f"/api/v1/trajectories/nothing{path}").status_code == 404
 
 
-def test_a_calibration_is_no_trajectory(harness: Harness) -> None:
+def test_a_calibration_is_not_a_trajectory(harness: Harness) -> None:
     body = {"kind": "calibrate", "calibration": "noise"}
     refused = harness.post("/trajectories", body)
     assert refused.status_code == 422
     assert refused.json()["errors"][0]["pointer"] == "/kind"
 
 
-def test_a_dry_run_predicts_unless_told_not_to(harness: Harness) -> None:
+def test_a_dry_run_predicts_unless_disabled(harness: Harness) -> None:
     body = {"kind": "grip", "hold_s": 0.5}
     with_it = harness.post("/jobs", body, dry_run=True).json()
     assert with_it["prediction"]["outcome"] == "gripped"
@@ -232,9 +232,7 @@ def test_the_digest_is_of_request_rig_file_and_model() -> None:
     assert len({ROW.digest, *(row.digest for row in others)}) == 5
 
 
-def test_the_oldest_go_where_there_are_too_many(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_oldest_trajectories_are_deleted(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     times = iter(f"2026-03-01T12:00:0{second}.000Z" for second in range(9))
     monkeypatch.setattr(library, "utc_now", lambda: next(times))
     monkeypatch.setattr(library, "TRAJECTORIES_MAX", 2)

@@ -64,7 +64,7 @@ def head(*lines: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("length", [b"0", b"4", b"14", b"999"])
-def test_both_lengths_are_refused_and_nothing_after_them_is_heard(
+def test_two_lengths_are_refused_and_nothing_after_them_is_read(
     port: int, heard: list[str], length: bytes
 ) -> None:
     both = head(b"Content-Length: " + length, b"Transfer-Encoding: chunked")
@@ -75,7 +75,7 @@ def test_both_lengths_are_refused_and_nothing_after_them_is_heard(
     assert heard == []
 
 
-def test_either_length_alone_is_taken(port: int, heard: list[str]) -> None:
+def test_a_single_length_is_accepted(port: int, heard: list[str]) -> None:
     assert answer(port, head(b"Content-Length: 4") + b"wxyz").startswith(b"HTTP/1.1 200 ")
     assert answer(port, head(b"Transfer-Encoding: chunked") + BODY).startswith(b"HTTP/1.1 200 ")
     assert heard == ["post", "post"]

@@ -31,13 +31,13 @@ def bus(monkeypatch: pytest.MonkeyPatch) -> Bus:
     return Bus()
 
 
-def test_one_that_hears_itself_is_never_restarted(bus: Bus) -> None:
+def test_a_supervisor_that_receives_its_messages_is_never_restarted(bus: Bus) -> None:
     for _ in range(100):
         bus.passes(UNHEARD_S)
     assert bus.restarts == []
 
 
-def test_one_that_does_not_is_restarted_after_its_time(bus: Bus) -> None:
+def test_a_supervisor_without_its_messages_is_restarted_after_the_limit(bus: Bus) -> None:
     bus.carries = False
     bus.passes(UNHEARD_S)
     assert bus.restarts == []
@@ -45,13 +45,13 @@ def test_one_that_does_not_is_restarted_after_its_time(bus: Bus) -> None:
     assert bus.restarts == [UNHEARD_S + 1.0]
 
 
-def test_a_question_that_never_comes_back_counts_as_silence(bus: Bus) -> None:
+def test_a_query_that_never_returns_counts_as_silence(bus: Bus) -> None:
     bus.now_s += UNHEARD_S + 1.0
     bus.watch.look()
     assert len(bus.restarts) == 1
 
 
-def test_without_a_router_that_takes_links_it_continues(bus: Bus) -> None:
+def test_without_a_router_that_accepts_links_it_continues(bus: Bus) -> None:
     bus.carries = bus.takes_links = False
     bus.passes(100.0 * UNHEARD_S)
     assert bus.restarts == []
@@ -60,9 +60,7 @@ def test_without_a_router_that_takes_links_it_continues(bus: Bus) -> None:
     assert len(bus.restarts) == 1
 
 
-def test_each_restart_that_did_not_help_doubles_the_time(
-    bus: Bus, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_each_useless_restart_doubles_the_time(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
     bus.carries = False
     for before in range(MOST_DOUBLED + 3):
         monkeypatch.setenv(RESTARTS, str(before))
@@ -75,7 +73,7 @@ def test_each_restart_that_did_not_help_doubles_the_time(
         assert later.restarts == [limit_s + 1.0]
 
 
-def test_one_that_is_heard_again_begins_with_the_shortest_time(
+def test_after_a_received_message_the_shortest_time_applies(
     bus: Bus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(RESTARTS, "3")

@@ -49,7 +49,7 @@ def sign_in(bench: Harness, user: str, password: str) -> httpx.Response:
     return bench.post("/session", {"user": user, "password": password})
 
 
-def test_who_did_what_has_the_name_of_a_person(bench: Harness) -> None:
+def test_actions_are_stored_with_the_name_of_the_person(bench: Harness) -> None:
     assert bench.post("/jobs", {"kind": "grip"}).status_code == 401
     signed = sign_in(bench, "ann", PASSWORD)
     assert signed.status_code == 200, signed.text
@@ -109,7 +109,7 @@ def test_five_wrong_passwords_delay_a_user_and_lock_nobody_out(
     asyncio.run(run())
 
 
-def test_many_tries_from_one_address_delay_another_by_one_try(
+def test_many_attempts_from_one_address_delay_another_by_one_attempt(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     order: list[str] = []
@@ -136,7 +136,7 @@ def test_many_tries_from_one_address_delay_another_by_one_try(
     asyncio.run(run())
 
 
-def test_tries_at_once_do_not_pass_by_the_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_concurrent_attempts_do_not_bypass_the_delay(monkeypatch: pytest.MonkeyPatch) -> None:
     async def run() -> None:
         one = check(lambda: 0.0, monkeypatch)
         tries = [one.is_right("ann", "192.0.2.1", "wrong", PASSWORD) for _ in range(WAITING_MAX)]
@@ -180,14 +180,14 @@ def test_waits_grow_with_each_wrong_try_and_end() -> None:
     assert tries.wait_s("ann", "a") == 0.0
 
 
-def test_a_password_is_kept_salted_and_hashed() -> None:
+def test_a_password_is_stored_salted_and_hashed() -> None:
     first, second = hashed(PASSWORD), hashed(PASSWORD)
     assert first != second
     assert fits(PASSWORD, first)
     assert not fits(PASSWORD + " ", first)
 
 
-def test_users_are_kept_from_the_command_line(
+def test_users_are_managed_from_the_command_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def user(*words: str, typed: str = "") -> int:

@@ -44,7 +44,7 @@ def test_a_standstill_is_not_the_jobs_time(stood_s: float) -> None:
     assert watch.overdue()
 
 
-def test_who_looks_often_misses_nothing() -> None:
+def test_frequent_checks_miss_nothing() -> None:
     clock = Clock()
     watch = watched(clock)
     while not watch.overdue():

@@ -117,9 +117,7 @@ def flood(lines: Lines, pieces: bytes = GET) -> list[Line]:
 
 @pytest.mark.parametrize("request_", [ESTOP, JOB_STOP, ESTOP.replace(b"estop", b"EStop/")])
 @pytest.mark.parametrize("pieces", [1, 2, 9])
-def test_a_stop_begins_before_the_requests_that_have_come_before_it(
-    request_: bytes, pieces: int
-) -> None:
+def test_a_stop_overtakes_earlier_requests(request_: bytes, pieces: int) -> None:
     async def test(lines: Lines) -> None:
         flood(lines)
         protocol, line = lines.connect()
@@ -155,7 +153,7 @@ def test_requests_are_served_during_a_flood_of_stops() -> None:
     run(test)
 
 
-def test_a_stop_acts_whose_client_closes_the_connection_at_once() -> None:
+def test_a_stop_acts_although_its_client_disconnects_at_once() -> None:
     async def test(lines: Lines) -> None:
         flood(lines)
         protocol, _ = lines.connect()
@@ -255,7 +253,7 @@ def test_a_turn_of_the_loop_handles_a_bounded_number_of_sockets_and_each_has_its
             writer.close()
 
 
-def test_the_queue_leaves_breaks_for_other_work_of_the_loop() -> None:
+def test_the_queue_yields_to_other_work_of_the_loop() -> None:
     """A stop that needs several turns of the event loop has most of them between two of these."""
 
     async def test(lines: Lines) -> None:
@@ -270,7 +268,7 @@ def test_the_queue_leaves_breaks_for_other_work_of_the_loop() -> None:
 
 
 @pytest.mark.parametrize(("alternates", "order"), [(False, [0, 1, 2, 3]), (True, [3, 0, 2, 1])])
-def test_handshakes_are_begun_at_both_ends_of_their_queue(
+def test_handshakes_are_started_at_both_ends_of_their_queue(
     alternates: bool, order: list[int]
 ) -> None:
     begun: list[int] = []

@@ -35,18 +35,18 @@ def worker() -> Iterator[Worker]:
     found.close()
 
 
-def test_it_works_in_a_process_of_its_own_and_stands_back(worker: Worker) -> None:
+def test_the_worker_runs_in_its_own_process_with_lower_priority(worker: Worker) -> None:
     assert worker.run(factorial, 20) == factorial(20)
     assert worker.pid != os.getpid()
     assert worker.run(os.nice, 0) >= 10
 
 
-def test_what_fails_there_is_raised_here(worker: Worker) -> None:
+def test_an_exception_in_the_worker_is_raised_in_the_caller(worker: Worker) -> None:
     with pytest.raises(ValueError, match="not defined for negative values"):
         worker.run(factorial, -1)
 
 
-def test_one_that_was_killed_is_begun_again(worker: Worker) -> None:
+def test_a_killed_worker_is_restarted(worker: Worker) -> None:
     worker.run(factorial, 1)
     killed = worker.pid
     os.kill(killed, signal.SIGKILL)
@@ -54,7 +54,7 @@ def test_one_that_was_killed_is_begun_again(worker: Worker) -> None:
     assert worker.pid != killed
 
 
-def test_one_that_is_not_used_ends_and_begins_again(
+def test_an_unused_worker_ends_and_is_started_again_on_demand(
     worker: Worker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(worker_module, "UNUSED_S", 0.1)
@@ -68,7 +68,7 @@ def test_one_that_is_not_used_ends_and_begins_again(
     assert worker.run(factorial, 3) == 6
 
 
-def test_it_ends_with_a_supervisor_that_is_killed(tmp_path: Path) -> None:
+def test_the_worker_ends_with_a_killed_supervisor(tmp_path: Path) -> None:
     script = tmp_path / "killed.py"
     script.write_text(KILLED, encoding="utf-8")
     said = subprocess.run(
@@ -81,7 +81,7 @@ def test_it_ends_with_a_supervisor_that_is_killed(tmp_path: Path) -> None:
         sleep(0.01)
 
 
-def test_one_that_cannot_begin_is_logged_and_begins_once_it_can(
+def test_a_worker_that_cannot_start_is_logged_and_started_later(
     worker: Worker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     def no_room(*_words: object, **_settings: object) -> None:

@@ -10,7 +10,7 @@ from .full_disk import FULL, full_disk
 from .harness import Harness
 
 
-def test_what_fails_is_written_in_order_once_it_can_be() -> None:
+def test_failed_writes_are_repeated_in_order() -> None:
     write_queue, written, fails = WriteQueue(), list[int](), True
 
     def write(number: int) -> None:
@@ -28,7 +28,7 @@ def test_what_fails_is_written_in_order_once_it_can_be() -> None:
     assert len(write_queue) == 0
 
 
-def test_only_so_much_waits_and_the_oldest_gives_way() -> None:
+def test_the_queue_is_limited_and_drops_the_oldest() -> None:
     write_queue, written, fails = WriteQueue(capacity=2), list[int](), True
 
     def write(number: int) -> None:
@@ -43,7 +43,7 @@ def test_only_so_much_waits_and_the_oldest_gives_way() -> None:
     assert written == [3, 4]
 
 
-def test_what_is_wrong_with_the_request_itself_is_raised_at_once() -> None:
+def test_faults_of_the_request_itself_are_raised_at_once() -> None:
     def wrong() -> None:
         raise LookupError("there is no job 'a'")
 
@@ -53,7 +53,7 @@ def test_what_is_wrong_with_the_request_itself_is_raised_at_once() -> None:
     assert len(write_queue) == 0
 
 
-def test_a_job_ends_as_it_would_and_is_found_in_the_journal_later(
+def test_a_job_ends_normally_and_is_written_to_the_journal_later(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     job = harness.playing_to(IN_APPROACH)
@@ -84,7 +84,7 @@ def test_a_job_ends_as_it_would_and_is_found_in_the_journal_later(
     assert harness.grip()["state"] in ("queued", "preparing", "ready", "running")
 
 
-def test_a_stop_works_on_a_full_disk_and_is_told_later(
+def test_a_stop_works_on_a_full_disk_and_is_recorded_later(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     job = harness.playing_to(IN_APPROACH)
@@ -102,7 +102,7 @@ def test_a_stop_works_on_a_full_disk_and_is_told_later(
 
 
 @pytest.mark.parametrize("place", [IN_APPROACH, IN_HOLD])
-def test_a_trip_and_a_reset_work_on_a_full_disk_and_the_alarm_comes_later(
+def test_a_trip_and_a_reset_work_on_a_full_disk_and_the_alarm_is_recorded_later(
     harness: Harness, monkeypatch: pytest.MonkeyPatch, place: int
 ) -> None:
     job = harness.playing_to(place)

@@ -46,7 +46,7 @@ def test_the_doubt_outlives_the_supervisor(
     assert again.post("/jobs", {"kind": "grip"}).status_code == 409
 
 
-def test_a_touch_on_the_way_needs_no_word(harness: Harness) -> None:
+def test_a_touch_during_the_motion_needs_no_confirmation(harness: Harness) -> None:
     harness.bus.edit = ending("approach")
     assert harness.ended(harness.grip()["id"])["state"] == "failed"
     harness.bus.edit = list

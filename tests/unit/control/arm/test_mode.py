@@ -16,7 +16,7 @@ def through(mode: Mode, offset_um: float, speed_um_per_s: float) -> tuple[float,
 
 
 @PERIODS
-def test_it_is_the_matrix_exponential(period_s: float) -> None:
+def test_the_transition_is_the_matrix_exponential(period_s: float) -> None:
     mode = sample_mode(OMEGA_N, ZETA, period_s)
     exact = transition(period_s, omega_n=OMEGA_N, zeta=ZETA, K_e=0.0)
     assert mode.xx == pytest.approx(exact[0, 0], abs=1e-9)
@@ -29,13 +29,13 @@ def test_it_is_the_matrix_exponential(period_s: float) -> None:
 
 
 @PERIODS
-def test_two_halves_make_a_whole(period_s: float) -> None:
+def test_two_half_steps_equal_a_whole_step(period_s: float) -> None:
     half, whole = sample_mode(OMEGA_N, ZETA, period_s / 2), sample_mode(OMEGA_N, ZETA, period_s)
     wanted = through(whole, 1.3, -200.0)
     assert through(half, *through(half, 1.3, -200.0)) == pytest.approx(wanted, rel=1e-9)
 
 
-def test_over_a_period_of_the_mode_only_damping_is_left() -> None:
+def test_over_a_period_of_the_mode_only_damping_remains() -> None:
     damped_s = 2.0 * 3.141592653589793 / (OMEGA_N * (1.0 - ZETA**2) ** 0.5)
     mode = sample_mode(OMEGA_N, ZETA, damped_s)
     assert mode.xx == pytest.approx(2.718281828459045 ** (-ZETA * OMEGA_N * damped_s))

@@ -21,7 +21,7 @@ def test_consistent_set_has_the_units_of_mN_and_um() -> None:
     assert pytest.approx(41.30, rel=2e-4) == PAPER_ARM.d
 
 
-def test_both_sets_share_the_static_gain_and_the_printed_one_loses_the_force() -> None:
+def test_both_sets_share_the_static_gain_but_the_printed_one_lacks_the_force() -> None:
     printed = printed_arm()
     assert printed.d / printed.k == pytest.approx(19.0, rel=2e-4)
     assert PAPER_ARM.d / PAPER_ARM.k == pytest.approx(19.0)

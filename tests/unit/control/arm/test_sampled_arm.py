@@ -61,7 +61,7 @@ def test_a_period_is_exact(case: LoopCase, lag_s: float) -> None:
 
 
 @pytest.mark.parametrize("lag_s", [0.0, 0.0033])
-def test_at_rest_the_contact_takes_its_share(lag_s: float) -> None:
+def test_at_rest_the_contact_takes_its_share_of_the_displacement(lag_s: float) -> None:
     case = LoopCase(K_e_mN_per_um=2.0, delay_periods=0.4, gain_factor=1.1)
     transition, drive = sampled_arms(ARM, PERIOD_S, lag_s, (case,))
     rest = np.zeros(4)

@@ -17,7 +17,7 @@ def test_the_interval_is_half_a_period_between_the_free_and_the_pressed_mode() -
 
 
 @pytest.mark.parametrize("omega", [OMEGA, OMEGA * sqrt(1.0 + KAPPA)])
-def test_it_rings_by_the_amplitude_that_an_integrated_mode_shows(omega: float) -> None:
+def test_the_ring_equals_the_amplitude_of_an_integrated_mode(omega: float) -> None:
     zeta, dt_s = 1e-6, 1e-6
     steps = ShapedStep(0.0, 1.0, 0.0).parts_V()
     x, v, seen = 0.0, 0.0, list[float]()
@@ -33,7 +33,7 @@ def test_it_rings_by_the_amplitude_that_an_integrated_mode_shows(omega: float) -
 
 @pytest.mark.parametrize(("from_V", "to_V"), [(0.0, 1.0), (1.0, -0.5), (0.3, 0.3), (0.0, 1e-4)])
 @pytest.mark.parametrize("step_V", [0.0, 20.0 / 2**16, 0.01])
-def test_no_part_lies_beyond_either_end(from_V: float, to_V: float, step_V: float) -> None:
+def test_no_part_is_beyond_either_end(from_V: float, to_V: float, step_V: float) -> None:
     parts_V = ShapedStep(from_V, to_V, 0.0).parts_V(step_V)
     assert parts_V[-1] == to_V
     assert min(from_V, to_V) <= min(parts_V)
@@ -46,6 +46,6 @@ def test_no_part_lies_beyond_either_end(from_V: float, to_V: float, step_V: floa
 @pytest.mark.parametrize(
     ("after", "share"), [(-0.1, 0.25), (0.0, 0.25), (0.99, 0.25), (1.01, 0.75), (2.01, 1.0), (9, 1)]
 )
-def test_it_knows_what_is_put_out_at_a_time(after: float, share: float) -> None:
+def test_the_output_voltage_at_a_time_is_known(after: float, share: float) -> None:
     step = ShapedStep(1.0, 2.0, 5.0)
     assert step.reached_V(5.0 + after * INTERVAL_S, INTERVAL_S) == pytest.approx(1.0 + share)

@@ -20,7 +20,7 @@ def approach(
     return x, (free - x) / S_P + zero_mN
 
 
-def test_an_approach_without_noise_is_exact_whatever_the_zero_has_left() -> None:
+def test_an_approach_without_noise_is_exact_whatever_the_residual_of_the_zero() -> None:
     for zero_mN in (0.0, -0.7):
         found = first_touch(*approach(0.0, zero_mN), S_P)
         assert found.contact_um == pytest.approx(X_E, abs=1e-6)
@@ -37,7 +37,7 @@ def test_the_uncertainty_is_that_of_many_approaches() -> None:
     assert surely.uncertainty_um == pytest.approx(np.hypot(stated, 0.1), rel=0.05)
 
 
-def test_the_uncertainty_knows_errors_that_neighbours_share() -> None:
+def test_the_uncertainty_includes_correlated_errors() -> None:
     """A free response that wanders by 0.03 µm over some ten samples, as those of rigs do."""
     random = np.random.default_rng(7)
     errors_um: list[float] = []
@@ -53,7 +53,7 @@ def test_the_uncertainty_knows_errors_that_neighbours_share() -> None:
     assert float(np.median(2.0 * np.array(stated_um) / np.abs(errors_um))) < 4.0
 
 
-def test_an_approach_that_met_nothing_is_refused() -> None:
+def test_an_approach_without_contact_is_refused() -> None:
     with pytest.raises(ValueError, match="no significant touch within the approach"):
         first_touch(*approach(0.05, to_um=30.0), S_P)
     x, force = approach(0.05)

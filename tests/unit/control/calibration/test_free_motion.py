@@ -33,7 +33,7 @@ def test_the_kinks_of_plays_do_not_bias_the_gain() -> None:
     assert found.uncertainty_um_per_V < 2e-3 * true_gain
 
 
-def test_a_record_that_shows_no_gain_is_refused() -> None:
+def test_a_record_without_gain_is_refused() -> None:
     wave = np.sin(2.0 * pi * np.arange(500) / 100.0)
     with pytest.raises(ValueError, match="voltage, peak to peak"):
         secant_gain(np.zeros(500), wave, 100.0)

@@ -58,7 +58,7 @@ def test_several_weights_show_their_scatter() -> None:
     assert 0.0 < found.uncertainty_um_per_mN < 0.01
 
 
-def test_two_points_leave_nothing_to_judge_a_line_by() -> None:
+def test_two_points_leave_no_residual_to_judge_a_line() -> None:
     line = straight_line([0.0, 1.0], [0.0, 2.0])
     assert line.slope_uncertainty == inf
 
@@ -78,12 +78,12 @@ def test_degenerate_lines_are_refused(x: list[float], y: list[float], text: str)
         stiffness_line(x, y)
 
 
-def test_an_arm_that_gives_way_the_wrong_way_is_refused() -> None:
+def test_an_arm_that_bends_in_the_wrong_direction_is_refused() -> None:
     with pytest.raises(ValueError, match=r"compliance = -0\.46 µm/mN"):
         compliance([0.0, 10.0], [0.0, -4.6])
 
 
-def test_the_mean_of_correlated_errors_scatters_as_their_number_of_alike_says() -> None:
+def test_the_mean_of_correlated_errors_scatters_by_their_effective_number() -> None:
     """First-order autoregression: τ = (1 + a)/(1 - a), and the variance of a mean is τ·σ²/N."""
     random, a, count = np.random.default_rng(3), 0.8, 4000
     rows: list[np.ndarray] = []

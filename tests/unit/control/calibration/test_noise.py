@@ -18,7 +18,7 @@ def readings(seed: int, sigma_um: float, step_um: float = 1e-5) -> NDArray[np.fl
     return np.round((x + chance.normal(0.0, sigma_um, COUNT)) / step_um) * step_um
 
 
-def test_the_white_part_is_told_from_drift_and_swing() -> None:
+def test_the_white_part_is_separated_from_drift_and_swing() -> None:
     found = [sensor_noise(readings(seed, 0.03), PERIOD_S, 0.03) for seed in range(200)]
     values = np.array([each.noise_um for each in found])
     stated = float(np.mean([each.noise_uncertainty_um for each in found]))
@@ -64,6 +64,6 @@ def test_the_share_of_a_fine_step_is_in_the_noise() -> None:
         ([float("nan")] * 400, "not finite"),
     ],
 )
-def test_readings_that_tell_nothing_are_refused(x_um: list[float], text: str) -> None:
+def test_uninformative_readings_are_refused(x_um: list[float], text: str) -> None:
     with pytest.raises(ValueError, match=text):
         sensor_noise(x_um, PERIOD_S)

@@ -93,7 +93,7 @@ def test_lost_samples_change_little() -> None:
     assert found.delay_s == pytest.approx(simulation.actuation_delay_s, abs=0.02 * T)
 
 
-def test_noise_alone_is_explained_by_no_fit() -> None:
+def test_noise_alone_is_not_explained_by_a_fit() -> None:
     rng = np.random.default_rng(1)
     some = [
         Burst(rng.choice([-0.03, 0.03], size=TICKS), 0.03 * rng.standard_normal(TICKS))

@@ -33,7 +33,7 @@ def answer(u: NDArray[np.float64]) -> NDArray[np.float64]:
     return out
 
 
-def test_exact_magnitudes_give_the_parameters_back() -> None:
+def test_exact_magnitudes_reproduce_the_parameters() -> None:
     f = np.linspace(20.0, 800.0, 60)
     found = fit_second_order(f, np.abs(gain(f)), to_hz=800.0)
     assert found.natural_frequency_rad_per_s == pytest.approx(OMEGA_N, rel=1e-9)
@@ -100,7 +100,7 @@ def test_responses_without_a_resonance_are_refused(
         (5000, 25.0, 2600.0, "must ascend from above 0 Hz to 2500.0 Hz"),
     ],
 )
-def test_a_sweep_that_tells_too_little_is_refused(
+def test_an_uninformative_sweep_is_refused(
     count: int, from_hz: float, to_hz: float, text: str
 ) -> None:
     u = np.sin(np.arange(count) * 0.3).tolist()

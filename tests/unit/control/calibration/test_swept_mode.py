@@ -90,7 +90,7 @@ def test_mode_of_simulated_rigs_as_they_are_captured() -> None:
     assert worst[1] < 5.0
 
 
-def test_without_the_higher_modes_the_damping_errs() -> None:
+def test_without_the_higher_modes_the_damping_is_wrong() -> None:
     record = recorded(0, SWEEP)
     found = mode_of(record)
     plain = fit_second_order(
@@ -125,7 +125,7 @@ def test_a_sweep_too_short_for_its_resonance_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("place_um", "side"), [(6.0, "above"), (2.0, "above"), (-2.0, "below")])
-def test_a_swing_that_something_stands_in_is_refused(place_um: float, side: str) -> None:
+def test_a_swing_against_an_obstacle_is_refused(place_um: float, side: str) -> None:
     """Half of what would go beyond a place is missing."""
     rate_hz = 10_000.0
     t_s = np.arange(round(4.0 * rate_hz)) / rate_hz

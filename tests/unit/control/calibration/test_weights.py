@@ -25,17 +25,17 @@ def weighed(seed: int, steps: Sequence[float] = there_and_back(WEIGHTS_MN)) -> W
     return weighed_compliance(list(steps), x.tolist(), t.tolist(), noise_um=mean)
 
 
-def test_weights_go_up_and_come_back() -> None:
+def test_weights_increase_and_decrease_again() -> None:
     assert there_and_back((0.0, 5.0, 10.0)) == (0.0, 5.0, 10.0, 5.0, 0.0)
 
 
-def test_twenty_rigs_give_their_compliance() -> None:
+def test_the_compliance_of_twenty_rigs_is_found() -> None:
     errors = [100.0 * (weighed(seed).compliance_um_per_mN / S_P - 1.0) for seed in range(20)]
     print("errors in %:", " ".join(f"{error:.2f}" for error in errors))
     assert max(abs(error) for error in errors) < 1.0
 
 
-def test_one_way_takes_the_slow_drift_for_compliance() -> None:
+def test_increasing_weights_only_mistake_slow_drift_for_compliance() -> None:
     both, one = list[float](), list[float]()
     for seed in range(100):
         both.append(weighed(seed).compliance_um_per_mN - S_P)
@@ -62,7 +62,7 @@ def test_the_uncertainty_is_that_of_many_weighings() -> None:
     assert float(np.mean(values)) == pytest.approx(S_P, rel=1e-3)
 
 
-def test_that_of_the_weights_comes_to_it() -> None:
+def test_the_uncertainty_of_the_weights_is_added() -> None:
     steps = there_and_back((0.0, 10.0))
     exact = [3.0 - S_P * weight for weight in steps]
     with pytest.raises(ValueError, match="3 steps with weights, must be at least 4"):
@@ -91,7 +91,7 @@ def test_weights_that_do_not_rise_from_nothing_are_refused(
         there_and_back(weights)
 
 
-def test_weighings_that_tell_nothing_are_refused() -> None:
+def test_uninformative_weighings_are_refused() -> None:
     with pytest.raises(ValueError, match="hang them up and down again"):
         weighed_compliance([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 2.0, 3.0])
     with pytest.raises(ValueError, match=r"compliance = -0\.3999"):
@@ -103,7 +103,7 @@ def test_weighings_that_tell_nothing_are_refused() -> None:
 
 
 @pytest.mark.parametrize("leaves_at_mN", [2.0, 4.0, 8.0])
-def test_an_arm_that_a_part_holds_up_is_refused(leaves_at_mN: float) -> None:
+def test_an_arm_supported_by_a_part_is_refused(leaves_at_mN: float) -> None:
     """Until the weight has lifted it off, a part of 2.17 mN/µm bears with it."""
     F = np.array(there_and_back(WEIGHTS_MN))
     free_um, borne_mN = -S_P * F, np.minimum(F, leaves_at_mN)

@@ -38,7 +38,7 @@ def closed(
 
 @pytest.mark.parametrize("K_e", [0.7 * K_E, K_E, 1.3 * K_E])
 @pytest.mark.parametrize("contact_um", [8.0, 8.5, 9.0, 9.5, 10.0])
-def test_a_contact_is_noticed_where_it_begins(contact_um: float, K_e: float) -> None:
+def test_a_contact_is_detected_where_it_begins(contact_um: float, K_e: float) -> None:
     touch = closed(18.0, contact_um=contact_um, K_e=K_e, bend=0.3).touch
     assert touch is not None
     assert touch.x_um == pytest.approx(3.0 + contact_um, abs=LIMITS.step_um)
@@ -49,11 +49,11 @@ def test_a_contact_is_noticed_where_it_begins(contact_um: float, K_e: float) -> 
 
 
 @pytest.mark.parametrize("bend", [0.0, 0.3, -0.3])
-def test_a_free_branch_with_noise_has_no_touch(bend: float) -> None:
+def test_a_noisy_free_branch_has_no_touch(bend: float) -> None:
     assert all(closed(60.0, bend=bend, seed=seed).touch is None for seed in range(40))
 
 
-def test_opening_beyond_it_forgets_a_touch_and_opening_a_little_does_not() -> None:
+def test_opening_far_beyond_it_clears_a_touch_and_opening_a_little_does_not() -> None:
     watch = closed(18.0, contact_um=12.0)
     touch = watch.touch
     assert touch is not None
@@ -62,7 +62,7 @@ def test_opening_beyond_it_forgets_a_touch_and_opening_a_little_does_not() -> No
     assert back.updated(LIMITS, 12.0, 9.0).touch is None
 
 
-def test_a_reversal_begins_a_branch_again() -> None:
+def test_a_reversal_starts_a_new_branch() -> None:
     watch = ContactDetector(0.0, 0.0)
     for index in range(1, 11):
         watch = watch.updated(LIMITS, 2.0 * index, 2.0 * index)
@@ -119,7 +119,7 @@ def test_a_free_arm_that_saturates_has_no_touch(noise_um: float) -> None:
         assert watch.touch is None, nominal_um
 
 
-def test_a_bend_that_is_made_good_is_no_touch_any_more() -> None:
+def test_a_bend_that_is_compensated_is_no_longer_a_touch() -> None:
     watch = closed(14.0, contact_um=12.0)
     assert watch.touch is not None
     slope = watch.touch.slope
@@ -140,7 +140,7 @@ def test_a_noisy_sensor_and_a_soft_part_need_a_longer_step() -> None:
         kink_limits(0.0, S_P, 0.03)
 
 
-def test_an_arm_that_still_goes_back_after_a_turn_has_met_nothing() -> None:
+def test_an_arm_that_still_moves_back_after_a_turn_has_no_touch() -> None:
     watch = ContactDetector(0.0, 0.0, free_to_um=0.0)
     watch = watch.updated(LIMITS, -2.0, 2.0)
     assert watch.touch is None

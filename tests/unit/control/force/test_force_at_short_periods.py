@@ -106,7 +106,7 @@ def test_the_force_of_a_contact_is_followed(kind: str, period_s: float) -> None:
 
 
 @pytest.mark.parametrize("period_s", [0.0005, 0.001, 0.02])
-def test_the_inverse_amplifies_noise_as_it_says(period_s: float) -> None:
+def test_the_inverse_amplifies_noise_by_the_stated_factor(period_s: float) -> None:
     chance = Random(7)
     x_um = [chance.gauss(0.0, NOISE_UM) for _ in range(20_000)]
     spread_mN = pstdev(readings("inverse", period_s, x_um, [0.0] * len(x_um)))
@@ -115,7 +115,7 @@ def test_the_inverse_amplifies_noise_as_it_says(period_s: float) -> None:
 
 
 @pytest.mark.parametrize("period_s", [0.0005, 0.001, 0.02])
-def test_the_error_of_the_kalman_filter_is_what_it_says(period_s: float) -> None:
+def test_the_error_of_the_kalman_filter_is_as_stated(period_s: float) -> None:
     chance = Random(11)
     walk_mN = [0.0]
     for _ in range(6000):
@@ -133,7 +133,7 @@ def test_the_error_of_the_kalman_filter_is_what_it_says(period_s: float) -> None
     assert pstdev(errors_mN) == pytest.approx(noise_gain * NOISE_UM / S_P, rel=0.05)
 
 
-def test_at_a_long_period_the_kalman_filter_reads_at_once_and_takes_off_the_ring() -> None:
+def test_at_a_long_period_the_kalman_filter_responds_at_once_and_removes_the_ring() -> None:
     free_um = [0.0] * 5 + [1.9] * 20
     x_um = positions(0.02, free_um, no_force)
     quasi_mN = max(abs(F) for F in readings("quasi-static", 0.02, x_um, free_um))

@@ -64,7 +64,7 @@ def test_an_observer_is_linear_in_inputs_and_state(name: str, data: st.DataObjec
 
 
 @ALL
-def test_a_resting_arm_reads_its_force_from_the_restart_on(name: str) -> None:
+def test_after_a_restart_a_resting_arm_reads_its_force_at_once(name: str) -> None:
     observer = OBSERVERS[name].restart(25.4, 30.0, 1.5)
     for _ in range(5):
         observer, force_mN = observer.observe(25.4, 30.0, 1.5)
@@ -72,7 +72,7 @@ def test_a_resting_arm_reads_its_force_from_the_restart_on(name: str) -> None:
 
 
 @ALL
-def test_a_state_is_put_in_as_it_was_taken_out(name: str) -> None:
+def test_a_restored_state_equals_the_saved_one(name: str) -> None:
     observer, _ = OBSERVERS[name].restart(1.0, 5.0, 0.3).observe(1.1, 5.2, 0.4)
     fresh = OBSERVERS[name]
     assert with_state(fresh, state_of(observer)) == observer
@@ -95,11 +95,11 @@ def rms_of_free_arm(*, newest_voltage: bool, printed_term: bool) -> float:
     return sqrt(squares / 100)
 
 
-def test_matched_ages_read_nothing_on_a_free_arm() -> None:
+def test_matched_ages_read_no_force_on_a_free_arm() -> None:
     assert rms_of_free_arm(newest_voltage=False, printed_term=False) == 0.0
 
 
-def test_what_other_ages_and_the_printed_term_read() -> None:
+def test_errors_of_other_ages_and_of_the_printed_term() -> None:
     assert rms_of_free_arm(newest_voltage=True, printed_term=False) == pytest.approx(1.83, abs=0.01)
     assert rms_of_free_arm(newest_voltage=False, printed_term=True) == pytest.approx(1.83, abs=0.01)
     assert rms_of_free_arm(newest_voltage=True, printed_term=True) == pytest.approx(3.67, abs=0.01)
@@ -125,7 +125,7 @@ def test_the_low_pass_is_that_of_its_share() -> None:
     assert observer.noise_gain == pytest.approx(sqrt(share / (2.0 - share)))
 
 
-def test_a_period_is_long_from_two_of_the_mode_on() -> None:
+def test_a_period_is_long_from_two_periods_of_the_mode_on() -> None:
     assert least_period_s(OMEGA_N) == pytest.approx(2.0 / 388.0, rel=1e-4)
 
 
@@ -139,7 +139,7 @@ def test_impossible_parameters_are_refused() -> None:
             QuasiStaticParameters(S_P, share)
 
 
-def test_x_is_as_old_as_the_voltages_that_act_on_it() -> None:
+def test_x_has_the_age_of_the_voltages_that_act_on_it() -> None:
     """A free arm that follows the mean of its steps reads no force, however late they come."""
     assert [held_age(delay) for delay in (0.0, 0.5, 0.65, 1.0, 3.0)] == pytest.approx(
         [0.0, 0.0, 0.15, 0.5, 1.0]
@@ -155,6 +155,6 @@ def test_x_is_as_old_as_the_voltages_that_act_on_it() -> None:
                 assert F_mN == pytest.approx(0.0, abs=1e-12)
 
 
-def test_an_x_1_of_no_age_is_refused() -> None:
+def test_an_x_1_without_an_age_is_refused() -> None:
     with pytest.raises(ValueError, match="share of the x_1 before"):
         QuasiStaticParameters(S_P, older=1.1)

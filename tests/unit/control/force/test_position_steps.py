@@ -95,9 +95,7 @@ def test_a_jump_at_rest_is_found_with_its_sign(jump_um: float) -> None:
 
 @pytest.mark.parametrize("noise_um", [0.03, 0.15])
 @pytest.mark.parametrize("wrong", [0.6, 1.5])
-def test_a_press_whose_stiffness_is_known_badly_raises_no_alarm(
-    noise_um: float, wrong: float
-) -> None:
+def test_a_press_with_an_uncertain_stiffness_raises_no_alarm(noise_um: float, wrong: float) -> None:
     """A line that was fitted on a small load of an arm with an unknown past was off by 40 %."""
     random, rule, kappa, alarms = Random(SEED), limits(noise_um), S_P * PLAN_K, 0
     for _ in range(100):
@@ -110,7 +108,7 @@ def test_a_press_whose_stiffness_is_known_badly_raises_no_alarm(
     assert alarms == 0
 
 
-def test_a_step_backwards_is_not_judged_before_the_line_is_known() -> None:
+def test_a_backward_step_is_not_judged_before_the_line_is_known() -> None:
     rule, watch = limits(0.03), StepWatch()
     for x_um in (30.0, 30.1, 30.2):
         watch = watch.updated(rule, x_um, x_um)

@@ -31,7 +31,7 @@ def ring(after_s: float, omega: float, lag_s: float, kappa: float = 0.0) -> floa
 
 @pytest.mark.parametrize("kappa", [0.0, 1.0])
 @pytest.mark.parametrize("lag_s", [0.0, 0.001, 0.0033])
-def test_it_is_the_ring_over_all_phases(lag_s: float, kappa: float) -> None:
+def test_the_ring_is_computed_over_all_phases(lag_s: float, kappa: float) -> None:
     """The force read less the true one, times s_p, where x lacks (1 + kappa)'s part of the ring."""
     delay_s = 0.005
     omegas = np.linspace(0.97, 1.03, 400) * OMEGA
@@ -45,7 +45,7 @@ def test_it_is_the_ring_over_all_phases(lag_s: float, kappa: float) -> None:
     assert true == pytest.approx(found, rel=0.15)
 
 
-def test_an_rc_of_3_3_ms_leaves_an_eighth_of_it() -> None:
+def test_an_rc_of_3_3_ms_reduces_the_ring_to_an_eighth() -> None:
     none = ring_share(OMEGA, ZETA, OutputTiming(0.005, 0.0), T)
     assert none == pytest.approx(0.273, abs=0.005)
     assert ring_share(OMEGA, ZETA, OutputTiming(0.005, 0.0033), T) == pytest.approx(
@@ -53,7 +53,7 @@ def test_an_rc_of_3_3_ms_leaves_an_eighth_of_it() -> None:
     )
 
 
-def test_a_voltage_that_acts_after_the_sample_has_not_decayed() -> None:
+def test_the_ring_of_a_voltage_that_acts_after_the_sample_has_not_decayed() -> None:
     assert ring_share(OMEGA, ZETA, OutputTiming(0.03), T) == pytest.approx(0.5**0.5)
 
 

@@ -45,7 +45,7 @@ def share_that_rings(step_um: float, noise_um: float, period_s: float, *, slip: 
         (0.001, 2.0, 0.15, 0.9),
     ],
 )
-def test_a_slip_is_seen_to_ring(
+def test_ringing_after_a_slip_is_detected(
     period_s: float, step_um: float, noise_um: float, least: float
 ) -> None:
     assert share_that_rings(step_um, noise_um, period_s, slip=True) > least
@@ -57,7 +57,7 @@ def test_a_jump_of_the_sensor_does_not_ring(period_s: float, noise_um: float) ->
     assert share_that_rings(2.0, noise_um, period_s, slip=False) <= 0.01
 
 
-def test_too_few_samples_say_nothing() -> None:
+def test_too_few_samples_give_no_verdict() -> None:
     assert (
         rings(
             np.zeros(5),

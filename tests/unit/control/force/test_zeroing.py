@@ -76,7 +76,7 @@ def test_zero_is_refused_where_the_offset_is_implausible() -> None:
     assert "-13.000 µm, limit 12.600 µm after 19.0 µm" in refusal([19.0 - 13.0] * 5, voltage_V=1.0)
 
 
-def test_what_may_have_crept_is_allowed_for() -> None:
+def test_possible_creep_is_allowed_for() -> None:
     assert refusal([-6.0] * 5, creep_um=1.1) == ""
     assert "limit 6.100 µm" in refusal([-6.2] * 5, creep_um=1.1)
 
@@ -92,7 +92,7 @@ def test_a_better_model_tolerates_less_except_where_the_memory_is_unknown(known:
     assert (text == "") == (not known)
 
 
-def test_before_the_first_zero_the_refusal_says_what_to_do() -> None:
+def test_before_the_first_zero_the_refusal_states_what_to_do() -> None:
     assert "arm again" in refusal([6.0] * 5, zeroed=False)
     assert "arm again" not in refusal([6.0] * 5, zeroed=True)
 
@@ -104,7 +104,7 @@ def test_zero_is_refused_where_the_arm_may_touch_the_part() -> None:
     assert "limit 27.000 µm" in text
 
 
-def test_zero_is_refused_where_the_arm_was_pushed_back_since_a_touch() -> None:
+def test_a_zero_is_refused_if_the_arm_was_pushed_back_since_a_touch() -> None:
     touch = DetectedContact(x_um=12.0, nominal_um=15.0, slope=0.75)
     text = refusal([14.0] * 5, voltage_V=1.0, touch=touch)
     assert "touched something at 12.000 µm" in text
@@ -113,17 +113,17 @@ def test_zero_is_refused_where_the_arm_was_pushed_back_since_a_touch() -> None:
     assert refusal([14.1] * 5, voltage_V=1.0, touch=touch) == ""
 
 
-def test_a_reading_that_is_no_number_is_refused() -> None:
+def test_a_reading_that_is_not_a_number_is_refused() -> None:
     assert refusal([0.0, 0.0, float("nan"), 0.0, 0.0]) != ""
 
 
 @pytest.mark.parametrize("spread_um", [0.4, 0.6])
-def test_the_spread_alone_decides_at_its_limit(spread_um: float) -> None:
+def test_at_its_limit_only_the_spread_decides(spread_um: float) -> None:
     assert (refusal([0.0, 0.0, spread_um, 0.0, 0.0]) == "") == (spread_um < 0.5)
 
 
 @pytest.mark.parametrize("noise_um", [0.05, 0.15, 0.4])
-def test_noise_alone_refuses_no_zero(noise_um: float) -> None:
+def test_noise_alone_never_refuses_a_zero(noise_um: float) -> None:
     """0.5 µm for every sensor refused 37 % of the zeros at a noise of 0.15 µm."""
     chance, limits = Random(7), ZeroLimits(rest_samples=10, noise_um=noise_um)
     refused = 0

@@ -133,7 +133,7 @@ def test_the_printed_term_fed_back_with_the_consistent_set() -> None:
     assert found == pytest.approx((0.86, 0.98, 1.08, 1.18), abs=0.01)
 
 
-def test_in_the_sign_of_the_plots_the_printed_term_is_borne() -> None:
+def test_with_the_sign_of_the_plots_the_printed_term_is_tolerated() -> None:
     for K_P in GAINS:
         assert swell(Bench(as_fed(K_P), printed_term=True, sign=-1.0)) < 0.95
 
@@ -143,7 +143,7 @@ def test_without_the_printed_term_the_same_loop_is_quiet() -> None:
     assert found == pytest.approx((0.90, 0.78, 0.65), abs=0.01)
 
 
-def test_what_the_missing_force_term_costs() -> None:
+def test_the_cost_of_the_missing_force_term() -> None:
     """A plan that fits: what is left is the law's own lag, r.m.s. in µm."""
 
     def errors(set_: ParameterSet) -> list[float]:
@@ -161,7 +161,7 @@ def test_on_a_linear_arm_a_smaller_K_P_lowers_both_errors() -> None:
         assert after[1] < before[1]
 
 
-def test_what_the_other_sign_of_the_force_costs() -> None:
+def test_the_cost_of_the_other_sign_of_the_force() -> None:
     """The plan of 8.45 µm and 20 mN on a part of 2.15 mN/µm, K_P = 1, the consistent set."""
     settings = as_fed(1.0, "consistent")
     assert tracking(Bench(settings), 8.45, 20.0) == pytest.approx((0.19, 0.71), abs=0.01)
@@ -169,7 +169,7 @@ def test_what_the_other_sign_of_the_force_costs() -> None:
 
 
 @pytest.mark.parametrize("set_", ["consistent", "printed"])
-def test_without_switching_s_is_how_far_p_has_gone(set_: ParameterSet) -> None:
+def test_without_switching_s_is_the_change_of_p(set_: ParameterSet) -> None:
     """The p̃_k of (28) add up to p_0 - p_k: s_k = s_0 + (G_a/k̄)(p_k - p_0)."""
     bench = Bench(as_fed(1.0, set_))
     a = 2.0 / bench.law.parameters.plant.k_bar
@@ -189,7 +189,7 @@ def test_the_printed_K_S_is_below_any_p() -> None:
 
 
 @pytest.mark.parametrize(("noise_um", "p_mN"), [(0.012, 0.045), (0.030, 0.112)])
-def test_noise_alone_makes_p(noise_um: float, p_mN: float) -> None:
+def test_noise_alone_causes_p(noise_um: float, p_mN: float) -> None:
     bench, square = Bench(as_fed(1.0, "consistent"), noise_um=noise_um), 0.0
     for _ in range(3000):
         square += bench.tick().perturbation_error_mN ** 2
@@ -197,7 +197,7 @@ def test_noise_alone_makes_p(noise_um: float, p_mN: float) -> None:
 
 
 @pytest.mark.parametrize(("K_P", "share_15"), [(5.0, 1.0 / 6.0), (1.0, 0.5)])
-def test_first_step_towards_a_reference_that_is_1_um_away(K_P: float, share_15: float) -> None:
+def test_first_step_towards_a_reference_1_um_away(K_P: float, share_15: float) -> None:
     """Started where the arm is, nearly all of the way at once; by (15) the share of the gains."""
     law = build(as_fed(K_P, "consistent"), ARM, T, 0.0)
     here = start(law, x_um=0.0, x_r_um=1.0, force_mN=0.0, applied_V=0.0)

@@ -47,14 +47,14 @@ def rms(values: Column) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def test_without_an_error_there_is_none() -> None:
+def test_without_an_error_there_are_no_error_sources() -> None:
     for found in error_sources(perfect()):
         assert found.total == pytest.approx(0.0, abs=1e-12)
         assert set(found.by_cause) == set(CAUSES)
 
 
 @pytest.mark.parametrize("cycle_ticks", [TICKS, 0])
-def test_what_comes_back_in_no_cycle_is_noise(cycle_ticks: int) -> None:
+def test_errors_that_do_not_repeat_are_noise(cycle_ticks: int) -> None:
     noise_um = np.random.default_rng(1).normal(0.0, 0.05, N)
     seen = replace(moved(perfect(), noise_um), cycle_ticks=cycle_ticks)
     position, force = error_sources(seen)
@@ -66,7 +66,7 @@ def test_what_comes_back_in_no_cycle_is_noise(cycle_ticks: int) -> None:
     assert force.by_cause["noise"] == pytest.approx(K_E * moved_um, rel=0.1)
 
 
-def test_the_sensor_s_own_noise_moves_nothing() -> None:
+def test_the_sensors_own_noise_moves_nothing() -> None:
     seen = perfect()
     noise_um = np.random.default_rng(2).normal(0.0, SIGMA_UM, N)
     seen = replace(seen, x_um=seen.x_um + noise_um, force_mN=seen.force_mN - noise_um / 0.46)
@@ -75,7 +75,7 @@ def test_the_sensor_s_own_noise_moves_nothing() -> None:
     assert force.by_cause["noise"] < 0.4 * K_E * SIGMA_UM
 
 
-def test_what_goes_with_the_speed_is_lag() -> None:
+def test_errors_proportional_to_the_speed_are_lag() -> None:
     seen = perfect()
     by_um = -0.4 * np.gradient(seen.x_r_um)
     position, force = error_sources(moved(seen, by_um))
@@ -86,7 +86,7 @@ def test_what_goes_with_the_speed_is_lag() -> None:
     assert others(position, "lag") < 0.01 * rms(by_um)
 
 
-def test_what_comes_back_and_does_not_go_with_the_speed_is_the_response() -> None:
+def test_errors_that_repeat_independent_of_the_speed_are_the_response() -> None:
     noise_um = np.random.default_rng(3).normal(0.0, SIGMA_UM, N)
     by_um = 0.1 * np.sin(6.0 * pi * np.arange(N) / TICKS)
     position, _ = error_sources(moved(perfect(), by_um + noise_um))
@@ -96,7 +96,7 @@ def test_what_comes_back_and_does_not_go_with_the_speed_is_the_response() -> Non
     assert others(position, "response", "noise") < 0.005
 
 
-def test_the_share_of_the_noise_in_a_mean_over_cycles_is_no_response() -> None:
+def test_the_noise_in_a_mean_over_cycles_is_not_the_response() -> None:
     noise_um = np.random.default_rng(4).normal(0.0, 0.1, 2 * TICKS)
     whole = perfect()
     names = [name for name in Tracked.__slots__ if np.ndim(getattr(whole, name))]
@@ -106,7 +106,7 @@ def test_the_share_of_the_noise_in_a_mean_over_cycles_is_no_response() -> None:
     assert position.by_cause["response"] < 0.04
 
 
-def test_a_force_off_the_line_is_the_contact_line_s_and_the_impedance_gives_way() -> None:
+def test_a_force_off_the_line_is_attributed_to_the_contact_line() -> None:
     seen, gave_way = perfect(), 0.1
     # The part is harder than the line says: F̂ is too large by a share of it.
     off_mN = 0.05 * K_E * seen.x_r_um
@@ -124,7 +124,7 @@ def test_a_force_off_the_line_is_the_contact_line_s_and_the_impedance_gives_way(
     assert others(position, "contact_line") < 1e-6
 
 
-def test_an_estimate_that_is_late_is_no_contact_line_and_what_cancels_is_no_error() -> None:
+def test_a_late_estimate_is_not_the_contact_line_and_cancelling_errors_are_none() -> None:
     seen = perfect()
     # F̂ is late: the impedance gives way by it, the law misses its target by the same.
     late_mN = -0.1 * K_E * np.gradient(seen.x_r_um)
@@ -137,7 +137,7 @@ def test_an_estimate_that_is_late_is_no_contact_line_and_what_cancels_is_no_erro
     assert force.by_cause["contact_line"] < 0.1 * rms(late_mN)
 
 
-def test_what_is_learned_is_no_giving_way() -> None:
+def test_learned_corrections_are_not_attributed_to_the_impedance() -> None:
     seen = perfect()
     learned_um = 0.2 * np.cos(2.0 * pi * np.arange(N) / TICKS)
     # The law misses by what is learned: the arm is where it should be.
@@ -154,7 +154,7 @@ def test_the_stated_uncertainty_is_the_response_s_share_of_the_force() -> None:
     assert force.total == pytest.approx(0.3)
 
 
-def test_samples_of_a_limit_count_for_it_alone() -> None:
+def test_samples_at_a_limit_are_attributed_to_the_limit_only() -> None:
     seen = perfect()
     limited = np.zeros(N, dtype=np.bool_)
     limited[120:140] = True
@@ -185,7 +185,7 @@ def test_a_slow_drift_of_a_hold_is_the_response() -> None:
     assert position.by_cause["lag"] == 0.0
 
 
-def test_what_shows_nothing_is_refused() -> None:
+def test_uninformative_samples_are_refused() -> None:
     few = {name: np.zeros(LEAST - 1) for name in ("x_um", "x_r_um", "x_d_um", "learned_um")}
     with pytest.raises(ValueError, match="at least 10"):
         replace(perfect(), **few)

@@ -89,7 +89,7 @@ def test_the_stored_values_are_those_of_the_transcription() -> None:
 
 @pytest.mark.parametrize("K_e", [0.0, 2.1])
 @pytest.mark.parametrize("K_P", [0.5, 1.0, 5.0])
-def test_with_one_pole_at_20_ms_it_is_pbsmic(K_P: float, K_e: float) -> None:
+def test_with_one_pole_at_20_ms_the_law_equals_pbsmic(K_P: float, K_e: float) -> None:
     """Of a massless arm, without a low-pass, with the contact's own force at the place foreseen."""
     p, T, x_e = K_P / (K_P + 1.0), 0.02, 26.0
     old = control_law.build(law_settings(K_P=K_P, K_f=0.0, force_age="newest"), MASSLESS, T, 0.0)
@@ -138,7 +138,7 @@ def _but_first(state: Any) -> list[float]:
 
 
 @pytest.mark.parametrize("contact", [PlannedMotion(), PlannedMotion(K_e_mN_per_um=2.1, x_e_um=26)])
-def test_it_begins_without_a_bump(contact: PlannedMotion) -> None:
+def test_the_law_starts_without_a_bump(contact: PlannedMotion) -> None:
     law = law_of(CASES[0])
     at: dict[str, Any] = {"x_um": 31.0, "x_r_um": 31.0}
     state = control_law.start(law, **at, force_mN=10.5, applied_V=1.9)
@@ -150,7 +150,7 @@ def test_it_begins_without_a_bump(contact: PlannedMotion) -> None:
 
 
 @pytest.mark.parametrize("pressed_mN", [0.0, 2.0])
-def test_a_touch_and_its_loss_leave_the_voltage_where_it_is(pressed_mN: float) -> None:
+def test_a_touch_and_its_loss_do_not_change_the_voltage(pressed_mN: float) -> None:
     """An arm that moves with its reference is told of a part at its tip, and told no more.
 
     It may have been touched for a while before it is told: the filter has taken up the force then.
@@ -175,7 +175,7 @@ def test_a_touch_and_its_loss_leave_the_voltage_where_it_is(pressed_mN: float) -
     assert max(abs(step - 1.0) for step in steps) < S_P * 2.1 * 1.15 + 0.01
 
 
-def test_a_cascade_settles_at_what_it_is_given() -> None:
+def test_a_cascade_settles_at_its_input() -> None:
     p = exp(-2.0 * pi * 60.0 * 0.001)
     state, gone = Cascade(0.0, 0.0, 0.0, 0.0), list[float]()
     for _ in range(200):
@@ -186,7 +186,7 @@ def test_a_cascade_settles_at_what_it_is_given() -> None:
     assert state.three == state.four
 
 
-def test_it_refuses_what_makes_no_filter() -> None:
+def test_impossible_filters_are_refused() -> None:
     for gains in ({"n": 2.5}, {"n": 5.0}):
         with pytest.raises(ValueError, match="whole number of poles from 1 to 4"):
             law_of(CASES[0], **gains)
@@ -196,7 +196,7 @@ def test_it_refuses_what_makes_no_filter() -> None:
         LAW.settings("consistent", f_w=0.0)
 
 
-def test_a_law_that_does_not_look_ahead_is_told_nothing() -> None:
+def test_a_law_without_preview_is_given_no_contact() -> None:
     law = control_law.build(law_settings(), ARM, 0.02, 0.03)
     at: dict[str, Any] = {"x_um": 30.0, "x_r_um": 30.5, "force_mN": 0.0, "applied_V": 1.5}
     state = control_law.start(law, **at)

@@ -103,7 +103,7 @@ def test_the_stored_voltages_are_those_of_the_transcription_and_of_the_law() -> 
             assert outputs[tick].voltage_V == pytest.approx(value, abs=TOLERANCE_UM / LEAST_SLOPE)
 
 
-def test_it_differs_from_the_line_by_what_hysteresis_makes() -> None:
+def test_the_law_differs_from_the_straight_line_by_the_hysteresis() -> None:
     """What the comparison is worth: H is no line, and the voltages reach both of its branches."""
     columns = signals()
     straight = build(law_settings("pbsmic", force_age="newest"), ARM, PERIOD_S, 0.0)
@@ -134,7 +134,7 @@ steps = st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=30)
 
 @SOME
 @given(st.sampled_from(SCHEMES), steps, st.sampled_from([0.0, 0.5]), st.floats(0.0, 3.0))
-def test_with_a_straight_line_it_is_the_law_of_the_line(
+def test_with_a_straight_line_the_law_equals_the_linear_law(
     scheme: str, ways_um: list[float], K_S: float, K_e: float
 ) -> None:
     """Bits cannot be: the line is inverted by search, to ``TOLERANCE_UM``."""
@@ -179,13 +179,13 @@ def test_without_a_response_the_set_is_refused() -> None:
         build(law_settings("pbsmic", "identified"), ARM, PERIOD_S, 0.03)
 
 
-def test_without_its_memory_it_does_not_step() -> None:
+def test_without_its_memory_the_law_does_not_step() -> None:
     law = identified(CASES[0])
     with pytest.raises(TypeError, match="needs the response's memory"):
         start(law, x_um=0.0, x_r_um=0.0, force_mN=0.0, applied_V=0.0)
 
 
-def test_from_the_line_to_the_response_no_residual_jumps() -> None:
+def test_changing_from_the_line_to_the_response_causes_no_jump() -> None:
     """u and v differ; a residual of the two would be 0.2 µm."""
     line = law_of(law_settings("pbsmic"))
     law = build(law_settings("pbsmic", "identified"), ARM, PERIOD_S, 0.0, MODEL)

@@ -14,7 +14,7 @@ PAPER = ImpedanceParameters(M=1e-3, B=8.9221, K=1.9901e4, K_f=5000.0)
 
 
 @pytest.mark.parametrize("period_s", [0.02, 0.001])
-def test_desired_position_meets_the_target_impedance(period_s: float) -> None:
+def test_the_desired_position_satisfies_the_target_impedance(period_s: float) -> None:
     impedance = discretize_impedance(PAPER, period_s)
     x_r, d_1, d_2, F, F_r = 31.0, 0.4, -0.2, 12.0, 10.5
     x_d = desired_position(

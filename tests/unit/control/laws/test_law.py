@@ -29,7 +29,7 @@ BOTH = pytest.mark.parametrize("scheme", SCHEMES)
         ("K_f", nan, "K_f = nan mN/mN, must be finite and at least 0"),
     ],
 )
-def test_settings_refuse_what_no_law_is_made_of(name: str, value: float, text: str) -> None:
+def test_impossible_settings_are_refused(name: str, value: float, text: str) -> None:
     values: dict[str, Any] = {name: value}
     with pytest.raises(ValueError, match=f"^{text}$"):
         law_settings(**values)
@@ -47,7 +47,7 @@ def test_a_law_needs_a_period(period_s: float) -> None:
 
 
 @pytest.mark.parametrize("name", ["M", "B"])
-def test_an_impedance_beyond_numbers_makes_no_law(name: str) -> None:
+def test_an_impedance_with_overflow_is_refused(name: str) -> None:
     """inf - inf in (16) would be no voltage."""
     values: dict[str, Any] = {name: 1e308}
     with pytest.raises(ValueError, match="impedance K̄ = inf mN/µm, must be finite"):
@@ -78,7 +78,7 @@ def test_defaults(scheme: str, name: ParameterSet, gains: tuple[float, ...]) -> 
 
 
 @BOTH
-def test_a_set_decides_whose_arm_the_law_knows(scheme: str) -> None:
+def test_the_set_decides_which_arm_model_is_used(scheme: str) -> None:
     own = law_of(law_settings(scheme, "consistent")).parameters
     printed = law_of(law_settings(scheme, "printed")).parameters
     assert type(own) is type(printed) is SlidingParameters
@@ -111,7 +111,7 @@ def test_the_low_pass_follows_the_error_and_not_the_force(scheme: str) -> None:
 
 
 @BOTH
-def test_the_low_pass_begins_at_the_error_that_is_there(scheme: str) -> None:
+def test_the_low_pass_starts_at_the_present_error(scheme: str) -> None:
     """2 mN above F_r as the segment begins: known at once, not after some time constants."""
     law = law_of(law_settings(scheme), 0.02, 0.05)
     state = start(law, x_um=10.0, x_r_um=10.0, force_mN=0.0, applied_V=1.0)
@@ -130,7 +130,7 @@ def test_newest_feeds_the_estimate_as_it_is(scheme: str) -> None:
 
 
 @BOTH
-def test_at_a_steady_reference_without_low_pass_both_ages_are_one(scheme: str) -> None:
+def test_at_a_steady_reference_without_low_pass_both_ages_agree(scheme: str) -> None:
     """F_r constant: F_{r,k} + F̂ - F_{r,k-1} is F̂."""
     runs: list[list[float]] = []
     for settings in (law_settings(scheme), law_settings(scheme, force_age="newest")):
@@ -142,7 +142,7 @@ def test_at_a_steady_reference_without_low_pass_both_ages_are_one(scheme: str) -
     assert abs(runs[0][0] - runs[0][-1]) > 0.01
 
 
-def test_a_state_of_another_law_is_no_state() -> None:
+def test_a_state_of_another_law_is_refused() -> None:
     pbsmic, dsmifc = (law_of(law_settings(scheme)) for scheme in SCHEMES)
     at: dict[str, Any] = {"x_um": 1.0, "x_r_um": 1.0, "force_mN": 0.0}
     state = start(pbsmic, **at, applied_V=0.05)

@@ -60,7 +60,7 @@ def track(loop: Loop, settled: int = 0) -> tuple[float, float]:
 
 @BOTH
 @pytest.mark.parametrize("filter_s", [0.0, 0.03])
-def test_with_the_planned_force_a_moving_plan_that_fits_has_no_error(
+def test_with_the_planned_force_a_consistent_moving_plan_has_no_error(
     scheme: str, filter_s: float
 ) -> None:
     worst = track(in_contact(law_settings(scheme), filter_s=filter_s))
@@ -82,7 +82,7 @@ def test_with_the_newest_force_a_ramp_has_a_known_error(scheme: str, K_f: float)
 
 
 @BOTH
-def test_the_known_error_is_what_the_planned_force_saves(scheme: str) -> None:
+def test_the_planned_force_removes_the_known_error(scheme: str) -> None:
     """The paper's sinusoid: at K_f = 5000 the age alone costs a third of v·T at its steepest."""
     worst_um, worst_mN = track(in_contact(law_settings(scheme, force_age="newest")), settled=50)
     steepest_um = 4.225 * pi * T
@@ -91,7 +91,7 @@ def test_the_known_error_is_what_the_planned_force_saves(scheme: str) -> None:
 
 
 @BOTH
-def test_without_the_force_term_a_step_in_contact_is_half_done(scheme: str) -> None:
+def test_without_the_force_term_a_step_in_contact_is_half_completed(scheme: str) -> None:
     """The printed set's d̄ makes ΔF/d̄ nothing: the incremental gain is 1/(1 + s_p K_e) of d_p.
 
     The true set, told of ΔF, makes the whole step.
@@ -120,7 +120,7 @@ def test_the_printed_set_lags_a_moving_plan_in_contact(scheme: str) -> None:
 
 
 @BOTH
-def test_the_low_pass_takes_noise_off_the_voltage(scheme: str) -> None:
+def test_the_low_pass_reduces_noise_of_the_voltage(scheme: str) -> None:
     """F̂ to and fro by 0.3 mN: the share bounds what of it reaches the voltage."""
     swings: list[float] = []
     for filter_s in (0.0, 0.1):

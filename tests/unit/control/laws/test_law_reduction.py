@@ -20,7 +20,7 @@ PERIODS = pytest.mark.parametrize("period_s", [0.02, 0.001])
 @pytest.mark.parametrize(
     ("K_P", "K_I", "share"), [(5.0, 1.0, 1 / 6), (0.5, 1.0, 2 / 3), (1.0, 1.0, 1 / 2)]
 )
-def test_each_sample_takes_its_share_off_the_error(
+def test_each_sample_removes_its_share_of_the_error(
     scheme: str, period_s: float, K_P: float, K_I: float, share: float
 ) -> None:
     """A step of p at a steady reference: e (ε) = -p̃/k̄, and from there (1 - share) a sample."""
@@ -90,7 +90,7 @@ def test_p_shows_where_it_acts(scheme: str) -> None:
 
 
 @BOTH
-def test_a_limit_winds_nothing_up(scheme: str) -> None:
+def test_a_limit_causes_no_windup(scheme: str) -> None:
     """Held at 1 V, 11 µm below its reference, for 60 samples, then sent back to 10 µm.
 
     Frozen, ε brings nothing along: s is at most K_P e, which the switching term takes off within
@@ -115,7 +115,7 @@ def test_a_limit_winds_nothing_up(scheme: str) -> None:
 
 
 @pytest.mark.parametrize("K_S", [0.0, 0.5])
-def test_without_impedance_and_force_both_laws_are_one(K_S: float) -> None:
+def test_without_impedance_and_force_both_laws_are_equal(K_S: float) -> None:
     """M = B = K_f = 0: x_d = x_r and ε = K̄ e, so that with δ̃ = K̄ δ DSMIFC is PBSMIC."""
     pbsmic = law_settings("pbsmic", K_P=2.0, K_S=K_S, delta=0.4, M=0.0, B=0.0, K_f=0.0)
     gains = {**pbsmic.gains, "delta": 0.4 * pbsmic.gains["K"]}
@@ -129,7 +129,7 @@ def test_without_impedance_and_force_both_laws_are_one(K_S: float) -> None:
         assert one.sliding_um == pytest.approx(other.sliding_um, abs=1e-11)
 
 
-def test_dsmifc_keeps_its_share_of_an_error_left_at_the_start() -> None:
+def test_dsmifc_keeps_its_share_of_an_initial_error() -> None:
     """ẽ = -1 µm as the segment begins: ε_k = K̃_P/(K̃_P + K̃_I) ε_{k-1}."""
     loop = Loop(law_of(law_settings("dsmifc", K_P=2.0)), resting_arm(30.0))
     loop.x_r_um = 31.0
@@ -140,7 +140,7 @@ def test_dsmifc_keeps_its_share_of_an_error_left_at_the_start() -> None:
         assert after == pytest.approx(before * 2.0 / 3.0, rel=1e-9)
 
 
-def test_pbsmic_takes_up_a_distance_left_at_the_start_with_its_impedance() -> None:
+def test_pbsmic_removes_an_initial_distance_with_its_impedance() -> None:
     law = law_of(law_settings(), 0.001)
     state = start(law, x_um=30.0, x_r_um=31.0, force_mN=0.0, applied_V=1.0)
     desired: list[float] = []

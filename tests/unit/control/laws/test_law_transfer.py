@@ -38,7 +38,7 @@ def test_rebase_into_contact_keeps_the_voltage(scheme: str, period_s: float) -> 
 
 
 @BOTH
-def test_rebase_keeps_what_was_measured_and_applied(scheme: str) -> None:
+def test_rebase_keeps_measured_and_applied_values(scheme: str) -> None:
     """The residual right after it is still of the samples before."""
     law = law_of(law_settings(scheme), 0.001)
     loop = Loop(law, resting_arm(5.0, 0.001))
@@ -80,7 +80,9 @@ def steps(of: list[float]) -> list[float]:
 
 @PERIODS
 @pytest.mark.parametrize("K_e", [0.0, K_E])
-def test_a_change_in_motion_is_not_seen_where_the_model_holds(period_s: float, K_e: float) -> None:
+def test_a_change_during_motion_is_invisible_if_the_model_is_exact(
+    period_s: float, K_e: float
+) -> None:
     changed, unchanged = (voltages(period_s, K_e, 1.0, change=change) for change in (True, False))
     assert changed == pytest.approx(unchanged, abs=1e-9)
     assert min(abs(step_V) for step_V in steps(unchanged)) > 2e-3
@@ -89,7 +91,7 @@ def test_a_change_in_motion_is_not_seen_where_the_model_holds(period_s: float, K
 @PERIODS
 @pytest.mark.parametrize("K_e", [0.0, K_E])
 @pytest.mark.parametrize("d_share", [0.85, 1.15])
-def test_a_change_in_motion_is_less_than_the_plans_own_step(
+def test_a_change_during_motion_is_smaller_than_the_plans_own_step(
     period_s: float, K_e: float, d_share: float
 ) -> None:
     """The arm's d_p is 15 % off, so that there is an error when the law changes."""
@@ -101,7 +103,7 @@ def test_a_change_in_motion_is_less_than_the_plans_own_step(
 
 
 @BOTH
-def test_in_contact_at_the_steady_state_of_a_plan_that_does_not_fit_nothing_moves(
+def test_in_contact_at_the_steady_state_of_an_inconsistent_plan_nothing_moves(
     scheme: str,
 ) -> None:
     """E_x and E_f of (51), (52) stand, and no other law finds anything to do about them."""

@@ -94,7 +94,7 @@ def test_an_observer_is_its_matrix(observer: ForceObserver) -> None:
         assert np.all(np.abs(matrix @ fed - found) <= 1e-12 * scale)
 
 
-def test_a_state_is_taken_apart_and_put_together() -> None:
+def test_a_state_is_decomposed_and_rebuilt() -> None:
     law = control_law.build(law_settings(), ARM, PERIOD_S, 0.03)
     state = control_law.start(law, x_um=1.5, x_r_um=1.0, force_mN=2.0, applied_V=0.1)
     values = flatten(state)
@@ -106,7 +106,7 @@ def range_of(values: list[float]) -> list[float]:
     return [float(index) for index in range(len(values))]
 
 
-def test_what_is_no_float_is_refused() -> None:
+def test_a_state_without_floats_is_refused() -> None:
     with pytest.raises(TypeError, match="made of floats, not of int"):
         flatten(Counted())
 

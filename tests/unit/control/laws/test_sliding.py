@@ -21,7 +21,7 @@ def test_saturation_is_odd_bounded_and_never_steeper_than_the_layer(s: float, de
 
 
 @pytest.mark.parametrize(("K_S", "p"), [(0.5, 0.3), (0.5, -0.3), (0.0, 0.3), (0.5, 0.0)])
-def test_band_is_where_a_step_may_no_longer_jump_over_zero(K_S: float, p: float) -> None:
+def test_the_band_is_where_a_step_may_not_cross_zero(K_S: float, p: float) -> None:
     """From the edge of the band the worst p̃ of this size lands on -s exactly; nearer, beyond."""
     a = 0.9
     edge = sliding_band(a, K_S, p)

@@ -133,7 +133,9 @@ SOME = settings(deadline=None, max_examples=30, derandomize=True)
 
 @SOME
 @given(cases(st.floats(0.01, 0.5), SIGN_UM), start_um, shares, st.floats(0.0, 2.0))
-def test_with_sgn(case: Case, x_um: float, shares: list[float], excess: float) -> None:
+def test_with_the_sign_function(
+    case: Case, x_um: float, shares: list[float], excess: float
+) -> None:
     """``excess`` above 1 lets p̃ exceed K_S, where the theorems promise nothing."""
     errors_mN = [excess * case.K_S * share for share in shares]
     s = [output.sliding_um for output in play(case, x_um, errors_mN)]

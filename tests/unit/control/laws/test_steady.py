@@ -39,7 +39,7 @@ def test_the_ends_of_the_ranges_are_reached() -> None:
     assert (E_x, E_f) == pytest.approx((ranges.position_max_um, ranges.force_min_mN))
 
 
-def test_without_tolerances_nothing_is_left() -> None:
+def test_without_tolerances_no_error_remains() -> None:
     ranges = steady_error_ranges(
         forces_r_mN=(2.0, 20.0),
         x_e_um=30.0,
@@ -53,7 +53,7 @@ def test_without_tolerances_nothing_is_left() -> None:
     assert found == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
 
 
-def test_without_the_force_only_the_force_errs() -> None:
+def test_without_the_force_only_the_force_has_an_error() -> None:
     ranges = steady_error_ranges(forces_r_mN=(0.0, 20.0), K=K, K_f=0.0, **PART)
     assert (ranges.position_min_um, ranges.position_max_um) == (0.0, 0.0)
     assert ranges.force_max_mN > 5.0

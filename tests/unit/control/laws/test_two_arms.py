@@ -55,7 +55,7 @@ def test_every_tick_is_that_of_the_transcription(case: Case) -> None:
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_the_golden_vectors_are_met(case: Case) -> None:
+def test_the_golden_vectors_are_reproduced(case: Case) -> None:
     golden = json.loads(GOLDEN.read_text())[str(tuple(case))]
     played = _played(case)
     for tick, values in golden.items():
@@ -104,7 +104,7 @@ class Ideal:
         )
 
 
-def test_place_and_force_go_each_their_own_way_where_the_model_holds() -> None:
+def test_place_and_force_move_independently_if_the_model_is_exact() -> None:
     arms = Ideal()
     arms.tick(TwoArmReferences(place_um=arms.place_um(), force_mN=arms.force_mN()))
     for k in range(400):
@@ -137,7 +137,7 @@ def test_errors_of_slope_and_offset_are_made_good_in_both() -> None:
     assert arms.force_mN() == pytest.approx(10.0, abs=1e-6)
 
 
-def test_what_is_missed_of_the_place_is_made_good_by_the_share_of_the_pole() -> None:
+def test_an_error_of_the_place_is_corrected_by_the_share_of_the_pole() -> None:
     arms = Ideal()
     wanted = TwoArmReferences(place_um=0.3, force_mN=12.0)
     for _ in range(100):
@@ -153,7 +153,7 @@ def test_what_is_missed_of_the_place_is_made_good_by_the_share_of_the_pole() -> 
 
 
 @pytest.mark.parametrize("seeks", [True, False])
-def test_what_arms_miss_that_look_for_the_part_is_not_made_good(seeks: bool) -> None:
+def test_errors_of_arms_that_seek_the_part_are_not_corrected(seeks: bool) -> None:
     arms = Ideal()
     arms.pressed = False
     rest = TwoArmReferences(place_um=0.0, opening_um=50.0, pressed=False)
@@ -168,7 +168,7 @@ def test_what_arms_miss_that_look_for_the_part_is_not_made_good(seeks: bool) -> 
 
 
 @pytest.mark.parametrize("pressed", [True, False])
-def test_the_first_step_and_a_change_of_contact_keep_voltages_where_references_are_met(
+def test_the_first_step_and_a_change_of_contact_keep_the_voltages_at_the_references(
     pressed: bool,
 ) -> None:
     arms = Ideal(offsets_um=(0.4, -0.7))

@@ -56,7 +56,7 @@ def test_noise_is_read_at_rest() -> None:
     assert segment == Drive("noise", 8.0, guarded=True)
 
 
-def test_each_weight_waits_settles_and_is_measured() -> None:
+def test_each_weight_is_awaited_settled_and_measured() -> None:
     program = compliance_program(RIG, (0.0, 5.0, 10.0))
     assert [segment.phase for segment in program.segments[:4]] == [
         "hang 1",
@@ -78,7 +78,7 @@ def test_a_weight_that_bends_the_arm_too_far_is_refused() -> None:
         compliance_program(short, (0.0, 20.0))
 
 
-def test_a_sweep_is_captured_between_two_rests_where_its_way_has_been_felt() -> None:
+def test_a_sweep_is_captured_between_two_rests_after_its_range_was_probed() -> None:
     program = frequency_response_program(RIG, amplitude_V=0.05, damping_ratio=0.026)
     assert [segment.phase for segment in program.segments] == ["feel", "rest", "sweep", "rest"]
     assert [segment.guarded for segment in program.segments] == [True, True, False, True]
@@ -124,7 +124,7 @@ def test_the_free_motion_covers_the_range_within_the_limits() -> None:
     assert (peaks(cycles).lowest, peaks(cycles).highest) == pytest.approx((-1.0, 1.0), abs=1e-3)
 
 
-def test_the_cycles_move_where_the_limits_leave_no_room() -> None:
+def test_the_cycles_are_shifted_if_the_limits_require_it() -> None:
     assert cycles_mean_V(RIG) == 0.0
     assert cycles_mean_V(replace(RIG, limits=replace(LIMITS, voltage_min_V=0.0))) == 1.0
     stiff = replace(RIG, piezo_um_per_V=25.0)
@@ -163,7 +163,7 @@ def test_full_cycles_are_whole_and_before_the_fading() -> None:
         full_cycles(path, PERIOD_S, 7)
 
 
-def test_the_widest_level_comes_first_and_its_crest_is_where_the_law_had_pressed() -> None:
+def test_the_widest_level_is_first_and_has_the_crest_of_the_law() -> None:
     program = contact_stiffness_program(REQUEST, ROOMY)
     phases = [segment.phase for segment in program.segments]
     assert phases == [
@@ -179,7 +179,7 @@ def test_the_widest_level_comes_first_and_its_crest_is_where_the_law_had_pressed
     assert program.guards.stiffness_min_mN_per_um < 0.5 * REQUEST.stiffness_mN_per_um
 
 
-def test_a_press_goes_as_far_as_the_swings_of_the_identified_arm_come_back() -> None:
+def test_a_press_covers_the_swings_of_the_identified_arm() -> None:
     # An arm whose swings at a pressed part are half as wide again as d_p says.
     wide = HysteresisModel((0.0, 0.5), (28.5, 5.0))
     line_mN = crest_force_mN(REQUEST, ROOMY, 2.0)
@@ -191,7 +191,7 @@ def test_a_press_goes_as_far_as_the_swings_of_the_identified_arm_come_back() -> 
     assert crest_force_mN(REQUEST, replace(ROOMY, free_response=narrow), 2.0) == line_mN
 
 
-def test_levels_beyond_the_limits_are_refused_or_lowered_alike() -> None:
+def test_levels_beyond_the_limits_are_refused_or_lowered() -> None:
     with pytest.raises(ValueError, match=r"2 V peak to peak: force 57\.\d+ mN above the limit 40"):
         contact_stiffness_program(REQUEST, RIG)
     levels = levels_within(REQUEST, RIG)

@@ -59,7 +59,7 @@ def test_three_strokes_stay_below_the_slew_limit_and_end_with_a_rest_at_0_V() ->
         ("never", False, False),
     ],
 )
-def test_a_plan_begins_with_strokes_where_they_are_required(
+def test_a_plan_starts_with_strokes_if_they_are_required(
     condition: str | None, known: bool | None, *, conditioned: bool
 ) -> None:
     rig = demo_rig(TAUGHT)
@@ -90,7 +90,7 @@ def test_a_plan_without_strokes_warns_of_an_unknown_past() -> None:
     assert len(unknown.warnings) == len(known.warnings) + 1
 
 
-def test_a_plan_without_strokes_states_what_an_unknown_past_makes_of_the_force() -> None:
+def test_a_plan_without_strokes_states_the_uncertainty_from_an_unknown_past() -> None:
     """U of such grips came to 22 mN, where the plan knew of some mN, and the load was given up."""
     # On a stiff arm the same error of the free response is a larger force.
     rig = demo_rig({"model": {**TAUGHT["model"], "compliance_um_per_mN": 0.06}})
@@ -115,7 +115,7 @@ def test_a_plan_without_strokes_states_what_an_unknown_past_makes_of_the_force()
     assert any(f"±{stated_mN:.2g} mN" in one for one in planned(15.0, False, "never").warnings)
 
 
-def test_a_rig_without_voltages_below_rest_cannot_be_conditioned_and_is_told_so() -> None:
+def test_a_rig_without_voltages_below_rest_cannot_be_conditioned_and_reports_it() -> None:
     """Its force has the uncertainty of an unknown past, but no force is refused for it."""
     rig = demo_rig({**TAUGHT, "limits": {"voltage_min_V": 0.0}})
     assert conditioning_V(rig) is None
@@ -146,7 +146,7 @@ def test_a_rig_file_may_do_without_strokes() -> None:
     assert plan.phases[0].phase == "zero"
 
 
-def test_strokes_lead_a_model_from_different_pasts_to_one_place() -> None:
+def test_strokes_bring_models_with_different_pasts_to_one_position() -> None:
     rig = demo_rig(TAUGHT)
     model, low_V = planned_rig(rig).free_response, -0.8
     assert model is not None

@@ -43,7 +43,7 @@ def test_far_from_the_origin_nothing_cancels() -> None:
     assert fit.x_e_um - 1e7 == pytest.approx(0.0, abs=1e-6)
 
 
-def test_noise_that_enters_position_and_force_together_does_not_bias_the_stiffness() -> None:
+def test_noise_common_to_position_and_force_does_not_bias_the_stiffness() -> None:
     """F̂ = (x_1 - x)/s_p has the noise of x; over a short load least squares errs by it."""
     draw = np.random.default_rng(4)
     plan, noise_um = 10.0 + 0.1 * (PLAN - 10.0), 0.3
@@ -59,7 +59,7 @@ def test_noise_that_enters_position_and_force_together_does_not_bias_the_stiffne
     assert float(np.median(stiffnesses)) == pytest.approx(K_E, abs=4.0 * spread)
 
 
-def test_standard_errors_are_the_spread_of_repeated_fits() -> None:
+def test_standard_errors_equal_the_spread_of_repeated_fits() -> None:
     draw = np.random.default_rng(5)
     fits: list[ContactFit] = []
     for _ in range(300):
@@ -73,7 +73,7 @@ def test_standard_errors_are_the_spread_of_repeated_fits() -> None:
     assert fits[0].K_e_error_mN_per_um < 0.01 * K_E
 
 
-def test_there_and_back_a_force_that_lags_moves_nothing() -> None:
+def test_over_a_forward_and_backward_motion_a_lagging_force_causes_no_bias() -> None:
     there_and_back = np.concatenate([PLAN, PLAN[::-1]])
     x_um = X_E + there_and_back / K_E
     lagging = np.concatenate([there_and_back[:1], there_and_back[:-1]])
@@ -84,7 +84,7 @@ def test_there_and_back_a_force_that_lags_moves_nothing() -> None:
     assert one_way.x_e_um > X_E + 0.05
 
 
-def test_no_fit_without_spread_points_or_slope() -> None:
+def test_without_spread_points_or_slope_there_is_no_fit() -> None:
     ramp = np.arange(9.0)
     assert ContactLine().fit() is None
     assert line(ramp[:2], ramp[:2], ramp[:2]).fit() is None
@@ -94,7 +94,7 @@ def test_no_fit_without_spread_points_or_slope() -> None:
     assert line(0.1 * ramp, 0.2 * ramp, ramp).fit(minimum_spread_um=0.2) is not None
 
 
-def test_adding_leaves_the_line_before_as_it_was() -> None:
+def test_adding_a_point_does_not_change_the_earlier_line() -> None:
     before = line(np.arange(3.0), 2.0 * np.arange(3.0), np.arange(3.0))
     before.add(3.0, 100.0, 3.0)
     fit = before.fit()

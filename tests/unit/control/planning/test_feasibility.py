@@ -46,7 +46,7 @@ def test_swings_beyond_a_limit_are_one_excursion_for_each_phase() -> None:
     assert (low[0].quantity, low[0].value) == ("position", pytest.approx(-2.0, abs=0.01))
 
 
-def test_the_rate_of_the_voltage_is_taken_from_tick_to_tick() -> None:
+def test_the_rate_of_the_voltage_is_computed_from_tick_to_tick() -> None:
     # Peak rate 2·2π/(50·0.02 s) = 12.57 V/s, up and down.
     found = excursions(SWING, replace(WIDE, slew_V_per_s=10.0))
     assert {item.quantity for item in found} == {"slew"}

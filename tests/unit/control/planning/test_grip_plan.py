@@ -64,20 +64,20 @@ def back(free_response: HysteresisModel, **rig: Any) -> tuple[float, float]:
     return retreat.to_um[0], plan.phases[-1].voltage_V
 
 
-def test_the_arm_goes_back_to_its_start_where_it_reaches_it() -> None:
+def test_the_arm_returns_to_its_start_if_it_can_reach_it() -> None:
     to_um, voltage_V = back(NARROW)
     assert to_um == 0.0
     assert 0.5 * LIMITS.voltage_min_V < voltage_V < 0.0
 
 
-def test_an_arm_of_large_remanence_goes_back_to_where_it_rests_at_0_V() -> None:
+def test_an_arm_with_large_remanence_returns_to_its_rest_at_0_V() -> None:
     to_um, voltage_V = back(WIDE)
     assert 5.0 < to_um < 26.0
     # The softest part that is admitted would leave the arm at 0 V.
     assert 0.0 <= voltage_V < 0.2
 
 
-def test_an_arm_that_cannot_go_below_0_V_does_not_go_back_below_its_remanence() -> None:
+def test_an_arm_that_cannot_go_below_0_V_does_not_return_below_its_remanence() -> None:
     unipolar = replace(LIMITS, voltage_min_V=0.0)
     plan = plan_grip(REQUEST, replace(RIG, limits=unipolar, free_response=NARROW))
     assert plan.violations == ()
@@ -85,7 +85,7 @@ def test_an_arm_that_cannot_go_below_0_V_does_not_go_back_below_its_remanence() 
 
 
 @pytest.mark.parametrize("rest_um", [-8.0, 0.0, 12.0, 60.0])
-def test_the_way_back_follows_a_reading_that_drifts(rest_um: float) -> None:
+def test_the_return_follows_a_drifting_reading(rest_um: float) -> None:
     rested_um, _ = back(WIDE)
     to_um, _ = back(WIDE, rest_um=rest_um)
     # Never nearer to the part than the stand-off.
@@ -107,7 +107,7 @@ def test_strokes_of_an_arm_at_0_V_break_no_limit_whatever_its_reading() -> None:
     assert plan.course.voltage_V[0] == 0.0
 
 
-def test_an_arm_in_front_of_the_part_opens_to_the_same_place() -> None:
+def test_an_arm_in_front_of_the_part_opens_to_the_same_position() -> None:
     rig = replace(RIG, stands_um=35.0, free_response=WIDE)
     first, *_, last = plan_grip(REQUEST, rig).program.segments
     assert isinstance(first, Move)
@@ -139,7 +139,7 @@ def test_course_is_consistent_in_position_and_force() -> None:
     assert course.x_r_um[-1] == pytest.approx(0.0, abs=0.01)
 
 
-def test_course_has_no_jump() -> None:
+def test_a_course_has_no_jump() -> None:
     course = planned(period_s=0.001).course
     for values, most in (
         (course.x_r_um, 0.0201),
@@ -171,7 +171,7 @@ def test_hold_without_end() -> None:
     assert plan.phases[5].duration_s == 0.3
 
 
-def test_short_approach_takes_its_shortest_time() -> None:
+def test_a_short_approach_takes_its_minimum_time() -> None:
     plan = planned(x_start_um=25.9)
     assert plan.program.segments[1].duration_s == 0.3
 
@@ -194,7 +194,7 @@ def test_every_broken_limit_is_named_with_place_and_time() -> None:
     assert "force 20.000 mN above the limit 15 mN, from " in force.message
 
 
-def test_each_limit_points_at_the_member_that_breaks_it() -> None:
+def test_each_limit_points_to_the_member_that_breaks_it() -> None:
     def pointers(limits: PlanLimits) -> list[tuple[str, str]]:
         return [(v.quantity, v.pointer) for v in planned(limits=limits).violations]
 

@@ -28,7 +28,9 @@ def planned(held: HeldStart = HELD, **changes: float) -> MotionPlan:
 
 
 @pytest.mark.parametrize("force_mN", [5.0, 10.0, 15.0])
-def test_the_way_begins_at_the_force_that_acts_and_ends_at_the_new_one(force_mN: float) -> None:
+def test_a_force_change_starts_at_the_present_force_and_ends_at_the_new_one(
+    force_mN: float,
+) -> None:
     plan = planned(force_mN=force_mN)
     assert plan.violations == ()
     assert [phase.phase for phase in plan.phases] == ["load", "hold", "unload"]
@@ -41,7 +43,7 @@ def test_the_way_begins_at_the_force_that_acts_and_ends_at_the_new_one(force_mN:
     assert unload.voltage_V == 0.0
 
 
-def test_the_program_takes_the_force_over_within_its_range() -> None:
+def test_the_program_takes_over_the_force_within_its_range() -> None:
     program = planned().program
     assert program.takes_force_over
     assert program.planned_range is not None
@@ -63,7 +65,7 @@ def test_a_force_that_cannot_be_held_is_named(force_mN: float, pointer: str, wor
     assert [one.pointer for one in found if words in one.message] == [pointer]
 
 
-def test_a_way_that_is_too_short_is_named() -> None:
+def test_a_force_change_that_is_too_short_is_named() -> None:
     found = planned(load_s=0.1).violations
     assert "/load_s" in {one.pointer for one in found}
 

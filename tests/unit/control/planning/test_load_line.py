@@ -36,7 +36,7 @@ def test_one_sample_gives_the_line_of_the_hardest_part_through_it() -> None:
 
 
 @pytest.mark.parametrize("K_e", [0.7, 1.1, 2.2, 4.4, 6.6])
-def test_without_noise_the_fitted_line_is_followed(K_e: float) -> None:
+def test_without_noise_the_fitted_line_is_used(K_e: float) -> None:
     found = stiffest_line(loaded(K_e, 0.0, 10), HARDEST, 0.0, S_P)
     assert found.K_e_mN_per_um == pytest.approx(K_e)
     assert found.x_e_um == pytest.approx(30.0)
@@ -74,10 +74,10 @@ def test_stiffnesses_that_may_be_used() -> None:
     assert stiffness_bounds(0.5, GUARDS) == pytest.approx((0.15, 2.9))
 
 
-def test_the_line_moves_with_the_same_time_constant_at_every_period() -> None:
+def test_the_line_changes_with_the_same_time_constant_at_every_period() -> None:
     assert line_share(0.02) == pytest.approx(1.0 - (1.0 - line_share(0.001)) ** 20)
 
 
-def test_guards_without_an_upper_bound_leave_a_finite_stiffness() -> None:
+def test_guards_without_an_upper_bound_keep_a_finite_stiffness() -> None:
     guards = replace(GUARDS, stiffness_min_mN_per_um=0.0, stiffness_max_mN_per_um=inf)
     assert stiffness_bounds(2.0, guards) == (0.0, 6.0)

@@ -33,7 +33,7 @@ def moved(stand: StartPosition = REST, **wishes: Any) -> MotionPlan:
     return plan_move(MoveRequest(**said), RIG, stand, POINTERS)
 
 
-def test_a_position_is_gone_to_smoothly_and_rested_at() -> None:
+def test_a_move_to_a_position_is_smooth_and_ends_at_rest() -> None:
     plan = moved(AWAY, to_um=30.0, zero_s=0.4)
     assert [(segment.phase, type(segment)) for segment in plan.program.segments] == [
         ("zero", Drive),
@@ -52,7 +52,7 @@ def test_a_position_is_gone_to_smoothly_and_rested_at() -> None:
 
 
 @pytest.mark.parametrize("wish", [{"to_V": 1.0}, {"by_V": 0.5}])
-def test_a_voltage_is_gone_to_without_a_law(wish: dict[str, float]) -> None:
+def test_a_move_to_a_voltage_uses_no_law(wish: dict[str, float]) -> None:
     plan = moved(AWAY, **wish)
     assert all(segment.open_loop for segment in plan.program.segments)
     assert plan.course.voltage_V[-1] == pytest.approx(1.0)
@@ -95,7 +95,7 @@ def test_limits_of_voltage_position_and_slew_are_named_with_their_member() -> No
 
 
 @pytest.mark.parametrize("hold_s", [None, 5.0])
-def test_a_hold_keeps_the_voltage_and_lets_go_smoothly(hold_s: float | None) -> None:
+def test_a_hold_keeps_the_voltage_and_releases_smoothly(hold_s: float | None) -> None:
     plan = plan_hold(hold_s, 2.0, RIG, StartPosition(39.0, 2.5), 0.0, POINTERS)
     hold, unload = plan.program.segments
     assert hold == Drive("hold", hold_s)

@@ -56,7 +56,7 @@ def test_rate_and_acceleration_are_the_derivatives_of_the_value(path: Path) -> N
 
 
 @PATHS
-def test_nothing_jumps(path: Path) -> None:
+def test_paths_have_no_jumps(path: Path) -> None:
     found, step_s = peaks(path), 1e-3
     points = [path.point(step_s * k) for k in range(int(path.duration_s / step_s) + 2)]
     for one, other in pairwise(points):
@@ -125,7 +125,7 @@ def test_steps_are_as_fast_as_they_may_be() -> None:
     assert STEPS.at(STEPS.duration_s - 0.5) == 8.0
 
 
-def test_waypoints_are_met_in_passing() -> None:
+def test_waypoints_are_passed_without_a_stop() -> None:
     for t_s, value in ((0.0, 5.0), (0.5, 9.0), (2.0, 12.0), (3.0, 4.0)):
         assert POINTS.at(t_s) == pytest.approx(value)
     assert POINTS.point(0.5).rate > 1.0

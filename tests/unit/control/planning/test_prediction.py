@@ -74,14 +74,14 @@ def contact_pieces() -> list[tuple[float, Segment, Reference]]:
     return list(sample(predict(CONTACT, ARM.entry(0.0, T), ARM.follow, touch), 0.001))
 
 
-def test_each_piece_begins_where_the_one_before_has_ended() -> None:
+def test_each_piece_starts_at_the_end_of_the_previous_one() -> None:
     samples = contact_pieces()
     assert max(abs(b[2].x_um - a[2].x_um) for a, b in pairwise(samples)) < 0.02
     assert max(abs(b[2].force_mN - a[2].force_mN) for a, b in pairwise(samples)) < 0.02
     assert {segment.phase for _, segment, _ in samples} == {one.phase for one in CONTACT}
 
 
-def test_force_and_position_of_a_contact_lie_on_its_line() -> None:
+def test_force_and_position_of_a_contact_are_on_its_line() -> None:
     for _, segment, ref in contact_pieces():
         on_line_mN = max(0.0, 2.0 * (ref.x_um - 10.0))
         expected_mN = on_line_mN if isinstance(segment, Seek | Press) else 0.0
@@ -106,7 +106,7 @@ def test_the_tips_of_two_arms_stay_on_the_part_while_it_is_pressed() -> None:
     assert (course.phases[-1].x_um, two.x_r_um[-1]) == pytest.approx((0.0, 0.0), abs=1e-3)
 
 
-def test_both_tips_are_places_of_part_and_opening() -> None:
+def test_both_tips_follow_from_place_and_opening() -> None:
     assert tips(Reference(1.5, opening_um=10.0)) == (6.5, 3.5)
 
 
@@ -123,7 +123,7 @@ def test_phases_that_take_too_long_are_refused() -> None:
 
 
 @pytest.mark.parametrize(("returning", "further"), [((), False), ((0.0, 0.9), True)])
-def test_an_arm_that_forgets_by_the_way_comes_back_further_after_small_swings(
+def test_an_arm_that_forgets_gradually_returns_further_after_small_swings(
     returning: tuple[float, ...], further: bool
 ) -> None:
     """The law's small swings were left out: the trough of a press lost contact by 3.4 mN."""

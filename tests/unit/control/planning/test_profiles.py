@@ -26,7 +26,7 @@ speeds = st.floats(-20.0, 20.0)
 
 @settings(deadline=None, max_examples=25, derandomize=True)
 @given(st.floats(-50.0, 50.0), speeds, st.floats(-50.0, 50.0), speeds, st.floats(0.1, 5.0))
-def test_move_meets_its_boundary_conditions(
+def test_a_move_satisfies_its_boundary_conditions(
     x_0: float, v_0: float, x_1: float, v_1: float, duration_s: float
 ) -> None:
     profile = move(x_0, v_0, x_1, v_1, duration_s)
@@ -43,7 +43,7 @@ def test_move_meets_its_boundary_conditions(
     assert profile.speed(middle) == pytest.approx(slope, abs=100.0 * scale + 1e-6)
 
 
-def test_minimum_duration_meets_the_peaks() -> None:
+def test_the_minimum_duration_satisfies_the_peaks() -> None:
     by_speed = minimum_duration(-30.0, 20.0)
     profile = move(0.0, 0.0, -30.0, 0.0, by_speed)
     times = [by_speed * index / 1000 for index in range(1001)]

@@ -52,7 +52,7 @@ def test_a_touch_is_felt_below_its_share_of_the_planned_force(
     assert not found.violations
 
 
-def test_a_force_below_twice_the_contact_force_has_no_speed() -> None:
+def test_a_force_below_twice_the_contact_force_allows_no_speed() -> None:
     assert quick_speeds(NOTHING, USUAL, TOUCH._replace(force_mN=4.0), 2.17, RIG) is None
 
 
@@ -78,7 +78,7 @@ def test_a_shorter_period_allows_more_speed() -> None:
     assert fast.limit("seek_um_per_s") == pytest.approx(20.0 * slow.limit("seek_um_per_s"))
 
 
-def test_a_load_that_is_asked_to_take_long_begins_slowly() -> None:
+def test_a_long_load_starts_slowly() -> None:
     found = speeds(NOTHING._replace(load_s=2.0))
     assert found.load_s == 2.0
     assert found.seek_um_per_s < 10.0
@@ -105,7 +105,7 @@ def test_a_load_slower_than_its_seek_is_refused() -> None:
 
 
 @pytest.mark.parametrize("peak", [10.0, 25.0, 40.0, 60.0, 120.0])
-def test_a_load_keeps_its_speed_and_does_not_pass_its_end(peak: float) -> None:
+def test_a_load_keeps_its_speed_and_does_not_overshoot(peak: float) -> None:
     way_um, speed = 7.0, 25.0
     duration_s = load_duration(way_um, speed, peak)
     path = move(0.0, speed, way_um, 0.0, duration_s)
@@ -125,7 +125,7 @@ def test_a_run_up_is_smooth_and_ends_where_it_should() -> None:
     assert max(abs(b[1] - a[1]) for a, b in pairwise(rows)) < 0.01
 
 
-def test_the_plan_has_no_step_of_speed_from_the_seek_to_the_end_of_the_load() -> None:
+def test_the_speed_has_no_step_from_the_seek_to_the_end_of_the_load() -> None:
     found = speeds()
     part = CONTACT | {"stiffness_mN_per_um": 2.17, "zero_s": 0.3}
     request = GripRequest(force_mN=20.0, hold_s=4.0, quick=True, **part | found.values())

@@ -31,7 +31,7 @@ def test_a_cycle_is_corrected_by_the_weighted_errors_about_each_tick() -> None:
     assert learned.errors_um == pytest.approx((0.05**0.5,))
 
 
-def test_what_repeats_is_learned_away_although_the_answer_comes_a_tick_late() -> None:
+def test_repeating_errors_are_learned_even_with_a_response_one_tick_late() -> None:
     learner = CycleLearner(no_corrections(N))
     for tick in range(MOST_CYCLES * N):
         late = learner.corrections.at(tick - 1)
@@ -59,7 +59,7 @@ def followed(learner: CycleLearner, cycles: int, noise: Callable[[], float]) -> 
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_it_ends_where_nothing_comes_back_and_keeps_the_best(seed: int) -> None:
+def test_learning_ends_without_repeating_errors_and_keeps_the_best_corrections(seed: int) -> None:
     chance = Random(seed)
     found = followed(CycleLearner(no_corrections(N)), 20, lambda: chance.gauss(0.0, 0.05))
     known = found.corrections
@@ -74,7 +74,7 @@ def test_it_ends_where_nothing_comes_back_and_keeps_the_best(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_of_noise_alone_next_to_nothing_is_learned(seed: int) -> None:
+def test_next_to_nothing_is_learned_from_noise(seed: int) -> None:
     chance, learner = Random(seed), CycleLearner(no_corrections(100))
     for tick in range(MOST_CYCLES * 100):
         error_um = learner.corrections.at(tick) + chance.gauss(0.0, 0.04)
@@ -87,13 +87,13 @@ def test_of_noise_alone_next_to_nothing_is_learned(seed: int) -> None:
     assert mean_square < 0.2 * 0.04**2
 
 
-def test_corrections_that_are_over_stay_as_they_are() -> None:
+def test_finished_corrections_do_not_change() -> None:
     best = Corrections((0.2,), (0.3, 0.1, 0.12, 0.13), (0.2,), PATIENCE)
     assert best.over
     assert best.improved((0.5,), (0.5,)) is best
 
 
-def test_a_gap_between_cycles_is_no_sign_of_an_end() -> None:
+def test_a_gap_between_cycles_does_not_end_learning() -> None:
     learner = CycleLearner(no_corrections(4))
     for tick in range(4):
         learner = learner.updated(tick, 0.5, limited=False)
@@ -105,7 +105,7 @@ def test_a_gap_between_cycles_is_no_sign_of_an_end() -> None:
 
 
 @pytest.mark.parametrize("fault", ["limited", "missing", "repeated"])
-def test_a_cycle_that_is_not_whole_teaches_nothing(fault: str) -> None:
+def test_an_incomplete_cycle_teaches_nothing(fault: str) -> None:
     learner = CycleLearner(no_corrections(4))
     ticks = {"limited": [0, 1, 2, 3], "missing": [0, 1, 3], "repeated": [0, 1, 1, 2, 3]}[fault]
     for tick in ticks:
@@ -157,24 +157,24 @@ def share_kept(cycles: int, **case: float) -> float:
 
 
 @pytest.mark.parametrize("cycles", [2, 3, 6, 12])
-def test_what_was_learned_of_noise_is_not_kept(cycles: int) -> None:
+def test_corrections_learned_from_noise_are_not_stored(cycles: int) -> None:
     assert share_kept(cycles, share=0.0) < 0.05
 
 
 @pytest.mark.parametrize("cycles", [2, 3, 6, 12])
-def test_what_repeats_is_kept_also_after_few_cycles(cycles: int) -> None:
+def test_repeating_errors_are_stored_even_after_few_cycles(cycles: int) -> None:
     assert share_kept(cycles, share=1.0) == 1.0
 
 
-def test_of_a_single_cycle_nothing_is_kept() -> None:
+def test_corrections_of_a_single_cycle_are_not_stored() -> None:
     assert judged(1, 1, share=1.0) is None
 
 
-def test_what_a_drift_has_made_worse_is_not_kept() -> None:
+def test_corrections_made_worse_by_a_drift_are_not_stored() -> None:
     assert share_kept(6, share=0.2, drift_um=0.1) == 0.0
 
 
-def test_what_is_at_the_noise_is_kept_where_it_helps_alone() -> None:
+def test_corrections_at_the_noise_level_are_stored_only_if_they_help() -> None:
     """The figures are those of the cycles, whatever is decided."""
     for seed in range(50):
         found = judged(seed, 6, share=0.15, noise_um=0.06)

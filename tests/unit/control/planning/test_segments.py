@@ -78,7 +78,7 @@ def test_derivatives_are_those_of_the_references(name: str) -> None:
 
 
 @EACH
-def test_a_segment_begins_at_the_references_of_its_entry(name: str) -> None:
+def test_a_segment_starts_at_the_references_of_its_entry(name: str) -> None:
     segment, entry = MOVING[name]
     begin, ref = segment.reference(0.0, entry), entry.ref
     if name == "press at the rate of the seek":

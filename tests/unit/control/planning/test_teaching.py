@@ -8,7 +8,7 @@ from pincette.control.planning.segments import Move
 from pincette.control.planning.teaching import COURSE, teaching_program
 
 
-def test_the_motion_covers_the_range_and_keeps_the_speed() -> None:
+def test_the_motion_covers_the_range_at_constant_speed() -> None:
     program = teaching_program(-5.0, 55.0, 60.0)
     at_um, total_s = 0.0, 0.0
     reached: list[float] = []
@@ -25,7 +25,7 @@ def test_the_motion_covers_the_range_and_keeps_the_speed() -> None:
     assert 40.0 < total_s < 80.0
 
 
-def test_first_strokes_grow_then_the_range_is_gone_through_and_loops_lie_within_loops() -> None:
+def test_growing_strokes_are_followed_by_the_whole_range_and_nested_loops() -> None:
     tops = [leg.to for leg in COURSE[:10] if leg.to > 0.0]
     assert tops == sorted(tops)
     assert (COURSE[0].to, tops[-2:]) == (0.0, [1.0, 1.0])

@@ -90,12 +90,12 @@ def test_a_grip_ends_the_conditioned_branch_and_one_stroke_does_not_begin_it_aga
     assert once.added_um == rising.added_um
 
 
-def test_shallow_strokes_are_more() -> None:
+def test_shallow_strokes_are_more_numerous() -> None:
     assert strokes_needed(-2.0, 2.0) == STROKES
     assert strokes_needed(-0.5, 2.5) > strokes_needed(-1.0, 2.5) > STROKES
 
 
-def test_the_ratio_of_a_way_is_known_best_at_measured_places() -> None:
+def test_the_ratio_of_a_motion_is_most_accurate_at_measured_positions() -> None:
     branch = replace(
         BRANCH, places_V=(1.0, 1.4), way_ratios=(1.0, 1.02), way_spread=0.001, way_uneven=0.005
     )
@@ -107,7 +107,7 @@ def test_the_ratio_of_a_way_is_known_best_at_measured_places() -> None:
     assert BRANCH.way_at(1.0) == (1.0, 0.0)
 
 
-def test_creep_continues_from_a_rest_above_after_a_grip() -> None:
+def test_creep_continues_from_a_rest_at_a_higher_voltage_after_a_grip() -> None:
     model = HysteresisModel((0.0, 0.3), (15.0, 4.0), (2.0,), (0.01,))
     below, above = poled(model, (LOW_V, 2.0)), poled(model, (LOW_V, 2.0), from_above=True)
     assert above.plays_V == below.plays_V
@@ -199,13 +199,13 @@ def test_the_limit_allows_for_noise_drift_and_creep_of_the_past() -> None:
         assert plain.limit < found.limit < 0.03
 
 
-def test_a_way_that_cannot_be_judged_is_not_compared() -> None:
+def test_an_unjudgeable_motion_is_not_compared() -> None:
     assert change_of(conditioned_way(1.03), drift_um_per_s=2.0) is None
     assert change_of(conditioned_way(1.03), past_um=1.0) is None
     assert change_of(conditioned_way(1.03, to_V=0.2)) is None
 
 
-def test_the_way_from_the_bottom_counts_only_at_the_rest_after_the_strokes() -> None:
+def test_the_motion_from_the_bottom_counts_only_at_the_rest_after_the_strokes() -> None:
     way = conditioned_way(1.04)
     doubt = MeasurementErrors(0.0)
     assert stroke_change(way.response, way.bottom, way.rest, REST, doubt) is None
@@ -234,7 +234,7 @@ def test_an_arm_without_strokes_is_not_compared() -> None:
     )
 
 
-def test_the_error_on_the_way_back_is_that_of_grips_after_strokes() -> None:
+def test_the_error_of_the_return_is_that_of_grips_after_strokes() -> None:
     """The rehearsals without strokes left 0.12 µm on an arm of relays, those after them 0.27 µm."""
     voltages_V, wrong_um = [0.0], [0.0]
     ways: list[ConditionedWay] = []

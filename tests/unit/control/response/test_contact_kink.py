@@ -51,7 +51,7 @@ def test_a_free_arm_has_no_kink(relays: bool, seed: int | None) -> None:
     ("relays", "seed", "at_um"),
     [(*rig, at_um) for rig, at_um in zip(RIGS, (31.2, 5.0, 60.0), strict=True)],
 )
-def test_a_part_in_the_way_is_found_where_it_is(
+def test_a_part_in_the_way_is_found_at_its_position(
     relays: bool, seed: int | None, at_um: float
 ) -> None:
     found, rig = kink(relays, seed, at_um), simulated(relays, seed)
@@ -73,13 +73,13 @@ def test_a_soft_part_is_found_by_its_slope(softening: float) -> None:
 
 
 @pytest.mark.parametrize("bend", [-0.15, 0.15])
-def test_a_bent_characteristic_is_no_part(bend: float) -> None:
+def test_a_bent_characteristic_is_not_mistaken_for_a_part(bend: float) -> None:
     u, x, course = moved(False, None, None)
     assert contact_kink(u, x + bend * u**3, PERIOD_S, course) is None
 
 
 @pytest.mark.parametrize("every", [1, 2, 4], ids=["5 ms", "10 ms", "20 ms"])
-def test_a_measured_stack_has_no_kink_but_one_that_is_made(every: int) -> None:
+def test_a_measured_stack_has_no_kink_unless_one_is_added(every: int) -> None:
     voltage_V, x_um = (np.array(values) for values in measured(0, every))
     assert contact_kink(voltage_V, x_um, every * 0.005) is None
     place_um = float(np.min(x_um) + 0.45 * np.ptp(x_um))
@@ -97,7 +97,7 @@ def test_the_calibration_names_the_part_and_what_to_do() -> None:
         calibrate_free_response(replace(motion, x_um=pressed), SAMPLES_PER_CYCLE, unpoled=True)
 
 
-def test_what_no_model_explains_is_refused() -> None:
+def test_an_unexplained_motion_is_refused() -> None:
     motion = freed_demo()
     x = np.asarray(motion.x_um)
     shaken = x + 4.0 * np.sin(np.arange(len(x)) * 0.021)
@@ -105,7 +105,7 @@ def test_what_no_model_explains_is_refused() -> None:
         calibrate_free_response(replace(motion, x_um=shaken), SAMPLES_PER_CYCLE, unpoled=True)
 
 
-def test_a_break_is_a_finding_where_a_person_has_confirmed_that_no_part_is_there(
+def test_a_break_is_a_finding_if_a_person_has_confirmed_that_there_is_no_part(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     try_few_models(monkeypatch)

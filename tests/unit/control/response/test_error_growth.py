@@ -34,7 +34,7 @@ def grips(*ways_V: float, hold: int = REST) -> tuple[Column, list[RehearsedGrip]
     return np.concatenate(voltages), found
 
 
-def test_an_error_of_the_gain_is_found_at_the_ways_of_press_and_approach() -> None:
+def test_an_error_of_the_gain_is_found_at_the_lengths_of_press_and_approach() -> None:
     u, rehearsed = grips(0.5, 0.5)
     growth = rehearsed_errors(u, 0.1 * u + 4.0, PERIOD_S, rehearsed).growth
     assert growth.at(0.0) == 0.0
@@ -42,7 +42,7 @@ def test_an_error_of_the_gain_is_found_at_the_ways_of_press_and_approach() -> No
     assert growth.at(1.0) == growth.at(99.0) == pytest.approx(0.1)
 
 
-def test_presses_of_several_ways_stand_together_at_their_mean() -> None:
+def test_presses_of_several_lengths_are_represented_by_their_mean() -> None:
     u, rehearsed = grips(0.3, 0.7)
     growth = rehearsed_errors(u, 0.1 * u, PERIOD_S, rehearsed).growth
     assert growth.at(0.5) == pytest.approx(0.1 * sqrt((0.3**2 + 0.7**2) / 2.0))
@@ -75,7 +75,7 @@ def test_noise_hardly_counts_and_no_grip_is_refused() -> None:
 
 
 @pytest.mark.parametrize("noise_um", [0.0, 0.03])
-def test_the_error_of_the_slope_after_a_turn_is_that_of_the_first_of_the_way_back(
+def test_the_slope_error_after_a_turn_is_that_of_the_start_of_the_return(
     noise_um: float,
 ) -> None:
     fall_V: Column = np.linspace(0.0, 1.0, 51)
@@ -104,7 +104,7 @@ def test_x_1_states_it_since_its_zero() -> None:
     assert errors == pytest.approx([0.0, 0.05, 0.125, 0.2])
 
 
-def test_no_error_is_below_a_least_one_from_the_first_way_on() -> None:
+def test_no_error_is_below_a_minimum_from_the_first_motion_on() -> None:
     growth = checked_growth([0.1, 1.0], [0.05, 0.2]).at_least(0.1)
     errors_um = [growth.at(way_V) for way_V in (0.0, 0.05, 0.1, 1.0)]
     assert errors_um == pytest.approx([0.0, 0.05, 0.1, 0.2])

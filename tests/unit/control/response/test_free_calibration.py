@@ -62,7 +62,7 @@ def test_the_demo_rig_has_the_papers_gain() -> None:
     assert float(np.std(found.x_um - found.model_um)) < 0.2
 
 
-def test_an_arm_that_was_moved_before_is_known_for_one() -> None:
+def test_an_arm_that_was_moved_before_is_recognized() -> None:
     _, motion = freed(base(), moved_before=True)
     moved = calibrate_free_response(motion, SAMPLES_PER_CYCLE)
     assert not moved.unpoled

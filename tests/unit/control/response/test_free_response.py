@@ -26,7 +26,7 @@ def test_nominal_line() -> None:
     assert free_position(MODEL, 1.5) == pytest.approx(2.0 + 28.5)
 
 
-def test_line_goes_through_the_rest_with_the_slope_of_the_branch() -> None:
+def test_the_line_passes_through_the_rest_with_the_slope_of_the_branch() -> None:
     model = MODEL.rezero(rest(ramp(0.0, 1.2, 2.0, 22.0)), 8)
     assert model.gain_um_per_V == pytest.approx(22.0)
     assert free_position(model, 1.2) == pytest.approx(2.0 + 26.4)
@@ -40,7 +40,7 @@ def test_slope_is_that_of_the_end_of_a_bent_branch() -> None:
     assert MODEL.rezero(rest(bent), 8).gain_um_per_V == pytest.approx(21.0)
 
 
-def test_noise_of_the_sensor_averages_out() -> None:
+def test_sensor_noise_averages_out() -> None:
     samples = rest(ramp(0.0, 1.2, 0.0, 20.0), count=20)
     noisy = [
         FreeSample(sample.voltage_V, sample.x_um + (0.03 if index % 2 else -0.03))
@@ -49,7 +49,7 @@ def test_noise_of_the_sensor_averages_out() -> None:
     assert MODEL.rezero(noisy, 20).gain_um_per_V == pytest.approx(20.0, rel=0.01)
 
 
-def test_the_branch_before_a_turn_is_left_out() -> None:
+def test_the_branch_before_a_turn_is_omitted() -> None:
     up = ramp(0.0, 1.0, 0.0, 20.0)
     down = ramp(1.0, 0.85, up[-1].x_um, 14.0)
     model = MODEL.rezero(rest([*up, *down]), 8)
@@ -57,13 +57,13 @@ def test_the_branch_before_a_turn_is_left_out() -> None:
 
 
 @pytest.mark.parametrize("slope", [19.0 * 1.5, 19.0 * 0.5, -19.0])
-def test_implausible_slope_gives_way_to_the_nominal_one(slope: float) -> None:
+def test_an_implausible_slope_is_replaced_by_the_nominal_one(slope: float) -> None:
     model = MODEL.rezero(rest(ramp(0.0, 1.0, 0.0, slope)), 8)
     assert model.gain_um_per_V == 19.0
     assert free_position(model, 1.0) == pytest.approx(slope)
 
 
-def test_too_little_travel_keeps_the_nominal_slope() -> None:
+def test_with_too_little_travel_the_nominal_slope_is_kept() -> None:
     before = MODEL.rezero(rest(ramp(0.0, 1.0, 0.0, 22.0)), 8)
     model = before.rezero(rest(ramp(1.0, 1.09, 5.0, 24.0)), 8)
     assert model.gain_um_per_V == 19.0
@@ -71,7 +71,7 @@ def test_too_little_travel_keeps_the_nominal_slope() -> None:
 
 
 @pytest.mark.parametrize("rest_samples", [0, 3])
-def test_a_rest_that_is_not_there_is_refused(rest_samples: int) -> None:
+def test_a_missing_rest_is_refused(rest_samples: int) -> None:
     with pytest.raises(ValueError, match=f"2 samples, must be at least {rest_samples} at rest"):
         MODEL.rezero([FreeSample(0.0, 0.0)] * 2, rest_samples)
 
@@ -83,7 +83,7 @@ def test_its_tolerance_of_a_zero_grows_with_travel_and_creep() -> None:
     assert moved.zero_tolerance_um(0.3) == pytest.approx(5.0 + 0.4 * 19.0 * 0.5 + 0.3)
 
 
-def test_a_new_begin_keeps_the_uncertainty_by_the_furthest_travel() -> None:
+def test_a_new_start_keeps_the_uncertainty_of_the_furthest_travel() -> None:
     line = nominal_response(19.0, FreeSample(0.0, 0.0), hysteresis_fraction=0.2)
     returned = line.updated(2.5, 0.02).updated(0.0, 0.02).begin(25.7)
     assert returned.position_um() == 25.7

@@ -18,7 +18,7 @@ PERIOD_S = 0.02
 
 @settings(deadline=None, max_examples=40, derandomize=True)
 @given(st.lists(st.floats(-40.0, 60.0), min_size=1, max_size=30))
-def test_the_voltages_lead_where_they_should(displacements_um: list[float]) -> None:
+def test_the_voltages_lead_to_the_requested_displacement(displacements_um: list[float]) -> None:
     state = start(MODEL)
     voltages = free_voltages(MODEL, displacements_um, PERIOD_S)
     assert len(voltages) == len(displacements_um)
@@ -27,18 +27,18 @@ def test_the_voltages_lead_where_they_should(displacements_um: list[float]) -> N
         assert displacement_um(MODEL, state) == pytest.approx(wanted_um, abs=1.01 * TOLERANCE_UM)
 
 
-def test_a_rest_against_creep_lets_the_voltage_fall() -> None:
+def test_to_hold_against_creep_the_voltage_falls() -> None:
     voltages = free_voltages(MODEL, [20.0] * 500, PERIOD_S)
     assert voltages[0] > voltages[100] > voltages[-1]
 
 
-def test_there_and_back_are_two_branches() -> None:
+def test_forward_and_backward_are_two_branches() -> None:
     up = [0.3 * k for k in range(100)]
     voltages = free_voltages(MODEL, [*up, *reversed(up)], PERIOD_S)
     assert voltages[50] - voltages[-51] > 0.05
 
 
-def test_what_no_voltage_reaches_is_asked_of_the_largest() -> None:
+def test_an_unreachable_displacement_uses_the_largest_voltage() -> None:
     saturating = HysteresisModel((0.0,), (10.0,), curvature_um_per_V2=-1.0)
     (voltage_V,) = free_voltages(saturating, [50.0], PERIOD_S)
     assert abs(voltage_V) > 0.25 * REACH_V

@@ -47,14 +47,14 @@ def position(*voltages_V: float) -> float:
     return displacement_um(PLAYS, driven(PLAYS, *voltages_V))
 
 
-def test_first_stroke_and_the_way_back() -> None:
+def test_first_stroke_and_return() -> None:
     assert position(2.0) == pytest.approx(10 * 2.0 + 4 * 1.5 + 2 * 1.0)
     # On the way back a play moves only after 2r.
     assert position(2.0, 1.2) == pytest.approx(10 * 1.2 + 4 * 1.5 + 2 * 1.0)
     assert position(2.0, 0.0) == pytest.approx(10 * 0.0 + 4 * 0.5 + 2 * 1.0)
 
 
-def test_a_minor_loop_closes_and_is_wiped_out() -> None:
+def test_a_closed_minor_loop_is_wiped_out() -> None:
     assert position(2.0, 1.0, 1.6, 1.0) == pytest.approx(position(2.0, 1.0))
     assert position(1.0, 0.2, 0.8, 2.0) == pytest.approx(position(2.0))
 
@@ -94,7 +94,7 @@ def test_the_displacement_rises_with_the_voltage(
     assert displacement_um(model, higher) > displacement_um(model, state)
 
 
-def test_fading_wears_off_what_small_loops_pass_over() -> None:
+def test_fading_decreases_what_small_loops_sweep_over() -> None:
     there = driven(FADING, 2.0, 1.2)
     shaken = driven(FADING, 2.0, *[1.2 + 0.05 * (-1) ** k for k in range(200)], 1.2)
     assert min(abs(1.2 - play) for play in there.plays_V[1:]) > 0.04
@@ -115,7 +115,7 @@ def test_fading_is_the_solution_of_its_equation() -> None:
 
 
 @given(voltages=VOLTAGES, b=st.floats(0.1, 3.0), share=st.floats(-1.0, 1.0))
-def test_a_play_that_never_yields_is_the_operator_of_bouc_and_wen(
+def test_a_play_that_never_yields_is_the_bouc_wen_operator(
     voltages: list[float], b: float, share: float
 ) -> None:
     shape = BoucWen(A_um_per_V=1.0, b_per_V=b, g_per_V=share * b)
@@ -136,7 +136,7 @@ def test_a_play_that_never_yields_is_the_operator_of_bouc_and_wen(
 
 
 @given(voltages=VOLTAGES)
-def test_what_does_not_fade_is_the_plain_play_to_the_bit(voltages: list[float]) -> None:
+def test_without_fading_the_play_is_the_plain_one_to_the_bit(voltages: list[float]) -> None:
     play, thresholds = [0.0, 0.0, 0.0], PLAYS.thresholds_V
     for u in voltages:
         play = [max(u - r, min(u + r, y)) for r, y in zip(thresholds, play, strict=True)]
@@ -234,7 +234,7 @@ def test_impossible_bends_are_refused() -> None:
 
 @pytest.mark.parametrize("bends", [False, True])
 @EACH
-def test_a_motion_at_once_is_the_motion_step_by_step(model: HysteresisModel, bends: bool) -> None:
+def test_one_large_motion_equals_many_small_steps(model: HysteresisModel, bends: bool) -> None:
     if bends:
         model = bent_plays(model)
     bent = replace(

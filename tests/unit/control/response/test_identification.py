@@ -51,7 +51,7 @@ def test_the_model_that_made_the_motion_is_found() -> None:
     assert found.residual_um == pytest.approx(0.03, rel=0.1)
 
 
-def test_an_actuator_that_begins_poled_is_found_by_what_it_does_later() -> None:
+def test_an_initially_poled_actuator_is_recognized_by_its_later_motion() -> None:
     drives = np.array([*np.linspace(0.0, 3.0, 100), *np.linspace(3.0, 0.0, 100), *drive(3000)])
     x_um = simulate(MODEL, drives, PERIOD_S) + noise(len(drives))
     found, taken_for_unpoled = (
@@ -108,7 +108,7 @@ def bouc_wen_um(voltage_V: Column, shape: BoucWen) -> Column:
     return rows + creep_columns((0.3, 3.0), rows, PERIOD_S) @ np.array([0.02, 0.02])
 
 
-def test_a_bouc_wen_actuator_is_given_one_play_that_never_yields() -> None:
+def test_a_bouc_wen_actuator_gets_one_play_that_never_yields() -> None:
     """Also where plays leave no more than three times the noise."""
     noise_um = 2.0 * NOISE_UM
     voltage_V = 1.3 * np.array(drive(2500))
@@ -151,7 +151,7 @@ def stops_um(voltage_V: Column) -> Column:
 
 
 @pytest.mark.parametrize("made_um", [relays_um, stops_um], ids=["relays", "stops"])
-def test_an_actuator_of_another_class_that_does_not_fade_is_given_no_fading(
+def test_an_actuator_of_another_class_without_fading_gets_no_fading(
     made_um: Callable[[Column], Column],
 ) -> None:
     voltage_V = np.array([0.0, *np.linspace(0.0, -2.2, 60), *drive(4000)])
@@ -232,7 +232,7 @@ def test_the_widest_play_of_a_family_yields_within_the_travel(share: float) -> N
     assert yields * 0.01 == pytest.approx(REACH * 3.0, abs=0.01)
 
 
-def test_times_are_spread_over_what_was_taught() -> None:
+def test_times_are_spread_over_the_taught_duration() -> None:
     assert spread_creep_times(0.02, 60.0) == pytest.approx((0.1, 0.5, 2.5, 12.5))
     assert spread_creep_times(0.02, 63.0)[-1] == pytest.approx(62.5)
 
@@ -304,7 +304,7 @@ AWKWARD: dict[str, Column] = {
     ids=["", "unpoled, 5 ms", "still"],
 )
 @pytest.mark.parametrize("record", AWKWARD)
-def test_an_awkward_record_gives_a_good_model_or_a_sentence(
+def test_an_awkward_record_gives_a_good_model_or_an_error_message(
     record: str, *, unpoled: bool, still: bool, period_s: float, candidates: Candidates
 ) -> None:
     u = AWKWARD[record]

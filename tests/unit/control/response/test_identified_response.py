@@ -10,7 +10,7 @@ MODEL = HysteresisModel((0.0, 0.5), (10.0, 5.0), (1.0,), (0.1,))
 FRESH = identified_response(MODEL, 19.0, 0.2)
 
 
-def test_a_zero_moves_the_offset_alone() -> None:
+def test_a_zero_changes_only_the_offset() -> None:
     arm = FRESH.updated(1.0, 0.02)
     samples = [arm.sample(40.0 + 0.01 * (index % 2)) for index in range(10)]
     zeroed = arm.rezero(samples, 10)
@@ -20,14 +20,14 @@ def test_a_zero_moves_the_offset_alone() -> None:
     assert rise_um == pytest.approx(arm.updated(1.5, 0.02).position_um() - arm.position_um())
 
 
-def test_samples_from_before_a_zero_are_judged_by_the_zero_that_holds() -> None:
+def test_samples_from_before_a_zero_are_judged_by_the_zero_in_force() -> None:
     arm = FRESH.updated(1.0, 0.02)
     sample = arm.sample(3.0)
     later = arm.begin(7.0).updated(2.0, 0.02)
     assert later.residual_um(sample) == pytest.approx(-4.0)
 
 
-def test_beginning_keeps_the_memory() -> None:
+def test_a_new_start_keeps_the_memory() -> None:
     pressed = FRESH.updated(2.0, 0.02).updated(1.0, 0.02)
     begun = pressed.begin(5.0)
     assert begun.position_um() == pytest.approx(5.0)
@@ -41,7 +41,7 @@ def test_the_error_grows_with_travel_and_ends() -> None:
     assert errors == pytest.approx([0.0, 0.2 * 2**0.5 / 2, 0.2 * 2**0.5, 0.2 * 2**0.5])
 
 
-def test_a_rest_that_is_not_there_is_refused() -> None:
+def test_a_missing_rest_is_refused() -> None:
     with pytest.raises(ValueError, match="1 samples, must be at least 10 at rest"):
         FRESH.rezero([FreeSample(0.0, 0.0)], 10)
 

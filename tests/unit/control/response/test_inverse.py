@@ -66,7 +66,7 @@ def inverted(model: HysteresisModel, memory: HysteresisState, wanted_um: float) 
 
 @SOME
 @given(models(), histories, ways_um)
-def test_a_period_at_the_voltage_leads_there(
+def test_the_voltage_applied_for_a_period_gives_the_displacement(
     model: HysteresisModel, voltages_V: list[float], way_um: float
 ) -> None:
     memory = led(model, voltages_V)
@@ -78,7 +78,7 @@ def test_a_period_at_the_voltage_leads_there(
 
 @SOME
 @given(models(), histories, st.floats(-2.0, 5.0))
-def test_displacement_after_is_that_of_a_step(
+def test_the_displacement_afterwards_is_that_of_a_step(
     model: HysteresisModel, voltages_V: list[float], voltage_V: float
 ) -> None:
     memory = led(model, voltages_V)
@@ -130,7 +130,7 @@ def test_few_evaluations_are_enough() -> None:
 
 
 @pytest.mark.parametrize("wanted_um", [1e12, -1e12, 1e308])
-def test_what_cannot_be_reached_ends_the_search(wanted_um: float) -> None:
+def test_an_unreachable_value_ends_the_search(wanted_um: float) -> None:
     """The controller refuses such a voltage as absurd."""
     memory = led(TAUGHT_MODEL, [1.0])
     assert evaluations(memory, wanted_um) <= MOST

@@ -44,7 +44,7 @@ def test_a_measured_piezo_stack_is_followed(
     assert found.residual_um < limit * (max(x_um) - min(x_um))
 
 
-def test_a_measured_piezo_stack_gives_no_reason_for_fading() -> None:
+def test_a_measured_piezo_stack_gives_no_evidence_of_fading() -> None:
     voltage_V, x_um = measured(1)
     found = identify_free_response(voltage_V, x_um, PERIOD_S, unpoled=False)
     plain = identify_free_response(
@@ -55,7 +55,7 @@ def test_a_measured_piezo_stack_gives_no_reason_for_fading() -> None:
 
 
 @pytest.mark.parametrize(("every", "lag"), [(1, 0), (4, 1)], ids=["5 ms", "20 ms"])
-def test_the_model_returned_leaves_what_is_stated_at_every_period(every: int, lag: int) -> None:
+def test_the_returned_model_has_the_stated_residual_at_every_period(every: int, lag: int) -> None:
     voltage_V, x_um = (np.array(values) for values in measured(lag, every))
     period_s = every * ROW_S
     found = identify_free_response(

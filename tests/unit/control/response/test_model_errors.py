@@ -34,7 +34,7 @@ def small_swings(full_um: float, scale_V: float, seed: int) -> tuple[Column, Col
     return voltage_V, full_um * -np.expm1(-way_V / scale_V) + noise_um
 
 
-def test_what_is_forgotten_is_that_of_all_swings_together() -> None:
+def test_the_forgotten_displacement_is_that_of_all_swings_together() -> None:
     (u, up_um), (_, down_um) = small_swings(0.3, 0.2, 1), small_swings(-0.1, 0.2, 2)
     found = unknown_forgetting(
         np.concatenate([u, u]),
@@ -48,7 +48,7 @@ def test_what_is_forgotten_is_that_of_all_swings_together() -> None:
     assert found.scale_V.uncertainty > 0.0
 
 
-def test_what_forgets_nothing_is_within_noise() -> None:
+def test_an_actuator_without_forgetting_is_within_noise() -> None:
     u, left_um = small_swings(0.0, 0.2, 3)
     assert unknown_forgetting(u, left_um, PERIOD_S, (slice(50, 250),)).full_um.value < 0.02
     with pytest.raises(ValueError, match="small swings = 0"):

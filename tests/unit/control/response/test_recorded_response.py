@@ -53,7 +53,7 @@ def test_the_recorded_branches_are_followed() -> None:
     assert down.displacement_um() == pytest.approx(52.0 - 60.0 * 0.5**1.5, rel=0.02)
 
 
-def test_from_a_turn_the_arm_goes_towards_the_turn_before() -> None:
+def test_after_a_turn_the_arm_moves_towards_the_previous_turn() -> None:
     inner = driven(FRESH, 2.5, 1.0)
     turned = inner.updated(1.3, 0.02)
     low_um = inner.displacement_um()
@@ -95,7 +95,7 @@ def test_the_displacement_is_continuous_but_for_what_is_ignored(
         response = after
 
 
-def test_a_spiral_forgets_its_smallest_loops_alone() -> None:
+def test_a_spiral_forgets_only_its_smallest_loops() -> None:
     spiral = [1.0 + 1.4 * 0.93**k * (-1) ** k for k in range(40)]
     response = driven(FRESH, 2.5, -0.5, *spiral)
     assert MOST_TURNS - 1 <= len(response.turns) <= MOST_TURNS
@@ -103,12 +103,12 @@ def test_a_spiral_forgets_its_smallest_loops_alone() -> None:
     assert driven(response, 2.5).displacement_um() == pytest.approx(52.0)
 
 
-def test_the_noise_of_a_law_makes_no_loops() -> None:
+def test_the_noise_of_a_law_creates_no_loops() -> None:
     shaken = driven(FRESH, 2.5, 1.0, *[1.0 + 0.004 * (-1) ** k for k in range(100)])
     assert shaken.turns == driven(FRESH, 2.5, 1.0).turns
 
 
-def test_beyond_the_record_it_goes_straight_on_and_comes_back_on_a_branch() -> None:
+def test_beyond_the_record_the_response_is_straight_and_returns_on_a_branch() -> None:
     beyond = driven(FRESH, 3.0)
     assert beyond.displacement_um() == pytest.approx(52.0 + 20.0 * 0.5)
     back = driven(beyond, 1.25)
@@ -116,7 +116,7 @@ def test_beyond_the_record_it_goes_straight_on_and_comes_back_on_a_branch() -> N
     assert back.displacement_um() == pytest.approx(62.0 - 70.0 * 0.5**1.5, rel=0.02)
 
 
-def test_a_zero_moves_the_offset_alone_and_the_error_grows_with_travel() -> None:
+def test_a_zero_changes_only_the_offset_and_the_error_grows_with_travel() -> None:
     arm = FRESH.updated(1.0, 0.02)
     samples = [arm.sample(40.0 + 0.01 * (index % 2)) for index in range(10)]
     zeroed = arm.rezero(samples, 10)
@@ -143,7 +143,7 @@ def swings(*ends_V: float) -> Column:
     return np.array(parts)
 
 
-def test_branches_of_plays_are_taken_from_their_motion() -> None:
+def test_branches_of_plays_are_computed_from_their_motion() -> None:
     voltage_V = swings(0.0, 2.5, -0.5, 2.5, -0.5, 1.5, 0.5, 2.0, -0.5, 2.5, 0.8, 1.6, 1.0, 2.5)
     x_um = simulate(MODEL, voltage_V, 0.02)
     noisy = x_um + np.random.default_rng(8).normal(0.0, 0.03, len(x_um))

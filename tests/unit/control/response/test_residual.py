@@ -10,7 +10,7 @@ from pincette.control.response.residual_table import MOST_KNOTS, Residual, Resid
 NOISE_UM = 0.03
 
 
-def test_between_knots_it_is_straight_and_past_the_last_it_stays() -> None:
+def test_the_table_is_linear_between_knots_and_constant_after_the_last() -> None:
     table = ResidualTable(4, ((0.0, 0.4), (), (0.1,)), 0.02)
     early = table.at(0, 1)
     assert early is not None
@@ -42,7 +42,7 @@ def test_smoothing_keeps_a_constant_up_to_both_ends() -> None:
     assert smoothed(np.full(50, 0.7), 5.0) == pytest.approx(np.full(50, 0.7))
 
 
-def test_two_noisy_runs_give_what_they_share_and_what_they_do_not() -> None:
+def test_two_noisy_runs_give_their_common_and_their_random_part() -> None:
     chance, count = np.random.default_rng(3), 800
     places = [Place(place // 200, 1 + place % 200) for place in range(count)]
     true_um = 0.1 * np.sin(np.arange(count) / 60.0)
@@ -67,7 +67,7 @@ def test_a_fast_residual_is_not_smoothed_away() -> None:
     assert float(np.sqrt(np.mean((found.residual_um - true_um) ** 2))) < 0.04
 
 
-def test_one_run_says_nothing_of_its_error() -> None:
+def test_one_run_gives_no_error() -> None:
     with pytest.raises(ValueError, match="two runs at least"):
         identify_residual([Place(0, 1)], [np.zeros(1)], NOISE_UM)
 

@@ -14,7 +14,7 @@ def total_V(*voltages_V: float) -> float:
     return way.total_V
 
 
-def test_one_way_is_no_back_and_forth_beyond_the_width_of_a_small_one() -> None:
+def test_a_single_direction_is_not_counted_as_back_and_forth() -> None:
     assert total_V(0.5, 1.0, 1.0, 2.0) == pytest.approx(0.25 * SMALL_V)
 
 
@@ -22,7 +22,7 @@ def test_a_large_reversal_counts_by_the_width_of_a_small_one() -> None:
     assert total_V(1.0, 2.0, 1.99, 1.0, 0.0) == pytest.approx(0.75 * SMALL_V)
 
 
-def test_dither_adds_up() -> None:
+def test_dither_accumulates() -> None:
     assert total_V(*[0.001 * (index % 2) for index in range(1, 101)]) == pytest.approx(0.05)
 
 
@@ -37,7 +37,7 @@ def test_the_count_does_not_depend_on_the_sampling(samples: int) -> None:
     assert total_V(*swings) == pytest.approx(20 * 0.01, rel=0.1)
 
 
-def test_what_is_forgotten_grows_at_once_and_is_bounded() -> None:
+def test_forgetting_grows_at_once_and_is_bounded() -> None:
     assert forgotten_share(0.0, 0.4) == 0.0
     assert forgotten_share(0.01, 0.4) == pytest.approx(0.01 / 0.4, rel=0.02)
     assert forgotten_share(0.1, 0.4) < forgotten_share(0.2, 0.4) < forgotten_share(50.0, 0.4) == 1.0

@@ -31,21 +31,21 @@ def fitted(x_um: Column, voltage_V: Column) -> tuple[list[float], list[float]]:
     return found.weights.tolist(), found.fractions.tolist()
 
 
-def test_weights_and_creep_are_found_together() -> None:
+def test_weights_and_creep_are_identified_together() -> None:
     voltage_V = drive(3000)
     weights, fractions = fitted(simulate(MODEL, voltage_V, PERIOD_S) + 70.0, voltage_V)
     assert weights == pytest.approx(MODEL.weights_um_per_V, rel=1e-3)
     assert fractions == pytest.approx(MODEL.creep_fractions, rel=1e-2)
 
 
-def test_creep_that_goes_back_is_given_none() -> None:
+def test_creep_in_the_wrong_direction_is_set_to_zero() -> None:
     voltage_V = drive(3000)
     back = HysteresisModel(THRESHOLDS_V, (12.0, 4.0, 2.0), TIMES_S, (-0.05, -0.05))
     _, fractions = fitted(simulate(back, voltage_V, PERIOD_S), voltage_V)
     assert fractions == [0.0, 0.0]
 
 
-def test_a_part_of_the_displacement_comes_at_once() -> None:
+def test_part_of_the_displacement_is_immediate() -> None:
     """A displacement that is low-passed altogether admits no static part."""
     voltage_V = drive(3000)
     x_um = low_passed((0.5,), 19.0 * voltage_V[:, np.newaxis], PERIOD_S)[0, :, 0]
@@ -80,7 +80,7 @@ MOVED = drive(2000)
     ],
     ids=["idle last", "idle until the part held out"],
 )
-def test_a_rest_is_no_motion_to_learn_from(voltage_V: Column, text: str) -> None:
+def test_a_rest_is_not_a_motion_to_learn_from(voltage_V: Column, text: str) -> None:
     for unpoled in (True, False):
         with pytest.raises(ValueError, match=text):
             identify_free_response(

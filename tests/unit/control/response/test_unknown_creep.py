@@ -50,7 +50,7 @@ def stroked(
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_no_creep_makes_more_than_is_left_of_it(seed: int) -> None:
+def test_creep_is_bounded_by_its_remainder(seed: int) -> None:
     """Arms that rested at several places, the last of them shortly before the start."""
     draw, arm = random.Random(seed), MODEL
     for _ in range(draw.randint(1, 3)):
@@ -65,7 +65,7 @@ def test_no_creep_makes_more_than_is_left_of_it(seed: int) -> None:
         assert abs(error_um) <= past.error_um(response) + 1e-9, f"seed {seed}"
 
 
-def test_an_arm_that_keeps_to_the_model_narrows_a_short_hold() -> None:
+def test_an_arm_that_agrees_with_the_model_narrows_a_short_hold() -> None:
     _, response, told = stroked(MODEL, TURNS_V, standard_um=0.02)
     _, _, uninformed = stroked(MODEL, (3.5, -0.5), standard_um=10.0)
     response = response.updated(2.0, 2.0)
@@ -73,14 +73,14 @@ def test_an_arm_that_keeps_to_the_model_narrows_a_short_hold() -> None:
     assert told_um < 0.5 * uninformed.updated(2.0, 2.0).error_um(response)
 
 
-def test_plays_that_were_not_turned_over_tell_nothing() -> None:
+def test_plays_that_were_not_turned_over_give_no_information() -> None:
     """All pasts agree at 3.5 V, but 3.4 V and 3.3 V lie on the same branch."""
     _, _, past = stroked(MODEL, (3.5, 3.4, 3.3, 1.9))
     assert past.awaits_rest
     assert past.fallen == Fallen()
 
 
-def test_a_quick_creep_says_nothing_of_a_slow_one() -> None:
+def test_a_fast_creep_gives_no_information_about_a_slow_one() -> None:
     """Of two D_j the first has fallen by up to 1 µm and the second by up to 0.1 µm."""
     each = Spread((0.0, 0.0), (1.0, 0.1))
     since_zero = Spread((0.0, 0.0), (0.2, 0.5))
@@ -90,7 +90,7 @@ def test_a_quick_creep_says_nothing_of_a_slow_one() -> None:
     assert Fallen(each, 0.6, 1.1).extremes_um(since_zero) == pytest.approx((0.12, 0.7))
 
 
-def test_creep_of_the_other_sign_makes_room() -> None:
+def test_creep_of_the_other_sign_increases_the_range() -> None:
     """The first may have risen by 0.3 µm meanwhile, so that the second fell by as much more."""
     each, since_zero = Spread((-0.3, 0.0), (0.0, 0.4)), Spread((-0.1, 0.0), (0.0, 0.4))
     least_um, most_um = Fallen(each, 0.0, 0.0).extremes_um(since_zero)

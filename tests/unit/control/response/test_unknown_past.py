@@ -31,7 +31,7 @@ def led(
 
 @pytest.mark.parametrize("model", [PLAYS, CREEPS], ids=["plays", "creep"])
 @pytest.mark.parametrize("seed", range(20))
-def test_no_past_within_the_ends_errs_by_more(model: IdentifiedResponse, seed: int) -> None:
+def test_no_past_between_the_ends_has_a_larger_error(model: IdentifiedResponse, seed: int) -> None:
     draw = random.Random(seed)
     arm = model
     for _ in range(draw.randint(1, 6)):
@@ -48,7 +48,7 @@ def test_no_past_within_the_ends_errs_by_more(model: IdentifiedResponse, seed: i
         assert abs(error_um) <= past.error_um(response) + 1e-9, f"seed {seed}"
 
 
-def test_it_is_what_a_play_yields_to() -> None:
+def test_the_range_is_what_a_play_yields_to() -> None:
     """At 0 V the play of 1 V stands between -1 and 1 V, that of 0.5 V between -0.5 and 0.5 V.
 
     The model's stand at 0 V. A stroke to 1.5 V takes all to 0.5 and 1 V: the higher past moves by
@@ -73,14 +73,14 @@ def test_a_stroke_to_both_ends_wipes_it_out() -> None:
     assert known.error_um(response) == known.worst_um(response) == 0.0
 
 
-def test_creep_from_before_takes_its_time() -> None:
+def test_creep_from_the_past_takes_its_time() -> None:
     response, past = led(CREEPS, unknown_past(CREEPS, ENDS_V), 0.0, *ENDS_V, 0.0)
     assert past.matters(response)
     response, past = response.updated(0.0, 600.0), past.updated(0.0, 600.0)
     assert not past.matters(response)
 
 
-def test_it_is_led_through_what_was_followed_since() -> None:
+def test_the_past_is_replayed_with_the_voltages_since_then() -> None:
     memory = VoltageMemory()
     for voltage_V in (0.0, 1.0, 2.0, 1.0, 0.5):
         memory = memory.updated(voltage_V, 0.5)
@@ -101,7 +101,7 @@ def rose(*to_V: float) -> tuple[IdentifiedResponse, UnknownPast]:
     return led(response, past.rezero(response), *to_V)
 
 
-def test_an_arm_that_moved_as_the_model_says_has_hardly_another_past() -> None:
+def test_an_arm_that_moves_like_the_model_has_hardly_another_past() -> None:
     response, past = rose(0.8)
     told = past.compared(response, residual_um=0.0, standard_um=0.1)
     assert told.error_um(response) == pytest.approx(2.0 * 0.1)
@@ -118,19 +118,19 @@ def test_an_arm_from_an_outermost_past_keeps_it() -> None:
     assert told.shares[0] < 0.2
 
 
-def test_what_was_excluded_stays_so() -> None:
+def test_an_excluded_past_stays_excluded() -> None:
     response, past = rose(0.8)
     told = past.compared(response, residual_um=0.0, standard_um=0.1)
     assert told.compared(response, residual_um=0.0, standard_um=10.0).shares == told.shares
 
 
-def test_an_arm_that_has_not_moved_tells_nothing() -> None:
+def test_an_arm_that_has_not_moved_gives_no_information() -> None:
     response, past = rose()
     assert past.compared(response, residual_um=0.0, standard_um=0.1).shares == (1.0, 1.0)
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_pasts_of_one_turn_stay_within_what_is_left(seed: int) -> None:
+def test_pasts_of_one_turn_stay_within_the_remaining_range(seed: int) -> None:
     draw = random.Random(seed)
     arm = PLAYS.updated(draw.uniform(*ENDS_V), 1.0).updated(0.0, 1.0)
     from_um = arm.displacement_um()
@@ -148,7 +148,7 @@ def test_pasts_of_one_turn_stay_within_what_is_left(seed: int) -> None:
         assert abs(error_um) <= past.error_um(response) + 1e-9, f"seed {seed}"
 
 
-def test_slow_creep_from_before_is_stated_as_wide_as_it_may_be() -> None:
+def test_slow_creep_from_the_past_is_stated_with_its_full_range() -> None:
     """A hold of a minute by arms that rested for minutes or hours until just before the start."""
     draw = random.Random(20)
     errors_um: list[float] = []

@@ -43,13 +43,13 @@ def test_a_ramp_and_a_rest_are_one_piece() -> None:
     assert piece == pytest.approx(Piece(1.5, 3 * T, 2 * T))
 
 
-def test_turning_points_are_kept_and_small_ones_are_not() -> None:
+def test_turning_points_are_stored_except_small_ones() -> None:
     wander = [2.0 + 0.4 * SMALL_V * (-1) ** count for count in range(200)]
     pieces = remembered([*ramp(1.0, 0.5, 2.0), *wander, 1.0]).path
     assert [piece.to_V for piece in pieces] == pytest.approx([0.0, 1.0, 0.5, 2.0, 1.0], abs=0.01)
 
 
-def test_another_model_led_through_it_stands_where_it_would_stand() -> None:
+def test_another_model_replayed_through_it_is_in_its_own_state() -> None:
     path = [*ramp(1.5, -0.5, 2.5, 0.4, 1.9, rest=25), *ramp(1.9)]
     path += [1.9 + 0.3 * sin(2.0 * pi * 0.5 * T * count) for count in range(400)]
     live = MODEL
@@ -65,6 +65,6 @@ def test_another_model_led_through_it_stands_where_it_would_stand() -> None:
         assert led.position_um() == pytest.approx(live.position_um(), abs=0.15)
 
 
-def test_what_is_long_past_is_forgotten() -> None:
+def test_the_distant_past_is_forgotten() -> None:
     memory = remembered([0.5 * (-1) ** count for count in range(3 * MOST_PIECES)])
     assert len(memory.path) == MOST_PIECES

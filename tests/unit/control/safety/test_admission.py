@@ -74,7 +74,7 @@ def test_a_final_command_ends_the_arming_at_its_voltage() -> None:
         ({"seq": 2**40}, f"command {2**40} is ahead, the newest sample is 1"),
     ],
 )
-def test_what_has_no_authority_is_not_heard(changes: dict[str, Any], words: str) -> None:
+def test_commands_without_authority_are_ignored(changes: dict[str, Any], words: str) -> None:
     state = sampled(LIMITS, FREE, 1, (1.0,), T)
     refused = offered(state, command(**({"seq": 1} | changes)), T + 0.004)
     assert (refused.refused, fault_text(refused.refusal)) == (1, words)
@@ -83,12 +83,12 @@ def test_what_has_no_authority_is_not_heard(changes: dict[str, Any], words: str)
     assert (refused.unauthorized.count, refused.unauthorized.newest) == (1, refused.refusal)
 
 
-def test_the_owner_may_be_as_far_ahead_as_samples_are_kept() -> None:
+def test_the_owner_may_be_ahead_by_as_many_samples_as_are_stored() -> None:
     assert authority_fault(FREE, command(seq=8)) is None
     assert authority_fault(FREE, command(seq=9)) is not None
 
 
-def test_strangers_raise_an_alarm_at_their_third_command_and_trip_nobody() -> None:
+def test_unauthorized_commands_raise_an_alarm_at_the_third_and_do_not_trip() -> None:
     state = FREE
     for seq in range(1, 10):
         state = ticked(state, seq)
@@ -118,7 +118,7 @@ def test_an_invalid_command_of_another_epoch_is_a_remnant() -> None:
         ({"sweep_V": nan}, "sweep of ±nan V, limit ±0.1 V"),
     ],
 )
-def test_numbers_that_cannot_be_are_refused_in_the_same_cycle(
+def test_impossible_numbers_are_refused_in_the_same_cycle(
     changes: dict[str, Any], words: str
 ) -> None:
     state = after(replace(FREE, blind=OFF), **changes)
@@ -134,29 +134,29 @@ def test_three_of_them_in_a_row_are_silence() -> None:
     assert state.mode == "ramping"
 
 
-def test_a_number_that_is_not_known_is_none() -> None:
+def test_an_unknown_number_is_not_accepted() -> None:
     assert nonsense(LIMITS.arms[0].voltage, 0.5, None, None) is None
     assert nonsense(LIMITS.arms[0].voltage, 0.5, 1.0, 2.0) is None
 
 
-def test_a_sweep_within_its_limits_is_taken() -> None:
+def test_a_sweep_within_its_limits_is_accepted() -> None:
     assert after(FREE, sweep_V=0.1).taken_seq == 1
 
 
-def test_a_command_waits_for_its_sample_alone() -> None:
+def test_a_command_waits_for_its_own_sample_only() -> None:
     assert is_future(FREE, command(seq=1))
     assert not is_future(FREE, GOOD)
     assert is_future(ready(), GOOD)
 
 
 @pytest.mark.parametrize("seq", [1, 0])
-def test_each_number_is_taken_once_and_in_order(seq: int) -> None:
+def test_each_number_is_accepted_once_and_in_order(seq: int) -> None:
     state = after(FREE)
     again = offered(state, command(seq=seq, voltage_V=0.9), T + 0.005)
     assert (again.arms[0].voltage_V, fault_text(again.refusal)) == (0.5, f"command {seq} after 1")
 
 
-def test_a_command_whose_sample_was_not_seen_is_refused() -> None:
+def test_a_command_whose_sample_was_not_received_is_refused() -> None:
     state = sampled(LIMITS, FREE, 3, (1.0,), 3 * T)
     state = offered(state, command(seq=2), 3 * T)
     assert (fault_text(state.refusal), state.refused) == (
@@ -166,7 +166,7 @@ def test_a_command_whose_sample_was_not_seen_is_refused() -> None:
     assert state.taken_seq == 0
 
 
-def test_a_sample_that_was_lost_on_its_way_here_is_as_old_as_the_one_before_it() -> None:
+def test_a_sample_lost_in_transit_is_as_old_as_the_previous_one() -> None:
     state = sampled(LIMITS, FREE, 2, (1.0,), 2 * T)
     state = offered(state, command(seq=1), 2 * T)
     assert (state.refusal, state.taken_seq) == (None, 1)
@@ -182,7 +182,7 @@ def test_a_late_command_is_refused() -> None:
     assert fault_text(state.refusal) == "command 1: 51 ms old, limit 50 ms"
 
 
-def test_a_command_out_of_a_queue_is_refused() -> None:
+def test_a_command_from_a_queue_is_refused() -> None:
     state = FREE
     for seq in (1, 2, 3, 4):
         state = sampled(LIMITS, state, seq, (1.0,), 0.021)
@@ -191,7 +191,7 @@ def test_a_command_out_of_a_queue_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("mode", "cause"), [("idle", ""), ("latched", "estop")])
-def test_nothing_is_taken_outside_an_arming(mode: str, cause: str) -> None:
+def test_nothing_is_accepted_outside_an_arming(mode: str, cause: str) -> None:
     state = after(replace(FREE, mode=mode, cause=cause), voltage_V=0.9, force_mN=90.0)
     assert (state.arms[0].voltage_V, fault_text(state.refusal), state.mode) == (
         0.5,
@@ -201,7 +201,7 @@ def test_nothing_is_taken_outside_an_arming(mode: str, cause: str) -> None:
     assert state.arms[0].watches == FREE.arms[0].watches
 
 
-def test_an_invalid_command_is_never_taken_and_its_reason_is_kept() -> None:
+def test_an_invalid_command_is_never_accepted_and_its_reason_is_stored() -> None:
     state = after(FREE, valid=False, fault=OFF, voltage_V=0.9)
     assert (state.arms[0].voltage_V, state.blind, state.refused) == (0.5, OFF, 0)
 
@@ -213,7 +213,7 @@ def forced(state: SafetyState, seqs: range, **changes: Any) -> SafetyState:
 
 
 @pytest.mark.parametrize("valid", [True, False])
-def test_a_force_beyond_the_limit_lets_a_part_go(valid: bool) -> None:
+def test_a_force_beyond_the_limit_releases_a_part(valid: bool) -> None:
     pressed = {"force_mN": 55.0, "part_held": True, "valid": valid}
     assert forced(held(), range(1, 3), **pressed).mode == "armed"
     state = forced(held(), range(1, 4), **pressed)
@@ -243,7 +243,7 @@ def test_a_position_beyond_the_limits_trips_by_the_sample_itself(
     assert cause_words(state).startswith("position: 80.00 µm")
 
 
-def test_what_is_no_measurement_is_no_position() -> None:
+def test_an_invalid_measurement_is_not_a_position() -> None:
     state = FREE
     for seq in range(1, 9):
         state = sampled(LIMITS, state, seq, (None,), seq * T)
@@ -259,11 +259,11 @@ def test_outside_an_arming_no_position_trips(mode: str) -> None:
     assert (state.mode, state.cause, state.arms[0].watches) == (mode, "lease", FREE.arms[0].watches)
 
 
-def test_an_older_sample_is_no_news() -> None:
+def test_an_older_sample_changes_nothing() -> None:
     assert sampled(LIMITS, FREE, 0, (900.0,), 1.0) is FREE
 
 
-def test_a_frozen_part_is_let_go_by_a_force_that_grows() -> None:
+def test_a_growing_force_releases_a_frozen_part() -> None:
     frozen = trip(LIMITS, held(), Cause.ESTOP, 0.01)
     blind: dict[str, Any] = {"valid": False, "force_mN": 55.0}
     assert forced(frozen, range(1, 3), **blind).mode == "frozen"
@@ -278,7 +278,7 @@ def test_a_frozen_part_is_let_go_by_a_force_that_grows() -> None:
 
 
 @pytest.mark.parametrize("changes", [{"epoch": 12}, {"owner": 6}])
-def test_a_stranger_releases_no_part(changes: dict[str, Any]) -> None:
+def test_an_unauthorized_command_cannot_release_a_part(changes: dict[str, Any]) -> None:
     frozen = trip(LIMITS, held(), Cause.ESTOP, 0.01)
     assert forced(frozen, range(1, 9), force_mN=99.0, **changes).mode == "frozen"
 

@@ -24,13 +24,13 @@ def test_a_boot_is_a_restart_only_after_a_death(before: Predecessor) -> None:
 
 
 @pytest.mark.parametrize("before", Predecessor)
-def test_who_ends_with_the_latch_of_its_boot_is_what_the_one_before_was(
+def test_ending_in_the_latch_of_the_boot_keeps_the_state_of_the_previous_program(
     before: Predecessor,
 ) -> None:
     assert ending(booted(FRESH, before)) == before
 
 
-def test_who_ends_idle_with_a_free_arm_ends_clean() -> None:
+def test_ending_idle_with_a_free_arm_is_a_clean_end() -> None:
     idle = reset(LIMITS, booted(FRESH, Predecessor.DIED))
     assert ending(idle) == Predecessor.CLEAN
     assert ending(replace(idle, part_held=True)) == Predecessor.DIED
@@ -38,10 +38,10 @@ def test_who_ends_idle_with_a_free_arm_ends_clean() -> None:
 
 
 @pytest.mark.parametrize("mode", [Mode.ARMED, Mode.FROZEN, Mode.RAMPING])
-def test_who_ends_in_a_motion_ends_not_clean(mode: Mode) -> None:
+def test_ending_during_a_motion_is_not_a_clean_end(mode: Mode) -> None:
     assert ending(replace(FRESH, mode=mode, predecessor=Predecessor.CLEAN)) == Predecessor.DIED
 
 
-def test_a_latch_that_nobody_has_cleared_is_no_clean_end() -> None:
+def test_a_latch_that_nobody_has_cleared_is_not_a_clean_end() -> None:
     for cause in (Cause.ESTOP, Cause.COMMAND_AGE, Cause.RESTART):
         assert ending(replace(FRESH, cause=cause)) == Predecessor.DIED

@@ -8,21 +8,21 @@ ASKED_FOR = {Cause.ESTOP, Cause.ABORT, Cause.LEASE, Cause.SUPERVISOR, Cause.ASKE
 
 
 @pytest.mark.parametrize("cause", sorted(ASKED_FOR))
-def test_who_asks_for_a_trip_may_say_why(cause: Cause) -> None:
+def test_a_trip_request_may_state_a_reason(cause: Cause) -> None:
     assert as_asked(cause) is cause
 
 
 @pytest.mark.parametrize("cause", [*sorted(OWN), Cause.NONE])
-def test_nobody_speaks_for_the_actuator(cause: Cause) -> None:
+def test_no_other_program_can_state_a_cause_of_the_actuator(cause: Cause) -> None:
     assert as_asked(cause) is Cause.ASKED
 
 
-def test_only_the_force_lets_go_by_itself() -> None:
+def test_only_the_force_releases_without_a_freeze() -> None:
     assert {Cause.FORCE} == LETS_GO
     assert set(Cause) - ASKED_FOR - {Cause.NONE} == OWN
 
 
-def test_the_actuator_tells_every_cause() -> None:
+def test_the_actuator_reports_every_cause() -> None:
     assert set(CAUSES) == set(Cause) - {Cause.NONE}
 
 

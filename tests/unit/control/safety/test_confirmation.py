@@ -23,7 +23,7 @@ from .bench import LIMITS, LOCKSTEP, T
 LOST = failed(SafetyState(mode=Mode.RAMPING, cause=Cause.DEVICE, arms=(ArmOutput(3.0, 3.0),)))
 
 
-def test_a_failed_output_is_asked_at_once_and_then_once_a_period() -> None:
+def test_a_failed_output_is_read_back_at_once_and_then_once_per_period() -> None:
     assert waits_for_read_back(LIMITS, LOST)
     assert read_back_due(LIMITS, LOST, 1.0)
     asked = replace(LOST, asked_s=1.0)
@@ -40,17 +40,17 @@ def test_a_failed_output_is_asked_at_once_and_then_once_a_period() -> None:
         replace(LOST, mode=Mode.IDLE),
     ],
 )
-def test_one_that_has_answered_or_is_not_tripped_is_not_asked(state: SafetyState) -> None:
+def test_an_output_that_has_replied_or_is_not_tripped_is_not_read_back(state: SafetyState) -> None:
     assert not waits_for_read_back(LIMITS, state)
     assert not read_back_due(LIMITS, state, 1.0)
 
 
-def test_in_lockstep_nothing_is_asked() -> None:
+def test_in_lockstep_nothing_is_read_back() -> None:
     assert not waits_for_read_back(LOCKSTEP, LOST)
     assert not not_located(LOCKSTEP, LOST)
 
 
-def test_until_it_has_answered_the_voltage_stays_and_the_ramp_comes_to_its_end() -> None:
+def test_until_it_has_replied_the_voltage_stays_and_the_ramp_runs_to_its_end() -> None:
     under_way = pass_time(LIMITS, replace(LOST, since_s=1.0), 1.01)
     assert (under_way.mode, under_way.arms[0].voltage_V) == (Mode.RAMPING, 3.0)
     over = pass_time(LIMITS, replace(LOST, since_s=1.0, part_held=True), 1.04)
@@ -59,7 +59,7 @@ def test_until_it_has_answered_the_voltage_stays_and_the_ramp_comes_to_its_end()
 
 
 @pytest.mark.parametrize("mode", [Mode.RAMPING, Mode.LATCHED])
-def test_the_ramp_begins_where_it_stands_and_is_not_confirmed_by_that(mode: Mode) -> None:
+def test_the_ramp_starts_at_the_reported_voltage_without_being_confirmed_by_it(mode: Mode) -> None:
     state = found(LIMITS, replace(LOST, mode=mode), (2.5,), 7.0)
     assert (state.mode, state.arms[0].voltage_V, state.arms[0].ramp_from_V, state.since_s) == (
         Mode.RAMPING,
@@ -72,7 +72,7 @@ def test_the_ramp_begins_where_it_stands_and_is_not_confirmed_by_that(mode: Mode
 
 
 @pytest.mark.parametrize("found_V", [0.0, READ_BACK_V, -READ_BACK_V])
-def test_one_that_stands_at_the_safe_voltage_is_safe(found_V: float) -> None:
+def test_an_output_at_the_safe_voltage_is_safe(found_V: float) -> None:
     state = found(LIMITS, replace(LOST, part_held=True), (found_V,), 7.0)
     assert (state.mode, state.arms[0].voltage_V, state.part_held) == (
         Mode.LATCHED,
@@ -82,7 +82,7 @@ def test_one_that_stands_at_the_safe_voltage_is_safe(found_V: float) -> None:
     assert not state.unconfirmed
 
 
-def test_a_freeze_keeps_what_there_is_and_the_part_unless_it_was_let_go() -> None:
+def test_a_freeze_keeps_the_present_voltage_and_the_part_unless_released() -> None:
     frozen = replace(LOST, mode=Mode.FROZEN, part_held=True)
     kept = found(LIMITS, frozen, (2.9,), 7.0)
     assert (kept.mode, kept.arms[0].voltage_V, kept.part_held, kept.unconfirmed) == (
@@ -101,12 +101,12 @@ def test_the_latch_of_a_boot_keeps_the_voltage(cause: Cause) -> None:
     assert (state.mode, state.arms[0].voltage_V, state.unconfirmed) == (Mode.LATCHED, 2.5, False)
 
 
-def test_what_is_not_tripped_only_learns_its_voltage() -> None:
+def test_an_output_that_is_not_tripped_only_learns_its_voltage() -> None:
     state = found(LIMITS, replace(LOST, mode=Mode.IDLE), (2.5,), 7.0)
     assert (state.mode, state.arms[0].voltage_V) == (Mode.IDLE, 2.5)
 
 
-def test_what_stands_is_not_told_again() -> None:
+def test_an_output_that_needs_no_write_is_not_written() -> None:
     for mode in (Mode.IDLE, Mode.FROZEN):
         assert needs_no_write(replace(LOST, mode=mode))
     latched = replace(LOST, mode=Mode.LATCHED)
@@ -120,7 +120,7 @@ def test_what_stands_is_not_told_again() -> None:
     assert not reset(LIMITS, safe).located
 
 
-def test_a_sleep_trips_what_was_armed_however_short_its_clock_says_it_was() -> None:
+def test_a_suspension_trips_an_armed_actuator_whatever_its_clock_says() -> None:
     for held, mode in ((True, Mode.FROZEN), (False, Mode.RAMPING)):
         armed = replace(LOST, mode=Mode.ARMED, part_held=held, unconfirmed=False)
         state = suspended(LIMITS, armed, 3600.0, 7.0)
@@ -129,7 +129,7 @@ def test_a_sleep_trips_what_was_armed_however_short_its_clock_says_it_was() -> N
         assert read_back_due(LIMITS, state, 7.0), "its watchdog may have acted"
 
 
-def test_a_sleep_of_a_rig_that_has_tripped_keeps_its_cause_and_one_of_an_idle_rig_is_none() -> None:
+def test_a_suspension_of_a_tripped_rig_keeps_its_cause_and_of_an_idle_rig_is_ignored() -> None:
     latched = replace(LOST, mode=Mode.LATCHED, unconfirmed=False, located=True)
     state = suspended(LIMITS, latched, 5.0, 7.0)
     assert (state.cause, state.unconfirmed, state.located) == (Cause.DEVICE, True, False)

@@ -23,7 +23,7 @@ AGE = LIMITS.age
 SEEN = tuple(Arrival(seq, seq * T, (1.0,)) for seq in range(4))
 
 
-def test_samples_are_kept_in_order_and_not_for_ever() -> None:
+def test_samples_are_stored_in_order_up_to_a_limit() -> None:
     arrivals: Arrivals = ()
     assert newest_seq(arrivals) == -1
     for seq in range(20):
@@ -47,16 +47,16 @@ def test_the_clock_refuses_what_is_late() -> None:
     assert fault_text(too_old(AGE, SEEN, sample, sample.at_s + 0.051)) == "51 ms old, limit 50 ms"
 
 
-def test_an_age_is_told_to_the_millisecond() -> None:
+def test_an_age_is_reported_to_the_millisecond() -> None:
     slow = replace(AGE, limit_s=2.0)
     assert fault_text(too_old(slow, SEEN, SEEN[3], 3.06)) == "3000 ms old, limit 2000 ms"
 
 
-def test_an_age_of_just_the_limit_is_none() -> None:
+def test_an_age_at_the_limit_is_not_exceeded() -> None:
     assert too_old(AGE, (Arrival(0, 0.0, (1.0,)),), Arrival(0, 0.0, (1.0,)), 0.05) is None
 
 
-def test_the_numbers_refuse_what_comes_out_of_a_queue() -> None:
+def test_the_numbers_refuse_samples_from_a_queue() -> None:
     burst = tuple(Arrival(seq, 1.0, (1.0,)) for seq in range(4))
     assert too_old(AGE, burst, burst[1], 1.001) is None
     assert fault_text(too_old(AGE, burst, burst[0], 1.001)) == "3 samples old, limit 2"
@@ -73,14 +73,14 @@ def test_the_numbers_refuse_what_comes_out_of_a_queue() -> None:
         (0.105, 0.2, 0.0),
     ],
 )
-def test_a_standstill_is_excused_up_to_a_bound(
+def test_a_standstill_is_excused_up_to_a_limit(
     slept_s: float, excused_s: float, standstill: float | None
 ) -> None:
     found = standstill_s(AGE, slept_s, excused_s)
     assert found == (None if standstill is None else pytest.approx(standstill))
 
 
-def test_a_number_that_was_passed_over_is_reported() -> None:
+def test_a_skipped_number_is_reported() -> None:
     seen = with_sample((), 3, 0.06, (1.0,))
     assert [skipped_seq(seen, seq) for seq in (2, 3, 4, 5, 9)] == [-1, -1, -1, 4, 8]
     assert skipped_seq((), 7) == -1

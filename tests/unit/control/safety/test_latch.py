@@ -41,7 +41,7 @@ HELD = held()
 PRESSED = fault(FaultCode.FORCE_BEYOND_LIMIT, force_mN=55.0, limit_mN=50.0)
 
 
-def test_it_boots_latched_without_authority() -> None:
+def test_the_actuator_boots_latched_without_authority() -> None:
     state = SafetyState()
     assert (state.mode, state.cause, state.epoch, state.owner) == ("latched", "boot", 0, 0)
     assert (state.arms[0].voltage_V, state.part_held, state.refused, state.refusal) == (
@@ -68,14 +68,14 @@ def test_only_an_idle_actuator_is_armed(mode: str, cause: str, words: str) -> No
     assert arming_objection(replace(FREE, mode=mode, cause=cause)) == words
 
 
-def test_before_its_first_sample_an_arming_may_take_the_place_of_another() -> None:
+def test_before_its_first_sample_an_arming_may_be_replaced_by_another() -> None:
     assert arming_objection(ready()) == ""
     words = "the actuator is armed (armed): wait until it has ended"
     assert arming_objection(FREE) == words
     assert arming_objection(sampled(LIMITS, ready(), 0, (1.0,), 0.0)) == words
 
 
-def test_an_arming_begins_again_but_for_voltage_part_and_counters() -> None:
+def test_an_arming_resets_everything_but_voltage_part_and_counters() -> None:
     used = replace(
         with_arm(
             HELD,
@@ -114,7 +114,7 @@ def test_an_arming_begins_again_but_for_voltage_part_and_counters() -> None:
 
 
 @pytest.mark.parametrize(("state", "mode"), [(FREE, "ramping"), (HELD, "frozen")])
-def test_a_trip_does_what_was_decided_before(state: SafetyState, mode: str) -> None:
+def test_a_trip_reacts_as_decided_before(state: SafetyState, mode: str) -> None:
     tripped = trip(LIMITS, with_arm(state, limits_active=3), Cause.ESTOP, 0.01)
     assert (tripped.mode, tripped.cause, tripped.since_s) == (mode, "estop", 0.01)
     assert tripped.arms[0].limits_active == 0
@@ -124,7 +124,7 @@ def test_a_trip_does_what_was_decided_before(state: SafetyState, mode: str) -> N
 
 
 @pytest.mark.parametrize(("cause", "asked"), [(Cause.ESTOP, True), (Cause.FORCE, False)])
-def test_letting_go_ramps_with_a_part(cause: Cause, asked: bool) -> None:
+def test_a_release_ramps_with_a_part(cause: Cause, asked: bool) -> None:
     tripped = trip(LIMITS, HELD, cause, 0.01, let_go=asked)
     assert (tripped.mode, tripped.cause, tripped.part_held) == ("ramping", cause, True)
     frozen = trip(LIMITS, HELD, Cause.ESTOP, 0.01)
@@ -139,14 +139,14 @@ def test_the_first_cause_is_kept(mode: str) -> None:
 
 
 @pytest.mark.parametrize("cause", ["boot", "estop"])
-def test_letting_go_moves_a_latched_arm_only_after_a_boot(cause: str) -> None:
+def test_a_release_moves_a_latched_arm_only_after_a_boot(cause: str) -> None:
     before = replace(HELD, mode=Mode.LATCHED, cause=cause)
     after = trip(LIMITS, before, Cause.ABORT, 2.0, let_go=True)
     assert after.mode == ("ramping" if cause == "boot" else "latched")
 
 
 @pytest.mark.parametrize("mode", ["idle", "latched"])
-def test_in_lockstep_without_an_arming_nothing_will_play_a_ramp(mode: str) -> None:
+def test_in_lockstep_without_an_arming_no_tick_runs_a_ramp(mode: str) -> None:
     before = replace(HELD, mode=mode, cause=Cause.BOOT)
     kept = trip(LOCKSTEP, before, Cause.ESTOP, 1.0)
     assert (kept.mode, kept.arms[0].voltage_V, kept.part_held) == ("latched", 0.5, True)
@@ -164,7 +164,7 @@ def test_in_lockstep_an_arming_ends_as_in_real_time() -> None:
     assert trip(LOCKSTEP, FREE, Cause.ESTOP, 1.0).mode == "ramping"
 
 
-def test_a_freeze_that_is_released_says_so_beside_its_cause() -> None:
+def test_a_released_freeze_is_reported_beside_its_cause() -> None:
     frozen = trip(LIMITS, HELD, Cause.ESTOP, 0.01)
     state = released(frozen, PRESSED, 0.2)
     assert (state.mode, state.since_s, state.arms[0].ramp_from_V) == ("ramping", 0.2, 0.5)
@@ -209,7 +209,7 @@ def test_running_on_time_changes_no_age() -> None:
     assert account_for_stall(LIMITS, state, 5.01) == replace(FREE, ran_s=5.01)
 
 
-def test_a_standstill_is_left_out_of_every_age() -> None:
+def test_a_standstill_is_subtracted_from_every_age() -> None:
     before = replace(HELD, ran_s=1.0, fresh_s=0.98, since_s=0.5, excused_s=0.03)
     after = account_for_stall(LIMITS, before, 1.045)
     assert after.ran_s == 1.045
@@ -219,7 +219,7 @@ def test_a_standstill_is_left_out_of_every_age() -> None:
     assert after.standstills == 1
 
 
-def test_lockstep_knows_no_standstill() -> None:
+def test_lockstep_has_no_standstills() -> None:
     assert account_for_stall(LOCKSTEP, replace(HELD, ran_s=1.0), 9.0) == replace(HELD, ran_s=9.0)
 
 
@@ -235,14 +235,14 @@ def test_silence_trips_beyond_the_age_limit(state: SafetyState, mode: str) -> No
     assert cause_words(blind) == "command_age: no command for 62 ms, limit 50 ms; sensor: laser off"
 
 
-def test_a_silence_is_told_to_the_millisecond() -> None:
+def test_a_silence_is_reported_to_the_millisecond() -> None:
     limits = replace(LIMITS, age=replace(LIMITS.age, limit_s=0.9))
     tripped = pass_time(limits, replace(FREE, fresh_s=0.25), 2.75)
     assert cause_words(tripped) == "command_age: no command for 2500 ms, limit 900 ms"
 
 
 @pytest.mark.parametrize("mode", ["idle", "latched"])
-def test_where_nothing_is_awaited_silence_is_no_fault(mode: str) -> None:
+def test_without_an_expected_message_silence_is_not_a_fault(mode: str) -> None:
     state = replace(HELD, mode=mode)
     assert pass_time(LIMITS, state, 100.0) is state
 
@@ -255,7 +255,7 @@ def test_a_freeze_ends_in_its_ramp() -> None:
     assert state.arms[0].voltage_V == pytest.approx(0.5 * (1.0 - 0.005 / 0.035))
 
 
-def test_the_ramp_begins_with_the_trip_and_ends_at_the_safe_voltage() -> None:
+def test_the_ramp_starts_with_the_trip_and_ends_at_the_safe_voltage() -> None:
     limits = replace(LIMITS, safe_V=-0.5)
     ramping = trip(limits, FREE, Cause.ESTOP, 1.0)
     voltages = [
@@ -275,7 +275,7 @@ def test_the_last_step_of_the_ramp_is_the_safe_voltage_itself() -> None:
     assert pass_time(limits, ramping, 0.03).mode == "latched"
 
 
-def test_told_to_end_it_lets_go_and_ramps_once() -> None:
+def test_on_a_stop_request_the_actuator_releases_and_ramps_once() -> None:
     at_safe = with_arm(FREE, voltage_V=0.0)
     assert shutdown(LIMITS, at_safe, 1.0) == (at_safe, True)
     state, done = shutdown(LIMITS, HELD, 1.0)
@@ -291,7 +291,7 @@ def test_told_to_end_it_lets_go_and_ramps_once() -> None:
     assert (again.mode, again.cause) == ("ramping", "estop")
 
 
-def test_the_detail_says_what_a_person_asks_for_first() -> None:
+def test_the_detail_starts_with_what_a_person_needs_first() -> None:
     assert detail_words(SafetyState()) == "latched; boot"
     state = replace(
         HELD,
@@ -312,7 +312,7 @@ def test_the_detail_says_what_a_person_asks_for_first() -> None:
 LATE = fault(FaultCode.INSTRUMENT_LATE, "answers come late", took_s=0.04)
 
 
-def test_answers_that_prove_late_are_named_beside_the_want_of_commands_once() -> None:
+def test_late_answers_are_named_once_beside_missing_commands() -> None:
     tripped = trip(LIMITS, FREE, Cause.COMMAND_AGE, 1.0, faults=(OFF,))
     named = explained(tripped, LATE)
     assert named.faults == (OFF, LATE)
@@ -320,7 +320,7 @@ def test_answers_that_prove_late_are_named_beside_the_want_of_commands_once() ->
     assert explained(tripped, OFF) is tripped
 
 
-def test_answers_that_prove_late_explain_no_other_trip() -> None:
+def test_late_answers_explain_no_other_trip() -> None:
     assert explained(FREE, LATE) is FREE
     stopped = trip(LIMITS, FREE, Cause.ESTOP, 1.0)
     assert explained(stopped, LATE) is stopped

@@ -39,7 +39,7 @@ def commanded(
     return watch_command(MONITORS, watches, seq=seq, x_um=x_um, x_d_um=x_d_um, force_mN=force_mN)
 
 
-def test_the_force_limit_is_exceeded_above_its_value_alone() -> None:
+def test_the_force_limit_is_exceeded_above_its_value_only() -> None:
     assert force_excess(MONITORS, 50.0) is None
     assert force_excess(MONITORS, -60.0) is None
     assert fault_text(force_excess(MONITORS, 50.04)) == "50.0 mN, limit 50.0 mN"
@@ -119,7 +119,7 @@ def test_a_sample_without_aim_or_position_neither_counts_nor_clears(
     assert later == replace(watches, seq=1)
 
 
-def test_the_speed_of_the_aim_counts_over_the_samples_between() -> None:
+def test_the_speed_of_the_reference_is_averaged_over_the_samples_between() -> None:
     """In two periods x_d moves by 4 µm, at 100 µm/s: the bound is 8 µm."""
     watches = commanded(UNSEEN, 3, x_um=0.0, x_d_um=0.0)
     assert commanded(watches, 5, x_um=-4.0, x_d_um=4.0).following.count == 0
@@ -130,7 +130,7 @@ def test_the_speed_of_the_aim_counts_over_the_samples_between() -> None:
     assert pytest.approx(0.04) == 2 * T
 
 
-def test_the_first_aim_has_no_speed() -> None:
+def test_the_first_reference_has_no_speed() -> None:
     assert commanded(UNSEEN, 0, x_um=0.0, x_d_um=3.1).following.count == 1
     assert commanded(UNSEEN, 0, x_um=0.0, x_d_um=3.0).following.count == 0
 
@@ -170,9 +170,7 @@ def test_the_force_is_the_gravest() -> None:
 FASTEST = replace(MONITORS, fastest_um_per_s=40.0)
 
 
-def test_an_aim_that_jumps_back_and_forth_widens_its_own_bound_no_more_than_the_arm_can_move() -> (
-    None
-):
+def test_an_oscillating_reference_widens_its_bound_no_more_than_the_arm_can_move() -> None:
     """By 20 µm each sample, 1000 µm/s: it would be credited 50 µm, and the arm stands still."""
     watches = UNSEEN
     for seq in range(6):

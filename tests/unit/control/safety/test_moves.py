@@ -26,7 +26,7 @@ def test_in_lockstep_a_tick_moves_by_one_slew_limit() -> None:
     assert ticked(ready(LOCKSTEP), 0, limits=LOCKSTEP, voltage_V=4.0).arms[0].voltage_V == 0.5
 
 
-def test_a_voltage_that_stays_has_not_moved() -> None:
+def test_an_unchanged_voltage_does_not_count_as_a_move() -> None:
     state = ticked(ready(), 0, voltage_V=0.3)
     moved_s = state.moved_s
     assert moved_s == 0.004
@@ -34,7 +34,7 @@ def test_a_voltage_that_stays_has_not_moved() -> None:
     assert ticked(state, 1, voltage_V=0.4).moved_s == T + 0.004
 
 
-def test_each_step_of_a_ramp_has_moved_now() -> None:
+def test_each_step_of_a_ramp_counts_as_a_move() -> None:
     ramping = replace(with_arm(HIGH, ramp_from_V=3.0), since_s=1.0)
     under_way = pass_time(LIMITS, ramping, 1.01)
     assert (under_way.mode, under_way.moved_s) == (Mode.RAMPING, 1.01)
@@ -49,31 +49,31 @@ def test_an_output_that_does_not_answer_ends_its_ramp_at_its_end_exactly() -> No
 
 
 @pytest.mark.parametrize(("found_V", "held"), [(1.2, False), (2.9, True), (2.0, True)])
-def test_a_part_is_let_go_nearer_to_the_safe_voltage_wherever_that_is(
+def test_a_part_counts_as_released_near_the_safe_voltage_wherever_that_is(
     found_V: float, held: bool
 ) -> None:
     frozen = failed(replace(HIGH, mode=Mode.FROZEN))
     assert found(SAFE_1_V, frozen, (found_V,), 7.0).part_held == held
 
 
-def test_one_that_stands_at_a_safe_voltage_beyond_0_V_is_safe() -> None:
+def test_an_output_at_a_safe_voltage_beyond_0_V_is_safe() -> None:
     assert found(SAFE_1_V, failed(HIGH), (1.0,), 7.0).mode == Mode.LATCHED
 
 
-def test_it_is_asked_again_after_a_period_exactly() -> None:
+def test_the_output_is_read_back_again_after_exactly_a_period() -> None:
     assert read_back_due(LIMITS, replace(failed(HIGH), asked_s=0.0), T)
 
 
-def test_a_sleep_trips_from_now_on() -> None:
+def test_a_suspension_trips_from_now_on() -> None:
     slept = suspended(LIMITS, ticked(ready(), 0, part_held=True), 3600.0, 7.0)
     assert (slept.mode, slept.since_s) == (Mode.FROZEN, 7.0)
 
 
-def test_a_reset_leaves_nothing_of_a_read_back() -> None:
+def test_a_reset_clears_a_read_back() -> None:
     state = reset(LIMITS, replace(HIGH, mode=Mode.LATCHED, unconfirmed=True, located=True))
     assert (state.unconfirmed, state.located) == (False, False)
 
 
-def test_one_sample_within_takes_back_one_beyond() -> None:
+def test_one_sample_within_the_limit_cancels_one_beyond() -> None:
     assert Watch(2, EXCESS).leak(None) == Watch(1, EXCESS)
     assert Watch(1, EXCESS).leak(None) == QUIET

@@ -98,7 +98,7 @@ def interleaved(count: int, seed: int) -> Iterator[int]:
         yield came
 
 
-def test_the_first_controller_alone_does_various_things() -> None:
+def test_the_first_controller_sends_various_commands() -> None:
     chance = random.Random(1)
     ends: set[tuple[str, float]] = set()
     for _ in range(WORLDS):
@@ -111,10 +111,10 @@ def test_the_first_controller_alone_does_various_things() -> None:
     assert len(ends) > 10
 
 
-def test_nothing_of_the_second_is_taken_in_two_thousand_interleavings() -> None:
+def test_no_command_of_the_second_is_accepted_in_two_thousand_interleavings() -> None:
     assert sum(interleaved(2_000, seed=20)) > 10_000
 
 
 @pytest.mark.slow
-def test_nothing_of_the_second_is_taken_in_a_million_interleavings() -> None:
+def test_no_command_of_the_second_is_accepted_in_a_million_interleavings() -> None:
     assert sum(interleaved(1_000_000, seed=21)) > 5_000_000

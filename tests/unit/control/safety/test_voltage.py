@@ -40,7 +40,7 @@ LIMITS = VoltageLimits(min_V=-1.0, max_V=4.0, slew_V=0.5, sweep_V=0.1)
         (1.0, -9.0, 0.5, VOLTAGE_MIN | SLEW_DOWN),
     ],
 )
-def test_each_limit_acts_beyond_its_value_and_says_so(
+def test_each_limit_acts_beyond_its_value_and_is_reported(
     present_V: float, wanted_V: float, voltage_V: float, flags: int
 ) -> None:
     assert limited(LIMITS, present_V, wanted_V) == (voltage_V, flags)
@@ -51,7 +51,7 @@ def test_the_bits_are_those_of_the_wire() -> None:
 
 
 @given(st.floats(-1.0, 4.0), st.floats(allow_nan=False))
-def test_what_acts_is_always_told(present_V: float, wanted_V: float) -> None:
+def test_every_active_limit_is_reported(present_V: float, wanted_V: float) -> None:
     voltage_V, flags = limited(LIMITS, present_V, wanted_V)
     assert LIMITS.min_V <= voltage_V <= LIMITS.max_V
     assert abs(voltage_V - present_V) <= LIMITS.slew_V + 1e-12
@@ -62,7 +62,7 @@ STEPPED = replace(LIMITS, step_V=20.0 / 2**14)
 
 
 @given(st.integers(-819, 3276), st.floats(allow_nan=False), st.floats(0.01, 1.0))
-def test_an_output_with_a_step_is_told_a_multiple_within_every_limit(
+def test_an_output_with_a_step_gets_a_multiple_within_every_limit(
     steps: int, wanted_V: float, share: float
 ) -> None:
     present_V = steps * STEPPED.step_V
@@ -86,14 +86,14 @@ def test_a_slew_below_a_step_still_moves() -> None:
     ("present_V", "wanted_V", "steps"),
     [(3.9, 9.0, 3276), (-0.9, -9.0, -819), (0.0, 0.0004, 0), (0.0, 0.0007, 1)],
 )
-def test_the_nearest_multiple_is_taken_and_the_next_one_inwards_at_a_limit(
+def test_the_nearest_multiple_is_used_and_the_next_one_inwards_at_a_limit(
     present_V: float, wanted_V: float, steps: int
 ) -> None:
     assert limited(STEPPED, present_V, wanted_V)[0] == steps * STEPPED.step_V
 
 
 @pytest.mark.parametrize(("wanted_V", "voltage_V"), [(1.0, 5), (-1.0, -5)])
-def test_a_slew_between_two_multiples_takes_the_nearer_end(wanted_V: float, voltage_V: int) -> None:
+def test_a_slew_between_two_multiples_uses_the_nearer_end(wanted_V: float, voltage_V: int) -> None:
     between = replace(STEPPED, slew_V=5.7 * STEPPED.step_V)
     assert limited(between, 0.0, wanted_V)[0] == voltage_V * STEPPED.step_V
 
@@ -101,14 +101,14 @@ def test_a_slew_between_two_multiples_takes_the_nearer_end(wanted_V: float, volt
 @pytest.mark.parametrize(
     ("present_V", "wanted_V"), [(3.75, 4.0), (1.0, 1.5), (-0.75, -1.0), (1.0, 0.5)]
 )
-def test_a_multiple_at_the_very_limit_of_range_or_slew_is_taken(
+def test_a_multiple_at_the_limit_of_range_or_slew_is_used(
     present_V: float, wanted_V: float
 ) -> None:
     assert limited(replace(LIMITS, step_V=0.25), present_V, wanted_V) == (wanted_V, 0)
 
 
 @pytest.mark.parametrize("voltage_V", [-51.0, 0.0, 54.0])
-def test_a_wish_is_none_but_a_limited_one(voltage_V: float) -> None:
+def test_a_limited_request_differs_from_its_request(voltage_V: float) -> None:
     assert absurd(LIMITS, voltage_V) is None
 
 
@@ -123,7 +123,7 @@ def test_a_wish_is_none_but_a_limited_one(voltage_V: float) -> None:
         (-inf, "nan V is not a voltage"),
     ],
 )
-def test_what_cannot_be_wished_for_is_refused(voltage_V: float, words: str) -> None:
+def test_an_impossible_request_is_refused(voltage_V: float, words: str) -> None:
     assert fault_text(absurd(LIMITS, voltage_V)) == words
 
 
@@ -161,7 +161,7 @@ def test_the_ramp_is_straight_and_ends_at_both_ends(share: float, voltage_V: flo
         (inf, 0.02),
     ],
 )
-def test_the_slew_has_the_time_since_the_last_move_and_a_period_at_most(
+def test_the_slew_uses_the_time_since_the_last_move_up_to_a_period(
     since_s: float, given_s: float
 ) -> None:
     assert slewing_s(0.02, since_s) == given_s

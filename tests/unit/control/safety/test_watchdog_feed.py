@@ -32,11 +32,11 @@ def test_a_freeze_is_kept_by_heartbeats_for_its_time_even_without_a_confirmation
 
 
 @pytest.mark.parametrize("mode", ["ramping", "latched"])
-def test_a_voltage_that_is_not_confirmed_is_left_to_the_hardware(mode: str) -> None:
+def test_an_unconfirmed_voltage_is_left_to_the_hardware(mode: str) -> None:
     state = replace(held(), mode=mode, cause=Cause.DEVICE)
     assert may_kick_watchdog(LIMITS, state, 99.0)
     assert not may_kick_watchdog(LIMITS, replace(state, unconfirmed=True), 99.0)
 
 
-def test_an_idle_rig_stands_as_a_person_has_asked() -> None:
+def test_an_idle_rig_is_kept_as_a_person_has_requested() -> None:
     assert may_kick_watchdog(LIMITS, replace(held(), mode="idle", unconfirmed=True), 99.0)

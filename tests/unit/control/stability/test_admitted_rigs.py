@@ -148,7 +148,7 @@ def test_no_rig_of_an_admitted_loop_diverges(name: str) -> None:
         assert furthest_um(LOOPS[name], rig, number) < 2.0, (SEED, number, rig)
 
 
-def test_a_refused_loop_diverges_on_one_of_them() -> None:
+def test_a_refused_loop_diverges_on_a_drawn_rig() -> None:
     """What the trial is worth: it can fail, and near the edge it does."""
     loop = loop_of(0.001, f_w=130.0)
     assert not assess(loop, PART).stable

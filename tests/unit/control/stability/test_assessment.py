@@ -97,7 +97,7 @@ def test_the_advice_holds(law: LawSettings, period_s: float) -> None:
         assert f"{reached.radius:.3f}" == promised, text
 
 
-def test_a_loop_that_nothing_helps_says_so() -> None:
+def test_a_loop_without_a_remedy_is_reported() -> None:
     found = assess(replace(DEFAULT, law=law_settings(K_P=0.01), period_s=0.001), PART)
     assert "; no single change of a gain or the period that was tried is sufficient" in found.reason
 
@@ -139,7 +139,7 @@ def test_the_delay_decides() -> None:
     assert late.case.delay_periods > 0.5
 
 
-def test_an_assessment_is_the_same_again() -> None:
+def test_an_assessment_is_reproducible() -> None:
     loop = replace(DEFAULT, period_s=0.015)
     assert assess(loop, PART) == assess(replace(loop), Intervals(PART.K_e_mN_per_um))
     assert assess(loop, PART).limit_radius == limit_radius_at(0.015)

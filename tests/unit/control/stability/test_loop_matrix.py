@@ -103,7 +103,7 @@ def test_without_a_force_the_free_loop_is_the_position_loop(period_s: float) -> 
     assert abs(float(spectral_radii(fed, (FREE,))[0] - expected[0])) > 0.01
 
 
-def test_a_stiff_arm_leaves_the_law_alone() -> None:
+def test_a_stiff_arm_leaves_only_the_law() -> None:
     """Where G ≈ 1, each sample takes K_I/(K_P + K_I) off the error, in units of the real d_p."""
     stiff = consistent_arm(1e6, 0.5, D_P, S_P)
     for K_P in (5.0, 1.0, 0.5):
@@ -123,7 +123,7 @@ def test_the_switching_slope_acts() -> None:
         assert found == pytest.approx(max(abs(1.0 - slope), 0.5), abs=1e-3)
 
 
-def test_an_integral_nobody_reads_is_left_out() -> None:
+def test_an_unused_integral_is_omitted() -> None:
     """ε acts through K_S alone; otherwise its eigenvalue 1 is none of the loop's."""
     cases = (FREE, CONTACT)
     off = loop_matrices(Loop(law_settings(), ARM, 0.02), cases)
@@ -221,7 +221,7 @@ def test_impossible_loops_are_refused(change: dict[str, float], text: str) -> No
         replace(loop, **change)
 
 
-def test_a_change_of_gain_keeps_the_rest() -> None:
+def test_a_change_of_gain_keeps_the_other_values() -> None:
     loop = as_controlled(0.02, 1.0)
     other = loop.with_gains(K_P=3.0)
     assert other.law == loop.law.with_gains(K_P=3.0)

@@ -48,7 +48,7 @@ def test_the_printed_switching_creeps_and_does_not_count(scheme: str) -> None:
         (0.025, 0.85, [True, False]),
     ],
 )
-def test_a_slow_mode_counts_by_what_it_leaves(
+def test_a_slow_mode_counts_by_its_remaining_amplitude(
     slope: float, limit: float, counts: list[bool]
 ) -> None:
     """Judged here by the position itself, after the ticks that the limit takes to 2 %."""
@@ -63,7 +63,7 @@ def test_a_slow_mode_counts_by_what_it_leaves(
     assert found[1] < 0.85
 
 
-def test_what_rings_or_grows_always_counts() -> None:
+def test_ringing_or_growing_modes_always_count() -> None:
     ringing = Loop(law_settings(K_P=5.0), ARM, 0.002)
     growing = sloped(2.5)
     for loop in (ringing, growing):

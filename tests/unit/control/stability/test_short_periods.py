@@ -71,7 +71,7 @@ def test_the_limit_of_the_radius_is_a_time() -> None:
         assert limit_radius_at(period_s) == pytest.approx(exp(-period_s / 0.6566), abs=2e-6)
 
 
-def test_at_long_periods_the_intervals_are_those_given() -> None:
+def test_at_long_periods_the_intervals_are_unchanged() -> None:
     loop = Loop(law_settings(), ARM, 0.02, 0.03)
     assert not short(loop)
     assert widened(loop, PART) is PART
@@ -126,18 +126,18 @@ def test_a_shorter_period_is_among_what_helps() -> None:
     assert "a period of 1 ms gives 0.98" in assess(loop_of(0.002), PART).reason
 
 
-def test_where_the_mode_is_seen() -> None:
+def test_the_frequency_at_which_the_mode_is_seen() -> None:
     assert aliased_hz(388.0, 0.002) == pytest.approx(112.0)
     assert aliased_hz(388.0, 0.005) == pytest.approx(12.0)
     assert aliased_hz(388.0, 0.001) == pytest.approx(388.0)
 
 
-def test_a_law_of_long_periods_is_told_of_the_other() -> None:
+def test_a_law_for_long_periods_recommends_the_other_one() -> None:
     reason = assess(replace(loop_of(0.001), law=law_settings()), PART).reason
     assert "the law fpbsmic is designed for such periods" in reason
 
 
-def test_what_is_not_told_is_judged_as_well() -> None:
+def test_uninformed_cases_are_judged_too() -> None:
     """n = 1 at 10 Hz bears every contact that it is told of, and none that it is not."""
     law: LawSettings = loop_of(0.001, n=1.0, f_w=8.0).law
     loop, wide = replace(loop_of(0.001), law=law), widened(loop_of(0.001), PART)

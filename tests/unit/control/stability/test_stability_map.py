@@ -20,7 +20,7 @@ PART = around(2.17, 0.3)
 DEFAULT = Loop(law_settings(), ARM, 0.02, force_filter_s=0.03)
 
 
-def test_a_map_is_made_of_assessments() -> None:
+def test_a_map_consists_of_assessments() -> None:
     periods_s, gains = (0.01, 0.005), (1.0, 5.0)
     found = radius_map(DEFAULT, PART, periods_s=periods_s, gains=gains)
     assert found.shape == (2, 2)
@@ -30,7 +30,7 @@ def test_a_map_is_made_of_assessments() -> None:
             assert found[row, column] == assess(other, PART).radius
 
 
-def test_a_map_over_the_force_gain_of_what_is_identified() -> None:
+def test_a_map_over_the_force_gain_uses_the_identified_model() -> None:
     gains, pressed = (0.0, 2500.0, 5000.0), replace(PART, free=False)
     found = radius_map(DEFAULT, pressed, periods_s=(0.005,), gains=gains, gain="K_f", worst=False)
     loop = replace(DEFAULT, period_s=0.005)
@@ -39,7 +39,7 @@ def test_a_map_over_the_force_gain_of_what_is_identified() -> None:
     assert found[0, 2] != pytest.approx(found[0, 0], abs=1e-3)
 
 
-def test_a_map_makes_the_observer_for_each_period() -> None:
+def test_a_map_builds_the_observer_for_each_period() -> None:
     def kalman(period_s: float) -> ForceObserver:
         return augmented_kalman(OMEGA_N, ZETA, S_P, period_s=period_s, noise_um=0.03)
 

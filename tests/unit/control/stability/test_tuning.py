@@ -55,7 +55,9 @@ def at_least_as_good(one: Candidate, other: Candidate) -> bool:
 
 @given(points)
 @settings(derandomize=True)
-def test_the_front_is_what_no_other_equals_or_beats(candidates: list[Candidate]) -> None:
+def test_the_front_consists_of_points_that_no_other_equals_or_beats(
+    candidates: list[Candidate],
+) -> None:
     front = pareto_front(candidates)
     for place, member in enumerate(front):
         others = [item for item in candidates if item != member]
@@ -94,7 +96,7 @@ class Radius:
         return self.of[law.gains["K_P"]]
 
 
-def test_what_reaches_the_limit_neither_counts_nor_is_judged_again() -> None:
+def test_a_candidate_at_the_limit_neither_counts_nor_is_judged_again() -> None:
     free = tune(RIG, SWING, PBSMIC, lambda _: 0.5, radius_limit=0.97, grid=GRID)
     best = free.chosen.settings.gains["K_P"]
     radius = Radius({gain: 0.97 if gain == best else 0.9 for gain in K_P})
@@ -112,7 +114,7 @@ def test_what_reaches_the_limit_neither_counts_nor_is_judged_again() -> None:
     assert len(radius.asked) < len(K_P) * len(K_F)
 
 
-def test_gains_that_are_all_unstable_are_no_gains() -> None:
+def test_unstable_gains_are_not_returned() -> None:
     with pytest.raises(ValueError, match=r"at a period of 20 ms: choose a longer period"):
         tune(RIG, SWING, DSMIFC, lambda _: 1.2, radius_limit=0.97, grid={"K_P": (0.5,), "K_f": K_F})
 
@@ -130,7 +132,7 @@ def test_a_path_without_an_end_to_count_is_refused(rig: TuningRig, path: TuningP
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_a_perfect_plan_leaves_the_share_that_k_p_gives_away(scheme: str) -> None:
+def test_a_perfect_plan_leaves_the_error_of_k_p(scheme: str) -> None:
     law = default_settings(scheme, "consistent")
     found = [track(RIG, SWING, law.with_gains(K_P=gain), K_E, 0.0) for gain in (0.0, 0.5, 2.0, 5.0)]
     position = [x_um for x_um, _ in found]
@@ -146,7 +148,7 @@ def test_a_perfect_plan_leaves_the_share_that_k_p_gives_away(scheme: str) -> Non
 @pytest.mark.parametrize("gain", [0.0, 1000.0, 10000.0])
 @pytest.mark.parametrize("error_mN", [-0.5, 0.0, 0.5])
 @pytest.mark.parametrize("planned", [K_E, 2.4])
-def test_a_resting_law_errs_as_51_says_with_the_force_that_it_is_fed(
+def test_a_resting_law_errs_by_equation_51_with_its_force(
     scheme: str, gain: float, error_mN: float, planned: float
 ) -> None:
     law = default_settings(scheme, "consistent").with_gains(K_f=gain)
@@ -159,7 +161,7 @@ def test_a_resting_law_errs_as_51_says_with_the_force_that_it_is_fed(
     assert force_mN == pytest.approx(abs(K_E * moved_um - mismatch_mN), abs=1e-9)
 
 
-def test_a_candidate_is_the_mean_square_of_plans_and_readings_that_err_either_way() -> None:
+def test_the_error_of_a_candidate_is_the_mean_square_over_errors_of_both_signs() -> None:
     found = tune(
         RIG, SWING, PBSMIC, lambda _: 0.5, radius_limit=0.97, grid={"K_P": (0.5,), "K_f": (5000.0,)}
     )
@@ -176,7 +178,7 @@ def test_a_candidate_is_the_mean_square_of_plans_and_readings_that_err_either_wa
     assert len({x_um for x_um, _ in runs}) == 4
 
 
-def test_noise_of_the_sensor_is_seen_by_the_law_and_not_counted_as_an_error() -> None:
+def test_sensor_noise_affects_the_law_but_not_the_counted_error() -> None:
     noise = tuple(0.03 if tick % 2 else -0.03 for tick in range(400))
     x_um, _ = track(replace(RIG, noise_um=noise), REST, law_settings(K_f=0.0), K_E, 0.0)
     quiet_um, _ = track(RIG, REST, law_settings(K_f=0.0), K_E, 0.0)

@@ -101,7 +101,7 @@ def test_the_matrix_of_the_law_is_what_law_and_estimators_do(
         before = found[2:]
 
 
-def test_a_held_pair_swings_as_one_and_a_free_arm_by_itself() -> None:
+def test_a_held_pair_swings_together_and_a_free_arm_alone() -> None:
     cases = tuple(TwoArmCase(contact, False) for contact in ("held", "free"))
     transition, _ = sampled_pair(FAST_LOOP, cases)
     rates = np.log(np.linalg.eigvals(transition[:, :4, :4]).astype(np.complex128))

@@ -44,7 +44,7 @@ def drawn(count: int, seed: int) -> tuple[LoopCase, ...]:
         law_settings("dsmifc", K_P=2.0, delta=1e6),
     ],
 )
-def test_a_blind_search_finds_no_worse(law: LawSettings, period_s: float) -> None:
+def test_a_blind_search_finds_no_worse_case(law: LawSettings, period_s: float) -> None:
     loop = Loop(law, ARM, period_s, force_filter_s=0.03)
     case, radius = worst_case(loop, PART, LIMIT)
     blind = np.max(counted_radii(loop, drawn(3000, seed=7), LIMIT))
@@ -69,7 +69,7 @@ def test_five_percent_of_the_resonance_decide() -> None:
 
 
 @pytest.mark.parametrize("force_gain", np.linspace(0.0, 15000.0, 9).tolist())
-def test_a_search_for_enough_refuses_what_the_whole_one_refuses(force_gain: float) -> None:
+def test_a_shortened_search_refuses_the_same_loops(force_gain: float) -> None:
     loop = Loop(law_settings("dsmifc", K_f=force_gain, delta=1e6), ARM, 0.02, force_filter_s=0.03)
     case, radius = worst_case(loop, PART, LIMIT, enough=LIMIT)
     whole, worst = worst_case(loop, PART, LIMIT)
@@ -80,7 +80,7 @@ def test_a_search_for_enough_refuses_what_the_whole_one_refuses(force_gain: floa
         assert (case, radius) == (whole, worst)
 
 
-def test_intervals_of_no_width_are_one_case() -> None:
+def test_intervals_without_width_are_one_case() -> None:
     loop = Loop(law_settings(), ARM, 0.01, force_filter_s=0.03)
     point = Intervals((2.0, 2.0), False, (1.01, 1.01), (0.2, 0.2))
     case = LoopCase(2.0, 1.01, 0.2)
@@ -95,7 +95,7 @@ def test_a_wider_interval_is_no_better() -> None:
     assert radii[1] <= radii[2] + 0.01
 
 
-def test_free_motion_alone_needs_no_contact() -> None:
+def test_free_motion_needs_no_contact() -> None:
     loop = Loop(law_settings(), ARM, 0.004, force_filter_s=0.03)
     case, radius = worst_case(loop, Intervals(None), LIMIT)
     assert case.K_e_mN_per_um == 0.0
@@ -130,7 +130,7 @@ def test_a_response_that_is_steeper_than_its_model_is_judged_where_it_is_steepes
     assert case.gain_factor in (0.7, 1.2)
 
 
-def test_with_nothing_left_open_there_is_one_case() -> None:
+def test_without_uncertainty_there_is_one_case() -> None:
     loop = Loop(law_settings(), ARM, 0.02, force_filter_s=0.03)
     exact = Intervals(None, frequency_factor=(1.0, 1.0), delay_periods=(0.3, 0.3))
     case, _ = worst_case(loop, exact, LIMIT)
