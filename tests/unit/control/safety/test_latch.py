@@ -302,7 +302,7 @@ def test_the_detail_starts_with_what_a_person_needs_first() -> None:
     )
     assert detail_words(state) == (
         "armed; alarm: 3 commands from another controller refused; command of owner 7, armed "
-        "for 5; command 3 after 3; stood still 2 times"
+        "for 5; command 3 after 3; 2 scheduling stalls"
     )
     quiet = replace(state, unauthorized=UnauthorizedCommands(2, OFF), refusal=None, standstills=0)
     assert detail_words(quiet) == "armed"
