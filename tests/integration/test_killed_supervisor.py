@@ -59,7 +59,7 @@ def test_the_next_one_closes_the_record_of_the_job_that_was_interrupted(
     assert job.result["outcome"] == "unfinished"
     assert job.result["phases"][0]["phase"] == "zero"
     assert played - 1 <= job.result["samples"] <= played + 1
-    assert rig.keeper.record is None
+    assert rig.writer.record is None
     where = tmp_path / "jobs" / name
     assert manifest(where)["complete"] is True
     kept = mcap_reading.read(where / NAME).messages
@@ -117,7 +117,7 @@ def test_a_refused_arming_ends_the_job_and_its_record(
 ) -> None:
     office = Office(rig, tmp_path)
     name = office.manager.create(GRIP)[0].id
-    while rig.keeper.record is None:
+    while rig.writer.record is None:
         office.steps.look()
     if asked is not None:
         office.manager.perform(name, asked, "test")
@@ -126,7 +126,7 @@ def test_a_refused_arming_ends_the_job_and_its_record(
     job = office.manager.index.job(name)
     assert (job.state, job.record_complete) == (state, True)
     assert "latched" in job.cause
-    assert rig.keeper.record is None
+    assert rig.writer.record is None
     assert office.faults == []
     office.end()
 
@@ -136,7 +136,7 @@ def test_a_kill_during_a_refused_arming_leaves_no_record_open(
 ) -> None:
     office = Office(rig, tmp_path)
     name = office.manager.create(GRIP)[0].id
-    while rig.keeper.record is None:
+    while rig.writer.record is None:
         office.steps.look()
     office.manager.latch.estop("test")
     office.steps.look()
@@ -144,7 +144,7 @@ def test_a_kill_during_a_refused_arming_leaves_no_record_open(
     after = Office(rig, tmp_path)
     job = after.manager.index.job(name)
     assert (job.state, job.record_complete) == ("interrupted", True)
-    assert rig.keeper.record is None
+    assert rig.writer.record is None
     after.end()
 
 
@@ -160,7 +160,7 @@ def test_the_next_supervisor_closes_the_record_of_a_part_kept_by_a_stop(
     office.kill()
     after = Office(rig, tmp_path)
     assert after.manager.index.job(name).record_complete is True
-    assert rig.keeper.record is None
+    assert rig.writer.record is None
     held = after.manager.create(HoldJobRequest(kind="hold", autostart=True))[0].id
     after.steps.pass_(20)
     assert after.manager.index.job(held).state == "running", after.manager.index.job(held).cause
@@ -208,11 +208,11 @@ def test_a_record_started_too_late_for_its_job_blocks_no_other_job(
         begin(request, lambda _: None)
         raise BusError("no program answers recorder/record within 5 s")
 
-    begin = rig.keeper.begin
+    begin = rig.writer.begin
     office = Office(rig, tmp_path)
-    with patch.object(rig.keeper, "begin", late):
+    with patch.object(rig.writer, "begin", late):
         first = office.manager.create(GRIP)[0].id
         office.steps.pass_(APPROACH)
     assert office.manager.index.job(first).state == "failed"
-    assert rig.keeper.record is None
+    assert rig.writer.record is None
     office.end()

@@ -120,7 +120,7 @@ class RecordRepairer:
         self._pool.shutdown(cancel_futures=True)
         self.counted.close()
 
-    def _repair(self, folder: Path) -> None:
+    def _close_record(self, folder: Path) -> None:
         if not mcap_reading.is_closed(folder / NAME):
             record_repair.mend(folder, record_repair.KILLED)
             self.repaired += 1
@@ -128,7 +128,7 @@ class RecordRepairer:
     def _repair(self, folder: Path) -> None:
         """Close a record that broke off, and restore files that differ from its manifest."""
         if (folder / NAME).exists():
-            self._repair(folder)
+            self._close_record(folder)
         # The supervisor makes its own documents again.
         lost = [name for name in record_repair.restore(folder) if name in record_repair.OWN]
         if not lost:
@@ -142,7 +142,7 @@ class RecordRepairer:
         """Do the work of ``tidy`` in the thread of the caller; raises OSError."""
         config = self._config
         for folder in left:
-            self._repair(folder)
+            self._close_record(folder)
         retention.sweep(config.records)
         kept = retention.ended(config.records)
         ages_s = self.counted.ages_s([one.name for one in kept])

@@ -122,7 +122,7 @@ def motion_of(
         Newest estimate of the force.
     """
     if state == "unknown":
-        return "actuator_unknown"
+        return "unheard"
     if not RIG_STATES[state].may_move:
         return "tripped"
     if job is not None and job.state in ABOUT_TO:
