@@ -5,6 +5,7 @@ from html import escape
 from typing import Any
 
 from pincette.api.rig_states import MOTION, RIG_STATES
+from pincette.api.series import SERIES_STATES
 from pincette.api.states import BEYOND, EVENTS, HOLDS, NEEDS, STATES, Event, JobState
 
 WIDTH, HEIGHT = 980, 452
@@ -114,6 +115,10 @@ def jobs_page() -> str:
         )
         for name, row in RIG_STATES.items()
     ]
+    series = [("state", "meaning", "actions")]
+    series += [
+        (f"`{name}`", row.meaning, _leads(row.actions)) for name, row in SERIES_STATES.items()
+    ]
     motion = [("state", "meaning", "the stage may move")]
     motion += [
         (f"`{name}`", row.meaning, "yes" if row.may_move else "no") for name, row in MOTION.items()
@@ -130,7 +135,11 @@ def jobs_page() -> str:
         + "If the job is already in the requested state, the answer is 200 instead of 202.\n\n"
         + _table(actions)
         + RULES
-        + "\n## The rig\n\n"
+        + "\n## A series of jobs\n\n"
+        + "A [series](../how-to/series.md) starts its jobs one after the other, from "
+        + "`pincette.api.series`.\n\n"
+        + _table(series)
+        + "## The rig\n\n"
         + "`latch.state` and `standing.state` of a rig, from `pincette.api.rig_states`.\n\n"
         + _table(rig_states)
         + "`safe_to_move.state` of a rig, from the same module.\n\n"
@@ -148,7 +157,7 @@ def _everywhere(event: Event) -> str:
     return f"`{event}` leads to `{end}` from every state that is not final{but}."
 
 
-def _leads(events: Mapping[Event, JobState]) -> str:
+def _leads(events: Mapping[Any, str]) -> str:
     return "<br>".join(f"`{event}` → `{state}`" for event, state in events.items()) or "an end"
 
 

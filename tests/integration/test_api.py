@@ -39,7 +39,9 @@ ANSWER_S = 120.0
 """Longest an answer may take on a machine that is busy: only what hangs takes longer."""
 LONGEST_S, ALLOWED_S = 20.0, 3600.0
 """Durations are made short: an hour's plan takes seconds, and says nothing more."""
-JUDGED = frozenset({"jobs", "commands", "calibrations", "trajectories", "plot", "recipes"})
+JUDGED = frozenset(
+    {"jobs", "commands", "calibrations", "trajectories", "plot", "recipes", "series"}
+)
 """Ends of paths whose requests are also judged by what no schema can say: whether members go
 together, and whether rig and model bear them."""
 ENDLESS = ("/live", "/events")

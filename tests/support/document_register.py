@@ -101,6 +101,14 @@ SITTINGS: dict[str, Sitting] = {
     "docs/how-to/recipes.md": Sitting(
         (Typed("curl -s http://127.0.0.1:8000/api/v1/recipes", r'"recipe":\{?.*bead-1mm'),), up=DEMO
     ),
+    "docs/how-to/series.md": Sitting(
+        (
+            Typed("cat > plan.toml", r"6 jobs(.|\n)*completed(.|\n)*forces\.html", seconds=200.0),
+            Typed("from pincette.client import Supervisor", r"completed 2 of 2", seconds=90.0),
+        ),
+        up=DEMO,
+        slow=True,
+    ),
     "docs/how-to/alarms.md": Sitting((Typed("pincette rigs demo", r"actuator\.latch"),), up=DEMO),
     "docs/how-to/scripted-faults.md": Sitting(
         (

@@ -16,6 +16,7 @@ EventKind = Literal[
     "model",
     "edit",
     "claim",
+    "series",
 ]
 """Kinds of event that are stored and numbered, so that no client misses one."""
 PassingKind = Literal["progress", "dropped"]

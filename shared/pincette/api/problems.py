@@ -24,7 +24,8 @@ MEANINGS = {
         "the state does not allow it: invalid-transition (with allowed_actions), job-active, "
         "part-held, nothing-held, queue-full, rig-claimed (with claim), estop-engaged, "
         "rig-latched (with cause), zero-not-confirmed (with job), reset-refused, model-changed, "
-        "trajectory-stale, recipe-limit, rig-is-real, simulation-refused",
+        "trajectory-stale, recipe-limit, rig-is-real, simulation-refused, series-active (with "
+        "series)",
     ),
     413: ("body-too-large", "the body is larger than a request may be"),
     415: ("unsupported-media-type", "the body is not declared as JSON (Content-Type)"),
@@ -64,6 +65,7 @@ REMEDIES: Mapping[str, str] = {
     "caller-gone": "send the request again, and wait for its answer",
     "invalid-transition": "request one of allowed_actions",
     "job-active": "wait for that job, stop it, or send the request with `queue`: true",
+    "series-active": "wait for the end of that series, or stop it",
     "part-held": "release the part with a job `release`, or keep it with a job `hold`",
     "nothing-held": "grip a part first; `move` moves a free arm",
     "queue-full": "wait until a queued job has ended, or stop one",

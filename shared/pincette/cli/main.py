@@ -57,6 +57,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         "predict a job, and list every limit that it would break",
     ),
     "job": ("job", "start a job and follow it, act on one, list them"),
+    "series": ("series", "run many jobs by one plan, and control, list and report them"),
     "stop": ("job", "stop the running job, and wait until the rig confirms; a held part stays"),
     "watch": ("watch", "follow a job to its end, or every event of the rigs, until Ctrl-C"),
     "alarms": ("safety", "list the alarms of the rigs, or acknowledge one; nothing moves"),

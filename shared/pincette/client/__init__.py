@@ -10,7 +10,7 @@ means that no reply has come; its ``delivered`` states whether the request may h
 nevertheless.
 """
 
-from pincette.client.blocking import JobHandle, RigHandle, Supervisor
+from pincette.client.blocking import JobHandle, RigHandle, SeriesHandle, Supervisor
 from pincette.client.errors import (
     ClientError,
     DamagedFileError,
@@ -37,12 +37,14 @@ from pincette.client.following import kept_at_rest, left_s, require_feasible
 from pincette.client.job import AsyncJobHandle
 from pincette.client.live import LiveSample
 from pincette.client.rig import AsyncRigHandle
+from pincette.client.series import AsyncSeriesHandle
 from pincette.client.status import RigStatus, RigWatch
 from pincette.client.supervisor import AsyncSupervisor
 
 __all__ = [
     "AsyncJobHandle",
     "AsyncRigHandle",
+    "AsyncSeriesHandle",
     "AsyncSupervisor",
     "ClientError",
     "DamagedFileError",
@@ -67,6 +69,7 @@ __all__ = [
     "RigNotReadyError",
     "RigStatus",
     "RigWatch",
+    "SeriesHandle",
     "Supervisor",
     "WaitTimeoutError",
     "WhichRigError",

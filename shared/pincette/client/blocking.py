@@ -16,12 +16,14 @@ import httpx
 
 from pincette.api.jobs import Job, Progress
 from pincette.api.results import JobResult
+from pincette.api.series import Series, SeriesState
 from pincette.api.states import JobState
 from pincette.client.call import PATIENCE_S
 from pincette.client.errors import ClientError
 from pincette.client.job import AsyncJobHandle
 from pincette.client.notebook import job_html, rigs_html
 from pincette.client.rig import AsyncRigHandle
+from pincette.client.series import AsyncSeriesHandle
 from pincette.client.status import NEWS_S, status_of
 from pincette.client.supervisor import TIMEOUT_S, AsyncSupervisor
 from pincette.client.transport import BlockingConnection, Transport, client_settings
@@ -174,6 +176,40 @@ def _reached(found: tuple[AsyncJobHandle, Progress | None]) -> tuple[JobHandle, 
     return JobHandle(job), kept
 
 
+class SeriesHandle(Blocking[AsyncSeriesHandle]):
+    """One series: its state, its actions, its jobs and its report."""
+
+    @property
+    def series(self) -> Series:
+        """Series in the newest reply of the supervisor."""
+        return self.asynchronous.series
+
+    @property
+    def id(self) -> str:
+        """Identifier of the series."""
+        return self.series.id
+
+    @property
+    def state(self) -> SeriesState:
+        """State of the series in the newest reply; ``refresh`` requests a new one."""
+        return self.series.state
+
+    def patient(self, patience_s: float) -> "SeriesHandle":
+        """Return the same series with another retry time, in s, while no supervisor replies."""
+        return SeriesHandle(self.asynchronous.patient(patience_s))
+
+    refresh = blocking(AsyncSeriesHandle.refresh)
+    wait = blocking(AsyncSeriesHandle.wait)
+    pause = blocking(AsyncSeriesHandle.pause)
+    resume = blocking(AsyncSeriesHandle.resume)
+    stop = blocking(AsyncSeriesHandle.stop)
+    act = blocking(AsyncSeriesHandle.act)
+    jobs = blocking(AsyncSeriesHandle.jobs, _all)
+    table = blocking(AsyncSeriesHandle.table)
+    report = blocking(AsyncSeriesHandle.report)
+    picture = blocking(AsyncSeriesHandle.picture)
+
+
 class RigHandle(Blocking[AsyncRigHandle]):
     """One rig: its state, its plans, its jobs and its emergency stop."""
 
@@ -196,6 +232,9 @@ class RigHandle(Blocking[AsyncRigHandle]):
     plan = blocking(AsyncRigHandle.plan)
     plot = blocking(AsyncRigHandle.plot)
     start = blocking(AsyncRigHandle.start, JobHandle)
+    start_series = blocking(AsyncRigHandle.start_series, SeriesHandle)
+    plan_series = blocking(AsyncRigHandle.plan_series)
+    series = blocking(AsyncRigHandle.series)
     jobs = blocking(AsyncRigHandle.jobs, _all)
     job = blocking(AsyncRigHandle.job, JobHandle)
     stop = blocking(AsyncRigHandle.stop)
@@ -280,6 +319,8 @@ class Supervisor(Blocking[AsyncSupervisor]):
     job = blocking(AsyncSupervisor.job, JobHandle)
     stop = blocking(AsyncSupervisor.stop)
     jobs = blocking(AsyncSupervisor.jobs, _all)
+    find_series = blocking(AsyncSupervisor.find_series, SeriesHandle)
+    series = blocking(AsyncSupervisor.series)
     export = blocking(AsyncSupervisor.export)
     events = iterator(AsyncSupervisor.events)
     estop = blocking(AsyncSupervisor.estop)

@@ -6,7 +6,7 @@ from typing import Any
 
 from pincette.api.events import Event
 from pincette.api.job_kinds import job_kinds
-from pincette.api.jobs import Artifact, ArtifactList, Job, Progress
+from pincette.api.jobs import Artifact, ArtifactList, Job, JobList, Progress
 from pincette.api.results import JobResult
 from pincette.api.states import STATES, ActionType, JobState
 from pincette.client import following
@@ -187,3 +187,20 @@ class AsyncJobHandle:
     def _update(self, job: Job) -> Job:
         self.job = job
         return job
+
+
+PAGE = 500
+"""Largest number of entries that the supervisor lists at once."""
+
+
+async def jobs(transport: Transport, limit: int, **filters: str | int) -> list[AsyncJobHandle]:
+    """Return jobs of one rig or of all, newest first, read page by page if there are many."""
+    found: list[Job] = []
+    while len(found) < limit:
+        size = min(PAGE, limit - len(found))
+        page = await transport.send(get("/jobs", JobList, limit=size, **filters))
+        found += page.jobs
+        if page.next is None:
+            break
+        filters["before"] = page.next
+    return [AsyncJobHandle(transport, job) for job in found]

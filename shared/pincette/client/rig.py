@@ -7,20 +7,22 @@ from uuid import uuid4
 from pincette.api.access import Claim
 from pincette.api.checklist import Checklist
 from pincette.api.events import Event, EventList
-from pincette.api.jobs import Job, JobList, Progress, StoppedRequest
+from pincette.api.jobs import Job, Progress, StoppedRequest
 from pincette.api.learning import Erased, LearnedList, LearnedProgram
 from pincette.api.live import LoopTiming
 from pincette.api.models import ModelView
 from pincette.api.plans import JobPlan
 from pincette.api.requests import JobRequest
 from pincette.api.rigs import Rig, Stopped
+from pincette.api.series import SeriesPlan, SeriesRequest, SeriesSummary
 from pincette.api.simulation import SimulationCommand
 from pincette.client.call import PLANNING_S, Call, content, get, model, post
 from pincette.client.errors import ClientError, NotPermittedError, refused
 from pincette.client.following import RESTS_S, is_on_its_way, kept_at_rest, rests_with_part
-from pincette.client.job import AsyncJobHandle
+from pincette.client.job import PAGE, AsyncJobHandle, jobs
 from pincette.client.kinds import plan_of
 from pincette.client.live import LiveSample
+from pincette.client.series import AsyncSeriesHandle, listed, planned, started
 from pincette.client.status import NEWS_S, RigStatus, status_of, unknown_status
 from pincette.client.transport import Transport
 
@@ -180,6 +182,31 @@ class AsyncRigHandle:
         if hold_s is None and reached:
             return active, ""
         return active, "hold" if rests_with_part(active.job) else "grip"
+
+    async def start_series(
+        self,
+        request: SeriesRequest | None = None,
+        *,
+        idempotency_key: str | None = None,
+        **fields: Any,
+    ) -> AsyncSeriesHandle:
+        """Start a series of jobs exactly once, however often the connection breaks meanwhile.
+
+        ``fields`` are members of a ``SeriesRequest``, such as ``job`` and ``grid``. Raises as
+        ``start`` does.
+        """
+        return await started(self._transport, self.name, request, idempotency_key, **fields)
+
+    async def plan_series(self, request: SeriesRequest | None = None, **fields: Any) -> SeriesPlan:
+        """Plan and predict all jobs of a series; nothing moves.
+
+        Raises ProblemError for a job that breaks a limit.
+        """
+        return await planned(self._transport, self.name, request, **fields)
+
+    async def series(self, limit: int = 50) -> list[SeriesSummary]:
+        """Return the series of the rig, newest first."""
+        return await listed(self._transport, limit, self.name)
 
     async def jobs(self, limit: int = 50, **filters: str | int) -> list[AsyncJobHandle]:
         """Return jobs, newest first.
@@ -351,23 +378,6 @@ async def stop(transport: Transport, idempotency_key: str) -> Job | None:
     body = {"idempotency_key": idempotency_key}
     call = post("/jobs/stop", StoppedRequest, body, repeatable=True)
     return (await transport.send(call)).job
-
-
-PAGE = 500
-"""Largest number of entries that the supervisor lists at once."""
-
-
-async def jobs(transport: Transport, limit: int, **filters: str | int) -> list[AsyncJobHandle]:
-    """Return jobs of one rig or of all, newest first, read page by page if there are many."""
-    found: list[Job] = []
-    while len(found) < limit:
-        size = min(PAGE, limit - len(found))
-        page = await transport.send(get("/jobs", JobList, limit=size, **filters))
-        found += page.jobs
-        if page.next is None:
-            break
-        filters["before"] = page.next
-    return [AsyncJobHandle(transport, job) for job in found]
 
 
 def events(transport: Transport, path: str, after: int | None) -> AsyncGenerator[Event]:

@@ -14,10 +14,12 @@ from pincette.api.events import Alarm, AlarmList, Event
 from pincette.api.jobs import Job
 from pincette.api.requests import Recipe, RecipeHistory, RecipeList
 from pincette.api.rigs import Rig, RigList, StoppedList
+from pincette.api.series import Series, SeriesSummary
 from pincette.client.call import PATIENCE_S, Call, content, get, post
 from pincette.client.errors import WhichRigError
-from pincette.client.job import AsyncJobHandle
-from pincette.client.rig import PAGE, AsyncRigHandle, events, jobs, stop
+from pincette.client.job import PAGE, AsyncJobHandle, jobs
+from pincette.client.rig import AsyncRigHandle, events, stop
+from pincette.client.series import AsyncSeriesHandle, listed
 from pincette.client.transport import AsyncConnection, Transport, client_settings
 
 TIMEOUT_S = 10.0
@@ -132,6 +134,15 @@ class AsyncSupervisor:
         created_to (ISO 8601 with a time zone), and before (a job's id).
         """
         return await jobs(self.transport, limit, **filters)
+
+    async def find_series(self, name: str) -> AsyncSeriesHandle:
+        """Return a series of any rig by its identifier."""
+        found = await self.transport.send(get(f"/series/{name}", Series))
+        return AsyncSeriesHandle(self.transport, found)
+
+    async def series(self, limit: int = 50, rig: str | None = None) -> list[SeriesSummary]:
+        """Return the series of every rig, or of one, newest first."""
+        return await listed(self.transport, limit, rig)
 
     async def export(self, form: ExportForm = "csv", **filters: str | int) -> bytes:
         """Return many jobs as one table, by the filters of ``jobs``.

@@ -12,6 +12,7 @@ PAIRS = [
     (client.Supervisor, client.AsyncSupervisor),
     (client.RigHandle, client.AsyncRigHandle),
     (client.JobHandle, client.AsyncJobHandle),
+    (client.SeriesHandle, client.AsyncSeriesHandle),
 ]
 STREAMS = {"events", "live", "to_hold", "to_success", "to_release"}
 KNOWN_WITHOUT_ASKING = {"patient", "within", "result"}

@@ -15,6 +15,7 @@ from pincette_supervisor.journal.library import (
     TrajectoryRepository,
     TrajectoryRow,
 )
+from pincette_supervisor.journal.series import SeriesRepository, SeriesRow
 from pincette_supervisor.journal.store import Store
 from tests.support.apps import create_app
 
@@ -105,7 +106,16 @@ def succeeded_calibrations(harness: Harness) -> list[str]:
     return [str(harness.calibrated()["id"]) for _ in range(3)][::-1]
 
 
+def kept_series(harness: Harness) -> list[str]:
+    repository = SeriesRepository(harness.store)
+    for number in range(4):
+        row = SeriesRow(f"s{number}", "demo", "", "completed", {}, [], "2026-03-01T12:00:00.000Z")
+        repository.add(row)
+    return ["s3", "s2", "s1", "s0"]
+
+
 LISTS: dict[str, Any] = {
+    "/series": ("series", "id", kept_series),
     "/recipes": ("recipes", "name", kept_recipes),
     "/rigs/demo/learning": ("programs", "program", learned_programs),
     "/trajectories": ("trajectories", "digest", kept_trajectories),
@@ -125,7 +135,9 @@ def test_every_list_is_read_page_by_page(path: str, harness: Harness) -> None:
         assert harness.call("GET", f"/api/v1{path}?limit={limit}").status_code == 422
 
 
-@pytest.mark.parametrize("path", ["/trajectories", "/calibrations", "/rigs/demo/learning"])
+@pytest.mark.parametrize(
+    "path", ["/trajectories", "/calibrations", "/rigs/demo/learning", "/series"]
+)
 def test_an_unknown_cursor_is_not_found(path: str, harness: Harness) -> None:
     answer = harness.call("GET", f"/api/v1{path}?before={'0' * 16}")
     assert answer.status_code == 404, answer.text

@@ -67,7 +67,8 @@ def test_learned_corrections_move_from_notes_into_their_table(tmp_path: Path) ->
     }  # fmt: skip
     newer = {**before, "program": "b", "best_um": [0.2], "quiet": 2}
     with closing(sqlite3.connect(path)) as base:
-        base.execute("DROP TABLE learned")
+        for table in ("learned", "series"):
+            base.execute(f"DROP TABLE {table}")
         base.execute("DROP INDEX ix_jobs_listed")
         base.execute("UPDATE alembic_version SET version_num = '0005'")
         notes = [

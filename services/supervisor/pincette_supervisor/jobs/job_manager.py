@@ -25,6 +25,7 @@ from pincette_supervisor.jobs.job_queue import CAPACITY, Claims, Entry, JobQueue
 from pincette_supervisor.jobs.job_recorder import complete_left_records, stop_left_program
 from pincette_supervisor.jobs.refusals import invalid_action
 from pincette_supervisor.jobs.run import Run
+from pincette_supervisor.jobs.series import SeriesRunner
 from pincette_supervisor.journal.store import ActionRow, JobRow, KeyTakenError, StoreError, utc_now
 from pincette_supervisor.planning.job_plans import ResolvedRequest
 from pincette_supervisor.planning.prediction import Play, PredictionCache, played
@@ -263,6 +264,7 @@ class JobManager:
         self.turns = KeyTurns()
         self._thread: threading.Thread | None = None
         self._closing = False
+        self.series = SeriesRunner(self)
 
     @property
     def name(self) -> str:
@@ -292,6 +294,7 @@ class JobManager:
         self._complete_left_records()
         with self._lock:
             self.queue.load(self.name)
+        self.series.recover()
 
     def _complete_left_records(self) -> None:
         self.index.left = complete_left_records(self.context, self.changes.notify_all)
@@ -312,7 +315,7 @@ class JobManager:
         """Resolve and plan a request; raises ProblemError."""
         return planner.plan(self.context, self.resolve(request))
 
-    def _feasible(self, request: JobRequest) -> tuple[ResolvedRequest, Planned]:
+    def feasible(self, request: JobRequest) -> tuple[ResolvedRequest, Planned]:
         """Resolve and plan a request; raises ProblemError, also if it exceeds a limit."""
         resolved = self.resolve(request)
         return resolved, refusals.require_feasible(planner.plan(self.context, resolved))
@@ -338,12 +341,12 @@ class JobManager:
                 return self.index.job(refusals.require_same(known, fingerprint)), True
             self.claims.require(claim)
             moving = self._moving
-            resolved, planned = self._feasible(request)
+            resolved, planned = self.feasible(request)
             if predict and (self.active is None or request.queue):
                 refusals.require_feasible(self.predictions.checked(planned))
             await_end(self.active)
             if moving and not self._moving:  # the position is known now
-                resolved, planned = self._feasible(resolved.kept)
+                resolved, planned = self.feasible(resolved.kept)
             if gone():
                 raise refusals.caller_gone()
             hand_over(self.context, self.active, planned)
@@ -398,7 +401,7 @@ class JobManager:
 
     def _plan_queued(self, live: LiveJob) -> Planned:
         """Resolve and plan the queued job that is next; raises ProblemError."""
-        resolved, planned = self._feasible(live.request)
+        resolved, planned = self.feasible(live.request)
         live.request = resolved.request
         return planned
 
@@ -429,7 +432,8 @@ class JobManager:
         try:
             if live.status.stalled:
                 self.latch.reset(by)
-            name = self._admit(*self._feasible(request), by)
+            key = self.series.key_of_next(live.id)
+            name = self._admit(*self.feasible(request), by, key)
         except ProblemError as error:
             self.queue.halt(f"job {live.id} failed: {live.status.cause}")
             live.append_cause(f"it could not be started automatically: {error}")
@@ -483,6 +487,12 @@ class JobManager:
         return self.index.job(name), holds
 
     @contextmanager
+    def settled(self) -> Generator[None]:
+        """Block starts and ends of jobs within the block; an end includes what follows from it."""
+        with self._lock:
+            yield
+
+    @contextmanager
     def free(self) -> Generator[None]:
         """Block jobs within the block; raises ProblemError if one is running."""
         await_end(self.active)
@@ -493,7 +503,7 @@ class JobManager:
     def retire(self) -> bool:
         """Accept no more jobs; return False, without effect, if one is active or queued."""
         with self._lock:
-            if self.active is not None or len(self.queue):
+            if self.active is not None or len(self.queue) or self.series.running:
                 return False
             self._closing = True
             return True
@@ -501,6 +511,7 @@ class JobManager:
     def close(self) -> None:
         """Shut down: a running job becomes ``interrupted``, and the rig is requested to stop."""
         self._closing = True
+        self.series.close()
         live, thread = self.index.newest, self._thread
         if live is not None and thread is not None:
             live.interrupted = True

@@ -106,6 +106,29 @@ CREATIONS = Table(
 )
 """Jobs by the ``Idempotency-Key`` they were created with; the fingerprint is of the request."""
 
+SERIES = Table(
+    "series",
+    METADATA,
+    Column("number", Integer, primary_key=True, autoincrement=True),
+    Column("id", String, nullable=False, unique=True),
+    Column("rig", String, nullable=False),
+    Column("name", String, nullable=False),
+    Column("state", String, nullable=False),
+    Column("cause", String, nullable=False),
+    Column("request", JSON, nullable=False),
+    Column("jobs", JSON, nullable=False),
+    Column("failures", Integer, nullable=False),
+    Column("key", String, unique=True),
+    Column("fingerprint", String, nullable=False),
+    Column("requested_by", String),
+    Column("created_at", String, nullable=False),
+    Column("ended_at", String),
+    Index("ix_series_rig_state", "rig", "state"),
+    sqlite_autoincrement=True,
+)
+"""Series of jobs; ``jobs`` are the requests in their order. The jobs themselves are found by the
+keys in ``creations``."""
+
 RECIPES = Table(
     "recipes",
     METADATA,

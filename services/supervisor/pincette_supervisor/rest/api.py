@@ -27,6 +27,7 @@ from pincette_supervisor.rest import (
     routes_page,
     routes_probes,
     routes_rigs,
+    routes_series,
     routes_trajectories,
 )
 from pincette_supervisor.rest.dependencies import cookie_name
@@ -78,6 +79,12 @@ OPERATIONS = {
     "get /jobs/{job}/artifacts": "list_artifacts",
     "get /jobs/{job}/artifacts/{name}": "get_artifact",
     "get /jobs/{job}/artifacts/{name}/content": "get_artifact_content",
+    "post /series": "start_series",
+    "get /series": "list_series",
+    "get /series/{series}": "get_series",
+    "post /series/{series}/actions": "act_on_series",
+    "get /series/{series}/report": "get_series_report",
+    "get /series/{series}/plot": "plot_series",
     "get /kinds": "list_job_kinds",
     "get /laws": "list_laws",
     "post /calibrations": "start_calibration",
@@ -228,6 +235,7 @@ VERSIONED = (
     routes_job_list.router,
     routes_jobs.router,
     routes_jobs.catalog_router,
+    routes_series.router,
     routes_model.calibration_router,
     routes_model.learning_router,
     routes_model.recipe_router,

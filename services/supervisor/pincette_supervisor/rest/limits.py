@@ -32,7 +32,8 @@ _REQUEST_LINE = re.compile(rb"\s*post[ \t]+(\S+)", re.IGNORECASE)
 _FROM_BROWSER = re.compile(rb"^(?:origin|sec-fetch-[a-z]+)[ \t]*:", re.IGNORECASE | re.MULTILINE)
 _HEAD_END = re.compile(rb"\r?\n\r?\n")
 JOB_STOPS = ("/actions", "/stop")
-"""Path suffixes below ``/jobs`` that stop a job."""
+"""Path suffixes below ``/jobs`` and ``/series`` that stop a job."""
+STOPPED = ("/jobs/", "/series/")
 
 
 def estop_path(method: str, path: str) -> str | None:
@@ -257,7 +258,8 @@ def is_estop(scope: Scope) -> bool:
 
 def _may_stop_job(scope: Scope) -> bool:
     path: str = scope["path"]
-    return scope["method"] == "POST" and "/jobs/" in path and path.endswith(JOB_STOPS)
+    below = any(part in path for part in STOPPED)
+    return scope["method"] == "POST" and below and path.endswith(JOB_STOPS)
 
 
 def _kind(scope: Scope) -> Kind:

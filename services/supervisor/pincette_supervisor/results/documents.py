@@ -99,25 +99,35 @@ def report(
         f'<p class="whose">{escape(_whose(whose, job, rig))}</p>',
         _missing(state),
         _statement(result),
-        f'<img alt="{escape(title)}, over time" src="data:image/png;base64,'
-        f'{base64.b64encode(picture).decode()}">',
-        _section("Requested", _pairs(_scalars(values), exact=True)),
-        _section("Figures", _pairs(_figures(kind, result))),
+        picture_of(picture, f"{title}, over time"),
+        section("Requested", pairs(_scalars(values), exact=True)),
+        section("Figures", pairs(_figures(kind, result))),
     ]
     for name, value in result.items():
         if isinstance(value, Sequence) and not isinstance(value, str):
             heading = TITLES.get(name, name.replace("_", " ").capitalize())
-            parts.append(_section(heading, _list(cast("Sequence[Any]", value))))
+            parts.append(section(heading, listing(cast("Sequence[Any]", value))))
     if timing is not None:
-        parts.append(_section("Timing", _list([*rows(timing)])))
-    parts.append(_section("Made with", _pairs(whose.items())))
+        parts.append(section("Timing", listing([*rows(timing)])))
+    parts.append(section("Made with", pairs(whose.items())))
+    return page(f"{title} · {job}", parts)
+
+
+def page(title: str, parts: Iterable[str]) -> str:
+    """Return an HTML page that needs no other file; empty parts are left out."""
     body = "\n".join(part for part in parts if part)
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)} · {escape(job)}</title>\n<style>{STYLE}</style>\n</head>\n"
+        f"<title>{escape(title)}</title>\n<style>{STYLE}</style>\n</head>\n"
         f"<body>\n{body}\n</body>\n</html>\n"
     )
+
+
+def picture_of(png: bytes, about: str) -> str:
+    """Return a picture as a part of a page, with its description."""
+    encoded = base64.b64encode(png).decode()
+    return f'<img alt="{escape(about)}" src="data:image/png;base64,{encoded}">'
 
 
 def verdict(kind: JobKind, result: Mapping[str, Any]) -> str:
@@ -171,7 +181,8 @@ def _statement(result: Mapping[str, Any]) -> str:
     return f"<p>{escape(str(said))}</p>" if said else ""
 
 
-def _section(heading: str, content: str) -> str:
+def section(heading: str, content: str) -> str:
+    """Return a heading with its content; empty without content."""
     return f"<h2>{escape(heading)}</h2>\n{content}" if content else ""
 
 
@@ -206,15 +217,16 @@ def _end(name: str, unit: str) -> str:
     return name.removeprefix(bare(name)) if unit else ""
 
 
-def _pairs(pairs: Iterable[tuple[str, Any]], *, exact: bool = False) -> str:
+def pairs(given: Iterable[tuple[str, Any]], *, exact: bool = False) -> str:
+    """Return a table of names and values; empty without any."""
     rows = [
         f"<tr><th>{escape(_words(name))}</th>{_told(name, value, exact=exact)}</tr>"
-        for name, value in pairs
+        for name, value in given
     ]
     return f'<div class="columns"><table>{"".join(rows)}</table></div>' if rows else ""
 
 
-def _list(items: Sequence[Any]) -> str:
+def listing(items: Sequence[Any]) -> str:
     """Return a table for items with names, otherwise a list."""
     if not items:
         return "<p>none</p>"

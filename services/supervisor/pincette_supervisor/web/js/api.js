@@ -147,6 +147,7 @@ export async function sendClaim(method, path, body) {
 
 /** Jobs of this rig, as `query` narrows them down; and what its calibrations propose. */
 export const jobsOfRig = (query) => get(`/jobs?${OF_RIG}&${query}`);
+export const seriesOfRig = (query) => get(`/series?${OF_RIG}&${query}`);
 export const daysOfRig = () => get("page/days");
 export const checklistOfRig = () => get(`${RIG_PATH}/checklist`);
 export const calibrationsOfRig = (query) => get(`/calibrations?${OF_RIG}&${query}`);

@@ -21,6 +21,7 @@ import { Recent } from "./plots/recent.js";
 import { installReset, showRig } from "./rig.js";
 import { followRigs } from "./rigs.js";
 import { install as installScope } from "./plots/scope.js";
+import { SeriesPanel } from "./series.js";
 import { Feed } from "./streams.js";
 import { installTabs } from "./tabs.js";
 
@@ -57,6 +58,7 @@ const claim = new Claim({ refresh: soon });
 const details = new Details({ refresh: soon });
 const queue = new Queue({ refresh: soon, choose });
 const form = new StartForm({ refresh: soon, started: (made) => { job = made; }, recent });
+const series = new SeriesPanel({ refresh: soon, choose, request: () => form.request() });
 const openTab = installTabs((id) => {
   if (id === "tab-jobs") jobs.refresh().catch(() => {});
   if (id === "tab-calibrations") calibrations.refresh().catch(() => {});
@@ -99,6 +101,7 @@ async function refresh() {
   listed = now;
   form.jog.changed(job);
   await jobs.refresh();
+  await series.refresh();
   if (job && kindOf(job.kind).proposes && job.ended_at !== null) await calibrations.refresh();
 }
 
@@ -158,6 +161,7 @@ function followStreams() {
     samples: (batch) => recent.push(batch),
     event: (event) => {
       if (event.kind === "alarm" || event.kind === "rig") alarms.refresh().catch(() => {});
+      if (event.kind === "series") series.refresh().catch(() => {});
       if (event.kind !== "progress") soon();
       else if (job && event.job === job.id && job.progress) {
         job = { ...job, progress: { ...job.progress, ...event.body } };

@@ -4,7 +4,8 @@
 
 import { BASE, poll, RIG_PATH, heard } from "./api.js";
 
-const KINDS = ["state", "phase", "action", "result", "alarm", "queue", "rig", "model", "progress"];
+const KINDS = ["state", "phase", "action", "result", "alarm", "queue", "rig", "model", "series",
+  "progress"];
 const LOCK = "pincette:streams";
 const AGAIN_MS = 5000;
 const POLL_MS = 400;

@@ -1,0 +1,248 @@
+"""Series over REST: one request for many jobs, and the life of a series as data."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import Field, model_validator
+
+from pincette.api import WHOLE, Model, example
+from pincette.api.requests import Label
+from pincette.api.states import JobState
+
+SeriesState = Literal["running", "paused", "stopped", "completed"]
+SeriesActionType = Literal["pause", "resume", "stop"]
+
+SERIES_LABEL, NUMBER_LABEL = "series", "series_job"
+"""Labels of each job of a series: the id of the series, and the number of the job in it."""
+MOST_JOBS = 1000
+"""Largest number of jobs of one series."""
+
+
+@dataclass(frozen=True, slots=True)
+class SeriesStateMeaning:
+    """A state of a series: its meaning, and the state to which each action leads."""
+
+    meaning: str
+    actions: Mapping[SeriesActionType, SeriesState]
+    over: bool = False
+    """True if a caller that waits for the end of the series gets its answer."""
+
+
+SERIES_STATES: Mapping[SeriesState, SeriesStateMeaning] = {
+    "running": SeriesStateMeaning(
+        "starts its jobs one after the other", {"pause": "paused", "stop": "stopped"}
+    ),
+    "paused": SeriesStateMeaning(
+        "starts no further job until `resume`; a job that runs goes on",
+        {"resume": "running", "stop": "stopped"},
+        over=True,
+    ),
+    "stopped": SeriesStateMeaning(
+        "stopped by a person or by its stop rule; `resume` goes on with the next job",
+        {"resume": "running"},
+        over=True,
+    ),
+    "completed": SeriesStateMeaning("all jobs have ended", {}, over=True),
+}
+"""States of a series. The supervisor, the documents and the tests read this table."""
+TARGETS: Mapping[SeriesActionType, SeriesState] = {
+    "pause": "paused",
+    "resume": "running",
+    "stop": "stopped",
+}
+"""State in which the purpose of an action is reached."""
+
+
+class SeriesRequest(Model):
+    """A request for many jobs on one rig, one after the other.
+
+    ``values``, ``grid`` and ``csv`` exclude each other; without them every job is the same.
+    """
+
+    model_config = example(
+        name="beads of lot 7",
+        job={"kind": "grip", "recipe": "bead-1mm", "hold_s": 1.0},
+        values=[{"sample": "B1", "force_mN": 8.0}, {"sample": "B2", "force_mN": 12.0}],
+        repeats=2,
+        shuffle_seed=7,
+        stop_after_failures=3,
+    )
+
+    name: Label = ""
+    """Name of the series, for people."""
+    rig: str | None = Field(default=None, max_length=40)
+    """Name of the rig; may be left out if there is only one."""
+    job: dict[str, Any] = Field(default_factory=dict[str, Any])
+    """Members that all jobs have, as in a request for one job. ``rig``, ``autostart``, ``queue``
+    and ``dry_run`` are those of the series."""
+    values: list[dict[str, Any]] = Field(default_factory=list[dict[str, Any]], max_length=MOST_JOBS)
+    """Further members of each job, one entry for each job."""
+    grid: dict[str, Annotated[list[Any], Field(min_length=1, max_length=MOST_JOBS)]] = Field(
+        default_factory=dict[str, list[Any]]
+    )
+    """Lists of values by member; there is a job for each combination, and the last member changes
+    fastest."""
+    csv: str = ""
+    """Table with one line for each job, after a line with the names of the members, such as
+    ``sample,force_mN``. ``label.NAME`` is a label; an empty cell leaves the member out."""
+    repeats: Annotated[int, Field(ge=1, le=MOST_JOBS), WHOLE] = 1
+    """Number of times that the jobs are repeated, all of them each time."""
+    shuffle_seed: Annotated[int, Field(ge=0, le=2**31 - 1), WHOLE] | None = None
+    """Seed by which the order of all jobs is shuffled; null: in the given order."""
+    stop_after_failures: Annotated[int, Field(ge=1, le=MOST_JOBS), WHOLE] | None = 1
+    """Number of failed jobs after which the series stops; null: it goes on whatever fails."""
+    pause_s: float = Field(default=0.0, ge=0, le=86_400)
+    """Time between the end of a job and the start of the next one."""
+    after_restart: Literal["wait", "continue"] = "wait"
+    """``wait``: after a restart of the supervisor the series is paused until a person resumes it.
+    ``continue``: it goes on by itself. Either way an interrupted job is repeated."""
+    dry_run: bool = False
+    """True to plan and predict all jobs only, without starting any."""
+
+    @model_validator(mode="after")
+    def _one_source(self) -> "SeriesRequest":
+        given = [name for name in ("values", "grid", "csv") if getattr(self, name)]
+        if len(given) > 1:
+            raise ValueError(f"{' and '.join(given)} exclude each other: leave one out")
+        return self
+
+
+class SeriesAction(Model):
+    """Request for an action on a series."""
+
+    model_config = example(type="pause")
+
+    type: SeriesActionType
+    """``pause`` lets the running job end. ``stop`` stops the running job too; a held part stays
+    held. ``resume`` goes on with the next job, and counts failures from 0."""
+
+
+class SeriesJob(Model):
+    """A job of a series, started or not."""
+
+    model_config = example(
+        number=1,
+        request={"kind": "grip", "sample": "B1", "force_mN": 8.0},
+        planned_s=9.4,
+        job="20260301-120000-1f0c",
+        state="succeeded",
+        cause="",
+    )
+
+    number: int
+    """Place in the series, from 1."""
+    request: dict[str, Any]
+    planned_s: float | None
+    """Planned duration; null if it has no end, or was not known when the series was created."""
+    job: str | None
+    """Identifier of the job; null before it is created. A repeated one is the newest."""
+    state: JobState | None
+    cause: str
+
+
+class SeriesSummary(Model):
+    """A series without its jobs."""
+
+    model_config = example(
+        id="20260301-115900-7c2e",
+        name="beads of lot 7",
+        rig="demo",
+        state="running",
+        cause="",
+        total=4,
+        ended=1,
+        failed=0,
+        job="20260301-120020-1f0d",
+        remaining_s=28.2,
+        allowed_actions=["pause", "stop"],
+        by="cell-7",
+        created_at="2026-03-01T11:59:00.000Z",
+        ended_at=None,
+    )
+
+    id: str
+    name: str
+    rig: str
+    state: SeriesState
+    cause: str
+    """Reason why the series does not start its next job; empty if it does."""
+    total: int
+    """Number of jobs."""
+    ended: int
+    """Number of jobs that have ended."""
+    failed: int
+    """Number of them that have not succeeded."""
+    job: str | None
+    """Identifier of the newest job."""
+    remaining_s: float | None
+    """Estimated time until the end, by the planned durations and the pace so far; null if it is not
+    known."""
+    allowed_actions: list[SeriesActionType]
+    by: str | None
+    """Client that requested the series, as ``by`` of a job."""
+    created_at: str
+    ended_at: str | None
+    """Time at which the series was stopped or completed; null before."""
+
+
+class Series(SeriesSummary):
+    """A series: its request, its progress, and its jobs in their order."""
+
+    model_config = example(
+        id="20260301-115900-7c2e",
+        name="beads of lot 7",
+        rig="demo",
+        state="running",
+        cause="",
+        total=1,
+        ended=0,
+        failed=0,
+        job=None,
+        remaining_s=9.4,
+        allowed_actions=["pause", "stop"],
+        by="cell-7",
+        created_at="2026-03-01T11:59:00.000Z",
+        ended_at=None,
+        request={"job": {"kind": "grip", "force_mN": 8.0}},
+        jobs=[
+            {
+                "number": 1,
+                "request": {"kind": "grip", "force_mN": 8.0},
+                "planned_s": 9.4,
+                "job": None,
+                "state": None,
+                "cause": "",
+            }
+        ],
+    )
+
+    request: dict[str, Any]
+    jobs: list[SeriesJob]
+
+
+class SeriesPlan(Model):
+    """Result of a dry run: all jobs of the series in their order; nothing was started."""
+
+    model_config = example(total=1, planned_s=9.4, jobs=[])
+
+    total: int
+    planned_s: float | None
+    """Planned duration of all jobs with the pauses between them; null if it is not known."""
+    jobs: list[SeriesJob]
+
+
+class SeriesList(Model):
+    """Series, newest first."""
+
+    model_config = example(series=[], next=None)
+
+    series: list[SeriesSummary]
+    next: str | None = None
+    """Value of ``before`` for the next page; null at the end."""
+
+
+def allowed_series_actions(state: SeriesState) -> list[SeriesActionType]:
+    """Return the actions that a series in a state accepts."""
+    actions = SERIES_STATES[state].actions
+    return [one for one in get_args(SeriesActionType) if one in actions]
