@@ -40,7 +40,7 @@ def test_fields_of_another_version_are_distinguished(wire: int) -> None:
 
 def test_other_fields_of_the_same_version_are_another_build() -> None:
     said = refused(OTHER_FIELDS, ENCODING)
-    assert "sensor states wire version 2, as this program has" in said
+    assert "sensor states wire version 2, as this program does" in said
     assert "the same version of pincette" in said
 
 

@@ -71,7 +71,7 @@ def test_the_command_line_takes_precedence_over_the_environment(
     monkeypatch.setenv(VARIABLE, "json")
     assert (chosen(None), chosen("text")) == ("json", "text")
     monkeypatch.setenv(VARIABLE, "xml")
-    with pytest.raises(ValueError, match="wanted text or json"):
+    with pytest.raises(ValueError, match="expected text or json"):
         chosen(None)
 
 

@@ -160,7 +160,7 @@ class Claims:
 
 
 CAPACITY = 16
-RESTARTED = "the supervisor was started anew"
+RESTARTED = "the supervisor was restarted"
 
 
 @dataclass(slots=True)

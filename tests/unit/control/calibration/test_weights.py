@@ -81,7 +81,7 @@ def test_the_uncertainty_of_the_weights_is_added() -> None:
         ((0.0,), "must be 0 mN and at least one more"),
         ((1.0, 2.0), "must be 0 mN and at least one more"),
         ((0.0, 5.0, 5.0), "weight 5.0 mN after 5.0 mN: must be larger"),
-        ((0.0, float("nan")), "must rise"),
+        ((0.0, float("nan")), "must be larger"),
     ],
 )
 def test_weights_that_do_not_rise_from_nothing_are_refused(

@@ -65,7 +65,7 @@ def test_zero_is_refused_while_the_arm_moves() -> None:
 def test_zero_is_refused_while_the_voltage_works_against_something() -> None:
     samples = [FreeSample(0.01 * index, 0.0) for index in range(5)]
     text = fault_text(zero_refusal(MODEL, samples, part_held=False, limits=LIMITS))
-    assert "spread over 0.760 µm" in text
+    assert "moved by 0.760 µm" in text
 
 
 def test_zero_is_refused_where_the_offset_is_implausible() -> None:

@@ -206,7 +206,7 @@ def test_levels_beyond_the_limits_are_refused_or_lowered() -> None:
     weak = replace(RIG, limits=replace(LIMITS, force_max_mN=12.0))
     with pytest.raises(ValueError, match=r"0\.50 V peak to peak: force"):
         levels_within(REQUEST, weak)
-    with pytest.raises(ValueError, match="2 levels of voltage: must be at least 3"):
+    with pytest.raises(ValueError, match="2 levels of voltage, must be at least 3"):
         contact_stiffness_program(REQUEST, ROOMY, (1.0, 2.0))
     with pytest.raises(ValueError, match=r"level of voltage = -1\.0 V"):
         contact_stiffness_program(REQUEST, ROOMY, (-1.0, 1.0, 2.0))

@@ -112,10 +112,10 @@ def test_no_error_is_below_a_minimum_from_the_first_motion_on() -> None:
 
 def test_impossible_input_is_refused() -> None:
     for ways_V, errors_um, why in (
-        ([0.1, 0.1], [0.1, 0.2], "way 0.1 follows 0.1, must rise"),
+        ([0.1, 0.1], [0.1, 0.2], "way 0.1 follows 0.1: must be larger"),
         ([0.1, 0.2], [0.2, 0.1], "error 0.1 follows 0.2"),
         ([0.1], [0.1, 0.2], "must be equal in number"),
-        ([], [], "0 ways"),
+        ([], [], "0 motions"),
     ):
         with pytest.raises(ValueError, match=why):
             checked_growth(ways_V, errors_um)

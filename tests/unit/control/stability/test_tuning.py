@@ -127,7 +127,7 @@ def test_unstable_gains_are_not_returned() -> None:
     ],
 )
 def test_a_path_without_an_end_to_count_is_refused(rig: TuningRig, path: TuningPath) -> None:
-    with pytest.raises(ValueError, match=r"300 references and .* too few"):
+    with pytest.raises(ValueError, match=r"300 reference samples and .* too few"):
         track(rig, path, law_settings(), K_E, 0.0)
 
 
