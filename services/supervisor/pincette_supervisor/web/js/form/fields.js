@@ -132,7 +132,7 @@ export class Fields {
   }
 
   show(form, values, sources) {
-    const typed = form === this.form ? this.typed() : [];
+    const changed = form === this.form ? this.changed() : [];
     const make = (spec) => control(spec, values, sources);
     this.form = form;
     this.specs = form.filter((spec) => spec.widget !== "recipe" || sources.recipes.length);
@@ -140,16 +140,18 @@ export class Fields {
     this.element.replaceChildren(...this.specs.filter((spec) => !spec.advanced).map(make));
     this.further.replaceChildren(...more.map(make));
     this.more.hidden = more.length === 0;
-    for (const [name, text] of typed) this.find(name).value = text;
+    for (const [name, property, value] of changed) this.find(name)[property] = value;
     this.settle();
   }
 
-  /** Names and texts of the fields in which a person has typed. */
-  typed() {
-    return this.specs.map((spec) => [spec.name, this.find(spec.name)])
-      .filter(([, found]) => "defaultValue" in found && found.type !== "checkbox"
-        && found.value !== found.defaultValue)
-      .map(([name, found]) => [name, found.value]);
+  /** What a person has typed, chosen or ticked: the field's name, and a property with its value. */
+  changed() {
+    return this.specs.flatMap(({ name, ticked }) => {
+      const found = this.find(name);
+      const [property, before] = found.type === "checkbox" ? ["checked", ticked]
+        : ["value", found.defaultValue ?? found.options[0]?.value];
+      return found[property] === before ? [] : [[name, property, found[property]]];
+    });
   }
 
   find(name) {

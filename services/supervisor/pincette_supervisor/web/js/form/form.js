@@ -123,7 +123,8 @@ export class StartForm {
       for (const { name, form } of offered.filter((kind) => plannedFields(kind.form).length)) {
         this.defaults[name] = defaultsOf(await planOf({ kind: name }, false), form);
       }
-      if (!this.form.contains(document.activeElement)) this.choose(this.kind.value);
+      const used = this.form.contains(document.activeElement) || this.fields.changed().length;
+      if (!used) this.choose(this.kind.value);
     } catch (problem) {
       setText(this.fault, told(problem));
     }
