@@ -113,19 +113,24 @@ def choose_shape(seen: Visit, place: str) -> None:
     raise AssertionError(f"no shape has the field {place}")
 
 
-def test_a_path_from_a_file_is_stored_once_by_its_digest(seen: Visit, tmp_path: Path) -> None:
-    points = [{"t_s": 0.25 * number, "force_mN": 5.0 + 0.25 * (number % 2)} for number in range(8)]
-    lines = [f"{one['t_s']};{one['force_mN']}".replace(".", ",") for one in points]
-    file = tmp_path / "path.csv"
-    file.write_text("t_s;force_mN\n0;x\n", encoding="utf-8")
+@pytest.mark.parametrize(
+    ("member", "name", "low"), [("points", "force_mN", 5.0), ("x_points", "x_um", 33.0)]
+)
+def test_a_path_from_a_file_is_stored_once_by_its_digest(
+    seen: Visit, tmp_path: Path, member: str, name: str, low: float
+) -> None:
+    points = [{"t_s": 0.25 * number, name: low + 0.125 * (number % 2)} for number in range(8)]
+    lines = [f"{one['t_s']};{one[name]}".replace(".", ",") for one in points]
+    file, field = tmp_path / "path.csv", f"#field-{member}"
+    file.write_text(f"t_s;{name}\n0;x\n", encoding="utf-8")
     seen.page.select_option("#kind", "track")
     seen.page.select_option("#field-shape", "waypoints")
-    seen.page.set_input_files("#field-points-file", file)
-    seen.until("#field-points-fault", "line 2: force_mN = 'x'")
-    file.write_text("\n".join(["t_s;force_mN", *lines]), encoding="utf-8")
-    seen.page.set_input_files("#field-points-file", file)
+    seen.page.set_input_files(f"{field}-file", file)
+    seen.until(f"{field}-fault", f"line 2: {name} = 'x'")
+    file.write_text("\n".join([f"t_s;{name}", *lines]), encoding="utf-8")
+    seen.page.set_input_files(f"{field}-file", file)
     seen.until_true(
-        lambda: seen.page.input_value("#field-points").count("\n") == len(points) - 1,
+        lambda: seen.page.input_value(field).count("\n") == len(points) - 1,
         "the rows did not come",
         LONG_S,
     )
@@ -137,7 +142,7 @@ def test_a_path_from_a_file_is_stored_once_by_its_digest(seen: Visit, tmp_path: 
         "no job was made and described",
         LONG_S,
     )
-    assert httpx.get(f"{api}/jobs").json()["jobs"][0]["request"]["points"] == points
+    assert httpx.get(f"{api}/jobs").json()["jobs"][0]["request"][member] == points
     (kept,) = httpx.get(f"{api}/trajectories").json()["trajectories"]
     again = httpx.post(f"{api}/trajectories", json=kept["request"], timeout=LONG_S)
     assert (again.status_code, again.json()["digest"]) == (200, kept["digest"])

@@ -20,6 +20,7 @@ RIG = DEMO.model_copy(update={"output": DEMO.output.model_copy(update={"step_V":
 TWO_ARMS = opened(ROOT / "deploy" / "rigs" / "two-arms.toml")
 FORCE, PLACE = {"mean_mN": 15.0, "pp_mN": 10.0}, {"pp_um": 5.0}
 POINTS = [{"t_s": 0.0, "force_mN": 5.0}, {"t_s": 2.0, "force_mN": 10.0}]
+POSITIONS = [{"t_s": 0.0, "x_um": 33.0}, {"t_s": 2.0, "x_um": 35.0}]
 BASES = (
     {"kind": "grip"},
     {"kind": "grip", "profile": "gentle"},
@@ -27,6 +28,7 @@ BASES = (
     {"kind": "track", "shape": "triangle"},
     {"kind": "track", "shape": "step", "levels_mN": [5.0, 10.0]},
     {"kind": "track", "shape": "waypoints", "points": POINTS},
+    {"kind": "track", "shape": "waypoints", "x_points": POSITIONS},
     {"kind": "move", "to_um": 5.0, "conditioning_cycles": 1},
     {"kind": "move", "by_um": 5.0},
     {"kind": "move", "to_V": 0.5},
@@ -115,7 +117,11 @@ def found_in(values: Any, path: Path) -> Any:
 
 def honoured(planned: Planned, path: Path, value: float) -> bool:
     """Whether a plan keeps a value, or says of the member that it does not."""
-    plan, values = planned.plan, planned.values
+    plan, values, part = planned.plan, planned.values, RIG.part
+    if path[0] == "x_points":
+        path = ("points", *path[1:-1], str(path[-1]).replace("x_um", "force_mN"))
+        if path[-1] == "force_mN":
+            value = part.stiffness_mN_per_um * (value - part.contact_um)
     if not plan.feasible or path[-1] in BOUNDS:
         return True
     if any(str(path[0]) in text for text in getattr(plan, "warnings", ())):
@@ -132,7 +138,7 @@ def honoured(planned: Planned, path: Path, value: float) -> bool:
     kept = found_in(values, path)
     kept = places.get(str(path[-1])) if kept is None else kept
     if path[-1] == "x_pp_um":
-        value = value * RIG.part.stiffness_mN_per_um
+        value = value * part.stiffness_mN_per_um
     if not value and path[-1] in ("conditioning_cycles", "warm_up_s"):
         kept = kept or 0.0
     return kept is not None and isclose(float(kept), value, rel_tol=1e-9)

@@ -10,11 +10,13 @@ from pincette.config import RigFile
 from pincette.control.planning.segments import paths_of
 from pincette.core.codec import decode, encode
 from pincette.core.messages import Load
+from pincette.records import number_file, parquet
 from pincette_supervisor.kinds.bodies import REQUEST
 from pincette_supervisor.kinds.track import POINTS_MAX
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.plugin import Present
 from pincette_supervisor.rest.strict_route import MEMBERS_MAX, parsed
+from tests.support.command_line import request_of
 from tests.support.rigs import demo_rig
 
 from .harness import Harness
@@ -48,15 +50,30 @@ def test_a_recorded_trajectory_of_2007_rows_is_planned() -> None:
 
 
 @pytest.mark.skipif(not MEASURED.is_file(), reason=f"{MEASURED} is not there")
-def test_a_measured_path_is_planned() -> None:
+@pytest.mark.parametrize(
+    ("member", "name", "low"), [("points", "force_mN", 8.0), ("x_points", "x_um", 34.0)]
+)
+def test_a_measured_path_is_stored_once(
+    harness: Harness, tmp_path: Path, member: str, name: str, low: float
+) -> None:
     lines = MEASURED.read_text(encoding="ascii").splitlines()[::4]  # a row each period
     um = [float(line.split()[4]) for line in lines]
-    low, high = min(um), max(um)
-    points = [
-        {"t_s": round(RIG.rig.period_s * at, 6), "force_mN": 8.0 + 0.5 * (one - low) / (high - low)}
-        for at, one in enumerate(um)
-    ]
-    assert knots_of(RIG, {"kind": "track", "shape": "waypoints", "points": points}) == [len(um)]
+    least, most = min(um), max(um)
+    columns = {
+        "t_s": [round(RIG.rig.period_s * at, 6) for at in range(len(um))],
+        name: [low + 0.2 * (one - least) / (most - least) for one in um],
+    }
+    file = tmp_path / "measured.parquet"
+    parquet.write(file, [parquet.Field(one, "", "", "float") for one in columns], columns, {})
+    points = number_file.rows(file.read_bytes(), [*columns], "")
+    option = f"--{member.replace('_', '-')}"
+    typed = request_of("job", "track", "--shape", "waypoints", option, f"@{file}")
+    wish = {"kind": "track", **typed}
+    assert wish[member] == points
+    assert knots_of(RIG, wish) == [len(um)]
+    made, again = (harness.post("/trajectories", wish) for _ in range(2))
+    assert (made.status_code, again.status_code) == (201, 200)
+    assert made.json()["digest"] == again.json()["digest"]
 
 
 def test_two_paths_with_the_maximum_of_points_fit_in_one_message() -> None:

@@ -7,6 +7,10 @@ import pytest
 from .harness import Harness
 
 MEDIA_TYPE = "application/problem+json"
+K_E, CONTACT_UM = 2.17, 30.0
+"""Stiffness in mN/µm and place of the demo rig's part."""
+POSITIONS = [{"t_s": 0.0, "x_um": CONTACT_UM + 4.0}, {"t_s": 2.0, "x_um": CONTACT_UM + 5.0}]
+FORCES = [{"t_s": 0.0, "force_mN": K_E * 4.0}, {"t_s": 2.0, "force_mN": K_E * 5.0}]
 
 
 def refused(harness: Harness, body: dict[str, Any]) -> dict[str, Any]:
@@ -136,6 +140,13 @@ def test_a_rig_that_is_not_here_is_named_with_those_that_are(harness: Harness) -
         ({"shape": "step", "cycles": 3}, "/cycles", "be used with a step, which takes levels"),
         ({"levels_mN": [5.0]}, "/levels_mN", "cannot be used with a sinusoid"),
         ({"shape": "waypoints"}, "/points", "points is missing"),
+        ({"x_points": POSITIONS}, "/x_points", "cannot be used with a sinusoid"),
+        ({"x_points": POSITIONS, "points": FORCES}, "", "exclude each other"),
+        (
+            {"shape": "waypoints", "x_points": [POSITIONS[1], POSITIONS[0]]},
+            "/x_points",
+            "time from point 0 to point 1",
+        ),
         (
             {
                 "shape": "waypoints",
@@ -178,6 +189,14 @@ def test_a_fault_of_a_track_is_reported_with_its_place(
             "force",
             "/points",
         ),
+        (
+            {
+                "shape": "waypoints",
+                "x_points": [*POSITIONS, {"t_s": 3.0, "x_um": CONTACT_UM - 1.0}],
+            },
+            "force",
+            "/x_points",
+        ),
     ],
 )
 def test_a_path_beyond_a_limit_names_it(
@@ -202,11 +221,24 @@ def test_a_dry_run_of_a_track_plans_the_path_of_the_rig_file(harness: Harness, s
     assert max(plan["curves"]["force_r_mN"]) == pytest.approx(highest, rel=0.02)
 
 
-def test_one_amplitude_of_a_path_follows_from_the_other(harness: Harness) -> None:
-    stiffness = 2.17
-    by_position = harness.post("/jobs", {"kind": "track", "x_pp_um": 8.0}, dry_run="true").json()
-    body = {"kind": "track", "force_pp_mN": 8.0 * stiffness}
-    by_force = harness.post("/jobs", body, dry_run="true").json()
+@pytest.mark.parametrize(
+    ("position", "force"),
+    [
+        ({"x_pp_um": 8.0}, {"force_pp_mN": 8.0 * K_E}),
+        (
+            {"shape": "waypoints", "x_points": POSITIONS},
+            {"shape": "waypoints", "points": FORCES},
+        ),
+    ],
+)
+def test_the_force_of_a_path_follows_from_its_position(
+    harness: Harness, position: dict[str, Any], force: dict[str, Any]
+) -> None:
+    by_position, by_force = (
+        harness.post("/jobs", {"kind": "track", **one}, dry_run="true").json()
+        for one in (position, force)
+    )
+    assert by_position["feasible"]
     assert by_position == by_force
 
 

@@ -22,8 +22,10 @@ MEMBERS = {
     "step": ("levels_mN", "dwell_s"),
     "waypoints": ("points",),
 }
-"""Request members of each shape; ``x_pp_um`` may replace ``force_pp_mN``."""
-PATH = frozenset(("shape", "x_pp_um", *(name for names in MEMBERS.values() for name in names)))
+"""Request members of each shape."""
+BY_POSITION = {"x_pp_um": "force_pp_mN", "x_points": "points"}
+"""Request members that state positions, and the members of the force that they replace."""
+PATH = frozenset(("shape", *BY_POSITION, *(name for names in MEMBERS.values() for name in names)))
 
 
 class TrackPoint(Model):
@@ -33,6 +35,15 @@ class TrackPoint(Model):
 
     t_s: NotNegative
     force_mN: NotNegative
+
+
+class PositionPoint(Model):
+    """Position at a time since the begin of the path."""
+
+    model_config = example(t_s=1.0, x_um=35.5)
+
+    t_s: NotNegative
+    x_um: float
 
 
 class PlacePoint(Model):
@@ -120,6 +131,11 @@ class TrackJobRequest(ContactJobRequest, frozen=True):
         default=None, min_length=2, max_length=POINTS_MAX, fail_fast=True
     )
     """Points of the path; the first one is at 0 s."""
+    x_points: list[PositionPoint] | None = Field(
+        default=None, min_length=2, max_length=POINTS_MAX, fail_fast=True
+    )
+    """Positions of the arm along the path, instead of ``points``, whose forces then follow from the
+    rig file's part: K_e·(x - ``contact_um``)."""
     rate_um_per_s: Speed | None = None
     """Highest speed of x_r along the path, which steps reach."""
     acceleration_um_per_s2: Positive | None = None
@@ -140,6 +156,12 @@ class TrackJobRequest(ContactJobRequest, frozen=True):
     def _one_force(self) -> "TrackJobRequest":
         if self.force is not None and self.force_mN is not None:
             raise ValueError("force_mN and force exclude each other: the path gives the force")
+        return self
+
+    @model_validator(mode="after")
+    def _one_list(self) -> "TrackJobRequest":
+        if self.points is not None and self.x_points is not None:
+            raise ValueError("points and x_points exclude each other: forces follow from positions")
         return self
 
     @model_validator(mode="after")
@@ -345,6 +367,12 @@ KIND = JobKind(
                 when={"shape": ("waypoints",)},
                 placeholder="0 5\n2 10\n4 5",
             ),
+            FieldSpec(
+                name="x_points",
+                label="Or positions, one a line: time in s, position in µm",
+                when={"shape": ("waypoints",)},
+                placeholder="0 32.5\n2 35\n4 32.5",
+            ),
             FieldSpec(name="rate_um_per_s", label="Path at most at", advanced=True),
             fields.CONDITION,
             *fields.TOLERANCES,
@@ -373,7 +401,8 @@ KIND = JobKind(
     predicted=True,
     goal_phase="track",
     recipe=RecipeRules(
-        exclusive=(("force_pp_mN", "x_pp_um"), ("force", "force_mN")), dependent={"shape": PATH}
+        exclusive=(("force_pp_mN", "x_pp_um"), ("points", "x_points"), ("force", "force_mN")),
+        dependent={"shape": PATH},
     ),
     arms=(1, 2),
     only={

@@ -24,6 +24,7 @@ from pincette.control.record import replace as changed
 from pincette.records.columns import Columns
 from pincette_supervisor.kinds import pairs
 from pincette_supervisor.kinds.track import (
+    BY_POSITION,
     MEMBERS,
     SWING,
     CycleErrors,
@@ -86,24 +87,23 @@ def requested_path(request: TrackJobRequest, rig: RigFile) -> tuple[Path, dict[s
     """
     shape = request.shape or rig.track.shape
     members = MEMBERS[shape]
-    for name in sorted({*SWING, "x_pp_um", *MEMBERS["step"], *MEMBERS["waypoints"]}):
-        belongs = name in members or (name == "x_pp_um" and members is SWING)
-        if getattr(request, name) is not None and not belongs:
+    for name in sorted({*SWING, *MEMBERS["step"], *MEMBERS["waypoints"], *BY_POSITION}):
+        if getattr(request, name) is not None and BY_POSITION.get(name, name) not in members:
             raise FaultyRequestError(f"/{name}", _stray(name, shape, members))
-    if shape == "waypoints" and request.points is None:
-        raise FaultyRequestError("/points", "points is missing: waypoints need at least two")
     values: dict[str, Any] = {"shape": shape}
+    if shape == "waypoints":
+        values["points"] = _points(request, rig)
     for name in (*members, *LIMITS):
-        value = getattr(request, name)
-        values[name] = getattr(rig.track, name) if value is None else value
+        if name not in values:
+            value = getattr(request, name)
+            values[name] = getattr(rig.track, name) if value is None else value
     if shape == "step":
         values["levels_mN"] = list(values["levels_mN"])
     K_e = rig.part.stiffness_mN_per_um
     if request.x_pp_um is not None:
         values["force_pp_mN"] = K_e * request.x_pp_um
-    if request.points is not None:
-        values["points"] = [point.model_dump() for point in request.points]
     named = {_bare(name): values[name] for name in members}
+    listed = "/points" if request.x_points is None else "/x_points"
     if shape == "waypoints":
         named["points"] = [tuple(point.values()) for point in values["points"]]
     path = _path(
@@ -111,11 +111,24 @@ def requested_path(request: TrackJobRequest, rig: RigFile) -> tuple[Path, dict[s
         shape,
         named,
         (K_e * values["rate_um_per_s"], K_e * values["acceleration_um_per_s2"]),
-        "/points" if shape == "waypoints" else "",
-        {"waypoints": "/points", "step": "/dwell_s"}.get(shape, "/cycles"),
+        listed if shape == "waypoints" else "",
+        {"waypoints": listed, "step": "/dwell_s"}.get(shape, "/cycles"),
     )
-    pointer = {"step": "/levels_mN", "waypoints": "/points"}.get(shape, "/force_pp_mN")
+    pointer = {"step": "/levels_mN", "waypoints": listed}.get(shape, "/force_pp_mN")
     return path, values, "/x_pp_um" if request.x_pp_um is not None else pointer
+
+
+def _points(request: TrackJobRequest, rig: RigFile) -> list[dict[str, float]]:
+    """Return times and forces of the requested points; raises FaultyRequestError if none are."""
+    if request.x_points is not None:
+        K_e, contact_um = rig.part.stiffness_mN_per_um, rig.part.contact_um
+        return [
+            {"t_s": point.t_s, "force_mN": K_e * (point.x_um - contact_um)}
+            for point in request.x_points
+        ]
+    if request.points is None:
+        raise FaultyRequestError("/points", "points is missing: waypoints need at least two")
+    return [point.model_dump() for point in request.points]
 
 
 def path_of_two(path: ForcePath | PlacePath, rig: RigFile, place_um: float) -> Path:
