@@ -1,11 +1,13 @@
-"""Clients that stock generators make of the OpenAPI document start, follow and stop a grip."""
+"""Clients that stock generators make of the OpenAPI document start, follow and stop a grip.
+
+A linter accepts the document.
+"""
 
 import json
-import subprocess
 from pathlib import Path
 from typing import Any
 
-from contrib.support.npm import LONG_S, node, npm_folder
+from contrib.support.npm import node, npm_folder
 from tests.support.adapters import FORCE_MN
 from tests.support.checkout import ROOT
 from tests.support.environments import environment, ran
@@ -14,6 +16,7 @@ from tests.support.running import RunningRig
 DOCUMENT = ROOT / "deploy/openapi.json"
 DRIVES = ROOT / "contrib/support/generated"
 PYTHON = "openapi-python-client==0.29.1"
+LINTER = "@redocly/cli@2.77.0"
 TYPESCRIPT = ("openapi-typescript@7.13.0", "openapi-fetch@0.17.0", "typescript@5.9.3")
 OPTIONAL = "--default-non-nullable=false"
 """A field with a default may be left out of a request."""
@@ -42,13 +45,13 @@ def test_generated_types_in_typescript(rig: RunningRig, tmp_path: Path) -> None:
         ["openapi-typescript", str(DOCUMENT), "--output", "schema.d.ts", OPTIONAL],
         ["tsc", "--strict", "--skipLibCheck", "--module", "nodenext", "drive.mts"],
     ):
-        done = subprocess.run(
-            ["npx", "--no-install", *line],
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            timeout=LONG_S,
-            check=False,
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
+        ran(["npx", "--no-install", *line], folder)
     assert node(folder, "drive.mjs", rig.rig.supervisor.url, str(FORCE_MN)) == DONE
+
+
+def test_a_linter_finds_nothing_in_the_document(tmp_path: Path) -> None:
+    folder = npm_folder(tmp_path, DOCUMENT, LINTER)
+    line = ["npx", "--no-install", "redocly", "lint", DOCUMENT.name]
+    quiet = {"REDOCLY_TELEMETRY": "off", "REDOCLY_SUPPRESS_UPDATE_NOTICE": "true"}
+    found = ran([*line, "--extends", "recommended", "--format", "json"], folder, quiet)
+    assert json.loads(found)["totals"] == {"errors": 0, "warnings": 0, "ignored": 0}, found

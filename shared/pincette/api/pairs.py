@@ -6,7 +6,7 @@ from pydantic import BeforeValidator, Field
 
 from pincette.api import example
 from pincette.api.plans import LAW, Curves, JobPlan, Law
-from pincette.api.predictions import Peaks, PredictedCurves, Prediction
+from pincette.api.predictions import PREDICTED, Peaks, PredictedCurves, Prediction
 from pincette.api.requests import Duration, Gains, PolicyRequest, Positive, Speed
 from pincette.api.results import JobResult, Tracking, ZeroReturn
 
@@ -140,24 +140,28 @@ class PairResult(JobResult):
     zero."""
 
 
+PREDICTED_COURSE = {
+    "t_s": [0.0, 8.9],
+    "phase": ["zero", "hold"],
+    "x_um": [0.0, 30.7],
+    "force_mN": [0.0, 15.01],
+    "voltage_V": [0.0, 1.62],
+    "x_r_um": [0.0, 30.7],
+    "force_r_mN": [0.0, 15.0],
+    "sliding_um": [0.0, 0.0],
+    "second_x_um": [0.0, 31.2],
+    "second_force_mN": [0.0, 15.01],
+    "second_voltage_V": [0.0, 1.65],
+    "place_um": [0.0, -0.25],
+    "place_r_um": [0.0, -0.25],
+}
+"""Example of the predicted course of both arms."""
+
+
 class PredictedPairCurves(PredictedCurves):
     """Predicted course of both arms; columns without ``second_`` are those of the first."""
 
-    model_config = example(
-        t_s=[0.0, 8.9],
-        phase=["zero", "hold"],
-        x_um=[0.0, 30.7],
-        force_mN=[0.0, 15.01],
-        voltage_V=[0.0, 1.62],
-        x_r_um=[0.0, 30.7],
-        force_r_mN=[0.0, 15.0],
-        sliding_um=[0.0, 0.0],
-        second_x_um=[0.0, 31.2],
-        second_force_mN=[0.0, 15.01],
-        second_voltage_V=[0.0, 1.65],
-        place_um=[0.0, -0.25],
-        place_r_um=[0.0, -0.25],
-    )
+    model_config = example(**PREDICTED_COURSE)
 
     second_x_um: list[float]
     second_force_mN: list[float]
@@ -172,6 +176,11 @@ class PairPrediction(Prediction):
 
     The ground holds the part until both arms have touched it; afterwards only the arms do.
     """
+
+    model_config = example(
+        **PREDICTED
+        | {"curves": PREDICTED_COURSE, "second_peaks": PREDICTED["peaks"], "figures": None}
+    )
 
     curves: PredictedPairCurves  # pyright: ignore[reportIncompatibleVariableOverride]
     second_peaks: Peaks

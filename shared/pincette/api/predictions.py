@@ -1,6 +1,6 @@
 """Prediction of a dry run on the model in use, and the limits that the plan violates."""
 
-from typing import Literal
+from typing import Any, Literal
 
 from pincette.api import Model, example
 from pincette.control.vocabulary import LimitedQuantity
@@ -120,6 +120,38 @@ class Peaks(Model):
     """Largest magnitude of the slew rate."""
 
 
+PREDICTED: dict[str, Any] = {
+    "outcome": "gripped",
+    "succeeds": True,
+    "duration_s": 16.42,
+    "complete": True,
+    "cut": "",
+    "curves": {
+        "t_s": [0.0],
+        "phase": ["zero"],
+        "x_um": [0.0],
+        "force_mN": [0.0],
+        "voltage_V": [0.0],
+        "x_r_um": [0.0],
+        "force_r_mN": [0.0],
+        "sliding_um": [0.0],
+    },
+    "phases": [{"phase": "hold", "start_s": 6.6, "duration_s": 4.0}],
+    "peaks": {
+        "force_max_mN": 20.16,
+        "x_min_um": -0.01,
+        "x_max_um": 39.3,
+        "voltage_min_V": -0.02,
+        "voltage_max_V": 2.16,
+        "slew_max_V_per_s": 1.4,
+    },
+    "margins": [],
+    "violations": [],
+    "assumptions": ["free response as identified: hysteresis and creep, unpoled at the start"],
+}
+"""Example of a prediction."""
+
+
 class Prediction(Model):
     """A plan played by the services of the loop on the model in use, at full speed.
 
@@ -127,35 +159,7 @@ class Prediction(Model):
     expected, and the arm's memory of earlier voltages.
     """
 
-    model_config = example(
-        outcome="gripped",
-        succeeds=True,
-        duration_s=16.42,
-        complete=True,
-        cut="",
-        curves={
-            "t_s": [0.0],
-            "phase": ["zero"],
-            "x_um": [0.0],
-            "force_mN": [0.0],
-            "voltage_V": [0.0],
-            "x_r_um": [0.0],
-            "force_r_mN": [0.0],
-            "sliding_um": [0.0],
-        },
-        phases=[{"phase": "hold", "start_s": 6.6, "duration_s": 4.0}],
-        peaks={
-            "force_max_mN": 20.16,
-            "x_min_um": -0.01,
-            "x_max_um": 39.3,
-            "voltage_min_V": -0.02,
-            "voltage_max_V": 2.16,
-            "slew_max_V_per_s": 1.4,
-        },
-        margins=[],
-        violations=[],
-        assumptions=["free response as identified: hysteresis and creep, unpoled at the start"],
-    )
+    model_config = example(**PREDICTED)
 
     outcome: str
     """End of the program as predicted, as an outcome code of results."""

@@ -163,7 +163,28 @@ def complete(document: dict[str, Any]) -> None:
                 {str(status): answer for status, answer in responses(400).items()}
             )
             _flatten_union(content["schema"])
+        for answer in operation["responses"].values():
+            for content in answer.get("content", {}).values():
+                if "itemSchema" in content:  # of OpenAPI 3.2, which few tools accept yet
+                    content["x-itemSchema"] = content.pop("itemSchema")
+    for schema in schemas.values():
+        for one in schema.get("examples", ()):
+            _add_nulls(one, schema, schemas)
     _add_shared_responses(document)
+
+
+def _add_nulls(value: Any, schema: dict[str, Any], schemas: dict[str, Any]) -> None:
+    """Add the required members of an example that are null, which FastAPI has removed."""
+    schema = schemas.get(schema.get("$ref", "").removeprefix(SCHEMAS), schema)
+    if isinstance(value, dict):
+        members = cast("dict[str, Any]", value)
+        for name in schema.get("required", ()):
+            members.setdefault(name, None)
+        for name, member in schema.get("properties", {}).items():
+            _add_nulls(members.get(name), member, schemas)
+    elif isinstance(value, list):
+        for item in cast("list[Any]", value):
+            _add_nulls(item, schema.get("items", {}), schemas)
 
 
 def _name_operations(document: dict[str, Any]) -> None:
@@ -228,6 +249,7 @@ def _add_shared_responses(document: dict[str, Any]) -> None:
         for status in wanted:
             reference = {"$ref": f"#/components/responses/{NAMES[status]}"}
             operation["responses"].setdefault(str(status), reference)
+        operation.setdefault("security", [])  # needs no key
 
 
 VERSIONED = (
@@ -254,6 +276,8 @@ def create_app(rigs: Rigs, access: Access | None = None) -> FastAPI:
         version=__version__,
         description="Plans, runs and records jobs of a piezoelectric microgripper. "
         "Units are in the names: µm, mN, V, s. Errors are problem documents (RFC 9457).",
+        license_info={"name": "Apache License 2.0", "identifier": "Apache-2.0"},
+        servers=[{"url": "/"}],
         docs_url=None,
         redoc_url=None,
         openapi_url="/openapi.json",
