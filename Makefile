@@ -11,9 +11,11 @@ BIN := $(VENV)/bin
 export VENV
 # Tests start hundreds of programs, so Python keeps its compiled files.
 export PYTHONDONTWRITEBYTECODE :=
-# `full`: too long for `make test`; `slow`: for `make soak` alone; `engine`: needs containers.
+# `full`: too long for `make test`; `slow`: for `make soak` and `make contrib-full`; `engine`: needs containers.
 TEST := not full and not slow and not engine
 FULL := full and not slow and not engine
+# Stock clients in environments of their own are slow: a budget leaves them out.
+STOCK := $(if $(BUDGET_S),$(FULL),(full or slow) and not engine)
 # Tests without real time run on every core, with three workers for two cores, since workers also wait
 # for programs. Tests in real time run one after another, afterwards.
 CORES := $(shell getconf _NPROCESSORS_ONLN)
@@ -187,7 +189,7 @@ findings: ## run the scripts of findings/ one after another; needs the network, 
 contrib: ## lint and test the packages beside the core, in an environment of their own
 	@$(MAKE) --no-print-directory contrib-checked VENV=$(CONTRIB)
 
-contrib-full: ## the tests of contrib with stock clients and extras, in further environments; half an hour
+contrib-full: ## the tests of contrib with stock clients and extras, in further environments; an hour
 	@$(MAKE) --no-print-directory contrib-stock VENV=$(CONTRIB)
 
 contrib-env:
@@ -208,7 +210,7 @@ contrib-lint:
 
 contrib-stock: contrib-env
 	@$(BIN)/python requirements/system_programs.py
-	@$(call beside,$(FULL)); exit $$status
+	@$(call beside,$(STOCK)); exit $$status
 
 engine: dev ## the tests in containers, with a Docker engine; some minutes
 	@$(BIN)/pytest -m engine $(ARGS) tests/engine

@@ -1,6 +1,10 @@
-"""Plug-ins for the tests of contrib, and a rig on which a grip takes time to be cancelled."""
+"""Plug-ins for the tests of contrib, and a rig on which a grip takes time to be cancelled.
+
+A module may state changes of this rig as ``CHANGES``.
+"""
 
 from collections.abc import Generator
+from typing import Any
 
 import pytest
 
@@ -12,8 +16,9 @@ pytest_plugins = ["tests.support.selection", "tests.support.reruns", "tests.supp
 
 
 @pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
-    with adapter_rig(tmp_path_factory.mktemp("rig"), SLOWLY) as found:
+def running(request: Any, tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    changes = getattr(request.module, "CHANGES", SLOWLY)
+    with adapter_rig(tmp_path_factory.mktemp("rig"), changes) as found:
         yield found
 
 

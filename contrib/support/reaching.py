@@ -64,6 +64,11 @@ def climb(rig: RunningRig, driver: Driver, folder: Path) -> None:
     assert rig.view()["active_job"] == jobs[-1], "a force that is held already was requested again"
     driver.release()
     assert rig.view()["part"] == "none"
+    check_staircase(rig, jobs, folder)
+
+
+def check_staircase(rig: RunningRig, jobs: list[str], folder: Path) -> None:
+    """Check kinds, peaks and least forces of a staircase's jobs; raises AssertionError."""
     kinds = [rig.job(job)["kind"] for job in jobs]
     assert kinds == ["grip", *["hold"] * (len(jobs) - 1)]
     for job, (before_mN, force_mN) in zip(jobs, pairwise((0.0, *STAIRCASE_MN)), strict=True):

@@ -5,14 +5,14 @@ import subprocess
 import sys
 
 from tests.support.checkout import ROOT, environment
-from tests.support.documents import Block, typed_blocks
+from tests.support.documents import Block, blocks_of
 
 HELD = r"held with 1[45]\.\d\d mN"
 
 
 def block(page: str, first: str) -> Block:
-    """Return the program of a page that contains some words."""
-    (found,) = (one for one in typed_blocks(page) if first in one.text)
+    """Return the block of a page that contains some words."""
+    (found,) = (one for one in blocks_of(ROOT / page) if first in one.text)
     return found
 
 

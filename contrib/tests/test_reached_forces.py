@@ -3,7 +3,7 @@
 import json
 import subprocess
 from collections.abc import Callable, Generator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -24,18 +24,14 @@ from contrib.support.reaching import (
     stop_and_ask_again,
 )
 from contrib.support.run_engine import bps, closed, connected, ended, new_engine
-from tests.support.adapters import WAIT_S, adapter_rig, until
+from pincette.cli import Exit
+from tests.support.adapters import WAIT_S, until
 from tests.support.browser import Visit, looked_at, open_browser
-from tests.support.commands import pincette
+from tests.support.commands import PINCETTE, pincette
 from tests.support.running import Json, RunningRig
 
 REACH = DRIVE.with_name("reach.js")
-
-
-@pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
-    with adapter_rig(tmp_path_factory.mktemp("rig"), SLOW) as found:
-        yield found
+CHANGES = SLOW
 
 
 class Rest:
@@ -87,17 +83,35 @@ class Rest:
 
 
 class Typed(Rest):
-    """The command line."""
+    """The command line, where ``watch`` follows each job."""
+
+    def __init__(self, rig: RunningRig, following: ExitStack) -> None:
+        super().__init__(rig)
+        self.following, self.where = following, ("--url", rig.rig.supervisor.url)
+
+    def reach(self, force_mN: float) -> float:
+        try:
+            return super().reach(force_mN)
+        except NotReachedError as error:
+            told, _ = self.watch.communicate(timeout=WAIT_S)
+            assert self.watch.returncode == Exit.FAILED, told
+            raise NotReachedError(told) from error
 
     def started(self, force_mN: float) -> str:
         words = ("--force-mN", str(force_mN), "--until-released", "--no-wait")
-        return self.typed(self.kind, *words).strip()
+        job = self.typed(self.kind, *words).strip()
+        line = [*PINCETTE, "watch", job, *self.where]
+        self.watch = self.following.enter_context(
+            subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
+        )
+        self.following.callback(self.watch.kill)
+        return job
 
     def let_go(self, job: str) -> None:
         self.typed("release", job, "--no-wait")
 
     def typed(self, *words: str) -> str:
-        done = pincette("job", *words, "--url", self.rig.rig.supervisor.url)
+        done = pincette("job", *words, *self.where)
         assert done.returncode == 0, done.stderr
         return done.stdout
 
@@ -108,6 +122,13 @@ class Page(Rest):
     def __init__(self, rig: RunningRig, seen: Visit) -> None:
         super().__init__(rig)
         self.seen = seen
+
+    def reach(self, force_mN: float) -> float:
+        try:
+            return super().reach(force_mN)
+        except NotReachedError:
+            self.seen.until("#current-state", "stopped")
+            raise
 
     def started(self, force_mN: float) -> str:
         page, before = self.seen.page, self.newest
@@ -120,9 +141,14 @@ class Page(Rest):
         return self.newest
 
     def let_go(self, job: str) -> None:
+        before = self.releases(job)
         self.seen.page.click("#act-release", timeout=1000.0 * WAIT_S)
         asked = "the page has asked for no release"
-        self.seen.until_true(lambda: self.rig.job(job)["actions"][-1]["type"] == "release", asked)
+        self.seen.until_true(lambda: self.releases(job) > before, asked)
+
+    def releases(self, job: str) -> int:
+        """Number of releases that a job has been asked for."""
+        return sum(action["type"] == "release" for action in self.rig.job(job)["actions"])
 
     @property
     def newest(self) -> str:
@@ -238,7 +264,8 @@ def rest(rig: RunningRig, _: pytest.FixtureRequest) -> Generator[Driver]:
 
 @contextmanager
 def typed(rig: RunningRig, _: pytest.FixtureRequest) -> Generator[Driver]:
-    yield Typed(rig)
+    with ExitStack() as following:
+        yield Typed(rig, following)
 
 
 @contextmanager
@@ -263,9 +290,10 @@ def things(rig: RunningRig, request: pytest.FixtureRequest) -> Generator[Driver]
 
 Adapter = Callable[[RunningRig, pytest.FixtureRequest], AbstractContextManager[Driver]]
 ADAPTERS: tuple[Adapter, ...] = (rest, bluesky, agent)
+OTHERS: tuple[Adapter, ...] = (typed, page, things)
 
 
-@pytest.mark.parametrize("adapter", [*ADAPTERS, typed, page, things])
+@pytest.mark.parametrize("adapter", [*ADAPTERS, *OTHERS])
 def test_forces_are_reached_one_after_another_without_a_release(
     rig: RunningRig, adapter: Adapter, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
@@ -276,6 +304,15 @@ def test_forces_are_reached_one_after_another_without_a_release(
 @pytest.mark.parametrize("phase", STOPS)
 @pytest.mark.parametrize("adapter", ADAPTERS)
 def test_a_force_is_reached_after_a_stop_in_each_phase(
+    rig: RunningRig, adapter: Adapter, request: pytest.FixtureRequest, phase: str
+) -> None:
+    with adapter(rig, request) as driver:
+        stop_and_ask_again(rig, driver, phase)
+
+
+@pytest.mark.parametrize("phase", STOPS)
+@pytest.mark.parametrize("adapter", OTHERS)
+def test_a_force_is_reached_after_a_stop_by_cli_page_and_things(
     rig: RunningRig, adapter: Adapter, request: pytest.FixtureRequest, phase: str
 ) -> None:
     with adapter(rig, request) as driver:

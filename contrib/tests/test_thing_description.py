@@ -104,6 +104,7 @@ def test_a_disconnected_client_and_a_stopped_supervisor_leave_the_part_held(
             assert process.stdout is not None
             job = json.loads(process.stdout.readline())["job"]
             process.kill()
+        until(lambda: rig.view()["part"] == "held", "the motion does not go on")
         return job
 
     job = gripped_and_killed()

@@ -1,6 +1,7 @@
 """The stock client of MADSci drives a node: run in the node's environment, with its address.
 
-``URL ACTION ARGUMENTS`` runs one action, ``URL admin COMMAND`` an admin command, and
+``URL ACTION ARGUMENTS`` runs one action, ``URL each`` those of the standard input, ``URL leave
+ACTION ARGUMENTS`` begins one and does not wait, ``URL admin COMMAND`` runs an admin command, and
 ``URL all REST FORCE_MN PROCESS`` everything that a rig may meet; PROCESS is the supervisor's.
 """
 # pyright: basic, reportMissingImports=false
@@ -113,6 +114,14 @@ if __name__ == "__main__":
     elif sys.argv[2] == "admin":
         answer = node.send_admin_command(sys.argv[3])
         found = {"success": answer.success, "errors": [one.error_type for one in answer.errors]}
+    elif sys.argv[2] == "each":
+        for line in sys.stdin:
+            name, arguments = json.loads(line)
+            print(json.dumps(action(node, name, **arguments)), flush=True)
+        sys.exit()
+    elif sys.argv[2] == "leave":
+        request = ActionRequest(action_name=sys.argv[3], args=json.loads(sys.argv[4]))
+        found = {"status": str(node.send_action(request, await_result=False).status.value)}
     else:
         found = action(node, sys.argv[2], **json.loads(sys.argv[3]))
     print(json.dumps(found))

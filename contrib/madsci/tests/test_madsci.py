@@ -13,6 +13,7 @@ from typing import Any, get_args
 import httpx
 import pytest
 
+from contrib.support.reaching import SLOW, STOPS, NotReachedError, climb, stop_and_ask_again
 from contrib.support.stock_clients import block
 from pincette.api.endings import EndingCode
 from pincette.api.jobs import Job
@@ -40,6 +41,7 @@ from tests.support.two_arms import SHORT_PAIR, two_arm_rig
 # Its environment is made for it, and its packages take some seconds to be imported.
 pytestmark = pytest.mark.slow
 
+CHANGES = SLOW
 PINS = ROOT / "requirements/madsci.txt"
 DRIVE = Path(__file__).with_name("madsci_drive.py")
 ENDING: dict[str, Any] = {"code": "tripped", "trip": "", "faults": []}
@@ -193,20 +195,73 @@ def test_the_program_of_the_page_grips(rig: RunningRig, python: Path, tmp_path: 
     assert rig.view()["part"] == "none"
 
 
-def test_after_a_killed_node_the_part_stays_held_and_the_next_node_finds_its_job(
+class Actions:
+    """Actions of a node, by one client."""
+
+    def __init__(self, client: "subprocess.Popen[str]") -> None:
+        self.client = client
+
+    def reach(self, force_mN: float) -> float:
+        return self.done("grip", force_mN=force_mN)["force_held_mN"]
+
+    def release(self) -> None:
+        self.done("release")
+
+    def done(self, action: str, **arguments: float) -> Any:
+        assert self.client.stdin is not None
+        assert self.client.stdout is not None
+        self.client.stdin.write(json.dumps([action, arguments]) + "\n")
+        self.client.stdin.flush()
+        # The client also writes its log there.
+        lines = (line for line in self.client.stdout if line.startswith('{"status"'))
+        found = json.loads(next(lines))
+        if found["status"] != "succeeded":
+            raise NotReachedError(str(found["errors"]))
+        return found["json"]
+
+
+@pytest.fixture(scope="module")
+def served(
+    running: RunningRig, python: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Generator[Actions]:
+    folder = tmp_path_factory.mktemp("node")
+    with node(python, folder, running.rig.supervisor.url) as (url, _):
+        line = [str(python), str(DRIVE), url, "each"]
+        with subprocess.Popen(
+            line, cwd=folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as client:
+            yield Actions(client)
+
+
+def test_forces_are_reached_one_after_another_without_a_release(
+    rig: RunningRig, served: Actions, tmp_path: Path
+) -> None:
+    climb(rig, served, tmp_path)
+
+
+@pytest.mark.parametrize("phase", STOPS)
+def test_a_force_is_reached_after_a_stop_in_each_phase(
+    rig: RunningRig, served: Actions, phase: str
+) -> None:
+    stop_and_ask_again(rig, served, phase)
+
+
+def test_a_client_that_leaves_and_a_killed_node_leave_the_part_held_for_the_next_node(
     rig: RunningRig, python: Path, tmp_path: Path
 ) -> None:
-    supervisor = rig.rig.supervisor.url
+    supervisor, wanted = rig.rig.supervisor.url, json.dumps({"force_mN": FORCE_MN})
     with node(python, tmp_path, supervisor) as (url, process):
-        held = driven(python, tmp_path, url, "grip", json.dumps({"force_mN": FORCE_MN}))
+        assert driven(python, tmp_path, url, "leave", "grip", wanted)["status"] == "running"
+        until(lambda: rig.view()["part"] == "held", "the motion does not go on")
+        job = rig.view()["active_job"]
         process.send_signal(signal.SIGKILL)
         process.wait(20.0)
     assert rig.view()["part"] == "held"
     with node(python, tmp_path, supervisor) as (url, _):
         state = httpx.get(f"{url}state", trust_env=False).json()
-        assert (state["part"], state["job"]) == ("held", held["json"]["job"])
+        assert (state["part"], state["job"]) == ("held", job)
         released = driven(python, tmp_path, url, "release", "{}")
-    assert released["json"]["job"] == held["json"]["job"]
+    assert released["json"]["job"] == job
     assert rig.view()["part"] == "none"
 
 

@@ -15,7 +15,7 @@ from mcp import Client, MCPError, StdioServerParameters
 from contrib.support.agent import agent, planned, refused, said
 from tests.support.adapters import FORCE_MN, NEAR_MN, WAIT_S
 from tests.support.grips import restart
-from tests.support.running import RunningRig
+from tests.support.running import Json, RunningRig
 
 LOOKS, STOPS, MOVES = {"status", "plan_grip"}, {"stop", "emergency_stop"}, {"grip", "release"}
 
@@ -24,7 +24,8 @@ async def until_phase(rig: RunningRig, phase: str) -> str:
     """The job that has come to a phase."""
     while True:
         view = await asyncio.to_thread(rig.view)
-        if view["active_job"] is not None and (view["newest"] or {}).get("phase") == phase:
+        newest: Json = view["newest"] or {}
+        if view["active_job"] is not None and newest.get("phase") == phase:
             return view["active_job"]
         await asyncio.sleep(0.02)
 

@@ -20,9 +20,7 @@ async function main(url, what, forceMN, supervisor) {
   const grip = { kind: "grip", force_mN: forceMN, until_released: true, autostart: true };
 
   if (what === "grip") {
-    const job = (await call("start", grip)).id;
-    while ((await read("state")).part !== "held") await pause(100);
-    console.log(JSON.stringify({ job }));
+    console.log(JSON.stringify({ job: (await call("start", grip)).id }));
     await pause(60000); // it is killed meanwhile
   } else if (what === "release") {
     // A supervisor that was started again has no job of it: a job of its own lets it go.

@@ -20,7 +20,10 @@ async function main(url) {
     const { id } = await call("start", { ...asked, until_released: true, autostart: true });
     for (;;) {
       const job = await read("job", of(id));
-      if (job.ended_at) return { error: `job ${id} ${job.state}: ${job.cause}` };
+      if (job.ended_at) {
+        const { state, cause } = await read("result", of(id));
+        return { error: `job ${id} ${state}: ${cause}` };
+      }
       const held = job.progress && job.progress.force_held_mN;
       if (held !== null && held !== undefined && job.state === "running") return { held };
       await new Promise((resolve) => setTimeout(resolve, 100));
