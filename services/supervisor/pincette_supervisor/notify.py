@@ -41,7 +41,10 @@ from pincette_supervisor.journal.tables import JobRow
 # Notice of an event of the journal; pure.
 
 ALARMS: Mapping[str, Told] = {"raised": "alarm.raised", "cleared": "alarm.cleared"}
-SAID = ("kind", "sample", "batch", "operator", "requested_by", "started_at", "ended_at")
+SAID = (
+    *("kind", "sample", "batch", "operator"),
+    *("requested_by", "traceparent", "started_at", "ended_at"),
+)
 """Members of a job that the notice of its end contains."""
 
 

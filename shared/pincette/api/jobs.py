@@ -153,6 +153,7 @@ class Job(Model):
         labels={},
         pinned=False,
         by="cell-7",
+        traceparent="00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01",
         progress=None,
         result=None,
         actions=[],
@@ -194,6 +195,8 @@ class Job(Model):
     by: str | None = None
     """Client that requested the job: the name of a key with the caller's label in brackets; without
     keys, the header ``X-Operator`` or the client's address."""
+    traceparent: str | None = None
+    """W3C trace context of the request, from its header ``traceparent``; null without one."""
     progress: Progress | None
     result: dict[str, Any] | None
     """Result of a job that has moved, by its kind. For an interrupted job it has the members common

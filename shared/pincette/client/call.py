@@ -193,6 +193,11 @@ def identity_headers(
     return headers
 
 
+def traced(traceparent: str | None) -> dict[str, str]:
+    """Return the header of a W3C trace context; empty without one."""
+    return {} if traceparent is None else {"traceparent": traceparent}
+
+
 def _is_printable(text: str, most: int) -> bool:
     return text.isascii() and text.isprintable() and 0 < len(text) <= most
 

@@ -16,7 +16,7 @@ from pincette.api.requests import JobRequest
 from pincette.api.rigs import Rig, Stopped
 from pincette.api.series import SeriesPlan, SeriesRequest, SeriesSummary
 from pincette.api.simulation import SimulationCommand
-from pincette.client.call import PLANNING_S, Call, content, get, model, post
+from pincette.client.call import PLANNING_S, Call, content, get, model, post, traced
 from pincette.client.errors import ClientError, NotPermittedError, refused
 from pincette.client.following import RESTS_S, is_on_its_way, kept_at_rest, rests_with_part
 from pincette.client.job import PAGE, AsyncJobHandle, jobs
@@ -86,6 +86,7 @@ class AsyncRigHandle:
         *,
         autostart: bool = True,
         idempotency_key: str | None = None,
+        traceparent: str | None = None,
         **fields: Any,
     ) -> AsyncJobHandle:
         """Start a job exactly once, however often the connection breaks meanwhile.
@@ -98,6 +99,8 @@ class AsyncRigHandle:
             True if the job begins as soon as it is ready; otherwise it waits for ``start``.
         idempotency_key
             Key of the job, for a program that may itself be restarted; generated if left out.
+        traceparent
+            W3C trace context of the caller, which is stored with the job.
 
         Raises
         ------
@@ -114,7 +117,7 @@ class AsyncRigHandle:
             "/jobs",
             model(Job),
             body=body,
-            headers={"Idempotency-Key": key},
+            headers={"Idempotency-Key": key, **traced(traceparent)},
             repeatable=True,
             look=f"`pincette job list` shows it; sent again with Idempotency-Key {key} it creates "
             "no second job",
@@ -188,6 +191,7 @@ class AsyncRigHandle:
         request: SeriesRequest | None = None,
         *,
         idempotency_key: str | None = None,
+        traceparent: str | None = None,
         **fields: Any,
     ) -> AsyncSeriesHandle:
         """Start a series of jobs exactly once, however often the connection breaks meanwhile.
@@ -195,7 +199,9 @@ class AsyncRigHandle:
         ``fields`` are members of a ``SeriesRequest``, such as ``job`` and ``grid``. Raises as
         ``start`` does.
         """
-        return await started(self._transport, self.name, request, idempotency_key, **fields)
+        headers = traced(traceparent)
+        key = idempotency_key
+        return await started(self._transport, self.name, request, key, headers, **fields)
 
     async def plan_series(self, request: SeriesRequest | None = None, **fields: Any) -> SeriesPlan:
         """Plan and predict all jobs of a series; nothing moves.

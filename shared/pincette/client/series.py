@@ -1,5 +1,6 @@
 """A series of jobs of a supervisor, over asyncio."""
 
+from collections.abc import Mapping
 from typing import Any, Literal
 from uuid import uuid4
 
@@ -117,7 +118,12 @@ class AsyncSeriesHandle:
 
 
 async def started(
-    transport: Transport, rig: str, request: SeriesRequest | None, key: str | None, **fields: Any
+    transport: Transport,
+    rig: str,
+    request: SeriesRequest | None,
+    key: str | None,
+    headers: Mapping[str, str],
+    **fields: Any,
 ) -> AsyncSeriesHandle:
     """Start a series exactly once."""
     key = key or uuid4().hex
@@ -126,7 +132,7 @@ async def started(
         "/series",
         model(Series),
         body=_body(rig, request, fields),
-        headers={"Idempotency-Key": key},
+        headers={"Idempotency-Key": key, **headers},
         repeatable=True,
         kept_s=PLANNING_S,
         look=f"`pincette series list` shows it; sent again with Idempotency-Key {key} it creates "

@@ -110,6 +110,11 @@ class JobStatus:
         return self.terminal and self.held
 
 
+def traced(traceparent: str | None) -> dict[str, str]:
+    """Return the member of events and log lines of a job that has a trace context."""
+    return {} if traceparent is None else {"traceparent": traceparent}
+
+
 class LiveJob:
     """A job from its start to its end, shared by its run and by requests."""
 
@@ -190,7 +195,7 @@ class LiveJob:
             values: dict[str, object] = {"state": state, "cause": known.cause}
             if event == "start":
                 values["started_at"] = now
-            body = {"state": state, "cause": known.cause}
+            body = {"state": state, "cause": known.cause, **traced(self.row.traceparent)}
             if STATES[state].terminal:
                 end = known.ending or Ending(code=DEFAULT_ENDING.get(state, "internal"))
                 self.update(ending=end)

@@ -35,7 +35,9 @@ SAID = ("sample", "batch", "operator", "notes", "labels", "pinned")
 """Members of a job that a person edits."""
 
 
-def new_row(request: JobRequest, planned: Planned, rig: str, by: str | None) -> JobRow:
+def new_row(
+    request: JobRequest, planned: Planned, rig: str, by: str | None, trace: str | None = None
+) -> JobRow:
     """Return the journal row of a new job; its name is the time and a random suffix."""
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     return JobRow(
@@ -50,6 +52,7 @@ def new_row(request: JobRequest, planned: Planned, rig: str, by: str | None) -> 
         },
         created_at=utc_now(),
         requested_by=by,
+        traceparent=trace,
         sample=request.sample,
         batch=request.batch,
         operator=request.operator,
@@ -119,6 +122,7 @@ def job_view(
         values=values,
         **{name: getattr(row, name) for name in SAID},
         by=row.requested_by,
+        traceparent=row.traceparent,
         progress=None if busy is None else busy.progress,
         result=row.result,
         actions=[

@@ -19,7 +19,7 @@ from pincette.core.messages import Action
 from pincette.core.topics import ACTION
 from pincette_supervisor.jobs import planner, refusals
 from pincette_supervisor.jobs.bring_up import Calibrations
-from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob
+from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob, traced
 from pincette_supervisor.jobs.job_index import WRITTEN_S, JobIndex, fingerprint_of, new_row
 from pincette_supervisor.jobs.job_queue import CAPACITY, Claims, Entry, JobQueue
 from pincette_supervisor.jobs.job_recorder import complete_left_records, stop_left_program
@@ -329,10 +329,12 @@ class JobManager:
         by: str | None = None,
         gone: Callable[[], bool] = lambda: False,
         claim: str | None = None,
+        trace: str | None = None,
     ) -> tuple[Job, bool]:
         """Create a job, unless its caller is ``gone``.
 
-        The flag is True if its key created it earlier.
+        ``trace`` is the W3C trace context of the request. The flag is True if its key created the
+        job earlier.
         """
         fingerprint = fingerprint_of(request)
         with self.turns.of(key):
@@ -353,7 +355,7 @@ class JobManager:
             try:
                 with self._lock, self.turns.accepting(key):
                     self.claims.require(claim)
-                    name = self._admit(resolved, planned, by, key, fingerprint)
+                    name = self._admit(resolved, planned, by, key, fingerprint, trace)
             except KeyTakenError as error:
                 return self.index.job(refusals.require_same(error, fingerprint)), True
         return self.index.job(name), False
@@ -365,6 +367,7 @@ class JobManager:
         by: str | None,
         key: str | None = None,
         fingerprint: str = "",
+        trace: str | None = None,
     ) -> str:
         """Store a job and start or queue it; return its name. The caller holds the lock."""
         request = resolved.kept
@@ -381,9 +384,9 @@ class JobManager:
             refusals.require_zero_confirmed(self.context, request)
             if resolved.model is not self.context.model.in_use:
                 raise refusals.model_changed()
-        row = new_row(request, planned, self.name, by)
+        row = new_row(request, planned, self.name, by, trace)
         with self.context.events.transaction(
-            "state", row.id, state="queued", cause="", kind=row.kind
+            "state", row.id, state="queued", cause="", kind=row.kind, **traced(trace)
         ):
             row = self.context.store.add(row, key, fingerprint)
         self.turns.note_created(key, row.id)
@@ -433,7 +436,7 @@ class JobManager:
             if live.status.stalled:
                 self.latch.reset(by)
             key = self.series.key_of_next(live.id)
-            name = self._admit(*self.feasible(request), by, key)
+            name = self._admit(*self.feasible(request), by, key, trace=live.row.traceparent)
         except ProblemError as error:
             self.queue.halt(f"job {live.id} failed: {live.status.cause}")
             live.append_cause(f"it could not be started automatically: {error}")

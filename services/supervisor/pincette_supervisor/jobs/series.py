@@ -92,7 +92,13 @@ class SeriesRunner:
         return _plan_of(self._planned(request, predict=predict), request.pause_s)
 
     def create(
-        self, request: SeriesRequest, key: str | None, *, by: str, claim: str | None
+        self,
+        request: SeriesRequest,
+        key: str | None,
+        *,
+        by: str,
+        claim: str | None,
+        trace: str | None = None,
     ) -> tuple[Series, bool]:
         """Create a series and start it; the flag is True if its key created it earlier.
 
@@ -117,6 +123,7 @@ class SeriesRunner:
             key=key,
             fingerprint=digest,
             requested_by=by,
+            traceparent=trace,
         )
         first = request_of(jobs[0]["request"])
         refusals.require_ready(self._context, begins_held=kind_of(first).begins_held, queued=True)
@@ -331,6 +338,7 @@ class SeriesRunner:
                     by=row.requested_by,
                     gone=lambda: not self._goes_on(name),
                     claim=self._claim,
+                    trace=row.traceparent,
                 )
             except ProblemError as error:
                 if error.code == "rig-not-ready" and tries_s < READY_S:

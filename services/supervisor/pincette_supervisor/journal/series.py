@@ -34,6 +34,7 @@ class SeriesRow:
     fingerprint: str = ""
     """Digest of the request with the key."""
     requested_by: str | None = None
+    traceparent: str | None = None
     ended_at: str | None = None
     number: int = 0
     """Number of the series, rising with each; 0 until it is stored."""

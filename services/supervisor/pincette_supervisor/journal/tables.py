@@ -48,6 +48,7 @@ JOBS = Table(
     Column("pinned", Boolean, nullable=False),
     Column("priority", Integer, nullable=False),
     Column("place", Integer),
+    Column("traceparent", String),
     *(
         Index(f"ix_jobs_{name}_number", name, "number", "created_at")
         for name in ("rig", "state", "kind", "sample", "batch", "operator", "pinned")
@@ -123,6 +124,7 @@ SERIES = Table(
     Column("requested_by", String),
     Column("created_at", String, nullable=False),
     Column("ended_at", String),
+    Column("traceparent", String),
     Index("ix_series_rig_state", "rig", "state"),
     sqlite_autoincrement=True,
 )
@@ -247,6 +249,8 @@ class JobRow:
     """Epoch of the job's arming; None before it."""
     requested_by: str | None = None
     """Caller who requested the job; None for a job that is older than this column."""
+    traceparent: str | None = None
+    """W3C trace context of the request; None without one."""
     sample: str = ""
     batch: str = ""
     operator: str = ""

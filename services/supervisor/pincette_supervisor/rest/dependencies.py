@@ -301,6 +301,17 @@ ClaimToken = Annotated[
 ]
 
 
+_TRACE = re.compile(r"00-(?!0{32})[0-9a-f]{32}-(?!0{16})[0-9a-f]{16}-[0-9a-f]{2}")
+TraceParent = Annotated[
+    str | None,
+    Header(
+        alias="traceparent",
+        description="trace context (W3C), stored with the job; a context that is invalid is "
+        "ignored",
+    ),
+]
+
+
 @dataclass(frozen=True, slots=True)
 class Asker:
     """Caller who requests a job, and whether it is still connected."""
@@ -309,10 +320,19 @@ class Asker:
     claim: str | None
     note: Callable[[str], None]
     gone: Callable[[], bool]
+    trace: str | None = None
+    """Valid trace context of the request; None without one."""
 
 
-async def _asker(by: Operator, note: Note, gone: HungUp, claim: ClaimToken = None) -> Asker:
-    return Asker(by, claim, note, gone)
+async def _asker(
+    by: Operator,
+    note: Note,
+    gone: HungUp,
+    claim: ClaimToken = None,
+    traceparent: TraceParent = None,
+) -> Asker:
+    valid = traceparent is not None and _TRACE.fullmatch(traceparent)
+    return Asker(by, claim, note, gone, traceparent if valid else None)
 
 
 Asking = Annotated[Asker, Depends(_asker)]

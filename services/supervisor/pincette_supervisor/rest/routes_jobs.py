@@ -113,7 +113,13 @@ def take(
         return plan if curves else _without_curves(plan)
     try:
         job, replayed = manager.create(
-            body, key, predict=predict, by=asker.by, gone=asker.gone, claim=asker.claim
+            body,
+            key,
+            predict=predict,
+            by=asker.by,
+            gone=asker.gone,
+            claim=asker.claim,
+            trace=asker.trace,
         )
     except ProblemError as error:
         if error.code == "caller-gone":

@@ -197,6 +197,7 @@ def about(planned: Planned, job: JobRow, epoch: int) -> dict[str, str]:
         "epoch": str(epoch),
         "period_s": repr(model.rig.rig.period_s),
         "created_at": job.created_at,
+        **({} if job.traceparent is None else {"traceparent": job.traceparent}),
         "pincette": __version__,
     }
 
