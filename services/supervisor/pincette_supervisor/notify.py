@@ -70,6 +70,8 @@ def topic_of(event: Event) -> Told | None:
     """Return the topic under which an event is reported; None: it is not reported."""
     if event.kind == "state":
         return "job.ended" if STATES[event.body["state"]].terminal else None
+    if event.kind == "record":
+        return "job.recorded"
     if event.kind != "alarm":
         return None
     topic = ALARMS.get(str(event.body.get("did")))
@@ -85,12 +87,15 @@ def notice_of(event: Event, job: JobRow | None) -> Notice | None:
         return None
     body = event.body
     data: dict[str, Any] = {"event": event.number, "rig": event.rig, "job": event.job}
-    if topic == "job.ended":
-        data |= {name: body.get(name) for name in ("state", "ending", "cause")}
+    if topic in ("job.ended", "job.recorded"):
+        ended = topic == "job.ended"
+        members = ("state", "ending", "cause") if ended else ("complete", "detail")
+        data |= {name: body.get(name) for name in members}
         if job is not None:
             data |= {name: getattr(job, name) for name in SAID}
         on = f" on {data['sample']}" if data.get("sample") else ""
-        title = f"{data.get('kind', 'job')} {event.job}{on}: {body['state']}"
+        state = "its record is written" if not ended else str(body["state"])
+        title = f"{data.get('kind', 'job')} {event.job}{on}: {state}"
         title += f", {body['cause']}" if body.get("cause") else ""
     else:
         alarm = body.get("alarm", {})
@@ -301,32 +306,36 @@ class WebhookSender:
             "webhook-timestamp": str(sent_s),
             "webhook-signature": signature(self._secret, message, sent_s, body),
         }
-        status = self._post(body, headers)
+        status = post(self._url, body, headers)
         if status == GONE:
             raise NotWantedError(f"status {GONE}")
         if not 200 <= status < 300:
             raise RefusedError(f"status {status}")
 
-    def _post(self, body: bytes, headers: dict[str, str]) -> int:
-        """Return the status of the response; raises RefusedError."""
-        # Most supervisors have no webhook, and httpx is a tenth of the work of their start.
-        import httpx
 
-        context = trusted()
-        place = ""
-        try:
-            proxy = proxy_of(self._url, os.environ)
-            place = f"through {proxy}: " if proxy else ""
-            settings: dict[str, Any] = {}
-            if proxy:
-                tls = context if proxy.over_tls else None
-                settings["proxy"] = httpx.Proxy(proxy.url, ssl_context=tls)
-            with httpx.Client(
-                timeout=TIMEOUT_S, verify=context, trust_env=False, **settings
-            ) as client:
-                return client.post(self._url, content=body, headers=headers).status_code
-        except (httpx.HTTPError, httpx.InvalidURL, ValueError, ImportError) as error:
-            raise RefusedError(place + _reason(error)) from error
+def post(url: str, body: bytes, headers: dict[str, str]) -> int:
+    """Post a body through the proxy of the environment, and return the status.
+
+    Raises RefusedError.
+    """
+    # Most supervisors post nothing, and httpx is a tenth of the work of their start.
+    import httpx
+
+    context = trusted()
+    place = ""
+    try:
+        proxy = proxy_of(url, os.environ)
+        place = f"through {proxy}: " if proxy else ""
+        settings: dict[str, Any] = {}
+        if proxy:
+            tls = context if proxy.over_tls else None
+            settings["proxy"] = httpx.Proxy(proxy.url, ssl_context=tls)
+        with httpx.Client(
+            timeout=TIMEOUT_S, verify=context, trust_env=False, **settings
+        ) as client:
+            return client.post(url, content=body, headers=headers).status_code
+    except (httpx.HTTPError, httpx.InvalidURL, ValueError, ImportError) as error:
+        raise RefusedError(place + _reason(error)) from error
 
 
 def _reason(error: Exception) -> str:

@@ -56,6 +56,7 @@ from pincette_supervisor.results.archive import picture
 from pincette_supervisor.rigs.latch import OtherRigs
 from pincette_supervisor.rigs.observer import SuspendAwareClock
 from pincette_supervisor.rigs.rig_context import RigContext
+from pincette_supervisor.traces import trace_senders
 
 log = logging.getLogger("pincette")
 STOP_S = 5.0
@@ -131,6 +132,7 @@ def run(context: Context) -> None:
         clock = SuspendAwareClock()
         stack.enter_context(closing(PROCESS_LOAD)).start(clock.sample)
         senders = senders_of(context.rig.supervisor, context.data)
+        senders += trace_senders(os.environ, store)
         stack.enter_context(closing(Outbox(store, senders)))
         listeners = Listeners()
         own_buses: list[ZenohBus] = []

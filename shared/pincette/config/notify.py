@@ -6,9 +6,9 @@ from pydantic import Field
 
 from pincette.config.tables import Table
 
-Told = Literal["job.ended", "alarm.raised", "alarm.cleared"]
+Told = Literal["job.ended", "job.recorded", "alarm.raised", "alarm.cleared"]
 """Events that can be notified."""
-Topics = Annotated[tuple[Told, ...], Field(min_length=1, max_length=3, strict=False)]
+Topics = Annotated[tuple[Told, ...], Field(min_length=1, max_length=4, strict=False)]
 DEFAULT: tuple[Told, ...] = ("job.ended", "alarm.raised")
 Address = Annotated[str, Field(pattern=r"^[^@\s<>,;]{1,64}@[^@\s<>,;]{1,190}$")]
 
@@ -22,7 +22,7 @@ class Webhook(Table):
     """File with the secret, whsec_ and base64, readable by its owner alone; relative to the data
     folder."""
     events: Topics = DEFAULT
-    """Events that the webhook receives: job.ended, alarm.raised, alarm.cleared."""
+    """Events that the webhook receives: job.ended, job.recorded, alarm.raised, alarm.cleared."""
 
 
 class Mail(Table):
@@ -43,4 +43,4 @@ class Mail(Table):
     to: Annotated[tuple[Address, ...], Field(min_length=1, max_length=20, strict=False)]
     """Recipients of the mails."""
     events: Topics = DEFAULT
-    """Events that cause a mail: job.ended, alarm.raised, alarm.cleared."""
+    """Events that cause a mail: job.ended, job.recorded, alarm.raised, alarm.cleared."""
