@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 CLAIM = "PINCETTE_CLAIM"
 """Environment variable with the secret of a claim, which every command then sends."""
+TRACEPARENT = "TRACEPARENT"
+"""Environment variable with the trace context (W3C) of the caller, kept with jobs and series."""
 PATIENCE_S = 0.5
 """Time that a person waits until a supervisor counts as unreachable, in s."""
 FOLLOWED_S = 30.0

@@ -1,5 +1,6 @@
 """``pincette job``, ``plan``, ``stop`` and ``learning``: start, follow and control jobs."""
 
+import os
 import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, get_args
@@ -9,7 +10,7 @@ from typer.main import get_group
 
 from pincette.api.states import ActionType
 from pincette.cli import CliError, Exit
-from pincette.cli.access import FOLLOWED_S, Target
+from pincette.cli.access import FOLLOWED_S, TRACEPARENT, Target
 from pincette.cli.found import ID, JobName, Labels, add_to
 from pincette.cli.options import (
     ALL,
@@ -95,7 +96,7 @@ def _add_start(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict
         if fields and not target.json:
             sys.stderr.write(fitted(f"requested: {stated_fields(fields)}\n", sys.stderr))
         with patience("planning, predicting and starting"):
-            job = rig.start(kind.name, **fields)
+            job = rig.start(kind.name, traceparent=os.environ.get(TRACEPARENT), **fields)
         if not no_wait:
             return followed(job.patient(FOLLOWED_S), machine=target.json, everything=everything)
         target.answer(job.job, job.id)

@@ -1,6 +1,7 @@
 """``pincette series``: run many jobs by one plan, follow them, and save table and report."""
 
 import json
+import os
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,7 +12,7 @@ from typer import Argument, Option
 
 from pincette.api.series import SeriesActionType
 from pincette.cli import CliError, Exit
-from pincette.cli.access import FOLLOWED_S, Target
+from pincette.cli.access import FOLLOWED_S, TRACEPARENT, Target
 from pincette.cli.found import FORMATS
 from pincette.cli.options import Limit
 from pincette.cli.output_file import write_output
@@ -87,7 +88,7 @@ def run(
         target.answer(planned, lambda: _show_plan(planned, screen()))
         return None
     with patience("planning all jobs"):
-        series = rig.start_series(**request)
+        series = rig.start_series(traceparent=os.environ.get(TRACEPARENT), **request)
     if no_wait:
         target.answer(series.series, series.id)
         return None
