@@ -330,9 +330,7 @@ def post(url: str, body: bytes, headers: dict[str, str]) -> int:
         if proxy:
             tls = context if proxy.over_tls else None
             settings["proxy"] = httpx.Proxy(proxy.url, ssl_context=tls)
-        with httpx.Client(
-            timeout=TIMEOUT_S, verify=context, trust_env=False, **settings
-        ) as client:
+        with httpx.Client(timeout=TIMEOUT_S, verify=context, trust_env=False, **settings) as client:
             return client.post(url, content=body, headers=headers).status_code
     except (httpx.HTTPError, httpx.InvalidURL, ValueError, ImportError) as error:
         raise RefusedError(place + _reason(error)) from error
@@ -418,7 +416,7 @@ class Delivery:
         self, store: Store, sender: Sender, clock: Callable[[], float] = monotonic
     ) -> None:
         self._store, self._sender, self._clock = store, sender, clock
-        self._note = f"notified {sender.name}"
+        self._note = f"told {sender.name}"  # as in journals of earlier versions
         self._delay_s = FIRST_DELAY_S
         self._again_at = 0.0
         self._begun = self._ended = False

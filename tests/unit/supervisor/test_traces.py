@@ -55,7 +55,14 @@ def test_a_job_keeps_the_context_of_its_request(harness: Harness) -> None:
 
 @pytest.mark.parametrize(
     "traceparent",
-    ["", "x", SAMPLED.upper(), f"00-{'0' * 32}-{CALLER}-01", f"00-{TRACE}-{'0' * 16}-01", "a" * 900],
+    [
+        "",
+        "x",
+        SAMPLED.upper(),
+        f"00-{'0' * 32}-{CALLER}-01",
+        f"00-{TRACE}-{'0' * 16}-01",
+        "a" * 900,
+    ],
 )
 def test_an_invalid_context_is_ignored(harness: Harness, traceparent: str) -> None:
     assert sent(harness, traceparent)["traceparent"] is None

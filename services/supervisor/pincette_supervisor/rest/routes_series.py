@@ -92,9 +92,7 @@ def _created(
     if body.dry_run:
         response.status_code = 200
         return runner.plan(body)
-    series, replayed = runner.create(
-        body, key, by=asker.by, claim=asker.claim, trace=asker.trace
-    )
+    series, replayed = runner.create(body, key, by=asker.by, claim=asker.claim, trace=asker.trace)
     response.headers["Location"] = f"series/{series.id}"
     if replayed:
         response.status_code = 200
