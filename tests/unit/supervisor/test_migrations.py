@@ -69,6 +69,7 @@ def test_learned_corrections_move_from_notes_into_their_table(tmp_path: Path) ->
     with closing(sqlite3.connect(path)) as base:
         for table in ("learned", "series"):
             base.execute(f"DROP TABLE {table}")
+        base.execute("ALTER TABLE jobs DROP COLUMN traceparent")
         base.execute("DROP INDEX ix_jobs_listed")
         base.execute("UPDATE alembic_version SET version_num = '0005'")
         notes = [
