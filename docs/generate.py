@@ -43,7 +43,7 @@ and positive. `arms` has one record for each driven arm, the first arm first.
 
 def keys_page() -> str:
     """Return the page of topics, requests and messages, as Markdown."""
-    kinds = [topic.message for topic in topics.TOPICS]
+    kinds = [topic.message for topic in (*topics.TOPICS, *topics.INPUTS)]
     kinds += [kind for item in topics.REQUESTS for kind in (item.request, item.reply)]
     parts = [HEAD.format(root=topics.ROOT), _topics(), _questions(), _others()]
     parts.extend(_record(kind) for kind in reachable(kinds))
@@ -65,6 +65,9 @@ The column *while* names the states of a rig in real time in which a topic is pu
 `idle` (no job), `job` (a job plays its program). In lockstep nothing is published each tick outside
 a job, and no `timing`. After a job the newest message of a topic that is published in a job is its
 last one.
+
+`place` goes the other way: clients publish it, and the supervisor alone reads it, for jobs whose
+request asks for [a place from the bus](../how-to/place.md).
 
 """
 
@@ -91,7 +94,7 @@ def _topics() -> str:
             "every tick" if topic.per_tick else "not every tick",
             topic.summary,
         )
-        for topic in topics.TOPICS
+        for topic in (*topics.TOPICS, *topics.INPUTS)
     ]
     head = ("key", "message", "producer", "while", "how often", "what")
     return "## Topics\n\n" + TOPICS_TEXT.format(loop=", ".join(topics.LOOP)) + _table(head, *rows)

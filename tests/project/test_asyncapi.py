@@ -21,7 +21,7 @@ from pincette.core.codec.refusals import msgpack
 from pincette.core.faults import ActionCode, Cause, Mode
 from pincette.core.messages import Action, Applied, Load, Position
 from pincette.core.messages.arms import ArmApplied, ArmPosition
-from pincette.core.topics import REQUESTS, ROOT, TOPICS, key, request_key
+from pincette.core.topics import INPUTS, REQUESTS, ROOT, TOPICS, key, request_key
 from pincette_supervisor.fleet.rigs import Rigs
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
@@ -129,7 +129,8 @@ def test_operations_carry_messages_of_their_own_channel() -> None:
     for name, operation in whole["operations"].items():
         assert NAME.fullmatch(name)
         assert operation["action"] in ("send", "receive")
-        assert ("reply" in operation) == (operation["action"] == "receive")
+        given = name in {f"receive_{topic.name}" for topic in INPUTS}
+        assert ("reply" in operation) == (operation["action"] == "receive" and not given)
         for part in (operation, operation.get("reply", operation)):
             place = part["channel"]["$ref"]
             assert found(whole, place)["messages"]
@@ -145,6 +146,9 @@ def test_every_topic_and_request_is_described() -> None:
         assert {f"send_{topic.name}", f"latest_{topic.name}"} <= operations.keys()
         schema = whole["components"]["schemas"][topic.message.__name__]
         assert schema["required"] == [field.name for field in fields(topic.message)]
+    for topic in INPUTS:
+        assert whole["channels"][topic.name]["address"] == key("{rig}", topic)
+        assert f"receive_{topic.name}" in operations
     for question in REQUESTS:
         name = f"{question.service}_{question.name}"
         assert whole["channels"][name]["address"] == request_key("{rig}", question)

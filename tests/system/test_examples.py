@@ -32,7 +32,7 @@ from tests.unit.supervisor import samples
 from tests.unit.supervisor.harness import Harness
 
 EXAMPLES = ROOT / "docs/examples"
-FREE_OF_US = ("csv_export", "latest", "live_plot", "record_csv", "subscribe")
+FREE_OF_US = ("csv_export", "latest", "live_plot", "place", "record_csv", "subscribe")
 OF_THEIR_OWN = {"orchestrator", "ros2_bridge"}
 """With a page and a test of their own."""
 FOREIGN = {"matplotlib", "msgpack", "zenoh"}

@@ -5,6 +5,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from pincette.api import Model, example
+from pincette.api.places import PlannedPlace
 from pincette.api.predictions import Prediction, Violation
 from pincette.control.vocabulary import ForceAge, ParameterSet
 
@@ -124,6 +125,8 @@ class JobPlan(Model):
     none."""
     phases: list[PlannedPhase]
     violations: list[Violation]
+    place: PlannedPlace | None = None
+    """Place that the request or a vision client states; null: that of recipe or rig file."""
     prediction: Prediction | None = None
     """Prediction from playing the plan on the model in use; null if it was not requested."""
 

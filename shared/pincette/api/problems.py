@@ -24,8 +24,8 @@ MEANINGS = {
         "the state does not allow it: invalid-transition (with allowed_actions), job-active, "
         "part-held, nothing-held, queue-full, rig-claimed (with claim), estop-engaged, "
         "rig-latched (with cause), zero-not-confirmed (with job), reset-refused, model-changed, "
-        "trajectory-stale, recipe-limit, rig-is-real, simulation-refused, series-active (with "
-        "series)",
+        "trajectory-stale, place-unknown (with sources), place-too-old (with value, limit, unit), "
+        "recipe-limit, rig-is-real, simulation-refused, series-active (with series)",
     ),
     413: ("body-too-large", "the body is larger than a request may be"),
     415: ("unsupported-media-type", "the body is not declared as JSON (Content-Type)"),
@@ -82,6 +82,8 @@ REMEDIES: Mapping[str, str] = {
     "record-kept": "wait until the job has ended; unpin it before its record is deleted",
     "model-changed": "send the request again",
     "trajectory-stale": "create the trajectory again with the model in use",
+    "place-unknown": "start the vision client, or state the place in the request",
+    "place-too-old": "measure the place again just before the request, or permit more `max_age_s`",
     "recipe-limit": "use an existing recipe; no more can be added",
     "invalid-request": "correct what `errors` names, and send the request again",
     "limit-violation": "reduce the value at each pointer, or allow more time",

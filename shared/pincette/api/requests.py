@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from pincette.api import CONFIG, WHOLE, Model, example
+from pincette.api.places import PartPlace
 from pincette.control.vocabulary import LARGEST, ForceAge, ParameterSet
 
 Positive = Annotated[float, Field(gt=0, le=LARGEST[""])]
@@ -172,6 +173,14 @@ class ContactJobRequest(PolicyRequest, GoalRequest, ZeroingRequest, frozen=True)
     gains: Annotated[Gains | Literal["tuned"] | None, BeforeValidator(_apart)] = None
     """Gains that differ from those of the rig file, or ``tuned`` for the balanced ones that a
     search on its model finds."""
+
+
+class PlacedRequest(JobRequest, frozen=True):
+    """Members of every request for a job that may take the place of its part from outside."""
+
+    place: PartPlace | None = None
+    """Expected place of the part, measured from outside, instead of the rig file's: stated here, or
+    the newest one that a vision client has published."""
 
 
 RecipeTitle = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,40}$")]

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 
 from pincette.api import Model, example
+from pincette.api.places import PlaceFound
 from pincette.api.plans import Pose
 from pincette.api.states import ActionType
 
@@ -263,6 +264,9 @@ class JobResult(Model):
     """Step of the position that the voltage does not explain; null if there was none."""
     goal: Goal | None = None
     """Comparison of the errors with the tolerances; null if the request has none."""
+    place: PlaceFound | None = None
+    """Comparison of the place where the part was met with the one that was given; null if none was
+    given."""
 
 
 class LoadForces(Model):

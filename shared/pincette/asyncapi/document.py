@@ -13,6 +13,7 @@ from pincette.asyncapi.schemas import Json, reachable, record_schema, summary
 from pincette.config.programs import Bus
 from pincette.core.codec.wire import ENCODING, MEDIA_TYPE
 from pincette.core.topics import (
+    INPUTS,
     LOOP,
     REQUESTS,
     TOPICS,
@@ -58,13 +59,14 @@ def document() -> str:
 
 def tree() -> Json:
     """Return the document as data."""
-    kinds = [topic.message for topic in TOPICS]
+    kinds = [topic.message for topic in (*TOPICS, *INPUTS)]
     kinds += [kind for item in REQUESTS for kind in (item.request, item.reply)]
     messages = {kind.__name__: _message(kind) for kind in kinds}
-    channels = {topic.name: _topic(topic) for topic in TOPICS}
+    channels = {topic.name: _topic(topic) for topic in (*TOPICS, *INPUTS)}
     channels |= {_name(item): _request(item) for item in REQUESTS}
     operations = {f"send_{topic.name}": _send(topic) for topic in TOPICS}
     operations |= {f"latest_{topic.name}": _latest(topic) for topic in TOPICS}
+    operations |= {f"receive_{topic.name}": _receive(topic) for topic in INPUTS}
     operations |= {_name(item): _answer(item) for item in REQUESTS}
     return {
         "asyncapi": ASYNCAPI,
@@ -125,13 +127,17 @@ def _messages(**messages: str) -> Json:
 
 def _topic(topic: Topic) -> Json:
     often = "every tick" if topic.per_tick else "on change"
+    text = f"From `{topic.producer}`, {often}; dropped where a link stalls, except in lockstep."
+    messages = {"sample": topic.message.__name__, "query": "Query"}
+    if topic in INPUTS:
+        text = f"From {topic.producer}, to the supervisor; at most {topic.rate_hz:g} a second."
+        del messages["query"]
     return {
         "address": key("{rig}", topic, "{service}"),
         "summary": topic.summary,
-        "description": f"From `{topic.producer}`, {often}; dropped where a link stalls, except in "
-        "lockstep.",
+        "description": text,
         "parameters": _parameters("rig", *(("service",) if topic.per_service else ())),
-        "messages": _messages(sample=topic.message.__name__, query="Query"),
+        "messages": _messages(**messages),
     }
 
 
@@ -176,6 +182,10 @@ def _latest(topic: Topic) -> Json:
     text = f"the newest message of {topic.name}; no reply before the first"
     operation = _operation("receive", topic.name, text, "query")
     return operation | {"reply": _reply(topic.name, "sample")}
+
+
+def _receive(topic: Topic) -> Json:
+    return _operation("receive", topic.name, topic.summary, "sample")
 
 
 def _answer(request: Request) -> Json:

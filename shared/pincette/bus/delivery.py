@@ -9,6 +9,7 @@ sample is dropped instead: numbers of samples show what is missing, and the newe
 import logging
 import threading
 from collections.abc import Callable, Iterable
+from time import monotonic
 from typing import Any, TypeVar, cast
 
 import zenoh
@@ -35,3 +36,21 @@ def deliver_each(source: Iterable[T], sink: Callable[[T], object], name: str) ->
                 log.exception("%s: a delivery failed", name)
 
     threading.Thread(target=run, name=f"bus {name}").start()
+
+
+class RateLimit:
+    """Limits how many messages a subscriber reads; short bursts pass."""
+
+    def __init__(self, rate_hz: float, clock: Callable[[], float] = monotonic) -> None:
+        self.rate_hz, self._clock = rate_hz, clock
+        self._free, self._at_s = rate_hz, clock()
+
+    def allows(self) -> bool:
+        """Return whether the next message may be read, and count it."""
+        now_s = self._clock()
+        self._free = min(self.rate_hz, self._free + (now_s - self._at_s) * self.rate_hz)
+        self._at_s = now_s
+        if self._free < 1.0:
+            return False
+        self._free -= 1.0
+        return True

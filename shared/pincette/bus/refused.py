@@ -27,7 +27,9 @@ class RefusedMessages:
         """Number of refused messages since the program started, without those of ``also``."""
         self._also = 0
         self.reason = ""
-        """Reason of the last refusal."""
+        """Key and reason of the last refusal."""
+        self.last = "", ""
+        """The same as two texts."""
         self._refused_s = self._logged_s = float("-inf")
         self._unlogged = 0
 
@@ -43,6 +45,7 @@ class RefusedMessages:
             else:
                 self.count += 1
             self.reason, self._refused_s = f"{place}: {reason}", now_s
+            self.last = place, reason
             self._unlogged += 1
             if now_s - self._logged_s < LOG_EVERY_S:
                 return

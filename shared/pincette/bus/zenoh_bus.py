@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 import zenoh
 
-from pincette.bus.delivery import deliver_each, ring
+from pincette.bus.delivery import RateLimit, deliver_each, ring
 from pincette.bus.producer import producer_of
 from pincette.bus.protocol import AbsentError, BusError, RefusalError, RequestHandler, Sink
 from pincette.bus.query import MESSAGE, Query, mark_of, refuse, respond
@@ -238,10 +238,14 @@ class ZenohBus:
     def subscribe(self, topic: Topic, sink: Sink) -> None:
         """Deliver every valid message to ``sink``, and refuse the others; see Bus."""
         place, producer = key(self._rig, topic), producer_of(topic)
+        limit = None if topic.rate_hz is None else RateLimit(topic.rate_hz)
 
         def way(session: zenoh.Session) -> Any:
             def deliver(sample: zenoh.Sample) -> None:
                 if session is not self._session:
+                    return
+                if limit is not None and not limit.allows():
+                    self.refused.note(place, f"more than {limit.rate_hz:g} messages a second")
                     return
                 try:
                     message = _decode(topic.message, sample.payload)

@@ -135,7 +135,7 @@ def _print_topics(topics: dict[str, list[dict[str, str]]], console: "Console") -
 
 def topics_tree(name: str) -> dict[str, list[dict[str, str]]]:
     """Return topics and requests of a rig as plain data."""
-    from pincette.core.topics import REQUESTS, TOPICS, key, request_key
+    from pincette.core.topics import INPUTS, REQUESTS, TOPICS, key, request_key
 
     return {
         "published": [
@@ -145,7 +145,7 @@ def topics_tree(name: str) -> dict[str, list[dict[str, str]]]:
                 "producer": topic.producer,
                 "summary": topic.summary,
             }
-            for topic in TOPICS
+            for topic in (*TOPICS, *INPUTS)
         ],
         "asked": [
             {

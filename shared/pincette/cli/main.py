@@ -61,6 +61,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "stop": ("job", "stop the running job, and wait until the rig confirms; a held part stays"),
     "watch": ("watch", "follow a job to its end, or every event of the rigs, until Ctrl-C"),
     "alarms": ("safety", "list the alarms of the rigs, or acknowledge one; nothing moves"),
+    "places": ("rigs", "show the places that vision clients publish, and how far they were off"),
     "queue": ("rigs", "resume, move or clear the jobs in the queue"),
     "claim": ("rigs", "claim a rig for a while, give it back, end the claim of another"),
     "backup": ("journal", "write journal, recipes, models and keys of a data folder to one file"),

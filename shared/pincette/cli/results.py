@@ -28,6 +28,14 @@ def show_plan(plan: "JobPlan", console: "Console") -> None:
         _calibration(plan, console)
     elif isinstance(plan, Plan | MotionPlan):
         _motion(plan, console)
+    if (place := plan.place) is not None:
+        ways = zip(place.search_from_um, place.search_to_um, strict=False)
+        searched = " and ".join(f"{start:.2f} to {end:.2f} µm" for start, end in ways)
+        console.print(
+            f"place of {place.source}: {place.x_um:.2f} ± {place.u_um:.2g} µm, {place.age_s:.1f} s "
+            f"old; searched for from {searched}",
+            markup=False,
+        )
     violations = list(plan.violations)
     prediction = getattr(plan, "prediction", None)
     if isinstance(prediction, Prediction):

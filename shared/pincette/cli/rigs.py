@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pincette.api.access import Claim
     from pincette.api.checks import Check
     from pincette.api.live import LoopTiming
+    from pincette.api.places import PlaceList
     from pincette.api.rigs import Certainty, Rig
     from pincette.cli.screen import Rows
     from pincette.client import RigHandle
@@ -119,6 +120,40 @@ def figure(value: float | str | None, unit: str = "") -> str:
         return value
     digits = f"{value:.0f}" if abs(value) >= NO_DECIMALS_FROM else f"{value:.3g}"
     return f"{digits} {unit}".rstrip()
+
+
+@command(app, "places")
+def show_places(target: Target) -> None:
+    """Show the places that vision clients have published, and how far they were off."""
+    found = target.rig().places()
+    target.answer(found, lambda: _show_places(found, screen()))
+
+
+def _show_places(found: "PlaceList", console: "Console") -> None:
+    rows = [
+        (
+            escape(one.source),
+            f"{one.x_um:.2f} ± {one.u_um:.2g} µm",
+            "–" if one.width_um is None else f"{one.width_um:.2f} ± {one.u_width_um:.2g} µm",
+            f"{one.age_s:.1f} s",
+        )
+        for one in found.newest
+    ]
+    console.print(table("source", "place", "width", "age", rows=rows, right=("place", "age")))
+    rows = [
+        (
+            escape(one.source),
+            str(one.count),
+            f"{one.mean_um:+.3f} µm",
+            "–" if one.deviation_um is None else f"{one.deviation_um:.3f} µm",
+        )
+        for one in found.biases
+    ]
+    names = ("source", "jobs", "found minus given, mean", "standard deviation")
+    console.print(table(*names, rows=rows, right=names[1:]))
+    console.print(f"key on the bus: {found.key}", markup=False)
+    if found.refused:
+        console.print(f"the last message was refused: {found.refused}", markup=False)
 
 
 @command(queue_app, "resume")

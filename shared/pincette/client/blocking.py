@@ -250,6 +250,7 @@ class RigHandle(Blocking[AsyncRigHandle]):
     give_back = blocking(AsyncRigHandle.give_back)
     queue = blocking(AsyncRigHandle.queue)
     move = blocking(AsyncRigHandle.move)
+    places = blocking(AsyncRigHandle.places)
     timing = blocking(AsyncRigHandle.timing)
     simulate = blocking(AsyncRigHandle.simulate)
     model = blocking(AsyncRigHandle.model)

@@ -11,6 +11,7 @@ from pincette.api.jobs import Job, Progress, StoppedRequest
 from pincette.api.learning import Erased, LearnedList, LearnedProgram
 from pincette.api.live import LoopTiming
 from pincette.api.models import ModelView
+from pincette.api.places import PlaceList
 from pincette.api.plans import JobPlan
 from pincette.api.requests import JobRequest
 from pincette.api.rigs import Rig, Stopped
@@ -317,6 +318,10 @@ class AsyncRigHandle:
         body = {"type": "move", "job": job, "position": position}
         call = post(f"/rigs/{self.name}/queue/actions", Rig, body, repeatable=True)
         return await self._transport.send(call)
+
+    async def places(self) -> PlaceList:
+        """Return the newest place of each vision client, and how far its places were off."""
+        return await self._transport.send(get(f"/rigs/{self.name}/places", PlaceList))
 
     async def timing(self) -> LoopTiming:
         """Return the lateness and execution time of each program since it was armed."""

@@ -40,6 +40,8 @@ EXPECTED = (
     "part.stiffness_tolerance",
 )
 """Quantities that a recipe may replace for one job: the expected properties of its object."""
+PLACED = ("second.contact_um",)
+"""Quantities that a place of the part may replace for one job, besides ``EXPECTED``."""
 
 
 class Calibration(Table):
@@ -54,7 +56,7 @@ class Calibration(Table):
     @field_validator("values")
     @classmethod
     def _known(cls, values: dict[str, Any]) -> dict[str, Any]:
-        odd = sorted(values.keys() - {*CALIBRATED, *OF_SECOND, *EXPECTED})
+        odd = sorted(values.keys() - {*CALIBRATED, *OF_SECOND, *EXPECTED, *PLACED})
         if odd:
             raise ValueError(f"{', '.join(odd)}: no calibration replaces that")
         return values

@@ -10,7 +10,7 @@ from pincette.config.limits import Limits
 from pincette.config.model import Model
 from pincette.config.script import OF_SECOND
 from pincette.config.simulation import Simulation
-from pincette.config.tables import Table
+from pincette.config.tables import Positive, Table
 
 Tree = dict[str, Any]
 OWN_OF_AN_ARM = ("free_response", "recorded_response", "residuals")
@@ -37,6 +37,9 @@ class Second(Table):
     """Limits of this arm; values that are left out are those of ``[limits]``."""
     contact_um: float
     """Position of this arm at first touch; default: ``part.contact_um``."""
+    gap_um: Positive | None = None
+    """Distance of both tips where x_1 = x_2 = 0, by which a width of the part that a request states
+    becomes the position of the touch; default: unknown."""
 
 
 def completed(tables: Tree) -> Tree:

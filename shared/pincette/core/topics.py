@@ -46,6 +46,9 @@ class Topic:
     per_tick: bool = True
     bulky: bool = False
     """True for messages so large that they are sent at a lower priority than samples."""
+    rate_hz: float | None = None
+    """Largest mean rate at which a subscriber reads messages; it drops others unread. None: no
+    limit."""
 
     @property
     def per_service(self) -> bool:
@@ -127,7 +130,17 @@ TOPICS = (
     TIMING,
     JOB,
 )
-TOPIC_OF: dict[type[Message], Topic] = {topic.message: topic for topic in TOPICS}
+PLACE = Topic(
+    "place",
+    messages.Place,
+    "a vision client",
+    "place of the part, which a job takes if its request asks so",
+    per_tick=False,
+    rate_hz=50.0,
+)
+INPUTS = (PLACE,)
+"""Topics that clients publish and the supervisor reads; no program of the loop does."""
+TOPIC_OF: dict[type[Message], Topic] = {topic.message: topic for topic in (*TOPICS, *INPUTS)}
 
 LOOP = ("sensor", "estimator", "controller", "actuator")
 """The services of the loop, in the order in which a tick passes through them."""

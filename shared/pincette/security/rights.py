@@ -6,10 +6,12 @@ from itertools import chain
 
 from pincette.core.service import member_services
 from pincette.core.topics import (
+    INPUTS,
     NAMESPACE,
     REQUESTS,
     TOPICS,
     Request,
+    key,
     keys_of,
     live_key_of_any_wire,
     request_key,
@@ -67,7 +69,8 @@ def rights(identity: Identity) -> Rights:
             for topic in TOPICS
             for producer, place in keys_of(rig, topic).items()
             if producer in roles
-        ),
+        )
+        + (tuple(key(rig, topic) for topic in INPUTS) if role == OPERATOR else ()),
         answers=tuple(request_key(rig, one) for one in REQUESTS if one.service in roles),
         asks=tuple(request_key(rig, one) for one in REQUESTS if may_ask(role, one)),
         hears=published if role in (*PEOPLE, SUPERVISOR, "recorder") else (),

@@ -251,6 +251,7 @@ class JobManager:
 
     def __init__(self, context: RigContext, play: Play = played) -> None:
         self.context = context
+        self.places = context.places
         self.calibrations = Calibrations(context.store, context.model)
         self.changes = ChangeNotifier()
         self.latch = LatchControl(context)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from pincette.api.job_kinds import job_kinds
+from pincette.api.places import PlannedPlace
 from pincette.api.results import JobResult
 from pincette.api.states import STATES
 from pincette.bus.protocol import Bus, BusError, RefusalError
@@ -110,6 +111,12 @@ class JobRecorder:
         self._gathered = record = archive.gathered(
             planned.model.rig, row, planned, self._epoch, tracker.samples, collection.dropped
         )
+        if (place := record.result.place) is not None:
+            told = record.result.model_copy(
+                update={"place": self._context.places.with_bias(job.id, place)}
+            )
+            record = replace(record, evaluation=replace(record.evaluation, result=told))
+            self._gathered = record
         job.store(result=record.tree)
         self._keep_learned(record)
         self._figures = {name: record.tree[name] for name in FIGURES if name in record.tree}
@@ -460,7 +467,9 @@ def _gathered(context: RigContext, row: JobRow) -> Gathered:
     """
     path = context.records / row.id / NAME
     request = REQUEST.validate_json(json.dumps({"kind": row.kind, **row.request}))
-    resolved = planner.resolve(context, request, moving=True)
+    known = row.plan["values"].get("place")
+    place = None if known is None else PlannedPlace.model_validate(known)
+    resolved = planner.resolve(context, request, moving=True, place=place)
     planned = replace(planner.plan(context, resolved), values=row.plan["values"])
     if mcap_reading.read_about(path)["model_digest"] != planned.model.digest:
         raise ValueError("the model with which it was played is no longer in use")

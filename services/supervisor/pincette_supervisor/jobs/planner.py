@@ -9,7 +9,8 @@ from dataclasses import replace
 from typing import Any
 
 from pincette.api.job_kinds import job_kinds
-from pincette.api.requests import JobRequest, PolicyRequest
+from pincette.api.places import PlannedPlace
+from pincette.api.requests import JobRequest, PlacedRequest, PolicyRequest
 from pincette.api.trajectories import TrajectoryStart
 from pincette.config import ConfigError, calibrated
 from pincette_supervisor import problems
@@ -42,13 +43,17 @@ LOOKED_AT = 20
 """Number of jobs that are searched for the most recently armed one."""
 
 
-def resolve(context: RigContext, request: JobRequest, *, moving: bool) -> ResolvedRequest:
+def resolve(
+    context: RigContext, request: JobRequest, *, moving: bool, place: PlannedPlace | None = None
+) -> ResolvedRequest:
     """Resolve the missing members of a request; raises ProblemError.
 
     Parameters
     ----------
     moving
         True if a job moves the arm, so that its position is not known in advance.
+    place
+        Place for which a recorded job was planned; None: the one that the request asks for.
     """
     rig = context.rig
     if request.rig is not None and request.rig != rig.rig.name:
@@ -62,7 +67,11 @@ def resolve(context: RigContext, request: JobRequest, *, moving: bool) -> Resolv
             recorded = recorded_motion(context.store, context.records, rig, request.plays)
             stands = replace(stands or Present(), recorded=recorded)
         find = RecipeRepository(context.store).find
-        return job_plans.resolve(request, context.model.in_use, stands, find)
+        found = job_plans.resolve(request, context.model.in_use, stands, find)
+        asked = found.request.place if isinstance(found.request, PlacedRequest) else None
+        if place is None and asked is not None:
+            place = context.places.given(asked)
+        return found if place is None else job_plans.expecting_at(found, place)
 
 
 def plan(context: RigContext, resolved: ResolvedRequest) -> Planned:
@@ -115,7 +124,9 @@ class TrajectoryStore:
         for name in resolved.kind.relative:
             if getattr(kept, name) is not None:
                 raise problems.unusable(
-                    f"{name}: a trajectory needs a target: give to_um or to_V", pointer=f"/{name}"
+                    f"{name}: a trajectory is for any time, and this is for now: leave it out, or "
+                    "give a target such as to_um",
+                    pointer=f"/{name}",
                 )
         tree = kept.model_dump(mode="json", exclude_unset=True, exclude=OF_A_START)
         return TrajectoryRow(

@@ -2,6 +2,7 @@
 
 import secrets
 from collections.abc import Callable
+from datetime import UTC, datetime
 
 from pincette.api.endings import Ending, EndingCode
 from pincette.api.requests import ZeroingRequest
@@ -18,6 +19,7 @@ from pincette_supervisor.jobs.refusals import lasting_readiness, require_zero_co
 from pincette_supervisor.journal.store import StoreError
 from pincette_supervisor.plugin import Planned
 from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.rigs.places import require_fresh
 from pincette_supervisor.rigs.rig_context import RigContext
 from pincette_supervisor.rigs.standing import is_playing
 
@@ -48,6 +50,8 @@ class Run:
             planned = self._prepare()
             if planned is None or not self._await_start():
                 return
+            if (place := planned.plan.place) is not None:  # it may have waited for the start
+                require_fresh(place, place.seconds_until(datetime.now(UTC)))
             job.epoch = secrets.randbits(48) | 1
             recorder = JobRecorder(self._context, job, planned, job.epoch)
             collection = observer.start_buffering()

@@ -42,6 +42,40 @@ CONDITION = FieldSpec(
     ),
     advanced=True,
 )
+_FROM_BUS = {"place-given_by": ("bus",)}
+PLACE = (
+    FieldSpec(
+        name="place-given_by",
+        label="Place of the part",
+        widget="choice",
+        choices=choices(("", "as in the rig file"), ("bus", "newest of a vision client")),
+        sent_as="given_by",
+        within="place",
+        advanced=True,
+    ),
+    FieldSpec(
+        name="place-source",
+        label="Vision client",
+        widget="text",
+        placeholder="the only one",
+        sent_as="source",
+        within="place",
+        when=_FROM_BUS,
+        advanced=True,
+    ),
+    FieldSpec(
+        name="place-max_age_s",
+        label="Measured within",
+        widget="number",
+        placeholder="5",
+        sent_as="max_age_s",
+        within="place",
+        own_unit="s",
+        when=_FROM_BUS,
+        advanced=True,
+    ),
+)
+"""Fields of a job that takes the place of its part from the bus."""
 RELEASE = FieldSpec(name="release_s", label="Let go over")
 POLICIES = (
     FieldSpec(
@@ -175,6 +209,27 @@ CONTACT: tuple[ResultField, ...] = (
         uncertainty="contact_stiffness_error_mN_per_um",
     ),
 )
+PLACE_FOUND: tuple[ResultField, ...] = (
+    number(
+        "place.difference_um",
+        "place found minus place given",
+        uncertainty="place.uncertainty_um",
+        optional=True,
+    ),
+    number("place.bias.mean_um", "mean of that over the jobs of its source", optional=True),
+    number("place.bias.deviation_um", "its standard deviation", optional=True),
+    number("place.bias.count", "number of these jobs", "", digits=0, optional=True),
+)
+"""Result fields on the place that a request or a vision client has given."""
+WIDTH_FOUND: tuple[ResultField, ...] = (
+    number(
+        "place.width_difference_um",
+        "width found minus width given",
+        uncertainty="place.width_uncertainty_um",
+        optional=True,
+    ),
+)
+"""The same of the width, with two arms."""
 ZERO_RETURN: tuple[ResultField, ...] = (
     ResultField(name="zero_return.verified", label="verified by the zero return", optional=True),
     number(

@@ -2,15 +2,20 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from math import hypot
 from typing import Any, cast
 
 from pydantic import ValidationError
 
 from pincette.api.job_kinds import JobKind, RecipeRules, job_kinds
+from pincette.api.places import PlannedPlace
+from pincette.api.plans import JobPlan
 from pincette.api.requests import JobRequest, PartExpectation, ZeroingRequest
 from pincette.config import Calibration, RigFile, calibrated
 from pincette.config.laws import laws_by_name
+from pincette.control.planning.program import Program
 from pincette.control.planning.repetition import Corrections
+from pincette.control.planning.segments import Move, Seek
 from pincette.control.record import replace as changed
 from pincette.core.validation_wording import refusal
 from pincette_supervisor.journal.library import RecipeRow
@@ -124,6 +129,8 @@ class ResolvedRequest:
     present: Present | None = None
     """State of the rig; None: unknown."""
     recipe: RecipeRow | None = None
+    place: PlannedPlace | None = None
+    """Place that a vision client or the request states; None: that of recipe or rig file."""
 
     @property
     def kind(self) -> JobKind:
@@ -139,6 +146,8 @@ class ResolvedRequest:
             found["recipe"] = stamp
             if part := recipe.values.get("part"):
                 found["part"] = part
+        if self.place is not None:
+            found["place"] = self.place.model_dump(mode="json")
         return found
 
 
@@ -158,11 +167,66 @@ def resolve(
         return ResolvedRequest(request, request, model, model, present)
     recipe = _recipe(request, find_recipe)
     kept = request.model_copy(update={"recipe": recipe.reference})
-    part = recipe.values.get("part")
-    expecting = _expecting(model, part, recipe.reference) if part else model
+    part: dict[str, float] = recipe.values.get("part", {})
+    values = {f"part.{name}": value for name, value in part.items()}
+    expecting = _expecting(model, values, f"recipe {recipe.reference}") if part else model
     return ResolvedRequest(
         kept, _completed(kept, recipe, model.rig), model, expecting, present, recipe
     )
+
+
+def expecting_at(resolved: ResolvedRequest, place: PlannedPlace) -> ResolvedRequest:
+    """Return a request whose part is expected at a place, within its uncertainty.
+
+    The uncertainty becomes the tolerance of the contact: the approach ends before it, and the
+    search covers it. Without the width of the part, two arms keep the tolerance of recipe or rig
+    file as well.
+
+    Raises
+    ------
+    FaultyRequestError
+        If a width is stated that the rig cannot use.
+    """
+    rig, tolerance_um = resolved.expecting.rig, place.u_um
+    values = {"part.contact_um": place.x_um}
+    width_um, gap_um = place.width_um, None if rig.second is None else rig.second.gap_um
+    if width_um is not None and gap_um is None:
+        why = "is for 2 driven arms, and this rig has 1: leave it out"
+        if rig.second is not None:
+            why = "needs second.gap_um in the rig file: the distance of the tips at 0 µm"
+        raise FaultyRequestError("/place/width_um", f"width_um = {width_um:g} µm {why}")
+    if rig.second is not None:
+        closed_um, half_um = (
+            rig.part.contact_um + rig.second.contact_um,
+            rig.part.contact_tolerance_um,
+        )
+        if width_um is not None and gap_um is not None:
+            closed_um, half_um = gap_um - width_um, 0.5 * (place.u_width_um or 0.0)
+        tolerance_um = hypot(tolerance_um, half_um)
+        values["part.contact_um"] = 0.5 * closed_um + place.x_um
+        values["second.contact_um"] = 0.5 * closed_um - place.x_um
+    values["part.contact_tolerance_um"] = tolerance_um
+    expecting = _expecting(resolved.expecting, values, f"place of {place.source}")
+    return replace(resolved, expecting=expecting, place=place)
+
+
+def _placed(plan: JobPlan, place: PlannedPlace, program: Program) -> JobPlan:
+    """Return a plan that states its place, with the range in which the part is searched for."""
+    from_um, to_um = list[float](), list[float]()
+    for segment in program.segments:
+        if isinstance(segment, Seek) and not segment.relative:
+            to_um = [tip_um for tip_um in segment.to_um if tip_um is not None]
+            break
+        if isinstance(segment, Move):
+            from_um = [tip_um for tip_um in segment.to_um if tip_um is not None]
+    found = place.model_copy(update={"search_from_um": from_um, "search_to_um": to_um})
+    violations = [
+        one.model_copy(update={"pointer": "/place/x_um"})
+        if one.pointer in ("", "/contact_um") and one.quantity in ("position", "voltage")
+        else one
+        for one in plan.violations
+    ]
+    return plan.model_copy(update={"place": found, "violations": violations})
 
 
 def plan(resolved: ResolvedRequest, find_learned: FindLearned = lambda _name: None) -> Planned:
@@ -195,8 +259,12 @@ def plan(resolved: ResolvedRequest, find_learned: FindLearned = lambda _name: No
         learned = find_learned(learning_digest(program, armed.rig))
         if learned is not None:
             program = changed(program, corrections=learned)
+    view = planned.plan
+    if resolved.place is not None:
+        view = _placed(view, resolved.place, program)
     return replace(
         planned,
+        plan=view,
         program=program,
         values=values,
         model=model,
@@ -288,15 +356,14 @@ def _offered(recipe: RecipeRow, own: Mapping[str, Any], kind: JobKind, arms: int
     }
 
 
-def _expecting(model: ModelInUse, part: Mapping[str, float], recipe: str) -> ModelInUse:
-    """Return the model with the part that a recipe expects, for one job."""
-    values = {f"part.{name}": value for name, value in part.items()}
+def _expecting(model: ModelInUse, values: Mapping[str, float], source: str) -> ModelInUse:
+    """Return the model with the part that a recipe or a place expects, for one job."""
     used = model.calibration
     return replace(
         model,
-        rig=calibrated(model.rig, Calibration(values=values)),
+        rig=calibrated(model.rig, Calibration(values=dict(values))),
         calibration=Calibration(
             values={**used.values, **values},
-            sources={**used.sources, **dict.fromkeys(values, f"recipe {recipe}")},
+            sources={**used.sources, **dict.fromkeys(values, source)},
         ),
     )

@@ -58,6 +58,7 @@ OPERATIONS = {
     "put /rigs/{rig}/claim": "claim_rig",
     "delete /rigs/{rig}/claim": "give_back_rig",
     "post /rigs/{rig}/queue/actions": "control_queue",
+    "get /rigs/{rig}/places": "list_places",
     "get /rigs/{rig}/timing": "get_timing",
     "get /rigs/{rig}/model": "get_model",
     "get /rigs/{rig}/checklist": "get_checklist",

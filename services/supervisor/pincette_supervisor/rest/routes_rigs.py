@@ -14,6 +14,7 @@ from pincette.api.checklist import Checklist
 from pincette.api.history import History
 from pincette.api.live import LiveBatch, LiveList, LoopTiming
 from pincette.api.models import ModelAction, ModelView
+from pincette.api.places import PlaceList
 from pincette.api.problems import responses
 from pincette.api.rigs import QueueRequest, ResetRequest, Rig, RigList, Stopped, StoppedList
 from pincette.api.simulation import SimulationCommand, SimulationOperation, SimulationOperationList
@@ -190,6 +191,12 @@ def order_queue(manager: Manager, body: QueueRequest, asker: Asking) -> Rig:
         manager.claims.require(asker.claim)
     manager.control_queue(body.type, asker.by, (body.job or "", body.position))
     return rig_view(manager)
+
+
+@router.get("/rigs/{rig}/places", responses=responses(404), dependencies=[OBSERVE])
+def places(manager: Manager) -> PlaceList:
+    """Return the newest place of each vision client, and how far its places were off over jobs."""
+    return manager.places.view()
 
 
 @router.get("/rigs/{rig}/timing", responses=responses(404), dependencies=[OBSERVE])

@@ -31,6 +31,7 @@ from pincette_supervisor.plugin.goal import goal_of
 from pincette_supervisor.plugin.result import with_ring
 from pincette_supervisor.process_load import PROCESS_LOAD
 from pincette_supervisor.results.documents import NOT_RECORDED, said_of, write_documents
+from pincette_supervisor.results.place_found import place_found
 from pincette_supervisor.results.run_samples import THINNED, RunSamples, completed
 
 # The force that a job reads as its arm comes back, free again, to the place of its zero; pure.
@@ -242,6 +243,7 @@ def gathered(
     if goal is not None:
         result = result.model_copy(update={"goal": goal})
     result = result.model_copy(update=zero_returns(result, tables.extreme, planned.armed.rig))
+    result = result.model_copy(update={"place": place_found(result, tables.extreme, planned)})
     if result.position_step is not None and rig.second is None:
         step = with_ring(result.position_step, tables.extreme, planned.armed.rig)
         result = result.model_copy(update={"position_step": step})

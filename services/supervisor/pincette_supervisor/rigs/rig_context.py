@@ -15,7 +15,7 @@ from pincette.bus.protocol import Bus, BusError, RefusalError
 from pincette.bus.stopping import DIRECT, REPLY_S, ROUTED, TRIP_S, StopAttempts
 from pincette.config import RigFile
 from pincette.core.messages import Ack, Trip
-from pincette.core.topics import TRIP
+from pincette.core.topics import PLACE, TRIP
 from pincette_supervisor.alarms import AlarmLog, TripReason
 from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import Store
@@ -26,6 +26,7 @@ from pincette_supervisor.results.history import HistoryReader
 from pincette_supervisor.rigs.health import Health
 from pincette_supervisor.rigs.live import LiveSamples
 from pincette_supervisor.rigs.observer import Observer, WatchedBus
+from pincette_supervisor.rigs.places import Places
 
 HEAD_START_S = 0.1
 """Time in s for which only the bus is tried. If it works, the actuator needs no further session."""
@@ -178,6 +179,13 @@ class RigContext:
     def zero_doubt(self) -> ZeroDoubt:
         """Return the doubt whether the next zero of the force needs a person's confirmation."""
         return ZeroDoubt(self.store, self.rig.rig.name)
+
+    @cached_property
+    def places(self) -> Places:
+        """Return the places of parts that vision clients publish, from the first use on."""
+        places = Places(self.rig.rig.name, self.store, self.write_queue, self.bus.refused)
+        self.bus.subscribe(PLACE, places.take)
+        return places
 
     @cached_property
     def closer(self) -> Executor:

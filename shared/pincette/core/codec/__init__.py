@@ -14,13 +14,13 @@ from msgspec.msgpack import Decoder, Encoder
 from pincette.control.quantities import MAX_TEXT
 from pincette.core.codec.refusals import CodecError, read_slowly, short_texts
 from pincette.core.messages import Message
-from pincette.core.topics import REQUESTS, TOPICS
+from pincette.core.topics import REQUESTS, TOPIC_OF
 
 M = TypeVar("M", bound=Message)
 
 MAX_BYTES = 524_288
 """Size limit of a message, in bytes."""
-KINDS = {topic.message for topic in TOPICS} | {
+KINDS = TOPIC_OF.keys() | {
     kind for request in REQUESTS for kind in (request.request, request.reply)
 }
 """Every type of message on the bus, from the topics and requests."""

@@ -31,6 +31,7 @@ from pincette.core.messages.samples import (
     Estimate,
     GroundTruth,
     JobNotice,
+    Place,
     Position,
     Telemetry,
     Timing,
@@ -45,6 +46,7 @@ Message = (
     | Telemetry
     | GroundTruth
     | JobNotice
+    | Place
     | Timing
     | RequestLog
     | Arm

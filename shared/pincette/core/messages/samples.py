@@ -234,6 +234,25 @@ class JobNotice(FrozenRecord, frozen=True):
     """Time of the change, in UTC."""
 
 
+class Place(FrozenRecord, frozen=True):
+    """Place of the part as a vision client measures it; a job takes it if its request asks so."""
+
+    rig: Text
+    """Name of the rig whose coordinates these are."""
+    x_um: Micrometre
+    """Position of the arm at first touch; with two arms the place q = (x_1 - x_2)/2."""
+    u_um: Micrometre
+    """Expanded uncertainty (k = 2) of ``x_um``; above 0."""
+    width_um: Micrometre | None
+    """Width of the part, for two arms; None if it was not measured."""
+    u_width_um: Micrometre | None
+    """Expanded uncertainty (k = 2) of the width."""
+    measured_at: Text
+    """Time of the measurement, in ISO 8601 with its time zone."""
+    source: Text
+    """Name of the instrument, at most 80 characters."""
+
+
 class Timing(FrozenRecord, frozen=True):
     """Timing of a program of the loop since its epoch began; in real time only."""
 

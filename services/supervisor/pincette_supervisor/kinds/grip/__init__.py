@@ -8,12 +8,19 @@ from pincette.api import example
 from pincette.api.job_kinds import FieldSpec, JobKind, RecipeRules, ResultField, choices, number
 from pincette.api.pairs import PairPlan, PairResult
 from pincette.api.plans import Plan
-from pincette.api.requests import ContactJobRequest, Duration, Positive, Speed, check_one_hold
+from pincette.api.requests import (
+    ContactJobRequest,
+    Duration,
+    PlacedRequest,
+    Positive,
+    Speed,
+    check_one_hold,
+)
 from pincette.api.results import COMMON, ClosedLoopResult, ErrorSources
 from pincette_supervisor.kinds import fields
 
 
-class GripJobRequest(ContactJobRequest, frozen=True):
+class GripJobRequest(ContactJobRequest, PlacedRequest, frozen=True):
     """Grip a part with the arm or both arms of a rig. Defaults come from the rig file."""
 
     model_config = example(kind="grip", autostart=True, force_mN=20.0, labels={"part": "bead 12"})
@@ -85,6 +92,7 @@ class GripResult(ClosedLoopResult):
 
 FIGURES: tuple[ResultField, ...] = (
     *fields.CONTACT,
+    *fields.PLACE_FOUND,
     number(
         "force_held_mN",
         "force held",
@@ -143,19 +151,25 @@ KIND = JobKind(
             FieldSpec(name="centre", label="Find the part from both sides first"),
             *fields.PAIR_LAW,
         ),
+        *fields.PLACE,
         *fields.POLICIES,
     ),
-    figures=(*fields.for_arms(1, *FIGURES), *fields.for_arms(2, *fields.PAIR_FIGURES)),
+    figures=(
+        *fields.for_arms(1, *FIGURES),
+        *fields.for_arms(2, *fields.PAIR_FIGURES, *fields.PLACE_FOUND, *fields.WIDTH_FOUND),
+    ),
     brief={
         "force_held_mN": "force held",
         "force_target_mN": "requested force",
         "peak_force_mN": "peak force",
         "contact_stiffness_mN_per_um": "contact stiffness",
         "held_place_um": "place",
+        "place.difference_um": "place found minus place given",
         "difference_mN": "difference of both forces",
         **fields.BRIEF_ZERO_RETURN,
     },
     predicted=True,
+    relative=("place",),
     goal_phase="hold",
     recipe=RecipeRules(exclusive=(("hold_s", "until_released"), ("load_s", "load_um_per_s"))),
     arms=(1, 2),

@@ -81,6 +81,15 @@ function law(plan) {
   return notes(texts, "Law and steady errors");
 }
 
+/** The place that a vision client or the request gave, and where the part is searched for. */
+function place({ place: given }) {
+  if (!given) return [];
+  const ways = given.search_from_um.map(
+    (from, arm) => `${number(from)} to ${number(given.search_to_um[arm])} µm`);
+  return [h("p", { class: "muted" }, `Place of ${given.source}: ${number(given.x_um)} ± `
+    + `${number(given.u_um)} µm; searched for from ${ways.join(" and ")}`)];
+}
+
 export class PlanView {
   constructor() {
     this.verdict = h("p", { class: "verdict", role: "status" });
@@ -116,7 +125,8 @@ export class PlanView {
     this.body.replaceChildren(...values(sent), ...violations(plan),
       ...(plan.warnings ?? []).map((text) => h("p", { class: "cause warn" }, text)),
       plan.prediction?.cut ? h("p", { class: "muted" }, plan.prediction.cut) : "",
-      ...drawPrediction(plan, limits), ...figures(plan), ...margins(plan), ...law(plan),
+      ...place(plan), ...drawPrediction(plan, limits), ...figures(plan), ...margins(plan),
+      ...law(plan),
       ...notes(plan.prediction?.assumptions, "Assumptions"));
   }
 }
