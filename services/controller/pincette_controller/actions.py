@@ -27,7 +27,13 @@ from pincette_controller.player_state import (
     with_watch,
 )
 
-ON_ITS_WAY = (Outcome.NONE, Outcome.GRIPPED, Outcome.TRACKED, Outcome.MOVED)
+ON_ITS_WAY = (
+    Outcome.NONE,
+    Outcome.GRIPPED,
+    Outcome.TRACKED,
+    Outcome.MOVED,
+    Outcome.RELEASED,
+)
 """Outcomes of a program that has gone as planned so far."""
 
 

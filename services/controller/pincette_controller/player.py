@@ -10,11 +10,12 @@ from math import inf
 
 from msgspec.structs import replace
 
+from pincette.control.force.freedom import FreeArm, FreedomFit
 from pincette.control.force.position_steps import StepLimits
 from pincette.control.planning import conditioning
 from pincette.control.planning.pair_plan import CARRIED
 from pincette.control.planning.program import Program
-from pincette.control.planning.segments import Entry, Move, Reference, Seek, Track
+from pincette.control.planning.segments import Entry, LetGo, Move, Reference, Seek, Track
 from pincette.core.faults import Outcome, Phase
 from pincette.core.messages.arms import ArmEstimate
 from pincette_controller.felt import Arms, Felt, place_um
@@ -88,6 +89,8 @@ def advance(
     player = replace(player, zero=False, bump=False, applied_V=applied_V, felt=felt)
     if player.ended:
         return player
+    if isinstance(player.segment, LetGo) and player.segment.checks and not player.pause.active:
+        player = replace(player, freedom=_moved(player, player.segment.checks, arms, period_s))
     player = guard(program, player, arms, x_um, period_s, limits)
     if player.slip.suspect is not None:
         return player
@@ -102,6 +105,26 @@ def advance(
     ref = player.segment.reference(ticks * entry.period_s, entry)
     player = replace(player, ticks=ticks, ref=ref)
     return within_plan(program, player, x_um) if player.held and felt is None else player
+
+
+def _moved(
+    player: Player, checks: tuple[FreeArm, ...], arms: Arms, period_s: float
+) -> tuple[FreedomFit, ...]:
+    """Return the motion of each arm in a check, with the newest sample."""
+    fits = player.freedom or (FreedomFit(),) * len(checks)
+    return tuple(
+        fit.add(check, player.ticks * period_s, arm.x_um, arm.force_mN)
+        for fit, check, arm in zip(fits, checks, arms, strict=True)
+    )
+
+
+def _is_free(player: Player, checks: tuple[FreeArm, ...]) -> bool:
+    """Return whether the check that has just ended found each arm free."""
+    for fit, check in zip(player.freedom, checks, strict=True):
+        found = fit.freedom(check, drifts=True)
+        if found is None or found.verdict(check) != "released":
+            return False
+    return True
 
 
 def _pause_at_rest(player: Player, period_s: float) -> Player:
@@ -163,6 +186,8 @@ def _next(program: Program, player: Player, arms: Arms, x_um: float) -> Player:
             return jump(program, player, Phase.UNLOAD, x_um)
     if not player.outcome:
         player = replace(player, outcome=_outcome(program, player))
+    if isinstance(segment, LetGo) and segment.checks and _is_free(player, segment.checks):
+        return replace(player, ended=True, held=False)
     return enter_next(program, player, x_um)
 
 

@@ -5,6 +5,7 @@ from typing import Any
 from msgspec import field
 from msgspec.structs import replace
 
+from pincette.control.force.freedom import FreedomFit
 from pincette.control.force.position_steps import RestNoise, Step, StepWatch
 from pincette.control.planning.contact_line import ContactLine, LoadLine
 from pincette.control.planning.program import Program
@@ -129,6 +130,8 @@ class Player(FrozenRecord, frozen=True):
     watch: GuardWatch = field(default_factory=GuardWatch)
     slip: SlipWatch = field(default_factory=SlipWatch)
     pause: Pause = NO_PAUSE
+    freedom: tuple[FreedomFit, ...] = ()
+    """Motion of each arm in a check of whether it is free; empty in other segments."""
     touch: Touch | None = None
     """Touch on the way through free space; None without one."""
     felt: Felt | None = None
@@ -160,6 +163,7 @@ def enter(player: Player, index: int, segment: Segment) -> Player:
         index=index,
         segment=_not_forward(segment, ref, player.felt),
         ticks=0,
+        freedom=(),
         # A zero without an answer belongs to the rest that ends here.
         watch=replace(player.watch, count=0, zeroing=False),
         entry=player.entry._replace(ref=ref),
@@ -202,7 +206,8 @@ def enter_next(program: Program, player: Player, x_um: float) -> Player:
     index, segment = player.index + 1, player.segment
     early = segment.phase == player.ends_after and not segment.open_loop
     if segment.phase == Phase.STOPPING or early or index >= len(program.segments):
-        return replace(player, ended=True, held=player.held and segment.phase != Phase.UNLOAD)
+        held = player.held and segment.phase != Phase.UNLOAD and not segment.lets_go
+        return replace(player, ended=True, held=held)
     return enter(leave(player, program.segments[index], x_um), index, program.segments[index])
 
 

@@ -109,6 +109,8 @@ def _watched(program: Program, player: Player, estimate: ArmEstimate, *, along_p
     segment = player.segment
     if not player.held or segment.phase in UNWATCHED or player.felt is not None:
         return False
+    if segment.lets_go:
+        return False
     return not along_path or estimate.force_mN >= program.guards.contact_force_mN
 
 

@@ -22,7 +22,7 @@ from pincette.core.units import unit_of
 
 LAST = 1000
 """Place in lists for kinds that state none."""
-Widget = Literal["number", "choice", "check", "list", "pairs", "text", "recipe"]
+Widget = Literal["number", "choice", "check", "list", "pairs", "text", "words", "recipe"]
 
 
 class Choice(Model):

@@ -259,7 +259,8 @@ def _widget(member: Schema) -> Widget:
     if "enum" in member or "const" in member:
         return "choice"
     if member.get("type") == "array":
-        return "pairs" if "$ref" in member.get("items", {}) else "list"
+        items = member.get("items", {})
+        return "pairs" if "$ref" in items else "words" if items.get("type") == "string" else "list"
     widgets: dict[Any, Widget] = {"boolean": "check", "string": "text"}
     return widgets.get(member.get("type"), "number")
 

@@ -8,7 +8,7 @@ from pincette.api import example
 from pincette.api.plans import LAW, Curves, JobPlan, Law
 from pincette.api.predictions import PREDICTED, Peaks, PredictedCurves, Prediction
 from pincette.api.requests import Duration, Gains, PolicyRequest, Positive, Speed
-from pincette.api.results import JobResult, Tracking, ZeroReturn
+from pincette.api.results import JobResult, ReleaseVerdict, Tracking, ZeroReturn
 
 COURSE = {
     "t_s": [0.0, 1.0],
@@ -138,6 +138,9 @@ class PairResult(JobResult):
     second_zero_return: ZeroReturn | None = None
     """Zero return of the second arm; null if the arm did not come back free to the place of its
     zero."""
+    release: ReleaseVerdict | None = None
+    """Verdict on the release at the end of the job, of the arm that is held more; null if it
+    released no part."""
 
 
 PREDICTED_COURSE = {

@@ -158,6 +158,39 @@ class ZeroReturn(Model):
     """False if the force exceeds its uncertainty: no force since that zero is then verified."""
 
 
+class ReleaseVerdict(Model):
+    """Verdict on the release of a part, from the motion of the arm on its way back.
+
+    An arm that a part holds moves less than a free one, whether the part is pressed or pulled. A
+    part that comes along on the arm alone pulls on nothing: only a camera sees it.
+    """
+
+    model_config = example(
+        verdict="released",
+        strategies=["retreat"],
+        stiffness_mN_per_um=0.02,
+        stiffness_uncertainty_mN_per_um=0.11,
+        pull_off_mN=0.24,
+        pull_off_uncertainty_mN=0.09,
+    )
+
+    verdict: Literal["released", "sticks", "unknown"]
+    """``released`` if the arm moves as a free one, ``sticks`` if it moves as one that the part
+    holds, ``unknown`` if the uncertainty admits both or neither."""
+    strategies: list[str]
+    """Strategies that were tried, in order; empty for a release without."""
+    stiffness_mN_per_um: float | None
+    """Stiffness that holds the arm at the end of the way back; about 0 for a free arm; null if the
+    way back is too short."""
+    stiffness_uncertainty_mN_per_um: float | None
+    """Expanded uncertainty of that stiffness."""
+    pull_off_mN: float | None
+    """Pull that ended as the part came off; 0 if noise and speed hide it; null if it has not. A
+    bridge of liquid may pull on a little longer."""
+    pull_off_uncertainty_mN: float | None
+    """Expanded uncertainty of the pull-off force; a slow way back makes it small."""
+
+
 StepCause = Literal["slip", "sensor", "unknown"]
 
 
@@ -315,6 +348,8 @@ class ClosedLoopResult(JobResult):
     final_force_mN: float | None
     zero_return: ZeroReturn | None = None
     """Zero return; null if the arm did not come back free to the place of a zero of this job."""
+    release: ReleaseVerdict | None = None
+    """Verdict on the release at the end of the job; null if it released no part."""
     contact_rmse_position_um: float | None
     """Root mean square position error from the load to the unload."""
     contact_rmse_force_mN: float | None
@@ -423,6 +458,9 @@ def confirmations(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         )
     if known and not failed:
         yield "force verified by the zero return", ""
+    released = result.get("release")
+    if released is not None and released["verdict"] == "sticks":
+        yield "the part sticks to the arm", "try other strategies, or take it off by hand"
     if result.get("forces_agree") is False:
         yield "the forces of both arms differ", ""
     if result.get("zero_unconfirmed"):

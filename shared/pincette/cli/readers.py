@@ -89,7 +89,7 @@ class Form:
         if self.item is not None and self.item.models:
             return f"'{self.item.columns}; ...'|{FROM_FILE}FILE"
         if self.item is not None:
-            one = self.item.unit or "NUMBER"
+            one = self.item.unit or "|".join(self.item.choices) or "NUMBER"
             return f"'{one}; {one}; ...'"
         named = [f"{self.example}=..."] if self.models else []
         if self.choices or named:

@@ -3,12 +3,13 @@
 Several programs need the same derived quantities; each quantity is derived only here.
 """
 
-from math import inf
+from math import hypot, inf, sqrt
 
 from pincette.config.model import Model
 from pincette.config.rig_file import RigFile
 from pincette.config.toml_file import ConfigError
 from pincette.control.arm.plant import OutputTiming
+from pincette.control.force.freedom import FreeArm
 from pincette.control.force.inverse_dynamics import inverse_dynamics
 from pincette.control.force.kalman import augmented_kalman
 from pincette.control.force.observers import (
@@ -37,6 +38,9 @@ REST_SAMPLES = (10, 64)
 """Smallest and largest number of samples in the rest of a zero."""
 X_START_UM = 0.0
 """Position of the arm at zero voltage, which the sensor offset of the rig file defines."""
+
+CHECK_UM, CHECK_NOISES = 2.0, 50.0
+"""Least way over which it is checked whether an arm is free, in µm, and in noises of its sensor."""
 
 CREEP_REACH = 10.0
 """Ratio of the age up to which creep is known to the longest identified creep time."""
@@ -192,6 +196,41 @@ def _observer(model: Model, period_s: float, noise_um: float) -> ForceObserver:
 def step_limits(rig: RigFile) -> StepLimits:
     """Return the limits by which a step of the position is judged."""
     return StepLimits(rig.sensor.noise_um, rig.model.compliance_um_per_mN, rig.rig.period_s)
+
+
+def check_way_um(rig: RigFile) -> float:
+    """Return the way over which it is checked whether an arm is free, in µm.
+
+    Over ``CHECK_NOISES`` times the sensor's noise, noise moves the share of the free motion by a
+    percent.
+    """
+    return max(CHECK_UM, CHECK_NOISES * rig.sensor.noise_um)
+
+
+def free_arm(rig: RigFile, way_um: float) -> FreeArm:
+    """Return what is known of one arm by which its freedom is judged over a way, in µm."""
+    model, part = rig.model, rig.part
+    s_p = model.compliance_um_per_mN
+    softest = part.stiffness_mN_per_um * (1.0 - part.stiffness_tolerance)
+    return FreeArm(
+        s_p, 1.0 / (1.0 + s_p * softest), _share_error(model, way_um), rig.sensor.noise_um
+    )
+
+
+def _share_error(model: Model, way_um: float) -> float:
+    """Return the standard error of the slope of x_1 over a way, as a share of the slope.
+
+    A straight line that is off a loop by the share f, r.m.s., is off its slopes by up to 3·f, the
+    width of the loop; any error up to that is equally likely.
+    """
+    taught, recorded = model.free_response, model.recorded_response
+    if recorded is not None:
+        return sqrt(2.0) * recorded.residual_um / way_um
+    if taught is None:
+        return sqrt(3.0) * model.hysteresis_fraction
+    growth, d_p = taught.growth(), model.piezo_um_per_V
+    error_um = sqrt(2.0) * taught.residual_um if growth is None else growth.at(way_um / d_p)
+    return hypot(error_um / way_um, turn_error_um_per_V(model) / d_p)
 
 
 def planned_rig(

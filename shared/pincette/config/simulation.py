@@ -106,6 +106,20 @@ class Bead(Table):
     """J/m². Work of adhesion w; instruments: 0.05-0.1."""
     roughness: float = Field(default=1.0, ge=0.0, le=1.0)
     """1. Ratio of the pull-off force to its bound for smooth faces, 3/2·π·w·R; assumed."""
+    liquid_um3: NotNegative = 0.0
+    """µm³. Liquid between arm and bead, which forms a bridge at the first touch; 1000 µm³ are 1 pL;
+    assumed."""
+    surface_tension_J_per_m2: Positive = 0.072
+    """J/m². Surface tension γ of the liquid; water: 0.072."""
+    wetting: float = Field(default=1.0, gt=0.0, le=1.0)
+    """1. Cosine of the contact angle of the liquid."""
+    ageing_per_decade: NotNegative = 0.0
+    """1. Share by which the pull-off force grows with each decade of the contact time; assumed."""
+    bond_mN: NotNegative = 0.0
+    """mN. Pull that residue or glue between arm and bead withstands for 1 s; 0: there is none;
+    assumed."""
+    bond_scale_mN: Positive = 1.0
+    """mN. Pull that shortens the life of the bond by the factor e; assumed."""
     density_kg_per_m3: Positive = 2500.0
     """kg/m³. Density of glass; 1400 µm then weigh 0.035 mN (instruments)."""
     friction: Positive | None = None

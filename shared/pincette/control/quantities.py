@@ -31,6 +31,7 @@ def _within(unit: str) -> Meta:
 Micrometre = Annotated[float, _within("µm")]
 Millinewton = Annotated[float, _within("mN")]
 MillinewtonPerMicrometre = Annotated[float, _within("mN/µm")]
+MicrometrePerMillinewton = Annotated[float, _within("µm/mN")]
 Volt = Annotated[float, _within("V")]
 Second = Annotated[float, _within("s")]
 Hertz = Annotated[float, _within("Hz")]

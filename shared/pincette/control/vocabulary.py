@@ -8,6 +8,7 @@ from enum import StrEnum, auto
 from typing import Literal
 
 ParameterSet = Literal["consistent", "printed", "identified"]
+ReleaseStrategy = Literal["retreat", "fast", "dither", "wait"]
 ForceAge = Literal["planned", "newest"]
 LimitedQuantity = Literal[
     "force",

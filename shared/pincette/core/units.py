@@ -22,6 +22,7 @@ OF_FILES = {
     "_mN_per_decade": "mN/decade",
     "_J_per_m2": "J/m²",
     "_kg_per_m3": "kg/m³",
+    "_um3": "µm³",
     "_per_V": "1/V",
     "_periods": "periods",
     "_days": "days",

@@ -4,6 +4,7 @@ from hypothesis import strategies as st
 
 from pincette.sim.plant.contact import (
     ball_weight_mN,
+    capillary_mN,
     hertz_um_per_mN23,
     holding_force_mN,
     pull_off_mN,
@@ -23,6 +24,7 @@ def test_weight_and_adhesion_of_the_papers_bead_are_as_calculated() -> None:
     assert pull_off_mN(700.0, 0.05, 1.0) == pytest.approx(0.165, rel=0.01)
     assert pull_off_mN(700.0, 0.1, 1.0) == pytest.approx(0.33, rel=0.01)
     assert pull_off_mN(700.0, 0.1, 0.0) == 0.0
+    assert capillary_mN(700.0, 0.072) == pytest.approx(0.633, rel=0.001)
     assert holding_force_mN(0.035, 0.3) == pytest.approx(0.0583, rel=0.001)
 
 

@@ -181,3 +181,47 @@ def test_bounces_are_those_of_a_brute_integration(
     expected_um = _against_a_stiff_damper(p, voltage_V, time_s)
     assert abs(states[-1].x_um - voltage_V * p.piezo_um_per_V) > 1.0
     assert states[-1].x_um == pytest.approx(expected_um, abs=0.1)
+
+
+def _leaving(p: PlantParameters, rest_s: float, pulled_um: float) -> tuple[PlantState, float]:
+    """The state of arms that have touched for a time and are pulled apart, and the largest pull."""
+    state, touch_V = at_rest(p, 1.6), p.contact_um / p.piezo_um_per_V
+    state, least_mN = plant.advance(p, state, rest_s), 0.0
+    for step in range(1, 301):
+        voltage_V = touch_V - step / 300 * pulled_um / p.piezo_um_per_V
+        state = plant.advance(p, plant.set_voltage(p, state, voltage_V), 0.02)
+        least_mN = min(least_mN, plant.contact_force_mN(p, state))
+    return state, -least_mN
+
+
+def test_adhesion_grows_with_the_logarithm_of_the_contact_time(simulation: Simulation) -> None:
+    part = PartParameters(pull_off_mN=0.2, ageing_per_decade=0.3)
+    p = bare_arms(simulation, part=part, output_lag_s=0.01)
+    pulls_mN = [_leaving(p, rest_s, 1.0)[1] for rest_s in (1.0, 93.0)]
+    assert pulls_mN[0] == pytest.approx(0.2 * 1.3, abs=0.015)
+    assert pulls_mN[1] == pytest.approx(0.2 * 1.6, abs=0.015)
+
+
+def test_a_bridge_pulls_less_with_the_gap_and_ruptures(simulation: Simulation) -> None:
+    part = PartParameters(bridge_mN=0.4, bridge_um=2.0, rupture_um=8.0)
+    p = bare_arms(simulation, part=part, output_lag_s=0.01)
+    pulls_mN: list[float] = []
+    for pulled_um in (2.0, 6.0, 12.0):
+        state, _ = _leaving(p, 0.0, pulled_um)
+        assert not state.joined
+        pulls_mN.append(-plant.contact_force_mN(p, state))
+        gap_um = p.contact_um - state.x_um
+        expected_mN = 0.4 * (1.0 - gap_um / (gap_um**2 + 4.0) ** 0.5) if state.bridged else 0.0
+        assert pulls_mN[-1] == pytest.approx(expected_mN, abs=1e-3)
+    assert pulls_mN[0] > pulls_mN[1] > pulls_mN[2] == 0.0
+
+
+@pytest.mark.parametrize(("rest_s", "joined"), [(0.5, True), (30.0, False)])
+def test_a_bond_parts_in_time_under_a_pull(
+    simulation: Simulation, rest_s: float, joined: bool
+) -> None:
+    """A pull of 5.4 mN leaves the bond a life of e^0.6 times some seconds."""
+    p = bare_arms(simulation, part=PartParameters(bond_mN=6.0, bond_scale_mN=0.4))
+    state, _ = _leaving(p, 0.0, 5.0)
+    assert state.joined
+    assert plant.advance(p, state, rest_s).joined == joined

@@ -20,6 +20,7 @@ PUBLIC = {PLUGIN} | {
         "laws",
         "pair_plans",
         "plans",
+        "release",
         "result",
     )
 }

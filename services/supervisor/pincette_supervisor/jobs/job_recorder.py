@@ -129,6 +129,11 @@ class JobRecorder:
             verified = all(each.verified for each in returned)
             self._figures["zero_return_verified"] = verified
             self._context.observer.counters.count_zero_return(verified=verified)
+        released = getattr(record.result, "release", None)
+        if released is not None:
+            self._figures["release"] = released.verdict
+            if released.verdict == "sticks":
+                self._context.zero_doubt.raise_by(job.id)
         return record.fault
 
     @contextmanager

@@ -262,9 +262,9 @@ def require_zero_confirmed(context: RigContext, request: JobRequest) -> None:
             409,
             "zero-not-confirmed",
             "Something may touch the arm",
-            f"job {touched} touched something before the force was zeroed, and a zero would "
-            "hide its force: make sure that nothing touches the arm, then send "
-            "zero_confirmed = true",
+            f"job {touched} touched something before the force was zeroed, or left a part that "
+            "sticks to the arm, and a zero would hide its force: make sure that nothing touches "
+            "the arm, then send zero_confirmed = true",
             job=touched,
         )
 

@@ -263,6 +263,22 @@ SECOND_ZERO_RETURN = tuple(
     for figure in ZERO_RETURN
 )
 """Result fields on the closure error of the second arm."""
+RELEASE_VERDICT: tuple[ResultField, ...] = (
+    ResultField(name="release.verdict", label="release", optional=True),
+    number(
+        "release.pull_off_mN",
+        "pull-off force",
+        uncertainty="release.pull_off_uncertainty_mN",
+        optional=True,
+    ),
+    number(
+        "release.stiffness_mN_per_um",
+        "stiffness that still holds the arm",
+        uncertainty="release.stiffness_uncertainty_mN_per_um",
+        optional=True,
+    ),
+)
+"""Result fields on the release of the part."""
 BRIEF_ZERO_RETURN: Mapping[str, str] = {
     "zero_return.force_mN": "zero return",
     "second_zero_return.force_mN": "zero return of arm 2",
@@ -315,5 +331,6 @@ PAIR_FIGURES: tuple[ResultField, ...] = (
     ),
     *ZERO_RETURN,
     *SECOND_ZERO_RETURN,
+    *RELEASE_VERDICT,
     ResultField(name="held_at_end", label="part still held"),
 )

@@ -1,9 +1,9 @@
 """Public API of the supervisor for kinds of job.
 
 A kind of job imports this module, its modules ``plans``, ``pair_plans``, ``laws``, ``goal``,
-``figures``, ``result``, ``error_sources`` and ``drawing``, and ``pincette``, but nothing else of
-the supervisor. Names in ``__all__`` of this module, and those of the others without an underscore,
-change only with a new major version of pincette.
+``figures``, ``result``, ``release``, ``error_sources`` and ``drawing``, and ``pincette``, but
+nothing else of the supervisor. Names in ``__all__`` of this module, and those of the others without
+an underscore, change only with a new major version of pincette.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -28,6 +28,7 @@ from pincette_supervisor.plugin import Evaluation, Planned, Run, functions_of
 from pincette_supervisor.plugin.drawing import Picture
 from pincette_supervisor.plugin.figures import series, table_of_arm
 from pincette_supervisor.plugin.goal import goal_of
+from pincette_supervisor.plugin.release import release_of
 from pincette_supervisor.plugin.result import with_ring
 from pincette_supervisor.process_load import PROCESS_LOAD
 from pincette_supervisor.results.documents import NOT_RECORDED, said_of, write_documents
@@ -35,6 +36,19 @@ from pincette_supervisor.results.place_found import place_found
 from pincette_supervisor.results.run_samples import THINNED, RunSamples, completed
 
 # The force that a job reads as its arm comes back, free again, to the place of its zero; pure.
+
+
+def after_release(result: JobResult, run: Run, table: Columns) -> dict[str, Any]:
+    """Return the members of a result that state the release of its part and the zero return.
+
+    An arm that the part still holds has no zero return: the part pulls it.
+    """
+    if not isinstance(result, ClosedLoopResult | PairResult):
+        return {}
+    release, returns = release_of(run), zero_returns(result, table, run.planned.armed.rig)
+    if release is not None and release.verdict == "sticks":
+        returns = dict.fromkeys(returns)
+    return {"release": release, **returns}
 
 
 def zero_returns(result: JobResult, table: Columns, rig: RigFile) -> dict[str, ZeroReturn | None]:
@@ -242,7 +256,7 @@ def gathered(
     )
     if goal is not None:
         result = result.model_copy(update={"goal": goal})
-    result = result.model_copy(update=zero_returns(result, tables.extreme, planned.armed.rig))
+    result = result.model_copy(update=after_release(result, run, tables.extreme))
     result = result.model_copy(update={"place": place_found(result, tables.extreme, planned)})
     if result.position_step is not None and rig.second is None:
         step = with_ring(result.position_step, tables.extreme, planned.armed.rig)

@@ -100,7 +100,7 @@ def _unconfirmed(attempts: StopAttempts, limit_s: float) -> BusError:
 
 
 class ZeroDoubt:
-    """Job of a rig that touched something before its zero, kept in the journal.
+    """Job that touched something before its zero or left a sticking part, kept in the journal.
 
     A force that is zeroed while a part presses is hidden as long as the zero is valid. The
     estimator compares each zero with the one before, but has none after its start. Therefore a job
@@ -112,7 +112,7 @@ class ZeroDoubt:
         self._store, self._name = store, f"zero_doubted:{rig}"
 
     def raise_by(self, job: str) -> None:
-        """Store the job that touched something before its zero."""
+        """Store the job after which something may touch the arm."""
         self._store.set_note(self._name, job)
 
     def settle(self) -> None:

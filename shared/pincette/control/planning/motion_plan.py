@@ -14,11 +14,12 @@ from math import ceil, pi
 from msgspec.structs import replace
 
 from pincette.control.checks import require_not_negative, require_positive
+from pincette.control.force.freedom import FreeArm
 from pincette.control.planning.calibration_programs import FREE
 from pincette.control.planning.contact_plan import MotionPlan, PlannedRig, voltage_range
 from pincette.control.planning.contact_request import CONTACT_SAMPLES
 from pincette.control.planning.feasibility import Excursion, excursions, named_violation
-from pincette.control.planning.path_shapes import voltage_moves
+from pincette.control.planning.path_shapes import sinusoid, voltage_moves
 from pincette.control.planning.paths import Path
 from pincette.control.planning.prediction import (
     nominal,
@@ -27,22 +28,29 @@ from pincette.control.planning.prediction import (
     require_bounded,
     sample_course,
 )
-from pincette.control.planning.profiles import move_duration
+from pincette.control.planning.profiles import PEAK_SPEED, minimum_duration, move_duration
 from pincette.control.planning.program import Guards, PlannedRange, Program
 from pincette.control.planning.segments import (
     Drive,
     Entry,
     Follow,
+    LetGo,
     Move,
     Ramp,
     Reference,
     Segment,
     VoltageCourse,
 )
+from pincette.control.vocabulary import ReleaseStrategy
 from pincette.control.voltage_range import VoltageRange, around
 
 REST_S = 0.5
 """Rest after a move, in s, in which the arm settles."""
+CHECK_S, CHECK_REST_S = 1.2, 0.3
+"""Duration of the check of whether an arm is free, there and back, and of the rest before it, in s.
+"""
+FAST_SHARE = 0.95
+"""Share of the slew limit at which the voltage of a fast way back falls."""
 OPEN_V = 0.1
 """Margin of voltage for a motion without a law, since it begins at a measured voltage."""
 
@@ -171,6 +179,84 @@ def plan_release(
 ) -> MotionPlan:
     """Plan the release of a held part; phase ``unload``. Raises as ``plan_hold`` does."""
     segments = [_unload(release_s, safe_V)]
+    return _plan(segments, _free_guards(rig), rig, stand, pointers, held_to_V=safe_V)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LettingGo:
+    """Strategies by which a held part is let go, in order; raises ValueError for bad numbers.
+
+    Each one ends at the safe voltage with a check of whether the arm is free, and the next one is
+    played only if it is not.
+    """
+
+    strategies: tuple[ReleaseStrategy, ...]
+    release_s: float
+    """Duration of a slow way back, in s."""
+    dither_um: float
+    """Amplitude of the swing about the safe voltage, in µm of the free arm."""
+    dither_hz: float
+    dither_s: float
+    wait_s: float
+    check_um: float
+    """Way of the check, in µm; negative where it leads away from the part."""
+    checks: tuple[FreeArm, ...]
+    """What each arm is judged by."""
+
+    def __post_init__(self) -> None:
+        for name in ("release_s", "dither_um", "dither_hz", "dither_s", "wait_s"):
+            require_positive(name, getattr(self, name), name.rpartition("_")[2])
+        if not self.strategies:
+            raise ValueError("a part is let go by at least one strategy; there is none")
+
+
+def plan_letting_go(
+    wanted: LettingGo,
+    rig: PlannedRig,
+    stand: StartPosition,
+    safe_V: float,
+    pointers: Mapping[str, str],
+) -> MotionPlan:
+    """Plan to let a held part go by strategies; phases ``unload``, their names, and ``check``.
+
+    The first way back is fast if ``fast`` is the first strategy. A later way back begins half way
+    to the voltage that has held the part, which presses it no more than before.
+    """
+    d_p = require_positive("piezoelectric constant", rig.piezo_um_per_V, "µm/V")
+    way_V, fastest = abs(stand.voltage_V - safe_V), FAST_SHARE * rig.limits.slew_V_per_s
+    half_V = safe_V + 0.5 * (stand.voltage_V - safe_V)
+
+    def back_s(strategy: str, way_V: float) -> float:
+        fast_s = max(2.0 * rig.period_s, minimum_duration(way_V, fastest))
+        return fast_s if strategy == "fast" else wanted.release_s
+
+    first, *_ = wanted.strategies
+    segments: list[Segment] = [LetGo("unload", back_s(first, way_V), courses=(Ramp(safe_V),))]
+    check_s = 0.5 * CHECK_S
+    rate = PEAK_SPEED * abs(wanted.check_um) / d_p / check_s
+    there_V = wanted.check_um / d_p
+    stops = [(0.0, rate, CHECK_REST_S), (there_V, rate, 0.0), (0.0, rate, 0.0)]
+    probe = voltage_moves(stops, relative=True)
+    for place, strategy in enumerate(wanted.strategies):
+        if strategy == "dither":
+            swing = sinusoid(
+                "voltage",
+                0.0,
+                2.0 * wanted.dither_um / d_p,
+                wanted.dither_hz,
+                max(1, round(wanted.dither_s * wanted.dither_hz)),
+            )
+            course = Follow(replace(swing, relative=True))
+            segments.append(LetGo("dither", swing.duration_s, courses=(course,)))
+        elif strategy == "wait":
+            segments.append(LetGo("wait", wanted.wait_s))
+        elif place:
+            segments.append(LetGo(strategy, wanted.release_s, courses=(Ramp(half_V),)))
+            duration_s = back_s(strategy, 0.5 * way_V)
+            segments.append(LetGo(strategy, duration_s, courses=(Ramp(safe_V),)))
+        segments.append(
+            LetGo("check", probe.duration_s, courses=(Follow(probe),), checks=wanted.checks)
+        )
     return _plan(segments, _free_guards(rig), rig, stand, pointers, held_to_V=safe_V)
 
 

@@ -9,6 +9,7 @@ q = (x_1 - x_2)/2, and the opening is x_1 + x_2; both arms count towards the par
 
 from typing import ClassVar, NamedTuple
 
+from pincette.control.force.freedom import FreeArm
 from pincette.control.planning.contact_line import LoadLine
 from pincette.control.planning.paths import Path
 from pincette.control.planning.profiles import Quintic, move, quintic, run_up, run_up_acceleration
@@ -81,6 +82,8 @@ class SegmentBase(FrozenRecord, frozen=True, tag_field="kind"):
     """True if the references never rest, not even at the end of the segment."""
     hides_force: ClassVar[bool] = False
     """True if the force is unknown while the segment plays."""
+    lets_go: ClassVar[bool] = False
+    """True if a held part may come off at any sample."""
 
     @property
     def arms(self) -> int | None:
@@ -410,6 +413,19 @@ class Drive(SegmentBase, frozen=True, tag="drive"):
         )
 
 
+class LetGo(Drive, frozen=True, tag="let_go", kw_only=True):
+    """Voltages by which a held part is let go, without a law.
+
+    One with ``checks`` moves a little, there and back; if each arm turns out to be free, the
+    program ends there.
+    """
+
+    checks: Items[FreeArm] = ()
+    """What each arm is judged by; empty: the segment judges nothing."""
+
+    lets_go: ClassVar[bool] = True
+
+
 class PlayedSweep(SegmentBase, frozen=True, tag="sweep", kw_only=True):
     """The output plays a swept sine about the voltage at which the segment begins."""
 
@@ -425,7 +441,7 @@ class PlayedSweep(SegmentBase, frozen=True, tag="sweep", kw_only=True):
         return 1
 
 
-Segment = Rest | Move | Seek | Press | Track | Drive | PlayedSweep
+Segment = Rest | Move | Seek | Press | Track | Drive | LetGo | PlayedSweep
 """One piece of a program."""
 
 

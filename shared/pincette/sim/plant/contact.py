@@ -58,6 +58,17 @@ def pull_off_mN(radius_um: float, adhesion_J_per_m2: float, roughness: float) ->
     return 1.5 * math.pi * adhesion_J_per_m2 * radius_um * 1e-3 * roughness
 
 
+def capillary_mN(radius_um: float, tension_J_per_m2: float) -> float:
+    """Return the pull in mN of liquid between a ball and a face in contact: 4·π·R·γ.
+
+    Parameters
+    ----------
+    tension_J_per_m2
+        Surface tension times the cosine of the contact angle, in J/m², which is N/m.
+    """
+    return 4.0 * math.pi * radius_um * 1e-3 * tension_J_per_m2
+
+
 def ball_weight_mN(radius_um: float, density_kg_per_m3: float) -> float:
     """Return the weight of the ball, 4/3·π·R³·ρ·g, in mN."""
     volume_m3 = 4.0 / 3.0 * math.pi * (radius_um * 1e-6) ** 3

@@ -19,6 +19,7 @@ from collections.abc import Sequence
 
 from msgspec.structs import replace
 
+from pincette.sim.plant.adhesion import bridged_pull_mN, clung, pulled_um, strength_mN
 from pincette.sim.plant.arms import arms_of
 from pincette.sim.plant.arms_substeps import pass_substeps
 from pincette.sim.plant.changes import change
@@ -51,12 +52,16 @@ def move_arms(
     time at the end.
     """
     k = motion_constants(p, dt_s)
+    if p.part.clings:
+        k = k._replace(pull_off_mN=strength_mN(p.part, state))
+        start_um = pulled_um(p, state, start_um)
+        rests_um = [pulled_um(p, state, rest_um) for rest_um in rests_um]
     motion = motion_of(k, tips(state), start_um, there=touchable(p, state))
     positions_um = [0.0] * (len(rests_um) if tells else 0)
     dents_um = [0.0] * len(rests_um)
     if not p.part.may_go or state.part != "there":
         motion = pass_substeps(k, motion, rests_um, dents_um, positions_um)
-        after = put_into(k, motion, state)
+        after = _put_into(p, k, motion, state, dt_s * len(rests_um))
         return (after.held(state.held_s, None) if p.part.may_go else after), positions_um
     begin_s = state.elapsed_s - len(rests_um) * dt_s
     held_s, event = state.held_s, None
@@ -69,7 +74,16 @@ def move_arms(
             held_s, event = part_event(p.part, held_s, force_mN(k, motion), dt_s, now_s)
             if event is not None:
                 motion = without_part(k, motion)
-    return put_into(k, motion, state).held(held_s, event), positions_um
+    after = _put_into(p, k, motion, state, dt_s * len(rests_um))
+    return after.held(held_s, event), positions_um
+
+
+def _put_into(
+    p: PlantParameters, k: MotionConstants, motion: Motion, state: PlantState, dt_s: float
+) -> PlantState:
+    """Return the state after a motion of ``dt_s``, with what has clung to the arm meanwhile."""
+    after = put_into(k, motion, state)
+    return clung(p, after, dt_s, force_mN(k, motion)) if p.part.clings else after
 
 
 def tips(state: PlantState) -> Tips:
@@ -117,7 +131,9 @@ def without_part(k: MotionConstants, motion: Motion) -> Motion:
 
 def rest_arms(p: PlantParameters, state: PlantState, dt_s: float, rest_um: float) -> PlantState:
     """Return the arms at their equilibrium after ``dt_s`` with creep only."""
-    arms = arms_of(p)
+    arms, strength, free_um = arms_of(p), p.part.pull_off_mN, rest_um
+    if p.part.clings:
+        strength, rest_um = strength_mN(p.part, state), pulled_um(p, state, free_um)
     there = state.part == "there" and arms.passive_stiffness_mN_per_um > 0.0
     overlap_um = rest_um - p.contact_um
     force_mN = static_force_mN(
@@ -125,7 +141,7 @@ def rest_arms(p: PlantParameters, state: PlantState, dt_s: float, rest_um: float
     )
     dent_um = max(0.0, overlap_um - arms.compliance_um_per_mN * force_mN)
     pulled_mN = overlap_um / arms.compliance_um_per_mN
-    joined = there and (overlap_um > 0.0 or (state.joined and pulled_mN >= -p.part.pull_off_mN))
+    joined = there and (overlap_um > 0.0 or (state.joined and pulled_mN >= -strength))
     if not joined:
         force_mN, dent_um = 0.0, 0.0
     elif overlap_um < 0.0:
@@ -142,11 +158,15 @@ def rest_arms(p: PlantParameters, state: PlantState, dt_s: float, rest_um: float
         joined=joined,
         dent_um=dent_um,
     )
+    if p.part.clings:
+        after = clung(p, after, dt_s, force_mN)
+        if after.bond_used >= 1.0 > state.bond_used:
+            return rest_arms(p, after, 0.0, free_um)
     if after.part != "there" or not p.part.may_go:
         return after
     held_s, event = part_event(p.part, after.held_s, force_mN, dt_s, after.elapsed_s)
     after = after.held(held_s, event)
-    return after if event is None else rest_arms(p, after, dt_s, rest_um)
+    return after if event is None else rest_arms(p, after, dt_s, free_um)
 
 
 def arms_force_mN(p: PlantParameters, state: PlantState, rest_um: float) -> float:
@@ -154,6 +174,8 @@ def arms_force_mN(p: PlantParameters, state: PlantState, rest_um: float) -> floa
 
     It is negative if the part sticks and is pulled.
     """
+    if not state.joined:
+        return 0.0 - bridged_pull_mN(p, state, rest_um)
     k = motion_constants(p, p.substep_s)
     return force_mN(k, motion_of(k, tips(state), rest_um, there=touchable(p, state)))
 

@@ -10,6 +10,8 @@ from pincette.control.record import FrozenRecord
 from pincette.sim.plant.amplifier import IDEAL, AmplifierParameters
 from pincette.sim.plant.contact import (
     ball_weight_mN,
+    capillary_mN,
+    cube_root,
     hertz_um_per_mN23,
     holding_force_mN,
     pull_off_mN,
@@ -27,6 +29,7 @@ class PartParameters(FrozenRecord, frozen=True):
     hertz_um_per_mN23: float = 0.0
     """Coefficient B of δ = B·F^(2/3), for all faces together."""
     pull_off_mN: float = 0.0
+    """Pull at which dry faces separate, in mN."""
     hold_mN: float = 0.0
     """Least force that carries the part, in mN."""
     lift_after_s: float = math.inf
@@ -35,6 +38,22 @@ class PartParameters(FrozenRecord, frozen=True):
     """Force in mN above which the face yields by ``slip_um``, ``slips`` times."""
     slip_um: float = 0.0
     slips: int = 0
+    bridge_mN: float = 0.0
+    """Pull of the liquid bridge at contact, in mN; 0 without liquid."""
+    bridge_um: float = 0.0
+    """Length √(V/(π·R)) over which its pull fades, in µm."""
+    rupture_um: float = 0.0
+    """Gap at which it ruptures, in µm."""
+    ageing_per_decade: float = 0.0
+    bond_mN: float = 0.0
+    """Pull that the bond withstands for 1 s, in mN; 0 without a bond."""
+    bond_scale_mN: float = 1.0
+    """Pull that shortens the life of the bond by the factor e, in mN."""
+
+    @property
+    def clings(self) -> bool:
+        """Return whether the adhesion depends on time or distance."""
+        return self.bridge_mN > 0.0 or self.ageing_per_decade > 0.0 or self.bond_mN > 0.0
 
     @property
     def may_go(self) -> bool:
@@ -170,4 +189,12 @@ def _part(simulation: Simulation) -> PartParameters:
         math.inf if part.slip_force_mN is None else part.slip_force_mN,
         part.slip_um,
         0 if part.slip_force_mN is None else part.slips,
+        capillary_mN(part.radius_um, part.surface_tension_J_per_m2 * part.wetting)
+        if part.liquid_um3
+        else 0.0,
+        math.sqrt(part.liquid_um3 / (math.pi * part.radius_um)),
+        cube_root(part.liquid_um3),
+        part.ageing_per_decade,
+        part.bond_mN,
+        part.bond_scale_mN,
     )

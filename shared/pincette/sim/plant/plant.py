@@ -59,6 +59,9 @@ def left_alone(state: PlantState) -> PlantState:
         dent_um=0.0,
         part="removed",
         held_s=0.0,
+        touched_s=0.0,
+        bridged=False,
+        bond_used=0.0,
         elapsed_s=0.0,
         events=(),
     )
@@ -76,15 +79,14 @@ def contact_force_mN(parameters: PlantParameters, state: PlantState) -> float:
     """
     if not parameters.elaborate:
         return plain_force_mN(parameters, state)
-    if not state.joined:
-        return 0.0
     return arms_force_mN(parameters, state, rest_um(parameters, state))
 
 
 def place_part(parameters: PlantParameters, state: PlantState) -> PlantState:
     """Put a part at ``contact_um``; if the driven tip is beyond it, the passive arm yields."""
     over_um = state.x_um - parameters.contact_um
-    placed = replace(state, part="there", held_s=0.0, dent_um=0.0, joined=False)
+    fresh = replace(state, held_s=0.0, dent_um=0.0, touched_s=0.0, bridged=False, bond_used=0.0)
+    placed = replace(fresh, part="there", joined=False)
     if not parameters.elaborate or over_um <= 0.0:
         return placed
     return replace(
@@ -96,7 +98,7 @@ def take_part(
     parameters: PlantParameters, state: PlantState, how: Literal["removed", "lost"]
 ) -> PlantState:
     """Return the state without the part; the arms continue from their positions."""
-    gone = replace(state, part=how, held_s=0.0, dent_um=0.0)
+    gone = replace(state, part=how, held_s=0.0, dent_um=0.0, touched_s=0.0, bridged=False)
     if parameters.elaborate and state.joined:
         # The tips of joined arms are kept, as are their speeds.
         return replace(gone, joined=False)

@@ -55,6 +55,13 @@ class PlantState(FrozenRecord, frozen=True):
     part: Literal["there", "lost", "broken", "removed"] = "there"
     held_s: float = 0.0
     """Time for which the force has carried the part, in s."""
+    touched_s: float = 0.0
+    """Time since the driven arm touched the part, in s; 0 once neither face nor bridge joins them.
+    """
+    bridged: bool = False
+    """True while liquid joins the driven arm and the part."""
+    bond_used: float = 0.0
+    """Share of its life that the part's bond has spent; it parts at 1."""
     elapsed_s: float = 0.0
     events: tuple[Event, ...] = ()
     """Events of the part, kept until the rig takes them."""

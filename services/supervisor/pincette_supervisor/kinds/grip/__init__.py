@@ -103,6 +103,7 @@ FIGURES: tuple[ResultField, ...] = (
     number("force_target_mN", "requested force"),
     *fields.GOAL,
     *fields.ZERO_RETURN,
+    *fields.RELEASE_VERDICT,
     *fields.POSITION_STEP,
     number("force_error_mN", "force error"),
     number("peak_force_mN", "peak force"),

@@ -19,6 +19,7 @@ from pincette.api.requests import (
     check_one_hold,
 )
 from pincette.api.results import COMMON, MotionResult
+from pincette.control.vocabulary import ReleaseStrategy
 from pincette_supervisor.kinds import fields
 
 TARGETS = ("to_um", "by_um", "to_V", "by_V")
@@ -219,6 +220,7 @@ HOLD = JobKind(
         *fields.for_arms(
             1,
             *fields.MOTION,
+            *fields.RELEASE_VERDICT,
             number(
                 "force_held_mN",
                 "force held",
@@ -242,15 +244,42 @@ HOLD = JobKind(
 class ReleaseJobRequest(JobRequest, frozen=True):
     """Release the part in the gripper by a smooth motion from the applied to the safe voltage.
 
-    Until its end the part counts as held: a fault on the way first freezes the voltage.
+    With strategies, each one is tried until the arm moves as a free one; then the job ends. A part
+    that sticks after the last one fails the job. Until its end the part counts as held: a fault on
+    the way first freezes the voltage.
     """
 
-    model_config = example(kind="release", autostart=True, release_s=2.0)
+    model_config = example(kind="release", autostart=True, strategies=["retreat", "dither"])
 
     kind: Literal["release"]
     release_s: Duration | None = None
     """Duration of the release (default: as long as a grip takes to unload, or as the slew limit
-    requires)."""
+    requires; with strategies at most at the speed of the rig file's approach)."""
+    strategies: list[ReleaseStrategy] | None = Field(default=None, min_length=1, max_length=4)
+    """Strategies, in order: a slow ``retreat``, a ``fast`` one, ``dither`` about the safe voltage,
+    ``wait`` there while the part is pulled."""
+    dither_um: Annotated[float, Field(gt=0, le=10)] | None = None
+    """Amplitude of the dither, in µm of the free arm (default: 1 µm)."""
+    dither_hz: Annotated[float, Field(gt=0, le=1000)] | None = None
+    """Frequency of the dither, at most a fifth of the sampling rate (default: 5 Hz)."""
+    dither_s: Annotated[float, Field(gt=0, le=600)] | None = None
+    """Duration of the dither at full amplitude (default: 2 s)."""
+    wait_s: Annotated[float, Field(gt=0, le=3600)] | None = None
+    """Duration of the wait (default: 10 s)."""
+
+    @model_validator(mode="after")
+    def _of_a_strategy(self) -> "ReleaseJobRequest":
+        tried = self.strategies or []
+        for strategy in ("dither", "wait"):
+            if tried.count(strategy) > 1:
+                raise ValueError(f"strategies: {strategy} is named twice; name it once")
+        for name in ("dither_um", "dither_hz", "dither_s", "wait_s"):
+            strategy = name.partition("_")[0]
+            if getattr(self, name) is not None and strategy not in tried:
+                raise ValueError(
+                    f"{name} belongs to the strategy {strategy}: name it in strategies"
+                )
+        return self
 
 
 RELEASE = JobKind(
@@ -261,8 +290,15 @@ RELEASE = JobKind(
     plan=MotionPlan,
     result=MotionResult,
     functions="pincette_supervisor.kinds.motions.functions:RELEASE",
-    form=(fields.RELEASE,),
-    figures=fields.MOTION,
+    form=(
+        fields.RELEASE,
+        FieldSpec(name="strategies", label="Strategies", placeholder="one smooth way back"),
+        FieldSpec(name="dither_um", label="Dither by", placeholder="1", advanced=True),
+        FieldSpec(name="dither_hz", label="Dither at", placeholder="5", advanced=True),
+        FieldSpec(name="dither_s", label="Dither for", placeholder="2", advanced=True),
+        FieldSpec(name="wait_s", label="Wait for", placeholder="10", advanced=True),
+    ),
+    figures=(*fields.RELEASE_VERDICT, *fields.MOTION),
     begins_held=True,
     from_present=True,
     arms=(1, 2),

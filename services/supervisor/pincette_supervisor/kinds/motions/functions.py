@@ -1,7 +1,7 @@
 """Plans of a move and of a release, and result and plot of every motion."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -9,14 +9,18 @@ import numpy as np
 from pincette.api.plans import Pose
 from pincette.api.results import MotionResult
 from pincette.config import RigFile, derived
-from pincette.control.planning.contact_plan import MotionPlan
+from pincette.control.planning.contact_plan import MotionPlan, PlannedRig
 from pincette.control.planning.motion_plan import (
     REST_S,
     Cycles,
+    LettingGo,
     MoveRequest,
+    StartPosition,
+    plan_letting_go,
     plan_move,
     plan_release,
 )
+from pincette.control.planning.profiles import move_duration
 from pincette.records.columns import Columns
 from pincette_supervisor.kinds.motions import TARGETS, MoveJobRequest, ReleaseJobRequest
 from pincette_supervisor.plugin import (
@@ -38,11 +42,17 @@ from pincette_supervisor.plugin.plans import (
     GAIN_GROWTH,
     SPEED_FACTOR,
     motion_job,
+    release_duration_s,
     releasing_job,
     start_position,
 )
+from pincette_supervisor.plugin.release import release_of, sticking
 from pincette_supervisor.plugin.result import common
 
+STRATEGIES = {"dither_um": 1.0, "dither_hz": 5.0, "dither_s": 2.0, "wait_s": 10.0}
+"""Default values of the strategies of a release."""
+DITHER_SAMPLES = 5
+"""Least number of samples in each cycle of a dither."""
 LAST_REST_S = 0.3
 """Duration of the last part of a motion, over which its pose is measured, in s."""
 
@@ -266,7 +276,48 @@ MOVE = JobFunctions(plan=move_job, evaluate=evaluate, plot=plot)
 
 def release_job(request: ReleaseJobRequest, model: ModelInUse, present: Present) -> Planned:
     """Plan a release from the present state of the rig."""
-    return releasing_job(request, model, present, request.release_s, plan_release, {})
+    if request.strategies is None:
+        return releasing_job(request, model, present, request.release_s, plan_release, {})
+    rig, safe_V = model.rig, model.rig.safety.safe_V
+    wanted = {name: getattr(request, name) or value for name, value in STRATEGIES.items()}
+    most_hz = 1.0 / (DITHER_SAMPLES * rig.rig.period_s)
+    if "dither" in request.strategies and wanted["dither_hz"] > most_hz:
+        raise FaultyRequestError(
+            "/dither_hz",
+            f"dither_hz = {wanted['dither_hz']:g} Hz: each cycle needs {DITHER_SAMPLES} samples; "
+            f"give at most {most_hz:g} Hz",
+        )
+    way_um = rig.model.piezo_um_per_V * abs(present.stand_V(rig) - safe_V)
+    slow_s = move_duration(way_um, rig.grip.approach_um_per_s)
+    release_s = request.release_s or max(slow_s, release_duration_s(rig, present))
+    check_um = derived.check_way_um(rig)
+    checks = tuple(derived.free_arm(arm, check_um) for arm in rig.arms)
+    if safe_V - check_um / rig.model.piezo_um_per_V >= rig.limits.voltage_min_V:
+        check_um = -check_um
+
+    def make(
+        release_s: float,
+        planned: PlannedRig,
+        stand: StartPosition,
+        safe_V: float,
+        at: Mapping[str, str],
+    ) -> MotionPlan:
+        letting_go = LettingGo(
+            strategies=tuple(request.strategies or ()),
+            release_s=release_s,
+            check_um=check_um,
+            checks=checks,
+            **wanted,
+        )
+        return plan_letting_go(letting_go, planned, stand, safe_V, {**at, "dither": "/dither_um"})
+
+    values = {"strategies": request.strategies, **wanted}
+    return releasing_job(request, model, present, release_s, make, values)
 
 
-RELEASE = JobFunctions(plan=release_job, evaluate=evaluate, plot=plot)
+def evaluate_release(run: Run) -> Evaluation:
+    """Compute the results of a release; one whose part sticks has failed."""
+    return replace(evaluate(run), fault=sticking(release_of(run)))
+
+
+RELEASE = JobFunctions(plan=release_job, evaluate=evaluate_release, plot=plot)

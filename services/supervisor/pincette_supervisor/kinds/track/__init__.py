@@ -298,6 +298,7 @@ FIGURES: tuple[ResultField, ...] = (
     number("learned.largest_um", "largest correction", "µm", digits=3, optional=True),
     *fields.GOAL,
     *fields.ZERO_RETURN,
+    *fields.RELEASE_VERDICT,
     *fields.POSITION_STEP,
     *fields.ERROR_SOURCES,
 )

@@ -72,6 +72,7 @@ const READ = {
   recipe: (text) => text,
   text: (text) => text,
   list: numbersIn,
+  words: (text) => text.split(/[\s;,]+/).filter(Boolean),
   pairs: (text, { columns }) => recordsIn(text, columns),
 };
 
