@@ -118,14 +118,14 @@ def client_with(extra: str) -> list[str]:
     return [f"pincette-client[{extra}] @ {wheel('shared').as_uri()}", *package(extra)]
 
 
-def test_sila(rig: RunningRig, python: str, tmp_path: Path) -> None:
+def test_the_sila_extra_works(rig: RunningRig, python: str, tmp_path: Path) -> None:
     own = environment(tmp_path / "venv", *whole("sila"), python=python)
     with started(own, "sila", rig.path, tmp_path):
         said = ran([str(own), "-I", "-c", OF_SILA, str(rig.rig.sila.port)], tmp_path)
     assert said == "True\n"
 
 
-def test_foxglove(rig: RunningRig, python: str, tmp_path: Path) -> None:
+def test_the_foxglove_extra_works(rig: RunningRig, python: str, tmp_path: Path) -> None:
     own = environment(tmp_path / "venv", *whole("foxglove"), python=python)
     address = f"ws://127.0.0.1:{rig.rig.foxglove.port}"
     spoken = [Subprotocol("foxglove.sdk.v1")]
@@ -136,13 +136,13 @@ def test_foxglove(rig: RunningRig, python: str, tmp_path: Path) -> None:
         assert json.loads(line.recv(timeout=READY_S))["name"] == "pincette demo"
 
 
-def test_bluesky(rig: RunningRig, python: str, tmp_path: Path) -> None:
+def test_the_bluesky_extra_works(rig: RunningRig, python: str, tmp_path: Path) -> None:
     own = environment(tmp_path / "venv", *client_with("bluesky"), python=python)
     said = ran([str(own), "-I", "-c", OF_BLUESKY, rig.rig.supervisor.url], tmp_path)
     assert said in ("none\n", "unknown\n")
 
 
-def test_mcp(rig: RunningRig, python: str, tmp_path: Path) -> None:
+def test_the_mcp_extra_works(rig: RunningRig, python: str, tmp_path: Path) -> None:
     own = environment(tmp_path / "venv", *client_with("mcp"), python=python)
     script = str(own.with_name("pincette-mcp"))
     server = StdioServerParameters(command=script, args=["--url", rig.rig.supervisor.url])
@@ -156,7 +156,7 @@ def test_mcp(rig: RunningRig, python: str, tmp_path: Path) -> None:
     assert asyncio.run(status()) in ("none", "unknown")
 
 
-def test_cluster(python: str, tmp_path: Path) -> None:
+def test_the_cluster_extra_works(python: str, tmp_path: Path) -> None:
     own = environment(
         tmp_path / "venv", *whole("cluster"), str(wheel("contrib/study")), python=python
     )
@@ -165,7 +165,7 @@ def test_cluster(python: str, tmp_path: Path) -> None:
     assert ran([str(own), "-I", str(script), str(DEMO)], tmp_path).splitlines()[-1] == "True"
 
 
-def test_nidaqmx(python: str, tmp_path: Path) -> None:
+def test_the_nidaqmx_extra_works(python: str, tmp_path: Path) -> None:
     """The simulated device of the fast rig, and a position that the driver reads."""
     own = environment(tmp_path / "venv", *whole("nidaqmx"), python=python)
     fast = at_own_ports(read_rig(ROOT / "deploy/rigs/fast.toml"))
@@ -176,7 +176,7 @@ def test_nidaqmx(python: str, tmp_path: Path) -> None:
     assert fast.sensor.minimum_um <= float(said) <= fast.sensor.maximum_um
 
 
-def test_postgresql(python: str, tmp_path: Path) -> None:
+def test_the_postgresql_extra_works(python: str, tmp_path: Path) -> None:
     own = environment(tmp_path / "venv", *whole("postgresql"), python=python)
     line = [str(own.with_name("pincette")), "key", "list", "--data", str(tmp_path / "data")]
     with server() as postgres:

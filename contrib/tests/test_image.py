@@ -15,7 +15,7 @@ PACKAGES = ("foxglove", "mcp", "sila")
 """Packages of contrib that the image installs."""
 
 
-def test_the_adapters_have_what_their_programs_import() -> None:
+def test_the_adapters_install_the_packages_that_their_programs_import() -> None:
     line = [sys.executable, "-c", IMPORTED, "pincette.__main__", "pincette.engine.program"]
     done = subprocess.run(
         [*line, *PROGRAMS], capture_output=True, text=True, timeout=120.0, check=True

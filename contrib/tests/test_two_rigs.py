@@ -45,7 +45,7 @@ def right_is_latched_alone(lab: SecuredLaboratory) -> None:
     assert not lab.latched("left")
 
 
-def test_an_agent(lab: SecuredLaboratory) -> None:
+def test_an_agent_of_one_of_two_rigs(lab: SecuredLaboratory) -> None:
     trusting = ("--authority", str(lab.authority), "--move")
     right = (*trusting, "--rig", "right")
 
@@ -100,7 +100,7 @@ def test_a_device_of_bluesky(lab: SecuredLaboratory, engine: Any) -> None:
         closed(engine, one)
 
 
-def test_a_viewer(lab: SecuredLaboratory) -> None:
+def test_a_viewer_of_one_of_two_rigs(lab: SecuredLaboratory) -> None:
     assert lab.rigs.fleet is not None
     lab.rigs.fleet.start(["foxglove"])
     with viewing(lab.rigs.right) as viewer:
@@ -119,7 +119,9 @@ def test_a_viewer(lab: SecuredLaboratory) -> None:
     assert lab.holds("left")
 
 
-def test_a_thing(lab: SecuredLaboratory, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_a_thing_description_of_one_of_two_rigs(
+    lab: SecuredLaboratory, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     folder: Path = npm_folder(tmp_path_factory.mktemp("node"), DRIVE, *NODE_WOT)
     url = f"{lab.url}/.well-known/wot?rig=right"
     trusted = str(lab.authority)

@@ -62,7 +62,7 @@ class BusContract:
         self.settle(buses, lambda: len(got) == len(sent))
         assert got == sent
 
-    def test_a_question_is_answered(self, buses: tuple[LatestBus, LatestBus]) -> None:
+    def test_a_query_is_answered(self, buses: tuple[LatestBus, LatestBus]) -> None:
         asked: list[Message] = []
 
         def answer(

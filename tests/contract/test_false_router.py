@@ -59,7 +59,7 @@ def test_a_client_sends_nothing_to_a_false_router(folder: Folder) -> None:
     assert heard == []
 
 
-def test_a_rule_that_denies_under_a_default_of_allowing_is_passed_by_a_wildcard(
+def test_a_wildcard_bypasses_a_deny_rule_under_a_default_of_allow(
     folder: Folder,
 ) -> None:
     """Why everything is denied that no rule allows: the other way round there is a hole."""

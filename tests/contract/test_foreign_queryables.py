@@ -289,9 +289,7 @@ def test_a_token_without_a_program_is_recognized_at_once(plain: Site) -> None:
 
 
 @pytest.mark.parametrize("kind", ["silent", "drops", "store", "rubbish"])
-def test_a_program_that_does_not_answer_is_not_mistaken_for_a_mere_token(
-    plain: Site, kind: str
-) -> None:
+def test_an_unresponsive_program_is_not_mistaken_for_a_token_alone(plain: Site, kind: str) -> None:
     """A query that a program drops ends at once, as does one that nobody takes."""
     place = f"tcp/{plain.rig.bus.host}:{plain.rig.bus.port}"
 

@@ -78,7 +78,7 @@ def test_garbage_on_a_topic_is_counted_and_dropped(
     assert capfd.readouterr().err == ""
 
 
-def test_garbage_as_a_question_is_answered_with_what_is_wrong(
+def test_an_invalid_query_is_answered_with_the_error(
     program: tuple[ZenohBus, zenoh.Session],
 ) -> None:
     bus, stranger = program

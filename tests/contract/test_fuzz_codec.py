@@ -64,7 +64,7 @@ def fuzzed(frames: int, seed: int) -> Counter[str]:
 
 
 @pytest.mark.parametrize("name", BY_NAME)
-def test_sound_frames_travel_unchanged(name: str) -> None:
+def test_valid_frames_are_transferred_unchanged(name: str) -> None:
     chance, kind = random.Random(SEED), BY_NAME[name]
     for _ in range(SOUND_EACH):
         message = sound(kind, chance)

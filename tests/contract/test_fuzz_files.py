@@ -49,7 +49,7 @@ BROKEN: dict[str, tuple[bytes, str]] = {
 
 
 @pytest.mark.parametrize("case", BROKEN)
-def test_a_broken_rig_file_is_refused_in_words(
+def test_a_broken_rig_file_is_refused_with_a_readable_message(
     case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     content, words = BROKEN[case]
@@ -119,7 +119,7 @@ def spoilt(chance: random.Random) -> bytes:
     return bytes(content)
 
 
-def test_spoilt_rig_files_are_read_or_refused(tmp_path: Path) -> None:
+def test_corrupted_rig_files_are_read_or_refused(tmp_path: Path) -> None:
     print(f"seed {SEED}")
     chance, path, read = random.Random(SEED), tmp_path / "rig.toml", 0
     for _ in range(RIG_FILES):
@@ -159,7 +159,7 @@ def test_an_invalid_received_rig_file_is_refused(text: str) -> None:
             parse_calibration(text if text != "{}" else "[]")
 
 
-def test_told_rig_files_are_read_or_refused() -> None:
+def test_changed_rig_files_in_json_are_read_or_refused() -> None:
     chance = random.Random(SEED)
     for _ in range(300):
         tree = json.loads(json.dumps(TREE))

@@ -240,7 +240,7 @@ def test_the_port_behind_accepts_the_guard_only(monkeypatch: pytest.MonkeyPatch)
         assert not behind.close_to_others()
 
 
-def test_the_kernel_answers_for_a_connection_of_the_guard_that_it_has_forgotten() -> None:
+def test_a_connection_dropped_by_the_guard_ends_quickly() -> None:
     """Zenoh's one accepting thread waited for 10 s at each, and the port stayed shut for hours."""
     if why := objection():
         pytest.skip(why)

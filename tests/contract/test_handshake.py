@@ -54,18 +54,20 @@ def test_a_port_without_a_listener_is_reported(folder: Folder) -> None:
         assert diagnose_link(wanted, credentials) == f"no program listens at {wanted}"
 
 
-def test_plain_words_to_one_that_needs_tls(place: str) -> None:
+def test_a_plain_connection_to_a_tls_port_is_reported(place: str) -> None:
     assert "speaks TLS: set the folder of certificates" in diagnose_link(place, None)
 
 
-def test_tls_to_one_that_speaks_plainly(folder: Folder) -> None:
+def test_a_tls_connection_to_a_plain_port_is_reported(folder: Folder) -> None:
     with router(None) as plain:
         assert diagnose_link(plain, None) == ""
         said = diagnose_link(plain, folder.credentials(TOOL))
     assert "does not speak TLS" in said
 
 
-def test_another_authority(place: str, tmp_path: Path, folder: Folder) -> None:
+def test_a_router_of_another_authority_is_diagnosed(
+    place: str, tmp_path: Path, folder: Folder
+) -> None:
     other = folder_for(tmp_path / "other", "demo")
     assert "not trusted here" in diagnose_link(place, other.credentials(TOOL))
     # One that believes the router, which does not believe it.
@@ -96,7 +98,7 @@ def test_a_certificate_for_another_host_is_reported(tmp_path: Path) -> None:
 
 def test_a_certificate_of_another_program_is_reported(place: str, folder: Folder) -> None:
     said = diagnose_link(place, folder.credentials(TOOL), "demo/actuator")
-    assert said == f"{place} sent the certificate of router, not of demo/actuator"
+    assert said == f"{place} sent the certificate of router, not that of demo/actuator"
 
 
 def test_a_session_that_cannot_be_opened_reports_the_same_reason(

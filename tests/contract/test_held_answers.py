@@ -49,7 +49,7 @@ def test_a_complete_answer_after_its_time_was_held_back(baud: int, held_s: float
 
 @pytest.mark.parametrize("baud", [1200, 9600, 115200])
 @pytest.mark.parametrize("thinks_s", [0.0, 0.003])
-def test_an_answer_in_pieces_was_not_held_back(baud: int, thinks_s: float) -> None:
+def test_an_answer_in_pieces_was_not_delayed(baud: int, thinks_s: float) -> None:
     assert arrivals(baud, baud, thinks_s, in_pieces=True).hop() == Hop()
 
 

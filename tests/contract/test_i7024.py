@@ -94,7 +94,7 @@ def test_line_speed_and_checksum_of_the_configuration_are_not_compared(configura
     icpdas_i7024.open_output(settings(**UNWATCHED), link).write_V(1.0)
 
 
-def test_a_module_set_otherwise_while_the_line_was_lost_is_refused() -> None:
+def test_a_module_reconfigured_while_the_line_was_lost_is_refused() -> None:
     link = Lines(b">")
     prepared: list[Callable[[Link], None]] = []
 
@@ -108,7 +108,7 @@ def test_a_module_set_otherwise_while_the_line_was_lost_is_refused() -> None:
         prepared[0](link)
 
 
-def test_something_else_at_the_address_is_not_opened() -> None:
+def test_another_instrument_at_the_address_is_not_opened() -> None:
     link = Lines(b">", name=b"MS,01")
     with pytest.raises(InstrumentError, match="name answered by b'MS,01'"):
         icpdas_i7024.open_output(settings(), link)

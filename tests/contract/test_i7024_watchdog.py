@@ -44,7 +44,7 @@ class Bench:
 
 
 @pytest.mark.parametrize("ticks", [1, 3, 5, 7, 255])
-def test_the_watchdog_is_armed_at_the_first_sign_of_life(ticks: int) -> None:
+def test_the_watchdog_is_armed_at_the_first_message(ticks: int) -> None:
     bench = Bench()
     output = bench.open(watchdog_s=round(0.1 * ticks, 1), channel=0)
     assert bench.lines == [b"$01M", b"$012", b"~**", b"~010", b"$0180", b"~0150"]

@@ -348,7 +348,7 @@ def test_duplicated_answers(make: Callable[[Clock], Made], timeout_s: float) -> 
 @pytest.mark.parametrize("survives", [True, False])
 @every_timeout
 @every_driver
-def test_a_connection_that_is_lost_while_answers_are_due(
+def test_a_connection_is_lost_while_answers_are_pending(
     make: Callable[[Clock], Made],
     timeout_s: float,
     survives: bool,

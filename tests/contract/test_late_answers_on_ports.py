@@ -255,7 +255,7 @@ def test_answers_later_than_their_timeout_are_never_accepted(
 
 @PORTS
 @INSTRUMENTS
-def test_answers_that_are_late_lost_or_doubled_by_chance(
+def test_answers_may_be_late_lost_or_duplicated_at_random(
     offer: Offer, port: str, tmp_path: Path
 ) -> None:
     seed = 20261127

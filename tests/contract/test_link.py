@@ -150,7 +150,7 @@ def test_a_url_that_is_invalid_is_an_error(url: str) -> None:
         open_link(url, baud=115200, timeout_s=0.1)
 
 
-def test_a_port_without_a_descriptor_serves_too() -> None:
+def test_a_port_without_a_descriptor_works_too() -> None:
     now_s = 0.0
     with opened("loop://", timeout_s=0.05, clock=lambda: now_s) as link:
         assert link.exchange(b"echo") == b"echo"
@@ -161,7 +161,7 @@ def test_a_port_without_a_descriptor_serves_too() -> None:
             link.exchange(b"again")
 
 
-def test_a_line_without_an_answer_is_sent_before_the_request(script: Script) -> None:
+def test_a_command_without_an_answer_is_sent_before_the_request(script: Script) -> None:
     with opened(script([b"", b"!01+00.000\r"])) as link:
         link.tell(b"~**")
         assert link.exchange(b"$0180") == b"!01+00.000"

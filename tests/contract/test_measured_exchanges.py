@@ -104,7 +104,7 @@ def test_an_actuator_whose_output_is_measured_to_be_too_slow_is_not_armed(
 
 
 @pytest.mark.parametrize("reading_s", [0.0, 0.012])
-def test_a_sensor_states_what_was_measured_and_is_armed_where_the_loop_has_time(
+def test_a_sensor_reports_its_measured_latency_and_is_armed_if_the_loop_has_time(
     reading_s: float,
 ) -> None:
     with bench(reading_s, 0.0) as rig:

@@ -30,7 +30,9 @@ def test_a_real_machine_is_measured() -> None:
     assert not found.loaded
 
 
-def test_a_program_that_fails_is_reported_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failing_program_is_reported_with_a_readable_message(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def other(scheduling: Scheduling, _task: str, *numbers: float) -> list[str]:
         return command(scheduling, "no such task", *numbers)
 

@@ -80,7 +80,7 @@ def test_a_sensor_is_read_over_ipv6(laser: Wire, tmp_path: Path) -> None:
         assert sensor.read_um() == pytest.approx(X_UM)
 
 
-def test_a_udp_port_is_refused_with_what_to_look_at(laser: Wire, tmp_path: Path) -> None:
+def test_a_udp_port_is_refused_with_a_hint(laser: Wire, tmp_path: Path) -> None:
     with ser2net(laser.url, tmp_path, accepter="udp") as server:
         assert "TCP port" in str(refusal(server.url))
 
@@ -195,7 +195,7 @@ def test_a_banner_in_utf_16_is_not_mistaken_for_a_telnet_command() -> None:
         assert sensor.read_um() == pytest.approx(X_UM)
 
 
-def test_telnet_commands_between_answers_are_named() -> None:
+def test_telnet_commands_between_answers_are_reported() -> None:
     with answering(before=b"\xff\xf1") as url:
         assert "telnet port" in str(refusal(url))
 
@@ -247,7 +247,7 @@ def test_a_replaced_client_reconnects_and_suspects_a_second_program(
         assert "another program use this port" in text
 
 
-def test_an_idle_timeout_of_the_server_costs_no_arming(tmp_path: Path) -> None:
+def test_an_idle_timeout_of_the_server_does_not_prevent_an_arming(tmp_path: Path) -> None:
     """An output is not written to between jobs, where it has no watchdog."""
     module = SimulatedI7024(lambda _voltage_V: None, time.monotonic)
     with (

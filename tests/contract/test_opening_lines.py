@@ -134,7 +134,7 @@ def test_a_serial_port_that_cannot_be_prepared_is_closed_and_its_lock_file_remov
 @pytest.mark.parametrize(
     ("family", "dead"), [(socket.AF_INET6, "::1"), (socket.AF_INET, "127.0.0.2")]
 )
-def test_a_name_whose_first_address_is_dead_is_opened_within_its_time(
+def test_a_name_whose_first_address_is_dead_is_opened_within_the_timeout(
     family: socket.AddressFamily, dead: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with serve("socket://127.0.0.1:0", SimulatedKeyence(lambda: 0.0)) as wire:

@@ -79,7 +79,7 @@ class PositionSensorContract:
             target.x_um = 1.0
             assert sensor.read_um() == 1.0
 
-    def test_silence_is_an_error_until_it_ends(self, reach: Reach) -> None:
+    def test_a_silent_sensor_is_an_error_until_it_answers(self, reach: Reach) -> None:
         with self.opened(reach) as (target, sensor):
             target.voice = lambda _line: None
             with pytest.raises(InstrumentError, match="no answer") as caught:
@@ -177,7 +177,7 @@ def test_set_up_mode_is_left_with_enough_time(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("reply", [b"ER,R0,99", b"ER,R0,50", b"hello", b"MS,01,+0001.00"])
-def test_another_answer_to_the_mode_closes_the_port(reply: bytes) -> None:
+def test_an_unexpected_answer_to_the_mode_closes_the_port(reply: bytes) -> None:
     link = Lines({b"R0": reply})
     with pytest.raises(InstrumentError, match="R0"):
         keyence_lkg.open_sensor(settings(), link)
@@ -240,7 +240,7 @@ def test_the_display_is_checked_at_the_first_value() -> None:
     assert caught.value.code == "refused"
 
 
-def test_a_display_that_is_set_otherwise_while_it_is_read_is_refused() -> None:
+def test_a_display_whose_settings_change_during_reading_is_refused() -> None:
     link = answering(b"+0012.34")
     sensor = keyence_lkg.open_sensor(settings(), link)
     link.table[b"MS,01"] = b"MS,01,+012.345"

@@ -51,7 +51,7 @@ def sensor(url: str, record: Path | None = None) -> Sensor:
     )
 
 
-def test_a_recording_is_one_readable_line_an_exchange(tmp_path: Path) -> None:
+def test_a_recording_has_one_readable_line_per_exchange(tmp_path: Path) -> None:
     replies = iter([b"!01", b"!garbled", b"a\tb\\\xff\n", b"", None, None])
     times_s = count()
     path = tmp_path / "dialogue.txt"
@@ -178,7 +178,7 @@ def test_a_file_that_is_not_a_recording_is_not_overwritten(tmp_path: Path) -> No
     assert kept.read_text(encoding="ascii") == "kept"
 
 
-def test_a_port_opened_again_is_played_with_what_prepared_the_instrument(tmp_path: Path) -> None:
+def test_a_reopened_port_replays_the_preparation_of_the_instrument(tmp_path: Path) -> None:
     path = tmp_path / "dialogue.txt"
     now_s = 0.0
     prepared = list[bytes]()

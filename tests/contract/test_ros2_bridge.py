@@ -65,7 +65,7 @@ def test_the_pinned_hash_is_that_of_the_definition(
     assert name == f"{package}::msg::dds_::{short}_"
 
 
-def test_messages_are_in_cdr() -> None:
+def test_messages_are_encoded_in_cdr() -> None:
     assert BRIDGE["float64"](14.5) == bytes.fromhex("00010000 0000000000002d40")
     found = BRIDGE["joint_state"](AT_NS, "gripper", 31.5e-6, 14.5e-3)
     assert read_joint_state(found) == (1_700_000_000, 7, "", ["gripper"], [31.5e-6], [], [14.5e-3])

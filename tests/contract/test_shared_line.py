@@ -131,7 +131,7 @@ def test_a_grip_over_one_module_equals_that_over_two() -> None:
     ]
 
 
-def test_a_module_that_is_silent_is_so_for_both_arms() -> None:
+def test_a_silent_module_is_silent_for_both_arms() -> None:
     rig = two_arm_rig()
     changes: Tree = {
         "output": {"url": rig.output.url},

@@ -78,7 +78,7 @@ def stalled_reader(arguments: list[str]) -> Generator[None]:
         program.communicate()
 
 
-def test_a_link_to_which_nothing_can_be_written_for_a_lease_is_ended(
+def test_a_link_that_accepts_no_data_for_a_lease_is_closed(
     door: tuple[Door, list[str]], caplog: pytest.LogCaptureFixture
 ) -> None:
     """Its partner's keep-alives come all the time, and what is published may be dropped."""

@@ -92,7 +92,7 @@ class VoltageOutputContract:
                 assert caught.value.code == "misused"
             assert load.voltages_V == []
 
-    def test_silence_is_an_error_until_it_ends(self, reach: Reach) -> None:
+    def test_a_silent_sensor_is_an_error_until_it_answers(self, reach: Reach) -> None:
         with self.opened(reach) as (load, output):
             load.voice = lambda _line: None
             with pytest.raises(InstrumentError, match="no answer") as caught:

@@ -52,7 +52,7 @@ def test_an_answer_arrives_in_pieces() -> None:
     assert len(pieces) > 3
 
 
-def test_a_frame_may_arrive_in_part() -> None:
+def test_a_frame_may_arrive_in_pieces() -> None:
     cuts = chain([7, 0], repeat(100))
     with serve(ANY, SimulatedKeyence(lambda: 1.0), garble=lambda data: data[: next(cuts)]) as wire:
         probes = (b"R0", b"MM,100000000000")

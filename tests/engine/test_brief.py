@@ -54,7 +54,9 @@ def test_there_are_two_commands(commands: list[str]) -> None:
     ]
 
 
-def test_they_end_in_a_grip(project: Project, stalls: ContainerStalls, commands: list[str]) -> None:
+def test_the_commands_end_in_a_grip(
+    project: Project, stalls: ContainerStalls, commands: list[str]
+) -> None:
     done = project.shell(commands[1], GRIP_S)
     assert done.returncode == 0, f"{done.stdout}\n{stalls.stalls[-9:]}"
     assert re.search(r"^job \S+ succeeded: gripped\b", done.stdout, re.MULTILINE), done.stdout
@@ -89,7 +91,7 @@ def test_only_rest_is_published_on_loopback(project: Project) -> None:
 
 @pytest.mark.usefixtures("project")
 @pytest.mark.parametrize(("image", "pins"), [("pincette-loop", "loop"), ("pincette", "run")])
-def test_an_image_holds_its_pins_and_nothing_that_builds(image: str, pins: str) -> None:
+def test_an_image_contains_its_pinned_packages_and_no_build_tools(image: str, pins: str) -> None:
     found = contents(image)
     assert found.user == 10001
     assert found.tools == []

@@ -66,7 +66,9 @@ def shown(answer: Answer) -> None:
 
 @pytest.mark.parametrize("case", BODIES)
 @pytest.mark.parametrize("place", ["/jobs", "/trajectories", "/trajectories/plot", "/calibrations"])
-def test_a_body_that_is_invalid_is_refused_in_words(desk: Harness, place: str, case: str) -> None:
+def test_an_invalid_body_is_refused_with_a_readable_message(
+    desk: Harness, place: str, case: str
+) -> None:
     before = desk.get("/jobs")["jobs"]
     answer = send(desk.app, "POST", f"/api/v1{place}?dry_run=true&predict=false", BODIES[case])
     shown(answer)
@@ -86,7 +88,7 @@ def test_other_bodies_that_are_invalid(desk: Harness, job: str, body: bytes) -> 
 
 
 @pytest.mark.parametrize("case", RECIPES)
-def test_a_recipe_that_cannot_be_is_refused(desk: Harness, case: str) -> None:
+def test_an_impossible_recipe_is_refused(desk: Harness, case: str) -> None:
     body = f'{{"name": "fuzz", "values": {RECIPES[case]}}}'.encode()
     refused(send(desk.app, "POST", "/api/v1/recipes", body))
     assert desk.get("/recipes")["recipes"] == []
@@ -244,7 +246,7 @@ def mutants(chance: random.Random) -> Generator[bytes]:
         yield bytes(body)
 
 
-def test_bodies_near_a_sound_one_are_answered_as_documented(desk: Harness) -> None:
+def test_bodies_near_a_valid_one_are_answered_as_documented(desk: Harness) -> None:
     print(f"seed {SEED}")
     chance, known = random.Random(SEED), documented()["POST", "/api/v1/jobs"]
     seen = set[int]()

@@ -57,7 +57,7 @@ def test_a_pressed_arm_of_the_campaign_is_in_equilibrium_and_yields() -> None:
     assert pressed_mN - arm.force_mN == pytest.approx(3.0 * 2.0 / (1.0 + kappa), rel=0.05)
 
 
-def test_the_section_of_results_names_commit_seeds_and_misses(tmp_path: Path) -> None:
+def test_the_results_section_names_commit_seeds_and_failures(tmp_path: Path) -> None:
     page = tmp_path / "campaign.md"
     page.write_text(f"# Campaign\n\nWritten by hand.\n\n{HEADING}\nof an earlier run\n")
     one, other = draw(FIRST), draw(FIRST + 1)
@@ -81,7 +81,7 @@ def test_the_section_of_results_names_commit_seeds_and_misses(tmp_path: Path) ->
 
 
 @pytest.mark.full
-def test_a_few_rigs_of_the_campaign_are_used_without_harm() -> None:
+def test_some_rigs_of_the_campaign_stay_within_the_force_limits() -> None:
     rows = list(campaign(range(FIRST, FIRST + FEW), 1))
     for row in rows:
         print("\n".join(row.lines()))

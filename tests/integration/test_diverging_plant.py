@@ -45,7 +45,7 @@ def check_ended(played: Played) -> None:
     assert max(truth.arms[0].force_mN for truth in played.truths) < HARD_MN
 
 
-def test_a_reading_of_the_wrong_sign_trips_while_the_arm_is_free() -> None:
+def test_a_reading_with_the_wrong_sign_trips_while_the_arm_is_free() -> None:
     played = play(changes={"sensor": {"direction": -1}})
     assert played.trip is not None
     assert applied_text(played.trip).startswith("following_error: the arm is at")

@@ -60,7 +60,7 @@ def plain() -> Evaluation:
     return played(TRACK, demo_rig(SLEW, time="lockstep"))
 
 
-def test_a_good_rig_is_at_the_noise_of_its_sensor() -> None:
+def test_the_errors_of_a_good_rig_equal_the_noise_of_its_sensor() -> None:
     found = sources(plain())
     assert found.position_um.largest == "noise"
     assert "better sensor" in found.position_um.to_do
@@ -94,7 +94,7 @@ def test_a_sensor_noisier_than_it_states_is_found() -> None:
     assert found.position_um.noise == pytest.approx(1.15 * 0.06, rel=0.2)
 
 
-def test_a_fast_path_lags() -> None:
+def test_a_fast_path_has_a_lag() -> None:
     rig = demo_rig(SLEW, time="lockstep")
     fast = TRACK.model_copy(update={"frequency_hz": 5.0, "cycles": 20})
     found = sources(played(fast, rig))

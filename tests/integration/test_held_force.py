@@ -240,7 +240,7 @@ def test_the_age_of_the_zero_continues(stairs: Stairs) -> None:
 
 
 @pytest.mark.parametrize("share", [0.75, 1.3])
-def test_a_part_of_another_stiffness_is_loaded_and_unloaded_as_well(share: float) -> None:
+def test_a_part_of_another_stiffness_is_loaded_and_unloaded_too(share: float) -> None:
     assert RIG.simulation is not None
     K_e = share * RIG.part.stiffness_mN_per_um
     changes = {"simulation": {"environment_stiffness_mN_per_um": K_e}}

@@ -62,7 +62,7 @@ def test_each_sample_has_a_valid_estimate_and_a_reply(ended: VirtualLoop, seed: 
         assert position.seq in answers
 
 
-def test_the_memories_of_the_arm_continue_by_the_clock(ended: VirtualLoop) -> None:
+def test_the_hysteresis_and_creep_of_the_arm_continue_by_the_clock(ended: VirtualLoop) -> None:
     seldom, often = idle(ended, 1), ended.fork(1)
     often.run(seldom.now_s)
     (one,), (other,) = (loop.runner("estimator").state.arms for loop in (seldom, often))

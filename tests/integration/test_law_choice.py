@@ -65,7 +65,7 @@ def percentiles(result: ClosedLoopResult, name: str) -> Percentiles:
 
 @pytest.mark.parametrize("name", SETS)
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_a_grip_succeeds_by_every_law(scheme: str, name: ParameterSet) -> None:
+def test_a_grip_succeeds_with_every_law(scheme: str, name: ParameterSet) -> None:
     result = played("grip", scheme, name).result
     assert isinstance(result, GripResult)
     assert result.outcome == "gripped"
@@ -138,7 +138,7 @@ def test_the_error_of_the_perturbation_is_the_noise_of_the_sensor_where_nothing_
 
 
 @pytest.mark.parametrize("kind", ["grip", "track"])
-def test_tuned_gains_of_both_laws_hold_what_they_promise(kind: str) -> None:
+def test_tuned_gains_of_both_laws_meet_their_specification(kind: str) -> None:
     for scheme in SCHEMES:
         found = tuned(RIG, scheme)
         kept = ended({"kind": kind, "scheme": scheme, "gains": "tuned"})

@@ -76,7 +76,7 @@ def test_the_next_attempt_stays_within_the_position_limits(seed: int) -> None:
     assert peak_to_peak(motion.voltage_V) > 3.0
 
 
-def test_a_motion_that_stayed_within_is_not_made_smaller_below_two_volts() -> None:
+def test_a_motion_that_stayed_within_the_limits_is_not_reduced_below_two_volts() -> None:
     rig = unknown_rig("slow", BEYOND[0], relays=True)
     request = REQUEST.validate_python(
         {"kind": "calibrate", "calibration": "free_response", "least_V": -0.1, "most_V": 2.0}

@@ -65,7 +65,7 @@ def test_a_grip_is_quick_by_default() -> None:
     assert grip.covered >= 0.9
 
 
-def test_a_gentle_grip_is_another() -> None:
+def test_a_gentle_grip_has_a_different_plan() -> None:
     grip = gripped(profile="gentle", hold_s=0.5)
     assert grip.outcome == "gripped"
     assert grip.without_hold_s > 10.0

@@ -120,7 +120,7 @@ def test_a_single_write_excites_the_mode() -> None:
 
 @HZ
 @pytest.mark.parametrize("output", ["three writes", "RC"])
-def test_three_writes_or_an_rc_do_not(output: Output, frequency_hz: float) -> None:
+def test_three_writes_or_an_rc_keep_the_error_low(output: Output, frequency_hz: float) -> None:
     errors = [tracked(output, frequency_hz, seed).error_percent for seed in ARMS]
     print(output, frequency_hz, [f"{error:.2f} %" for error in errors])
     assert np.median(errors) <= MOST_PERCENT[frequency_hz]

@@ -23,7 +23,7 @@ IDLE_MN = 1.0
         ("slow", True, ("hold", "unload"), 2.0),
     ],
 )
-def test_a_calibrated_rig_holds_within_what_it_states(
+def test_a_calibrated_rig_holds_within_its_stated_uncertainty(
     pair: str, phases: tuple[str, ...], most_mN: float, *, relays: bool
 ) -> None:
     stated = {each.phase: each for each in gripped(known_rig(pair, 2, relays=relays), 20.0, 4.0)}

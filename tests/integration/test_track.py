@@ -56,7 +56,7 @@ def on_a_known_arm(shape: str, seed: int) -> TrackResult:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_the_contact_is_found_to_one_per_cent(seed: int) -> None:
+def test_the_contact_is_identified_to_one_percent(seed: int) -> None:
     result = on_a_known_arm("sinusoid", seed)
     assert result.outcome == "tracked"
     assert result.contact_stiffness_mN_per_um == pytest.approx(STIFFNESS, rel=0.01)

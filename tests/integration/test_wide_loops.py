@@ -84,7 +84,7 @@ def require_free(seed: int, *, relays: bool) -> None:
 
 
 @pytest.mark.parametrize(("seed", "relays"), [(104, False), (105, True)])
-def test_a_part_in_the_way_of_an_arm_with_a_wide_loop_is_found(seed: int, relays: bool) -> None:
+def test_a_part_in_the_path_of_an_arm_with_a_wide_loop_is_detected(seed: int, relays: bool) -> None:
     require_found(seed, relays=relays)
 
 

@@ -217,6 +217,6 @@ def test_a_listener_learns_version_and_connection() -> None:
     assert variables["port"]["default"] == str(Bus().port)
 
 
-def test_a_type_the_codec_does_not_carry_has_no_schema() -> None:
+def test_a_type_that_the_codec_does_not_support_has_no_schema() -> None:
     with pytest.raises(TypeError, match="Bytes"):
         type_schema(inspect.type_info(bytes))

@@ -7,7 +7,7 @@ from tests.bench.loop.watch import WARM_UP, Stopwatch
 
 
 @pytest.mark.parametrize("ticks", ["300", "301", "0", "-1"])
-def test_a_block_within_its_warm_up_is_refused_with_limit_and_remedy(
+def test_a_block_shorter_than_its_warm_up_is_refused_with_limit_and_remedy(
     ticks: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:
@@ -19,7 +19,7 @@ def test_a_block_within_its_warm_up_is_refused_with_limit_and_remedy(
     assert "Traceback" not in said
 
 
-def test_no_block_at_all_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_zero_blocks_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["--blocks", "0"])
     assert "--blocks = 0: the limit is 1" in capsys.readouterr().err

@@ -27,7 +27,7 @@ def test_the_newest_part_states_the_version_of_each_interface(changelog: str) ->
     }
 
 
-def test_its_parts_are_those_of_a_changelog(changelog: str, pyproject: dict[str, Any]) -> None:
+def test_the_headings_are_those_of_a_changelog(changelog: str, pyproject: dict[str, Any]) -> None:
     heads = [found[0] for found in HEAD.findall(changelog)]
     assert len(heads) == len(re.findall(r"^## ", changelog, re.MULTILINE))
     released = [head for head in heads if head != "Unreleased"]

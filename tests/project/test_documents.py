@@ -62,7 +62,7 @@ def rig_of(tables: dict[str, Any], root: Path) -> None:
         if block.language == "toml"
     ],
 )
-def test_toml_is_a_part_of_a_rig_file(block: Block, root: Path) -> None:
+def test_toml_examples_are_parts_of_a_rig_file(block: Block, root: Path) -> None:
     tables = tomllib.loads(block.text)
     if "build-system" in tables:
         assert tables["project"]["entry-points"], "a package that registers a driver"
@@ -70,7 +70,7 @@ def test_toml_is_a_part_of_a_rig_file(block: Block, root: Path) -> None:
     rig_of(tables, root)
 
 
-def test_a_rig_file_within_a_command_is_sound(root: Path) -> None:
+def test_a_rig_file_within_a_command_is_valid(root: Path) -> None:
     found = [
         text
         for block in every_block()

@@ -91,7 +91,7 @@ def test_every_equation_is_listed_once(root: Path) -> None:
     assert [row.number for row in rows(root)] == list(NUMBERS)
 
 
-def test_no_equation_points_nowhere(root: Path) -> None:
+def test_every_reference_to_an_equation_is_valid(root: Path) -> None:
     nowhere = [
         row.number for row in rows(root) if not (CODE.search(row.where) or TEST.search(row.where))
     ]

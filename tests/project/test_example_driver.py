@@ -79,7 +79,7 @@ def test_the_driver_is_listed_as_on_the_page(page: str, place: Path) -> None:
     assert "example_lds" not in pincette("doctor", "--drivers").stdout
 
 
-def test_a_rig_file_that_names_it_opens_it(place: Path, tmp_path: Path) -> None:
+def test_a_rig_file_that_names_the_driver_opens_it(place: Path, tmp_path: Path) -> None:
     lds = SimulatedLDS(lambda: 0.0, head=3)
     output = SimulatedI7024(lambda _voltage_V: None, lambda: 0.0)
     with serve(ANY, lds) as sensor_wire, serve(ANY, output) as output_wire:

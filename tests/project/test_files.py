@@ -25,7 +25,9 @@ def text_of(path: Path) -> str:
         return ""
 
 
-def test_no_file_names_an_index_or_this_machine(files: list[Path], root: Path) -> None:
+def test_no_file_contains_a_package_index_or_a_name_of_this_machine(
+    files: list[Path], root: Path
+) -> None:
     found = [
         f"{path.relative_to(root)}:{number}: {line.strip()[:100]}"
         for path in files

@@ -124,7 +124,7 @@ def test_the_dockerfile_is_built_without_anything_from_elsewhere(dockerfile: str
     assert "ARG PYTHON=python:3.12-slim\n" in dockerfile
 
 
-def test_the_loop_has_what_its_programs_import_and_nothing_else(
+def test_the_loop_installs_exactly_the_packages_that_its_programs_import(
     root: Path, pyproject: dict[str, Any]
 ) -> None:
     line = [sys.executable, "-c", IMPORTED, *PROGRAMS_OF_THE_LOOP]
@@ -192,7 +192,7 @@ def opened(place: Path) -> Path:
     return place
 
 
-def test_serves_listening_and_linked(root: Path, own: Path) -> None:
+def test_serves_checks_the_listener_and_the_link(root: Path, own: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = str(server.getsockname()[1])
         assert serves(root, opened(own), port).returncode == 0

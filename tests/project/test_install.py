@@ -63,13 +63,17 @@ def test_a_moved_environment_is_not_usable(install: dict[str, Any], tmp_path: Pa
         ("Resolved 56\n\n", ", Resolved 56"),
     ],
 )
-def test_progress(install: dict[str, Any], tmp_path: Path, log: str, text: str) -> None:
+def test_progress_is_read_from_the_log(
+    install: dict[str, Any], tmp_path: Path, log: str, text: str
+) -> None:
     path = tmp_path / "install.log"
     path.write_text(log)
     assert install["progress"](path) == text
 
 
-def test_uv_looks_where_pip_does(install: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_uv_searches_the_same_indexes_as_pip(
+    install: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
     for name in install["OF_PIP"].values():
         monkeypatch.delenv(name, raising=False)
     listed = (

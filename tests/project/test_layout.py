@@ -27,7 +27,7 @@ def test_wheel_holds_every_package(pyproject: dict[str, Any]) -> None:
     assert pyproject["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"] == packages()
 
 
-def test_a_file_is_in_one_wheel(pyproject: dict[str, Any]) -> None:
+def test_each_file_is_in_exactly_one_wheel(pyproject: dict[str, Any]) -> None:
     client = tomllib.loads((ROOT / "shared/pyproject.toml").read_text(encoding="utf-8"))
     kept = client["tool"]["hatch"]["build"]["only-include"]
     left_out = pyproject["tool"]["hatch"]["build"]["targets"]["wheel"]["exclude"]

@@ -10,7 +10,7 @@ from pincette_supervisor.rest.api import OPERATIONS, openapi_document
 COMMITTED = Path(__file__).parents[2] / "deploy" / "openapi.json"
 
 
-def test_committed_document_is_what_the_supervisor_generates() -> None:
+def test_the_committed_document_equals_the_generated_one() -> None:
     assert COMMITTED.read_text(encoding="utf-8") == openapi_document(), (
         "deploy/openapi.json differs from the REST interface; if the change is wanted: make docs"
     )

@@ -118,7 +118,7 @@ def test_units_of_the_rig_file_are_those_of_the_quantities(configuration: str) -
         assert rows[name] == unit
 
 
-def test_a_value_in_words(root: Path) -> None:
+def test_a_schema_is_described_in_words(root: Path) -> None:
     words = runpy.run_path(str(root / "docs/schema_words.py"))
     schema = {
         "anyOf": [

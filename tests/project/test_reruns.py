@@ -162,7 +162,9 @@ def test_a_session_has_a_limited_number_of_reruns(tmp_path: Path, workers: tuple
     assert f"1 failed, {LIMIT} passed, {LIMIT} rerun" in done.stdout
 
 
-def test_a_failure_of_a_fixture_is_rerun_where_a_stall_was_in_its_making(tmp_path: Path) -> None:
+def test_a_failure_of_a_fixture_is_rerun_if_a_stall_occurred_during_its_setup(
+    tmp_path: Path,
+) -> None:
     write(tmp_path, "one", mark='@pytest.mark.usefixtures("weak")')
     with (tmp_path / "conftest.py").open("a", encoding="utf-8") as conftest:
         conftest.write(

@@ -23,7 +23,7 @@ FAULTS: dict[str, Tree] = {
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_a_spoilt_grip_is_repeated(name: str) -> None:
+def test_a_failed_grip_is_repeated(name: str) -> None:
     fault = FAULTS[name]
     played = play(fault)
     of_epoch: list[Message] = [

@@ -93,7 +93,7 @@ def test_a_record_is_reproduced_without_earlier_records(tmp_path: Path, name: st
         assert found.identical >= found.steps // 2 > 10
 
 
-def test_the_jobs_were_what_they_are_called() -> None:
+def test_the_recorded_jobs_match_their_names() -> None:
     acted = {
         name: "".join(
             acted for item in messages if isinstance(item, Telemetry) for acted in item.acted

@@ -47,7 +47,7 @@ def test_a_bad_rig_file_is_refused(tmp_path: Path, change: str | None, words: li
     assert [word for word in [str(path), *words] if word not in done.stderr] == []
 
 
-def test_limits_that_cross_are_refused(tmp_path: Path) -> None:
+def test_limits_in_the_wrong_order_are_refused(tmp_path: Path) -> None:
     text = rig_toml(demo_rig()).replace("voltage_max_V = 4.0", "voltage_max_V = -2.0")
     path = tmp_path / "crossed.toml"
     path.write_text(text, encoding="utf-8")
@@ -80,7 +80,7 @@ def test_an_instrument_that_does_not_answer_is_reported(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("program", ["router", "actuator", "supervisor"])
-def test_a_busy_port(tmp_path: Path, program: str) -> None:
+def test_a_busy_port_is_reported(tmp_path: Path, program: str) -> None:
     rig = demo_rig()
     offset = {"router": 0, "actuator": 4, "supervisor": 7}[program]
     path = tmp_path / "rig.toml"
@@ -92,7 +92,7 @@ def test_a_busy_port(tmp_path: Path, program: str) -> None:
     assert_nothing_is_left(rig, path)
 
 
-def test_no_supervisor() -> None:
+def test_a_missing_supervisor_is_reported() -> None:
     done = pincette_here("job", "grip", "--url", f"http://127.0.0.1:{demo_rig().bus.port}")
     assert done.returncode == 3
     assert "no supervisor answers at http://127.0.0.1:" in done.stderr

@@ -28,7 +28,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
         yield running
 
 
-def test_a_grip_in_real_time_is_as_from_five_programs(rig: RunningRig, seen: Witness) -> None:
+def test_a_grip_in_real_time_equals_that_of_five_programs(rig: RunningRig, seen: Witness) -> None:
     job = whole_grip(rig, seen)
     assert job["result"]["outcome"] == "gripped"
     view = rig.view()

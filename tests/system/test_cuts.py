@@ -35,7 +35,7 @@ def permitted() -> None:
         *(pytest.param(one, MANY, LONG_S, marks=pytest.mark.slow) for one in (False, True)),
     ],
 )
-def test_after_a_cut_all_is_ready_soon_and_each_link_is_reported(
+def test_after_a_cut_all_links_recover_soon_and_each_is_reported(
     count: int, longest_s: float, secure: bool, tmp_path: Path, figures: list[str]
 ) -> None:
     found = cuts(tmp_path / "cuts.json", count, longest_s, SEED, secure=secure)

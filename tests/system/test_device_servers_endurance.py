@@ -61,7 +61,7 @@ def terminals(tmp_path: Path) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize("duration_s", [30.0, pytest.param(600.0, marks=pytest.mark.slow)])
-def test_readings_at_50_hz_through_both_servers_are_as_quick_as_direct_ones(
+def test_readings_at_50_hz_through_both_servers_are_as_fast_as_direct_ones(
     duration_s: float, terminals: Path, figures: list[str]
 ) -> None:
     """The long form needs a quiet machine; the short one allows for what delays direct readings."""

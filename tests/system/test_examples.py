@@ -80,7 +80,9 @@ def test_every_example_is_tested() -> None:
 
 
 @pytest.mark.parametrize("kind", ["", "store"])
-def test_latest_prints_every_topic_once(played: Played, tmp_path: Path, kind: str) -> None:
+def test_the_latest_example_prints_every_topic_once(
+    played: Played, tmp_path: Path, kind: str
+) -> None:
     with ExitStack() as stack:
         if kind:
             tool = stack.enter_context(outsider("client", played.router))

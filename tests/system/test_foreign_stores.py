@@ -185,7 +185,7 @@ class TestWhatIsPublished:
         }
         assert steady <= seen
 
-    def test_idle_latched_and_during_a_job(self, rig: RunningRig) -> None:
+    def test_keys_are_known_while_idle_latched_and_during_a_job(self, rig: RunningRig) -> None:
         make_ready(rig)
         during = self.seen(rig, "succeeded")
         self.compare(during, "job")

@@ -145,7 +145,7 @@ async def elsewhere(_scope: Scope, _receive: Receive, send: Send) -> None:
     await send({"type": "http.response.body", "body": b"<p>elsewhere</p>"})
 
 
-def test_a_page_of_elsewhere_can_neither_act_nor_read_nor_frame(
+def test_a_page_of_another_origin_can_neither_act_nor_read_nor_frame(
     bench: Bench, foreign: str, context: BrowserContext
 ) -> None:
     """To a browser it is of the same site, whose cookies it would send along."""

@@ -329,7 +329,7 @@ def test_missing_content_is_shown_as_loading(browser: Browser, desk: Harness) ->
     context.close()
 
 
-def test_hours_are_drawn_from_the_records(browser: Browser, desk: Harness) -> None:
+def test_long_plots_are_drawn_from_the_records(browser: Browser, desk: Harness) -> None:
     context = browser.new_context()
     with served(desk.app) as address:
         gripped(address, "B7")
@@ -380,7 +380,7 @@ def test_a_camera_is_shown_beside_the_charts(browser: Browser, tmp_path: Path) -
     context.close()
 
 
-def test_one_event_has_one_notice(browser: Browser, desk: Harness) -> None:
+def test_one_event_causes_one_notice(browser: Browser, desk: Harness) -> None:
     context = browser.new_context()
     with served(desk.app) as address:
         seen = visit(context, address)

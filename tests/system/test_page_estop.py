@@ -79,7 +79,7 @@ def test_an_actuator_that_does_not_confirm_is_reported(
         seen.until("#estop-words", "confirmed by the actuator", 10.0)
 
 
-def test_a_press_needs_no_sign_in_and_a_refusal_is_reported_as_one(
+def test_a_stop_button_needs_no_sign_in_and_reports_refusals(
     desk: Harness, context: BrowserContext
 ) -> None:
     key_of_each_scope(desk.store, desk.app.state.access.authenticator)

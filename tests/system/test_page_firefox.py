@@ -56,7 +56,7 @@ def stop(desk: Harness, page: Firefox) -> float:
     return taken_s
 
 
-def test_a_press_stops_the_rig(page: Firefox, desk: Harness) -> None:
+def test_a_press_of_the_stop_button_stops_the_rig(page: Firefox, desk: Harness) -> None:
     stop(desk, page)
     page.run("delete AbortSignal.timeout; delete window.AbortController")
     stop(desk, page)

@@ -111,7 +111,9 @@ def test_a_job_is_paused_resumed_stopped_and_its_part_released(
     assert rig.view()["part"] == "none"
 
 
-def test_a_press_is_not_lost_where_the_job_changes_under_it(rig: RunningRig, seen: Visit) -> None:
+def test_a_button_press_is_not_lost_if_the_job_changes_meanwhile(
+    rig: RunningRig, seen: Visit
+) -> None:
     name = grip_until_held(rig, seen)
     seen.page.click("#act-pause")
     seen.until("#current-state", "paused")
@@ -190,7 +192,7 @@ def test_a_halted_queue_states_why_and_continues_when_a_person_resumes_it(
     seen.until_true(lambda: not rig.view()["queue"]["halted"], "the queue is still halted")
 
 
-def test_the_arm_is_jogged_and_a_pose_is_taught(rig: RunningRig, seen: Visit) -> None:
+def test_the_arm_can_be_jogged_and_a_pose_taught(rig: RunningRig, seen: Visit) -> None:
     choose(seen, "move")
     seen.page.select_option("#jog-step", label="0.5 µm")
     step = rig.ended(made_by(rig, seen, "#jog-more"), LONG_S)

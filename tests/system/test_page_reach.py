@@ -66,7 +66,7 @@ def check(seen: Visit) -> None:
 
 
 @pytest.mark.parametrize(("scheme", "size"), [("light", DESK), *(("dark", one) for one in TABLETS)])
-def test_everybody_can_read_and_reach_it(
+def test_the_page_is_readable_and_accessible(
     browser: Browser, rig: RunningRig, scheme: str, size: dict[str, int]
 ) -> None:
     context = browser.new_context(
@@ -93,7 +93,7 @@ def test_everybody_can_read_and_reach_it(
         context.close()
 
 
-def test_a_dead_server_is_reported_with_the_age_of_what_is_shown(
+def test_a_dead_server_is_reported_with_the_age_of_the_displayed_values(
     browser: Browser, rig: RunningRig
 ) -> None:
     with looked_at(browser, rig.rig) as seen:

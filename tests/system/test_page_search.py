@@ -42,7 +42,7 @@ window.Date = class extends Real {
 };"""
 
 
-def test_today_is_the_day_of_the_rig_where_the_clock_of_the_browser_is_wrong(
+def test_today_is_the_day_of_the_rig_if_the_clock_of_the_browser_is_wrong(
     browser: Browser, desk: Harness
 ) -> None:
     context = browser.new_context(viewport=ViewportSize(**DESK))
@@ -61,7 +61,7 @@ def test_today_is_the_day_of_the_rig_where_the_clock_of_the_browser_is_wrong(
         context.close()
 
 
-def test_yesterdays_job_of_a_sample_is_found(
+def test_a_job_of_yesterday_is_found_by_its_sample(
     browser: Browser, desk: Harness, pictures: Path
 ) -> None:
     context = browser.new_context(viewport=ViewportSize(**DESK), color_scheme="light")

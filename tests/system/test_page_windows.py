@@ -64,7 +64,7 @@ def allowed_s(alone_s: float) -> float:
     return max(STOP_S, SLOWER * alone_s)
 
 
-def test_eight_windows_are_live_and_each_one_stops_the_rig(
+def test_eight_browser_windows_are_live_and_each_one_stops_the_rig(
     rig: RunningRig, context: BrowserContext, figures: list[str]
 ) -> None:
     pages = open_windows(context, rig, 1)
@@ -82,7 +82,7 @@ def test_eight_windows_are_live_and_each_one_stops_the_rig(
     assert all(page.evaluate(LIVE) for page in pages)
 
 
-def test_a_window_stops_the_rig_while_the_others_hold_every_connection(
+def test_a_browser_window_stops_the_rig_while_the_others_occupy_every_connection(
     rig: RunningRig, context: BrowserContext, figures: list[str]
 ) -> None:
     """Six streams of another window leave no connection for a request with credentials."""

@@ -53,7 +53,7 @@ def made_up(folder: Path) -> Generator[None]:
         assert "every program has ended" in log.read_text(encoding="utf-8")
 
 
-def test_no_command_escapes() -> None:
+def test_every_command_of_the_readme_is_tested() -> None:
     assert MAKE == ["make demo", "make test", "make up"]
     assert LISTENING == ["python docs/examples/subscribe.py"]
     assert len(CONTAINERS) == 1
@@ -62,11 +62,11 @@ def test_no_command_escapes() -> None:
     assert all(any(text in block for text in SAYS) for block in SHELL)
 
 
-def test_make_test() -> None:
+def test_make_test_runs() -> None:
     pytest.skip("`make test` is what runs this test")
 
 
-def test_make_demo(folder: Path) -> None:
+def test_make_demo_runs(folder: Path) -> None:
     with demo_ports():
         done = run(["make", "demo"], folder, 170.0)
     assert done.returncode == 0, done.stdout

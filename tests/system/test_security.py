@@ -131,7 +131,7 @@ def test_a_certificate_of_another_program_can_neither_command_nor_query(
     assert rig.job(held)["state"] == "running"
 
 
-def test_whoever_proves_nothing_is_not_let_in(
+def test_a_client_without_a_certificate_is_not_admitted(
     rig: RunningRig, seen: Witness, tmp_path: Path, held: str
 ) -> None:
     begun = monotonic()
@@ -163,7 +163,7 @@ def test_with_the_controllers_own_key_the_same_messages_arrive(
 
 
 @pytest.mark.parametrize("supervised", [True, False], ids=["over REST", "past the supervisor"])
-def test_an_operators_emergency_stop_acts(
+def test_an_emergency_stop_of_an_operator_takes_effect(
     rig: RunningRig, seen: Witness, folder: Folder, held: str, supervised: bool
 ) -> None:
     begun = monotonic()

@@ -25,7 +25,7 @@ def handle(rig: RunningRig) -> Generator[RigHandle]:
         yield supervisor.rig()
 
 
-def test_a_sensor_that_falls_silent_trips_the_job_and_heals(
+def test_a_sensor_that_falls_silent_trips_the_job_and_recovers(
     rig: RunningRig, handle: RigHandle
 ) -> None:
     job = handle.start("grip", force_mN=8.0, until_released=True)

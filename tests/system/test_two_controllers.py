@@ -161,7 +161,7 @@ def cpu_s(process: int) -> float:
     return (int(words[11]) + int(words[12])) / 100.0
 
 
-def test_a_stranger_floods_the_key_of_the_controller(
+def test_an_unauthorized_sender_floods_the_key_of_the_controller(
     rig: RunningRig, seen: Witness, figures: list[str]
 ) -> None:
     job = hold(rig, seen)

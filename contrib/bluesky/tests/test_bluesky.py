@@ -370,7 +370,7 @@ def test_an_emergency_stop_and_the_latch_are_reported(
 
 
 @pytest.mark.parametrize("before", [True, False], ids=["before", "within"])
-def test_a_suspender_waits_until_the_rig_takes_commands(
+def test_a_suspender_waits_until_the_rig_accepts_commands(
     engine: Any, gripper: Gripper, rig: RunningRig, before: bool
 ) -> None:
     suspender: Any = SuspendBoolLow(gripper.ready)

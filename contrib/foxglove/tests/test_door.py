@@ -71,7 +71,7 @@ def said(place: tuple[str, int], *lines: str) -> str:
     ],
     ids=str,
 )
-def test_a_program_and_a_known_page_are_admitted(place: tuple[str, int], lines: list[str]) -> None:
+def test_programs_and_known_pages_are_admitted(place: tuple[str, int], lines: list[str]) -> None:
     assert said(place, *lines).startswith("GET / HTTP/1.1\r\n")
 
 
@@ -90,7 +90,7 @@ def test_a_program_and_a_known_page_are_admitted(place: tuple[str, int], lines: 
         "",
     ],
 )
-def test_another_page_is_refused(place: tuple[str, int], origin: str) -> None:
+def test_a_foreign_page_is_refused(place: tuple[str, int], origin: str) -> None:
     answer = said(place, f"Origin: {origin}")
     assert answer.startswith("HTTP/1.1 403 ")
     assert "[foxglove] origins" in answer

@@ -86,7 +86,7 @@ def test_viewers_see_that_messages_of_the_bus_are_refused(rig: RunningRig) -> No
     assert viewer.statuses["refused"]["level"] == WARNING
 
 
-def test_a_page_of_elsewhere_is_refused(rig: RunningRig) -> None:
+def test_a_page_of_another_origin_is_refused(rig: RunningRig) -> None:
     address = f"ws://127.0.0.1:{rig.rig.foxglove.port}"
     spoken = [Subprotocol("foxglove.sdk.v1")]
     with (

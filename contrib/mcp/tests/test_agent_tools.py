@@ -23,7 +23,7 @@ def all_stopped() -> httpx.Response:
 
 
 @pytest.mark.parametrize("name", ["demo", None])
-def test_a_stop_is_reported_as_made_where_reading_needs_a_key(name: str | None) -> None:
+def test_a_stop_is_reported_as_sent_if_reading_requires_a_key(name: str | None) -> None:
     desk = Desk(stopped() if name else all_stopped(), problem(401, "no-key"))
     done = asyncio.run(Tools(desk.async_supervisor(), name).emergency_stop())
     assert desk.paths()[0] == (ESTOP if name else ESTOP_ALL), "nothing is asked before the stop"

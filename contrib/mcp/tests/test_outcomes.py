@@ -19,6 +19,6 @@ def test_the_error_of_a_tool_begins_with_the_code(outcome: str) -> None:
 
 
 @pytest.mark.parametrize("outcome", get_args(OutcomeCode))
-def test_the_answer_of_a_tool_has_the_code(outcome: OutcomeCode) -> None:
+def test_the_answer_of_a_tool_contains_the_outcome_code(outcome: OutcomeCode) -> None:
     given = {"job": "a", "force_held_mN": None, "force_uncertainty_mN": None}
     assert Gripped.model_validate({**given, "outcome": outcome}).outcome == outcome

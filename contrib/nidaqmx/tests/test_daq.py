@@ -86,7 +86,7 @@ def test_an_unconnected_channel_is_refused(channel: str, kind: str, code: int) -
     assert call.refused(name, task=task, physical_channel=channel, **LIMITS) == code
 
 
-def test_ranges_rates_and_tasks_that_cannot_be_are_refused() -> None:
+def test_impossible_ranges_rates_and_tasks_are_refused() -> None:
     call = Caller()
     task = call.task()
     wide = {"physical_channel": POSITION, "min_val": -20.0, "max_val": 20.0}
@@ -264,7 +264,7 @@ def strange(chance: random.Random) -> bytes:
     return body + chance.randbytes(chance.choice((0, 0, 0, 3)))
 
 
-def test_no_call_is_too_strange() -> None:
+def test_arbitrary_calls_are_survived() -> None:
     chance = random.Random(SEED)
     call = Caller()
     for task in (call.task(POSITION), call.task(OUTPUT), capture(call)):

@@ -130,7 +130,7 @@ class TestOutput(VoltageOutputContract):
     def open(self, url: str, link: Link | None) -> WaveOutput:
         return voltage_output.open_output(output_settings(url), link)
 
-    def test_silence_is_an_error_until_it_ends(self, reach: Reach) -> None:
+    def test_a_silent_sensor_is_an_error_until_it_answers(self, reach: Reach) -> None:
         """As of every driver; 2 V is no whole step of this one."""
         with self.opened(reach) as (load, output):
             load.voice = lambda _line: None
@@ -243,7 +243,7 @@ class TestWave:
         assert rig.wave == ([5.0, 5.0], 10_000.0)
         output.close()
 
-    def test_a_long_wave_is_written_while_it_plays(self, reach: Reach) -> None:
+    def test_a_long_waveform_is_written_during_its_output(self, reach: Reach) -> None:
         rig, output = self.opened(reach)
         output.begin_wave([1.25] * 39_999 + [0.0], 20_000.0)
         assert rig.wave is not None

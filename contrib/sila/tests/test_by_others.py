@@ -34,7 +34,9 @@ def test_the_interoperability_tester_passes(address: str, tmp_path: Path) -> Non
     assert " error" not in said
 
 
-def test_a_bridge_to_agents_grips(rig: RunningRig, address: str, tmp_path: Path) -> None:
+def test_an_agent_can_grip_through_the_bridge(
+    rig: RunningRig, address: str, tmp_path: Path
+) -> None:
     """It knows nothing of pincette but the feature definition that the server gives it."""
     python = environment(tmp_path / "venv", "labmcp-sila2==0.1.2")
     script = str(python.with_name("labmcp-sila2"))

@@ -20,12 +20,12 @@ def ended(**changes: Any) -> JobEndedError:
 
 
 @pytest.mark.parametrize("outcome", get_args(OutcomeCode))
-def test_an_outcome(outcome: OutcomeCode) -> None:
+def test_every_outcome_is_converted(outcome: OutcomeCode) -> None:
     error = command_error(ended(state="failed", ending=None, result={"outcome": outcome}))
     assert error.identifier == "JobFailed"
 
 
 @pytest.mark.parametrize("code", get_args(EndingCode))
-def test_an_ending(code: EndingCode) -> None:
+def test_every_ending_is_converted(code: EndingCode) -> None:
     error = command_error(ended(state="failed", ending=Ending(code=code).model_dump()))
     assert error.identifier == ("RigLatched" if code == "tripped" else "JobFailed")

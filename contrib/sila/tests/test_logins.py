@@ -38,7 +38,7 @@ def test_an_unknown_key_cannot_log_in() -> None:
         callers(keys=True, scope=None).log_in("ada", "word")
 
 
-def test_a_key_is_worth_a_token() -> None:
+def test_a_key_gives_a_token() -> None:
     known = callers(keys=True, scope="operate")
     token = known.log_in("ada", "key")
     known.check(token)

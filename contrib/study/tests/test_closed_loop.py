@@ -54,13 +54,13 @@ def test_the_largest_error_is_that_of_either_side() -> None:
     assert errors(replace(seen, x_um=x_um)).largest_um == pytest.approx(3.08)
 
 
-def test_the_true_stiffness_is_the_slope_of_what_truly_was() -> None:
+def test_the_true_stiffness_is_the_slope_of_the_true_values() -> None:
     seen = a_record()
     pressed = replace(seen, true_force_mN=2.2 * (seen.true_x_um - 1.0))
     assert pressed.true_stiffness == pytest.approx(2.2)
 
 
-def test_rms() -> None:
+def test_the_rms_value_is_correct() -> None:
     assert rms(np.array([3.0, -4.0])) == pytest.approx(sqrt(12.5))
 
 
@@ -80,7 +80,7 @@ def test_a_path_has_the_height_of_the_paper_on_its_planned_line(
     assert plan.program.contact_stiffness_mN_per_um == planned
 
 
-def test_a_faster_path_has_as_many_seconds() -> None:
+def test_a_faster_path_lasts_the_same_number_of_seconds() -> None:
     rig = demo_rig(time="lockstep")
     spans = [
         path.full_to_s - path.full_from_s

@@ -79,7 +79,7 @@ def test_a_raised_sinusoid_starts_at_rest_and_has_whole_cycles() -> None:
     assert voltages[100:200] == pytest.approx(voltages[:100], abs=1e-12)
 
 
-def test_peak_to_peak() -> None:
+def test_the_peak_to_peak_value_is_correct() -> None:
     assert peak_to_peak(np.array([1.0, -2.5, 0.5])) == 3.5
     swing = np.array([3.0 + 0.7 * sin(0.1 * pi * tick) for tick in range(40)])
     assert peak_to_peak(swing) == pytest.approx(1.4)

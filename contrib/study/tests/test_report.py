@@ -119,7 +119,7 @@ def test_non_finite_numbers_are_not_written(tmp_path: Path) -> None:
     assert not (tmp_path / "paper.json").exists()
 
 
-def test_a_section_may_be_bare(tmp_path: Path) -> None:
+def test_a_section_may_be_empty(tmp_path: Path) -> None:
     bare = section(pictures=(), comparisons=(), trends=(), data=None)
     page, tree = written(tmp_path, bare, section(key="fig6"))
     assert list(tree["sections"]) == ["fig5", "fig6"]

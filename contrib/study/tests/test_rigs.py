@@ -83,7 +83,7 @@ def test_a_drawn_rig_has_the_drawn_values(seed: int) -> None:
     assert 1.0 <= draw.creep_percent_per_decade <= 2.0
 
 
-def test_a_seed_is_a_rig() -> None:
+def test_a_seed_determines_a_rig() -> None:
     rig, draw = random_rig(BASE, SEEDS[0])
     assert (rig, draw) == drawn(SEEDS[0])
     other, other_draw = drawn(SEEDS[1])
@@ -92,7 +92,7 @@ def test_a_seed_is_a_rig() -> None:
     assert rig.model == other.model == BASE.model
 
 
-def test_the_loop_is_as_wide_as_it_looks() -> None:
+def test_the_width_of_the_loop_is_correct() -> None:
     rig = frozen()
     cycle = free_cycle(rig)
     stroke_um = peak_to_peak(cycle.true_x_um)
@@ -107,7 +107,7 @@ def test_the_loop_is_as_wide_as_it_looks() -> None:
 
 
 @pytest.mark.parametrize("percent", [10.0, 23.0])
-def test_the_edges_of_the_draw_can_be_had(percent: float) -> None:
+def test_the_limits_of_the_random_draw_can_be_reached(percent: float) -> None:
     simulation = simulation_of(frozen())
     share = hysteresis_for_loop(simulation, percent)
     shape = simulation.bouc_wen.model_copy(update={"A_over_d": share})

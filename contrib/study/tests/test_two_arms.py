@@ -70,7 +70,7 @@ def test_a_loose_part_is_pushed_by_the_first_arm(pair: TaughtPair) -> None:
         centre(pair, 0.0, slip_mN=0.0)
 
 
-def test_a_loop_that_may_not_move_does_not(pair: TaughtPair) -> None:
+def test_a_loop_without_permission_to_move_does_not_move(pair: TaughtPair) -> None:
     bench = PairBench(pair, FAST, lambda plant: plant)
     bench.loop = replace(bench.loop, gains=(("n", 3.0), ("f_q", 100.0), ("f_F", 10.0)))
     with pytest.raises(StudyError, match="too near to instability"):

@@ -24,7 +24,7 @@ def test_several_grips_in_a_row_do_not_trip() -> None:
 
 
 @pytest.mark.slow
-def test_a_day_without_a_fault(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_day_runs_without_a_fault(capsys: pytest.CaptureFixture[str]) -> None:
     hours = float(os.environ.get("PINCETTE_VIRTUAL_HOURS", DAY_H))
     loop, began_s = begun(), perf_counter()
     grips = live(loop, 3600.0 * min(1.0, 0.5 * hours))

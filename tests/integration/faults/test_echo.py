@@ -82,7 +82,7 @@ def trips_after_lost_echoes(state: str, seed: int) -> bool:
     return False
 
 
-def test_an_echo_that_is_cut_trips_in_time_in_whatever_pattern() -> None:
+def test_a_cut_echo_trips_in_time_in_any_pattern() -> None:
     for state in MOVING:
         for seed in range(FEW):
             check_cut(state, seed)

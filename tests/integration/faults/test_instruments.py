@@ -241,7 +241,7 @@ def test_a_sensor_that_jumps_stays_bounded(value: float) -> None:
     assert played.applied[-1].final
 
 
-def test_a_faulty_grip_can_be_repeated_to_the_bit() -> None:
+def test_a_faulty_grip_can_be_repeated_bit_for_bit() -> None:
     orders = (
         at(0, "sensor", "intermittent", value=0.05),
         at(APPROACH, "arm", "hysteresis", value=1.1),

@@ -125,7 +125,7 @@ def test_a_flood_of_other_epochs_displaces_no_valid_message(
     check_obeys(loop, loop.runner("controller").instance)
 
 
-def test_a_flood_of_forged_and_broken_commands_is_refused_and_the_loop_continues() -> None:
+def test_a_flood_of_forged_and_invalid_commands_is_refused_and_the_loop_continues() -> None:
     """Ten times the rate: other owners, other epochs, the future, the past, and no messages."""
     loop = place("approach").loop.fork(5)
     chance = random.Random(5)

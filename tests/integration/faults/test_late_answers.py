@@ -52,7 +52,7 @@ def test_a_grip_with_all_readings_late(delay_s: float, composed: bool) -> None:
 
 @pytest.mark.parametrize("composed", [False, True])
 @pytest.mark.parametrize("from_s", [0.5, 1.75, 2.1, 3.0])
-def test_a_line_that_becomes_slow_within_a_grip(from_s: float, composed: bool) -> None:
+def test_a_line_may_become_slow_during_a_grip(from_s: float, composed: bool) -> None:
     """In the approach, before the touch, in the load and in the hold."""
     came = grip(constant(0.042), composed=composed, from_s=from_s)
     assert came.peak_mN <= LARGEST_MN
@@ -62,7 +62,7 @@ def test_a_line_that_becomes_slow_within_a_grip(from_s: float, composed: bool) -
 
 @pytest.mark.parametrize("composed", [False, True])
 @pytest.mark.parametrize("every", [10, 40])
-def test_single_answers_that_are_late_or_lost_are_bridged(every: int, composed: bool) -> None:
+def test_single_late_or_lost_answers_are_tolerated(every: int, composed: bool) -> None:
     late: Delays = single(1.05 * T, every, AT_ONCE_S)
 
     def lost(number: int) -> list[float]:
@@ -103,7 +103,7 @@ def test_a_grip_with_readings_late_at_random(seed: int, composed: bool) -> None:
 
 
 @pytest.mark.parametrize("delay_s", [0.01, 0.09, 0.11, 0.3])
-def test_a_grip_whose_output_confirms_late(delay_s: float) -> None:
+def test_a_grip_succeeds_if_the_output_confirms_late(delay_s: float) -> None:
     came = grip(constant(delay_s), target="output", from_s=1.75)
     check_right_or_tripped(came)
     assert (came.trip is None) == (delay_s < T)

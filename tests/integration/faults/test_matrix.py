@@ -67,7 +67,9 @@ def test_one_lost_sample_costs_one_tick(fault: Fault) -> None:
 
 
 @pytest.mark.slow
-def test_a_hundred_thousand_injections(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_hundred_thousand_injected_faults_are_survived(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     def tell(text: str) -> None:
         with capsys.disabled():
             print(text, flush=True)

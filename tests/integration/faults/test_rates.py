@@ -35,7 +35,7 @@ def longest_gap(times: Sequence[float]) -> float:
 @pytest.mark.parametrize("seed", range(1))
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.6, 1.0])
 @pytest.mark.parametrize("link", [("controller", "actuator"), ("estimator", "controller")])
-def test_lost_messages_are_borne_or_trip_by_the_age_limit(
+def test_lost_messages_are_tolerated_or_trip_by_the_age_limit(
     link: tuple[str, str], share: float, seed: int
 ) -> None:
     """Of three commands in a row that do not come the last is too old; of two none is."""

@@ -62,7 +62,7 @@ def test_a_silence_is_noticed_at_the_age_limit(held: bool) -> None:
     assert all((mode == "frozen") == held for at_s, _, mode in put if at_s - sample_s > tripped_s)
 
 
-def test_a_free_arm_is_safe_in_time_and_in_small_steps() -> None:
+def test_a_free_arm_reaches_the_safe_voltage_in_time_and_in_small_steps() -> None:
     state, sample_s = run(held=False)
     put = silence(state, sample_s + WAY_S, 0.1)
     over_s = next(at_s for at_s, voltage_V, _ in put if voltage_V == LIMITS.safe_V) - sample_s

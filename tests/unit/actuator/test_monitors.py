@@ -109,7 +109,7 @@ def test_a_position_beyond_the_limits_trips_before_its_command_arrives(
     assert (echo.seq, echo.state) == (3, mode)
 
 
-def test_a_stranger_does_not_displace_a_command_that_waits() -> None:
+def test_an_unauthorized_sender_does_not_displace_a_waiting_command() -> None:
     state, _ = play(armed(), (told(0), 0.001), (told(0, owner=9, voltage_V=3.0), 0.0015))
     assert state.pending is not None
     state, outputs = play(state, (position(0), 0.002))

@@ -111,7 +111,7 @@ def test_after_a_trip_no_command_is_accepted_until_a_reset() -> None:
 
 
 @pytest.mark.parametrize("held", [False, True])
-def test_estop_acts_with_the_next_wake(held: bool) -> None:
+def test_an_emergency_stop_acts_at_the_next_wake_up(held: bool) -> None:
     state, _ = play(holding(2.0, held=held), (position(1), 0.005))
     state, reply, published = handle(CONFIG, state, Trip(Cause.ESTOP), 0.006)
     assert reply == Ack(1)
@@ -207,7 +207,9 @@ def test_the_voltage_slews_no_faster_in_any_pattern_of_commands(
 
 
 @given(st.lists(st.integers(0, 12), min_size=1, max_size=60))
-def test_reordered_and_repeated_commands_equal_their_increasing_part(seqs: list[int]) -> None:
+def test_reordered_and_repeated_commands_have_the_effect_of_the_increasing_ones(
+    seqs: list[int],
+) -> None:
     seen = play(armed(), *[(position(seq), 0.0) for seq in range(8)])[0]
     numbers = [seq % 8 for seq in seqs]
     state, outputs = play(seen, *[(command(seq, 0.1 * seq), 0.001) for seq in numbers])

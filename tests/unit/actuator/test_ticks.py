@@ -173,7 +173,7 @@ def test_an_arming_resets_the_state_of_the_previous_one() -> None:
     assert (echo.seq, echo.epoch, echo.state) == (-1, EPOCH + 1, "armed")
 
 
-def test_a_stranger_is_refused_by_its_name() -> None:
+def test_a_command_of_another_owner_is_refused_with_both_owners() -> None:
     state, _ = play(holding(held=False), (command(0, owner=9), 0.01))
     assert fault_text(state.refusal) == "command of owner 9, armed for 5"
 

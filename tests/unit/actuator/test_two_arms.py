@@ -83,7 +83,7 @@ def test_a_resting_arm_gives_the_other_none_of_its_slew_time() -> None:
     assert state.moved_s == 3 * T
 
 
-def test_the_second_arm_slews_by_the_time_too() -> None:
+def test_the_second_arm_slews_by_elapsed_time_too() -> None:
     state, _ = play(at(1.0, 1.0), (position(1), T), (command(1, 1.0, ArmCommand(4.0)), T))
     assert state.arms[1].voltage_V == pytest.approx(1.0 + 2.0 * (T - 0.004) / T)
 
@@ -159,7 +159,7 @@ def test_too_much_force_at_the_second_arm_opens_both_even_with_a_part() -> None:
     assert fault_text(state.faults[0]).startswith("second arm: 60.0 mN, limit 50.0 mN")
 
 
-def test_the_second_arm_far_from_its_aim_trips_both() -> None:
+def test_the_second_arm_far_from_its_target_trips_both() -> None:
     state = feed(at(1.0, 2.0), range(1, 7), 1.0, 40.0, held=False)
     assert (state.cause, state.mode) == (Cause.FOLLOWING_ERROR, Mode.RAMPING)
 
@@ -175,7 +175,7 @@ def test_a_freeze_ends_where_the_second_arm_is_pressed_too_hard() -> None:
     assert "second arm: released: 60.0 mN" in fault_text(state.faults[-1])
 
 
-def test_a_freeze_that_ends_while_the_output_is_silent_states_no_force() -> None:
+def test_a_freeze_that_ends_with_a_silent_output_reports_no_force() -> None:
     state = at(1.0, 2.0, held=True)
     state, _, _ = handle(BOTH, state, Trip(Cause.ESTOP), 0.01)
     state = feed(replace(state, unconfirmed=True), range(1, 4), 60.0, 2.0, held=True)
@@ -280,7 +280,7 @@ def test_motion_starts_from_the_present_voltages_of_both_outputs() -> None:
     assert differs(rests, (1.0, 1.1 * READ_BACK_V))
 
 
-def test_a_trip_between_two_ticks_of_lockstep_opens_both() -> None:
+def test_a_trip_between_two_ticks_of_lockstep_opens_both_arms() -> None:
     lockstep = dataclasses.replace(BOTH, lockstep=True)
     state, _, _ = handle(lockstep, start(lockstep), Reset(acknowledge=True), 0.0)
     state = with_voltages(state, 0.0, 1.0)

@@ -29,7 +29,7 @@ def test_every_pair_that_shares_a_topic_has_exactly_one_link(lockstep: bool) -> 
     assert len(links) == len(wanted)
 
 
-def test_everybody_has_a_link_to_the_router() -> None:
+def test_every_program_has_a_link_to_the_router() -> None:
     for name in LOOP:
         ends = peer_session("127.0.0.1", 7000, name, SERVICES, lockstep=False)
         assert ends.connect[0] == "tcp/127.0.0.1:7000"

@@ -45,7 +45,7 @@ def test_every_refusal_is_counted_and_one_line_in_ten_seconds_is_logged(
     assert all(part in caplog.messages[1] for part in ("the last one", "999 more"))
 
 
-def test_a_refusal_is_a_finding_for_a_minute() -> None:
+def test_a_refusal_is_reported_as_a_finding_for_one_minute() -> None:
     clock = Clock()
     refused = RefusedMessages("demo/sensor", clock)
     assert refused.finding() is None

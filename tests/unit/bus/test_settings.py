@@ -89,7 +89,7 @@ def test_every_place_of_a_rig_is_closed_where_its_file_names_certificates(tmp_pa
         assert all(place.startswith("tls/") for place in (*ends.listen, *ends.connect))
 
 
-def test_a_program_of_an_extra_shows_the_certificate_of_a_person(tmp_path: Path) -> None:
+def test_a_program_of_an_extra_uses_the_certificate_of_a_person(tmp_path: Path) -> None:
     rig = demo_rig().secured(folder_for(tmp_path / "pki", "demo").path)
     ends = program_endpoint(rig, "foxglove", lockstep=False)
     assert ends.tls is not None

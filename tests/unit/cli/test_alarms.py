@@ -51,7 +51,7 @@ def test_an_alarm_states_what_clears_it(values: dict[str, Any], told: str) -> No
         ("cleared", "", 1, f"cleared: {WORDS} (alarm 17)"),
     ],
 )
-def test_an_event_is_reported_in_the_words_of_the_alarm(
+def test_an_event_is_reported_with_the_text_of_the_alarm(
     did: str, by: str, count: int, told: str
 ) -> None:
     about = {"id": 17, "cause": "command_age", "severity": "alarm", "count": count}
@@ -59,7 +59,7 @@ def test_an_event_is_reported_in_the_words_of_the_alarm(
     assert words("alarm", body) == told
 
 
-def test_a_check_is_marked_by_whether_a_job_needs_it() -> None:
+def test_a_check_states_whether_a_job_requires_it() -> None:
     example: dict[str, Any] = Check.model_json_schema()["examples"][0]
     missing = Check.model_validate(example)
     assert "fails" in mark(missing)

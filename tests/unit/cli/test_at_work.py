@@ -108,7 +108,7 @@ def test_ctrl_c_does_not_affect_the_job(at: At, capsys: pytest.CaptureFixture[st
     assert supervisor.paths() == ["POST /api/v1/jobs", f"GET /api/v1/jobs/{NAME}"]
 
 
-def test_a_job_need_not_be_followed(at: At, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_job_runs_without_being_followed(at: At, capsys: pytest.CaptureFixture[str]) -> None:
     at(desk.job())
     assert main(["job", "grip", "--no-wait", *AT]) == Exit.DONE
     assert capsys.readouterr().out == f"{NAME}\n"
@@ -285,7 +285,9 @@ def test_a_halted_queue_states_why_and_how_to_continue(
     assert capsys.readouterr().out == "no job waits\n"
 
 
-def test_watching_a_rig_is_a_line_an_event(at: At, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_watched_rig_prints_one_line_per_event(
+    at: At, capsys: pytest.CaptureFixture[str]
+) -> None:
     events = [
         desk.example(Event, number=1, body={"state": "running", "cause": ""}),
         desk.example(Event, number=None, kind="progress", body={"percent": 3}),

@@ -51,7 +51,7 @@ def test_unreadable_options_are_reported(capsys: pytest.CaptureFixture[str]) -> 
     assert "Did you mean 'compliance'?" in capsys.readouterr().err
 
 
-def test_a_calibration_is_shown_with_what_to_do_next() -> None:
+def test_a_calibration_is_shown_with_the_next_step() -> None:
     console, out = screen()
     result: dict[str, Any] = {
         "calibration": "compliance",
@@ -114,6 +114,6 @@ def test_a_follower_is_told_once_what_the_job_waits_for() -> None:
     assert out.getvalue().count(f"hang 5 mN on the tip, then `pincette job continue {name}`") == 1
 
 
-def test_the_words_of_the_model() -> None:
+def test_the_arguments_of_model_commands_are_parsed() -> None:
     assert parsed("model", "use", "3").params["version"] == 3
     assert parsed("model", "accept", "20260301").params["name"] == "20260301"

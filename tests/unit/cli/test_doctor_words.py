@@ -16,7 +16,7 @@ RIG = read_rig(DEMO)
 @pytest.mark.parametrize(
     ("typed", "agreed"), [("y", True), ("Yes", True), ("", False), ("no", False)]
 )
-def test_a_motion_needs_a_person_who_agrees(
+def test_a_motion_needs_the_consent_of_a_person(
     monkeypatch: pytest.MonkeyPatch, typed: str, agreed: bool
 ) -> None:
     monkeypatch.setattr("sys.stdin", StringIO(f"{typed}\n"))

@@ -106,5 +106,5 @@ def test_members_of_a_path_are_named_and_may_be_lists(text: str, members: dict[s
     assert members.items() <= fields("track", "--force", text)["force"].items()
 
 
-def test_a_choice_of_numbers_is_sent_as_a_number() -> None:
+def test_a_numeric_choice_is_sent_as_a_number() -> None:
     assert fields("calibrate", "free_response", "--arm", "2")["arm"] == 2

@@ -149,7 +149,7 @@ def test_a_key_file_that_cannot_be_used_is_reported(
     assert "two words" not in said
 
 
-def test_a_key_that_is_too_small_is_reported_with_what_it_lacks(
+def test_a_key_with_too_few_rights_is_reported_with_the_missing_right(
     at: At, capsys: pytest.CaptureFixture[str]
 ) -> None:
     detail = "this needs scope operate (also plan …); key 'ann' has observe"

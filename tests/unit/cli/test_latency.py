@@ -74,7 +74,7 @@ def test_a_given_period_is_the_only_one_measured(
     assert machine.asked[0][3] is True
 
 
-def test_a_program_gets_one_document(
+def test_json_output_is_one_document(
     machine: Machine, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     machine.refused = "locked memory (memlock limit 64 KiB)"
@@ -136,7 +136,7 @@ def test_impossible_measurements_are_refused(
     assert "cannot be used" in capsys.readouterr().err
 
 
-def test_a_histogram_in_a_line() -> None:
+def test_a_histogram_is_printed_on_one_line() -> None:
     assert bars(counted([])).strip() == ""
     line = bars(counted([1.05e-6] + [1.05e-3] * 999 + [1e3]))
     assert len(line) == 15

@@ -45,7 +45,7 @@ def without(*words: str) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(line, capture_output=True, text=True, timeout=60.0, check=False)
 
 
-def test_run_needs_nothing_of_what_only_people_need() -> None:
+def test_run_starts_without_packages_for_interactive_use() -> None:
     done = without("run", "--help")
     assert done.returncode == 0, done.stderr
     assert "--listen ADDRESS" in done.stdout
@@ -71,7 +71,7 @@ def test_with_all_packages_every_command_works(capsys: pytest.CaptureFixture[str
     assert "grip" in capsys.readouterr().out
 
 
-def test_run_without_a_rig_file_ends_as_every_word_does(
+def test_run_without_a_rig_file_ends_like_every_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delenv("PINCETTE_RIG", raising=False)

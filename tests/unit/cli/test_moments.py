@@ -23,7 +23,7 @@ def test_a_time_is_reported_in_utc(text: str, found: str) -> None:
     assert moment_at(text, NOW) == found
 
 
-def test_days_begin_at_this_places_midnight() -> None:
+def test_days_begin_at_local_midnight() -> None:
     today, yesterday = (
         datetime.fromisoformat(moment_at(text, NOW)).astimezone() for text in ("today", "yesterday")
     )

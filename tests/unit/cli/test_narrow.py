@@ -69,7 +69,7 @@ def words(text: str) -> set[str]:
 
 
 @pytest.mark.parametrize("command", ANSWERS, ids=" ".join)
-def test_a_narrow_terminal_breaks_lines_between_words_only(
+def test_a_narrow_terminal_breaks_lines_only_between_words(
     command: tuple[str, ...], at: At, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     printed: list[str] = []

@@ -33,7 +33,7 @@ PAGE = ROOT / "docs/how-to/scripted-faults.md"
         ("arm hysteresis 2", SimCommand("arm", "hysteresis", 2.0)),
     ],
 )
-def test_words_are_read_as_an_order(words: str, order: SimCommand) -> None:
+def test_command_line_words_are_read_as_an_order(words: str, order: SimCommand) -> None:
     assert read(words.split(), 0.0, None) == order
 
 
@@ -53,7 +53,7 @@ def test_times_of_a_command_are_passed_on() -> None:
         ("part place 1 2", "TARGET WHAT VALUE at most"),
     ],
 )
-def test_other_words_are_refused_with_what_could_be(words: str, said: str) -> None:
+def test_other_words_are_refused_with_the_possible_ones(words: str, said: str) -> None:
     with pytest.raises(CliError) as raised:
         read(words.split(), 0.0, None)
     assert said in str(raised.value)

@@ -112,7 +112,7 @@ def test_show_lists_names_expiry_and_hosts(said: Said, tmp_path: Path) -> None:
     assert main(["security", "show", str(folder.path)]) == 1
 
 
-def test_a_folder_that_is_invalid_is_an_error_in_words(said: Said, tmp_path: Path) -> None:
+def test_an_invalid_folder_is_reported_with_a_readable_message(said: Said, tmp_path: Path) -> None:
     assert "authority.crt: No such file" in said("show", tmp_path, status=1)
 
 

@@ -197,7 +197,7 @@ def test_unknown_values_are_reported() -> None:
     assert "requested force 20.00 mN" in spaced(out.getvalue())
 
 
-def test_a_tracked_path_has_its_errors_in_per_cent_of_its_height() -> None:
+def test_a_tracked_path_has_its_errors_in_percent_of_its_height() -> None:
     console, out = screen(terminal=False)
     job = job_of(id="j", kind="track", state="succeeded", result=TRACK, record=None)
     show_result(job, console, everything=True)
@@ -245,7 +245,7 @@ def test_a_result_of_another_kind_has_the_figures_that_the_kind_names(
 
 
 @pytest.mark.parametrize("name", ["grip.png", "track.png"])
-def test_the_plot_is_named_where_it_is(tmp_path: Path, name: str) -> None:
+def test_the_plot_is_named_with_its_location(tmp_path: Path, name: str) -> None:
     (tmp_path / name).touch()
     console, out = screen(terminal=False)
     job = job_of(id="j", state="succeeded", result=RESULT, record=str(tmp_path))

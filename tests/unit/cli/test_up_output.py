@@ -59,7 +59,7 @@ def test_lines_that_cannot_be_written_are_counted_at_the_end(made: Callable[[], 
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
-def test_every_encoding_will_do(encoding: str) -> None:
+def test_every_encoding_is_accepted(encoding: str) -> None:
     reader, writer = os.pipe()
     said = _said(writer, PYTHONIOENCODING=f"{encoding}:strict", LC_ALL="C")
     assert said == "still up\n"
@@ -78,7 +78,7 @@ class Process:
         """Return that it runs."""
 
 
-def test_a_restarted_program_that_does_not_serve_shows_what_it_logs(tmp_path: Path) -> None:
+def test_the_log_of_a_restarted_program_that_does_not_serve_is_shown(tmp_path: Path) -> None:
     log = tmp_path / "supervisor.log"
     log.write_text("2026-01-01 10:00:00,000 supervisor 127.0.0.1:8000 is in use\n")
     member = Child("supervisor", cast("subprocess.Popen[str]", Process(1)), log)

@@ -74,7 +74,7 @@ def test_requests_that_could_act_twice_are_not_repeated(action: str) -> None:
     assert len(supervisor.asked) == 3
 
 
-def test_patience_ends() -> None:
+def test_retries_end_with_the_patience() -> None:
     supervisor = Desk(*[REFUSED] * 50)
     with pytest.raises(NoAnswerError, match=r"GET http://supervisor/api/v1/rigs: no answer"):
         supervisor.supervisor(patience_s=5.0).rigs()

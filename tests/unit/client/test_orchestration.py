@@ -69,7 +69,7 @@ def test_a_stop_in_a_hold_ends_the_command_as_cancelled(follow: str) -> None:
     assert "release it" in str(caught.value)
 
 
-def test_a_stop_by_a_lease_is_a_failure() -> None:
+def test_a_stop_caused_by_a_lease_is_a_failure() -> None:
     ending: dict[str, Any] = {**REQUESTED, "code": "lease_ended"}
     stream = desk.stream(event(1, "state", state="stopped"))
     supervisor = Desk(desk.job(), stream, held_rig(), desk.job(**{**STOPPED, "ending": ending}))

@@ -23,7 +23,7 @@ def ended(outcome: str) -> Job:
 
 
 @pytest.mark.parametrize("outcome", BAD)
-def test_a_client_gets_the_code_of_a_job_that_has_failed(outcome: str) -> None:
+def test_a_client_receives_the_code_of_a_failed_job(outcome: str) -> None:
     error = JobEndedError("job x failed", ended(outcome))
     assert error.outcome == outcome
     assert (error.job.result or {})["position_step"] == STEP

@@ -42,7 +42,7 @@ def bench(tmp_path: Path) -> Iterator[Harness]:
     made.close()
 
 
-def test_a_grip_from_the_question_whether_it_may_to_its_record(
+def test_a_grip_runs_from_the_feasibility_check_to_its_record(
     bench: Harness, tmp_path: Path
 ) -> None:
     with Supervisor(URL, transport=InProcess(bench.app), operator="cell 7") as supervisor:

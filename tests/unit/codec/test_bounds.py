@@ -151,7 +151,7 @@ def test_texts_are_bounded_and_own_texts_are_cut() -> None:
     assert long.words == "µ" * MAX_TEXT
 
 
-def test_a_document_is_refused_rather_than_cut() -> None:
+def test_a_document_is_refused_rather_than_truncated() -> None:
     whole = Arm(1, 1, "d", Document("x" * MAX_DOCUMENT))
     assert decode(Arm, encode(whole)) == whole
     longer = replace(whole, calibration=Document("x" * (MAX_DOCUMENT + 1)))
@@ -159,7 +159,7 @@ def test_a_document_is_refused_rather_than_cut() -> None:
         decode(Arm, encode(longer))
 
 
-def test_lists_are_bounded_before_they_are_read() -> None:
+def test_lists_are_limited_before_they_are_read() -> None:
     burst = Burst(7, 3, 100.0, (0.5,) * MAX_ITEMS, (), True)
     assert decode(Burst, encode(burst)) == burst
     with pytest.raises(CodecError, match=f"{MAX_ITEMS + 1} exceeds max_array_len"):
@@ -169,7 +169,7 @@ def test_lists_are_bounded_before_they_are_read() -> None:
 
 
 @given(st.floats(allow_nan=True, allow_infinity=True))
-def test_a_position_is_what_was_sent_or_refused(x_um: float) -> None:
+def test_a_position_is_either_the_sent_value_or_refused(x_um: float) -> None:
     payload = encode(with_arm(POSITION, x_um=x_um))
     if abs(x_um) <= LARGEST["µm"]:
         assert decode(Position, payload).arms[0].x_um == x_um

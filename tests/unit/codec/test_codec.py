@@ -90,7 +90,7 @@ def test_a_faulty_law_is_refused_by_name(name: str, value: object, text: str) ->
     assert text in str(refusal.value)
 
 
-def test_a_law_with_a_member_too_many_is_refused() -> None:
+def test_a_law_with_an_extra_member_is_refused() -> None:
     with pytest.raises(CodecError, match="laws: fields missing or unknown: K_D"):
         decode(Load, with_law({"K_D": 1.0}))
 
@@ -103,7 +103,7 @@ def with_law(changed: dict[str, object]) -> bytes:
     return packb(tree)
 
 
-def test_a_stranger_reads_names_and_units() -> None:
+def test_messages_can_be_read_without_pincette() -> None:
     tree = cast(Any, msgpack).unpackb(encode(POSITION))
     assert tree == {
         "epoch": 7,

@@ -118,7 +118,7 @@ def test_a_key_that_is_not_text_is_refused(key: object) -> None:
 
 
 @pytest.mark.parametrize("key", ["\x1b[2J\x07", "a\nb", "x" * 300, "\u202ehidden"])
-def test_an_unknown_field_cannot_write_into_a_log(key: str) -> None:
+def test_an_unknown_field_cannot_inject_text_into_a_log(key: str) -> None:
     with pytest.raises(CodecError) as caught:
         decode(Position, pairs((key, 1)))
     said = str(caught.value)
@@ -132,7 +132,7 @@ def test_many_unknown_fields_are_counted() -> None:
         decode(Position, packb(tree))
 
 
-def test_broken_text_is_refused() -> None:
+def test_invalid_text_is_refused() -> None:
     for text in (b"\xa2\xff\xfe", b"\xa3\xed\xa0\x80", b"\xa2\xc3\x28"):
         payload = packb(POSITION).replace(packb("fault") + b"\xc0", packb("fault") + text)
         with pytest.raises(CodecError, match="Position: not MessagePack"):

@@ -24,7 +24,7 @@ def test_root_and_encoding_carry_the_version() -> None:
     assert ENCODING.endswith(f".v{WIRE}")
 
 
-def test_the_older_side_is_to_be_updated() -> None:
+def test_the_older_side_must_be_updated() -> None:
     assert update_which("controller", WIRE + 1) == (
         "controller runs with wire version 3, this program has 2: update this program"
     )
@@ -32,7 +32,7 @@ def test_the_older_side_is_to_be_updated() -> None:
 
 
 @pytest.mark.parametrize("wire", [0, 1, 17])
-def test_fields_of_another_version_are_distinguished(wire: int) -> None:
+def test_fields_of_another_version_are_recognized(wire: int) -> None:
     said = refused(OTHER_FIELDS, ENCODING.replace(f"v{WIRE}", f"v{wire}"))
     assert "fields missing or unknown: colour, t_s" in said
     assert said.endswith(update_which("sensor", wire))
@@ -56,7 +56,7 @@ def test_a_bad_value_does_not_concern_versions() -> None:
 
 
 @pytest.mark.parametrize("version", ["", "x", "9" * 5000, "²", "-1", "1.5", "\x1b[2J"])
-def test_a_version_that_is_invalid_adds_nothing(version: str) -> None:
+def test_an_invalid_version_adds_nothing(version: str) -> None:
     said = refused(OTHER_FIELDS, ENCODING.replace(f"v{WIRE}", f"v{version}"))
     assert said.endswith("colour, t_s")
     assert said.isprintable()

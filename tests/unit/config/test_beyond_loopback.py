@@ -14,7 +14,7 @@ def test_on_this_machine_nothing_is_required(host: str) -> None:
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.7", "bench"])
-def test_beyond_it_a_certificate_is_required(host: str) -> None:
+def test_outside_this_machine_a_certificate_is_required(host: str) -> None:
     for table in (Sila, Foxglove):
         with pytest.raises(ValidationError, match=r"without a certificate: .*state `certificate`"):
             table(host=host)

@@ -61,7 +61,7 @@ def test_the_laws_of_the_paper_are_admitted_on_the_rig_of_the_paper(rig: RigFile
 
 
 @pytest.mark.parametrize("observer", ["inverse_dynamics", "kalman"])
-def test_a_hopeless_law_is_refused_with_its_radius(observer: str) -> None:
+def test_an_unstable_law_is_refused_with_its_radius(observer: str) -> None:
     fast = rig_of(rig={"period_s": 0.001}, model={"force_observer": observer})
     found = judged(fast, law_settings(K_P=1.0))
     assert not found.stable
@@ -80,7 +80,9 @@ def test_the_part_of_the_rig_file_is_judged(rig: RigFile) -> None:
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_tuned_gains_may_run(rig: RigFile, scheme: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tuned_gains_are_permitted(
+    rig: RigFile, scheme: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     ticks, limits = list[int](), list[float]()
 
     played = tuning.track

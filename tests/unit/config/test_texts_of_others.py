@@ -13,7 +13,7 @@ TEXT = 'name = "Müller 5 µm"\n'
 
 
 @pytest.mark.parametrize("content", [TEXT.encode(), TEXT.encode("utf-8-sig")])
-def test_utf_8_is_read_with_and_without_its_mark(content: bytes) -> None:
+def test_utf_8_is_read_with_and_without_a_byte_order_mark(content: bytes) -> None:
     assert decoded(content) == TEXT
 
 
@@ -35,7 +35,7 @@ def test_another_encoding_is_named_with_the_remedy(content: bytes, named: str) -
     assert "iconv" in str(refused.value)
 
 
-def test_a_rig_file_with_a_mark_is_read(tmp_path: Path) -> None:
+def test_a_rig_file_with_a_byte_order_mark_is_read(tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
     path.write_bytes(codecs.BOM_UTF8 + DEMO.read_bytes())
     assert read_rig(path) == read_rig(DEMO)
@@ -56,7 +56,7 @@ def _linked(tmp_path: Path, *, base: bool) -> Path:
     return links / "rig.toml"
 
 
-def test_a_base_is_found_beside_the_target_of_a_link(tmp_path: Path) -> None:
+def test_a_base_is_found_in_the_folder_of_a_links_target(tmp_path: Path) -> None:
     path = _linked(tmp_path, base=True)
     assert read_rig(path).rig.name == "linked"
     (path.parent / "base.toml").write_bytes(codecs.BOM_UTF8 + DEMO.read_bytes())
@@ -64,7 +64,7 @@ def test_a_base_is_found_beside_the_target_of_a_link(tmp_path: Path) -> None:
     assert read_rig(path).rig.name == "linked"  # beside the link comes first
 
 
-def test_a_base_that_is_nowhere_is_named(tmp_path: Path) -> None:
+def test_a_missing_base_is_named_in_the_error(tmp_path: Path) -> None:
     path = _linked(tmp_path, base=False)
     with pytest.raises(ConfigError, match=r"base\.toml: No such file"):
         read_rig(path)

@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[3]
 RIGS = ROOT / "deploy/rigs"
 
 
-def test_the_guides_entries_are_understood() -> None:
+def test_the_entries_of_the_guide_are_understood() -> None:
     guide = (ROOT / "docs/how-to/calibrate.md").read_text(encoding="utf-8")
     (entries,) = re.findall(r"^```toml\n(.*?)^```", guide, re.MULTILINE | re.DOTALL)
     own = tomllib.loads((RIGS / "demo.toml").read_text(encoding="utf-8"))

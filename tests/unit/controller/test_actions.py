@@ -146,7 +146,7 @@ def test_a_grip_that_touches_something_in_free_space_returns_to_rest(phase: str)
 
 
 @pytest.mark.parametrize("touch_mN", [2.5, 1.5, -2.5])
-def test_an_arm_that_is_pressed_before_its_strokes_makes_none(touch_mN: float) -> None:
+def test_an_arm_that_is_pressed_before_its_strokes_omits_them(touch_mN: float) -> None:
     strokes = conditioning(-0.8, 10.0, 0.0, 19.0)
     program = replace(PROGRAM, segments=(*strokes, *PROGRAM.segments))
     player = begin(program, (replace(BLANK, applied_V=-0.4),), T)

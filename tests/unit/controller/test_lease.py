@@ -103,7 +103,7 @@ def test_the_job_decides_about_a_held_part(then: str, last: str) -> None:
     assert (told[-1].phase, told[-1].outcome, told[-1].held) == (last, "stopped", False)
 
 
-def test_out_of_a_pause_nothing_moves() -> None:
+def test_nothing_moves_after_a_pause_without_a_lease() -> None:
     bench = Leased()
     bench.reach("hold")
     bench.state = handle(bench.config, bench.state, Action(ActionCode.PAUSE), bench.now_s)[0]

@@ -90,7 +90,7 @@ def test_a_law_takes_over_without_a_jump() -> None:
 
 
 @pytest.mark.parametrize("phase", ["rise", "sweep", "hang"])
-def test_a_stop_ends_what_plays(phase: str) -> None:
+def test_a_stop_ends_the_current_program(phase: str) -> None:
     bench = plays(
         Drive("rise", 0.4, courses=(Follow(ramp(0.3)),)),
         PlayedSweep("sweep", SWEEP.duration_s, sweep=SWEEP),

@@ -351,7 +351,7 @@ def test_a_carried_part_can_be_released() -> None:
     assert pair.voltages_V == pytest.approx((0.0, 0.0), abs=1e-6)
 
 
-def test_a_program_is_for_as_many_arms_as_the_rig_has() -> None:
+def test_a_program_must_match_the_number_of_arms_of_the_rig() -> None:
     one_arm = SERVICE.configure(read_rig(DEMO))
     with pytest.raises(RefusedError, match="for two arms, and this rig has one"):
         SERVICE.handle(one_arm, SERVICE.start(one_arm), Load(grip()), 0.0)

@@ -141,7 +141,7 @@ def test_an_action_without_effect_is_refused_with_the_reason() -> None:
         ask(bench, "pause")
 
 
-def test_a_wait_that_is_paused_needs_a_resume_first() -> None:
+def test_a_paused_wait_needs_a_resume_first() -> None:
     bench = Bench(Program((Drive("hang 5 mN", None),), GUARDS, 2.0))
     bench.tick()
     ask(bench, "pause")

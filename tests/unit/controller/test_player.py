@@ -100,7 +100,7 @@ def test_no_part_is_sought_with_an_uncertainty_as_large_as_the_force_of_the_load
     assert not arm.player.held
 
 
-def test_a_load_ends_once_its_uncertainty_is_as_large_as_its_force() -> None:
+def test_a_load_ends_when_its_uncertainty_equals_its_force() -> None:
     arm = Arm()
     arm.until("load")
     arm.uncertainty_mN = 20.0

@@ -76,7 +76,7 @@ def test_a_healthy_grip_has_no_step(program: Program) -> None:
 
 
 @pytest.mark.parametrize("program", [PROGRAM, QUICK], ids=["gentle", "quick"])
-def test_a_slip_in_a_load_unloads_along_a_line_that_is_true_again(program: Program) -> None:
+def test_after_a_slip_in_a_load_the_unload_uses_a_corrected_line(program: Program) -> None:
     arm = loaded(program, 8)
     arm.slip(3.0)
     arm.until("unload")
@@ -92,7 +92,7 @@ def test_a_slip_in_a_load_unloads_along_a_line_that_is_true_again(program: Progr
     assert not arm.player.held
 
 
-def test_a_load_continues_from_where_the_part_has_stopped_as_often_as_is_allowed() -> None:
+def test_a_load_continues_after_a_slip_as_often_as_permitted() -> None:
     arm = loaded(replace(PROGRAM, slip_retries=2), 10)
     for slips in (1, 2):
         arm.slip(3.0)
@@ -147,7 +147,7 @@ def test_a_step_in_a_hold_freezes_the_voltage_from_its_first_sample(
     assert arm.player.outcome == outcome
 
 
-def test_a_single_wild_sample_changes_nothing() -> None:
+def test_a_single_outlier_changes_nothing() -> None:
     arm = Sensed()
     arm.until("hold")
     for _ in range(10):

@@ -24,7 +24,7 @@ def test_a_replaced_file_outlasts_a_power_cut(disk: Durable, tmp_path: Path) -> 
     assert {path.name: path.read_bytes() for path in left.iterdir()} == {"keys": b"new"}
 
 
-def test_an_ordinary_write_does_not(disk: Durable, tmp_path: Path) -> None:
+def test_an_ordinary_write_does_not_survive_a_power_cut(disk: Durable, tmp_path: Path) -> None:
     root = tmp_path / "root"
     root.mkdir()
     (root / "plain").write_bytes(b"lost")

@@ -30,7 +30,7 @@ WANTED = [{"t_s": 0.0, "force_mN": 5.0}, {"t_s": 0.5, "force_mN": 7.25}]
         "0,000;5,000\n0,500;7,250\n",
     ],
 )
-def test_the_usual_forms_are_read(text: str) -> None:
+def test_common_number_formats_are_read(text: str) -> None:
     assert table(text, NAMES) == WANTED
 
 

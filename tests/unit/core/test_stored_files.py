@@ -52,7 +52,7 @@ def mask() -> Iterator[None]:
     os.umask(before)
 
 
-def test_certificates_keys_and_the_list_of_revoked_ones(disk: Disk) -> None:
+def test_certificates_keys_and_the_revocation_list_survive_a_power_cut(disk: Disk) -> None:
     folder = Folder(disk.root / "pki")
     establish(folder, ["demo"], [], NOW, 100.0)
     operator = person("operator", "operator")
@@ -67,13 +67,13 @@ def test_certificates_keys_and_the_list_of_revoked_ones(disk: Disk) -> None:
         checked(left.credentials(facts.identity), NOW)
 
 
-def test_keys_of_the_supervisor(disk: Disk) -> None:
+def test_keys_of_the_supervisor_survive_a_power_cut(disk: Disk) -> None:
     keys = KeyFile(disk.root)
     keys.add("ann", 64 * "0", "operate")
     assert [row.name for row in KeyFile(disk.cut()).read()] == ["ann"]
 
 
-def test_a_note_that_a_program_runs(disk: Disk) -> None:
+def test_the_note_of_a_running_program_survives_a_power_cut(disk: Disk) -> None:
     note = BootNote(disk.root / "data" / "actuator-demo.json")
     note.begin()
     note.end(Predecessor.CLEAN, 7)
@@ -81,7 +81,7 @@ def test_a_note_that_a_program_runs(disk: Disk) -> None:
     assert left.found() == Before(Predecessor.CLEAN, 7)
 
 
-def test_a_backup_and_what_is_restored_from_it(disk: Disk, tmp_path: Path) -> None:
+def test_a_backup_can_be_restored(disk: Disk, tmp_path: Path) -> None:
     data = tmp_path / "data"
     Store(data / "supervisor.sqlite").close()
     (data / "models" / "demo").mkdir(parents=True)
@@ -97,7 +97,7 @@ def test_a_backup_and_what_is_restored_from_it(disk: Disk, tmp_path: Path) -> No
         assert stat.S_IMODE(path.stat().st_mode) & 0o077 == 0
 
 
-def test_a_version_of_a_model(disk: Disk) -> None:
+def test_a_version_of_a_model_survives_a_power_cut(disk: Disk) -> None:
     nothing = Calibration()
     model = StoredModel(
         version=1,
@@ -123,7 +123,7 @@ def test_files_of_a_record_that_a_client_loads(disk: Disk) -> None:
     assert (disk.cut() / "out" / "a.parquet").read_bytes() == content
 
 
-def test_the_output_of_a_command(disk: Disk, tmp_path: Path) -> None:
+def test_the_output_of_a_command_survives_a_power_cut(disk: Disk, tmp_path: Path) -> None:
     write_output(disk.root / "jobs.csv", b"old")
     write_output(disk.root / "jobs.csv", b"new")
     assert (disk.cut() / "jobs.csv").read_bytes() == b"new"

@@ -99,7 +99,7 @@ def test_the_demo_has_no_missing_finding(tmp_path: Path) -> None:
     assert any("with real ones, doctor checks" in what for what in said)
 
 
-def test_a_port_that_two_need_is_named_with_both() -> None:
+def test_a_port_conflict_names_both_users() -> None:
     url = f"socket://127.0.0.1:{RIG.bus.port + 1}"
     (what,) = missing(shared_ports(changed(sensor={"url": url})))
     assert what == f"ports: {RIG.bus.port + 1} is given to sensor and the sensor"
@@ -280,7 +280,7 @@ def test_the_voltage_is_restored_if_the_sensor_fails_during_the_move() -> None:
     assert bench.output.read_V() == 0.0
 
 
-def test_no_room_below_the_limit_moves_nothing() -> None:
+def test_without_room_below_the_limit_nothing_moves() -> None:
     bench = Bench()
     tight = changed(limits={"voltage_max_V": 0.1})
     finding = direction(tight, bench.sensor, bench.output, bench.sleep)

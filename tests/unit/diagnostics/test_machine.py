@@ -21,7 +21,7 @@ def take(*_wish: object) -> None:
     """As a system does that permits it."""
 
 
-def test_a_fixed_priority_that_is_permitted_is_well(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_permitted_fixed_priority_passes_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "sched_setscheduler", take)
     finding = priority()
     assert finding.mark == "ok"

@@ -99,7 +99,7 @@ print("done", flush=True)
 """
 
 
-def test_a_program_ends_although_nobody_reads_its_log() -> None:
+def test_a_program_ends_even_if_its_log_is_not_read() -> None:
     with subprocess.Popen(
         [sys.executable, "-c", FLOOD], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT
     ) as program:

@@ -3,7 +3,7 @@
 from pincette.engine.peers import absent
 
 
-def test_everybody_who_is_missing_is_named() -> None:
+def test_every_missing_program_is_named() -> None:
     assert absent({"sensor", "actuator"}, {}, {}) == "actuator, sensor"
 
 

@@ -130,7 +130,7 @@ def test_niceness_replaces_a_refused_priority() -> None:
     )
 
 
-def test_a_limit_that_suffices_is_not_blamed() -> None:
+def test_a_sufficient_limit_is_not_reported_as_the_cause() -> None:
     (refusal,) = ask(Scheduling(timer_slack_s=0.0), Fake(permits=frozenset(), rtprio=99))
     assert "no share for this control group" in refusal.words
     assert "cpu.rt_runtime_us" in refusal.remedy

@@ -194,7 +194,7 @@ def test_an_arming_sets_the_model_of_the_service() -> None:
     assert runner.config == before
 
 
-def test_a_model_that_cannot_be_refuses_the_arming_and_changes_nothing() -> None:
+def test_an_impossible_model_refuses_the_arming_and_changes_nothing() -> None:
     runner = Runner(ESTIMATOR, RIG)
     before = runner.config
     reply, _ = runner.call(

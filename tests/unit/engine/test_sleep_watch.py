@@ -34,7 +34,7 @@ class Hand:
         return self.awake_s
 
 
-def test_awake_nothing_is_reported() -> None:
+def test_nothing_is_reported_while_the_machine_is_awake() -> None:
     hand = Hand()
     watch = SleepWatch(hand)
     for _ in range(10):

@@ -144,7 +144,7 @@ def test_logs_are_rotated_with_a_bound_while_a_program_writes(tmp_path: Path) ->
     assert {stat.S_IMODE(path.stat().st_mode) for path in tmp_path.iterdir()} == {0o600}
 
 
-def test_a_folder_of_logs_that_was_removed_is_made_again(tmp_path: Path) -> None:
+def test_a_removed_log_folder_is_created_again(tmp_path: Path) -> None:
     log = tmp_path / "logs" / "supervisor.log"
     with log_files.open_to_append(log) as stream:
         stream.write("first\n")

@@ -78,7 +78,7 @@ def test_the_compared_change_of_a_stroke_is_restored() -> None:
     assert type(back.arms[0].stroke) is StrokeChange
 
 
-def test_a_model_does_not_travel_with_what_it_remembers() -> None:
+def test_a_snapshot_has_the_memory_of_a_model_without_the_model() -> None:
     config = ESTIMATOR.configure(RIGS[RecordedResponse])
     (tree,) = json.loads(snapshot(ESTIMATOR, config, moved(config)))["arms"]
     assert tree["response"].keys() == {"turns", "furthest_V", "voltage_V", "offset_um", "zero_V"}

@@ -116,7 +116,7 @@ class Watched(Output):
 
 
 @pytest.mark.parametrize(("output", "look_s"), [(Output(), SAMPLE_S), (Watched(), T)])
-def test_an_actuator_at_rest_looks_at_its_clock_seldom_until_it_is_armed(
+def test_an_actuator_at_rest_checks_its_clock_seldom_until_it_is_armed(
     output: Output, look_s: float
 ) -> None:
     runner = Runner(ACTUATOR, RIG, output)
@@ -131,7 +131,7 @@ def test_an_actuator_at_rest_looks_at_its_clock_seldom_until_it_is_armed(
     assert 0.0 < runner.wait_s(now) <= EARLY * runner.config.age.wake_s
 
 
-def test_an_arming_with_another_model_moves_the_wakings() -> None:
+def test_an_arming_with_another_model_shifts_the_wake_ups() -> None:
     runner = Runner(ACTUATOR, RIG, Output())
     slower = Calibration(values={"model.natural_frequency_rad_per_s": 2000.0})
     runner.call(Reset(acknowledge=True), 10.0)

@@ -78,7 +78,7 @@ def test_measured_exchanges_must_leave_time_for_the_loop(
     assert found.fits == fits
 
 
-def test_the_words_name_every_part() -> None:
+def test_the_timing_budget_names_every_part() -> None:
     words = budget(rig(38400, i7024(38400))).words()
     assert words == (
         "sensor exchange 5.5 + command exchange 3.6 + output response 10.0 + computing 2.0 = "

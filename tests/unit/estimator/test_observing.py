@@ -17,7 +17,9 @@ BOTH = pytest.mark.parametrize("config", SHORT.values(), ids=SHORT)
 
 
 @pytest.mark.parametrize(("ages", "rms_mN"), [("matched", 0.0), ("printed", 3.67)])
-def test_a_free_arm_reads_what_its_ages_make_of_it(ages: str, rms_mN: float) -> None:
+def test_the_force_of_a_free_arm_follows_from_the_ages_of_its_samples(
+    ages: str, rms_mN: float
+) -> None:
     bench = Bench(configure(a_rig(None, force_ages=ages)))
     squares = 0.0
     for tick in range(-5, 100):

@@ -54,7 +54,7 @@ def test_barely_possible_values_are_accepted(x_um: float, voltage_V: float) -> N
     assert Bench(LINEAR).feed(x_um, voltage_V).valid
 
 
-def test_the_range_is_that_of_the_arm_where_the_sensor_looks_from_the_other_side() -> None:
+def test_the_range_is_that_of_the_arm_if_the_sensor_faces_the_other_side() -> None:
     sensor = DEMO.sensor.model_copy(
         update={"minimum_um": -100.0, "maximum_um": 300.0, "offset_um": 50.0, "direction": -1}
     )

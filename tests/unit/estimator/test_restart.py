@@ -159,7 +159,7 @@ def test_the_unknown_past_is_reported_until_strokes_have_wiped_it_out(
     assert arm.bench.state.arms[0].unknown.known
 
 
-def test_in_lockstep_a_new_arm_is_not_mistaken_for_the_models() -> None:
+def test_in_lockstep_a_new_arm_is_not_mistaken_for_that_of_the_model() -> None:
     bench = Bench(configure(LOCKSTEP))
     assert [finding.code for finding in bench.state.findings] == [FaultCode.MEMORY_UNKNOWN]
 

@@ -52,7 +52,7 @@ def test_a_step_that_is_not_visible_yet_raises_no_alarm() -> None:
     assert alarm([5.0] * 40, voltages) == 22
 
 
-def test_a_working_sensor_in_motion_is_never_stuck() -> None:
+def test_a_working_sensor_in_motion_is_never_reported_as_stuck() -> None:
     chance = random.Random(7)
     for speed_um in (0.0, 0.02, 0.08, 0.4):
         moving = [speed_um * sample for sample in range(20000)]

@@ -78,7 +78,7 @@ def test_the_proposal_leaves_room_for_twice_the_latest_wake_up(
 
 
 @pytest.mark.parametrize("silent_s", [0.0501, 0.051, 0.08])
-def test_a_trip_always_has_a_longer_limit_to_propose(silent_s: float) -> None:
+def test_a_trip_always_proposes_a_longer_limit(silent_s: float) -> None:
     assert age_change(RIG, silent_s - T, 0.002) is not None
 
 

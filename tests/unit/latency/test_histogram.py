@@ -70,7 +70,7 @@ def test_the_longest_duration_is_exact(durations_s: list[float]) -> None:
 
 
 @given(some.lists(MANY, max_size=4))
-def test_merging_is_as_if_one_had_counted_everything(parts: list[list[float]]) -> None:
+def test_a_merge_equals_a_count_of_everything(parts: list[list[float]]) -> None:
     assert merged(map(counted, parts)) == counted([one for part in parts for one in part])
 
 
@@ -80,7 +80,7 @@ def test_an_empty_histogram_has_no_quantile() -> None:
 
 
 @pytest.mark.parametrize("share", [-0.1, 1.1, float("nan")])
-def test_a_share_is_a_share(share: float) -> None:
+def test_a_share_outside_0_to_1_is_refused(share: float) -> None:
     with pytest.raises(ValueError, match="not within 0 to 1"):
         counted([1.0]).quantile_s(share)
 

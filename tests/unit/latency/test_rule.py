@@ -22,7 +22,7 @@ def test_a_punctual_machine_supports_the_period() -> None:
     assert objections(measured(*[0.09 * T] * 100)) == ()
 
 
-def test_a_heavy_tail_is_an_objection() -> None:
+def test_a_heavy_tail_is_objected_to() -> None:
     (why,) = objections(measured(*[0.11 * T] * 11))
     assert why.startswith("p99.9 of the lateness: 2.2")
     assert why.endswith("limit 0.1 T = 2 ms")
@@ -50,7 +50,7 @@ def test_too_few_wake_ups_give_no_verdict() -> None:
     ("fails", "shortest_s"),
     [((), 0.001), ((0.001,), 0.005), ((0.005,), 0.02), ((0.02,), None), ((0.001, 0.02), None)],
 )
-def test_the_shortest_is_supported_with_every_longer_one(
+def test_the_shortest_period_is_supported_with_every_longer_one(
     fails: tuple[float, ...], shortest_s: float | None
 ) -> None:
     all_of_them = [

@@ -36,7 +36,7 @@ def _whole(bench: Bench, count: int = 30) -> list[Message]:
     return messages
 
 
-def test_a_record_that_is_complete(bench: Bench) -> None:
+def test_a_record_with_all_messages_is_complete(bench: Bench) -> None:
     messages = _whole(bench)
     recorded = bench.finish(29)
     assert recorded == Recorded("j-1", len(messages), 0, complete=True, detail="")
@@ -196,7 +196,7 @@ def test_an_idle_loop_that_still_measures_does_not_count_as_active(bench: Bench)
     assert "it was not finished" in _manifest(bench)["detail"]
 
 
-def test_a_pause_is_not_silent(bench: Bench) -> None:
+def test_a_record_stays_open_during_a_pause(bench: Bench) -> None:
     bench.begin()
     armed = next(item for item in loop(2) if isinstance(item, Applied))
     for seq in range(60):
@@ -221,7 +221,7 @@ def test_finishing_an_abandoned_record_is_reported(bench: Bench) -> None:
     assert "it was not finished" in recorded.detail
 
 
-def test_finishing_after_a_restart_of_the_recorder(bench: Bench) -> None:
+def test_a_record_is_finished_after_a_restart_of_the_recorder(bench: Bench) -> None:
     messages = _whole(bench)
     bench.writer.take()
     assert bench.writer.record is not None

@@ -103,7 +103,7 @@ def check(bench: Bench, warm_up: int, ticks: int, growth_MB: float) -> None:
 
 
 @pytest.mark.usefixtures("small")
-def test_a_record_beyond_every_bound_is_complete(bench: Bench) -> None:
+def test_a_record_beyond_all_size_bounds_is_complete(bench: Bench) -> None:
     check(bench, 1300, 1500, 4.0)
 
 

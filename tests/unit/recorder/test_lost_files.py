@@ -42,7 +42,7 @@ def _block_manifest(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("hurt", [_unlink, _copy, _remove, _make_again, _move_all, _block_manifest])
-def test_a_record_that_is_not_in_its_place_at_its_end_is_not_complete(
+def test_a_record_missing_from_its_folder_at_its_end_is_not_complete(
     bench: Bench, hurt: Callable[[Path], None]
 ) -> None:
     folder = bench.jobs / "j-1"
@@ -72,7 +72,7 @@ def test_a_start_notices_lost_messages_of_a_record(bench: Bench) -> None:
     assert (folder / files.SAMPLES).read_bytes() == table
 
 
-def test_a_folder_without_a_record_is_sound(bench: Bench) -> None:
+def test_a_folder_without_a_record_is_accepted(bench: Bench) -> None:
     """The supervisor writes such a folder where no recorder was there."""
     folder = bench.jobs / "j-1"
     folder.mkdir(parents=True)

@@ -325,7 +325,7 @@ def finished(bench: Bench, job: str) -> None:
     assert isinstance(bench.finish(29), Recorded)
 
 
-def test_the_end_of_a_record_that_raises_anything_is_answered(
+def test_the_end_of_a_record_is_answered_after_any_exception(
     recording: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The supervisor waits for the reply, and shows the record as being written meanwhile."""
@@ -375,7 +375,7 @@ def test_a_supervisor_waits_for_at_most_one_of_the_records_compared_at_a_start(
     assert {*compared} == {*names}
 
 
-def test_a_record_that_raises_anything_does_not_keep_others_from_being_compared(
+def test_an_exception_in_one_record_does_not_prevent_the_comparison_of_others(
     recording: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("j-1", "j-2"):

@@ -34,7 +34,7 @@ def test_by_default_nothing_is_deleted() -> None:
     assert records_to_delete(_kept(50), _ages(50), None, None) == []
 
 
-def test_the_old_are_deleted() -> None:
+def test_old_records_are_deleted() -> None:
     assert records_to_delete(_kept(20), _ages(20), 997.0, None) == ["j-00", "j-01", "j-02"]
 
 
@@ -161,7 +161,7 @@ TO_1970 = -START_S
 
 @pytest.mark.parametrize("step", [_step, _step_at_boot, _step_after_a_crash])
 @pytest.mark.parametrize("step_s", [200 * DAY_S, -200 * DAY_S, TO_1970, 3650 * DAY_S, -2 * DAY_S])
-def test_after_a_step_nothing_is_deleted_until_a_person_agrees(
+def test_after_a_clock_step_nothing_is_deleted_until_a_person_confirms(
     machine: Machine, step: Callable[[Machine, float], None], step_s: float
 ) -> None:
     machine.run(89.0)
@@ -195,7 +195,7 @@ def test_an_acknowledged_step_does_not_acknowledge_the_next_one(machine: Machine
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b'{"counted_s": -1}', b'{"counted_s": 1e999}'])
-def test_a_count_that_is_damaged_deletes_nothing_early(machine: Machine, content: bytes) -> None:
+def test_a_damaged_counter_deletes_nothing_early(machine: Machine, content: bytes) -> None:
     machine.run(89.0)
     machine.repairer.close()
     (machine.records / STATE).write_bytes(content)

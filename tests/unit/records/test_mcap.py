@@ -72,7 +72,7 @@ def test_the_public_reader_decodes_it(tmp_path: Path) -> None:
     assert json.loads(channel.metadata["units"])["force_mN"] == "mN"
 
 
-def test_truths_are_logged_beside_their_samples(tmp_path: Path) -> None:
+def test_true_values_are_logged_with_their_samples(tmp_path: Path) -> None:
     messages = loop(5)
     write(tmp_path / "job.mcap", messages)
     with (tmp_path / "job.mcap").open("rb") as file:
@@ -167,7 +167,7 @@ def test_a_record_is_never_overwritten(tmp_path: Path) -> None:
         write(tmp_path / "job.mcap", loop(3))
 
 
-def test_attachments(tmp_path: Path) -> None:
+def test_attachments_can_be_read_back(tmp_path: Path) -> None:
     path = tmp_path / "job.mcap"
     file = McapFile(path, "demo", about=ABOUT, start_ns=START_NS, period_s=PERIOD_S)
     file.attach("request.json", "application/json", b'{"kind": "grip"}', START_NS)

@@ -61,12 +61,12 @@ def test_blocks_are_the_table() -> None:
 
 
 @pytest.mark.parametrize("lockstep", [True, False])
-def test_truths_belong_to_their_ticks(lockstep: bool) -> None:
+def test_true_values_belong_to_their_ticks(lockstep: bool) -> None:
     messages = unanswered(loop(TICKS), lockstep=lockstep)
     assert joined(messages, every_tick=lockstep) == columns(messages, PERIOD_S)
 
 
-def test_messages_that_are_late_or_lost() -> None:
+def test_messages_may_be_late_or_lost() -> None:
     random = Random(1)
     messages = [one for one in loop(TICKS) if random.random() > 0.05]
     messages.sort(key=lambda one: getattr(one, "seq", 0) % 1000 + random.uniform(0.0, 5.0))

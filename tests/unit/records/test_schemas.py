@@ -66,7 +66,7 @@ def test_an_older_file_is_read_by_its_own_schema() -> None:
     assert read(SCHEMAS["estimate"].pack(message)) == message
 
 
-def test_a_file_without_a_field_that_is_needed_is_refused() -> None:
+def test_a_file_without_a_required_field_is_refused() -> None:
     older = _without(SCHEMAS["estimate"].descriptor, "arms")
     with pytest.raises(ValueError, match="it has no arms"):
         schemas.unpacker("estimate", older)

@@ -93,7 +93,7 @@ def test_expiring_certificates_are_due(folder: Folder) -> None:
     assert CONTROLLER in due(folder, end - SOON + timedelta(seconds=1))
 
 
-def test_certificates_of_others_do_not_count(folder: Folder, tmp_path: Path) -> None:
+def test_certificates_of_another_folder_do_not_count(folder: Folder, tmp_path: Path) -> None:
     other = Folder(tmp_path / "other")
     establish(other, ["right"], [], NOW)
     (other.path / "right").rename(folder.path / "right")
@@ -111,7 +111,7 @@ class TestWhatIsNotInOrder:
         with pytest.raises(SecurityError, match=words):
             checked(folder.credentials(CONTROLLER), now)
 
-    def test_a_file_is_missing(self, folder: Folder) -> None:
+    def test_a_missing_file_is_refused(self, folder: Folder) -> None:
         folder.credentials(CONTROLLER).private_key.unlink()
         self.refused(folder, r"controller\.key: No such file")
 
@@ -148,7 +148,7 @@ class TestWhatIsNotInOrder:
     def test_a_certificate_that_is_not_valid_yet_is_refused(self, folder: Folder) -> None:
         self.refused(folder, "valid from .* set this machine's clock", NOW - timedelta(days=1))
 
-    def test_its_role_is_another(self, folder: Folder) -> None:
+    def test_a_certificate_of_another_role_is_refused(self, folder: Folder) -> None:
         files = replace(
             folder.credentials(person("viewer", "viewer")), identity=person("viewer", "operator")
         )

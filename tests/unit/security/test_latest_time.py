@@ -50,7 +50,7 @@ def test_the_latest_time_follows_a_step_forward_but_not_backward(clocks: Clocks)
     assert (time.now(), time.ahead) == (begin + 1000 * HOUR, 1000 * HOUR)
 
 
-def test_a_person_agrees_to_the_time_of_day(clocks: Clocks) -> None:
+def test_a_person_confirms_the_time_of_day(clocks: Clocks) -> None:
     time = clocks.time()
     clocks.wall -= 1000 * HOUR
     assert time.now() > clocks.wall

@@ -119,7 +119,7 @@ def test_programs_are_assigned_to_their_router() -> None:
     assert not near.bus.apart
 
 
-def test_a_rig_without_upstream_is_as_it_was() -> None:
+def test_a_rig_without_upstream_is_unchanged() -> None:
     rig = demo_rig()
     assert router_endpoint(rig).connect == ()
     with pytest.raises(BusError, match=r"has no \[bus\] upstream"):

@@ -48,7 +48,7 @@ def test_a_free_arm_rings_with_its_own_first_mode(simulation: Simulation) -> Non
     assert _crossings_rad_per_s(tip_um) == pytest.approx(damped, rel=1e-4)
 
 
-def test_the_second_mode_is_seen_in_the_ring_down(simulation: Simulation) -> None:
+def test_the_second_mode_is_visible_in_the_ring_down(simulation: Simulation) -> None:
     p = bare_arms(simulation, substep_s=FINE_S, second_share=SHARE)
     ringing = plant.set_voltage(p, plant.start(), 0.5)
     first, second = _peaks_rad_per_s(_tip_um(p, ringing, 0.5 * p.piezo_um_per_V, 4000))
@@ -86,7 +86,7 @@ def _joined_rad_per_s(p: PlantParameters) -> list[float]:
     return sorted(np.sqrt(squares.real).tolist())
 
 
-def test_two_arms_of_one_frequency_keep_it_when_they_are_joined(simulation: Simulation) -> None:
+def test_two_arms_of_equal_frequency_keep_it_when_joined(simulation: Simulation) -> None:
     p = bare_arms(simulation)
     (rate,) = arms_of(p).joined.rates_per_s
     assert abs(rate) == pytest.approx(PASSIVE_RAD_PER_S, rel=1e-12)
@@ -134,7 +134,7 @@ def test_the_free_arms_are_exact_whatever_the_substep(simulation: Simulation, la
     assert coarse.second_um == pytest.approx(fine.second_um, abs=1e-9)
 
 
-def test_a_hung_weight_lowers_the_arm_by_its_compliance(simulation: Simulation) -> None:
+def test_a_weight_on_the_arm_lowers_it_by_its_compliance(simulation: Simulation) -> None:
     p = bare_arms(simulation, second_share=SHARE)
     hung = replace(p, hung_mN=8.0)
     for voltage_V in (0.0, 0.7):

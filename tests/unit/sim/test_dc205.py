@@ -49,7 +49,7 @@ def test_lines_end_with_a_line_feed() -> None:
         (b"*IDN?" + b" " * LONGEST_LINE, None),
     ],
 )
-def test_a_fresh_source(line: bytes, reply: bytes | None) -> None:
+def test_a_source_answers_in_its_initial_state(line: bytes, reply: bytes | None) -> None:
     assert Stage().source.answer(line) == reply
 
 
@@ -107,12 +107,12 @@ def test_a_smaller_range_clamps_the_voltage() -> None:
     assert source.answer(b"RNGE RANGE10;VOLT 5;RNGE RANGE1;VOLT?") == b"0.000000"
 
 
-def test_an_overload_shows() -> None:
+def test_an_overload_is_reported() -> None:
     source = SimulatedDC205(lambda _voltage_V: None, overloaded=True)
     assert source.answer(b"OVLD?") == b"OVLD"
 
 
-def test_no_line_is_too_strange() -> None:
+def test_arbitrary_lines_are_survived() -> None:
     chance = random.Random(SEED)
     stage = Stage()
     answered = 0

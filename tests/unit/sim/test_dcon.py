@@ -38,7 +38,7 @@ class Stage:
         (b"~**", None),
     ],
 )
-def test_a_fresh_module(line: bytes, reply: bytes | None) -> None:
+def test_a_module_answers_in_its_initial_state(line: bytes, reply: bytes | None) -> None:
     assert Stage().module.answer(line) == reply
 
 

@@ -38,7 +38,7 @@ def test_a_lifted_part_falls_when_it_is_released(simulation: Simulation) -> None
     assert again.events == lost.events
 
 
-def test_a_part_that_was_not_held_long_enough_stays(simulation: Simulation) -> None:
+def test_a_part_that_was_held_too_briefly_stays_in_place(simulation: Simulation) -> None:
     p = bare_arms(simulation, part=FALLS, output_lag_s=0.003)
     state = _through(p, 2.0, 1.0, 2.0, 1.0, dwell_s=0.3)
     assert state.part == "there"

@@ -36,6 +36,6 @@ def test_an_unknown_driver_is_named(simulation: Simulation) -> None:
         resolved(simulation.model_copy(update=OPEN), "other")
 
 
-def test_a_plant_needs_numbers(simulation: Simulation) -> None:
+def test_a_plant_requires_the_values_left_to_the_driver(simulation: Simulation) -> None:
     with pytest.raises(ValueError, match=r"output_step_V, output_lag_s: left to the driver"):
         plant_parameters(simulation.model_copy(update=OPEN))

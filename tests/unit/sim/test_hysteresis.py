@@ -14,7 +14,7 @@ MOVES = st.floats(-4.0, 4.0)
 
 @pytest.mark.parametrize("h_um", [-6.0, -1.0, 0.0, 2.0, 6.5])
 @pytest.mark.parametrize("du_V", [-2.0, -0.3, 0.3, 2.0])
-def test_solves_the_equation(h_um: float, du_V: float) -> None:
+def test_the_hysteresis_satisfies_its_equation(h_um: float, du_V: float) -> None:
     steps = 50_000
     step_V = du_V / steps
     expected = h_um

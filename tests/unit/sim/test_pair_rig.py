@@ -82,7 +82,7 @@ def test_parts_can_be_removed_and_placed_where_there_is_room() -> None:
     assert what == ["removed", "placed", "lost", "hung", "stiffness", "hysteresis"]
 
 
-def test_a_rig_may_begin_without_a_part() -> None:
+def test_a_rig_may_start_without_a_part() -> None:
     pair, _, _ = made({"simulation": {"bead": False}})
     assert not pair.snapshot().part_present
 

@@ -56,7 +56,7 @@ def test_a_rig_with_relays_differs_only_in_its_hysteresis(
     assert rig.model_copy(update=same) == bouc_wen.model_copy(update=same)
 
 
-def test_a_seed_is_a_rig(simulation: Simulation, drawn: dict[int, Simulation]) -> None:
+def test_a_seed_determines_a_rig(simulation: Simulation, drawn: dict[int, Simulation]) -> None:
     assert random_simulation(simulation, 1) == _drawn(simulation, 1, drawn)
     assert len({_drawn(simulation, seed, drawn).piezo_um_per_V for seed in SEEDS}) == len(SEEDS)
 

@@ -37,7 +37,7 @@ def test_the_everett_function_counts_the_relays_between() -> None:
     assert everett(SHAPE, 0.7, 0.7) == 0.0
 
 
-def test_a_lattice_of_single_relays_moves_the_same_way() -> None:
+def test_a_lattice_of_single_relays_moves_in_the_same_way() -> None:
     """Each relay followed by itself, from those that are up where α + β < 0."""
     shape = Relays(gain_um_per_V=10.0, full_drive_V=2.0, coercive_V=0.6, spread_V=0.8)
     cell_V = 0.02
@@ -160,7 +160,7 @@ def test_a_loop_too_wide_for_relays_is_refused() -> None:
     assert math.isfinite(everett(Relays(1.0, 2.0, 1.0, 0.2), 8.0, -8.0))
 
 
-def test_a_rig_file_names_one_class(simulation: Simulation) -> None:
+def test_a_rig_file_names_exactly_one_class(simulation: Simulation) -> None:
     plain = simulation.model_dump()
     relays = {"loop_share": 0.2, "full_drive_V": 1.0}
     with pytest.raises(ValueError, match=r"both of \[simulation.hysteresis\] and \[simulation.rel"):

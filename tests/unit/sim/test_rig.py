@@ -68,7 +68,7 @@ def test_the_old_voltage_holds_for_the_delay(simulation: Simulation) -> None:
     assert at_um[2] == 0.0
 
 
-def test_truth_pairs_the_sample_with_the_write(simulation: Simulation) -> None:
+def test_the_true_values_pair_the_sample_with_the_write(simulation: Simulation) -> None:
     told = list[GroundTruth]()
     rig = _lockstep(
         simulation.model_copy(update={"sensor_noise_um": 0.0}),

@@ -135,7 +135,7 @@ def test_captured_noise_is_independent_and_reproducible(simulation: Simulation) 
     assert values[0] != single.measure_um() or values[1] != values[0]
 
 
-def test_the_sensors_average_and_drift_are_captured_too(fast: Simulation) -> None:
+def test_the_average_and_drift_of_the_sensor_are_captured_too(fast: Simulation) -> None:
     still = fast.model_copy(
         update={"averaging_s": 0.01, "drift": Drift(slope_um_per_s=0.5), "substep_s": 1e-4}
     )

@@ -133,7 +133,7 @@ def test_heal_ends_earlier_faults_only() -> None:
         (SimCommand("sensor", "off", for_s=0.0), "for_s = 0.0 s is not a duration"),
     ],
 )
-def test_a_wrong_order_is_refused_with_what_could_be(order: SimCommand, words: str) -> None:
+def test_a_wrong_order_is_refused_with_the_possible_ones(order: SimCommand, words: str) -> None:
     bench = stand()
     assert words in bench.script.order(order)
     assert bench.run(2) == [0.0, 1.0]
@@ -163,7 +163,7 @@ def test_the_rig_file_holds_orders_and_refuses_wrong_ones(demo: RigFile) -> None
         parse_rig(tree)
 
 
-def test_a_run_can_be_repeated_to_the_bit() -> None:
+def test_a_run_can_be_repeated_bit_for_bit() -> None:
     def said() -> list[float]:
         orders = (
             entry(0.1, "sensor", "delayed", value=0.05, for_s=0.2),

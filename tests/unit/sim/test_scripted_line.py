@@ -49,7 +49,7 @@ def test_garbage_is_keyed_by_seed_target_and_exchange() -> None:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.05, 0.5, 1.0])
-def test_intermittent_loses_its_share(share: float) -> None:
+def test_an_intermittent_line_loses_its_share(share: float) -> None:
     _, echo, line = on_a_line("intermittent", share)
     lost = [line.answer(b"?") for _ in range(2000)].count(None)
     # Four standard deviations of a binomial share.
@@ -68,7 +68,7 @@ def test_a_slow_answer_in_lockstep_is_dropped_once_nobody_waits_for_it() -> None
     assert echo.heard == [b"a", b"b"]
 
 
-def test_a_slow_answer_sleeps_in_real_time() -> None:
+def test_a_slow_answer_waits_in_real_time() -> None:
     slept: list[float] = []
     slow = Faults((Fault("output", "slow", 0.3, 0.0),))
     line = ScriptedLine(Echo(), lambda: slow, "", None, slept.append)
@@ -76,7 +76,7 @@ def test_a_slow_answer_sleeps_in_real_time() -> None:
     assert slept == [0.3]
 
 
-def test_an_instrument_is_let_idle_behind_its_line() -> None:
+def test_the_idle_call_reaches_the_instrument_behind_its_line() -> None:
     echo = Echo()
     ScriptedLine(echo, Faults, "", None).idle()
     assert echo.idled == 1

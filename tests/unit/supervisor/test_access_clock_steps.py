@@ -101,7 +101,7 @@ def test_a_step_back_revives_no_expired_key(
     assert office.opens(office.endless)
 
 
-def test_a_key_ends_by_what_has_passed_while_the_clock_is_behind(office: Office) -> None:
+def test_a_key_expires_by_elapsed_time_while_the_clock_is_behind(office: Office) -> None:
     office.step(-YEAR)
     office.go_on(LASTS - MINUTE)
     assert office.opens(office.ending)
@@ -118,7 +118,7 @@ def test_a_restart_an_hour_after_a_step_back_does_not_prolong_a_key(office: Offi
 
 
 @pytest.mark.parametrize("restarted", [False, True])
-def test_a_step_back_revives_no_idle_session(office: Office, *, restarted: bool) -> None:
+def test_a_clock_step_back_revives_no_idle_session(office: Office, *, restarted: bool) -> None:
     assert office.is_signed_in()
     office.go_on(timedelta(hours=IDLE_H) + MINUTE)
     assert not office.is_signed_in()
@@ -128,7 +128,7 @@ def test_a_step_back_revives_no_idle_session(office: Office, *, restarted: bool)
     assert not office.is_signed_in()
 
 
-def test_a_session_idles_by_what_has_passed_while_the_clock_steps(office: Office) -> None:
+def test_a_session_idles_by_elapsed_time_while_the_clock_steps(office: Office) -> None:
     for step in (YEAR, -2 * YEAR, YEAR):
         office.step(step)
         assert office.is_signed_in()
@@ -140,7 +140,9 @@ def test_a_session_idles_by_what_has_passed_while_the_clock_steps(office: Office
     assert not office.is_signed_in()
 
 
-def test_a_false_step_forward_ends_keys_until_a_person_agrees_to_the_clock(office: Office) -> None:
+def test_a_false_clock_step_forward_suspends_keys_until_a_person_confirms_the_clock(
+    office: Office,
+) -> None:
     office.step(YEAR)
     assert not office.opens(office.ending)
     office.step(-YEAR)

@@ -202,7 +202,7 @@ def test_a_flood_of_long_polls_leaves_the_rate_of_other_requests(
     held(monkeypatch, test)
 
 
-def test_actions_without_a_key_are_not_exempt(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_actions_without_a_key_are_limited_too(monkeypatch: pytest.MonkeyPatch) -> None:
     async def test(call: Call, go: asyncio.Event) -> None:
         begun = await under_way([call("GET", "/jobs", "") for _ in range(OF_ONE["short"])])
         assert (await call("POST", ACTIONS, "")).status_code == 429
@@ -244,7 +244,7 @@ def test_an_address_without_keys_counts_as_a_configured_number_of_clients(
     asyncio.run(run())
 
 
-def test_the_site_sets_the_number_of_clients_of_an_address(
+def test_the_configuration_sets_the_number_of_clients_of_an_address(
     rig_file: RigFile, tmp_path: Path
 ) -> None:
     assert configure(rig_file, tmp_path).clients_per_address == 1
@@ -337,7 +337,7 @@ def test_a_body_beyond_the_limit_of_its_route_is_refused(
     assert operation["x-max-bytes"] == most_bytes
 
 
-def test_a_body_as_large_as_may_be_is_read(harness: Harness) -> None:
+def test_a_body_of_the_maximum_size_is_read(harness: Harness) -> None:
     content = b'{"kind": "grip"}'.ljust(LARGE_BYTES)
     headers = {"Content-Type": "application/json"}
     answer = harness.call("POST", "/api/v1/jobs", content=content, headers=headers)

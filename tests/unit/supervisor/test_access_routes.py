@@ -191,7 +191,7 @@ def test_over_tls_the_cookie_is_sent_to_this_supervisor_only(
     assert "Secure" in answer.headers["set-cookie"]
 
 
-def test_no_page_signs_in_with_a_wrong_key_or_from_elsewhere(
+def test_no_page_signs_in_with_a_wrong_key_or_from_another_origin(
     harness: Harness, ring: ScopeKeys
 ) -> None:
     wrong = shown(f"{ring.keys['admin']}x")

@@ -52,7 +52,7 @@ def test_an_insistent_unknown_client_does_not_fill_the_log(
     assert (entry["who"], entry["status"], entry["count"]) == ("127.0.0.1", 401, 50)
 
 
-def test_the_log_is_only_added_to(harness: Harness, ring: ScopeKeys, tmp_path: Path) -> None:
+def test_the_log_is_append_only(harness: Harness, ring: ScopeKeys, tmp_path: Path) -> None:
     harness.call("POST", "/api/v1/estop", headers=ring.headers("observe"))
     assert len(audit(harness, ring)) == 1
     with closing(sqlite3.connect(tmp_path / "supervisor.sqlite")) as base:

@@ -34,7 +34,7 @@ def body(calibration: str, **wishes: Any) -> dict[str, Any]:
         (body("contact_stiffness", levels_V=[0.3, 1.0]), "/levels_V", "3 or more"),
     ],
 )
-def test_a_fault_is_reported_with_its_place(
+def test_a_fault_is_reported_with_its_location(
     harness: Harness, request_: dict[str, Any], pointer: str, words: str
 ) -> None:
     problem = harness.post("/jobs", request_).json()

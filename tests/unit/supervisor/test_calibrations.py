@@ -253,7 +253,7 @@ def test_the_model_survives_a_restart_but_not_another_instrument(
     model = other.get("/rigs/demo/model")
     assert model["version"] == 0
     assert model["changed"] == [{"key": "sensor.direction", "before": 1, "now": -1}]
-    assert "unused, because sensor.direction = -1, was 1" in model["trouble"]
+    assert "not used, because sensor.direction = -1, was 1" in model["trouble"]
     assert "`pincette model use 1` if it is still valid" in model["trouble"]
     assert "sensor.direction" in model["versions"][0]["trouble"]
     refused = other.post("/jobs", {"kind": "grip"})

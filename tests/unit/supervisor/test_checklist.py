@@ -39,7 +39,9 @@ def test_assumed_values_are_identified_before_they_are_needed() -> None:
     assert [step.variant.name for step in ordered()] == listed
 
 
-def test_the_order_follows_what_is_assumed_not_the_places(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_order_follows_the_requirements_not_the_positions(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     named = bring_up.functions_of
 
     def turned(name: str) -> Any:
@@ -188,7 +190,7 @@ def test_a_step_made_with_another_value_must_be_repeated(harness: Harness) -> No
     assert COMPLIANCE in press["reasons"][0]["text"]
 
 
-def test_a_calibration_that_is_overdue_is_next_again(
+def test_an_overdue_calibration_is_the_next_step_again(
     rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     days = rig_file.calibration.model_copy(update={"valid_days": 1e-9})

@@ -30,7 +30,7 @@ def grip(harness: Harness, token: str | None = None, **more: Any) -> httpx.Respo
     return harness.call("POST", "/api/v1/jobs", json=body, headers=headers)
 
 
-def test_all_see_who_has_claimed_a_rig(harness: Harness) -> None:
+def test_all_clients_see_the_owner_of_a_claim(harness: Harness) -> None:
     taken = claim(harness)
     assert taken.status_code == 200, taken.text
     seen = harness.get("/rigs/demo")["claim"]
@@ -71,7 +71,7 @@ def test_the_holder_can_start_jobs(harness: Harness) -> None:
 
 
 @pytest.mark.parametrize("action", ["stop", "abort"])
-def test_a_stop_is_everybodys(harness: Harness, action: str) -> None:
+def test_every_user_may_stop(harness: Harness, action: str) -> None:
     harness.bus.pause_at = 100
     job = grip(harness).json()["id"]
     harness.reach(job, "running")
@@ -82,7 +82,7 @@ def test_a_stop_is_everybodys(harness: Harness, action: str) -> None:
     assert harness.act(job, action).status_code == 202
 
 
-def test_an_emergency_stop_is_everybodys(harness: Harness) -> None:
+def test_every_client_may_send_an_emergency_stop(harness: Harness) -> None:
     claim(harness)
     assert harness.post("/rigs/demo/estop").status_code == 200
     assert len(harness.bus.trips) == 1
@@ -107,7 +107,7 @@ def test_a_claim_is_renewed_returned_and_broken(harness: Harness) -> None:
     assert grip(harness).status_code == 201
 
 
-def test_a_key_that_made_a_job_answers_with_it_whoever_has_the_rig(harness: Harness) -> None:
+def test_a_key_that_created_a_job_returns_it_whatever_client_has_the_rig(harness: Harness) -> None:
     headers = {"Idempotency-Key": "once"}
     body = {"kind": "grip", "autostart": True}
     first = harness.call("POST", "/api/v1/jobs", json=body, headers=headers)
@@ -141,5 +141,5 @@ def test_a_claim_expires_and_survives_a_restart(harness: Harness) -> None:
 
 
 @pytest.mark.parametrize(("token", "lease_s"), [("short", 60.0), (MINE, 0.5), (MINE, 4000.0)])
-def test_an_odd_claim_is_refused(harness: Harness, token: str, lease_s: float) -> None:
+def test_an_invalid_claim_is_refused(harness: Harness, token: str, lease_s: float) -> None:
     assert claim(harness, token, lease_s).status_code == 422

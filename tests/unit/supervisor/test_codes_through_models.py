@@ -26,14 +26,14 @@ NUMBERS = {"force_mN": 1.0, "limit_mN": 2.0, "seq": 3.0}
 
 
 @pytest.mark.parametrize("code", list(FaultCode))
-def test_a_fault(code: FaultCode) -> None:
+def test_every_fault_is_encoded(code: FaultCode) -> None:
     found = fault(code, "words", **NUMBERS)
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(found), type=Fault) == found
     assert example_of(FaultView, code=code, values=NUMBERS).code is code
 
 
 @pytest.mark.parametrize("cause", list(Cause))
-def test_a_cause(cause: Cause) -> None:
+def test_every_cause_is_encoded(cause: Cause) -> None:
     applied = Applied(
         1,
         2,
@@ -54,7 +54,7 @@ def test_a_cause(cause: Cause) -> None:
 
 
 @pytest.mark.parametrize("outcome", get_args(OutcomeCode))
-def test_an_outcome(outcome: OutcomeCode) -> None:
+def test_every_outcome_is_converted(outcome: OutcomeCode) -> None:
     assert example_of(GripResult, outcome=outcome).outcome == outcome
     job = example_of(Job, state="failed", result={"outcome": outcome})
     raised = JobEndedError("it has ended", job)
@@ -65,7 +65,7 @@ def test_an_outcome(outcome: OutcomeCode) -> None:
 
 
 @pytest.mark.parametrize("code", get_args(EndingCode))
-def test_an_ending(code: EndingCode) -> None:
+def test_every_ending_is_converted(code: EndingCode) -> None:
     ending = example_of(Ending, code=code).model_dump()
     job = example_of(Job, state="failed", ending=ending)
     assert job.ending.code == code
@@ -76,7 +76,7 @@ def test_an_ending(code: EndingCode) -> None:
 
 
 @pytest.mark.parametrize("quantity", get_args(LimitedQuantity))
-def test_a_broken_limit(quantity: LimitedQuantity) -> None:
+def test_every_exceeded_limit_is_converted(quantity: LimitedQuantity) -> None:
     broken = example_of(Violation, quantity=quantity)
     assert broken.quantity == quantity
     assert InfeasiblePlanError([broken]).codes["violations"][0]["quantity"] == quantity

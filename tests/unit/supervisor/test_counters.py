@@ -138,7 +138,7 @@ def test_reported_counts_continue_over_armings_and_restarts() -> None:
     assert counters.durations("actuator", "lateness").counts[-1] == 0
 
 
-def test_a_service_that_is_invalid_is_not_counted() -> None:
+def test_an_invalid_service_is_not_counted() -> None:
     counters = fed([timing(1, 9, [0.1], service=f"invented-{number}") for number in range(20)])
     assert counters.missed() == dict.fromkeys(("sensor", "estimator", "controller", "actuator"), 0)
 

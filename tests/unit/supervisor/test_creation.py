@@ -54,7 +54,9 @@ def test_a_calibration_is_created_once_too(harness: Harness) -> None:
 
 
 @pytest.mark.parametrize("key", ["", "x" * 256, "tab\there"])
-def test_a_key_has_a_length_and_can_be_printed(harness: Harness, key: str) -> None:
+def test_a_key_of_wrong_length_or_unprintable_characters_is_refused(
+    harness: Harness, key: str
+) -> None:
     assert create(harness, key).status_code == 422
     assert harness.get("/jobs")["jobs"] == []
 
@@ -98,7 +100,7 @@ def test_a_long_poll_by_revision_answers_with_the_next_change(harness: Harness) 
     assert asyncio.run(poll()).json()["revision"] > ready["revision"]
 
 
-def test_a_job_is_found_by_its_outcome_and_by_labels_of_any_alphabet(harness: Harness) -> None:
+def test_a_job_is_found_by_its_outcome_and_by_labels_in_any_alphabet(harness: Harness) -> None:
     job = str(harness.grip(labels={"sample": 'Größe 7 "µ"'})["id"])
     harness.ended(job)
     for query in ({"outcome": "gripped"}, {"text": "Größe 7"}, {"text": "µ"}):
@@ -259,7 +261,7 @@ def test_an_operator_is_named_in_any_alphabet(harness: Harness, shown: str) -> N
     assert action["by"] == unquote(shown)
 
 
-def test_a_label_is_named_in_any_alphabet_and_found_by_it(harness: Harness) -> None:
+def test_a_label_may_use_any_alphabet_and_can_be_searched(harness: Harness) -> None:
     job = str(harness.grip(labels={"Größe": "7 µm", "零件": "甲"})["id"])
     for text in ("Größe=7 µm", "零件=甲"):
         assert [one["id"] for one in harness.get("/jobs", label=text)["jobs"]] == [job]

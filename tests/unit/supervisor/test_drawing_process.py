@@ -55,7 +55,7 @@ def test_records_and_trajectories_are_drawn_the_same_in_both_processes(
     assert not [one for one in caplog.records if one.levelno >= logging.ERROR]
 
 
-def test_a_record_is_complete_where_that_process_cannot_draw(
+def test_a_record_is_complete_if_the_drawing_process_fails(
     open_harness: Callable[..., Harness], rig_file: RigFile, caplog: pytest.LogCaptureFixture
 ) -> None:
     class Broken(Worker):

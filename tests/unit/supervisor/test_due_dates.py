@@ -95,7 +95,7 @@ def test_another_instrument_is_a_warning_but_no_refusal(
     assert unknown.warnings(after(0.0)) == []
 
 
-def test_a_calibration_is_of_the_instruments_of_its_time(
+def test_a_calibration_belongs_to_the_instruments_it_was_made_with(
     rig_file: RigFile, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = ["2026-02-01T00:00:00.000Z"]

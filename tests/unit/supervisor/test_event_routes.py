@@ -141,7 +141,7 @@ def test_an_empty_last_event_id_is_ignored(bench: Bench, app: FastAPI) -> None:
     assert get(app, "/jobs/a/events?after=2", **{"Last-Event-ID": ""}).status_code == 204
 
 
-def test_a_silent_stream_gives_a_sign_of_life(
+def test_a_silent_stream_sends_keep_alive_messages(
     bench: Bench, app: FastAPI, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(routes_events, "LIFE_S", 0.001)

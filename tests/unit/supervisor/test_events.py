@@ -154,7 +154,7 @@ def test_a_slow_listener_reads_the_journal_again(
     assert numbers(heard) == [*range(1, 32), None]
 
 
-def test_progress_is_reported_in_passing(log: EventLog, store: Store) -> None:
+def test_progress_is_published_without_being_stored(log: EventLog, store: Store) -> None:
     async def scene() -> list[Event]:
         listening, other = log.subscribe(job="a"), log.subscribe(job="b")
         await present(listening)

@@ -95,7 +95,7 @@ def test_its_matrix_agrees_with_the_equations() -> None:
     assert np.all(matrix[0, 3 + 8 :] == 0.0)
 
 
-def test_a_grip_by_it_holds_the_force(harness: Harness) -> None:
+def test_a_grip_with_this_law_holds_the_force(harness: Harness) -> None:
     job = harness.ended(harness.grip(scheme=NAME)["id"])
     assert (job["state"], job["result"]["outcome"]) == ("succeeded", "gripped"), job["cause"]
     assert job["result"]["force_held_mN"] == pytest.approx(20.0, abs=0.5)
@@ -103,14 +103,16 @@ def test_a_grip_by_it_holds_the_force(harness: Harness) -> None:
     assert job["values"]["law"]["gains"]["K_I"] == 0.3
 
 
-def test_a_rig_file_may_name_it(rig_file: RigFile, open_harness: Callable[..., Harness]) -> None:
+def test_a_rig_file_may_name_the_law(
+    rig_file: RigFile, open_harness: Callable[..., Harness]
+) -> None:
     law = Law.model_validate({"scheme": NAME, "K_I": 0.2})
     named = rig_file.model_copy(update={"law": law})
     plan = open_harness(named).post("/jobs", {"kind": "grip"}, dry_run="true").json()
     assert (plan["law"]["scheme"], plan["law"]["gains"]["K_I"]) == (NAME, 0.2)
 
 
-def test_a_scheme_that_is_not_installed_is_refused_with_those_that_are(harness: Harness) -> None:
+def test_a_missing_scheme_is_refused_with_the_list_of_installed_schemes(harness: Harness) -> None:
     response = harness.post("/jobs", {"kind": "grip", "scheme": "pid"})
     assert response.status_code == 422
     (error,) = response.json()["errors"]

@@ -12,7 +12,7 @@ from pincette_supervisor.kinds.grip import GripJobRequest
     ("request_type", "name", "ticked"),
     [(ResidualRequest, "confirm", True), (GripJobRequest, "until_released", False)],
 )
-def test_a_box_is_ticked_where_its_member_is_true_by_default(
+def test_a_checkbox_is_ticked_if_its_member_is_true_by_default(
     request_type: type[ResidualRequest | GripJobRequest], name: str, ticked: bool
 ) -> None:
     field = complete(FieldSpec(name=name, label=""), request_type.model_json_schema())

@@ -60,7 +60,7 @@ def test_without_an_identified_response_a_grip_is_gentle() -> None:
     assert "calibrate free_response" in str(error)
 
 
-def test_a_force_too_small_to_be_sought_quickly_is_held_gently() -> None:
+def test_a_force_too_small_for_a_quick_search_is_gripped_gently() -> None:
     assert planned(force_mN=4.0).values["profile"] == "gentle"
     assert planned(force_mN=4.1).values["profile"] == "gentle"
     assert planned(force_mN=5.0).values["profile"] == "quick"

@@ -33,7 +33,7 @@ def is_stream(path: str) -> bool:
     return path.endswith(("/events", "/live"))
 
 
-def test_head_has_the_status_and_headers_of_get(harness: Harness) -> None:
+def test_a_head_request_has_the_status_and_headers_of_get(harness: Harness) -> None:
     job = harness.ended(str(harness.grip(hold_s=0.1)["id"]))["id"]
     wanted = [path for path in paths("get") if not is_stream(path)]
     assert len(wanted) > 30
@@ -44,7 +44,7 @@ def test_head_has_the_status_and_headers_of_get(harness: Harness) -> None:
         assert head.content == b"", path
 
 
-def test_head_of_an_artifact(harness: Harness) -> None:
+def test_a_head_request_for_an_artifact_is_answered(harness: Harness) -> None:
     job = harness.ended(str(harness.grip(hold_s=0.1)["id"]))["id"]
     for name in ("samples.parquet", "samples.csv", "manifest.json"):
         path = f"/api/v1/jobs/{job}/artifacts/{name}"
@@ -55,7 +55,7 @@ def test_head_of_an_artifact(harness: Harness) -> None:
     assert (missing.status_code, missing.content) == (404, b"")
 
 
-def test_head_of_a_stream_ends_at_once(harness: Harness) -> None:
+def test_a_head_request_for_a_stream_ends_at_once(harness: Harness) -> None:
     job = str(harness.grip(hold_s=0.1)["id"])
     harness.ended(job)
     with served(harness.app) as address, connected(address) as connection:

@@ -81,7 +81,7 @@ def test_jobs_are_cached_at_one_revision_and_the_least_recently_used_is_dropped(
     assert settled.find([("a", 4), ("c", 1)]) == {"a": b"a4", "c": b"c1"}
 
 
-def test_a_job_that_the_journal_has_late_is_not_listed_as_it_was(
+def test_a_job_that_reaches_the_journal_late_is_not_listed_in_an_old_state(
     harness: Harness,
 ) -> None:
     (name,) = ended_jobs(harness, 1)

@@ -117,7 +117,9 @@ def found(store: Store, wanted: JobFilter) -> list[str]:
 
 
 @pytest.mark.parametrize("wanted", FILTERS)
-def test_a_search_finds_what_a_look_at_each_job_finds(store: Store, wanted: JobFilter) -> None:
+def test_a_search_finds_the_same_jobs_as_a_check_of_each_job(
+    store: Store, wanted: JobFilter
+) -> None:
     expected = [job.id for job in reversed(rows()) if matches(job, wanted)]
     assert found(store, wanted) == expected
     before = replace(wanted, before_number=9)

@@ -161,7 +161,7 @@ def test_a_part_lost_by_a_fault_after_a_stop_is_reported(harness: Harness) -> No
     assert ended["cause"] == "actuator tripped: device: no answer"
 
 
-def test_a_release_in_the_hold_ends_the_job_well(harness: Harness) -> None:
+def test_a_release_in_the_hold_ends_the_job_successfully(harness: Harness) -> None:
     def released(ticks: list[Tick]) -> list[Tick]:
         return [replace(t, telemetry=replace(t.telemetry, outcome=Outcome.NONE)) for t in ticks]
 
@@ -216,7 +216,9 @@ def test_an_emergency_stop_fails_the_job_and_is_its_cause(harness: Harness) -> N
 
 
 @pytest.mark.parametrize("outcome", ["no_contact", "wrong_stiffness", "lost", "overforce"])
-def test_a_bad_outcome_fails_the_job_and_is_its_cause(harness: Harness, outcome: str) -> None:
+def test_a_bad_outcome_fails_the_job_and_is_reported_as_its_cause(
+    harness: Harness, outcome: str
+) -> None:
     def spoil(ticks: list[Tick]) -> list[Tick]:
         return [
             *ticks[:-1],

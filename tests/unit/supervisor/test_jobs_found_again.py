@@ -120,7 +120,7 @@ def test_jobs_are_found_by_their_labels(harness: Harness) -> None:
     assert {one["id"] for one in harness.get("/jobs", text="B7")["jobs"]} == {other, job}
 
 
-def test_many_jobs_are_one_table(harness: Harness, tmp_path: Path) -> None:
+def test_many_jobs_are_exported_as_one_table(harness: Harness, tmp_path: Path) -> None:
     first = gripped(harness, **{**SAID, "notes": '=1+1, "a"'})
     second = gripped(harness, force_mN=12.5)
     text = harness.call("GET", "/api/v1/jobs/export.csv").text

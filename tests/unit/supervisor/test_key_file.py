@@ -81,7 +81,7 @@ def rights(authenticator: Authenticator, key: str | None, cookie: str | None = N
 # First property: a lost or damaged journal opens no gate.
 
 
-def test_a_lost_journal_changes_nobodys_access(tmp_path: Path) -> None:
+def test_the_loss_of_the_journal_changes_no_access_rights(tmp_path: Path) -> None:
     key, revoked = made(tmp_path), made(tmp_path, "bob")
     with open_keys(tmp_path) as keys:
         assert keys.revoke("bob")
@@ -150,7 +150,7 @@ def test_a_new_password_ends_the_sessions_while_the_journal_cannot_be_used(tmp_p
 # Third property: identifying a caller, and so a stop, waits for no disk.
 
 
-def test_a_caller_is_identified_without_any_file(
+def test_a_caller_is_identified_without_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     key, cookie = made(tmp_path), new_cookie()
@@ -270,7 +270,7 @@ def test_a_damaged_key_file_is_reported_at_start_with_the_remedy(tmp_path: Path,
     assert started(tmp_path).identify(HERE, key, None).scope is None
 
 
-def test_a_digest_that_is_invalid_is_damage(tmp_path: Path) -> None:
+def test_an_invalid_digest_counts_as_damage(tmp_path: Path) -> None:
     made(tmp_path)
     path = tmp_path / KEY_FILE
     path.write_text(path.read_text().replace('"digest": "', '"digest": "x'))

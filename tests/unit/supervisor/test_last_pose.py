@@ -31,7 +31,7 @@ def test_steps_forward_and_back_end_at_the_start() -> None:
         assert at_um == (15.0 if step % 2 == 0 else 10.0)
 
 
-def test_a_move_by_voltage_leaves_the_mean_of_its_rest() -> None:
+def test_a_move_by_voltage_reports_the_mean_position_at_rest() -> None:
     assert last_pose_um([move({**RESULT, "target_um": None})], STANDS) == 10.01
 
 

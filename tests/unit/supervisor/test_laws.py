@@ -74,7 +74,7 @@ def test_the_default_law_is_that_of_the_rig_file(harness: Harness, rig_file: Rig
         ({"scheme": "dsmifc", "set": "printed"}, "dsmifc", "printed", "paper"),
     ],
 )
-def test_a_law_that_the_rig_file_has_not_is_that_of_the_paper_or_the_default(
+def test_a_law_missing_in_the_rig_file_is_that_of_the_paper_or_the_default(
     harness: Harness, wishes: dict[str, Any], scheme: str, name: ParameterSet, origin: str
 ) -> None:
     law = dry_run(harness, **wishes)["law"]
@@ -119,7 +119,7 @@ def test_tuned_gains_are_those_of_the_search(
     [
         ({"gains": "tuned", "set": "printed"}, "/gains", "tuned for the sets"),
         ({"gains": "best"}, "/gains", "gains = 'best'"),
-        ({"gains": {"K_Q": 1.0}}, "/gains/K_Q", "PBSMIC has no gain K_Q; there are K_P, K_I,"),
+        ({"gains": {"K_Q": 1.0}}, "/gains/K_Q", "PBSMIC has no gain K_Q; its gains are K_P, K_I,"),
         ({"gains": {"K_P": -1.0}}, "/gains/K_P", "K_P = -1.0"),
         ({"gains": {"K": 0.0}}, "/gains/K", "K = 0.0"),
         ({"gains": {"force_age": "old"}}, "/gains/force_age", "force_age = 'old'"),
@@ -127,7 +127,7 @@ def test_tuned_gains_are_those_of_the_search(
         ({"set": "other"}, "/set", "set = 'other'"),
     ],
 )
-def test_a_fault_of_a_law_is_reported_with_its_place(
+def test_a_fault_of_a_law_is_reported_with_its_location(
     harness: Harness, wishes: dict[str, Any], pointer: str, words: str
 ) -> None:
     (error,) = refused(harness, wishes, "invalid-request")["errors"]
@@ -145,7 +145,7 @@ def test_the_identified_set_needs_an_identified_response(
     assert "calibrate free_response" in error["message"]
 
 
-def test_gains_whose_loop_cannot_be_reckoned_are_refused(
+def test_gains_whose_loop_cannot_be_computed_are_refused(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def none(*_: object) -> None:
@@ -157,7 +157,7 @@ def test_gains_whose_loop_cannot_be_reckoned_are_refused(
     assert "the spectral radius for these gains cannot be computed: Eigenvalues" in error["message"]
 
 
-def test_tuned_is_refused_where_the_rig_file_has_the_printed_set(
+def test_tuned_gains_are_refused_if_the_rig_file_has_the_printed_set(
     rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     printed = rig_file.law.model_copy(update={"set": "printed"})
@@ -166,7 +166,7 @@ def test_tuned_is_refused_where_the_rig_file_has_the_printed_set(
     assert error["pointer"] == "/gains"
 
 
-def test_a_search_without_a_find_is_a_fault_of_the_gains(
+def test_a_search_without_a_contact_is_reported_as_a_fault_of_the_gains(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def none(_rig: RigFile, _scheme: str, _set: ParameterSet) -> None:

@@ -42,7 +42,7 @@ def test_one_program_or_all_can_be_erased(repository: LearnedRepository) -> None
     assert repository.all() == []
 
 
-def test_a_program_that_did_not_help_is_forgotten(repository: LearnedRepository) -> None:
+def test_a_learned_program_that_did_not_help_is_deleted(repository: LearnedRepository) -> None:
     repository.keep(row("a"))
     repository.forget("a")
     repository.forget("a")

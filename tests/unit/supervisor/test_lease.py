@@ -65,7 +65,7 @@ def test_a_calibration_survives_a_stalled_supervisor_and_releases_at_its_end(
     assert lease_of(real_time.model_copy(update={"safety": safety}), noise, 7) is None
 
 
-def test_neither_lockstep_nor_a_rig_without_a_lease_has_one(
+def test_no_lease_applies_in_lockstep_or_to_a_rig_without_one(
     rig_file: RigFile, real_time: RigFile
 ) -> None:
     grip = GripJobRequest(kind="grip")

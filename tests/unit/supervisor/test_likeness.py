@@ -25,7 +25,7 @@ def test_a_gain_unlike_the_calibrated_one_is_refused() -> None:
 
 
 @pytest.mark.parametrize("gain_um_per_V", [17.2, 19.0, 20.8])
-def test_an_arm_may_age(gain_um_per_V: float) -> None:
+def test_an_aged_arm_is_accepted_as_the_same(gain_um_per_V: float) -> None:
     require_like_in_use(in_use("c-7"), GAIN, gain_um_per_V)
 
 

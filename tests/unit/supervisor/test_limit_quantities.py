@@ -21,7 +21,9 @@ def test_broken_limits_of_every_quantity_are_reported_over_rest(quantity: Limite
 
 
 @pytest.mark.parametrize("shape", ["sinusoid", "triangle"])
-def test_a_frequency_above_the_limit_is_named_with_all_else(harness: Harness, shape: str) -> None:
+def test_a_frequency_above_the_limit_is_reported_with_all_other_errors(
+    harness: Harness, shape: str
+) -> None:
     body = {"kind": "track", "shape": shape, "frequency_hz": 10.0, "force_mean_mN": 35.0}
     plan = harness.post("/jobs", body, dry_run="true").json()
     assert plan["feasible"] is False

@@ -112,7 +112,7 @@ def test_an_unconfirmed_voltage_is_unknown(scene: Scene, arms: int) -> None:
     assert others == ([] if arms == 1 else [2.0, 2.0, 2.0, None, 2.0, 2.0])
 
 
-def test_samples_are_joined_by_number_and_parted_by_phase(scene: Scene) -> None:
+def test_samples_are_joined_by_number_and_separated_by_phase(scene: Scene) -> None:
     listener = scene.live.open()
     ticks = samples.grip()[:60]
     scene.play(ticks)
@@ -245,7 +245,7 @@ def test_a_new_epoch_starts_a_new_batch(scene: Scene) -> None:
     assert batches[1].at_s[0] > batches[0].at_s[-1]
 
 
-def test_a_fresh_listener_gets_the_past_thinned(scene: Scene) -> None:
+def test_a_new_listener_receives_the_past_samples_thinned(scene: Scene) -> None:
     scene.idle(0, KEPT)
     batches = heard(scene.live.open())
     found = seqs(batches)

@@ -141,7 +141,7 @@ def test_without_a_journal_the_other_metrics_are_reported(
     assert "pincette_trips_total" in names
 
 
-def test_the_series_are_bounded_whatever_is_reported(harness: Harness) -> None:
+def test_the_number_of_time_series_is_bounded(harness: Harness) -> None:
     harness.ended(harness.grip()["id"])
     before = series(harness).keys()
     for number in range(30):

@@ -47,7 +47,7 @@ def test_migrated_tables_are_those_of_the_models(tmp_path: Path) -> None:
     store.close()
 
 
-def test_a_journal_is_opened_again_as_it_was(tmp_path: Path) -> None:
+def test_a_reopened_journal_is_unchanged(tmp_path: Path) -> None:
     path = tmp_path / "jobs.sqlite"
     store = Store(path)
     store.set_note("actuator_met", "17")

@@ -59,7 +59,7 @@ def test_epochs_are_added_and_a_longer_histogram_replaces_its_shorter_one(
 
 
 @given(st.floats(0.0, 3.0))
-def test_a_duration_is_within_its_bound_or_a_thirty_second_longer(
+def test_a_duration_exceeds_its_bound_by_at_most_one_thirty_second(
     duration_s: float,
 ) -> None:
     durations = MonotonicHistogram()

@@ -38,8 +38,8 @@ def plan(
 @pytest.mark.parametrize(
     ("wish", "words"),
     [
-        ({}, "there is none"),
-        ({"to_um": 3.0, "by_V": 0.1}, "there is to_um and by_V"),
+        ({}, "found none"),
+        ({"to_um": 3.0, "by_V": 0.1}, "found to_um and by_V"),
         ({"to_V": 1.0, "low_V": 0.0}, "low_V applies to cycles only"),
         ({"to_V": 1.0, "conditioning_cycles": 1, "low_V": 2.0, "high_V": 1.0}, "not below"),
         ({"to_V": 1.0, "conditioning_cycles": 21}, "less than or equal to 20"),
@@ -54,7 +54,7 @@ def test_an_inconsistent_move_is_refused(wish: dict[str, Any], words: str) -> No
         REQUEST.validate_python({"kind": "move", **wish})
 
 
-def test_a_hold_has_one_end() -> None:
+def test_a_hold_has_exactly_one_end() -> None:
     with pytest.raises(ValidationError, match="exclude each other"):
         REQUEST.validate_python({"kind": "hold", "hold_s": 2.0, "until_released": True})
 
@@ -110,7 +110,7 @@ def test_cycles_keep_away_from_the_part_by_default() -> None:
     assert not any("may touch" in text for text in view.warnings)
     _, far = plan({**body, "high_V": 2.5})
     assert any("may touch the part" in text for text in far.warnings)
-    with pytest.raises(FaultyRequestError, match="not below") as fault:
+    with pytest.raises(FaultyRequestError, match="must be below") as fault:
         plan({**body, "low_V": 3.0})
     assert fault.value.pointer == "/low_V"
 

@@ -37,7 +37,7 @@ def test_a_wait_for_the_end_lasts_until_a_release_has_freed_the_part(harness: Ha
     assert not manager.index.is_over(job)
 
 
-def test_a_job_that_has_ended_does_not_have_the_rig(harness: Harness) -> None:
+def test_an_ended_job_does_not_occupy_the_rig(harness: Harness) -> None:
     job = harness.playing_to(IN_HOLD)
     harness.acted(job, "stop")
     harness.ended(job)

@@ -286,7 +286,7 @@ def test_a_folder_of_certificates_that_is_invalid_is_named(
         assert str(place) in refusal("https://127.0.0.1:1/hook")
 
 
-def test_a_certificate_of_another_host_is_refused_as_that(
+def test_a_certificate_of_another_host_is_refused_for_that_reason(
     authority: tuple[Path, ssl.SSLContext], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     certificate, served = authority

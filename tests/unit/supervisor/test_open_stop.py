@@ -14,7 +14,7 @@ from .harness import Harness
 @pytest.mark.parametrize(
     "headers", [{}, shown("wrong"), shown("x" * 300)], ids=["none", "wrong", "odd"]
 )
-def test_everybody_may_stop(
+def test_every_client_may_stop(
     harness: Harness, ring: ScopeKeys, path: str, headers: dict[str, str]
 ) -> None:
     assert harness.call("GET", "/api/v1/rigs", headers=headers).status_code == 401

@@ -46,7 +46,7 @@ def test_own_names_are_accepted(place: str) -> None:
         "gripper.lab.",
     ],
 )
-def test_foreign_names(place: str) -> None:
+def test_foreign_host_names_are_refused(place: str) -> None:
     assert not is_ours(place, NAMES)
 
 
@@ -63,7 +63,7 @@ def test_foreign_names(place: str) -> None:
         ("gripper.lab", False),
     ],
 )
-def test_loopback(host: str, alone: bool) -> None:
+def test_loopback_addresses_are_recognized(host: str, alone: bool) -> None:
     assert is_loopback(host) is alone
 
 
@@ -85,11 +85,13 @@ def test_loopback(host: str, alone: bool) -> None:
         (None, "http://[", True),
     ],
 )
-def test_pages_of_elsewhere(site: str | None, origin: str | None, foreign: bool) -> None:
+def test_pages_of_other_origins_are_refused(
+    site: str | None, origin: str | None, foreign: bool
+) -> None:
     assert is_foreign(site, origin, "localhost:8000") is foreign
 
 
-def test_a_foreign_name_reads_nothing_and_starts_nothing(harness: Harness) -> None:
+def test_a_request_with_a_foreign_host_name_is_refused(harness: Harness) -> None:
     for method, path in (("GET", "/api/v1/rigs"), ("POST", "/api/v1/jobs"), ("GET", "/")):
         answer = harness.call(method, path, headers={"Host": "evil.example"}, json={"kind": "grip"})
         assert answer.status_code == 421
@@ -127,7 +129,7 @@ def test_the_supervisors_page_can_start_a_grip(harness: Harness) -> None:
     assert answer.status_code == 201
 
 
-def test_a_page_of_elsewhere_is_allowed_nothing_by_cors(harness: Harness) -> None:
+def test_cors_permits_nothing_to_a_page_of_another_origin(harness: Harness) -> None:
     asked: dict[str, Any] = {
         "Origin": "http://evil.example",
         "Access-Control-Request-Method": "POST",

@@ -79,7 +79,7 @@ def test_a_new_force_is_predicted_from_the_force_and_the_voltages_that_act() -> 
     [
         ({"force_mN": 200.0}, "arm 2: force"),
         ({"force_mN": 0.5}, "twice the contact force"),
-        ({"load_s": 0.01}, "identified"),
+        ({"load_s": 0.01}, "identification"),
     ],
 )
 def test_a_new_force_that_cannot_be_held_is_named(changes: dict[str, Any], words: str) -> None:
@@ -129,7 +129,7 @@ def test_each_path_has_its_own_shape_and_duration() -> None:
     [
         ({"kind": "track", "place": {"shape": "step", "pp_um": 3.0}}, "pp cannot be used with"),
         ({"kind": "track", "place": {"frequency_hz": 1.0}}, "needs pp"),
-        ({"kind": "grip", "gains": {"K_P": 0.5}}, "no gain K_P; there are n, f_q, f_F"),
+        ({"kind": "grip", "gains": {"K_P": 0.5}}, "no gain K_P; its gains are n, f_q, f_F"),
         ({"kind": "carry", "to_um": 3.0}, "the positions of the tips are not known"),
         ({"kind": "move", "to_um": 3.0}, "move is for 1 driven arm, and this rig has 2: it takes"),
         ({"kind": "track"}, "needs a path: give force, place or both"),
@@ -157,7 +157,7 @@ def test_members_that_exclude_each_other_are_refused(body: dict[str, Any]) -> No
         REQUEST.validate_python(body)
 
 
-def test_kinds_and_laws_are_for_as_many_arms_as_a_rig_has() -> None:
+def test_kinds_and_laws_must_match_the_number_of_arms_of_a_rig() -> None:
     of_two = {name for name, kind in job_kinds().items() if 2 in kind.arms}
     assert of_two == {"grip", "track", "carry", "hold", "release", "calibrate"}
     with pytest.raises(FaultyRequestError, match="carry is for 2 driven arms"):

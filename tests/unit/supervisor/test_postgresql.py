@@ -84,7 +84,7 @@ def test_a_job_is_run_and_found_again_with_its_events(
     )
 
 
-def test_a_search_finds_what_a_look_at_each_job_finds(store: Store) -> None:
+def test_a_search_finds_the_same_jobs_as_a_check_of_each_job(store: Store) -> None:
     fill(store, rows())
     for wanted in FILTERS:
         expected = [job.id for job in reversed(rows()) if matches(job, wanted)]
@@ -98,7 +98,7 @@ def test_a_search_has_indexes(store: Store) -> None:
     assert names == {f"ix_jobs_search_{name}" for name in ("outcome", "labels", "words")}
 
 
-def test_the_audit_log_is_only_added_to(store: Store) -> None:
+def test_the_audit_log_is_append_only(store: Store) -> None:
     audit = AuditRepository(store)
     row = AuditRow(at=utc_now(), who="a", address="b", action="c", detail="d", status=200)
     audit.add([row, row])

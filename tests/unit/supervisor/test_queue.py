@@ -47,7 +47,7 @@ def test_a_queued_job_starts_when_the_previous_one_has_succeeded(harness: Harnes
     assert lengths == [1, 2, 1, 0]
 
 
-def test_a_job_that_ends_otherwise_halts_the_queue_until_a_person_resumes_it(
+def test_a_job_that_does_not_succeed_halts_the_queue_until_a_person_resumes_it(
     harness: Harness,
 ) -> None:
     first = harness.playing_to(IN_APPROACH)
@@ -108,7 +108,7 @@ def test_a_job_is_planned_again_at_its_turn_and_fails_without_a_plan(
     assert harness.get("/rigs/demo")["queue"]["halted"].startswith(f"job {second} failed: ")
 
 
-def test_the_queue_has_an_end(harness: Harness) -> None:
+def test_the_queue_has_a_maximum_length(harness: Harness) -> None:
     harness.playing_to(IN_HOLD)
     for _ in range(CAPACITY):
         queued(harness)

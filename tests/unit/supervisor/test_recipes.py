@@ -175,7 +175,7 @@ def test_the_rig_is_armed_with_what_the_recipe_expects(rig_file: RigFile) -> Non
         ({"points": [{"t_s": 0.0}]}, ("points", 0, "force_mN"), "missing"),
     ],
 )
-def test_a_value_that_cannot_be_is_named(
+def test_an_impossible_value_is_reported_by_name(
     values: dict[str, Any], place: tuple[str | int, ...], kind: str
 ) -> None:
     with pytest.raises(FaultyValuesError) as raised:
@@ -211,7 +211,7 @@ def test_versions_are_added_and_kept(harness: Harness) -> None:
     assert [item["name"] for item in harness.get("/recipes")["recipes"]] == ["Ball_2.5-mm", "bead"]
 
 
-def test_a_faulty_recipe_is_refused_with_the_place(harness: Harness) -> None:
+def test_a_faulty_recipe_is_refused_with_the_location(harness: Harness) -> None:
     problem = keep(harness, 422, values={"force_mn": 8.0, "hold_s": -1.0})
     assert {error["pointer"] for error in problem["errors"]} == {
         "/values/force_mn",

@@ -44,7 +44,7 @@ def write(
     return made
 
 
-def test_samples_carry_units_and_whose_they_are(tmp_path: Path, rig_file: RigFile) -> None:
+def test_samples_state_units_and_their_job(tmp_path: Path, rig_file: RigFile) -> None:
     made = write(tmp_path, rig_file)
     whose = archive.about(made.run.planned, made.job, made.epoch)
     folder.write_samples(tmp_path / folder.SAMPLES, made.run.table, whose)

@@ -59,7 +59,7 @@ def _page(result: dict[str, Any], **other: Any) -> Page:
 
 
 @pytest.mark.parametrize("model", [GripResult, TrackResult, MotionResult])
-def test_the_page_needs_nothing_else(model: type[GripResult]) -> None:
+def test_the_page_loads_no_other_files(model: type[GripResult]) -> None:
     page = _page(_example(model))
     links = [value for _, name, value in page.attributes if name in ("src", "href")]
     assert len(links) == 1
@@ -75,7 +75,7 @@ def test_the_report_starts_with_a_verdict_in_one_line() -> None:
     assert verdict(kind, {"outcome": "no_contact", "force_held_mN": None}) == OUTCOMES["no_contact"]
 
 
-def test_digits_are_those_that_an_instrument_has() -> None:
+def test_digits_are_those_of_the_instrument() -> None:
     figures = {"x_um": 9.123456, "force_mN": 7.94126, "drift_mN": 0.0012345, "slope": 1.23456}
     page = _page({"outcome": "gripped", **figures, "sliding_in_band": 0.4123})
     shown = [page.text[page.text.index(name) + 1] for name in ("x", "force", "drift", "slope")]
@@ -122,12 +122,12 @@ def test_the_report_states_requester_and_request() -> None:
     assert page.text[page.text.index("law K P") + 1] == "1"
 
 
-def test_a_figure_that_is_absent_is_a_dash() -> None:
+def test_a_missing_figure_is_shown_as_a_dash() -> None:
     page = _page({**_example(GripResult), "force_held_mN": None})
     assert page.text[page.text.index("force held") + 1] == "–"
 
 
-def test_a_calibration_has_its_values_and_what_it_states() -> None:
+def test_a_calibration_returns_its_values_and_its_statements() -> None:
     result = {
         "outcome": "moved",
         "statement": "the arm follows",

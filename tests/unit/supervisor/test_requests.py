@@ -36,7 +36,7 @@ def refused(harness: Harness, body: dict[str, Any]) -> dict[str, Any]:
         ({"hold_s": 1.0, "until_released": True}, "", "exclude each other"),
     ],
 )
-def test_a_fault_is_reported_with_its_place_and_value(
+def test_a_fault_is_reported_with_its_location_and_value(
     harness: Harness, wish: dict[str, Any], pointer: str, words: str
 ) -> None:
     problem = refused(harness, {"kind": "grip", **wish})
@@ -121,7 +121,7 @@ def test_every_error_is_a_problem_document(
     assert problem["detail"]
 
 
-def test_a_rig_that_is_not_here_is_named_with_those_that_are(harness: Harness) -> None:
+def test_an_unknown_rig_is_named_with_the_existing_rigs(harness: Harness) -> None:
     response = harness.post("/jobs", {"kind": "grip", "rig": "other"})
     assert response.status_code == 404
     assert "'other'" in response.json()["detail"]
@@ -163,7 +163,7 @@ def test_a_rig_that_is_not_here_is_named_with_those_that_are(harness: Harness) -
         ({"frequency_hz": 0.001, "cycles": 10}, "/cycles", "the path takes 12000 s, limit 3600 s"),
     ],
 )
-def test_a_fault_of_a_track_is_reported_with_its_place(
+def test_a_fault_of_a_track_is_reported_with_its_location(
     harness: Harness, wish: dict[str, Any], pointer: str, words: str
 ) -> None:
     problem = refused(harness, {"kind": "track", **wish})

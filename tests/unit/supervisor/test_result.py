@@ -43,7 +43,7 @@ def test_the_force_held_is_a_mean_in_which_noise_is_averaged() -> None:
     assert without_mN < u_mN < 0.5 * (without_mN + samples.UNCERTAINTY_MN)
 
 
-def test_a_grip_has_the_figures_it_was_made_with() -> None:
+def test_a_grip_states_the_figures_of_its_request() -> None:
     result = result_of(samples.grip())
     assert result.outcome == "gripped"
     assert result.force_held_mN == pytest.approx(20.0 + samples.FORCE_ERROR_MN)
@@ -87,7 +87,7 @@ def test_a_changed_stroke_marks_the_result(change: float | None, *, mismatch: bo
     assert ("differs from its model" in told) is mismatch
 
 
-def test_phases_follow_each_other_without_gaps() -> None:
+def test_phases_follow_one_another_without_gaps() -> None:
     phases = result_of(samples.grip()).phases
     assert [phase.phase for phase in phases] == [name for name, *_ in samples.PHASES]
     for phase, (_, ticks, *_) in zip(phases, samples.PHASES, strict=True):
@@ -154,7 +154,7 @@ def test_a_missing_sample_leaves_a_gap_in_its_columns_only() -> None:
     assert missed(table) == 0
 
 
-def test_truths_are_numbered_by_their_order() -> None:
+def test_true_values_are_numbered_by_their_order() -> None:
     ticks = samples.grip()[:10]
     # The rig counts on from an earlier job, and tick 4 wrote nothing.
     applied = [replace(t.applied, answered=t.applied.seq != 4) for t in ticks]

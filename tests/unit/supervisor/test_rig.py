@@ -56,7 +56,7 @@ def test_the_boot_latch_is_cleared_once(harness: Harness) -> None:
     assert harness.bus.asked.count("actuator/reset") == 1
 
 
-def test_an_actuator_that_does_not_answer_has_nothing_that_a_person_could_clear(
+def test_a_person_can_clear_nothing_on_an_actuator_that_does_not_answer(
     harness: Harness,
 ) -> None:
     harness.bus.idle()
@@ -237,13 +237,13 @@ def test_a_rig_that_was_only_switched_on_and_off_needs_no_person(
     assert second.get("/rigs/demo")["latch"]["state"] == state
 
 
-def test_probes(harness: Harness) -> None:
+def test_probes_report_alive_ready_and_version(harness: Harness) -> None:
     assert harness.call("GET", "/livez").json()["status"] == "alive"
     assert harness.call("GET", "/readyz").json()["status"] == "ready"
     assert harness.call("GET", "/version").json()["rig"] == "demo"
 
 
-def test_a_port_in_use_is_named_with_what_to_do() -> None:
+def test_a_port_in_use_is_named_with_a_remedy() -> None:
     taken = bind("127.0.0.1", 0)
     taken.listen()
     port = taken.getsockname()[1]

@@ -69,7 +69,7 @@ def test_a_line_too_slow_for_parts_is_advised_to_use_an_rc() -> None:
     assert "RC of 3.3 ms" in found.remedy
 
 
-def test_an_output_that_lags_needs_nothing() -> None:
+def test_an_output_with_a_lag_causes_no_warning() -> None:
     rig = demo_rig({"limits": {"slew_V_per_s": 40.0}}, time="lockstep")
     assert not planned(rig, 2.0).warnings
 

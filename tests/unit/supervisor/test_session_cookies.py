@@ -63,7 +63,7 @@ def test_a_browser_can_sign_in_at_every_address_of_a_supervisor(both: list[Place
             assert browser.get(one + SESSION).json()["signed_in"] is True
 
 
-def test_a_page_over_tls_and_one_without_have_a_cookie_each(harness: Harness) -> None:
+def test_pages_with_and_without_tls_have_separate_cookies(harness: Harness) -> None:
     ring = keyed(harness)
     name = f"pincette_session_{harness.store.identifier()}"
     values: dict[str, str] = {}
@@ -90,7 +90,7 @@ def test_a_page_over_tls_and_one_without_have_a_cookie_each(harness: Harness) ->
         assert found.json()["signed_in"] is False
 
 
-def test_a_cookie_of_another_supervisor_opens_nothing(harness: Harness) -> None:
+def test_a_cookie_of_another_supervisor_gives_no_access(harness: Harness) -> None:
     ring = keyed(harness)
     said = harness.call("POST", SESSION, headers=ring.headers("observe")).headers["set-cookie"]
     value = said.partition("=")[2].partition(";")[0]

@@ -356,7 +356,7 @@ def test_a_proposal_applies_to_its_own_rig(both: RigsHarness) -> None:
     assert versions == {"left": 0, "right": 1}
 
 
-def test_a_trajectory_is_of_the_rig_that_it_was_planned_for(both: RigsHarness) -> None:
+def test_a_trajectory_belongs_to_the_rig_it_was_planned_for(both: RigsHarness) -> None:
     made = both.post("/trajectories", {"kind": "grip", "rig": "right"}).json()
     assert both.get(f"/trajectories/{made['digest']}")["stale"] == []
     started = both.post(f"/trajectories/{made['digest']}/jobs", {"autostart": True}).json()

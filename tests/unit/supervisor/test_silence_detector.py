@@ -139,7 +139,7 @@ def test_without_a_lease_a_cut_line_ends_the_job(
     assert "actuator: silent" in desk.ended(job)["cause"]
 
 
-def test_a_standstill_of_the_process_is_measured_with_what_it_was_at() -> None:
+def test_a_standstill_of_the_process_is_measured_with_its_activity() -> None:
     now_s = 100.0
     process_load = ProcessLoad(lambda: now_s)
     for _ in range(20):

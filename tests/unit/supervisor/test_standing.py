@@ -114,7 +114,7 @@ LOST = fault(FaultCode.OUTPUT_UNCONFIRMED, "no answer on the line")
 @pytest.mark.parametrize(
     ("cause", "faults"), [(Cause.DEVICE, (SILENT,)), (Cause.ABORT, (LOST,))], ids=["trip", "later"]
 )
-def test_a_freeze_whose_output_fell_silent_holds_nothing_for_sure(
+def test_a_freeze_with_a_silent_output_does_not_count_as_holding(
     rig: Rig, cause: Cause, faults: tuple[Fault, ...]
 ) -> None:
     rig.say()

@@ -132,7 +132,7 @@ def test_every_event_and_every_addition_to_a_deadline_has_words() -> None:
     assert {row.beyond for row in STATES.values()} == set(BEYOND)
 
 
-def test_outcomes_and_endings_have_meanings() -> None:
+def test_all_outcomes_and_endings_have_meanings() -> None:
     assert all(OUTCOMES.values())
     assert set(ENDINGS) == set(get_args(EndingCode))
     played = {str(outcome) for outcome in Outcome if outcome}

@@ -46,7 +46,7 @@ def test_a_stop_follows_the_state() -> None:
     assert job.moved == [("stop", "running")]
 
 
-def test_another_action_is_refused_with_the_state_that_is() -> None:
+def test_another_action_is_refused_with_the_present_state() -> None:
     job = GoesOn("running", "stopping")
     with pytest.raises(ProblemError, match="has just become stopping"):
         act(job, "pause")

@@ -162,7 +162,7 @@ def test_a_stop_of_an_unknown_rig_names_the_rigs(exchange: Exchange) -> None:
 
 
 @pytest.mark.parametrize("method", ["GET", "HEAD", "PUT", "DELETE", "PATCH", "TRACE", "stop"])
-def test_no_other_method_stops(exchange: Exchange, method: str) -> None:
+def test_no_other_http_method_stops_the_rig(exchange: Exchange, method: str) -> None:
     head = f"{method} /api/v1/rigs/demo/estop HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
     status, headers, _ = exchange(head.encode())
     assert status == 405

@@ -149,7 +149,7 @@ def test_a_race_of_equal_keys_creates_one_job(store: Store) -> None:
     assert losers == [winner.id] * 7
 
 
-def test_threads_write_and_read_side_by_side(store: Store) -> None:
+def test_threads_write_and_read_concurrently(store: Store) -> None:
     store.add(row("a"))
 
     def change() -> None:
@@ -214,7 +214,7 @@ def test_only_changeable_columns_change(store: Store) -> None:
         store.change("b", cause="x")
 
 
-def test_a_number_that_json_has_not_is_refused_and_nothing_changes(store: Store) -> None:
+def test_a_number_that_json_lacks_is_refused_and_nothing_changes(store: Store) -> None:
     store.add(row("a"))
     with pytest.raises(ValueError, match="not JSON compliant"):
         store.change("a", state="failed", result={"x_um": math.nan})
@@ -231,7 +231,7 @@ def test_a_closed_store_is_reported(store: Store) -> None:
         store.set_note("a", "b")
 
 
-def test_a_data_base_that_fails_is_named(store: Store) -> None:
+def test_a_failing_database_is_named(store: Store) -> None:
     with store.writing() as base:
         base.execute(text("DROP TABLE notes"))
     with pytest.raises(StoreError, match=r"supervisor\.sqlite: no such table: notes"):

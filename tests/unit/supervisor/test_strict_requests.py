@@ -41,7 +41,7 @@ def test_a_typing_error_does_not_turn_a_dry_run_into_motion(
     nothing_moved(harness)
 
 
-def test_a_dry_run_of_the_body_has_one_name_too(harness: Harness) -> None:
+def test_a_dry_run_in_the_body_is_accepted_under_one_name_only(harness: Harness) -> None:
     answer = harness.post("/jobs", {"kind": "grip", "autostart": True, "dryRun": True})
     assert answer.status_code == 422
     assert "did you mean dry_run?" in answer.json()["errors"][0]["message"]
@@ -96,7 +96,9 @@ def test_variants_of_the_json_content_type_are_accepted(harness: Harness, kind: 
         (b'{"kind": "\xff"}', "byte 10 is not UTF-8"),
     ],
 )
-def test_broken_json_is_refused_with_its_place(harness: Harness, body: bytes, words: str) -> None:
+def test_invalid_json_is_refused_with_the_position_of_the_error(
+    harness: Harness, body: bytes, words: str
+) -> None:
     answer = send(harness, "/jobs", body)
     assert answer.status_code == 400
     assert answer.json()["type"] == "urn:pincette:problem:bad-json"

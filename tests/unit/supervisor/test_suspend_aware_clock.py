@@ -44,7 +44,7 @@ def test_the_clock_stops_without_samples() -> None:
     assert awake_clock() == SAMPLE_COUNTS_S
 
 
-def test_a_sensor_was_not_silent_to_one_who_slept(rig_file: RigFile) -> None:
+def test_a_sensor_is_not_judged_silent_by_a_suspended_process(rig_file: RigFile) -> None:
     hand = Hand()
     awake_clock = SuspendAwareClock(hand)
     bus = CannedRig(rig_file)

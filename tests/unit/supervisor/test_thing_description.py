@@ -16,7 +16,7 @@ def document() -> Any:
     return openapi()
 
 
-def test_each_affordance_is_a_path_of_rest(document: Any) -> None:
+def test_each_affordance_is_a_rest_path(document: Any) -> None:
     for table, method in ((PROPERTIES, "get"), (ACTIONS, "post"), (EVENTS, "get")):
         assert {path for path in table.values() if method not in document["paths"][path]} == set()
 

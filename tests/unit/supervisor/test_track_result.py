@@ -28,7 +28,7 @@ def result_from(messages: list[Message]) -> TrackResult:
     return result
 
 
-def test_a_track_has_the_figures_it_was_made_with() -> None:
+def test_a_track_states_the_figures_of_its_request() -> None:
     result = result_of(samples.track())
     assert (result.outcome, result.shape) == ("tracked", "sinusoid")
     # Two cycles of 2 s, and not a sample more.

@@ -47,7 +47,9 @@ def answer(line: socket.socket) -> int:
     "body", [b"{}", b" " * 60_000, b"\n" * LINES], ids=["short", "long", "lines"]
 )
 @pytest.mark.parametrize("pieces", [1, 3])
-def test_the_next_request_is_answered(line: socket.socket, body: bytes, pieces: int) -> None:
+def test_the_request_after_an_unread_body_is_answered(
+    line: socket.socket, body: bytes, pieces: int
+) -> None:
     line.sendall(HEAD + b"Content-Length: %d\r\n\r\n" % len(body))
     assert answer(line) == 404
     size = -(-len(body) // pieces)

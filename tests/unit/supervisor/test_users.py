@@ -62,7 +62,7 @@ def test_actions_are_stored_with_the_name_of_the_person(bench: Harness) -> None:
     assert refused.status_code == 403
 
 
-def test_a_wrong_password_opens_nothing(bench: Harness) -> None:
+def test_a_wrong_password_gives_no_access(bench: Harness) -> None:
     for user in ("ann", "nobody"):
         assert sign_in(bench, user, "another password").status_code == 401
 
@@ -162,7 +162,7 @@ def test_another_password_ends_the_sessions(bench: Harness) -> None:
     assert sign_in(bench, "ann", "quite another one").status_code == 200
 
 
-def test_waits_grow_with_each_wrong_try_and_end() -> None:
+def test_delays_grow_with_each_wrong_attempt_and_end() -> None:
     now_s = 0.0
     tries = Tries(lambda: now_s)
     for _ in range(FREE_TRIES + 2):

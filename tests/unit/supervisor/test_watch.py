@@ -31,7 +31,7 @@ def watched(clock: Clock, *, lockstep: bool = False) -> Watch:
 
 
 @pytest.mark.parametrize("stood_s", [6.0, 600.0])
-def test_a_standstill_is_not_the_jobs_time(stood_s: float) -> None:
+def test_a_standstill_does_not_count_as_job_time(stood_s: float) -> None:
     clock = Clock()
     watch = watched(clock)
     watch.look()

@@ -164,7 +164,7 @@ def test_a_stop_acts_although_its_client_disconnects_at_once() -> None:
     run(test)
 
 
-def test_a_stop_is_answered_whose_client_has_closed_its_side() -> None:
+def test_a_stop_is_answered_although_its_client_has_closed_its_side() -> None:
     async def test(lines: Lines) -> None:
         protocol, line = lines.connect()
         protocol.data_received(ESTOP)
@@ -217,7 +217,9 @@ def test_a_connection_whose_data_have_arrived_outlives_newer_ones() -> None:
     run(test)
 
 
-def test_connections_that_wait_for_their_refusal_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_connections_waiting_for_their_refusal_make_room_for_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Refusals that are held back do not let the number of connections grow."""
     monkeypatch.setattr(server, "Refusals", lambda: Refusals(per_s=1e-3, burst=0.0))
     monkeypatch.setattr(limits, "REFUSAL_HELD_S", 3600.0)

@@ -22,7 +22,7 @@ def ending(phase: str) -> Callable[[list[Tick]], list[Tick]]:
     return edit
 
 
-def test_a_touch_at_rest_makes_every_later_job_wait_for_a_person(harness: Harness) -> None:
+def test_after_a_touch_at_rest_every_later_job_waits_for_a_person(harness: Harness) -> None:
     harness.bus.edit = ending("zero")
     touched = harness.ended(harness.grip()["id"])
     assert (touched["state"], touched["ending"]["code"]) == ("failed", "bad_outcome")
@@ -36,7 +36,7 @@ def test_a_touch_at_rest_makes_every_later_job_wait_for_a_person(harness: Harnes
     assert harness.ended(harness.grip()["id"])["state"] == "succeeded"
 
 
-def test_the_doubt_outlives_the_supervisor(
+def test_an_unconfirmed_zero_outlives_the_supervisor(
     rig_file: RigFile, open_harness: Callable[..., Harness], harness: Harness
 ) -> None:
     harness.bus.edit = ending("zero")

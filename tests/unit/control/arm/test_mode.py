@@ -51,6 +51,8 @@ def test_over_a_period_of_the_mode_only_damping_remains() -> None:
         (OMEGA_N, ZETA, -0.02, "period = -0.02 s"),
     ],
 )
-def test_no_mode_is_refused(omega_n: float, zeta: float, period_s: float, text: str) -> None:
+def test_an_impossible_mode_is_refused(
+    omega_n: float, zeta: float, period_s: float, text: str
+) -> None:
     with pytest.raises(ValueError, match=text):
         sample_mode(omega_n, zeta, period_s)

@@ -58,12 +58,12 @@ def judge(seeds: range) -> None:
     assert (errors[:, 4] < 2.5 * errors[:, 5]).all()
 
 
-def test_contact_of_two_rigs() -> None:
+def test_the_contact_of_two_rigs_is_identified() -> None:
     judge(range(2))
 
 
 @pytest.mark.slow
-def test_contact_of_twenty_rigs() -> None:
+def test_the_contact_of_twenty_rigs_is_identified() -> None:
     judge(range(20))
 
 
@@ -98,7 +98,7 @@ def test_noise_in_both_coordinates_does_not_bias_the_stiffness() -> None:
     assert standard_error < 0.002 * K_E
 
 
-def test_an_error_of_the_compliance_is_one_of_the_stiffness_and_is_stated() -> None:
+def test_an_error_of_the_compliance_is_stated_as_an_error_of_the_stiffness() -> None:
     wrong = contact_stiffness(
         swings(s_p=1.03 * S_P),
         100.0,

@@ -12,7 +12,7 @@ from pincette.control.response.hysteresis_motion import simulate
 ELLIPSE_RAD = 0.2
 
 
-def test_an_ellipse_has_the_gain_and_the_width_that_it_is_drawn_with() -> None:
+def test_an_ellipse_has_the_requested_gain_and_width() -> None:
     phase = 2.0 * pi * np.arange(500) / 100.0
     u, x = np.sin(phase), 19.0 * np.sin(phase - ELLIPSE_RAD) + 40.0
     found = secant_gain(u, x, 100.0)

@@ -61,7 +61,9 @@ def bursts(simulation: Simulation, seed: int) -> list[Burst]:
 @pytest.mark.parametrize(
     ("relays", "lagged"), [(False, True), (True, False)], ids=["Bouc-Wen, lag", "relays, no lag"]
 )
-def test_drawn_rigs_are_found_within_what_is_stated(relays: bool, lagged: bool) -> None:
+def test_random_rigs_are_identified_within_the_stated_uncertainty(
+    relays: bool, lagged: bool
+) -> None:
     simulation = drawn(SEED, relays=relays, lagged=lagged)
     found = output_timing(bursts(simulation, SEED), T)
     lag_s = simulation.output_lag_s

@@ -51,12 +51,12 @@ def check(rows: list[list[float]]) -> None:
     assert worst[4] < 0.02
 
 
-def test_mode_of_four_rigs() -> None:
+def test_the_mode_of_four_rigs_is_identified() -> None:
     check(judge(range(4)))
 
 
 @pytest.mark.slow
-def test_mode_of_twenty_rigs() -> None:
+def test_the_mode_of_twenty_rigs_is_identified() -> None:
     check(judge(range(20)))
 
 

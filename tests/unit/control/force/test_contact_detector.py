@@ -74,7 +74,7 @@ def test_a_reversal_starts_a_new_branch() -> None:
     assert watch.touch is None
 
 
-def test_going_back_by_less_than_a_step_keeps_the_branch_and_its_touch() -> None:
+def test_a_reversal_by_less_than_a_step_keeps_the_branch_and_its_touch() -> None:
     watch = closed(18.0, contact_um=12.0)
     begin_um = watch.nominal_um
     back_um = 0.9 * LIMITS.step_um * abs(sin(1.0))

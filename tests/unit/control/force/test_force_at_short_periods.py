@@ -144,7 +144,7 @@ def test_at_a_long_period_the_kalman_filter_responds_at_once_and_removes_the_rin
     assert found[-1] == pytest.approx(40.0 * 0.18, abs=0.01)
 
 
-def test_a_lower_rate_averages_longer() -> None:
+def test_a_lower_rate_averages_over_a_longer_time() -> None:
     gains = [
         augmented_kalman(
             OMEGA_N, ZETA, S_P, period_s=0.001, noise_um=NOISE_UM, rate_mN_per_s=rate

@@ -118,7 +118,9 @@ def test_a_backward_step_is_not_judged_before_the_line_is_known() -> None:
 
 @pytest.mark.parametrize("period_s", [0.001, 0.002, 0.005])
 @pytest.mark.parametrize("slipped_um", [1.0, 3.0, 10.0])
-def test_at_short_periods_a_slip_is_found_within_3_ms(period_s: float, slipped_um: float) -> None:
+def test_at_short_periods_a_slip_is_detected_within_3_ms(
+    period_s: float, slipped_um: float
+) -> None:
     """With the ring of the pressed mode, which decays by 63 1/s."""
     from math import cos, exp, pi
 

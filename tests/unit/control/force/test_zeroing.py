@@ -62,7 +62,7 @@ def test_zero_is_refused_while_the_arm_moves() -> None:
     assert "limit 0.5 µm" in text
 
 
-def test_zero_is_refused_while_the_voltage_works_against_something() -> None:
+def test_zero_is_refused_while_the_arm_is_blocked() -> None:
     samples = [FreeSample(0.01 * index, 0.0) for index in range(5)]
     text = fault_text(zero_refusal(MODEL, samples, part_held=False, limits=LIMITS))
     assert "moved by 0.760 µm" in text

@@ -113,7 +113,7 @@ def test_the_printed_term_fed_back_with_the_printed_set(
     assert found == pytest.approx(factors, abs=0.01)
 
 
-def test_the_printed_term_is_borne_where_the_gains_are_low() -> None:
+def test_the_printed_term_is_tolerated_if_the_gains_are_low() -> None:
     assert -1.0 < growth(Bench(as_fed(0.3), printed_term=True)) < -0.95
     assert growth(Bench(as_fed(0.4), printed_term=True)) < -1.0
     assert -1.0 < growth(Bench(as_fed(2.0, K_f=4000.0), printed_term=True)) < -0.98

@@ -165,7 +165,7 @@ def test_samples_at_a_limit_are_attributed_to_the_limit_only() -> None:
     assert others(position, "limits") < 1e-9
 
 
-def test_a_slow_drift_of_a_hold_is_the_response() -> None:
+def test_a_slow_drift_during_a_hold_is_attributed_to_the_response() -> None:
     rest: Column = np.full(N, 5.0)
     drift_um = np.linspace(0.0, 0.4, N)
     noise_um = np.random.default_rng(5).normal(0.0, SIGMA_UM, N)

@@ -168,13 +168,13 @@ def test_with_a_straight_line_the_law_equals_the_linear_law(
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_the_laws_of_other_sets_know_nothing_of_a_response(scheme: str) -> None:
+def test_the_laws_of_other_sets_use_no_response(scheme: str) -> None:
     for name in ("consistent", "printed"):
         law = build(law_settings(scheme, name), ARM, PERIOD_S, 0.03, MODEL)
         assert law == build(law_settings(scheme, name), ARM, PERIOD_S, 0.03)
 
 
-def test_without_a_response_the_set_is_refused() -> None:
+def test_the_identified_set_is_refused_without_a_response() -> None:
     with pytest.raises(ValueError, match="no free response is identified: calibrate"):
         build(law_settings("pbsmic", "identified"), ARM, PERIOD_S, 0.03)
 

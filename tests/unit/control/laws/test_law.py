@@ -64,7 +64,9 @@ def test_an_impedance_with_overflow_is_refused(name: str) -> None:
         ("dsmifc", "consistent", (1.0, 1.0, 0.0, 1e6)),
     ],
 )
-def test_defaults(scheme: str, name: ParameterSet, gains: tuple[float, ...]) -> None:
+def test_the_default_gains_are_those_of_the_set(
+    scheme: str, name: ParameterSet, gains: tuple[float, ...]
+) -> None:
     settings = default_settings(scheme, name)
     assert (
         settings.gains["K_P"],
@@ -90,7 +92,7 @@ def test_the_set_decides_which_arm_model_is_used(scheme: str) -> None:
 
 
 @pytest.mark.parametrize(("filter_s", "share"), [(0.0, 1.0), (0.03, 1.0 - exp(-2.0 / 3.0))])
-def test_share_of_the_low_pass(filter_s: float, share: float) -> None:
+def test_the_share_of_the_low_pass_is_correct(filter_s: float, share: float) -> None:
     assert law_of(law_settings(), 0.02, filter_s).force == (True, pytest.approx(share, rel=1e-12))
     assert law_of(law_settings(force_age="newest"), 0.02, filter_s).force == (False, 0.0)
 
@@ -122,7 +124,7 @@ def test_the_low_pass_starts_at_the_present_error(scheme: str) -> None:
 
 
 @BOTH
-def test_newest_feeds_the_estimate_as_it_is(scheme: str) -> None:
+def test_the_newest_value_enters_the_estimate_unchanged(scheme: str) -> None:
     law = law_of(law_settings(scheme, force_age="newest"), 0.02, 0.05)
     state = start(law, x_um=10.0, x_r_um=10.0, force_mN=5.0, applied_V=1.0)
     state, _ = step_at(law, state, (10.0, 6.5, 1.0), (10.0, 9.0))

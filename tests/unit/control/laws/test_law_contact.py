@@ -24,7 +24,7 @@ def in_contact(settings: LawSettings, x_um: float = 25.0, filter_s: float = 0.0)
 @pytest.mark.parametrize("set_", ["consistent", "printed"])
 @pytest.mark.parametrize("age", ["planned", "newest"])
 @pytest.mark.parametrize("K_f", [0.0, 1000.0, 2000.0, 3000.0, 4000.0, 5000.0, 6000.0])
-def test_steady_state_is_51_and_52(
+def test_the_steady_state_satisfies_equations_51_and_52(
     scheme: str, set_: ParameterSet, age: ForceAge, K_f: float
 ) -> None:
     """A plan that is 1 µm and 4 mN off the part, as in Fig. 7(d), and one that fits it."""

@@ -93,7 +93,7 @@ def test_the_stored_values_are_those_of_the_transcription() -> None:
 
 
 @PER_CASE
-def test_the_cases_reach_in_and_beyond_the_boundary_layer(case: Case) -> None:
+def test_the_cases_lie_inside_and_outside_the_boundary_layer(case: Case) -> None:
     """What the comparison is worth: u far from 0, a frozen ε or ζ, both parts of sat."""
     given, outputs = signals(), play(case)
     assert min(abs(output.voltage_V) for output in outputs) > 0.3
@@ -113,7 +113,7 @@ def test_the_cases_reach_in_and_beyond_the_boundary_layer(case: Case) -> None:
 
 
 @PER_CASE
-def test_prediction_is_17(case: Case) -> None:
+def test_the_prediction_is_equation_17(case: Case) -> None:
     plant, given = law_of(case).parameters.plant, signals()
     with localcontext(prec=DIGITS):
         columns = {name: [Decimal(value) for value in values] for name, values in given.items()}
@@ -131,7 +131,7 @@ def test_prediction_is_17(case: Case) -> None:
 
 
 @pytest.mark.parametrize("case", [case for case in CASES if case.scheme == "dsmifc"], ids=str)
-def test_45_needs_the_factor_that_its_print_lost(case: Case) -> None:
+def test_equation_45_needs_the_factor_that_is_missing_in_print(case: Case) -> None:
     """x_k from (17) under u_k (42) and some p̃_k, put into (43): s_k is s_{k-1} -
     G̃_a·(K̄/k̄)[K̃_S sat(s_{k-1}) + p̃_k] to 30 digits; G̃_a is 1.5 to 3 here, and 1 in the print."""
     given = signals()

@@ -180,7 +180,7 @@ def test_unconditional_claim_fails_inside_the_band(scheme: str) -> None:
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_45_in_mN_has_the_factor_that_its_print_lost(scheme: str) -> None:
+def test_equation_45_in_mN_has_the_factor_that_is_missing_in_print(scheme: str) -> None:
     """One step beyond the layer takes G_a·K̄·K̃_S/k̄ off DSMIFC's s, not K̄·K̃_S/k̄."""
     case = Case(scheme, "consistent", 0.02, 5.0, 1.0, 0.1, SIGN_UM)
     first, second = (output.sliding_um for output in play(case, 3.0, [0.0]))
@@ -190,7 +190,7 @@ def test_45_in_mN_has_the_factor_that_its_print_lost(scheme: str) -> None:
 
 @SOME
 @given(cases(st.floats(0.05, 0.5), 0.5), start_um, shares)
-def test_with_a_boundary_layer(case: Case, x_um: float, shares: list[float]) -> None:
+def test_the_law_works_with_a_boundary_layer(case: Case, x_um: float, shares: list[float]) -> None:
     """Slope a·K_S/δ ≤ 1: |s| does not grow wherever K_S |sat(s/δ)| ≥ |p̃|."""
     slope = case.a_K_S_um / case.delta_um
     errors_mN = [0.3 * case.K_S * share for share in shares]
@@ -203,7 +203,7 @@ def test_with_a_boundary_layer(case: Case, x_um: float, shares: list[float]) -> 
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_too_steep_a_layer_rattles(scheme: str) -> None:
+def test_too_steep_a_layer_oscillates(scheme: str) -> None:
     """Slope 28, as the paper's DSMIFC gains have it with true units: s turns its sign and stays."""
     case = Case(scheme, "consistent", 0.02, 2.0, 1.0, 2.8, 0.1)
     s = [output.sliding_um for output in play(case, 0.05, [0.0] * 30)]

@@ -128,7 +128,7 @@ def test_neither_reference_moves_the_other_quantity() -> None:
     assert arms.force_mN() == pytest.approx(20.0, abs=1e-9)
 
 
-def test_errors_of_slope_and_offset_are_made_good_in_both() -> None:
+def test_errors_of_slope_and_offset_are_corrected_in_both() -> None:
     arms = Ideal(slopes=(1.1, 0.85), offsets_um=(-3.0, 5.0))
     wanted = TwoArmReferences(place_um=1.0, force_mN=10.0)
     for _ in range(150):

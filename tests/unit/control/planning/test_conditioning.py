@@ -140,7 +140,7 @@ def test_a_rig_without_voltages_below_rest_cannot_be_conditioned_and_reports_it(
         plan_job(GripJobRequest(kind="grip", condition="always"), rig, present)
 
 
-def test_a_rig_file_may_do_without_strokes() -> None:
+def test_a_rig_file_may_omit_strokes() -> None:
     rig = demo_rig({**TAUGHT, "grip": {"condition": "never"}})
     plan = plan_job(GripJobRequest(kind="grip"), rig, Present(memory_known=False)).plan
     assert plan.phases[0].phase == "zero"

@@ -25,14 +25,14 @@ def fitted(x_um: Column, force_mN: Column, force_r_mN: Column = PLAN) -> Contact
     return fit
 
 
-def test_exact_line() -> None:
+def test_an_exact_line_is_fitted_exactly() -> None:
     fit = fitted(X_E + PLAN / K_E, PLAN)
     assert fit.K_e_mN_per_um == pytest.approx(K_E)
     assert fit.x_e_um == pytest.approx(X_E)
     assert fit.K_e_error_mN_per_um == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_plan_of_another_stiffness_serves_as_well() -> None:
+def test_a_plan_for_another_stiffness_also_works() -> None:
     x_um = 29.0 + PLAN / 2.6
     assert fitted(x_um, K_E * (x_um - X_E)).K_e_mN_per_um == pytest.approx(K_E)
 

@@ -28,11 +28,11 @@ def course(values: list[float]) -> Course:
 SWING = course([-2.0 * cos(2.0 * pi * k / 50.0) for k in range(400)])
 
 
-def test_a_course_within_every_limit_breaks_none() -> None:
+def test_a_course_within_all_limits_violates_none() -> None:
     assert excursions(SWING, WIDE) == ()
 
 
-def test_swings_beyond_a_limit_are_one_excursion_for_each_phase() -> None:
+def test_oscillations_beyond_a_limit_count_as_one_excursion_per_phase() -> None:
     found = excursions(SWING, replace(WIDE, voltage_max_V=1.5))
     assert [(item.quantity, item.phase, item.times) for item in found] == [
         ("voltage", "first", 4),

@@ -31,7 +31,7 @@ def planned(
     return plan_grip(request, rig)
 
 
-def test_segments_in_order() -> None:
+def test_segments_are_in_order() -> None:
     program = planned().program
     assert [(segment.phase, type(segment)) for segment in program.segments] == [
         ("zero", Rest),
@@ -116,7 +116,7 @@ def test_an_arm_in_front_of_the_part_opens_to_the_same_position() -> None:
     assert first.to_um == last.to_um
 
 
-def test_guards() -> None:
+def test_the_guards_of_a_plan_are_correct() -> None:
     guards = planned().program.guards
     assert (guards.contact_force_mN, guards.contact_samples, guards.force_max_mN) == (2.0, 3, 40.0)
     assert guards.stiffness_min_mN_per_um == pytest.approx(1.4)
@@ -150,7 +150,7 @@ def test_a_course_has_no_jump() -> None:
         assert max(jumps) < most
 
 
-def test_phases_join_and_end_where_they_should() -> None:
+def test_phases_join_and_end_at_their_targets() -> None:
     plan = planned()
     t_s = 0.0
     for phase in plan.phases:
@@ -165,7 +165,7 @@ def test_phases_join_and_end_where_they_should() -> None:
     assert last.voltage_V == pytest.approx(0.0, abs=1e-3)
 
 
-def test_hold_without_end() -> None:
+def test_a_hold_may_have_no_end() -> None:
     plan = planned(replace(REQUEST, hold_s=None))
     assert plan.program.segments[5].duration_s is None
     assert plan.phases[5].duration_s == 0.3
@@ -228,6 +228,6 @@ def test_a_plan_beyond_the_taught_voltages_is_refused_with_their_range() -> None
     assert "use less force, or calibrate free_response over a wider range" in violation.message
 
 
-def test_within_the_taught_voltages_it_is_not() -> None:
+def test_a_plan_within_the_taught_voltages_is_accepted() -> None:
     assert planned(taught_V=(-0.1, 2.7)).violations == ()
     assert planned(taught_V=None).violations == ()

@@ -68,7 +68,7 @@ def test_a_line_across_a_slip_is_not_followed() -> None:
     assert stiffest_line(line, HARDEST, 0.03, S_P).K_e_mN_per_um == HARDEST
 
 
-def test_stiffnesses_that_may_be_used() -> None:
+def test_the_bounds_of_usable_stiffnesses_are_correct() -> None:
     assert stiffness_bounds(2.2, GUARDS) == pytest.approx((0.66, 6.6))
     # A program that looks for the stiffness has wider guards.
     assert stiffness_bounds(0.5, GUARDS) == pytest.approx((0.15, 2.9))

@@ -49,7 +49,7 @@ CONTACT: tuple[Segment, ...] = (
 )
 
 
-def test_a_free_arm_and_its_voltage_follow_each_other_by_the_nominal_gain() -> None:
+def test_the_displacement_of_a_free_arm_is_the_voltage_times_the_nominal_gain() -> None:
     entry = Entry(Reference(10.0, voltages_V=(0.5,)), T)
     pieces = predict(MOTION, entry, partial(nominal, D_P))
     course = sample_course(pieces, T)

@@ -41,7 +41,7 @@ def speeds(
 
 @pytest.mark.parametrize("force_mN", [4.5, 5.0, 8.0, 20.0, 35.0])
 @pytest.mark.parametrize("period_s", [0.001, 0.02])
-def test_a_touch_is_felt_below_its_share_of_the_planned_force(
+def test_a_touch_is_detected_below_its_share_of_the_planned_force(
     force_mN: float, period_s: float
 ) -> None:
     touch = TOUCH._replace(force_mN=force_mN, period_s=period_s)
@@ -115,7 +115,7 @@ def test_a_load_keeps_its_speed_and_does_not_overshoot(peak: float) -> None:
     assert max(path.position(t) for t in times) <= way_um + 1e-9
 
 
-def test_a_run_up_is_smooth_and_ends_where_it_should() -> None:
+def test_a_run_up_is_smooth_and_ends_at_its_target() -> None:
     assert run_up(6.0, 1.1, 0.2, 1.1) == pytest.approx((6.0, 6.0))
     assert run_up(6.0, 1.0, 0.0, 0.25) == (1.5, 6.0)
     step_s = 1e-4

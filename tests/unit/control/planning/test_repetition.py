@@ -43,7 +43,7 @@ def test_repeating_errors_are_learned_even_with_a_response_one_tick_late() -> No
     assert learner.corrections.improved(DISTURBED) is learner.corrections
 
 
-def test_a_correction_has_a_bound() -> None:
+def test_a_correction_is_bounded() -> None:
     known = no_corrections(4)
     for error_um in (8.0, 7.0, 6.0):
         known = known.improved((error_um,) * 4)

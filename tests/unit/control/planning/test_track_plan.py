@@ -31,7 +31,7 @@ def found(plan: ContactPlan) -> list[tuple[str, str]]:
     return [(violation.quantity, violation.pointer) for violation in plan.violations]
 
 
-def test_segments_in_order() -> None:
+def test_segments_are_in_order() -> None:
     segments = planned().program.segments
     assert [(segment.phase, type(segment)) for segment in segments[3:]] == [
         ("contact", Seek),
@@ -105,7 +105,7 @@ def test_a_path_beyond_its_own_rates_names_its_frequency() -> None:
     assert found(planned(slow)) == [("acceleration", "/frequency_hz")]
 
 
-def test_a_cycle_has_ten_samples_at_least() -> None:
+def test_a_cycle_has_at_least_ten_samples() -> None:
     plan = planned(replace(REQUEST, path=sinusoid("force", 12.0, 0.5, 6.0, 2)))
     assert found(plan) == [("frequency", "/frequency_hz")]
     assert plan.violations[0].limit == pytest.approx(5.0)

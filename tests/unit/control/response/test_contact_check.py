@@ -46,6 +46,6 @@ def test_few_samples_judge_nothing(count: int) -> None:
     assert contact_scatter(X_UM[:count], TRUE_MN[:count], MISSED_MN[:count]) is None
 
 
-def test_a_part_that_is_only_held_judges_nothing() -> None:
+def test_a_hold_without_a_change_of_force_gives_no_scatter() -> None:
     still = np.full(400, 12.0) + noise_mN(3)
     assert contact_scatter(X_UM, still, MISSED_MN) is None

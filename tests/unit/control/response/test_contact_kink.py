@@ -119,6 +119,6 @@ def test_a_break_is_a_finding_if_a_person_has_confirmed_that_there_is_no_part(
     assert found.kink.x_um == pytest.approx(31.0, abs=3.0)
 
 
-def test_a_free_arm_is_calibrated_without_a_finding() -> None:
+def test_the_calibration_of_a_free_arm_reports_no_findings() -> None:
     motion = freed_demo()
     assert calibrate_free_response(motion, SAMPLES_PER_CYCLE, unpoled=True).kink is None

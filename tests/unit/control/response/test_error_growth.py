@@ -49,7 +49,7 @@ def test_presses_of_several_lengths_are_represented_by_their_mean() -> None:
     assert growth.at(0.125) == pytest.approx(0.5 * growth.at(0.5))
 
 
-def test_creep_is_by_what_the_error_grows_in_the_holds() -> None:
+def test_creep_is_the_growth_of_the_error_during_the_holds() -> None:
     u, rehearsed = grips(0.3, 0.5, hold=500)
     left_um = 0.1 * u
     for grip, sign in zip(rehearsed, (1.0, -1.0), strict=True):
@@ -62,7 +62,7 @@ def test_creep_is_by_what_the_error_grows_in_the_holds() -> None:
     assert 0.0 < steady.value == steady.uncertainty < 0.03
 
 
-def test_noise_hardly_counts_and_no_grip_is_refused() -> None:
+def test_noise_has_little_effect_and_no_grip_is_refused() -> None:
     u, rehearsed = grips(0.3, 0.5, 0.7, 0.4)
     noise_um = np.random.default_rng(5).normal(0.0, 0.03, len(u))
     found = rehearsed_errors(u, noise_um, PERIOD_S, rehearsed)
@@ -96,7 +96,7 @@ def test_the_slope_error_after_a_turn_is_that_of_the_start_of_the_return(
     assert turn_error(u, left_um, PERIOD_S, [rehearsed[0]._replace(let_go=None)]) is None
 
 
-def test_x_1_states_it_since_its_zero() -> None:
+def test_the_error_of_x_1_is_stated_since_its_zero() -> None:
     growth = checked_growth([0.1, 1.0], [0.05, 0.2])
     arm = identified_response(HysteresisModel((0.0,), (19.0,)), 19.0, 0.3, growth)
     zeroed = arm.updated(1.0, PERIOD_S).rezero([FreeSample(1.0, 5.0, 19.0)] * 10, 10)

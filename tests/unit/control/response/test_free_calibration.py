@@ -41,12 +41,12 @@ def judge(seeds: range) -> None:
     assert worst[5] < 0.25
 
 
-def test_free_response_of_two_rigs() -> None:
+def test_the_free_response_of_two_rigs_is_identified() -> None:
     judge(range(2))
 
 
 @pytest.mark.slow
-def test_free_response_of_twenty_rigs() -> None:
+def test_the_free_response_of_twenty_rigs_is_identified() -> None:
     judge(range(20))
 
 

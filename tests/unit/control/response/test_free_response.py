@@ -21,7 +21,7 @@ def rest(after: list[FreeSample], count: int = 8) -> list[FreeSample]:
     return [*after, *[after[-1]] * count]
 
 
-def test_nominal_line() -> None:
+def test_the_free_position_follows_the_nominal_line() -> None:
     assert free_position(MODEL, 0.0) == 2.0
     assert free_position(MODEL, 1.5) == pytest.approx(2.0 + 28.5)
 

@@ -66,7 +66,7 @@ EACH = pytest.mark.parametrize(
 
 @EACH
 @given(voltages=VOLTAGES)
-def test_rate_independent(model: HysteresisModel, voltages: list[float]) -> None:
+def test_the_hysteresis_is_rate_independent(model: HysteresisModel, voltages: list[float]) -> None:
     halves: list[float] = []
     before = 0.0
     for voltage in voltages:
@@ -78,7 +78,7 @@ def test_rate_independent(model: HysteresisModel, voltages: list[float]) -> None
 
 @EACH
 @given(voltages=VOLTAGES)
-def test_odd(model: HysteresisModel, voltages: list[float]) -> None:
+def test_the_function_is_odd(model: HysteresisModel, voltages: list[float]) -> None:
     mirrored = driven(model, *[-voltage for voltage in voltages])
     there = driven(model, *voltages)
     assert displacement_um(model, mirrored) == pytest.approx(-displacement_um(model, there))

@@ -237,7 +237,7 @@ def test_times_are_spread_over_the_taught_duration() -> None:
     assert spread_creep_times(0.02, 63.0)[-1] == pytest.approx(62.5)
 
 
-def test_a_displacement_that_would_fall_after_a_turn_is_refused() -> None:
+def test_a_displacement_that_would_decrease_after_a_reversal_is_refused() -> None:
     """Rising over the whole travel, falling where a curved branch turns back."""
     voltage_V = drive(2000)
     bent = replace(MODEL, creep_times_s=(), creep_fractions=(), curvature_um_per_V2=-5.0)

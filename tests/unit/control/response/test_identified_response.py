@@ -35,7 +35,7 @@ def test_a_new_start_keeps_the_memory() -> None:
     assert begun.zero_V == 1.0
 
 
-def test_the_error_grows_with_travel_and_ends() -> None:
+def test_the_error_grows_with_travel_up_to_a_limit() -> None:
     begun = FRESH.updated(1.0, 0.02).begin(0.0)
     errors = [begun.updated(1.0 + travel, 0.02).error_um() for travel in (0.0, 0.25, 0.5, 1.5)]
     assert errors == pytest.approx([0.0, 0.2 * 2**0.5 / 2, 0.2 * 2**0.5, 0.2 * 2**0.5])

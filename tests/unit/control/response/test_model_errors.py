@@ -13,7 +13,7 @@ from pincette.control.response.model_errors import (
 PERIOD_S = 0.02
 
 
-def test_an_ellipse_misses_its_chord_by_what_it_is_wide() -> None:
+def test_an_ellipse_deviates_from_its_chord_by_its_width() -> None:
     """x lags by a phase: about the zero at the bottom the line errs by both branches."""
     phase = 2.0 * np.pi * np.arange(1000) / 100.0
     errors: list[float] = []

@@ -62,7 +62,7 @@ def test_after_a_turn_the_arm_moves_towards_the_previous_turn() -> None:
 
 
 @pytest.mark.parametrize("beyond_V", [0.5, 2.7])
-def test_a_loop_that_is_passed_is_forgotten(beyond_V: float) -> None:
+def test_a_hysteresis_loop_that_is_exceeded_is_forgotten(beyond_V: float) -> None:
     plain, looped = driven(FRESH, 2.5, 1.0), driven(FRESH, 2.5, 1.0, 1.8, 1.2, 1.6, 1.0)
     assert looped.displacement_um() == pytest.approx(plain.displacement_um())
     after = driven(looped, beyond_V)

@@ -61,7 +61,7 @@ def test_the_range_is_what_a_play_yields_to() -> None:
     assert past.error_um(response) == pytest.approx(0.5 * 5.0 + 1.0 * 3.0)
 
 
-def test_a_stroke_to_both_ends_wipes_it_out() -> None:
+def test_a_stroke_to_both_ends_erases_the_memory() -> None:
     response, past = led(PLAYS, unknown_past(PLAYS, ENDS_V), 0.0)
     assert past.matters(response)
     assert past.judged(response) == past
@@ -90,7 +90,7 @@ def test_the_past_is_replayed_with_the_voltages_since_then() -> None:
     assert past.highest.position_um() == pytest.approx(stepped.highest.position_um())
 
 
-def test_a_line_remembers_nothing() -> None:
+def test_a_line_has_no_memory() -> None:
     line = nominal_response(18.0, FreeSample(0.0, 0.0), 0.2)
     assert not unknown_past(line, ENDS_V).matters(line)
 
@@ -108,7 +108,7 @@ def test_an_arm_that_moves_like_the_model_has_hardly_another_past() -> None:
     assert told.worst_um(response) < 0.3 * past.worst_um(response)
 
 
-def test_an_arm_from_an_outermost_past_keeps_it() -> None:
+def test_an_arm_with_an_extreme_past_keeps_it() -> None:
     response, past = rose(0.8)
     at_um = past.highest.sample(0.0).displacement_um - response.displacement_um()
     parted_um = at_um - past.at_zero_um[1]

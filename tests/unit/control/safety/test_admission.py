@@ -127,7 +127,7 @@ def test_impossible_numbers_are_refused_in_the_same_cycle(
     assert state.blind == OFF
 
 
-def test_three_of_them_in_a_row_are_silence() -> None:
+def test_three_missing_answers_in_a_row_count_as_silence() -> None:
     state = FREE
     for seq in (1, 2, 3):
         state = pass_time(LIMITS, ticked(state, seq, voltage_V=nan), seq * T + 0.004)
@@ -283,7 +283,7 @@ def test_an_unauthorized_command_cannot_release_a_part(changes: dict[str, Any]) 
     assert forced(frozen, range(1, 9), force_mN=99.0, **changes).mode == "frozen"
 
 
-def test_a_command_may_know_nothing_of_its_sample() -> None:
+def test_a_command_may_have_no_sample() -> None:
     arm = ArmFacts(0.5)
     bare = CommandFacts(EPOCH, OWNER, 1, (arm,), part_held=False, final=False, valid=True)
     assert (bare.fault, bare.sweep_V, arm.force_mN, arm.x_d_um) == (None, None, None, None)

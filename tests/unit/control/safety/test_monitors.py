@@ -111,7 +111,7 @@ def test_a_following_error_acts_at_its_sixth_sample_in_a_row() -> None:
 
 
 @pytest.mark.parametrize("unknown", [{"x_um": None, "x_d_um": 4.0}, {"x_um": 0.0, "x_d_um": None}])
-def test_a_sample_without_aim_or_position_neither_counts_nor_clears(
+def test_a_sample_without_target_or_position_neither_counts_nor_clears(
     unknown: dict[str, float | None],
 ) -> None:
     watches = commanded(UNSEEN, 0, x_um=0.0, x_d_um=4.0)
@@ -155,7 +155,7 @@ def test_a_position_within_its_limits_costs_nothing() -> None:
     assert watch_position(MONITORS, UNSEEN, 1.0) is UNSEEN
 
 
-def test_the_force_is_the_gravest() -> None:
+def test_the_force_is_the_most_serious_fault() -> None:
     watches = UNSEEN
     for seq in range(6):
         watches = watch_position(MONITORS, watches, 90.0)
@@ -181,7 +181,7 @@ def test_an_oscillating_reference_widens_its_bound_no_more_than_the_arm_can_move
     assert following_excess(FASTEST, 0.0, 5.01, 1000.0) is not None
 
 
-def test_an_aim_that_is_reached_now_and_then_is_found_too() -> None:
+def test_a_target_that_is_reached_only_at_times_is_detected_too() -> None:
     watches = UNSEEN
     for seq in range(12):
         watches = commanded(watches, seq, x_um=4.0 if seq % 4 == 3 else 0.0, x_d_um=4.0)

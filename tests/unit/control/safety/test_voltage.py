@@ -46,7 +46,7 @@ def test_each_limit_acts_beyond_its_value_and_is_reported(
     assert limited(LIMITS, present_V, wanted_V) == (voltage_V, flags)
 
 
-def test_the_bits_are_those_of_the_wire() -> None:
+def test_the_bits_equal_those_on_the_wire() -> None:
     assert (VOLTAGE_MAX, VOLTAGE_MIN, SLEW_UP, SLEW_DOWN) == (1, 2, 4, 8)
 
 

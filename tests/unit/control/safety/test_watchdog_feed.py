@@ -16,7 +16,7 @@ def test_a_loop_that_is_commanded_feeds() -> None:
     assert may_kick_watchdog(LIMITS, state, 0.1)
 
 
-def test_an_armed_actuator_that_has_not_tripped_in_time_is_not_believed() -> None:
+def test_an_armed_actuator_that_has_not_tripped_in_time_is_not_trusted() -> None:
     assert not may_kick_watchdog(LIMITS, ticked(ready(), 0), 0.1001)
 
 

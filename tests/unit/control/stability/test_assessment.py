@@ -129,7 +129,7 @@ def test_the_limit_is_an_argument() -> None:
             assess(DEFAULT, PART, limit_radius=limit)
 
 
-def test_the_delay_decides() -> None:
+def test_a_longer_delay_worsens_the_radius() -> None:
     """A loop for a short delay is not one for a delay of nearly a period."""
     loop = Loop(law_settings(), ARM, 0.008, force_filter_s=0.03)
     at_once = assess(loop, around(2.17, 0.3, delay_periods=(0.0, 0.0)))

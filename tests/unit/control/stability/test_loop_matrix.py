@@ -59,7 +59,7 @@ def radii(make: Callable[[float, float], Loop], period_s: float, case: LoopCase)
         (0.0005, (1.31, 1.46, 1.53), (1.09, 1.20, 1.26)),
     ],
 )
-def test_friendliest_loop(
+def test_the_most_favourable_loop_has_the_known_radii(
     period_s: float, free: tuple[float, ...], contact: tuple[float, ...]
 ) -> None:
     assert radii(friendliest, period_s, FREE) == pytest.approx(free, abs=ROUNDED_TWICE)
@@ -184,7 +184,7 @@ class Reality:
         (law_settings(), augmented_kalman(OMEGA_N, ZETA, S_P, period_s=0.008, noise_um=0.03)),
     ],
 )
-def test_the_matrix_is_the_loop_in_time(
+def test_the_matrix_agrees_with_the_loop_in_time(
     law: LawSettings, observer: ForceObserver | None, case: LoopCase, force_when_free: bool
 ) -> None:
     """From 1 µm off, tick by tick, against the powers of the matrix."""
@@ -228,7 +228,7 @@ def test_a_change_of_gain_keeps_the_other_values() -> None:
     assert replace(other, law=loop.law) == loop
 
 
-def test_another_arm_is_another_loop() -> None:
+def test_another_arm_gives_another_loop() -> None:
     """ω_n off by 5 % decides: the factor of a case is that of the arm, and not of the law."""
     loop = as_controlled(0.004, 1.0)
     faster: ArmParameters = consistent_arm(1.05 * OMEGA_N, ZETA, D_P, S_P)

@@ -81,7 +81,7 @@ def test_one_switching_mode_does_not_hide_another() -> None:
 
 
 @pytest.mark.parametrize("size", [1e9, 1e100, 1e200])
-def test_a_loop_beyond_all_measure_is_beyond_the_limit(size: float) -> None:
+def test_an_extremely_unstable_loop_exceeds_the_limit(size: float) -> None:
     """By chance, which goes by the processor, its slow mode's share cannot be reckoned."""
     law = law_settings(M=size, K=1.0 / size, K_S=1.0, delta=1.0)
     found = counted_radii(Loop(law, ARM, 0.02, force_filter_s=0.03), CASES, LIMIT)

@@ -91,9 +91,7 @@ def test_at_long_periods_the_intervals_are_unchanged() -> None:
         (0.001, 4.0, 100.0, 1.77),
     ],
 )
-def test_the_margins_that_the_law_is_made_for(
-    period_s: float, n: float, f_w: float, peak: float
-) -> None:
+def test_the_law_has_its_design_margins(period_s: float, n: float, f_w: float, peak: float) -> None:
     loop = loop_of(period_s, n=n, f_w=f_w)
     found = assess(loop, PART)
     assert found.stable, found.reason
@@ -113,7 +111,7 @@ def test_faster_filters_are_refused_by_their_peak_and_then_by_their_radius() -> 
 
 
 @pytest.mark.parametrize("period_s", [0.002, 0.005])
-def test_a_bad_period_is_refused_with_the_reason_and_what_helps(period_s: float) -> None:
+def test_a_bad_period_is_refused_with_the_reason_and_a_remedy(period_s: float) -> None:
     loop = loop_of(period_s)
     reason = assess(loop, PART).reason
     assert f"at a period of {1e3 * period_s:g} ms" in reason

@@ -126,7 +126,9 @@ def test_unstable_gains_are_not_returned() -> None:
         (replace(RIG, noise_um=(0.0,) * 299), SWING),
     ],
 )
-def test_a_path_without_an_end_to_count_is_refused(rig: TuningRig, path: TuningPath) -> None:
+def test_a_path_with_too_few_samples_to_evaluate_is_refused(
+    rig: TuningRig, path: TuningPath
+) -> None:
     with pytest.raises(ValueError, match=r"300 reference samples and .* too few"):
         track(rig, path, law_settings(), K_E, 0.0)
 

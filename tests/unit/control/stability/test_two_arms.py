@@ -64,7 +64,7 @@ def test_gains_that_may_not_move_are_refused_with_value_limit_and_remedy(
 
 @pytest.mark.parametrize("pressed", [True, False])
 @pytest.mark.parametrize("loop", [SLOW_LOOP, FAST_LOOP], ids=["20 ms", "1 ms"])
-def test_the_matrix_of_the_law_is_what_law_and_estimators_do(
+def test_the_matrix_of_the_law_agrees_with_law_and_estimators(
     loop: TwoArmLoop, pressed: bool
 ) -> None:
     """Over several ticks, with the estimators as they run, and any inputs."""

@@ -88,7 +88,7 @@ def test_intervals_without_width_are_one_case() -> None:
     assert worst_case(loop, point, LIMIT) == (case, spectral_radii(loop, (case,))[0])
 
 
-def test_a_wider_interval_is_no_better() -> None:
+def test_a_wider_interval_does_not_improve_the_result() -> None:
     loop = Loop(law_settings(), ARM, 0.005, force_filter_s=0.03)
     radii = [worst_case(loop, around(2.17, share), LIMIT)[1] for share in (0.0, 0.1, 0.3)]
     assert radii[0] <= radii[1] + 0.01
