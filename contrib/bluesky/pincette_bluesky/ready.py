@@ -22,7 +22,7 @@ class Ready:
     name
         Called for the name of the signal, which a suspender shows.
     rig
-        Called for the rig that is read, over a connection of its own.
+        Called for the rig that is read, over a separate connection.
     """
 
     def __init__(

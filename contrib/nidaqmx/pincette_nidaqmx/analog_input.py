@@ -68,7 +68,7 @@ class AnalogInput:
         Raises
         ------
         InstrumentError
-            Where the voltage is at an end of its range, or the device does not answer.
+            If the voltage is at an end of its range, or the device does not answer.
         """
         self._daq.must_be_open()
         if self._capture is not None:
@@ -88,7 +88,7 @@ class AnalogInput:
         Raises
         ------
         InstrumentError
-            Where the rate is too high, no drive channel is named, or the device refuses.
+            If the rate is too high, no drive channel is named, or the device refuses.
         """
         self._daq.must_be_open()
         self.end_capture()
@@ -123,7 +123,7 @@ class AnalogInput:
         Raises
         ------
         InstrumentError
-            Where none came in time, the buffer has run over, or a position is at an end of its
+            If none came in time, the buffer has run over, or a position is at an end of its
             range.
         """
         self._daq.must_be_open()

@@ -8,7 +8,7 @@ A waveform is written while it plays: half a second of it before it begins, a qu
 each ``look``. So it begins at once, however long it is, and breaks off soon after its host.
 
 The parts of a step are a short waveform with its own task, which is stopped, written and started
-again for each step. Assumed: its first sample is put out when it starts.
+again for each step. Assumed: its first sample is output when it starts.
 """
 
 import logging
@@ -56,7 +56,7 @@ class AnalogOutput:
         self._stepping = False
         """True while the task of parts has the channel."""
         self._stepped_s = 0.0
-        """Time of the monotonic clock in s at which all parts have been put out."""
+        """Time of the monotonic clock in s at which all parts have been output."""
         self._held_V: float | None = None
         """Present output voltage in V; None while a waveform plays."""
         self._wave_V: Sequence[float] = ()
@@ -86,7 +86,7 @@ class AnalogOutput:
         Raises
         ------
         InstrumentError
-            Where the voltage is not a number within the range, before anything is sent; where the
+            If the voltage is not a number within the range, before anything is sent; if the
             device refuses it or does not answer.
         """
         self._daq.must_be_open()
@@ -126,7 +126,7 @@ class AnalogOutput:
         Raises
         ------
         InstrumentError
-            Where the interval or a voltage is beyond its limit, before anything is sent; where the
+            If the interval or a voltage is beyond its limit, before anything is sent; if the
             device refuses or does not answer.
         """
         self._daq.must_be_open()
@@ -175,8 +175,8 @@ class AnalogOutput:
         Raises
         ------
         InstrumentError
-            Where the rate or a voltage of what is written first is beyond its limit, before
-            anything is sent; where the device refuses.
+            If the rate or a voltage of what is written first is beyond its limit, before
+            anything is sent; if the device refuses.
         """
         self._daq.must_be_open()
         if not 0.0 < rate_hz <= self._rate_hz:

@@ -20,7 +20,7 @@ def channel_of(url: str, channel: str) -> str:
     Raises
     ------
     ConfigError
-        Where neither names one, or what is named is none.
+        If neither names one, or what is named is none.
     """
     named = channel
     if url.startswith(LOCAL):

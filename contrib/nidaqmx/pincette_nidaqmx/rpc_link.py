@@ -63,7 +63,7 @@ def open_rpc_link(
     Raises
     ------
     InstrumentError
-        Where the url names no server, or the recording cannot be read or written.
+        If the url names no server, or the recording cannot be read or written.
     """
     if url.startswith(REPLAY):
         return ReplayLink(url, lambda _link: None)

@@ -184,7 +184,7 @@ def open_daq(settings: Sensor | Output, channel: str, link: Link | None, met: bo
     Raises
     ------
     InstrumentError
-        Where the line cannot be opened, or cannot be recorded.
+        If the line cannot be opened, or cannot be recorded.
     """
     here = link is None and settings.url.startswith(LOCAL)
     if here and settings.record:

@@ -76,9 +76,9 @@ def open_output(settings: Output, link: Link | None = None) -> WaveOutput:
     Raises
     ------
     ConfigError
-        Where an option is unknown or impossible, or no channel is named.
+        If an option is unknown or impossible, or no channel is named.
     InstrumentError
-        Where the package or the driver is not installed, or the device does not answer as it
+        If the package or the driver is not installed, or the device does not answer as it
         should.
     """
     options = read_options(NidaqmxOutputOptions, "nidaqmx", settings.options)

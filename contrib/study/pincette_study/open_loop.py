@@ -1,4 +1,4 @@
-"""Open loop: voltages put out sample by sample, and the response of the rig."""
+"""Open loop: voltages output sample by sample, and the response of the rig."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ class Motion:
 
     period_s: float
     voltage_V: Series
-    """Voltage put out at the sample before, in V, so that it belongs to ``x_um``."""
+    """Voltage output at the sample before, in V, so that it belongs to ``x_um``."""
     x_um: Series
     """Position from the sensor, in µm."""
     true_x_um: Series

@@ -84,7 +84,7 @@ def voltages_of(state: State) -> tuple[float, ...]:
 
 
 def step_of(limits: SafetyLimits, step: ShapedStep) -> DeviceCommand:
-    """Return the order to put out a step in parts."""
+    """Return the order to output a step in parts."""
     return WriteParts(step.parts_V(limits.arms[0].voltage.step_V), limits.shaping_s or 0.0)
 
 

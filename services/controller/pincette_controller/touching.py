@@ -1,6 +1,6 @@
 """Touches of moving arms: of the part that they look for, or of something in the way.
 
-On its way through free space an arm must meet nothing, from the first sample on. A touch that the
+In its motion in free space an arm must meet nothing, from the first sample on. A touch that the
 estimator has found stops the motion, and the arms go back to where they were free.
 
 A part between two arms counts as held from the moment at which the required sides have touched

@@ -56,7 +56,7 @@ class ForceDisagreement(FrozenRecord, frozen=True):
 def moving_V(moving: Pair, voltage_V: float, other_V: float) -> float:
     """Return the voltage that would move a free arm as far as both voltages move a pressing one.
 
-    A change that presses both tips alike moves neither: x_i = X_i - s_i·F,
+    A change that presses both tips equally moves neither: x_i = X_i - s_i·F,
     F = (X_1 + X_2 - g)/(s_1 + s_2 + c).
     """
     own, others = moving

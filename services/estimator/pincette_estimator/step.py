@@ -115,7 +115,7 @@ def _zero_due_V(config: ArmConfig, state: ArmState, applied: Applied) -> float |
     """Return the voltage of a zero that this sample has to take, in V; None without one.
 
     A zero whose sample was not measured stays due while the output keeps its voltage and no other
-    command has been put out: the arm is in the same rest.
+    command has been output: the arm is in the same rest.
     """
     voltage_V = applied.arms[config.arm].voltage_V
     if applied.zero:

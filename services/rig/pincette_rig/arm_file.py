@@ -1,7 +1,7 @@
 """File that stores the simulated arm while its program does not run.
 
 A real arm keeps its hysteresis and its creep over a restart of the programs, while time passes. The
-rig program writes the state of the simulated arm twice a second from a thread of its own, and the
+rig program writes the state of the simulated arm twice a second from a separate thread, and the
 next start resumes from it. The loop never waits for the disk.
 """
 

@@ -114,7 +114,7 @@ class RefusedError(Exception):
 
 
 class NotWantedError(Exception):
-    """A receiver wants no more notices."""
+    """A receiver accepts no more notices."""
 
 
 # The certificate authorities that receivers of notices are checked against.

@@ -102,7 +102,7 @@ class Progress(Model):
     """Planned duration without pauses; null if the hold has no end."""
     paused: bool = False
     percent: float | None = None
-    """Played share of the planned duration; null if the hold has no end."""
+    """Completed share of the planned duration; null if the hold has no end."""
     remaining_s: float | None = None
     """Remaining planned time; a pause does not change it."""
     x_r_um: float | None = None

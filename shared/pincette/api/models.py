@@ -58,7 +58,7 @@ class ModelVersion(Model):
     previous: str
     """Digest of the model that was in use before; empty: the rig file's."""
     trouble: str
-    """Reason why a person must confirm the version before it is used; empty if nobody must."""
+    """Reason why a person must confirm the version before it is used; empty if not required."""
 
 
 class ModelChange(Model):

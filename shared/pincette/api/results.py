@@ -289,7 +289,7 @@ class JobResult(Model):
     """Number of ticks for which the actuator accepted no command."""
     dropped_messages: int
     touch_x_um: float | None = None
-    """Position at which the arm met something on its way through free space."""
+    """Position at which the arm met something during its motion through free space."""
     touch_force_mN: float | None = None
     """Force at that touch when the arm turned back, from the free response or from the slope of its
     way."""

@@ -278,7 +278,7 @@ class Rig(Model):
     standing: Standing
     safe_to_move: SafeToMove
     claim: Claim | None = None
-    """Claim on the rig; null if nobody has claimed it."""
+    """Claim on the rig; null if unclaimed."""
     active_job: str | None
     queue: Queue
     can_start: bool

@@ -105,7 +105,7 @@ def type_schema(node: inspect.Type) -> Json:
     Raises
     ------
     TypeError
-        Where a message has a field of a type that the codec does not carry.
+        If a message has a field of a type that the codec does not carry.
     """
     match node:
         case inspect.Metadata():

@@ -36,7 +36,7 @@ class RefusedMessages:
     def note(self, place: str, reason: str, *, also: bool = False) -> None:
         """Count a message on the key ``place``, and log the reason unless one was just logged.
 
-        ``also``: True if the caller also counts the message in a number of its own.
+        ``also``: True if the caller also counts the message in a separate number.
         """
         with self._lock:
             now_s = self._clock()

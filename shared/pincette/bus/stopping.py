@@ -96,7 +96,7 @@ class StopAttempts:
 
 
 def trip_at(config: "SessionConfig", rig: str, trip: "Trip", name: str = "estop") -> "Message":
-    """Trip the actuator of a rig in a session of its own, and return the acknowledgement.
+    """Trip the actuator of a rig in a separate session, and return the acknowledgement.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def trip_at(config: "SessionConfig", rig: str, trip: "Trip", name: str = "estop"
 def trip_each(
     rigs: Iterable[str], trip: Callable[[str], object], limit_s: float = TRIP_S
 ) -> dict[str, str]:
-    """Trip several actuators at once, each by a call of its own.
+    """Trip several actuators at once, each by a separate call.
 
     Returns why each rig that has not confirmed within ``limit_s`` has not.
     """

@@ -75,7 +75,7 @@ class ZenohBus:
         self._joined = open_session(config, self._name)
         self._session = self._joined.session
         self._publishers: dict[tuple[type[Message], str], _Publisher] = {}
-        """Publishers by type of message, and by service if each service has a key of its own."""
+        """Publishers by type of message, and by service if each service has a separate key."""
         self._declaring = threading.RLock()
         self._ways: list[Way] = []
         self._declared: list[Any] = []

@@ -62,7 +62,7 @@ def chosen(given: Path | None) -> Path:
     Raises
     ------
     CliError
-        Where none of them names a file.
+        If none of them names a file.
     """
     if given is not None:
         return given

@@ -119,7 +119,7 @@ def _lines(driver: Driver) -> Iterator[str]:
 
 
 def show_topics(form: Json, name: str) -> None:
-    """Print the keys on which a rig publishes and replies, one a line."""
+    """Print the keys on which a rig publishes and replies, one per line."""
     topics = topics_tree(name)
     form.answer(topics, lambda: _print_topics(topics, screen()))
 

@@ -103,7 +103,7 @@ def value_text(operation: "Operation") -> str:
 
 
 def listing() -> str:
-    """Return the table of all operations, one a line."""
+    """Return the table of all operations, one per line."""
     table = operation_rows()
     widths = [max(len(row[column]) for row in table) for column in range(2)]
     lines = [

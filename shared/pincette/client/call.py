@@ -23,7 +23,7 @@ from pincette.core.validation_wording import refusal
 
 BASE = "/api/v1"
 PATIENCE_S = 120.0
-"""Default time, in s, for which a repeatable call is repeated while nobody replies.
+"""Default time, in s, for which a repeatable call is repeated while no program replies.
 
 It is longer than the restart of a supervisor. Repeatable calls are those that only read, plans, a
 ``start``, which has an Idempotency-Key, and everything that stops.

@@ -54,7 +54,7 @@ class Rig(Table):
         default=(), strict=False
     )
     """Programs that run several services of the loop in one process: ``"loop"`` all of them,
-    ``"estimator+controller"`` those two. A service that is in none of them is a program of its own.
+    ``"estimator+controller"`` those two. A service that is in none of them is a separate program.
     """
 
 

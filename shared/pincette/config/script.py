@@ -109,7 +109,7 @@ OPERATIONS: dict[str, tuple[Operation, ...]] = {
 OF_SECOND = frozenset({"second_sensor", "second_output"})
 """Targets that only a rig with two driven arms has."""
 OPTIONAL = frozenset({("part", "place")})
-"""Operations whose value may be left out; leaving it out has a meaning of its own."""
+"""Operations whose value may be left out; leaving it out has a separate meaning."""
 
 
 def operation_of(target: str, what: str) -> Operation | None:

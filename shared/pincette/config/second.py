@@ -27,7 +27,7 @@ class Second(Table):
     sensor: Sensor
     """Sensor of this arm; its ``direction`` makes x_2 grow towards the part."""
     output: Output
-    """Output of this arm: a module on a line of its own, or, with the url of ``[output]``, another
+    """Output of this arm: a module on a separate line, or, with the url of ``[output]``, another
     channel or another module on the same line. In the latter case driver, ``timeout_s`` and
     ``record`` must be the same."""
     model: Model = Model()

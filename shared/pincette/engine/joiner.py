@@ -37,7 +37,7 @@ which that came, or the time of the tick."""
 
 
 class Joiner:
-    """The samples of one service that wait for a step; has no clock of its own."""
+    """The samples of one service that wait for a step; has no clock."""
 
     def __init__(
         self, service: AnyService, period_s: float, *, lockstep: bool, recorded: bool = False

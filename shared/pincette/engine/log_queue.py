@@ -22,7 +22,7 @@ DROPPED = "%d log lines were dropped: standard error could not be written"
 
 
 class LogQueue(QueueHandler):
-    """Handler that queues log records for a thread of its own, which writes them."""
+    """Handler that queues log records for a separate thread, which writes them."""
 
     def __init__(
         self, formatter: logging.Formatter, descriptor: int = 2, capacity: int = CAPACITY

@@ -6,7 +6,7 @@ longer than most steps. This is the pattern of leader and followers: D. C. Schmi
 Rohnert and F. Buschmann, Pattern-Oriented Software Architecture, volume 2, Wiley 2000.
 
 The service nearest to the output steps first: the actuator notes a sample at its arrival, before
-anything is computed with it, and a command is put out before the next sample is read. So a tick
+anything is computed with it, and a command is output before the next sample is read. So a tick
 passes through the services in its own order.
 """
 

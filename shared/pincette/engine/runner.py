@@ -1,7 +1,7 @@
 """A service at work: its state, its inputs, its instrument, its timer and its statistics.
 
 A runner has no thread, no bus and no clock: its caller passes it messages and the time. So the same
-runner works in a program of its own over Zenoh, beside others in one process, in a replay, and in
+runner works in a separate program over Zenoh, beside others in one process, in a replay, and in
 the virtual time of the tests.
 """
 

@@ -29,7 +29,7 @@ class FailedThreads:
 
 
 class RepeatedAction:
-    """An action that a thread of its own repeats until closed, also after it has failed.
+    """An action that a separate thread repeats until closed, also after it has failed.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Timing statistics of one service, counted as it runs; it has no clock of its own.
+"""Timing statistics of one service, counted as it runs; it has no clock.
 
 Until the outputs of a step are published only times are noted; they are counted after that.
 """

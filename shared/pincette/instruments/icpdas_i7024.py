@@ -86,7 +86,7 @@ class I7024:
         Raises
         ------
         InstrumentError
-            Where the voltage is not a number within ±10 V, before anything is sent; where the
+            If the voltage is not a number within ±10 V, before anything is sent; if the
             module refuses it, has tripped, or does not answer.
         """
         if not isfinite(voltage_V) or abs(voltage_V) > LIMIT_V:
@@ -106,7 +106,7 @@ class I7024:
         Raises
         ------
         InstrumentError
-            Where the module does not answer, or not with a voltage.
+            If the module does not answer, or not with a voltage.
         """
         return self._module.read_V()
 
@@ -139,7 +139,7 @@ def timing(settings: Output) -> Timing:
     Raises
     ------
     ConfigError
-        Where an option is unknown or impossible.
+        If an option is unknown or impossible.
     """
     options = read_options(I7024Options, "icpdas_i7024", settings.options)
     count = DconModule.write_bytes(checksum=options.checksum)
@@ -160,9 +160,9 @@ def open_output(settings: Output, link: Link | None = None) -> I7024:
     Raises
     ------
     ConfigError
-        Where an option is unknown or impossible.
+        If an option is unknown or impossible.
     InstrumentError
-        Where the port cannot be opened or the module does not answer as it should.
+        If the port cannot be opened or the module does not answer as it should.
     """
     options = read_options(I7024Options, "icpdas_i7024", settings.options)
 

@@ -93,8 +93,8 @@ class KeyenceLKG:
         Raises
         ------
         InstrumentError
-            Where the reading is over range or invalid, the instrument reports an error, or its
-            display is set otherwise than the rig file says.
+            If the reading is over range or invalid, the instrument reports an error, or its
+            display is not set as in the rig file.
         """
         value = self._value()
         if match := VALUE.fullmatch(value):
@@ -117,7 +117,7 @@ class KeyenceLKG:
         Raises
         ------
         InstrumentError
-            Where the display is set otherwise than the rig file says, or nothing answers.
+            If the display is not set as in the rig file, or nothing answers.
         """
         value = self._value()
         if match := VALUE.fullmatch(value):
@@ -188,7 +188,7 @@ def timing(settings: Sensor) -> Timing:
     Raises
     ------
     ConfigError
-        Where an option is unknown or impossible.
+        If an option is unknown or impossible.
     """
     options = read_options(KeyenceOptions, "keyence_lkg", settings.options)
     count = len(_request(options)) + len(LONGEST_REPLY) + 2
@@ -205,9 +205,9 @@ def open_sensor(settings: Sensor, link: Link | None = None) -> KeyenceLKG:
     Raises
     ------
     ConfigError
-        Where an option is unknown or impossible.
+        If an option is unknown or impossible.
     InstrumentError
-        Where the port cannot be opened or the instrument does not answer as it should.
+        If the port cannot be opened or the instrument does not answer as it should.
     """
     options = read_options(KeyenceOptions, "keyence_lkg", settings.options)
     if link is None:

@@ -125,7 +125,7 @@ def open_link(
     Raises
     ------
     InstrumentError
-        Where the port cannot be opened; the text names the url, the cause and what to do.
+        If the port cannot be opened; the text names the url, the cause and what to do.
     """
 
     def opened(prepare: Callable[[Link], None], matching: Callable[[], Matching]) -> Link:
@@ -324,11 +324,11 @@ class _SocketPort:
     Raises
     ------
     InstrumentError
-        Where another program of this host has the instrument.
+        If another program of this host has the instrument.
     ValueError
-        Where the url names no host and port.
+        If the url names no host and port.
     OSError
-        Where nobody listens there, or not within ``timeout_s``.
+        If no program listens there, or not within ``timeout_s``.
     """
 
     def __init__(self, url: str, where: _Address, timeout_s: float, write_timeout_s: float) -> None:

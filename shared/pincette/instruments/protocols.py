@@ -96,7 +96,7 @@ class VoltageOutput(Protocol):
         Raises
         ------
         InstrumentError
-            Where the instrument refused it or did not answer.
+            If the instrument refused it or did not answer.
         """
         ...
 

@@ -109,8 +109,8 @@ class DC205:
         Raises
         ------
         InstrumentError
-            Where the voltage is not a number within the range, before anything is sent; where the
-            source refuses it or does not answer; where somebody has switched the output off, which
+            If the voltage is not a number within the range, before anything is sent; if the
+            source refuses it or does not answer; if someone has switched the output off, which
             only opening it again undoes.
         """
         if not isfinite(voltage_V) or abs(voltage_V) > self._range_V:
@@ -137,7 +137,7 @@ class DC205:
         Raises
         ------
         InstrumentError
-            Where the source is overloaded, does not answer, or not with a voltage.
+            If the source is overloaded, does not answer, or not with a voltage.
         """
         voltage, switch, load = self._ask(b"VOLT?;SOUT?;OVLD?", 3)
         voltage_V = _voltage_V(voltage)
@@ -234,7 +234,7 @@ def timing(settings: Output) -> Timing:
     Raises
     ------
     ConfigError
-        Where an option is unknown or impossible.
+        If an option is unknown or impossible.
     """
     options = read_options(DC205Options, "srs_dc205", settings.options)
     request = SETTING % -float(options.range_V) + b";SOUT?;LEXE?;LCME?"
@@ -251,9 +251,9 @@ def open_output(settings: Output, link: Link | None = None) -> DC205:
     Raises
     ------
     ConfigError
-        Where an option is unknown or impossible.
+        If an option is unknown or impossible.
     InstrumentError
-        Where the port cannot be opened, the source does not answer as it should, or its output is
+        If the port cannot be opened, the source does not answer as it should, or its output is
         on in another range.
     """
     options = read_options(DC205Options, "srs_dc205", settings.options)

@@ -18,7 +18,7 @@ def rows(content: bytes, names: Sequence[str], file: str) -> list[dict[str, floa
     Raises
     ------
     FileError
-        Where the content cannot be read; the text begins with what the file is called.
+        If the content cannot be read; the text begins with the name of the file.
     """
     if content.startswith(parquet.MAGIC):
         return parquet_rows(BytesIO(content), names, file)

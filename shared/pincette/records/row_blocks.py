@@ -56,7 +56,7 @@ class RowBlocks:
         self._tripped: bool = False
         self._first_truth: int | None = None
         self._places = self._placed_seq = 0
-        """Number of truths that belong to ticks before ``_placed_seq``."""
+        """Number of true values that belong to ticks before ``_placed_seq``."""
         self._missing: Counter[str] = Counter()
         self._applied: set[int] = set()
         """Numbers of the applied voltages in the newest block that was returned; missing ones in it
@@ -160,7 +160,7 @@ class RowBlocks:
         return (self._first_truth or 0) + self._places
 
     def _truths_of(self, seqs: list[int], applied: Mapping[int, Message]) -> dict[int, Message]:
-        """Return the truths of some rows; see ``number_truths``."""
+        """Return the true values of some rows; see ``number_truths``."""
         if self._first_truth is None:
             self._first_truth = min(self._truths, default=None)
         found: dict[int, Message] = {}

@@ -35,7 +35,7 @@ class WiredRig(Protocol):
         ...
 
     def put_out_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:
-        """Begin to put out one voltage each 1/rate."""
+        """Begin to output one voltage every 1/rate s."""
         ...
 
     def extend_wave(self, voltages_V: Sequence[float]) -> None:

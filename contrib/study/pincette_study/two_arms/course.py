@@ -24,7 +24,7 @@ def prepare(bench: PairBench) -> None:
     Raises
     ------
     StudyError
-        Where the loop may not move.
+        If the loop may not move.
     """
     found = assess_two_arms(bench.loop)
     if found.reason:

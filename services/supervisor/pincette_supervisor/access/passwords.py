@@ -1,6 +1,6 @@
 """Passwords of people, stored as scrypt hashes (RFC 7914), and limits of attempts.
 
-Hashes are computed in a thread of their own. Each address has one place in its queue at a time, so
+Hashes are computed in a separate thread. Each address has one place in its queue at a time, so
 that a flood of tries from one address delays those from another by one try at most.
 """
 

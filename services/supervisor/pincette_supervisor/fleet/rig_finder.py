@@ -84,7 +84,7 @@ class RigFinder:
         self._closing = False
 
     def start(self, everywhere: Everywhere) -> None:
-        """Serve the rigs that are alive, and from then on those that appear."""
+        """Serve the rigs that are alive, and after that those that appear."""
         for rig, program in everywhere.alive_everywhere():
             self.on_liveliness(rig, program, True)
         everywhere.watch_everywhere(self.on_liveliness)

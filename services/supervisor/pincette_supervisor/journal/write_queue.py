@@ -16,7 +16,7 @@ from pincette_supervisor.journal.store import StoreError
 
 log = logging.getLogger(__name__)
 CAPACITY = 5000
-"""Largest number of waiting writes; beyond it, the oldest is dropped, and the log says so."""
+"""Largest number of waiting writes; beyond it, the oldest is dropped, and the log reports it."""
 WAIT_S = 0.25
 """Longest time for which a caller waits for its write, in s."""
 IDLE_S = 5.0

@@ -5,7 +5,7 @@
     arm       one mode, ω_n and ζ, against K_e from x_e on (``sim.plant.plain_arm``)
 
 The part between two arms is where it is expected, held by the ground until both arms have touched
-it, and is carried by them from then on (``sim.plant.pair``).
+it, and is carried by them after that (``sim.plant.pair``).
 
 It uses nothing that only a simulated rig knows of itself, since a real rig cannot know it.
 """

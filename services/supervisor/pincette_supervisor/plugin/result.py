@@ -41,7 +41,7 @@ LIMITS = {
 }
 """Bits of ``limits_active`` that the actuator sets."""
 ACTIONS = get_args(ActionType)
-"""Values of ``acted`` that are actions; ``lease`` precedes a stop that nobody requested."""
+"""Values of ``acted`` that are actions; ``lease`` precedes a stop that no one requested."""
 
 
 def common(run: Run) -> dict[str, Any]:

@@ -88,7 +88,7 @@ def report(
     state
         Whether the record is complete, and why not.
     timing
-        How punctual the programs were; None where nobody counted.
+        How punctual the programs were; None if not counted.
     """
     outcome = str(result.get("outcome", "")).replace("_", " ")
     title = f"{kind.name}: {outcome}"

@@ -1,7 +1,7 @@
 """State of the actuator and the part, with their certainty by the age of the last message.
 
 A state received within ``Health.sensor_limit_s`` is known. An older one is believed, until the
-output may have released the part by its own watchdog; from then on nothing is known of a held part.
+output may have released the part by its own watchdog; after that nothing is known of a held part.
 A frozen or an idle actuator writes nothing, so nothing confirms the part that it holds: it is
 believed. In lockstep, time is not that of the wall clock: only the actuator's token counts.
 """

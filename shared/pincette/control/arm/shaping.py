@@ -14,13 +14,13 @@ from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.record import FrozenRecord
 
 REACHED = (0.25, 0.75, 1.0)
-"""Share of the step that is put out after each part."""
+"""Share of the step that is output after each part."""
 LAST = len(REACHED) - 1
 """Number of intervals from the first part to the last one."""
 
 
 class ShapedStep(FrozenRecord, frozen=True):
-    """A step of the voltage that is put out in parts."""
+    """A step of the voltage that is output in parts."""
 
     from_V: float
     to_V: float
@@ -44,7 +44,7 @@ class ShapedStep(FrozenRecord, frozen=True):
         return (*(min(max(voltage_V, low_V), high_V) for voltage_V in reached), self.to_V)
 
     def reached_V(self, now_s: float, interval_s: float, step_V: float = 0.0) -> float:
-        """Return the voltage that is put out at a time."""
+        """Return the voltage that is output at a time."""
         newest = floor((now_s - self.began_s) / interval_s) if now_s > self.began_s else 0
         return self.parts_V(step_V)[min(newest, LAST)]
 

@@ -1,6 +1,6 @@
 """Time at which a voltage acts, and the mode of the arm, from bursts at the loop's period.
 
-The voltage of tick k is put out δ after the sample, and reaches the arm behind a first-order lag τ
+The voltage of tick k is output δ after the sample, and reaches the arm behind a first-order lag τ
 
     y' = (u - y)/τ,    x'' + 2ζω_n·x' + ω_n²·x = ω_n²·g·y                                     (54)
 

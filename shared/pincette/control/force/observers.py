@@ -125,7 +125,7 @@ class QuasiStatic(FrozenRecord, frozen=True):
 
     with the signs of F > 0 compressive. Matched ages pair x_k with x_1 of u_{k-1}, which it
     answers to. As printed, x, x_1 and u are those of one instant t, and x_1(t) is excited by the
-    voltage that is put out at t only after x(t) was measured: then x is held back by a sample,
+    voltage that is output at t only after x(t) was measured: then x is held back by a sample,
     since x_1 of u_k is known at k+1, and a moving free arm reads d_p/s_p·[u(t) - u(t - T)]. The
     printed term has the sign that doubles it. It would cancel the reading of an x_1 that is one
     sample older than x.

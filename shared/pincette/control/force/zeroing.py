@@ -100,7 +100,7 @@ def zero_refusal(
         Touch of the arm since the last zero.
     zeroed
         True if there was a zero since the arming; without one the offset that is judged is that
-        of where the arm was found, and has a code of its own.
+        of where the arm was found, and has a separate code.
     kept
         True if the zero in use is of an earlier arming. An arm ahead of it is then no reason to
         refuse: no part in front pulls it there, so a part pressed it at that zero and is gone.

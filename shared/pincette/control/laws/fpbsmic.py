@@ -4,7 +4,7 @@ At a short period the one-sample-late p̂_k = p_{k-1} of PBSMIC takes up all of 
 backward differences of x are noise. Here the perturbation passes a filter of n equal poles, the
 prediction is quasi-static, and the planned motion goes through the model ahead of time. With the
 displacement H of the free response, S = 1 + κ_e and κ_e = s_p·K_e of the contact in the plan (0 if
-free), φ = max(0, δ - 1/2), and δT from a sample until its voltage is put out:
+free), φ = max(0, δ - 1/2), and δT from a sample until its voltage is output:
 
     x̄_1,k  = (1-φ)·H_k + φ·H_{k-1}              of the age of x_k: delay and half a hold        F2
     l(t)   = 2ζ/ω_n·ẋ_r + ẍ_r/ω_n²              by which x_1 leads x, from the plan

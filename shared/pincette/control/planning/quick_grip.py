@@ -146,7 +146,7 @@ def quick_speeds(
 
 
 def _way_um(touch: SafeTouch, K_e: float, speed: float) -> float:
-    """Return the way from the detected touch to the planned force; at least a tenth of F/K_e."""
+    """Return the distance from the touch to the planned force; at least a tenth of F/K_e."""
     begun_mN = force_at_touch_mN(
         touch.contact_force_mN, K_e, touch.compliance_um_per_mN, speed, touch.period_s
     )

@@ -1,6 +1,6 @@
 """A swept sine about a resting voltage, for a buffered output: its parameters.
 
-``swept_voltages`` computes its voltages; it is a module of its own so that a program that only
+``swept_voltages`` computes its voltages; it is a separate module so that a program that only
 passes a sweep on does not load NumPy.
 """
 

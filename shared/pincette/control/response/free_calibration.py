@@ -138,7 +138,7 @@ def calibrate_free_response(
     Raises
     ------
     ValueError
-        As ``identify_free_response``, ``secant_gain`` and ``creep_after_step``; where the motion
+        As ``identify_free_response``, ``secant_gain`` and ``creep_after_step``; if the motion
         breaks at one position as if a part were in the way and ``no_part`` is false, or the
         residual of the model exceeds noise and ``LARGEST_RESIDUAL``.
     """

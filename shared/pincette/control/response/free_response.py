@@ -142,7 +142,7 @@ class LinearResponse(FrozenRecord, frozen=True):
         return 0.0
 
     def error_um(self) -> float:
-        """Return a share of gain·max|u - u_zero|: the way back has a branch of its own."""
+        """Return a share of gain·max|u - u_zero|: the way back has a separate branch."""
         return self.hysteresis_fraction * self.gain_um_per_V * self.reach_V
 
     def sample(self, x_um: float) -> FreeSample:

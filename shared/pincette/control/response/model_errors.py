@@ -26,7 +26,7 @@ PASSING = 3
 """Number of samples before and after a place over which the position there is averaged in passing.
 """
 SCALES_V = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
-"""Ways V_s to try, in V; each is twice the one before."""
+"""Voltage changes V_s to try, in V; each is twice the one before."""
 SCALES_ALIKE = 1.05
 """Ratio of sums of squares up to which two ways V_s fit equally well."""
 

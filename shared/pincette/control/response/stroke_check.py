@@ -27,9 +27,9 @@ SIGMAS = 3.0
 SETTLE_SAMPLES = 3
 """Number of first samples at the bottom that are left out, since the arm still moves."""
 LEAST_WAY_UM = 2.0
-"""Shortest way from the bottom that is compared, in µm."""
+"""Shortest distance from the bottom that is compared, in µm."""
 LEAST_RISE_UM = 10.0
-"""Shortest way from the rest after the strokes that is compared, in µm."""
+"""Shortest distance from the rest after the strokes that is compared, in µm."""
 LARGEST_CHANGE = 0.05
 """Largest relative change of the stroke with which a force is zeroed."""
 

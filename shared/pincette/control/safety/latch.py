@@ -137,7 +137,7 @@ def standing_V(limits: SafetyLimits, state: SafetyState, now: float) -> float:
 
 
 def broken_off(limits: SafetyLimits, state: S, now: float) -> S:
-    """End a step that is written in parts at the part that has been put out."""
+    """End a step that is written in parts at the part that has been output."""
     if state.shaped is None:
         return state
     voltage_V, (first, *others) = standing_V(limits, state, now), state.arms

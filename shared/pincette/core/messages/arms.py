@@ -44,7 +44,7 @@ class ArmEstimate(FrozenRecord, frozen=True):
     """Largest change of the stroke that noise and repetition explain, as a share."""
     zero_unconfirmed: bool = False
     """True if the zero may hide the force of a part that already pressed when it was taken: the
-    estimator knows no zero from before its start, nobody has confirmed that the arm was free, and
+    estimator knows no zero from before its start, no one has confirmed that the arm was free, and
     no part has been found at its planned place since."""
 
 

@@ -1,4 +1,4 @@
-"""Published messages: samples of the loop, each with its number, and messages beside them."""
+"""Published messages: samples of the loop, each with its number, and other messages."""
 
 from pincette.control.planning.sweep import Sweep
 from pincette.control.quantities import (
@@ -183,7 +183,7 @@ class Telemetry(FrozenRecord, frozen=True):
     paused: bool = False
     """From this sample on the references rest, and the segment's time does not advance."""
     touch_x_um: Micrometre | None = None
-    """Position at which the arm met something on its way through free space; None: nothing."""
+    """Position where the arm met something during its motion in free space; None: nothing."""
     touch_mN: Millinewton | None = None
     """Force of that touch when the arm turned back."""
     correction_um: Micrometre = 0.0

@@ -2,7 +2,7 @@
 
 CLOCK_BOOTTIME advances while the machine sleeps; CLOCK_MONOTONIC stops, and with it every age. In a
 paused virtual machine both stop. If its clock is corrected afterwards, it jumps, which the actuator
-sees as a standstill of its own and excludes only in part.
+sees as its own standstill and excludes only in part.
 """
 
 from collections.abc import Callable

@@ -69,7 +69,7 @@ class DconModule:
         Raises
         ------
         InstrumentError
-            Where nothing at the address has a name, or the module is set to another output range,
+            If nothing at the address has a name, or the module is set to another output range,
             a slew rate, or another data format than the driver writes.
         """
         self.ordered(b"$", b"M", "name", NAME)

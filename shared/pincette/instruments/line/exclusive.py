@@ -37,7 +37,7 @@ def uucp_lock(url: str) -> Generator[None]:
     Raises
     ------
     InstrumentError
-        Where another live program holds a file.
+        If another live program holds a file.
     """
     files = {_lock_file(url), _lock_file(str(Path(url).resolve()))}
     with ExitStack() as made:
@@ -113,9 +113,9 @@ def lock_address(url: str, host: str, port: int) -> ExitStack:
     Raises
     ------
     InstrumentError
-        Where another program of this host has the instrument.
+        If another program of this host has the instrument.
     OSError
-        Where the host name cannot be resolved.
+        If the host name cannot be resolved.
     """
     found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
     with ExitStack() as locks:

@@ -33,7 +33,7 @@ class MemoryLink:
         Raises
         ------
         InstrumentError
-            Where it is silent, or the link has been closed.
+            If it is silent, or the link has been closed.
         """
         reply = self._said(request)
         if reply is not None:

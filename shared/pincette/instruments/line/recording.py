@@ -49,7 +49,7 @@ class Recorder:
     Raises
     ------
     InstrumentError
-        Where the file cannot be written, or is there and is no recording.
+        If the file cannot be written, or exists and is not a recording.
     """
 
     def __init__(self, path: Path, url: str, terminator: bytes, clock: Callable[[], float]) -> None:
@@ -153,7 +153,7 @@ def read_recording(path: Path) -> list[Entry]:
     Raises
     ------
     InstrumentError
-        Where there is none, or a line of it is not as it should be.
+        If there is none, or a line of it is invalid.
     """
     try:
         if not _is_recording(path):

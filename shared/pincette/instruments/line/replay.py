@@ -18,7 +18,7 @@ class ReplayLink:
     Raises
     ------
     InstrumentError
-        Where there is no recording.
+        If there is no recording.
     """
 
     def __init__(self, url: str, on_open: Callable[[Link], None]) -> None:

@@ -167,7 +167,7 @@ class Line:
         Raises
         ------
         InstrumentError
-            Where the line is closed or hung up, or no answer came in time.
+            If the line is closed or hung up, or no answer came in time.
         """
         reply = self._noted(request, answered=True)
         _log.debug("%s: %s -> %s", self.url, _Escaped(request), _Escaped(reply))
@@ -179,7 +179,7 @@ class Line:
         Raises
         ------
         InstrumentError
-            Where the line is closed or hung up, or does not drain.
+            If the line is closed or hung up, or does not drain.
         """
         self._noted(line, answered=False)
         _log.debug("%s: %s", self.url, _Escaped(line))

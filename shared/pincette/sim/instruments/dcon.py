@@ -108,7 +108,7 @@ class SimulatedI7024:
         return reply + _sum(reply) if self.checksum else reply
 
     def _set(self, rest: bytes) -> bytes | None:
-        """Execute #AAN(data): put out a voltage."""
+        """Execute #AAN(data): output a voltage."""
         number, data = self._number(rest[:1]), rest[1:]
         if number is None or DATA.fullmatch(data) is None:
             return None

@@ -45,7 +45,7 @@ class Arms:
 
     @property
     def passive_moves(self) -> bool:
-        """Return whether the passive arm has a motion of its own."""
+        """Return whether the passive arm has its own motion."""
         return self.passive_mass > 0.0
 
 

@@ -1,4 +1,4 @@
-"""Arms with modes of their own, and a part between them that they touch and leave; pure.
+"""Arms with separate modes, and a part between them that they touch and leave; pure.
 
 Apart and joined the arms move by their own exact modes. The part is rigid and lies against the
 passive arm; its first touch is at x - y = x_b. Touching (x - y reaches the part) and leaving (F
@@ -12,7 +12,7 @@ change is found by the secant method.
             fed from the input alone, it cannot feed an oscillation
 
 A lifted part is lost if the force falls below the carrying force, and any part breaks above its
-limit; from then on there is nothing to touch.
+limit; after that there is nothing to touch.
 """
 
 from collections.abc import Sequence

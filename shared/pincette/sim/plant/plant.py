@@ -5,7 +5,7 @@ From the voltage to the tip, in µm, mN, V and s:
     voltage     ``drive``: output, amplifier, hysteresis and creep, up to where the arm would rest
     arms        ``plain_arm``: one mode against a spring, or
                 ``joined_arms``: two modes, a passive arm that moves, and a part that is pressed in,
-                sticks, falls and breaks; wherever one of these is asked for
+                sticks, falls and breaks; wherever one of these is requested
 
 Every part is advanced by its exact solution for an input that is constant over a substep.
 Not modelled: modes above the second, the part's own mass (1 % of an arm's), attraction before

@@ -68,7 +68,7 @@ def loop_of_relays(
     Raises
     ------
     ValueError
-        Where the loop would be wider with no line at all, or the thresholds are none.
+        If the loop would be wider with no line at all, or the thresholds are none.
     """
     alone = Relays(line_um_per_V, full_drive_V, coercive_V, spread_V, centre_V)
     widest = _width_V(alone) / (2.0 * full_drive_V)

@@ -66,7 +66,7 @@ class PairOrders(Orders):
         Raises
         ------
         ValueError
-            Where the arms are too close for it.
+            If the arms are too close for it.
         """
         with self._present() as timeline:
             state, gap_um = timeline.state, timeline.parameters.gap_um

@@ -107,7 +107,7 @@ class SimulatedRig(Orders):
                 pass
 
     def put_out_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:
-        """Begin to put out one voltage each 1/rate, or raise ValueError; in lockstep, end the tick.
+        """Output one voltage every 1/rate s, or raise ValueError; in lockstep, end the tick.
 
         During a capture the waveform counts from its next sample, as if both shared one clock. The
         plant then has one step between samples instead of two, which makes the simulation nine

@@ -12,7 +12,7 @@ class PutOutWave(Protocol):
     """Puts out successive voltages."""
 
     def __call__(self, voltages_V: Sequence[float], rate_hz: float) -> None:
-        """Begin to put out one voltage each 1/rate."""
+        """Begin to output one voltage every 1/rate s."""
         ...
 
 
@@ -60,7 +60,7 @@ class Wave:
     voltages_V: list[float]
 
     def at_V(self, time_ns: int) -> float:
-        """Return the voltage put out from ``time_ns`` on."""
+        """Return the voltage output from ``time_ns`` on."""
         return self.voltages_V[max(0, min(self.grid.index_at(time_ns), len(self.voltages_V) - 1))]
 
     def over(self, time_ns: int) -> bool:
