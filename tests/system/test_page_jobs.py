@@ -268,12 +268,15 @@ def test_a_series_of_the_request_in_the_form_is_planned_started_and_reported(
     seen.page.fill("#series-csv", "sample,force_mN\nB1,x\n")
     seen.page.click("#series-dry-run")
     seen.until("#series-said", "force_mN = 'x' mN")
+    assert all("422" in error for error in seen.errors)
+    seen.errors.clear()
     seen.page.fill("#series-csv", "sample,force_mN\nB1,8\nB2,9\n")
     seen.page.fill("#series-failures", "")
     seen.page.click("#series-dry-run")
     seen.until("#series-planned", "2 jobs can be done", LONG_S)
     seen.page.click("#series-start")
     seen.until("#series-progress", "2 of 2 jobs ended", LONG_S)
+    seen.until("#series", "completed", LONG_S)
     (series,) = rig.get("/series", limit=1)["series"]
     assert series["state"] == "completed"
     assert seen.page.locator("#series a").count() == 3
