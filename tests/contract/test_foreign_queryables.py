@@ -185,7 +185,7 @@ class TestBesideAForeignQueryable:
             assert monotonic() - begun_s < ANSWER_S
 
 
-def test_a_program_without_a_message_replies_at_once_beside_a_silent_tool(plain: Site) -> None:
+def test_a_program_without_a_message_replies_at_once_despite_a_silent_tool(plain: Site) -> None:
     fresh = ZenohBus(program_endpoint(plain.rig, "recorder", lockstep=False), "fresh", "actuator")
     with beside(plain, "silent", "client"):
         fresh.declare(APPLIED)

@@ -192,7 +192,7 @@ def test_a_supervisor_does_not_wait_for_a_router_that_reads_nothing() -> None:
         stalled.clear()
 
 
-def test_a_router_continues_beside_a_tool_that_reads_nothing() -> None:
+def test_a_router_continues_despite_a_tool_that_reads_nothing() -> None:
     """Both tools are foreign, and the sender asks that its messages block."""
     door = Door(None)
     with ExitStack() as stack:

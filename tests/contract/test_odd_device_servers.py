@@ -104,7 +104,7 @@ def test_doctor_reports_that_a_tls_port_must_be_raw(laser: Wire, tmp_path: Path)
         ("telnet,tcp", "tty", "telnet port"),
     ],
 )
-def test_doctor_does_not_suspect_the_cable_where_the_server_states_the_cause(
+def test_doctor_does_not_suspect_the_cable_if_the_server_states_the_cause(
     accepter: str, device: str, cause: str, laser: Wire, tmp_path: Path
 ) -> None:
     assert laser.url == str(tmp_path / "tty")

@@ -178,7 +178,7 @@ def test_the_answers_to_many_requests_are_documented(
 
 
 @pytest.mark.parametrize(("method", "path"), OPERATIONS)
-def test_every_answer_is_documented_where_keys_are_required(
+def test_every_answer_is_documented_if_keys_are_required(
     guarded: tuple[Any, ScopeKeys], method: str, path: str
 ) -> None:
     """Whoever asks: without a key, with one that opens nothing, and with one of each scope."""

@@ -119,7 +119,7 @@ def test_a_result_states_how_accurate_the_model_of_the_law_was(
     assert 0.0 < result.sliding_in_band < 1.0
 
 
-def test_the_error_of_the_perturbation_is_the_noise_of_the_sensor_where_nothing_moves() -> None:
+def test_the_error_of_the_perturbation_at_rest_is_the_noise_of_the_sensor() -> None:
     """By (6) and (8): p̃ is k·(x_{k-1} - x_k), since a voltage at rest and the mass count little."""
     held = ended({"kind": "grip", "profile": "gentle"})
     table = held.run.table
@@ -155,7 +155,7 @@ def test_tuned_gains_of_both_laws_meet_their_specification(kind: str) -> None:
             assert position.rmse_percent < 3.0 * found.chosen.position_percent
 
 
-def test_gains_of_the_job_act() -> None:
+def test_the_gains_of_a_job_take_effect() -> None:
     errors: list[float] = []
     for gain in (0.5, 5.0):
         gains = {"K_P": gain, "K_f": 0.0}

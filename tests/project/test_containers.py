@@ -68,7 +68,7 @@ def test_every_container_has_limits_and_no_privileges(every: dict[str, Tree]) ->
         assert not service.get("privileged"), name
 
 
-def test_health_checks_exist_where_the_rig_file_has_the_programs(
+def test_health_checks_exist_for_the_programs_of_the_rig_file(
     root: Path, services: dict[str, Tree]
 ) -> None:
     rig = read_rig(root / "deploy/rigs/demo.toml")

@@ -65,7 +65,7 @@ def beside(rig: RunningRig, kinds: tuple[str, ...], mode: str) -> Generator[None
 
 
 @pytest.mark.parametrize("mode", ["client", "peer", "router"])
-def test_stop_reset_and_a_whole_job_succeed_beside_foreign_stores(
+def test_stop_reset_and_a_whole_job_succeed_despite_foreign_stores(
     rig: RunningRig, mode: str
 ) -> None:
     make_ready(rig)
@@ -81,7 +81,7 @@ def test_stop_reset_and_a_whole_job_succeed_beside_foreign_stores(
         assert not rig.view()["latch"]["cause"]
 
 
-def test_a_hold_has_its_duration_beside_foreign_stores(rig: RunningRig) -> None:
+def test_a_hold_has_its_duration_despite_foreign_stores(rig: RunningRig) -> None:
     make_ready(rig)
     with beside(rig, KINDS, "peer"):
         job = rig.ended(rig.start_grip(hold_s=HELD_S))
@@ -121,7 +121,7 @@ class TestTokensOfOtherRigs:
             assert found.returncode == 0, found.stdout + found.stderr
             assert json.loads(found.stdout)["unconfirmed"] == []
 
-    def test_the_served_rig_is_stopped_beside_a_hanging_one(self, rig: RunningRig) -> None:
+    def test_the_served_rig_is_stopped_despite_a_hanging_one(self, rig: RunningRig) -> None:
         make_ready(rig)
         with self.present(rig, ("hung-a", "hung-b")):
             for path, missed in (("/estop", ["hung-a", "hung-b"]), ("/rigs/demo/estop", None)):

@@ -352,7 +352,7 @@ def test_long_plots_are_drawn_from_the_records(browser: Browser, desk: Harness) 
     context.close()
 
 
-def test_a_camera_is_shown_beside_the_charts(browser: Browser, tmp_path: Path) -> None:
+def test_a_camera_picture_is_shown_next_to_the_charts(browser: Browser, tmp_path: Path) -> None:
     context = browser.new_context()
     with camera() as (stream, asked):
         desk = Harness(demo_rig({"supervisor": {"camera": stream}}, time="lockstep"), tmp_path)

@@ -212,7 +212,9 @@ def test_the_arm_can_be_jogged_and_a_pose_taught(rig: RunningRig, seen: Visit) -
     )
 
 
-def test_a_path_of_steps_is_requested_as_in_the_fields(rig: RunningRig, seen: Visit) -> None:
+def test_a_path_of_steps_is_requested_with_the_values_of_the_fields(
+    rig: RunningRig, seen: Visit
+) -> None:
     choose(seen, "track")
     assert seen.page.locator("#field-frequency_hz").is_visible()
     seen.page.select_option("#field-shape", "step")
@@ -245,7 +247,7 @@ def test_every_kind_is_predicted_before_it_starts(rig: RunningRig, seen: Visit, 
     assert ids(rig) == before
 
 
-def test_a_move_beyond_the_limits_names_them_where_they_are_broken(
+def test_a_move_beyond_the_limits_names_them_with_their_phases(
     rig: RunningRig, seen: Visit
 ) -> None:
     before = ids(rig)

@@ -98,7 +98,7 @@ def test_a_job_of_yesterday_is_found_by_its_sample(
     context.close()
 
 
-def test_a_sample_is_entered_where_a_job_is_started(browser: Browser, desk: Harness) -> None:
+def test_a_sample_is_entered_in_the_form_that_starts_a_job(browser: Browser, desk: Harness) -> None:
     context = browser.new_context()
     with served(desk.app) as address:
         seen = visit(context, address)

@@ -104,7 +104,7 @@ def test_every_block_of_the_readme_works_as_described(folder: Path) -> None:
 
 
 @pytest.mark.usefixtures("made_up")
-def test_another_tool_subscribes(folder: Path) -> None:
+def test_another_tool_can_subscribe(folder: Path) -> None:
     log = folder / "subscribe.log"
     with (
         until_interrupted(f".venv/bin/{LISTENING[0]}".split(), folder, log) as process,

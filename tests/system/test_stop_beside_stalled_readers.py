@@ -67,7 +67,7 @@ def test_a_stop_acts_while_a_program_hangs(rig: RunningRig, program: str) -> Non
         rig.fleet.signal(program, signal.SIGCONT)
 
 
-def test_a_stop_acts_and_a_job_continues_beside_a_tool_that_reads_nothing(rig: RunningRig) -> None:
+def test_a_stop_acts_and_a_job_continues_despite_a_tool_that_reads_nothing(rig: RunningRig) -> None:
     """Other tools send more than it takes, and ask that their messages block."""
     make_ready(rig)
     job = rig.start_grip(until_released=True)

@@ -144,7 +144,7 @@ def test_a_wave_needs_all_its_samples_and_is_played_once() -> None:
     assert call.rig.voltages_V == []
 
 
-def test_a_wave_may_be_written_while_it_plays_and_stops_where_it_runs_dry() -> None:
+def test_a_waveform_may_be_written_during_its_output_and_stops_at_a_buffer_underrun() -> None:
     call = Caller()
     task = call.clocked(OUTPUT, rate_hz=1000.0, mode=FINITE, count=6)
     call("SetBufferAttributeUInt32", task=task, attribute_raw=BUFFER["ao"], value=6)

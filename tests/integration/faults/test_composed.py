@@ -84,7 +84,7 @@ def test_an_emergency_stop_acts_within_a_period(state: str) -> None:
     ("state", "service", "period_s"),
     [("approach", "estimator", T), ("hold", "controller", T), ("hold", "estimator", SHORT_S)],
 )
-def test_a_service_that_computes_too_long_trips_its_program_right_afterwards(
+def test_a_service_that_computes_too_long_trips_its_program_at_once(
     state: str, service: str, period_s: float
 ) -> None:
     """It is no standstill of the machine, for which a command would be waited for."""

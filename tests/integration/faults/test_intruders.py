@@ -79,7 +79,7 @@ def test_a_second_controller_is_refused_the_arming() -> None:
     check_obeys(loop, loop.runner("controller").instance, least_share=0.1)
 
 
-def test_old_commands_again_are_refused_one_by_one() -> None:
+def test_repeated_old_commands_are_refused_individually() -> None:
     loop = place("approach").loop.fork(4)
     loop.run(loop.now_s + 0.3)
     old = commands(loop)

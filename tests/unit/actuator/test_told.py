@@ -93,7 +93,7 @@ def test_the_end_of_a_freeze_causes_a_read_back() -> None:
     assert isinstance(outputs[0], ReadBack)
 
 
-def test_an_uncertainty_is_reported_only_beside_the_cause_of_a_freeze() -> None:
+def test_an_uncertainty_is_reported_only_with_the_cause_of_a_freeze() -> None:
     state, _ = play(holding(held=False), *wakes(0.005, 0.06))
     assert (state.mode, state.cause) == (Mode.RAMPING, "command_age")
     after, _ = play(state, (FAILED, 0.061))

@@ -164,7 +164,7 @@ def test_the_second_arm_far_from_its_target_trips_both() -> None:
     assert (state.cause, state.mode) == (Cause.FOLLOWING_ERROR, Mode.RAMPING)
 
 
-def test_a_freeze_ends_where_the_second_arm_is_pressed_too_hard() -> None:
+def test_a_freeze_ends_if_the_second_arm_is_pressed_too_hard() -> None:
     state = at(1.0, 2.0, held=True)
     state, _, _ = handle(BOTH, state, Trip(Cause.ESTOP), 0.01)
     assert state.mode == Mode.FROZEN

@@ -29,7 +29,7 @@ def test_a_direction_check_without_confirmation_is_missing() -> None:
     assert "not confirmed" in finding.what
 
 
-def test_warnings_of_a_driver_are_not_repeated_beside_the_findings(
+def test_warnings_of_a_driver_are_not_repeated_with_the_findings(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     path = tmp_path / "bench.toml"

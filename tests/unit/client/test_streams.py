@@ -162,7 +162,7 @@ def test_a_name_with_a_folder_in_it_is_refused(tmp_path: Path, name: str) -> Non
         supervisor.supervisor().job("j").download(name, tmp_path)
 
 
-def test_the_blocking_client_works_where_an_event_loop_runs_already() -> None:
+def test_the_blocking_client_works_if_an_event_loop_runs_already() -> None:
     events = [desk.example(Event, number=1), desk.example(Event, number=2)]
     supervisor = Desk(desk.job(), desk.stream(*events), desk.job(state="succeeded"))
 

@@ -50,7 +50,7 @@ def test_garbage_is_reported_as_foreign(encoding: str) -> None:
     assert f"not {ENCODING}: it was not sent by sensor" in said
 
 
-def test_a_bad_value_does_not_concern_versions() -> None:
+def test_a_bad_value_is_not_reported_as_a_version_conflict() -> None:
     tree = SOUND | {"arms": [ARM | {"valid": 1}]}
     assert refused(tree, ENCODING).endswith("neither true nor false")
 

@@ -235,7 +235,7 @@ def test_a_touch_below_the_contact_force_is_not_a_touch() -> None:
     [(15.0, 6.0, ""), (12.0, 6.0, "contact"), (40.0, 21.0, "contact"), (15.0, -6.0, "contact")],
     ids=["soft", "as hard as a part", "beyond ten contact forces", "pulled"],
 )
-def test_a_soft_kink_is_a_bend_where_the_guards_admit_bends(
+def test_a_soft_kink_is_a_bend_if_the_guards_permit_bends(
     x_um: float, touch_mN: float, outcome: str
 ) -> None:
     bends = replace(MOVES, guards=replace(MOVES.guards, bend_mN_per_um=1.0))

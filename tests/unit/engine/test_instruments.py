@@ -144,7 +144,7 @@ def test_the_second_arm_has_the_opposite_direction() -> None:
     assert (position.arms[0].x_um, position.arms[1].x_um, position.usable) == (5.0, 4.0, True)
 
 
-def test_a_sample_of_two_arms_is_usable_where_both_are_measured() -> None:
+def test_a_sample_of_two_arms_is_usable_if_both_are_measured() -> None:
     first, second = positions((5.0, 1e5), (1e5, 3.0))
     assert len(first.arms) == 2
     assert len(second.arms) == 2

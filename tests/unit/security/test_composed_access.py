@@ -96,7 +96,7 @@ def test_egress_of_one_program_matches_ingress_of_the_other(composed: Programs) 
             )
 
 
-def test_the_certificate_of_a_single_service_is_useless_where_it_is_composed() -> None:
+def test_the_certificate_of_a_single_service_is_useless_if_it_is_composed() -> None:
     access = list_of("actuator", ("estimator+controller",))
     assert program("controller", NAME).name not in access
     assert program("estimator+controller", NAME).name in access

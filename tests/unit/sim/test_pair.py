@@ -125,7 +125,7 @@ def test_a_lifted_part_stays_on_the_face_with_more_adhesion(
     assert state.part_um == pytest.approx(at_um, abs=1e-9)
 
 
-def test_a_lifted_part_with_a_weight_falls_where_the_arms_open() -> None:
+def test_a_lifted_part_with_a_weight_falls_when_the_arms_open() -> None:
     p = _pair(part=PartParameters(hold_mN=0.05, lift_after_s=0.1))
     state = _pressed(p, start_pair(p), (36.0, 36.0))
     assert state.part == "there"

@@ -105,7 +105,7 @@ def test_captured_samples_are_those_of_the_plant(fast: Simulation) -> None:
     assert rig.drain() == ([], [])
 
 
-def test_no_sample_is_lost_on_a_grid_beside_the_ticks(simulation: Simulation) -> None:
+def test_no_sample_is_lost_on_a_grid_shifted_from_the_ticks(simulation: Simulation) -> None:
     rig = _lockstep(simulation)
     rig.put_out(0.3)
     rig.begin_capture(333.0)

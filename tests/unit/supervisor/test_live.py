@@ -169,7 +169,7 @@ def test_the_force_has_no_gap_if_the_messages_of_a_stall_arrive_program_by_progr
         assert None not in batch.voltage_V
 
 
-def test_samples_are_shown_where_the_estimates_have_ended(scene: Scene) -> None:
+def test_samples_are_shown_after_the_estimates_have_ended(scene: Scene) -> None:
     listener = scene.live.open()
     ticks = zeroed_ticks(100)
     scene.play(ticks[:10])

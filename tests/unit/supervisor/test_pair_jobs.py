@@ -54,7 +54,7 @@ def test_jobs_of_two_arms_are_planned(body: dict[str, Any], expected: list[str])
     assert all(segment.arms in (2, None) for segment in planned.program.segments)
 
 
-def test_a_carry_is_predicted_from_where_the_part_is_held() -> None:
+def test_a_carry_is_predicted_from_the_position_of_the_held_part() -> None:
     made = plan({"kind": "carry", "by_um": 3.0}, HELD).plan
     assert isinstance(made, PairPlan)
     places_um = made.curves.place_r_um

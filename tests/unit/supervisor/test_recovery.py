@@ -230,7 +230,7 @@ def test_a_new_force_that_the_rig_does_not_allow_is_refused(
     assert harness.get(f"/jobs/{job}")["state"] == "running"
 
 
-def test_a_new_force_is_refused_where_nothing_is_held(harness: Harness) -> None:
+def test_a_new_force_is_refused_if_nothing_is_held(harness: Harness) -> None:
     job = harness.grip()["id"]
     harness.ended(job)
     refused = harness.post("/jobs", {"kind": "hold", "force_mN": 15.0})

@@ -74,7 +74,7 @@ def test_an_output_with_a_lag_causes_no_warning() -> None:
     assert not planned(rig, 2.0).warnings
 
 
-def test_doctor_recommends_parts_where_the_output_can_time_them() -> None:
+def test_doctor_recommends_parts_if_the_output_can_time_them() -> None:
     fast = {"track": {"frequency_hz": 2.0}}
     (found,) = ring(fast_rig("one write", fast))
     assert (found.mark, "shaping = true" in found.remedy) == ("note", True)
@@ -90,7 +90,7 @@ def test_doctor_reports_that_u_does_not_include_an_unstated_ring() -> None:
     assert "output_delay_s = 0.0" in first.remedy
 
 
-def test_doctor_refuses_parts_where_the_output_cannot_time_them() -> None:
+def test_doctor_refuses_parts_if_the_output_cannot_time_them() -> None:
     rig = demo_rig({"output": {"shaping": True}})
     (found,) = ring(rig)
     assert found.mark == "missing"

@@ -151,7 +151,7 @@ REFUSED: list[tuple[dict[str, Any], str, str]] = [
     ("members", "pointer", "words"),
     REFUSED,
 )
-def test_a_request_that_cannot_be_used_is_refused_in_words(
+def test_an_unusable_request_is_refused_with_a_readable_message(
     harness: Harness, members: dict[str, Any], pointer: str, words: str
 ) -> None:
     refused = harness.post("/series", {"job": GRIP, **members})
@@ -163,7 +163,7 @@ def test_a_request_that_cannot_be_used_is_refused_in_words(
     assert harness.get("/jobs")["jobs"] == []
 
 
-def test_nothing_moves_where_one_job_would_break_a_limit(harness: Harness) -> None:
+def test_nothing_moves_if_one_job_would_break_a_limit(harness: Harness) -> None:
     refused = harness.post("/series", {"job": GRIP, "values": [{}, {"force_mN": 500.0}]})
     problem = refused.json()
     assert (refused.status_code, problem["type"].rpartition(":")[2]) == (422, "limit-violation")

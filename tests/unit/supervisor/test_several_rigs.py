@@ -207,7 +207,7 @@ def test_an_unusable_rig_can_still_be_stopped(rigs_harness: RigsHarness) -> None
     assert tripped == ["right", "right"]
 
 
-def test_unconfirmed_rigs_are_named_beside_confirmed_ones(
+def test_unconfirmed_rigs_are_named_with_confirmed_ones(
     rigs_harness: RigsHarness,
 ) -> None:
     def silent(rig: str) -> None:
@@ -299,7 +299,7 @@ class TestTokensWithoutPrograms:
         assert rounds < 5.0
         assert len(rigs_harness.opened) == 1
 
-    def test_a_stop_of_all_rigs_is_confirmed_beside_unusable_rigs(
+    def test_a_stop_of_all_rigs_is_confirmed_despite_unusable_rigs(
         self, rigs_harness: RigsHarness
     ) -> None:
         self.appear(rigs_harness)

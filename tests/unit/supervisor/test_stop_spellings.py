@@ -184,7 +184,7 @@ def test_a_page_of_another_site_stops_nothing(exchange: Exchange, line: str, hos
 @pytest.mark.parametrize("line", FOREIGN)
 @pytest.mark.parametrize("length", [15_000, 17_000])
 @pytest.mark.parametrize("host", ["", "Host: 127.0.0.1\r\n"])
-def test_an_invalid_head_does_not_stop_either(
+def test_an_invalid_request_head_does_not_stop_the_rig(
     exchange: Exchange, line: str, length: int, host: str
 ) -> None:
     head = f"POST /api/v1/estop?{'x' * length} HTTP/1.1\r\n{host}{line}\r\n\r\n"

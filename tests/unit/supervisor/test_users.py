@@ -151,7 +151,7 @@ def test_concurrent_attempts_do_not_bypass_the_delay(monkeypatch: pytest.MonkeyP
     asyncio.run(run())
 
 
-def test_another_password_ends_the_sessions(bench: Harness) -> None:
+def test_a_changed_password_ends_the_sessions(bench: Harness) -> None:
     signed = sign_in(bench, "ann", PASSWORD)
     headers = {"Cookie": f"{COOKIE}={signed.cookies[COOKIE]}"}
     keys = KeyStore(KeyFile(bench.store.folder), bench.store)

@@ -62,7 +62,7 @@ def test_a_period_that_is_invalid_is_refused() -> None:
         ring_share(OMEGA, ZETA, OutputTiming(), 0.0)
 
 
-def test_an_rc_lacks_a_share_of_the_step_where_the_voltage_acts_late() -> None:
+def test_an_rc_lacks_a_share_of_the_step_if_the_voltage_acts_late() -> None:
     for delay_s, share in ((0.002, 0.0043), (0.012, 0.0885)):
         assert lag_share(OutputTiming(delay_s, 0.0033), T) == pytest.approx(share, rel=0.01)
     assert lag_share(OutputTiming(0.012), T) == 0.0

@@ -68,7 +68,7 @@ def test_zero_is_refused_while_the_arm_is_blocked() -> None:
     assert "moved by 0.760 µm" in text
 
 
-def test_zero_is_refused_where_the_offset_is_implausible() -> None:
+def test_zero_is_refused_if_the_offset_is_implausible() -> None:
     assert "change by 6.000 µm, limit 5.000 µm" in refusal([6.0] * 5)
     assert refusal([4.0] * 5) == ""
     # One volt of travel excuses 40 % of 19 µm.
@@ -82,7 +82,7 @@ def test_possible_creep_is_allowed_for() -> None:
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_a_better_model_tolerates_less_except_where_the_memory_is_unknown(known: bool) -> None:
+def test_a_better_model_tolerates_less_unless_the_memory_is_unknown(known: bool) -> None:
     model = identified_response(HysteresisModel((0.0,), (D_P,)), D_P, 0.1).updated(1.0, 0.02)
     samples = [model.sample(D_P - 3.0)] * 5
     assert model.zero_tolerance_um(0.0) < 1.0
@@ -97,7 +97,7 @@ def test_before_the_first_zero_the_refusal_states_what_to_do() -> None:
     assert "arm again" not in refusal([6.0] * 5, zeroed=True)
 
 
-def test_zero_is_refused_where_the_arm_may_touch_the_part() -> None:
+def test_zero_is_refused_if_the_arm_may_touch_the_part() -> None:
     assert refusal([26.9] * 5, voltage_V=1.42) == ""
     text = refusal([27.1] * 5, voltage_V=1.42)
     assert "rests at 27.100 µm" in text

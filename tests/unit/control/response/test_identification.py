@@ -69,7 +69,7 @@ def test_an_initially_poled_actuator_is_recognized_by_its_later_motion() -> None
     assert found.residual_um < taken_for_unpoled.residual_um
 
 
-def test_fading_and_curvature_are_found_where_they_are() -> None:
+def test_fading_and_curvature_are_identified_if_present() -> None:
     thresholds = spread_thresholds(4.0, 0.7, 9)
     fadings = [0.7 / threshold for threshold in thresholds]
     model = HysteresisModel(

@@ -164,7 +164,7 @@ def test_in_lockstep_an_arming_ends_as_in_real_time() -> None:
     assert trip(LOCKSTEP, FREE, Cause.ESTOP, 1.0).mode == "ramping"
 
 
-def test_a_released_freeze_is_reported_beside_its_cause() -> None:
+def test_a_released_freeze_is_reported_with_its_cause() -> None:
     frozen = trip(LIMITS, HELD, Cause.ESTOP, 0.01)
     state = released(frozen, PRESSED, 0.2)
     assert (state.mode, state.since_s, state.arms[0].ramp_from_V) == ("ramping", 0.2, 0.5)
@@ -193,7 +193,7 @@ def test_a_reset_clears_the_latch_and_keeps_part_and_voltage(mode: str) -> None:
 
 
 @pytest.mark.parametrize("mode", ["idle", "armed"])
-def test_there_is_nothing_to_reset_where_nothing_has_tripped(mode: str) -> None:
+def test_there_is_nothing_to_reset_without_a_trip(mode: str) -> None:
     state = replace(HELD, mode=mode)
     assert reset(LIMITS, state) is state
 
@@ -312,7 +312,7 @@ def test_the_detail_starts_with_what_a_person_needs_first() -> None:
 LATE = fault(FaultCode.INSTRUMENT_LATE, "answers come late", took_s=0.04)
 
 
-def test_late_answers_are_named_once_beside_missing_commands() -> None:
+def test_late_answers_are_named_once_with_missing_commands() -> None:
     tripped = trip(LIMITS, FREE, Cause.COMMAND_AGE, 1.0, faults=(OFF,))
     named = explained(tripped, LATE)
     assert named.faults == (OFF, LATE)

@@ -124,7 +124,7 @@ def test_a_shorter_period_is_among_what_helps() -> None:
     assert "a period of 1 ms gives 0.98" in assess(loop_of(0.002), PART).reason
 
 
-def test_the_frequency_at_which_the_mode_is_seen() -> None:
+def test_the_observed_frequency_of_the_mode_is_correct() -> None:
     assert aliased_hz(388.0, 0.002) == pytest.approx(112.0)
     assert aliased_hz(388.0, 0.005) == pytest.approx(12.0)
     assert aliased_hz(388.0, 0.001) == pytest.approx(388.0)

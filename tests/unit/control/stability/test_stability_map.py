@@ -20,7 +20,7 @@ PART = around(2.17, 0.3)
 DEFAULT = Loop(law_settings(), ARM, 0.02, force_filter_s=0.03)
 
 
-def test_a_map_consists_of_assessments() -> None:
+def test_a_stability_map_consists_of_assessments() -> None:
     periods_s, gains = (0.01, 0.005), (1.0, 5.0)
     found = radius_map(DEFAULT, PART, periods_s=periods_s, gains=gains)
     assert found.shape == (2, 2)

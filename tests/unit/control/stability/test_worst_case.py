@@ -119,7 +119,7 @@ def test_impossible_intervals_are_refused(
         Intervals(*values)
 
 
-def test_a_response_that_is_steeper_than_its_model_is_judged_where_it_is_steepest() -> None:
+def test_a_response_steeper_than_its_model_is_judged_at_its_steepest_point() -> None:
     """Without contact the law's gain is the slope: the free arm is the faster to ring by it."""
     loop = Loop(law_settings(K_P=0.1, K_f=2000.0), ARM, 0.02, force_filter_s=0.03)
     known = Intervals((2.0, 2.4))
