@@ -2,7 +2,7 @@
 # Rerun converts an MCAP file that is still being written to an empty recording, with exit status 0.
 #
 # One would expect: `rerun mcap convert` shows the messages of all chunks that are in the file, as the stream readers
-# of the format do, or ends with an error status. The format lets readers do without summary and footer, which the writer adds at its end.
+# of the format do, or ends with an error status. The summary, which the writer adds at its end, is optional.
 # What happens: it logs that it failed to load the file, writes a recording without a message, and ends with exit status
 # 0, so that a script goes on with the empty recording. The same file with its end has all messages.
 # Seen with rerun-sdk 0.41.0 and mcap 1.6.0 (PyPI), Python 3.11.7. Write a finished copy first (`mcap recover`).
