@@ -258,10 +258,10 @@ def touched(
     The largest of three forces counts. The first is the lag of the arm behind the slope of its way
     since a kink on new ground. The second is F minus ``SURE`` times U, with the sign of F, at
     voltages that x_1 has followed in an earlier arming; on the first stroke of an arm its error
-    exceeds U. The third, while nothing shows that no part pressed when the force was zeroed, is F
-    where it is above U. Such a part has no kink, and presses harder with each step of the way. The
-    U of a straight line does not hold on the first way after a start, so that it shows no such
-    touch.
+    exceeds U. After a zero, ``NOT_TOUCHED`` times U suffices for F > 0. The third, while nothing
+    shows that no part pressed when the force was zeroed, is F where it is above U. Such a part has
+    no kink, and presses harder with each step of the way. The U of a straight line does not hold on
+    the first way after a start, so that it shows no such touch.
 
     Noise bends about one way in a hundred as a part does, and the lag computed from such a kink
     grows with the way. So after a zero it counts up to F + ``NOT_TOUCHED``·U, as far as a step of
@@ -275,7 +275,8 @@ def touched(
         if state.zero_s is not None and beyond_um <= step_um:
             lag_mN = min(lag_mN, F_mN + NOT_TOUCHED * u_F_mN)
         met = touch.x_um, max(0.0, lag_mN)
-    sure_mN = abs(F_mN) - SURE * u_F_mN
+    zeroed = state.zero_s is not None and F_mN > 0.0
+    sure_mN = abs(F_mN) - (NOT_TOUCHED if zeroed else SURE) * u_F_mN
     if beyond_um <= 0.0 and sure_mN > (met[1] or 0.0):
         met = x_um, copysign(sure_mN, F_mN)
     doubted = state.zero_unconfirmed and state.response.remembers

@@ -14,13 +14,15 @@ from pydantic import TypeAdapter
 
 from pincette.api.jobs import Job
 from pincette.api.requests import JobRequest
+from pincette.config.derived import conditioning_V
+from pincette.control.response.conditioned_branch import STROKES
 from pincette.core.messages import Estimate, Message, Reset, Telemetry
 from pincette.core.topics import ESTIMATE, RESET, TELEMETRY, Topic
 from pincette.sim.bench import Bench
 from pincette.sim.instruments.fitting import Fitted, Setting, simulated_driver
 from pincette_supervisor.jobs.bring_up import checklist
 from pincette_supervisor.kinds.bodies import Body
-from tests.support.campaign.arm import Truth
+from tests.support.campaign.arm import Part, Truth
 from tests.support.campaign.drawing import Drawn
 from tests.support.office import Office
 from tests.support.virtual_rig import VirtualRig
@@ -115,6 +117,27 @@ class Laboratory:
         manager.context.write_queue.flush()
         return manager.index.job(name)
 
+    def put_part(self, part: Part) -> None:
+        """Put a part in place, of which an arm that remanence holds beyond it is drawn back first.
+
+        Nobody can put a part where the arm is.
+        """
+        self.arm.part = None
+        rig = self.office.manager.context.rig
+        low_V = conditioning_V(rig)
+        if self.arm.x_um > part.contact_um and low_V is not None:
+            back = {"low_V": low_V, "high_V": 0.0, "conditioning_cycles": STROKES, "to_V": 0.0}
+            self.run(
+                self.confirmed({"kind": "move", "rig": rig.rig.name, "autostart": True} | back)
+            )
+        self.arm.part = part
+
+    def confirmed(self, body: dict[str, Any]) -> dict[str, Any]:
+        """Return a request with the confirmation that it needs, where nothing touches the arm."""
+        asked = REQUEST.validate_python(body)
+        doubted = self.office.manager.context.zero_doubt.blocking(asked)
+        return body | {"zero_confirmed": bool(doubted) and self.arm.force_mN == 0.0}
+
     def reset(self) -> None:
         """Clear the actuator's latch, as a person does who has seen its cause."""
         manager = self.office.manager
@@ -137,12 +160,14 @@ class Laboratory:
             if step is None:
                 return ""
             needs = [need.code for need in step.needs]
-            self.arm.part = None if "part_removed" in needs else self.drawn.planned_part()
+            self.arm.part = None
+            if "part_removed" not in needs:
+                self.put_part(self.drawn.planned_part())
             request = step.request
             if left < tries and step.calibration == "free_response":
                 # The person has looked: no part is there.
                 request = request | {"no_part": True}
-            job = self.run(request)
+            job = self.run(self.confirmed(request))
             self.arm.hang(0.0)
             if job.state != "succeeded":
                 self.reset()

@@ -140,14 +140,15 @@ def _grip(opened: Laboratory, wish: GripWish) -> Gripped:
     if wish.restart_s is not None:
         opened.restart(wish.restart_s)
     # Where the part was as the rig was brought up: ``part.contact_um`` is a reading that drifts.
-    arm.part = Part(drawn.contact_um + wish.contact_off_um, stiffness)
-    if wish.presses_um is not None:
+    part = Part(drawn.contact_um + wish.contact_off_um, stiffness)
+    if wish.slip is not None:
+        share, way_um = wish.slip
+        part = replace(part, slip_force_mN=share * wish.force_mN, slip_um=way_um, slips_left=1)
+    if wish.presses_um is None:
+        opened.put_part(part)
+    else:
         arm.part = Part(arm.x_um - wish.presses_um, stiffness)
         arm.rest(0.5)
-    elif wish.slip is not None:
-        share, way_um = wish.slip
-        part = arm.part
-        arm.part = replace(part, slip_force_mN=share * wish.force_mN, slip_um=way_um, slips_left=1)
     body: dict[str, Any] = {
         "kind": "grip",
         "autostart": True,
@@ -156,14 +157,9 @@ def _grip(opened: Laboratory, wish: GripWish) -> Gripped:
         "hold_s": 3.0,
         "profile": wish.profile,
     }
-    if wish.presses_um is None:
-        # The person has taken away what has pressed before, and says so where that is asked for.
-        asked = REQUEST.validate_python(body)
-        doubted = opened.office.manager.context.zero_doubt.blocking(asked)
-        body["zero_confirmed"] = bool(doubted)
     gripped = Gripped(drawn.seed, wish, _events(wish), "")
     try:
-        gripped = _judged(opened, gripped, body)
+        gripped = _judged(opened, gripped, opened.confirmed(body))
     except ProblemError as error:
         gripped = replace(gripped, outcome="refused", cause=f"{error.code}: {error}"[:160])
     if wish.presses_um is not None:

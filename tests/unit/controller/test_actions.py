@@ -158,6 +158,23 @@ def test_an_arm_that_is_pressed_before_its_strokes_omits_them(touch_mN: float) -
     assert player.ref.voltages_V == (-0.4,)
 
 
+def test_an_arm_that_a_light_touch_meets_on_the_way_to_its_strokes_goes_back() -> None:
+    """0 V was nearer to a part that pressed with 4 mN, and pressed it with 13 mN."""
+    strokes = conditioning(-0.8, 10.0, 0.0, 19.0)
+    program = replace(PROGRAM, segments=(*strokes, *PROGRAM.segments))
+    light = replace(BLANK, touch_x_um=-8.0, touch_mN=0.4, applied_V=-0.4)
+    player = begin(program, (light,), T)
+    while player.index == 0:
+        player = advance(program, player, (light,), T)
+    for _ in range(GUARDS.contact_samples):
+        assert player.outcome == ""
+        player = advance(program, player, (replace(light, touch_mN=2.5),), T)
+    assert (player.outcome, player.segment.phase) == ("contact", "stopping")
+    while not player.ended:
+        player = advance(program, player, (replace(light, touch_mN=2.5),), T)
+    assert player.ref.voltages_V == pytest.approx((-0.4,))
+
+
 def test_an_arm_that_goes_back_cannot_meet_the_part_again() -> None:
     arm = Arm()
     arm.until("retreat")

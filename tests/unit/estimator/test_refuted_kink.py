@@ -1,11 +1,14 @@
 """A kink in the way of an arm whose force is known: of the sensor's noise, or of a part."""
 
 from functools import cache
+from math import copysign
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from pincette_estimator.config import EstimatorConfig, configure
+from pincette_estimator.state import NOT_TOUCHED, SURE
 from pincette_estimator.step import State
 from tests.unit.estimator.bench import TAUGHT, Bench, a_rig
 
@@ -67,6 +70,21 @@ def test_a_part_is_still_detected_by_its_kink(seed: int, K_e: float, gain: float
     print(seed, K_e, gain, felt_mN)
     assert felt_mN is not None
     assert 0.5 < felt_mN < 5.0
+
+
+@pytest.mark.parametrize(("force_mN", "multiple"), [(6.0, NOT_TOUCHED), (-6.0, SURE)])
+def test_after_a_zero_a_force_that_no_free_arm_has_is_a_touch(
+    force_mN: float, multiple: float
+) -> None:
+    """A part that pressed at rest has no kink, and is found by its force alone."""
+    bench = Bench(CONFIG)
+    (bench.state, bench.seq), bench.epoch = followed(), 2
+    confirmed = replace(bench.state.arms[0], zero_confirmed=True)
+    bench.state = replace(bench.state, arms=(confirmed,))
+    free_um = confirmed.response.follow(0.0, 0.02).position_um()
+    (estimate,) = bench.feed(free_um - S_P * force_mN, 0.0).arms
+    sure_mN = 6.0 - multiple * estimate.force_uncertainty_mN
+    assert estimate.touch_mN == pytest.approx(copysign(sure_mN, force_mN))
 
 
 @pytest.mark.parametrize("held", [False, True])

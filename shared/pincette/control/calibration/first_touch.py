@@ -31,6 +31,10 @@ SURE = 5.0
 Column = NDArray[np.float64]
 
 
+class NoTouchError(ValueError):
+    """No kink of an approach is certain enough to be a touch."""
+
+
 @dataclass(frozen=True, slots=True)
 class FirstTouch:
     """Place and stiffness of a first touch, with what a plot needs."""
@@ -69,9 +73,10 @@ def first_touch(
 
     Raises
     ------
+    NoTouchError
+        If no kink is found within the samples.
     ValueError
-        If lengths disagree, there are fewer than ``LEAST_SAMPLES``, one is not finite, or no
-        kink is found within them.
+        If lengths disagree, there are fewer than ``LEAST_SAMPLES``, or one is not finite.
     """
     s_p = require_positive("compliance", compliance_um_per_mN, "µm/mN")
     require_not_negative("error of the free response", free_error_um, "µm")
@@ -95,7 +100,7 @@ def first_touch(
     columns = np.column_stack([np.ones(len(z)), np.maximum(0.0, z - kink), -slope * (z > kink)])
     covariance = variance * np.linalg.pinv(columns.T @ columns)
     if not (0.0 < slope < 1.0 and slope > SURE * sqrt(float(covariance[1, 1]))):
-        raise ValueError(
+        raise NoTouchError(
             f"beyond x_1 = {kink:.3f} µm the arm moves less than freely by a share of "
             f"{slope:.3f} ± {sqrt(float(covariance[1, 1])):.3f}: no significant touch within "
             "the approach"

@@ -25,6 +25,9 @@ RATE_SHARE = 0.9
 """Peak rate of a stroke as a share of the slew limit."""
 LEAST_DEPTH = 0.05
 """Depth below 0 V that strokes need, as a share of the highest voltage identified."""
+WAY_SHARE = 0.3
+"""Peak rate of the move to 0 V before the strokes, as a share of the slew limit. It leads towards a
+part that may press the arm already, whose force then rises by 1 mN a period."""
 PHASE = "condition"
 
 
@@ -50,7 +53,8 @@ def conditioning(
     """Return the segments of a conditioning: a watch, a move to 0 V, the strokes, and a rest.
 
     The strokes end at 0 V, which may be nearer to the part than the arm's present place. A part
-    that already presses the arm there is found by the last zero, before the voltage changes.
+    that already presses the arm there is found by the last zero: before the voltage changes, or on
+    the way to 0 V if it presses too lightly for that.
 
     Parameters
     ----------
@@ -65,12 +69,16 @@ def conditioning(
     strokes
         Number of strokes.
     """
-    rate = RATE_SHARE * slew_V_per_s
     away_V = (abs(away_um) + MARGIN_UM) / d_p
     path = voltage_moves(stroke_stops(low_V, slew_V_per_s, strokes))
     return [
         Drive(PHASE, WATCH_S, guarded=True, courses=(Stay(),)),
-        Drive(PHASE, move_duration(away_V, rate), courses=(Ramp(0.0),)),
+        Drive(
+            PHASE,
+            move_duration(away_V, WAY_SHARE * slew_V_per_s),
+            guarded=True,
+            courses=(Ramp(0.0),),
+        ),
         Drive(PHASE, path.duration_s + REST_S, courses=(Follow(path),)),
     ]
 

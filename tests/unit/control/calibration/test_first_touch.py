@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pincette.control.calibration.first_touch import first_touch
+from pincette.control.calibration.first_touch import NoTouchError, first_touch
 
 S_P, K_E, X_E = 0.46, 2.1, 31.2
 
@@ -53,8 +53,15 @@ def test_the_uncertainty_includes_correlated_errors() -> None:
     assert float(np.median(2.0 * np.array(stated_um) / np.abs(errors_um))) < 4.0
 
 
+def test_a_noisy_touch_is_certain_in_a_longer_press() -> None:
+    with pytest.raises(NoTouchError):
+        first_touch(*approach(0.6, to_um=33.5), S_P)
+    found = first_touch(*approach(0.6, to_um=50.0), S_P)
+    assert found.contact_um == pytest.approx(X_E, abs=3.0 * found.uncertainty_um)
+
+
 def test_an_approach_without_contact_is_refused() -> None:
-    with pytest.raises(ValueError, match="no significant touch within the approach"):
+    with pytest.raises(NoTouchError, match="no significant touch within the approach"):
         first_touch(*approach(0.05, to_um=30.0), S_P)
     x, force = approach(0.05)
     with pytest.raises(ValueError, match="29 samples of an approach, must be at least 30"):

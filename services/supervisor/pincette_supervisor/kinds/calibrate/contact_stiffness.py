@@ -1,5 +1,6 @@
 """Program, analysis and plot of a press at several levels: contact stiffness and position."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,7 @@ from pincette.control.calibration.contact_stiffness import (
     contact_stiffness,
     with_press_gain,
 )
-from pincette.control.calibration.first_touch import FirstTouch, first_touch
+from pincette.control.calibration.first_touch import FirstTouch, NoTouchError, first_touch
 from pincette.control.planning.calibration_programs import full_cycles
 from pincette.control.planning.contact_request import ContactRequest
 from pincette.control.planning.contact_stiffness_program import (
@@ -42,8 +43,9 @@ from pincette_supervisor.plugin.plans import (
     usual_conditioning_V,
 )
 
-EARLY_PRESS = 3.0
-"""Force, as a multiple of the contact force, up to which a press belongs to the first touch."""
+EARLY_PRESSES = (3.0, 6.0, 12.0)
+"""Forces, as multiples of the contact force, up to which a press belongs to the first touch: the
+least one at which the touch is certain, since faces that are not flat harden with the force."""
 BRING_UP_MIN = 10.0
 """Age in minutes by which the part position in the rig file, which is a reading, may exceed that of
 this calibration: a bring-up takes so long, and the sensor drifts meanwhile."""
@@ -109,13 +111,7 @@ def analyse(run: Run) -> Analysis:
         ),
         free_errors_um=[_error_um(rig, level_V) for level_V in values["levels_V"]],
     )
-    place = _approach(taken, EARLY_PRESS * values["contact_force_mN"])
-    touch = first_touch(
-        taken.filled(taken.x_um, place, "approach"),
-        taken.filled(taken.force_mN, place, "approach"),
-        s_p,
-        _error_um(rig, float(np.ptp(taken.filled(taken.voltage_V, place, "approach")))),
-    )
+    touch = _touch(taken, rig, values["contact_force_mN"])
     K_e, u = found.stiffness_mN_per_um, found.uncertainty_mN_per_um
     left = [level.residual_mN for level in found.levels]
     return Analysis(
@@ -147,6 +143,25 @@ def analyse(run: Run) -> Analysis:
         ),
         drawn=ContactFound(found, touch),
     )
+
+
+def _touch(taken: Samples, rig: RigFile, contact_force_mN: float) -> FirstTouch:
+    """Return the first touch, from as little of the press as noise permits; raises ValueError."""
+
+    def up_to(share: float) -> FirstTouch:
+        place = _approach(taken, share * contact_force_mN)
+        return first_touch(
+            taken.filled(taken.x_um, place, "approach"),
+            taken.filled(taken.force_mN, place, "approach"),
+            rig.model.compliance_um_per_mN,
+            _error_um(rig, float(np.ptp(taken.filled(taken.voltage_V, place, "approach")))),
+        )
+
+    *shorter, longest = EARLY_PRESSES
+    for share in shorter:
+        with suppress(NoTouchError):
+            return up_to(share)
+    return up_to(longest)
 
 
 def _error_um(rig: RigFile, way_V: float) -> float:
