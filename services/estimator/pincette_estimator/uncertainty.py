@@ -4,7 +4,7 @@ from math import hypot, inf, log10, sqrt
 
 from pincette.control.force.estimation import COVERAGE, late_creep_um, uncertainty
 from pincette.control.response.conditioned_branch import FRESH_V, past_creep_mN
-from pincette.control.response.error_growth import TURN_V
+from pincette.control.response.error_growth import TURN_V, ShownError
 from pincette.control.response.free_response import FreeResponse, MemoryResponse, rest_mean
 from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.response.reversal_memory import forgotten_share
@@ -29,11 +29,12 @@ def uncertainty_mN(config: ArmConfig, state: ArmState, seq: int) -> float:
     age_s = t_s if zero_s is None else t_s - zero_s
     # Any drift up to the largest is equally likely.
     drift_um = config.drift_um_per_s * max(0.0, age_s) / ROOT_3
-    free_um = _free_error_um(config, response)
+    free_um, shown = _free_error(config, response)
     share = forgotten_share(state.reversal_memory.total_V, config.forgotten_scale_V)
     lost_mN = share * config.forgotten_mN
     if config.residual is not None and missed is not None and zero_s is not None:
         free_um, lost_mN = config.residual.error_um, 0.0
+        shown = ShownError(free_um)
         age_s = missed.beyond * config.period_s
     late_um = late_creep_um(
         percent_per_decade=config.creep_percent_per_decade,
@@ -43,14 +44,17 @@ def uncertainty_mN(config: ArmConfig, state: ArmState, seq: int) -> float:
     )
     unknown_um = standard_uncertainty_um(state.unknown.error_um(response))
     ring = ring_um(config, state.ringing)
-    past_um = past_creep_um(config, response)
+    past_um, stroke_um = past_creep_um(config, response), uncorrected_um(state)
     return uncertainty(
         noise_um=config.noise_um,
-        free_error_um=hypot(free_um, unknown_um, drift_um, late_um, ring, past_um),
+        free_error_um=hypot(free_um, unknown_um, drift_um, late_um, ring, past_um, stroke_um),
         compliance_um_per_mN=config.compliance_um_per_mN,
         creep_mN_per_decade=config.creep_mN_per_decade,
-        zero_age_s=age_s,
+        # Up to that age creep is part of what the rehearsals have shown.
+        zero_age_s=(age_s - shown.until_s) / (1.0 + shown.until_s),
         forgotten_mN=lost_mN,
+        few_um=shown.error_um,
+        rehearsals=shown.rehearsals,
     )
 
 
@@ -60,8 +64,8 @@ def ring_um(config: ArmConfig, ringing: Ringing) -> float:
     return ringing.free_um * (shares.pressed if ringing.part_held else shares.free)
 
 
-def _free_error_um(config: ArmConfig, response: FreeResponse) -> float:
-    """Return the standard error of x_1 since the zero, in µm.
+def _free_error(config: ArmConfig, response: FreeResponse) -> tuple[float, ShownError]:
+    """Return the standard error of x_1 since the zero, in µm, and its part by rehearsals.
 
         E² = E(reach)² + a·[E_return² - E(reach)²] + (1 - a)·(s·fall)²
 
@@ -71,17 +75,20 @@ def _free_error_um(config: ArmConfig, response: FreeResponse) -> float:
     a hold, is no way back; its error is that of the slope s of x_1 just after a turn, which was
     measured up to ``TURN_V``.
     """
-    error_um = response.error_um()
     if not isinstance(response, IdentifiedResponse):
-        return error_um
-    reach_V = response.reach_V
+        error_um = response.error_um()
+        return error_um, ShownError(error_um)
+    reach_V, shown = response.reach_V, response.rehearsed()
+    error_um = shown.error_um
     fell_V = max(0.0, reach_V - (response.voltage_V - response.zero_V))
     share = 0.0
     if fell_V > FRESH_V:
         share = 1.0 if fell_V >= reach_V else (fell_V - FRESH_V) / (reach_V - FRESH_V)
     turn_um = config.turn_error_um_per_V * min(fell_V, TURN_V)
     return_um2 = max(config.return_error_um, error_um) ** 2
-    return sqrt(error_um**2 + share * (return_um2 - error_um**2) + (1.0 - share) * turn_um**2)
+    rehearsed_um = sqrt(error_um**2 + share * (return_um2 - error_um**2))
+    free_um = hypot(rehearsed_um, sqrt(1.0 - share) * turn_um)
+    return free_um, shown._replace(error_um=rehearsed_um)
 
 
 def past_creep_um(config: ArmConfig, response: FreeResponse) -> float:
@@ -90,6 +97,19 @@ def past_creep_um(config: ArmConfig, response: FreeResponse) -> float:
         return 0.0
     creep_mN = past_creep_mN(response.strokes.since_s) / COVERAGE
     return creep_mN * config.compliance_um_per_mN
+
+
+def uncorrected_um(state: ArmState) -> float:
+    """Return the standard uncertainty of x_1, in µm, from a change of the stroke below its limit.
+
+    It was measured over the last conditioned way, and not corrected, since noise may have caused
+    it. The error is then anything from none to the whole change over the way since the zero.
+    """
+    stroke, response = state.stroke, state.response
+    if stroke is None or not stroke.rested or not isinstance(response, IdentifiedResponse):
+        return 0.0
+    way_um = response.nominal_um_per_V * (response.voltage_V - response.zero_V)
+    return abs((stroke.change - response.factor + 1.0) * way_um) / ROOT_3
 
 
 def stroke_uncertainty_mN(response: FreeResponse, F_mN: float) -> float:

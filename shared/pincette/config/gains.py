@@ -190,7 +190,8 @@ def slope_factors(rig: RigFile) -> tuple[float, float]:
     ways = taught.growth() or ErrorGrowth((GROWTH_V,), (sqrt(2.0) * taught.residual_um,))
     d_p = rig.model.piezo_um_per_V
     shares = [
-        error_um / (d_p * max(way_V, LEAST_WAY_V)) for way_V, error_um in zip(*ways, strict=True)
+        error_um / (d_p * max(way_V, LEAST_WAY_V))
+        for way_V, error_um in zip(ways.ways_V, ways.errors_um, strict=True)
     ]
     error, press = COVERAGE * max(shares), taught.press_gain
     return max(LEAST_SLOPE, min(1.0, press) - error), max(1.0, press) + error

@@ -61,6 +61,11 @@ class Branch(Table):
     follows from model and branch."""
     rest_spread: NotNegative = 0.0
     """Standard deviation of that ratio from one conditioned travel to the next."""
+    errors_until_s: NotNegative = 0.0
+    """Age of the zero up to which ``errors_um`` hold; creep adds to them from there on."""
+    rehearsals: int = Field(default=0, ge=0)
+    """Number of rehearsed grips that ``errors_um`` come from, for which the force uncertainty is
+    widened; 0: the errors need no widening."""
 
     @model_validator(mode="after")
     def _possible(self) -> "Branch":
@@ -82,6 +87,8 @@ class Branch(Table):
             strokes=branch.strokes,
             rest_ratio=branch.rest_ratio,
             rest_spread=branch.rest_spread,
+            errors_until_s=branch.errors.until_s,
+            rehearsals=branch.rehearsals,
         )
 
     def branch(self) -> ConditionedBranch:
@@ -89,7 +96,7 @@ class Branch(Table):
         return ConditionedBranch(
             self.voltages_V,
             self.added_um,
-            checked_growth(self.error_ways_V, self.errors_um),
+            checked_growth(self.error_ways_V, self.errors_um, self.errors_until_s),
             self.places_V,
             self.way_ratios,
             self.way_spread,
@@ -97,6 +104,7 @@ class Branch(Table):
             self.strokes,
             self.rest_ratio,
             self.rest_spread,
+            self.rehearsals,
         )
 
 
@@ -172,13 +180,13 @@ class IdentifiedFreeResponse(Table):
         branch: ConditionedBranch | None = None,
     ) -> "IdentifiedFreeResponse":
         """Return the table of an identified model."""
-        ways_V, errors_um = ((), ()) if growth is None else growth
+        nothing = ErrorGrowth((), ())
         return cls(
             **asdict(model),
             residual_um=residual_um,
             press_gain=press_gain,
-            error_ways_V=ways_V,
-            errors_um=errors_um,
+            error_ways_V=(growth or nothing).ways_V,
+            errors_um=(growth or nothing).errors_um,
             taught_V=taught_V,
             return_error_um=return_error_um,
             turn_error_um_per_V=turn_error_um_per_V,

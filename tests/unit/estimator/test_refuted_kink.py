@@ -81,7 +81,7 @@ def test_after_a_zero_a_force_that_no_free_arm_has_is_a_touch(
     (bench.state, bench.seq), bench.epoch = followed(), 2
     confirmed = replace(bench.state.arms[0], zero_confirmed=True)
     bench.state = replace(bench.state, arms=(confirmed,))
-    free_um = confirmed.response.follow(0.0, 0.02).position_um()
+    free_um = confirmed.response.updated(0.0, 0.02).position_um()
     (estimate,) = bench.feed(free_um - S_P * force_mN, 0.0).arms
     sure_mN = 6.0 - multiple * estimate.force_uncertainty_mN
     assert estimate.touch_mN == pytest.approx(copysign(sure_mN, force_mN))

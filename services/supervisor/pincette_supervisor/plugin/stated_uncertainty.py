@@ -39,13 +39,14 @@ def force_uncertainty_mN(rig: RigFile, way_um: float, *, conditioned: bool = Fal
     conditioned
         True if the plan begins with conditioning strokes.
     """
-    model, free_error_um = rig.model, 0.0
+    model, free_error_um, rehearsals = rig.model, 0.0, 0
     if model.free_response is not None:
         way_V = way_um / model.piezo_um_per_V
-        response = derived.free_response(model)
-        if isinstance(response, IdentifiedResponse):
-            response = replace(response, conditioned=conditioned)
-        free_error_um = response.begin(0.0).updated(way_V, 0.0).error_um()
+        moved = derived.free_response(model).begin(0.0).updated(way_V, 0.0)
+        free_error_um = moved.error_um()
+        if isinstance(moved, IdentifiedResponse):
+            moved = replace(moved, conditioned=conditioned)
+            free_error_um, rehearsals, _ = moved.rehearsed()
     return uncertainty(
         noise_um=rig.sensor.noise_um,
         free_error_um=free_error_um,
@@ -53,6 +54,8 @@ def force_uncertainty_mN(rig: RigFile, way_um: float, *, conditioned: bool = Fal
         creep_mN_per_decade=0.0,
         zero_age_s=0.0,
         forgotten_mN=0.0,
+        few_um=free_error_um,
+        rehearsals=rehearsals,
     )
 
 

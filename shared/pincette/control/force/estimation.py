@@ -5,11 +5,10 @@ the object; (53) as printed gives the opposite sign.
 """
 
 from collections.abc import Sequence
-from math import exp, log10, sqrt
+from math import exp, hypot, log10, sqrt
 from statistics import fmean
 
-COVERAGE = 2.0
-"""Coverage factor of the uncertainty: about 95 % where the parts are normal."""
+from pincette.control.response.error_growth import COVERAGE, coverage
 
 
 def force(x_um: float, free_um: float, compliance_um_per_mN: float) -> float:
@@ -43,19 +42,33 @@ def uncertainty(
     creep_mN_per_decade: float,
     zero_age_s: float,
     forgotten_mN: float,
+    few_um: float = 0.0,
+    rehearsals: int = 0,
 ) -> float:
     """Return the expanded uncertainty of the force in mN: root sum of squares, times ``COVERAGE``.
 
     Its parts, each a standard uncertainty: the r.m.s. noise of the sensor and the error of the free
     response since the zero, both divided by s_p; creep that x_1 does not contain, which grows with
     log10(1 + age/1 s) of the zero; and the memory that the actuator has lost and x_1 has not.
+
+    Where a part is known from few rehearsals, all but the noise is covered by Student's t of the
+    effective degrees of freedom (B. L. Welch and F. E. Satterthwaite, JCGM 100:2008, G.4):
+
+        n·(u/u_few)⁴
+
+    Parameters
+    ----------
+    few_um
+        Part of ``free_error_um`` that was found by ``rehearsals``.
+    rehearsals
+        Number n of those rehearsals; 0: enough.
     """
-    noise_mN = noise_um / compliance_um_per_mN
-    free_mN = free_error_um / compliance_um_per_mN
+    s_p = compliance_um_per_mN
     creep_mN = creep_mN_per_decade * log10(1.0 + max(0.0, zero_age_s))
-    return COVERAGE * sqrt(
-        noise_mN * noise_mN + free_mN * free_mN + creep_mN * creep_mN + forgotten_mN * forgotten_mN
-    )
+    steady_mN, factor = hypot(free_error_um / s_p, creep_mN, forgotten_mN), COVERAGE
+    if rehearsals and few_um > 0.0:
+        factor = coverage(rehearsals * max(1.0, s_p * steady_mN / few_um) ** 4)
+    return hypot(factor * steady_mN, COVERAGE * noise_um / s_p)
 
 
 def late_creep_um(

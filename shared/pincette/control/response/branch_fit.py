@@ -13,7 +13,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from pincette.control.response.conditioned_branch import ConditionedBranch
-from pincette.control.response.error_growth import ErrorGrowth
+from pincette.control.response.error_growth import ErrorGrowth, widening
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.hysteresis_motion import Column
 from pincette.control.response.identified_response import identified_response
@@ -28,9 +28,6 @@ SETTLED = 0.5
 """Share of a rest, at its end, over which its position is averaged."""
 LEAST_S = 0.1
 """Shortest rest that is evaluated, in s."""
-FEW = 1.39
-"""Widening of an error from four rehearsed grips: Student's factor for 95 % over 2, the factor of a
-standard uncertainty."""
 LEAST_WAY_UM = 2.0
 """Shortest way whose repeatability is judged, in µm."""
 APART_V = 0.01
@@ -131,7 +128,10 @@ def measured_branch(
         )
         for table_um in (added_um, nothing_um)
     ]
-    best = min(judged, key=lambda found: found.branch.errors.errors_um[1])
+    best = min(
+        judged,
+        key=lambda found: widening(found.branch.rehearsals) * found.branch.errors.errors_um[1],
+    )
     branch = _with_rests(best.branch, list(zip(bottoms, rested, strict=True)))
     return best._replace(branch=branch)
 
@@ -156,7 +156,7 @@ def _judged(
 ) -> MeasuredBranch:
     """Return the branch with its errors, and the ratios of its ways, from rehearsed grips.
 
-    The error is at least ``uneven_um``, and it is widened for the small number of those grips.
+    The error is at least ``uneven_um``.
     """
     voltage_V, x_um, left_um = columns
     model_um = x_um - left_um
@@ -176,18 +176,21 @@ def _judged(
         ratios[zero.voltage_V] = way_um / modelled_um
         ways_um.append(abs(way_um))
     rehearsed = [grip for _, grip, _, _ in grips]
-    growth = rehearsed_errors(voltage_V, remaining_um, period_s, rehearsed).growth
+    growth = rehearsed_errors(
+        voltage_V, remaining_um, period_s, rehearsed, through_hold=True
+    ).growth
     places_V = tuple(sorted(ratios))
     measured = replace(
         branch,
-        errors=ErrorGrowth(
-            growth.ways_V, tuple(max(uneven_um, FEW * um) for um in growth.errors_um)
-        ),
+        errors=growth,
+        rehearsals=len(grips),
         places_V=places_V,
         way_ratios=tuple(ratios[place_V] for place_V in places_V),
         way_uneven=sqrt(2.0) * uneven_um / float(np.mean(ways_um)),
     )
-    return MeasuredBranch(measured, return_error(x_um, remaining_um, period_s, rehearsed))
+    return MeasuredBranch(
+        measured.at_least(uneven_um), return_error(x_um, remaining_um, period_s, rehearsed)
+    )
 
 
 def _uneven_um(stairs: Sequence[Sequence[Rest]], noise_um: float) -> float:

@@ -13,8 +13,10 @@ from bisect import bisect_right
 from itertools import pairwise
 from math import ceil, hypot, log10
 
+from msgspec.structs import replace
+
 from pincette.control.record import FrozenRecord
-from pincette.control.response.error_growth import ErrorGrowth
+from pincette.control.response.error_growth import ErrorGrowth, widening
 
 STROKES, MOST_STROKES = 3, 20
 """Fewest and most strokes of one conditioning."""
@@ -67,6 +69,9 @@ class ConditionedBranch(FrozenRecord, frozen=True):
     table."""
     rest_spread: float = 0.0
     """Standard deviation of that ratio between conditioned ways."""
+    rehearsals: int = 0
+    """Number of rehearsed grips that ``errors`` come from; 0: so many that the number does not
+    matter, or the errors are widened for it."""
 
     def __post_init__(self) -> None:
         if len(self.voltages_V) != len(self.added_um) or len(self.voltages_V) < 2:
@@ -87,6 +92,17 @@ class ConditionedBranch(FrozenRecord, frozen=True):
     def low_V(self) -> float:
         """Return the voltage at the bottom of the strokes, in V."""
         return self.voltages_V[0]
+
+    def at_least(self, error_um: float) -> "ConditionedBranch":
+        """Return the branch with every error raised to a lower bound, in µm.
+
+        A bound that no rehearsal could exceed replaces what the few rehearsals have shown.
+        """
+        errors, factor = self.errors, widening(self.rehearsals)
+        if error_um < factor * max(errors.errors_um):
+            return replace(self, errors=errors.at_least(error_um))
+        widened = errors._replace(errors_um=tuple(factor * um for um in errors.errors_um))
+        return replace(self, errors=widened.at_least(error_um), rehearsals=0)
 
     def way_at(self, voltage_V: float) -> tuple[float, float]:
         """Return the ratio of the way to a place, and the standard deviation of that ratio.

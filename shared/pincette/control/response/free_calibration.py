@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from pincette.control.calibration.free_motion import (
@@ -181,7 +180,7 @@ def calibrate_free_response(
         least_um = sqrt(max(0.0, identified.residual_um**2 - noise_um**2))
         rehearsed = rehearsed._replace(growth=rehearsed.growth.at_least(least_um))
         if branch is not None:
-            branch = replace(branch, errors=branch.errors.at_least(least_um))
+            branch = branch.at_least(least_um)
     return FreeCalibration(
         gain=gain,
         creep=creep,

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.response.conditioned_branch import ConditionedBranch, Strokes
-from pincette.control.response.error_growth import ErrorGrowth
+from pincette.control.response.error_growth import ErrorGrowth, ShownError, widening
 from pincette.control.response.free_response import FreeSample, MemoryResponse
 from pincette.control.response.hysteresis import (
     HysteresisModel,
@@ -95,11 +95,17 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
 
         An error of the memory on the way there remains on the way back.
         """
+        shown = self.rehearsed()
+        return widening(shown.rehearsals) * shown.error_um
+
+    def rehearsed(self) -> ShownError:
+        """Return that error as rehearsals have shown it, not widened for their number."""
+        growth, rehearsals = self.growth, 0
         if self.conditioned and self.branch is not None:
-            return self.branch.errors.at(self.reach_V)
-        if self.growth is None:
-            return MemoryResponse.error_um(self)
-        return self.growth.at(self.reach_V)
+            growth, rehearsals = self.branch.errors, self.branch.rehearsals
+        if growth is None:
+            return ShownError(MemoryResponse.error_um(self))
+        return ShownError(growth.at(self.reach_V), rehearsals, growth.until_s)
 
     def _voltage_V(self) -> float:
         return self.memory.voltage_V

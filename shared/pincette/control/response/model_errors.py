@@ -7,7 +7,7 @@ to-and-fro, by its way; and that of x_1 itself, as it grows with the voltage's w
 """
 
 from collections.abc import Sequence
-from math import fsum, log10, sqrt
+from math import fsum, hypot, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -142,20 +142,28 @@ class Rehearsed(NamedTuple):
     growth: ErrorGrowth
     """Growth of the error with the way of the voltage since a zero."""
     creep_um: Value
-    """Growth of the error per decade of the zero's age, in addition to ``growth``, in µm."""
+    """Growth of the error per decade of the zero's age, beyond that of ``growth``, in µm."""
 
 
 def rehearsed_errors(
-    voltage_V: Column, left_um: Column, period_s: float, grips: Sequence[RehearsedGrip]
+    voltage_V: Column,
+    left_um: Column,
+    period_s: float,
+    grips: Sequence[RehearsedGrip],
+    *,
+    through_hold: bool = False,
 ) -> Rehearsed:
     """Return the growth of the error of x_1 with the way since a zero, and with its age.
 
-    Let r be the position minus x_1. Each grip gives three differences r(t) - r(t_0): the rest at
-    the contact against that before the approach; the begin of the hold, once the arm is at rest,
-    and its end, both against the rest at the contact. Their root mean squares apply to their mean
-    ways. On a shorter way the error is that of a random walk, √w, for which one more point is
-    given. From begin to end of the hold the mean square grows by c²·[log10(1 + t/1 s)]², with t the
-    age of the zero.
+    Let r be the position minus x_1. Each grip gives two differences of r between rests: from before
+    the approach to the contact, and from the contact to the begin of the hold, once the arm is at
+    rest. Their root mean squares apply to their mean ways. On a shorter way the error is that of a
+    random walk, √w, for which one more point is given. The hold gives creep, the slope of r over
+    log10(1 + t/1 s), with t the age of the zero.
+
+    A grip has the noise of its zero, and that of its force is stated separately: the noise of one
+    of the two rests does not count, and none in the slope. No error is below what the noise of all
+    grips together hides.
 
     Parameters
     ----------
@@ -163,6 +171,9 @@ def rehearsed_errors(
         N samples of matched ages; position minus x_1.
     grips
         Samples of each grip's approach, with a rest at both ends, and of its press.
+    through_hold
+        True if the error of the press is to hold until the end of the hold: it is then the larger
+        one of begin and end, and creep adds from there on.
 
     Raises
     ------
@@ -180,32 +191,57 @@ def rehearsed_errors(
     for grip in grips:
         begin, zero = grip.approach.start, grip.approach.stop - count
         held, end = at_end(voltage_V, grip.press).start + count, grip.press.stop - count
-        approached, zeroed = mean(left_um, begin), mean(left_um, zero)
+        approached, zeroed, pressed = [mean(left_um, start) for start in (begin, zero, held)]
         rows.append(
             (
                 abs(mean(voltage_V, zero) - mean(voltage_V, begin)),
                 (zeroed - approached) ** 2,
                 abs(mean(voltage_V, held) - mean(voltage_V, zero)),
-                (mean(left_um, held) - zeroed) ** 2,
-                log10(1.0 + (held - zero) * period_s) ** 2,
+                (pressed - zeroed) ** 2,
                 (mean(left_um, end) - zeroed) ** 2,
-                log10(1.0 + (end - zero) * period_s) ** 2,
+                (end - zero) * period_s,
+                float(np.var(left_um[zero : zero + count], ddof=1)) / count,
+                *_squared_slope(left_um[held : end + count], (held - zero) * period_s, period_s),
             )
         )
-    further_V, further, way_V, early, early_decades, late, late_decades = (
+    further_V, further, way_V, early, late, until_s, noise, crept, crept_noise = (
         fsum(column) / len(rows) for column in zip(*rows, strict=True)
     )
     require_positive("motion of a rehearsed press", way_V, "V")
-    creep_um = sqrt(max(0.0, late - early) / (late_decades - early_decades))
-    # The standard error of a root mean square of so many draws; less is not significant.
-    least_um = sqrt(late / late_decades / (2.0 * len(rows)))
-    points = [(0.25 * way_V, 0.5 * sqrt(early)), (way_V, sqrt(early))]
+    least = noise + noise / len(rows)
+    if through_hold:
+        early = max(early, late)
+    error_um, further_um = [sqrt(max(one - noise, least)) for one in (early, further)]
+    least_um = sqrt(crept_noise / len(rows))
+    creep_um = max(least_um, sqrt(max(0.0, crept - crept_noise)))
+    points = [(0.25 * way_V, 0.5 * error_um), (way_V, error_um)]
     if further_V > way_V:
-        points.append((further_V, sqrt(max(early, further))))
+        points.append((further_V, max(error_um, further_um)))
+    # The standard error of a root mean square of so many draws, and of its noise.
+    creep = Value(creep_um, hypot(creep_um / sqrt(2.0 * len(rows)), least_um))
     return Rehearsed(
-        ErrorGrowth(tuple(way for way, _ in points), tuple(um for _, um in points)),
-        Value(max(creep_um, least_um), least_um),
+        ErrorGrowth(
+            tuple(way for way, _ in points),
+            tuple(um for _, um in points),
+            until_s if through_hold else 0.0,
+        ),
+        creep,
     )
+
+
+def _squared_slope(held_um: Column, begin_s: float, period_s: float) -> tuple[float, float]:
+    """Return the square of the slope over log10(1 + t/1 s) in a hold, and the part of its noise.
+
+    ``begin_s`` is t of the first sample.
+    """
+    decades = np.log10(1.0 + begin_s + period_s * np.arange(len(held_um)))
+    decades -= np.mean(decades)
+    lever = float(decades @ decades)
+    if not lever > 0.0:
+        return 0.0, 0.0
+    slope = float(decades @ held_um) / lever
+    beside_um = held_um - np.mean(held_um) - slope * decades
+    return slope**2, float(beside_um @ beside_um) / (max(1, len(held_um) - 2) * lever)
 
 
 def return_error(

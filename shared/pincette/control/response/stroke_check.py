@@ -127,6 +127,8 @@ class StrokeChange(FrozenRecord, frozen=True):
     """Largest change that noise and repeatability explain."""
     way_um: float = 0.0
     """Length of the way in the calibration, in µm."""
+    rested: bool = True
+    """True for the way from the rest after the strokes; False for that from the bottom."""
 
     @property
     def significant(self) -> bool:
@@ -186,7 +188,8 @@ def stroke_change(
     limit = SIGMAS * random + bias_um / length_um
     if limit > LARGEST_CHANGE:
         return None
-    return StrokeChange((rest.x_um - base.x_um) / way_um - 1.0, limit, length_um)
+    change = (rest.x_um - base.x_um) / way_um - 1.0
+    return StrokeChange(change, limit, length_um, base.rested)
 
 
 def corrected(response: IdentifiedResponse, found: StrokeChange) -> IdentifiedResponse:

@@ -93,7 +93,9 @@ def test_the_calibration_names_the_part_and_what_to_do() -> None:
     motion = freed_demo()
     x = np.asarray(motion.x_um)
     pressed = x - 0.5 * np.maximum(0.0, x - 31.0)
-    with pytest.raises(ValueError, match=r"breaks at 3\d\.\d µm \(1\.\d+ V .*part .*in the way"):
+    with pytest.raises(
+        ValueError, match=r"changes its slope at 3\d\.\d µm \(1\.\d+ V .*part .*in the way"
+    ):
         calibrate_free_response(replace(motion, x_um=pressed), SAMPLES_PER_CYCLE, unpoled=True)
 
 

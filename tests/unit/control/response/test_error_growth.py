@@ -1,11 +1,11 @@
 """How the error of x_1 grows with the way since a zero: found, stored, refused, used."""
 
-from math import sqrt
+from math import log10, sqrt
 
 import numpy as np
 import pytest
 
-from pincette.control.response.error_growth import checked_growth
+from pincette.control.response.error_growth import COVERAGE, checked_growth, coverage
 from pincette.control.response.free_response import FreeSample
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.hysteresis_motion import Column
@@ -56,18 +56,25 @@ def test_creep_is_the_growth_of_the_error_during_the_holds() -> None:
         age_s: Column = np.linspace(0.0, 9.9, grip.press.stop - grip.press.start) * 1.0
         left_um[grip.press] += sign * 0.2 * np.log10(1.0 + age_s)
     found = rehearsed_errors(u, left_um, PERIOD_S, rehearsed)
+    assert found.growth.until_s == 0.0
+    crept_um = 0.2 * log10(10.9)
+    error_um = sqrt(((0.03 + crept_um) ** 2 + (0.05 - crept_um) ** 2) / 2.0)
+    growth = rehearsed_errors(u, left_um, PERIOD_S, rehearsed, through_hold=True).growth
+    assert growth.at(0.4) == pytest.approx(error_um, rel=0.02)
+    assert growth.until_s == pytest.approx(10.6, abs=0.1)
     assert found.creep_um.value == pytest.approx(0.2, rel=0.1)
     assert found.creep_um.uncertainty > 0.05
-    steady = rehearsed_errors(u, 0.1 * u, PERIOD_S, rehearsed).creep_um
-    assert 0.0 < steady.value == steady.uncertainty < 0.03
+    # An error that does not grow in the hold is none of creep.
+    assert rehearsed_errors(u, 0.1 * u, PERIOD_S, rehearsed).creep_um.value < 1e-9
 
 
 def test_noise_has_little_effect_and_no_grip_is_refused() -> None:
-    u, rehearsed = grips(0.3, 0.5, 0.7, 0.4)
+    u, rehearsed = grips(0.3, 0.5, 0.7, 0.4, hold=500)
     noise_um = np.random.default_rng(5).normal(0.0, 0.03, len(u))
     found = rehearsed_errors(u, noise_um, PERIOD_S, rehearsed)
-    assert found.growth.at(9.0) < 0.02
-    assert found.creep_um.value < 0.05
+    # The zero of a grip has that of its rest.
+    assert 0.03 / sqrt(10) < found.growth.at(9.0) < 0.02
+    assert 0.0 < found.creep_um.value < 0.05
     with pytest.raises(ValueError, match="no rehearsed grips"):
         rehearsed_errors(u, noise_um, PERIOD_S, [])
     with pytest.raises(ValueError, match="motion of a rehearsed press = 0"):
@@ -94,6 +101,14 @@ def test_the_slope_error_after_a_turn_is_that_of_the_start_of_the_return(
     still = turn_error(u, left_um - left_um, PERIOD_S, rehearsed)
     assert still == 0.0
     assert turn_error(u, left_um, PERIOD_S, [rehearsed[0]._replace(let_go=None)]) is None
+
+
+@pytest.mark.parametrize(
+    ("freedom", "factor"), [(3, 3.18), (4, 2.776), (6, 2.447), (20, 2.086), (1e9, 2.0)]
+)
+def test_few_rehearsals_are_covered_by_student_s_t(freedom: float, factor: float) -> None:
+    assert coverage(freedom) == pytest.approx(factor, rel=0.01)
+    assert coverage(freedom) >= COVERAGE
 
 
 def test_the_error_of_x_1_is_stated_since_its_zero() -> None:
