@@ -30,7 +30,7 @@ a test compares the two. Programs read [deploy/openapi.json](../../deploy/openap
 supervisor serves at `/openapi.json`.
 
 Names of fields contain the units. The supervisor refuses unknown fields and query parameters,
-those that come twice, and numbers that are not finite; an emergency stop alone passes over them.
+those that come twice, and numbers that are not finite; only an emergency stop ignores them.
 An emergency stop is also accepted for every spelling of its path, for HTTP/1.0 and under every
 `Host`. All other paths are exact: a wrong one gets 404, never a redirect. `HEAD` works wherever
 `GET` does, `OPTIONS` names the methods of a path, and so does `Allow` of a 405. `Location` is

@@ -240,7 +240,7 @@ def margins(rig: RigFile, samples: Samples, *, switches: bool) -> list[Margin]:
     Parameters
     ----------
     samples
-        One at least.
+        At least one.
     switches
         True if the law has a switching gain K_S; without one nothing keeps s to its band.
     """

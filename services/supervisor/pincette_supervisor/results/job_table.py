@@ -278,7 +278,7 @@ class _Words:
         self._newest_first: dict[str, dict[str, None]] = {}
 
     def add_row(self, row: TableRow, trees: Iterable[Tree]) -> None:
-        """Note the words of the next older job."""
+        """Add the words of the next older job."""
         for name, word in zip(FIXED, row.fixed, strict=True):
             if word is not None and name not in TIMES:
                 self._add(name, word)

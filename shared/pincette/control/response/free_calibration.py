@@ -248,7 +248,7 @@ def _creep(u: Column, x: Column, motion: FreeMotion) -> Creep:
     step = slice(step_from - 1, step_to + 1)
     made = np.abs(np.diff(u[step]))
     if not float(np.sum(made)) > 0.0:
-        raise ValueError(f"samples {step_from} to {step_to} of the voltage rest, must be a step")
+        raise ValueError(f"the voltage rests in samples {step_from} to {step_to}, must be a step")
     middle = step_from + float(made @ np.arange(len(made))) / float(np.sum(made))
     index = np.arange(motion.after_step.start, motion.after_step.stop, dtype=np.float64)
     settled = index >= step_to + CREEP_FROM_S / motion.period_s

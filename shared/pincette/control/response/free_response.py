@@ -94,7 +94,7 @@ class FreeResponse(Protocol):
         ...
 
     def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> Self:
-        """Put x_1 through the rest that ends ``samples``."""
+        """Set the offset of x_1 so that it equals the rest at the end of ``samples``."""
         ...
 
     def zero_tolerance_um(self, creep_um: float) -> float:
