@@ -1,4 +1,4 @@
-"""A program hangs, or a tool reads nothing of what others send: a stop over REST acts in time."""
+"""A program hangs, a tool reads nothing, or a client reads all jobs: a stop over REST is prompt."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false, reportUnknownArgumentType=false
@@ -11,6 +11,7 @@ import threading
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from statistics import quantiles
 from time import monotonic, sleep
 
 import pytest
@@ -20,7 +21,9 @@ from pincette.bus.settings import settings
 from pincette.security.folder import Folder
 from tests.support.certificates import folder_for
 from tests.support.doors import joining
+from tests.support.footprint import footprint
 from tests.support.grips import SHORT, make_ready
+from tests.support.load import fill
 from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
 from tests.support.stalled_reader import KEY
@@ -35,6 +38,20 @@ CHUNK = bytes(60_000)
 FLOOD_S = 3.0
 TRIPPED = ("frozen", "ramping", "latched")
 TRIPPED_S = 20.0
+JOBS, STOPS = 100_000, 200
+EXPORTS = ("export.csv", "export.parquet")
+EXPORT = """\
+import sys, time, urllib.request
+begun_s = time.monotonic()
+with urllib.request.urlopen(sys.argv[1]) as answer:
+    first_s = time.monotonic() - begun_s if answer.read(1) else None
+    rows = sum(part.count(b"\\n") for part in iter(lambda: answer.read(65536), b""))
+print(first_s, rows)
+"""
+MOST_TIMES = 2.0
+"""Largest p99 of a stop beside exports, in those of a stop alone."""
+FIRST_S, MOST_MB = 0.3, 40.0
+"""Longest time to the first byte of an export, and its memory."""
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +94,53 @@ def test_a_stop_acts_and_a_job_continues_despite_a_tool_that_reads_nothing(rig: 
         assert rig.view()["part"] == "held", rig.job(job)
         assert rig.post(f"/jobs/{job}/actions", {"type": "stop"}).status_code in (200, 202)
         stop(rig)
+
+
+@pytest.mark.slow
+def test_stops_are_as_fast_beside_two_exports_of_many_jobs(rig: RunningRig) -> None:
+    make_ready(rig)
+    rig.ended(rig.start_grip())
+    fill(rig.data / "supervisor.sqlite", JOBS)
+    addresses = [f"{rig.client.base_url}jobs/{name}" for name in EXPORTS]
+    for address in addresses:  # what an export loads stays in memory
+        exported(f"{address}?limit=10").communicate()
+    alone_s = [stop_time_s(rig) for _ in range(STOPS)]
+    process = rig.fleet.members["supervisor"].process.pid
+    idle_kB = most_kB = footprint(process)["memory_kB"]
+    beside_s = list[float]()
+    exports = [exported(address) for address in addresses]
+    while any(one.poll() is None for one in exports):
+        beside_s.append(stop_time_s(rig))
+        most_kB = max(most_kB, footprint(process)["memory_kB"])
+    first_s, rows = zip(*(one.communicate()[0].split() for one in exports), strict=True)
+    figures = {
+        "alone_p99_s": quantiles(alone_s, n=100)[-1],
+        "beside_p99_s": quantiles(beside_s, n=100)[-1],
+        "stops": len(beside_s),
+        "first_byte_s": max(map(float, first_s)),
+        "memory_MB": (most_kB - idle_kB) / 1e3,
+    }
+    print(figures)
+    assert int(rows[0]) > JOBS
+    assert figures["beside_p99_s"] < MOST_TIMES * figures["alone_p99_s"]
+    assert figures["first_byte_s"] < FIRST_S
+    assert figures["memory_MB"] < MOST_MB * len(EXPORTS)
+
+
+def exported(address: str) -> "subprocess.Popen[str]":
+    """Start a process that downloads a table, and prints its time to the first byte and lines."""
+    return subprocess.Popen(
+        [sys.executable, "-c", EXPORT, address], stdout=subprocess.PIPE, text=True
+    )
+
+
+def stop_time_s(rig: RunningRig) -> float:
+    """Return the time until a stop of a rig is answered."""
+    begun_s = monotonic()
+    assert rig.post("/rigs/demo/estop").status_code == 200
+    took_s = monotonic() - begun_s
+    sleep(0.02)
+    return took_s
 
 
 @contextmanager
