@@ -104,7 +104,8 @@ def test_a_disconnected_client_and_a_stopped_supervisor_leave_the_part_held(
             assert process.stdout is not None
             job = json.loads(process.stdout.readline())["job"]
             process.kill()
-        until(lambda: rig.view()["part"] == "held", "the motion does not go on")
+        until(lambda: rig.view()["part"] == "held" or rig.job(job)["ended_at"], "it goes on")
+        assert rig.view()["part"] == "held", rig.job(job)["cause"]
         return job
 
     job = gripped_and_killed()
