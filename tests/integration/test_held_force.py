@@ -35,6 +35,7 @@ from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.plugin import Planned, Present
 from pincette_supervisor.results.archive import Take, gather
 from tests.support.rigs import demo_rig
+from tests.support.stated_force import taught
 from tests.support.two_arms import SHORT_PAIR, two_arm_rig
 
 RIG = demo_rig(time="lockstep")
@@ -217,6 +218,21 @@ def test_each_force_is_held_without_a_higher_peak(stairs: Stairs) -> None:
         held_mN = step.truths_mN[-KEPT_TICKS // 2 :]
         error_mN = fsum(held_mN) / len(held_mN) - result.force_held_mN
         assert abs(error_mN) < result.force_uncertainty_mN
+
+
+def test_the_true_force_of_a_calibrated_arm_has_no_higher_peak() -> None:
+    """The error of its zero is left in the grip; the true force of each later step is bounded."""
+    rig = taught(RIG, ("noise", "free_response", "contact_stiffness"))
+    assert rig.simulation is not None
+    for seed in (1, 4):
+        simulation = rig.simulation.model_copy(update={"seed": seed})
+        desk = Desk(rig.model_copy(update={"simulation": simulation}))
+        desk.grip(STAIRCASE_MN[0])
+        uncertainty_mN = max(arm.force_uncertainty_mN for arm in desk.estimates)
+        assert max(desk.truths_mN) <= MOST * STAIRCASE_MN[0] + uncertainty_mN
+        for before_mN, force_mN in pairwise(STAIRCASE_MN):
+            desk.hold(force_mN)
+            assert max(desk.truths_mN) <= MOST * max(before_mN, force_mN)
 
 
 def test_references_and_voltage_continue_without_a_jump(stairs: Stairs) -> None:

@@ -56,14 +56,20 @@ class Stated:
 @cache
 def known_rig(pair: str, seed: int, *, relays: bool = False) -> RigFile:
     """A rig drawn at random with what its own calibrations have found, in one process."""
-    drawn, found = unknown_rig(pair, seed, relays=relays), Calibration()
+    drawn = unknown_rig(pair, seed, relays=relays)
     # Some arms of relays go further than the assumed gain says; see calibrate.md.
     limits = drawn.limits.model_copy(update=ROOMY)
-    rig = drawn.model_copy(update={"limits": limits})
-    assert rig.simulation is not None
     fast = ("frequency_response",) if pair == "fast" else ()
+    kinds = ("noise", *fast, "compliance", "free_response", "contact_stiffness")
+    return taught(drawn.model_copy(update={"limits": limits}), kinds)
+
+
+def taught(rig: RigFile, kinds: Sequence[str]) -> RigFile:
+    """Return a rig with what its own calibrations of some kinds have found."""
+    assert rig.simulation is not None
+    found = Calibration()
     with opened_benches() as benches:
-        for kind in ("noise", *fast, "compliance", "free_response", "contact_stiffness"):
+        for kind in kinds:
             there = kind == "contact_stiffness"
             simulated = rig.simulation.model_copy(update={"bead": there})
             bare = rig.model_copy(update={"simulation": simulated})
