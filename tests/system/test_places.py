@@ -38,7 +38,7 @@ def test_a_grip_takes_the_place_that_the_example_publishes(rig: RunningRig) -> N
         ended = rig.ended(rig.start_grip(place={"given_by": "bus", "max_age_s": 60.0}), PATIENCE_S)
         url = str(rig.client.base_url).removesuffix("/").removesuffix("/api/v1")
         command = [str(Path(sys.executable).with_name("pincette")), "job", "grip"]
-        command += ["--url", url, "--place", "given_by=bus,source=camera-1,max_age_s=60"]
+        command += ["--all", "--url", url, "--place", "given_by=bus,source=camera-1,max_age_s=60"]
         said = subprocess.run(
             command, env=environment(), capture_output=True, text=True, timeout=PATIENCE_S
         )

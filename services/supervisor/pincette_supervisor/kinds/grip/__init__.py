@@ -165,7 +165,6 @@ KIND = JobKind(
         "peak_force_mN": "peak force",
         "contact_stiffness_mN_per_um": "contact stiffness",
         "held_place_um": "place",
-        "place.difference_um": "place found minus place given",
         "difference_mN": "difference of both forces",
         **fields.BRIEF_ZERO_RETURN,
     },
