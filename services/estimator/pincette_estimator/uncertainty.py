@@ -8,6 +8,7 @@ from pincette.control.response.error_growth import TURN_V, ShownError
 from pincette.control.response.free_response import FreeResponse, MemoryResponse, rest_mean
 from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.response.reversal_memory import forgotten_share
+from pincette.control.response.stroke_check import SIGMAS
 from pincette.control.response.unknown_past import (
     ROOT_3,
     UnknownPast,
@@ -102,14 +103,16 @@ def past_creep_um(config: ArmConfig, response: FreeResponse) -> float:
 def uncorrected_um(state: ArmState) -> float:
     """Return the standard uncertainty of x_1, in µm, from a change of the stroke below its limit.
 
-    It was measured over the last conditioned way, and not corrected, since noise may have caused
-    it. The error is then anything from none to the whole change over the way since the zero.
+    It was measured over the last conditioned way, with the standard uncertainty that its limit is
+    ``SIGMAS`` times of, and not corrected, since noise may have caused it. The error is then
+    anything from none to both together, over the way since the zero.
     """
     stroke, response = state.stroke, state.response
     if stroke is None or not stroke.rested or not isinstance(response, IdentifiedResponse):
         return 0.0
     way_um = response.nominal_um_per_V * (response.voltage_V - response.zero_V)
-    return abs((stroke.change - response.factor + 1.0) * way_um) / ROOT_3
+    unseen = hypot(stroke.change - response.factor + 1.0, stroke.limit / SIGMAS)
+    return unseen * abs(way_um) / ROOT_3
 
 
 def stroke_uncertainty_mN(response: FreeResponse, F_mN: float) -> float:
