@@ -87,6 +87,40 @@ def test_two_arms_release_a_part_that_lies_between_them() -> None:
     assert (found.verdict.verdict, found.verdict.strategies) == ("released", ["retreat"])
 
 
+@pytest.mark.parametrize(
+    ("pull_off_mN", "verdict"), [([300.0, 300.0], "sticks"), ([300.0, 0.0], "unknown")]
+)
+def test_a_part_that_sticks_to_an_arm_of_two_is_not_released(
+    pull_off_mN: list[float], verdict: str
+) -> None:
+    """A part that sticks to both arms holds them; one arm alone drags it over the ground."""
+    rig = two_arm_rig(SHORT_PAIR, {"simulation": {"pair": {"pull_off_mN": pull_off_mN}}})
+    assert Bench(rig).grip(10.0, hold_s=0.5).verdict.verdict == verdict
+    bench = Bench(rig)
+    bench.grip(10.0)
+    assert bench.release(strategies=["retreat"]).verdict.verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("at", "action", "verdict"),
+    [
+        (("check", 30), "pause", "sticks"),
+        (("dither", 30), "pause", "sticks"),
+        (("check", 30), "stop", None),
+    ],
+)
+def test_a_release_is_paused_or_stopped(
+    at: tuple[str, int], action: str, verdict: str | None
+) -> None:
+    """A pause delays the verdict; a stopped release keeps the part, and has none."""
+    bench = Bench(adhesive_rig(GLUED))
+    bench.grip(15.0)
+    bench.requests = {at: action, ("stopped", 30): "keep"}
+    found = bench.release(strategies=["dither"])
+    assert (found.stated and found.stated.verdict) == verdict
+    assert found.result.outcome == ("stopped" if action == "stop" else "released")
+
+
 def judged(seeds: range) -> Counter[tuple[str, bool]]:
     """Release random parts; count verdicts and whether the simulated arm was free.
 

@@ -29,7 +29,7 @@ from pincette_supervisor.results.archive import Record, Take, gather
 from tests.support.rigs import Tree, demo_rig
 
 STRATEGIES = ("retreat", "fast", "dither", "wait")
-KEPT_TICKS = 100
+KEPT_TICKS, PAUSED_TICKS = 100, 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,9 @@ class Bench:
         self.rig, self.loop, self.epoch = rig, ComposedLoop(rig), 0
         self.heard: list[Message] = []
         self.newest: dict[type[Message], Message] = {}
-        self.keeps = False
+        self.requests: dict[tuple[str, int], str] = {}
+        """Actions to request once, by phase and its tick; a pause is resumed after some ticks."""
+        self.paused = 0
         for topic in TOPICS:
             self.loop.bus.subscribe(topic, self._hear)
         self.loop.bus.call(RESET, Reset(acknowledge=True))
@@ -80,22 +82,25 @@ class Bench:
     def _hear(self, _topic: Topic, message: Message) -> None:
         self.heard.append(message)
         self.newest[type(message)] = message
-        if not (isinstance(message, Telemetry) and message.playing and self.keeps):
+        if not (isinstance(message, Telemetry) and message.playing):
             return
-        if (message.phase, message.segment_tick) == ("hold", KEPT_TICKS):
-            self.loop.bus.call(ACTION, Action(ActionCode.KEEP))
+        self.paused = self.paused + 1 if message.paused else 0
+        action = self.requests.pop((message.phase, message.segment_tick), "")
+        if self.paused == PAUSED_TICKS:
+            action = "resume"
+        if action:
+            self.loop.bus.call(ACTION, Action(ActionCode(action)))
 
     def grip(self, force_mN: float, hold_s: float | None = None) -> Released:
         """Grip; without ``hold_s`` the part is kept."""
-        self.keeps = hold_s is None
-        request = GripJobRequest(
-            kind="grip", force_mN=force_mN, hold_s=hold_s, until_released=self.keeps
-        )
+        kept = hold_s is None
+        if kept:
+            self.requests["hold", KEPT_TICKS] = "keep"
+        request = GripJobRequest(kind="grip", force_mN=force_mN, hold_s=hold_s, until_released=kept)
         return self._played(plan_job(request, self.rig, None))
 
     def release(self, **wishes: object) -> Released:
         """Let the kept part go."""
-        self.keeps = False
         request = ReleaseJobRequest.model_validate({"kind": "release", **wishes})
         applied, position = self.newest[Applied], self.newest[Position]
         assert isinstance(applied, Applied)

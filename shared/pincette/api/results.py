@@ -176,7 +176,7 @@ class ReleaseVerdict(Model):
 
     verdict: Literal["released", "sticks", "unknown"]
     """``released`` if the arm moves as a free one, ``sticks`` if it moves as one that the part
-    holds, ``unknown`` if the uncertainty admits both or neither."""
+    holds, ``unknown`` if the uncertainty admits both or neither, or if a free arm is pulled."""
     strategies: list[str]
     """Strategies that were tried, in order; empty for a release without."""
     stiffness_mN_per_um: float | None

@@ -143,8 +143,18 @@ def _of_arm(
     if freedom is None:
         return OfArm("unknown", None, None)
     verdict = freedom.verdict(arm)
+    if verdict == "released" and _is_pulled(table, let_go):
+        verdict = "unknown"
     pull_off = _pull_off_mN(arm, x_um, force_mN) if verdict == "released" else None
     return OfArm(verdict, freedom.stiffness(arm), pull_off)
+
+
+def _is_pulled(table: Columns, let_go: Mask) -> bool:
+    """Return whether a pull beyond its uncertainty is left, as of a part that is dragged along."""
+    names = ("force_mN", "force_uncertainty_mN", "zero_age_s")
+    rows = np.array([series(table, name)[let_go] for name in names]).T
+    last = rows[~np.isnan(rows).any(axis=1)][-SMOOTHED:]
+    return bool(len(last)) and bool(last[:, :2].sum(axis=1).mean() < 0.0)
 
 
 def _last_stretch(
