@@ -1,6 +1,5 @@
 """Form fields and results that several kinds of job share."""
 
-from collections.abc import Mapping
 from typing import TypeVar
 
 from pincette.api.job_kinds import FieldSpec, ResultField, choices, number
@@ -279,11 +278,6 @@ RELEASE_VERDICT: tuple[ResultField, ...] = (
     ),
 )
 """Result fields on the release of the part."""
-BRIEF_ZERO_RETURN: Mapping[str, str] = {
-    "zero_return.force_mN": "zero return",
-    "second_zero_return.force_mN": "zero return of arm 2",
-}
-"""Labels of both zero returns in a short result."""
 MOTION: tuple[ResultField, ...] = (
     number("ends_at.x_um", "rests at", main=True),
     number("ends_at.voltage_V", "final voltage", digits=3),

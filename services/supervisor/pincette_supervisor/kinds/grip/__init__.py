@@ -166,7 +166,7 @@ KIND = JobKind(
         "contact_stiffness_mN_per_um": "contact stiffness",
         "held_place_um": "place",
         "difference_mN": "difference of both forces",
-        **fields.BRIEF_ZERO_RETURN,
+        "zero_return.force_mN": "zero return",
     },
     predicted=True,
     relative=("place",),

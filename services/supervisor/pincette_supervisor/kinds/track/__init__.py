@@ -397,7 +397,7 @@ KIND = JobKind(
         "force_uncertainty_mN": "uncertainty of the force",
         "peak_force_mN": "peak force",
         "difference_mN": "difference of both forces",
-        **fields.BRIEF_ZERO_RETURN,
+        "zero_return.force_mN": "zero return",
     },
     predicted=True,
     goal_phase="track",
