@@ -94,7 +94,7 @@ def test_a_rig_without_a_residual_run_is_omitted_from_its_medians_and_reported()
     assert values["hz_0_5"]["dry_run_force_percent"] == pytest.approx(0.4)
     assert "dry_run_force_percent" not in values["hz_2"]
     told = section(BeyondTrials(missing, found.grips))
-    assert any("behind 4 of 36 tracks" in text for text in told.text)
+    assert any("4 of 36 tracks had residual runs" in text for text in told.text)
 
 
 def test_grips_are_of_all_classes_by_profile() -> None:
