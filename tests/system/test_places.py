@@ -26,6 +26,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
 def test_a_grip_takes_the_place_that_the_example_publishes(rig: RunningRig) -> None:
     bus = rig.rig.bus
     words = ["--router", f"tcp/{bus.host}:{bus.port}", "--x-um", "6.0", "--u-um", "0.8"]
+    words += ["--seconds", "600"]
     camera = subprocess.Popen(
         [sys.executable, str(ROOT / "docs/examples/place.py"), *words], env=environment()
     )
@@ -35,10 +36,10 @@ def test_a_grip_takes_the_place_that_the_example_publishes(rig: RunningRig) -> N
             assert camera.poll() is None
             assert monotonic() < deadline
             sleep(0.1)
-        ended = rig.ended(rig.start_grip(place={"given_by": "bus", "max_age_s": 60.0}), PATIENCE_S)
+        ended = rig.ended(rig.start_grip(place={"given_by": "bus", "max_age_s": 600.0}), PATIENCE_S)
         url = str(rig.client.base_url).removesuffix("/").removesuffix("/api/v1")
         command = [str(Path(sys.executable).with_name("pincette")), "job", "grip"]
-        command += ["--all", "--url", url, "--place", "given_by=bus,source=camera-1,max_age_s=60"]
+        command += ["--all", "--url", url, "--place", "given_by=bus,source=camera-1,max_age_s=600"]
         said = subprocess.run(
             command, env=environment(), capture_output=True, text=True, timeout=PATIENCE_S
         )
