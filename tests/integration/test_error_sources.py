@@ -113,7 +113,7 @@ def test_a_poorly_known_free_response_is_attributed_to_the_response() -> None:
     rig = rig.model_copy(update={"model": model})
     found = sources(played(TRACK, rig))
     assert found.force_mN.largest == "response"
-    assert "calibrate residual" in found.force_mN.to_do
+    assert "residual calibration" in found.force_mN.to_do
 
 
 def test_a_part_off_the_contact_line_is_attributed_to_the_line() -> None:

@@ -123,7 +123,7 @@ def test_heal_ends_earlier_faults_only() -> None:
         ),
         (SimCommand("part", "melt"), "part has no operation 'melt'; it has remove, place, lose"),
         (SimCommand("output", "over_range"), "output has no operation 'over_range'"),
-        (SimCommand("weight", "hang"), "weight hang needs a value: mN"),
+        (SimCommand("weight", "hang"), "weight hang needs a value: weight in mN"),
         (SimCommand("weight", "hang", 1e6), "weight hang 1000000.0: beyond -1000..1000"),
         (SimCommand("arm", "stiffen", float("nan")), "arm stiffen nan: beyond 0.01..100"),
         (SimCommand("sensor", "slow", 6.0), "sensor slow 6.0: beyond 0..5 (s)"),

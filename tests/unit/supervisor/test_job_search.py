@@ -162,7 +162,7 @@ def test_a_journal_of_the_last_schema_is_searched_as_well(tmp_path: Path) -> Non
         config.attributes["connection"] = connection
         command.upgrade(config, "0002")
         plan = {"kind": "grip", "curves": {"t_s": [0.0, 1.0]}, "values": {"force_mN": 8.0}}
-        jobs = [columns(replace(job, plan=plan), "actions") for job in rows()]
+        jobs = [columns(replace(job, plan=plan), "actions", "traceparent") for job in rows()]
         connection.execute(insert(JOBS), jobs)
     engine.dispose()
     store = Store(path)

@@ -24,6 +24,8 @@ from tests.support.stores import open_store
 HERE = "127.0.0.1"
 EARLIER = """
 DROP INDEX ix_jobs_listed;
+DROP TABLE series;
+ALTER TABLE jobs DROP COLUMN traceparent;
 DROP TABLE learned;
 DROP TABLE sessions;
 DELETE FROM notes;

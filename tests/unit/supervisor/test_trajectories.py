@@ -138,7 +138,7 @@ def test_a_trajectory_of_a_kind_that_is_not_installed_is_stale(harness: Harness)
     old, _ = book.add(replace(row, request={**row.request, "kind": "pair_grip"}))
     assert len(harness.get("/trajectories")["trajectories"]) == 2
     (words,) = harness.get(f"/trajectories/{old.digest}")["stale"]
-    assert "pair_grip is not known" in words
+    assert "pair_grip is no longer known" in words
     refused = harness.post(f"/trajectories/{old.digest}/jobs", {})
     assert refused.json()["type"].endswith("trajectory-stale")
 
