@@ -7,6 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from pincette.config import read_rig
+from pincette.control.force.freedom import FreeArm
 from pincette.control.planning.pair_plan import (
     PairHold,
     PairPaths,
@@ -17,7 +18,7 @@ from pincette.control.planning.pair_plan import (
 )
 from pincette.control.planning.path_shapes import sinusoid
 from pincette.control.planning.program import Program
-from pincette.control.planning.segments import Drive, Move, Ramp, Stay
+from pincette.control.planning.segments import Drive, LetGo, Move, Ramp, Stay
 from pincette.core.faults import ActionCode, Fault, FaultCode, Outcome
 from pincette.core.messages import Command, Estimate, Load, Telemetry
 from pincette.core.service import RefusedError
@@ -356,10 +357,19 @@ def test_a_program_must_match_the_number_of_arms_of_the_rig() -> None:
     with pytest.raises(RefusedError, match="for two arms, and this rig has one"):
         SERVICE.handle(one_arm, SERVICE.start(one_arm), Load(grip()), 0.0)
     two_arms = SERVICE.configure(RIG)
-    segment = Move("approach", 1.0, to_um=(1.0,))
-    program = Program((segment,), pair_guards(request(), MOST_MN), 1.0)
-    with pytest.raises(RefusedError, match="for one arm, and this rig has two"):
-        SERVICE.handle(two_arms, SERVICE.start(two_arms), Load(program), 0.0)
+    check = FreeArm(0.5, 0.9, 0.0, 0.05)
+    for segment in (
+        Move("approach", 1.0, to_um=(1.0,)),
+        LetGo("release", 1.0, checks=(check,)),
+    ):
+        program = Program((segment,), pair_guards(request(), MOST_MN), 1.0)
+        with pytest.raises(RefusedError, match="for one arm, and this rig has two"):
+            SERVICE.handle(two_arms, SERVICE.start(two_arms), Load(program), 0.0)
+    program = Program((LetGo("release", 1.0, checks=(check, check)),), program.guards, 1.0)
+    with pytest.raises(RefusedError, match="for two arms, and this rig has one"):
+        SERVICE.handle(one_arm, SERVICE.start(one_arm), Load(program), 0.0)
+    with pytest.raises(ValueError, match="1 checks for 2 courses"):
+        LetGo("release", 1.0, courses=(Stay(), Stay()), checks=(check,))
 
 
 def test_each_command_is_for_both_arms() -> None:

@@ -418,12 +418,31 @@ class LetGo(Drive, frozen=True, tag="let_go", kw_only=True):
 
     One with ``checks`` moves a little, there and back; if each arm turns out to be free, the
     program ends there.
+
+    Raises
+    ------
+    ValueError
+        If checks and courses are not of the same arms.
     """
 
     checks: Items[FreeArm] = ()
     """What each arm is judged by; empty: the segment judges nothing."""
 
     lets_go: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        checks = len(self.checks)
+        if checks > 2 or (checks == 1 and len(self.courses) == 2):
+            raise ValueError(
+                f"{self.phase}: {checks} checks for {len(self.courses)} courses: "
+                "give one for each arm"
+            )
+
+    @property
+    def arms(self) -> int | None:
+        """Return the number of arms that are judged, or None for any number."""
+        return len(self.checks) or super().arms
 
 
 class PlayedSweep(SegmentBase, frozen=True, tag="sweep", kw_only=True):
