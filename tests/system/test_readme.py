@@ -96,7 +96,9 @@ def test_every_block_of_the_readme_works_as_described(folder: Path) -> None:
         # A reader types all blocks into one shell, so its variables live on.
         script = f"set -eu\n. {state}\n{block}\nset | grep -E '^(API|JOB|PATH)=' > {state} || true"
         done = run(["bash", "-c", script], folder, BLOCK_S)
-        assert done.returncode == 0, f"{block}\n{done.stdout}"
+        answer = folder / "data/job.json"
+        said = answer.read_text(encoding="utf-8")[:500] if answer.exists() else ""
+        assert done.returncode == 0, f"{block}\n{done.stdout}\n{said}"
         for command, words in SAYS.items():
             if command in block:
                 assert words in " ".join(done.stdout.split()), f"{block}\n{done.stdout}"
@@ -111,7 +113,8 @@ def test_another_tool_can_subscribe(folder: Path) -> None:
         httpx.Client(trust_env=False) as client,
     ):
         # In lockstep time passes while a job runs, and there is nothing to be heard before.
-        client.post(f"{API}/jobs", json={"kind": "grip", "autostart": True}).raise_for_status()
+        started = client.post(f"{API}/jobs", json={"kind": "grip", "autostart": True})
+        assert started.is_success, started.text
         await_text(log, " mN\n", process, 20.0)
         said = await_text(log, " V\n", process, 20.0)
     assert re.search(r"^ *-?\d+\.\d{3} µm +-?\d+\.\d{3} mN\n", said, re.MULTILINE)
