@@ -6,16 +6,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from pincette.api.results import JobResult
 from pincette.control.arm.plant import discretize, printed_arm
 from pincette.control.record import replace
 from pincette.core.messages import Message
 from pincette.records.columns import columns
-from pincette_supervisor.plugin.result import law_figures, true_perturbation_error
+from pincette_supervisor.plugin.result import common, law_figures, true_perturbation_error
 from tests.support.arms import with_arm
 from tests.unit.control.laws.model_loop import ModelArm
 
 from . import samples
-from .samples import PERIOD_S, PLANT, Tick
+from .samples import PERIOD_S, PLANT, Tick, run_of
 
 STIFFNESS, TOUCH_UM = 2.1, 4.0
 RATES = (0.0, 0.3, -0.2, 0.05)
@@ -54,6 +55,12 @@ def test_the_true_perturbation_error_is_that_of_the_arm() -> None:
     assert np.isnan(found[:3]).all()
     wanted = [before - after for before, after in pairwise(p_mN[2:])]
     assert found[3:] == pytest.approx(wanted, abs=1e-9)
+
+
+def test_a_kind_finds_a_value_for_each_member_of_every_result() -> None:
+    """The example of a job kind builds its result from them."""
+    found = common(run_of("grip", table_of(samples.grip())))
+    assert set(JobResult.model_fields) <= set(found)
 
 
 def test_the_law_result_is_that_of_the_parameter_set() -> None:

@@ -126,6 +126,7 @@ def course(table: Columns, *, period_s: float, dropped: int) -> dict[str, Any]:
         "touch_x_um": figures.last(table["touch_x_um"]),
         "touch_force_mN": figures.last(table["touch_mN"]),
         "position_step": position_step_of(table),
+        "place": None,  # compared with the place that the request gives by ``place_found``
     }
 
 
