@@ -29,7 +29,7 @@ T = {period_ms:g} ms.
 {system}, Python {python}; {count} injections, seed {seed}, each at a random phase of the period.
 
 Times are in ms from the fault, as an observer at the router sees them, including the delay to the
-observer. *Reaction* is the first step of the ramp, or the begin of the freeze if a part is held.
+observer. *Reaction* is the first step of the ramp, or the start of the freeze if a part is held.
 *Safe* is the safe voltage. For a held part it comes after the freeze, here {freeze_ms:.0f} ms.
 *Ringing* is the largest amplitude of the arm's mode after the ramp, divided by the arm's
 displacement during the ramp, computed from the applied voltages.

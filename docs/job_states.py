@@ -49,44 +49,45 @@ RULES = """\
 ## What to rely on
 
 - A job is a resource with a state. Losing the connection to the supervisor loses no job.
-- One `Idempotency-Key` creates one job, from the moment it is seen: a second request waits while
-  the first one is planned, and gets its job; also after a restart. If the first is refused, the
-  next is planned in its place.
+- One `Idempotency-Key` creates one job, even over a restart: a second request with the same key
+  waits while the first one is planned, and gets its job. If the first is refused, the second is
+  planned instead.
 - `POST /api/v1/jobs/stop` with the key stops its job, or the request while it is planned.
-- A request whose caller hangs up before the job is planned begins nothing: nobody would know of
-  the motion. The audit log says so. With its key it can be sent again.
+- A request whose caller hangs up before the job is planned begins nothing, since no client would
+  know of the motion. The audit log records this. The request can be sent again with its key.
 - A state that ends in -ing has a deadline. When it has passed, the event is `overdue`, which leads
   to `aborting`, and from there to `failed`: no job hangs.
-- `pause` acts at the next safe point, where the references are at rest. From then on they stay,
-  the law holds force and position, and the guards stay active. `paused` has no deadline.
-- `stop` from `paused` does not go through `running`: the controller is asked for the stop alone,
-  and nothing moves.
-- A stop keeps a held part, unless the request says `"on_stop": "release"` (unload, and rest there)
-  or `"retract"` (unload, and go back). A calibration presses to measure: its stop is always a
-  `retract`. An abort freezes the voltage for the rig file's `freeze_s`, unless the request says
-  `"on_abort": "ramp"`.
-- A stopped job that holds a part keeps the rig. Its action `release` lets the part go; a job of
+- `pause` acts at the next safe point, where the references are at rest. From then on they stay, the
+  law holds force and position, and the guards stay active. `paused` has no deadline.
+- `stop` from `paused` does not go through `running`: the controller is only requested to stop, and
+  nothing moves.
+- A stop keeps a held part, unless the request states `"on_stop": "release"` (unload, and rest
+  there) or `"retract"` (unload, and return to rest). A calibration presses to measure: its stop is
+  always a `retract`. An abort freezes the voltage for the rig file's `freeze_s`, unless the request
+  states `"on_abort": "ramp"`.
+- A stopped job that holds a part keeps the rig. Its action `release` releases the part; a job of
   the kind `hold` or `release` takes the part over.
 - After a trip with a part held, the actuator is frozen. A reset then keeps the voltage and the
   part, and only jobs of the kinds `hold` and `release` can start.
-- With `"queue": true` a job waits while another has the rig. The next one is planned again with
-  the model in use when its turn comes. A job that ends otherwise than `succeeded`, and a restart
-  of the supervisor, halt the queue until a person resumes it: `POST
-  /api/v1/rigs/{rig}/queue/actions` with `{"type": "resume"}` or `{"type": "clear"}`. A held part,
-  or an emergency stop between two jobs, halts it as well, and uses up no job.
-- Jobs with more `priority` wait further ahead. `{"type": "move", "job": …, "position": 1}` gives
-  one that waits another place; its action `stop` takes it out.
-- An ended job says why, in `ending`: a code, with the numbers of what was found. `cause` has the
-  same in words. An interrupted job has the result that its record gives.
-- The end of a job is told before its files are written: `artifacts` is `none`, `being_written`,
-  `ready` or `deleted`. `wait=recorded` waits for the files, and the rig is free meanwhile. The next
-  supervisor completes those of one that was killed.
-- A calibration with the arm free that a stall of the machine has tripped is `failed`, and begins
-  again as a new job that its `cause` names, as often as its `tries` say.
-- A supervisor that is killed leaves its job `interrupted` and the program playing, in real time
-  for the length of its lease (`[safety] lease_s`, of a calibration three times that): then the
-  controller stops it as the job says. When a supervisor starts again, it asks the controller once
-  to stop; a held part stays held, and a calibration lets it go. Nothing resumes by itself.
+- With `"queue": true` a job waits while another has the rig. The next one is planned again with the
+  model in use when its turn comes. A job that does not end as `succeeded`, and a restart of the
+  supervisor, halt the queue until a person resumes it: `POST /api/v1/rigs/{rig}/queue/actions` with
+  `{"type": "resume"}` or `{"type": "clear"}`. A held part, or an emergency stop between two jobs,
+  also halts it; no waiting job is lost.
+- Jobs with a higher `priority` start first. `{"type": "move", "job": …, "position": 1}` moves a
+  waiting job to another position in the queue; its action `stop` removes it.
+- `ending` of an ended job states why it ended: a code, with the measured values. `cause` states the
+  same in words. The result of an interrupted job is computed from its record.
+- The end of a job is published before its files are written: `artifacts` is `none`,
+  `being_written`, `ready` or `deleted`. `wait=recorded` waits for the files, and the rig is free
+  meanwhile. If the supervisor is killed, the next one completes them.
+- A calibration with a free arm that a stall of the machine has tripped is `failed`, and restarts as
+  a new job that its `cause` names, until it has started `tries` times.
+- A supervisor that is killed leaves its job `interrupted` while the motion program continues. In
+  real time the controller stops the program when the lease ends (`[safety] lease_s`, three times
+  that for a calibration), as the job states. When a supervisor starts again, it requests the
+  controller once to stop; a held part stays held, and a calibration releases it. Nothing resumes
+  automatically.
 """
 
 

@@ -37,7 +37,7 @@ class Tape:
         return next(self._positions_um)
 
     def read_V(self) -> float:
-        """As at the begin of the recording."""
+        """As at the start of the recording."""
         return 0.0
 
     def write_V(self, voltage_V: float) -> None:

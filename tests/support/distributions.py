@@ -21,7 +21,7 @@ class Injected:
     phase: float
     """Place of the fault within a period, from 0 to 1, counted from the newest sample."""
     reaction_s: float | None
-    """First step of the ramp, or begin of the freeze; None where no program reacted."""
+    """First step of the ramp, or start of the freeze; None where no program reacted."""
     reaction_limit_s: float | None
     reaction_stalls_s: float
     safe_s: float

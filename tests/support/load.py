@@ -275,7 +275,7 @@ def table(found: Json) -> str:
         "",
         *(f"{who}: {share:.2f} processors" for who, share in found["processors_used"].items()),
         f"grips: {found['grips']}, missed ticks in them: {found['missed_ticks']}",
-        f"resident memory of the supervisor: {memory['begin']:.0f} MB at the begin, "
+        f"resident memory of the supervisor: {memory['begin']:.0f} MB at the start, "
         f"{memory['settled']:.0f} MB settled, {memory['end']:.0f} MB at the end",
         f"refused or failed: {found['failures'] or 'none'}",
     ]

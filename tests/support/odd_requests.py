@@ -33,7 +33,7 @@ BODIES: dict[str, bytes] = {
     "half a pair in a field": f'{{{GRIP}, "{chr(92)}ud800": 1}}'.encode(),
     "NUL": b'{"kind": "grip\x00"}',
     "NUL in a label": f'{{{GRIP}, "labels": {{"part": "{chr(92)}u0000"}}}}'.encode(),
-    "a mark at the begin": b"\xef\xbb\xbf{" + GRIP.encode() + b"}",
+    "a mark at the start": b"\xef\xbb\xbf{" + GRIP.encode() + b"}",
     "UTF-16": f"{{{GRIP}}}".encode("utf-16"),
     "UTF-32": f"{{{GRIP}}}".encode("utf-32"),
     "two documents": f"{{{GRIP}}}{{{GRIP}}}".encode(),

@@ -42,7 +42,7 @@ PERIOD_S = 0.02
 START_NS = 1_763_740_800_000_000_000
 SWEEP = Sweep(1.0, 20.0, 5.0, 0.1, 200.0)
 BEGUN = {"begin_at": "2025-11-21T16:00:00.000000Z"}
-"""Begin of the record, as its files state it."""
+"""Start of the record, as its files state it."""
 ABOUT = {"job": "j-1", "rig": "demo", "epoch": str(EPOCH), "period_s": repr(PERIOD_S)}
 
 

@@ -36,7 +36,7 @@ SEED = int(os.environ.get("PINCETTE_SEED", str(secrets.randbits(32))))
 CHANGES: Tree = {**SHORT, "recorder": {"min_free_MB": 4.0}}
 GRIP: Tree = {"approach_um_per_s": 5.0, "load_s": 0.9, "hold_s": 0.9}
 LONGEST_S = 0.5
-"""Longest time between the begin of a phase and a cut."""
+"""Longest time between the start of a phase and a cut."""
 LOST_S = 1.0
 """Longest time of samples that a power cut may cost."""
 READY_S = 60.0

@@ -29,7 +29,7 @@ from tests.support.witness import Witness, witness
 FEW, MANY = 3, 100
 SEED = 20131
 LATEST_S = 3.0
-"""Between the request, or the begin of the motion, and a kill; a grip and its release take less."""
+"""Between the request, or the start of the motion, and a kill; a grip and its release take less."""
 PLAYING_SHARE = 0.7
 """Of kills that come while a program plays; others come while a job is planned and armed."""
 PATIENCE_S = 60.0

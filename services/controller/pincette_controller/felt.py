@@ -42,7 +42,7 @@ class Felt(FrozenRecord, frozen=True):
     """True if no sample of this segment has been added."""
 
     def entered(self) -> "Felt":
-        """Return the state at the begin of a segment, before its first sample."""
+        """Return the state at the start of a segment, before its first sample."""
         return replace(self, fresh=True, drift_mN=(0.0, 0.0), felt_s=0.0)
 
     def updated(self, arms: Arms, period_s: float, most_drift_mN: float) -> "Felt":

@@ -99,7 +99,7 @@ class Began(FrozenRecord, frozen=True):
     voltages_V: tuple[float, ...] = (0.0,)
     """Voltage applied to each arm, in V."""
     force_mN: float = 0.0
-    """Force at the begin of a program that takes over a held part, in mN; 0 without a part. This
+    """Force at the start of a program that takes over a held part, in mN; 0 without a part. This
     force may have no zero, so the guard of the force counts from it."""
 
 
@@ -152,7 +152,7 @@ class Player(FrozenRecord, frozen=True):
 
 
 def enter(player: Player, index: int, segment: Segment) -> Player:
-    """Return the player at the begin of a segment; references and voltages do not change.
+    """Return the player at the start of a segment; references and voltages do not change.
 
     A retreat never moves an arm forward: where a part pushes an arm back behind its home, the way
     there would press it.

@@ -178,7 +178,7 @@ class ArmState(FrozenRecord, frozen=True):
     missed: Residual | None = None
     """Error of x_1 at the newest tick, by the residual table; None if it is not known."""
     known_V: float = 0.0
-    """Value of ``highest_V`` at the begin of this epoch, in V; up to there ``response`` has the
+    """Value of ``highest_V`` at the start of this epoch, in V; up to there ``response`` has the
     arm's memory."""
     ringing: Ringing = Ringing()
     stuck: StuckWatch = field(default_factory=StuckWatch)

@@ -115,7 +115,7 @@ class McapFile:
     # A sample's log time is the arrival of sample 0 plus its number times the control period, so
     # that samples are evenly spaced in whichever time the rig runs; its publish time is its
     # arrival. A message without a number of its own is logged at the newest sample's time. Before
-    # the first sample, the begin of the record takes the place of the arrival of sample 0.
+    # the first sample, the start of the record takes the place of the arrival of sample 0.
 
     def __init__(
         self, path: Path, rig: str, *, about: Mapping[str, str], start_ns: int, period_s: float

@@ -155,7 +155,7 @@ BUNCHES = (
 )
 """Commands that come late, and the next one right after."""
 COMPUTING_SPREAD_S = COMPUTING_S[1] - COMPUTING_S[0]
-"""From the time that a step is given to the begin of its exchange with the instrument."""
+"""From the time that a step is given to the start of its exchange with the instrument."""
 RESOLUTION_V = 0.001
 """Of the driver, which rounds to it."""
 RATE_FORKS, RATE_FORKS_IN_FULL = 6, 120

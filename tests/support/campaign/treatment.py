@@ -16,7 +16,7 @@ from tests.support.campaign.drawing import Drawn, GripWish, draw
 from tests.support.campaign.laboratory import REQUEST, Laboratory, Watched, laboratory
 
 SKIPPED_S = 0.5
-"""Begin of a hold that its mean force leaves out, as the product's result does."""
+"""Start of a hold that its mean force leaves out, as the product's result does."""
 RANGE_UM, RANGE_V = 0.5, 0.01
 """Tolerance of the stated range of position and voltage, for the ring and the output step."""
 LOUDER = 1.1
@@ -215,7 +215,7 @@ def _contact_force_mN(violations: Sequence[Violation]) -> float | None:
 
 
 def _true_held(watched: Watched, opened: Laboratory) -> float | None:
-    """Mean true force over the hold, its begin left out."""
+    """Mean true force over the hold, its start left out."""
     held = [seq for seq, view in watched.views.items() if view.phase == "hold"]
     if not held:
         return None

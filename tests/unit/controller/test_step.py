@@ -136,7 +136,7 @@ def test_the_force_starts_and_ends_without_a_bump(laws: tuple[LawSettings, ...],
 
 
 def test_restarting_a_law_in_contact_would_cause_a_bump(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The negative: 20 mN that come as a step at the begin of the hold are 20/41.3 V."""
+    """The negative: 20 mN that come as a step at the start of the hold are 20/41.3 V."""
 
     def restart(
         law: Law,

@@ -29,7 +29,7 @@ def _manifest(bench: Bench, job: str = "j-1") -> dict[str, Any]:
 
 
 def _whole(bench: Bench, count: int = 30) -> list[Message]:
-    """Record an arming from its begin to its end; its messages."""
+    """Record an arming from its start to its end; its messages."""
     messages = [*loop(count), notice("succeeded")]
     assert bench.begin() == Ack(0)
     bench.feed(messages)

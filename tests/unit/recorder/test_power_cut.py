@@ -43,7 +43,7 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Durable:
 
 @pytest.fixture
 def recording(disk: Durable, tmp_path: Path) -> Iterator[Bench]:
-    """A keeper whose syncs are recorded from its begin on."""
+    """A keeper whose syncs are recorded from its start on."""
     del disk  # it only has to exist before the keeper does
     (tmp_path / "data").mkdir()
     bench = Bench(tmp_path / "data")

@@ -19,7 +19,7 @@ from pincette.records.tables import Tables, write_tables_of_file
 from tests.support.recorded import ABOUT, BEGUN, EPOCH, PERIOD_S, START_NS, loop
 
 ARMED_S = 1.25
-"""Time from the begin of the record to sample 0."""
+"""Time from the start of the record to sample 0."""
 TIMES = {
     **BEGUN,
     "sample_0_at": "2025-11-21T16:00:01.250000Z",

@@ -96,7 +96,7 @@ def test_captured_samples_are_those_of_the_plant(fast: Simulation) -> None:
         rig.go_on()
     more_um, more_V = rig.drain()
     assert (len(x_um), len(more_um)) == (200, 800)
-    # The wave begins with the first sample of the capture, which is one period after its begin.
+    # The wave begins with the first sample of the capture, which is one period after its start.
     _, expected_um, expected_V = plant.play(
         plant.plant_parameters(fast), plant.start(), 1e-4, [0.0, *SWEPT[:-1]]
     )

@@ -22,7 +22,7 @@ Tree = dict[str, Any]
 OF_SERIES = ("rig", "autostart", "queue", "dry_run")
 """Members of a request that the series sets for all its jobs."""
 LABEL = "label."
-"""Begin of the name of a column with a label, as in a table of jobs."""
+"""Start of the name of a column with a label, as in a table of jobs."""
 SEPARATORS = ";\t,"
 
 

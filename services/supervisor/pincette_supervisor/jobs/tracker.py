@@ -34,7 +34,7 @@ STALE_S, STALE_PERIODS = 1.0, 10.0
 GONE_S = 1.0
 """Lockstep: longest standstill of the loop after a program's token has vanished, in s."""
 SETTLE_S = 0.5
-"""Begin of a hold that is left out of the held force, in s."""
+"""Start of a hold that is left out of the held force, in s."""
 
 BEFORE_APPROACH = ("", "open", CONDITION, "zero", Phase.RETREAT, Phase.UNLOAD, Phase.STOPPING)
 """Phases of a job that has not moved towards a part yet, and those of its way back."""
@@ -53,7 +53,7 @@ class Tracker:
         hold_at_s: float | None = None,
         thinned: frozenset[str] = THINNED,
     ) -> None:
-        """Create the tracker; ``hold_at_s`` is the planned begin of the hold, or None.
+        """Create the tracker; ``hold_at_s`` is the planned start of the hold, or None.
 
         ``thinned``: see ``RunSamples``.
         """

@@ -102,7 +102,7 @@ def goal_of(
 ) -> Goal | None:
     """Compare the errors of a phase with the tolerances of a plan.
 
-    With t from the begin of the phase, e = x - x_r and e = F̂ - F_r have settled at the least t_s
+    With t from the start of the phase, e = x - x_r and e = F̂ - F_r have settled at the least t_s
     with |e(t)| <= tolerance for every t >= t_s; the goal is met where t_s <= ``settling_s``.
 
     Parameters
@@ -131,7 +131,7 @@ def goal_of(
     settling_s = float(values["settling_s"])
     stretch = _last_stretch(np.flatnonzero(within(table, [phase])))
     skipped = int(np.ceil(settling_s / period_s - 1e-9))
-    # Ticks since the begin of the phase; rows that never came are left out.
+    # Ticks since the start of the phase; rows that never came are left out.
     ticks = np.array(table["seq"], dtype=np.int64)[stretch]
     ticks -= ticks[0] if ticks.size else 0
     errors: list[float | None] = []

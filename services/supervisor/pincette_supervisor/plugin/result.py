@@ -187,7 +187,7 @@ def contact_fit(table: Columns) -> ContactFit | None:
     """Fit the contact line over the load as the controller does, to get its standard errors.
 
     Those are of as many independent samples as the residuals show: an error of x_1 is shared by
-    neighbouring ones. One that all of them share is an error of the force at the begin of the
+    neighbouring ones. One that all of them share is an error of the force at the start of the
     load, which moves x_e by that over K_e and leaves no residual; one that grows with the load, as
     the stated uncertainty does, is an error of K_e by the same share of the force. So is what the
     force at rest in the hold differs by from the line: the line was drawn in motion.

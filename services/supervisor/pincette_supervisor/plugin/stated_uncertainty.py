@@ -157,7 +157,7 @@ def ring_term(made: ContactPlan, rig: RigFile, phase: str, settling_s: float = 0
     phase
         Goal phase of the job.
     settling_s
-        Time from the begin of the phase that does not count.
+        Time from the start of the phase that does not count.
     """
     course = made.course
     shares = derived.ring_shares(rig, stated_output(rig))

@@ -221,7 +221,7 @@ async def _permitted(request: Request, access: AccessState) -> Callable[[], bool
 
 Permitted = Annotated[Callable[[], bool], Depends(_permitted)]
 """Function that returns True while the caller's key or session is valid: a stream outlives the
-check at its begin."""
+check at its start."""
 
 
 async def _sender(request: Request, caller: AnyCaller) -> str:

@@ -19,9 +19,9 @@ class Mode:
 
     xx: float
     xv: float
-    """Effect of the speed at the begin of a period on the position at its end, in s."""
+    """Effect of the speed at the start of a period on the position at its end, in s."""
     vx: float
-    """Effect of the position at the begin of a period on the speed at its end, in 1/s."""
+    """Effect of the position at the start of a period on the speed at its end, in 1/s."""
     vv: float
     ramp_x: float
     """x after a period from rest at 0, while q moves straight from 0 to 1."""

@@ -89,7 +89,7 @@ class DetectedContact(FrozenRecord, frozen=True):
 
 
 class Sums(NamedTuple):
-    """Sums over the samples of a branch up to one sample, relative to the begin of the branch."""
+    """Sums over the samples of a branch up to one sample, relative to the start of the branch."""
 
     samples: int = 0
     nominal: float = 0.0
@@ -144,20 +144,20 @@ class ContactDetector(FrozenRecord, frozen=True):
     """
 
     nominal_um: float
-    """Value of d_p·u at the begin of the branch, in µm."""
+    """Value of d_p·u at the start of the branch, in µm."""
     x_um: float
-    """Position at the begin of the branch, in µm."""
+    """Position at the start of the branch, in µm."""
     touch: DetectedContact | None = None
     free_to_um: float = -inf
     """Furthest position before this branch and before the touch, in µm."""
     reached_um: float = -inf
     """Furthest position on this branch before the touch, in µm."""
     begun_um: float = 0.0
-    """Value of d_p·u at which the open bin begins, relative to the begin of the branch, in µm."""
+    """Value of d_p·u at which the open bin begins, relative to the start of the branch, in µm."""
     open_bin: Sums = Sums()
     """Sums up to the newest sample."""
     ends_um: tuple[float, ...] = (0.0,)
-    """Value of d_p·u at which each bin ends, relative to the begin of the branch, in µm."""
+    """Value of d_p·u at which each bin ends, relative to the start of the branch, in µm."""
     bins: tuple[Sums, ...] = (Sums(),)
     """Sums up to the end of each bin; the first one ends where the oldest bin begins."""
 

@@ -103,7 +103,7 @@ class LawDefinition:
     """Other gains that a refusal may propose, each with its values, the gentlest first."""
     previews: bool = False
     """True if ``step`` receives the planned motion and the contact. Such a law gets the force error
-    as estimated, without the rig's low-pass, and keeps its state over the begin of a segment, since
+    as estimated, without the rig's low-pass, and keeps its state over the start of a segment, since
     the plan contains the touch."""
     rebase: Callable[[Any], Any] | None = None
     """For a law that previews, function that returns its state after a contact has begun or ended

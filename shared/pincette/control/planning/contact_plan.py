@@ -80,7 +80,7 @@ class PlannedRig:
     memory: HysteresisState | None = None
     """Memory of the free response as a plan begins; None: that of an unpoled arm."""
     condition_V: float | None = None
-    """Lowest voltage of the conditioning strokes at the begin of a plan, in V; None without
+    """Lowest voltage of the conditioning strokes at the start of a plan, in V; None without
     strokes."""
     strokes: int = STROKES
     """Number of those strokes."""
@@ -214,7 +214,7 @@ def _way_out(
     if stands_um is None or stands_um <= free_um:
         return arm.x_start_um, ()
     back_s = move_duration(stands_um - arm.x_start_um, request.approach_um_per_s)
-    # Unguarded: a force that acts at its begin is not known yet, and its decrease is no touch.
+    # Unguarded: a force that acts at its start is not known yet, and its decrease is no touch.
     return stands_um, (Move("open", back_s, to_um=(back_um,)),)
 
 

@@ -297,7 +297,7 @@ def _driven(
     duration_s = move_duration(end_V - at.voltage_V, rate)
     course: VoltageCourse = Ramp(end_V)
     if by_V is not None and request.cycles is None:
-        # The path counts from the voltage at the begin of the motion.
+        # The path counts from the voltage at the start of the motion.
         path = voltage_moves([(0.0, rate, 0.0), (by_V, rate, 0.0)], relative=True)
         course = Follow(path)
     return [

@@ -29,7 +29,7 @@ from pincette.control.planning.segments import (
 BACK_UM = 3.0
 """Distance from its touch to which an arm steps back, in µm."""
 SETTLE_S = 0.8
-"""Time from the end of the load to the begin of a path, in s."""
+"""Time from the end of the load to the start of a path, in s."""
 CARRIED = "rest"
 """Phase in which a motion program of a pressed part ends with the part held."""
 

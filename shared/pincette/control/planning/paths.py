@@ -61,7 +61,7 @@ class Path(FrozenRecord, frozen=True):
     """Half the duration of a triangle's corner as a share of its cycle, up to 1/4."""
     knots: Items[Knot] = ()
     relative: bool = False
-    """True for a voltage that is relative to the one at the begin of the path."""
+    """True for a voltage that is relative to the one at the start of the path."""
 
     def __post_init__(self) -> None:
         if self.knots or self.shape in ("step", "waypoints"):
@@ -86,7 +86,7 @@ class Path(FrozenRecord, frozen=True):
 
     @property
     def full_from_s(self) -> float:
-        """Return the begin of the part at full amplitude; between knots that of the path."""
+        """Return the start of the part at full amplitude; between knots that of the path."""
         return 0.0 if self.knots else self.blend_cycles * self.cycle_s
 
     @property

@@ -154,7 +154,7 @@ class PlannedArm:
     def _moved(
         self, model: HysteresisModel, x_um: float, force_mN: float
     ) -> tuple[HysteresisState, HysteresisState]:
-        """Return the memory at the begin of the plan, and at a position against a force."""
+        """Return the memory at the start of the plan, and at a position against a force."""
         begins = start(model) if self.memory is None else self.memory
         way_um = x_um - self.x_start_um + self.compliance_um_per_mN * force_mN
         ways_um = [way_um * step / SWEPT_STEPS for step in range(1, SWEPT_STEPS + 1)]

@@ -42,7 +42,7 @@ class Piece(NamedTuple):
         return self.start_s + self.duration_s
 
     def reference(self, t_s: float) -> Reference:
-        """Return the references at a time since the begin of the segment, in s."""
+        """Return the references at a time since the start of the segment, in s."""
         return self.follow(self.segment, self.entry, self.segment.reference(t_s, self.entry))
 
 

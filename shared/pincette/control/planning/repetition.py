@@ -59,7 +59,7 @@ class Corrections(FrozenRecord, frozen=True):
         return len(self.errors_um) >= MOST_CYCLES or self.quiet >= PATIENCE
 
     def at(self, tick: int) -> float:
-        """Return l at a tick since the begin of a cycle."""
+        """Return l at a tick since the start of a cycle."""
         return self.values_um[tick % len(self.values_um)]
 
     def improved(
@@ -151,7 +151,7 @@ class CycleLearner(FrozenRecord, frozen=True):
     """Errors of the cycle before, if it was complete, in µm."""
 
     def updated(self, tick: int, error_um: float, *, limited: bool) -> "CycleLearner":
-        """Add x - x_r at a tick since the begin of a cycle.
+        """Add x - x_r at a tick since the start of a cycle.
 
         A cycle in which a tick is missing or repeated, or a limit acts, is not learned from.
         """

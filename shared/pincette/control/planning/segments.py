@@ -40,7 +40,7 @@ class Reference(NamedTuple):
     force_mN: float = 0.0
     force_rate_mN_per_s: float = 0.0
     voltages_V: tuple[float, ...] = ()
-    """Voltage of each arm in a segment without a law, in V; in others the one applied at its begin.
+    """Voltage of each arm in a segment without a law, in V; in others the one applied at its start.
     """
     opening_um: float = 0.0
     """Opening x_1 + x_2 of two arms, in µm."""
@@ -91,7 +91,7 @@ class SegmentBase(FrozenRecord, frozen=True, tag_field="kind"):
         return None
 
     def reference(self, t_s: float, entry: Entry) -> Reference:
-        """Return the references at a time since the begin of the segment, in s."""
+        """Return the references at a time since the start of the segment, in s."""
         _ = t_s
         ref = entry.ref
         return Reference(ref.x_um, 0.0, 0.0, ref.force_mN, 0.0, ref.voltages_V, ref.opening_um)
@@ -117,7 +117,7 @@ class Move(SegmentBase, frozen=True, tag="move"):
         return len(self.to_um)
 
     def reference(self, t_s: float, entry: Entry) -> Reference:
-        """Return the references at a time since the begin of the segment, in s."""
+        """Return the references at a time since the start of the segment, in s."""
         ref, duration_s = entry.ref, self.duration_s
         if not duration_s:
             return SegmentBase.reference(self, t_s, entry)
@@ -177,7 +177,7 @@ class Seek(Move, frozen=True, tag="seek"):
                 raise ValueError(f"{self.phase}: a seek needs a goal for each arm that must touch")
 
     def reference(self, t_s: float, entry: Entry) -> Reference:
-        """Return the references at a time since the begin of the segment, in s."""
+        """Return the references at a time since the start of the segment, in s."""
         ref, duration_s, up_s = entry.ref, self.duration_s, self.run_up_s
         if not duration_s:
             return SegmentBase.reference(self, t_s, entry)
@@ -218,7 +218,7 @@ class Press(SegmentBase, frozen=True, tag="press"):
         return None if self.place_um is None else 2
 
     def reference(self, t_s: float, entry: Entry) -> Reference:
-        """Return the references at a time since the begin of the segment, in s."""
+        """Return the references at a time since the start of the segment, in s."""
         duration_s = self.move_s or self.duration_s
         if len(entry.ref.voltages_V) == 2:
             return self._of_two_arms(t_s, entry, duration_s)
@@ -298,7 +298,7 @@ class Track(SegmentBase, frozen=True, tag="track"):
         return None if self.place is None else 2
 
     def reference(self, t_s: float, entry: Entry) -> Reference:
-        """Return the references at a time since the begin of the segment, in s."""
+        """Return the references at a time since the start of the segment, in s."""
         ref = entry.ref
         if len(ref.voltages_V) == 2:
             force_mN, rate, _ = _on_path(self.force, ref.force_mN, t_s)
@@ -314,10 +314,10 @@ class Track(SegmentBase, frozen=True, tag="track"):
 
 
 class Stay(FrozenRecord, frozen=True, tag="stay", tag_field="kind"):
-    """A voltage that stays as applied at the begin of the segment."""
+    """A voltage that stays as applied at the start of the segment."""
 
     def at(self, t_s: float, begin_V: float, duration_s: float | None, period_s: float) -> float:
-        """Return the voltage at a time since the begin of the segment, in s."""
+        """Return the voltage at a time since the start of the segment, in s."""
         _ = t_s, duration_s, period_s
         return begin_V
 
@@ -328,7 +328,7 @@ class Ramp(FrozenRecord, frozen=True, tag="ramp", tag_field="kind"):
     to_V: Volt
 
     def at(self, t_s: float, begin_V: float, duration_s: float | None, period_s: float) -> float:
-        """Return the voltage at a time since the begin of the segment, in s."""
+        """Return the voltage at a time since the start of the segment, in s."""
         _ = period_s
         if not duration_s:
             return begin_V
@@ -341,7 +341,7 @@ class Follow(FrozenRecord, frozen=True, tag="follow", tag_field="kind"):
     path: Path
 
     def at(self, t_s: float, begin_V: float, duration_s: float | None, period_s: float) -> float:
-        """Return the voltage at a time since the begin of the segment, in s."""
+        """Return the voltage at a time since the start of the segment, in s."""
         _ = duration_s, period_s
         return (begin_V if self.path.relative else 0.0) + self.path.at(t_s)
 
@@ -362,7 +362,7 @@ class Recorded(FrozenRecord, frozen=True, tag="recorded", tag_field="kind"):
             raise ValueError("no recorded voltages: at least one is needed")
 
     def at(self, t_s: float, begin_V: float, duration_s: float | None, period_s: float) -> float:
-        """Return the voltage at a time since the begin of the segment, in s."""
+        """Return the voltage at a time since the start of the segment, in s."""
         _ = begin_V, duration_s
         tick = round(t_s / period_s)
         return self.values_V[min(max(tick, 1), len(self.values_V)) - 1]
@@ -400,7 +400,7 @@ class Drive(SegmentBase, frozen=True, tag="drive"):
         return all(isinstance(one, Stay) for one in self.courses)
 
     def reference(self, t_s: float, entry: Entry) -> Reference:
-        """Return the references at a time since the begin of the segment, in s."""
+        """Return the references at a time since the start of the segment, in s."""
         ref, duration_s, period_s = entry.ref, self.duration_s, entry.period_s
         voltages_V = list(ref.voltages_V)
         for arm, course in enumerate(self.courses):

@@ -156,7 +156,7 @@ def rehearsed_errors(
     """Return the growth of the error of x_1 with the way since a zero, and with its age.
 
     Let r be the position minus x_1. Each grip gives two differences of r between rests: from before
-    the approach to the contact, and from the contact to the begin of the hold, once the arm is at
+    the approach to the contact, and from the contact to the start of the hold, once the arm is at
     rest. Their root mean squares apply to their mean ways. On a shorter way the error is that of a
     random walk, √w, for which one more point is given. The hold gives creep, the slope of r over
     log10(1 + t/1 s), with t the age of the zero.

@@ -27,7 +27,7 @@ class ArmOutput(FrozenRecord, frozen=True):
 
     voltage_V: float = 0.0
     ramp_from_V: float = 0.0
-    """Voltage at the begin of the ramp, in V."""
+    """Voltage at the start of the ramp, in V."""
     limits_active: int = 0
     """Bits of the voltage limits that acted on the newest command."""
     watches: Watches = UNSEEN

@@ -81,7 +81,7 @@ class SafetyState(FrozenRecord, frozen=True):
     """Arrival of the sample on which the last good command was based, in s."""
     arrivals: Arrivals = ()
     since_s: float = 0.0
-    """Time of the begin of the freeze or the ramp, in s."""
+    """Time of the start of the freeze or the ramp, in s."""
     blind: Fault | None = None
     """Why the newest command is not valid; None if it is valid, or does not say."""
     ran_s: float | None = None

@@ -86,7 +86,7 @@ class Drawn:
     runs_um: list[Series]
     residual_um: Series
     begins_s: list[float]
-    """Begin of each segment, in s."""
+    """Start of each segment, in s."""
 
 
 def analyse(run: Run) -> Analysis:

@@ -127,7 +127,7 @@ def _plan_pair(
 
 
 def _acting_mN(force_mN: float, present: Present) -> tuple[float, float]:
-    """Return the force on the part at the begin of the plan, and its uncertainty, in mN.
+    """Return the force on the part at the start of the plan, and its uncertainty, in mN.
 
     If the state of the rig is unknown, or no part is held, the new force is assumed: such a plan
     shows the effect of the request, and cannot be started.

@@ -29,7 +29,7 @@ PATH = frozenset(("shape", *BY_POSITION, *(name for names in MEMBERS.values() fo
 
 
 class TrackPoint(Model):
-    """Force at a time since the begin of the path."""
+    """Force at a time since the start of the path."""
 
     model_config = example(t_s=1.0, force_mN=12.0)
 
@@ -38,7 +38,7 @@ class TrackPoint(Model):
 
 
 class PositionPoint(Model):
-    """Position at a time since the begin of the path."""
+    """Position at a time since the start of the path."""
 
     model_config = example(t_s=1.0, x_um=35.5)
 
@@ -47,7 +47,7 @@ class PositionPoint(Model):
 
 
 class PlacePoint(Model):
-    """Place at a time since the begin of the paths."""
+    """Place at a time since the start of the paths."""
 
     model_config = example(t_s=1.0, place_um=2.0)
 
