@@ -103,7 +103,7 @@ def test_a_motion_is_replayed_without_its_part_as_the_page_requests(
     assert seen.page.is_checked("#field-confirm")
     seen.page.locator("#start").scroll_into_view_if_needed()
     seen.page.click("#start")
-    seen.until("#current .instruction", "take the part away", LONG_S)
+    seen.until("#current .instruction", "remove the part", LONG_S)
     seen.until_true(lambda: wholly_seen(seen, "#current .instruction"), "nobody sees it")
     job = rig.get("/jobs", limit=1)["jobs"][0]["id"]
     order(rig, "remove")

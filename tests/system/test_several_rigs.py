@@ -66,5 +66,5 @@ def test_a_rig_without_its_router_states_which_rig_must_be_started_first(tmp_pat
     joins = {"rig": {"name": "right"}, "bus": {"router": "127.0.0.1:1"}}
     rig = demo_rig(joins, time="lockstep")
     fleet = Fleet(rig, tmp_path / "right.toml", tmp_path / "data", lambda _name, _line: None)
-    with pytest.raises(FleetError, match=r"no router at 127\.0\.0\.1:1 .*first"):
+    with pytest.raises(FleetError, match=r"no router at 127\.0\.0\.1:1 .*First start"):
         fleet.up()

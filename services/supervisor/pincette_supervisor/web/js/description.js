@@ -61,7 +61,7 @@ export function describe(job, changed) {
 function labelsIn(text) {
   const pairs = text.split("\n").map((line) => line.trim()).filter(Boolean).map((line) => {
     const place = line.indexOf("=");
-    if (place < 1) throw new Error(`${line} is no label: write name=text`);
+    if (place < 1) throw new Error(`${line} is not a label: write name=text`);
     return [line.slice(0, place), line.slice(place + 1)];
   });
   return Object.fromEntries(pairs);
