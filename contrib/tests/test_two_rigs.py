@@ -45,7 +45,7 @@ def right_is_latched_alone(lab: SecuredLaboratory) -> None:
     assert not lab.latched("left")
 
 
-def test_an_agent_of_one_of_two_rigs(lab: SecuredLaboratory) -> None:
+def test_an_agent_moves_only_the_rig_that_its_server_names(lab: SecuredLaboratory) -> None:
     trusting = ("--authority", str(lab.authority), "--move")
     right = (*trusting, "--rig", "right")
 
@@ -82,7 +82,9 @@ def engine() -> Generator[Any]:
     ended(engine)
 
 
-def test_a_device_of_bluesky(lab: SecuredLaboratory, engine: Any) -> None:
+def test_a_bluesky_device_moves_only_the_rig_that_it_names(
+    lab: SecuredLaboratory, engine: Any
+) -> None:
     def device(key: str) -> Gripper:
         return connected(lab.url, "right", key=lab.keys[key], authority=lab.authority)
 
@@ -100,7 +102,7 @@ def test_a_device_of_bluesky(lab: SecuredLaboratory, engine: Any) -> None:
         closed(engine, one)
 
 
-def test_a_viewer_of_one_of_two_rigs(lab: SecuredLaboratory) -> None:
+def test_a_viewer_receives_only_the_rig_of_its_server(lab: SecuredLaboratory) -> None:
     assert lab.rigs.fleet is not None
     lab.rigs.fleet.start(["foxglove"])
     with viewing(lab.rigs.right) as viewer:
@@ -119,7 +121,7 @@ def test_a_viewer_of_one_of_two_rigs(lab: SecuredLaboratory) -> None:
     assert lab.holds("left")
 
 
-def test_a_thing_description_of_one_of_two_rigs(
+def test_a_thing_description_moves_only_the_rig_that_it_describes(
     lab: SecuredLaboratory, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     folder: Path = npm_folder(tmp_path_factory.mktemp("node"), DRIVE, *NODE_WOT)

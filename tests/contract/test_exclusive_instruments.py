@@ -51,7 +51,9 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> Generator[str]:
         yield port.url
 
 
-def test_second_program_is_refused_with_the_holder(url: str, tmp_path: Path) -> None:
+def test_a_second_program_is_refused_and_told_which_program_has_the_port(
+    url: str, tmp_path: Path
+) -> None:
     alias = tmp_path / "by-id"
     with another_program_at(url) as holder:
         error = refusal(str(alias) if alias.exists() else url)

@@ -41,7 +41,7 @@ def arrivals(baud: int, line_baud: int, held_s: float, *, in_pieces: bool) -> Ar
 
 @pytest.mark.parametrize("baud", [9600, 19200, 38400, 115200])
 @pytest.mark.parametrize("held_s", [0.001, 0.003, 0.007, 0.020])
-def test_a_complete_answer_after_its_time_was_held_back(baud: int, held_s: float) -> None:
+def test_a_late_answer_in_one_piece_was_held_back_by_the_server(baud: int, held_s: float) -> None:
     hop = arrivals(baud, baud, held_s, in_pieces=False).hop()
     assert hop.held_s == pytest.approx(held_s, abs=2.0 * OVERHEAD_S)
     assert hop.line_baud == 0

@@ -212,7 +212,7 @@ def test_a_module_that_was_silent_is_armed_again_since_it_may_have_lost_its_supp
     assert bench.voltages_V == [1.0, 0.0, 0.5, 0.0]
 
 
-def test_with_a_checksum_every_line_carries_it() -> None:
+def test_a_checksum_is_added_to_every_line() -> None:
     bench = Bench(checksum=True)
     output = bench.open(checksum=True)
     output.write_V(1.0)

@@ -285,7 +285,9 @@ def check_recovers(driver: Driven) -> None:
 
 @every_timeout
 @every_driver
-def test_all_answers_equally_late(make: Callable[[Clock], Made], timeout_s: float) -> None:
+def test_equally_late_answers_are_never_assigned_to_another_request(
+    make: Callable[[Clock], Made], timeout_s: float
+) -> None:
     for tenths in (0, 6, 9, 11, 15, 30, 73, 172):
         with driven(make, timeout_s) as driver:
             accepted = check_ages(driver, constant(0.1 * tenths * timeout_s))
@@ -297,7 +299,9 @@ def test_all_answers_equally_late(make: Callable[[Clock], Made], timeout_s: floa
 
 @every_timeout
 @every_driver
-def test_answers_late_at_random(make: Callable[[Clock], Made], timeout_s: float) -> None:
+def test_randomly_late_answers_are_never_assigned_to_another_request(
+    make: Callable[[Clock], Made], timeout_s: float
+) -> None:
     for seed in range(3):
         for split in (False, True):
             with driven(make, timeout_s, split=split) as driver:
@@ -309,7 +313,9 @@ def test_answers_late_at_random(make: Callable[[Clock], Made], timeout_s: float)
 
 @every_timeout
 @every_driver
-def test_one_late_answer(make: Callable[[Clock], Made], timeout_s: float) -> None:
+def test_one_late_answer_is_never_assigned_to_another_request(
+    make: Callable[[Clock], Made], timeout_s: float
+) -> None:
     for tenths in (8, 11, 21, 30):
         with driven(make, timeout_s) as driver:
             quick_s = min(QUICK_S, 0.2 * timeout_s)
@@ -319,7 +325,9 @@ def test_one_late_answer(make: Callable[[Clock], Made], timeout_s: float) -> Non
 
 @every_timeout
 @every_driver
-def test_missing_answers(make: Callable[[Clock], Made], timeout_s: float) -> None:
+def test_after_missing_answers_no_answer_is_assigned_to_another_request(
+    make: Callable[[Clock], Made], timeout_s: float
+) -> None:
     for every in (3, 30):
         with driven(make, timeout_s) as driver:
 
@@ -335,7 +343,9 @@ def test_missing_answers(make: Callable[[Clock], Made], timeout_s: float) -> Non
 
 @every_timeout
 @every_driver
-def test_duplicated_answers(make: Callable[[Clock], Made], timeout_s: float) -> None:
+def test_duplicated_answers_are_never_assigned_to_another_request(
+    make: Callable[[Clock], Made], timeout_s: float
+) -> None:
     with driven(make, timeout_s) as driver:
         check_ages(driver, lambda _number: [0.1 * timeout_s, 0.1 * timeout_s])
         check_recovers(driver)

@@ -268,7 +268,7 @@ def test_answers_may_be_late_lost_or_duplicated_at_random(
 
 @PORTS
 @THIRD
-def test_late_answers_to_read_backs_and_other_drivers(
+def test_late_answers_of_an_output_are_never_assigned_to_another_request(
     offer: Offer, port: str, tmp_path: Path
 ) -> None:
     """First all answers are late, then they are late, lost or doubled by chance."""
@@ -286,7 +286,9 @@ def test_late_answers_to_read_backs_and_other_drivers(
 
 @PORTS
 @INSTRUMENTS
-def test_every_delay_from_zero_to_three_timeouts(offer: Offer, port: str, tmp_path: Path) -> None:
+def test_answers_with_any_delay_up_to_three_timeouts_are_assigned_correctly(
+    offer: Offer, port: str, tmp_path: Path
+) -> None:
     """The whole table (long)."""
     for tenths in range(31):
         delay_s = 0.1 * tenths * TIMEOUT_S

@@ -43,7 +43,7 @@ def test_a_second_supervisor_of_a_rig_is_refused_until_the_first_has_ended(
         assert second.alive() == {"supervisor"}
 
 
-def test_two_do_not_share_a_journal(tmp_path: Path) -> None:
+def test_two_supervisors_do_not_share_a_journal(tmp_path: Path) -> None:
     path = tmp_path / "supervisor.sqlite"
     with closing(Store(path)) as first:
         first.work_alone()

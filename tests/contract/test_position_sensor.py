@@ -56,7 +56,7 @@ class PositionSensorContract:
         yield target, sensor
         sensor.close()
 
-    def test_reads_the_present_position(self, reach: Reach) -> None:
+    def test_a_sensor_reads_the_present_position(self, reach: Reach) -> None:
         with self.opened(reach) as (target, sensor):
             for x_um in (0.0, 30.02, -12.575, 1234.5, -9000.0):
                 target.x_um = x_um

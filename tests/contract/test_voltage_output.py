@@ -64,14 +64,14 @@ class VoltageOutputContract:
         yield load, output
         output.close()
 
-    def test_puts_out_the_commanded_voltage(self, reach: Reach) -> None:
+    def test_an_output_applies_the_commanded_voltage(self, reach: Reach) -> None:
         asked_V = [0.0, 1.2345, -0.0004, -self.limit_V, self.limit_V, 2.0]
         with self.opened(reach) as (load, output):
             for voltage_V in asked_V:
                 output.write_V(voltage_V)
             assert load.voltages_V == pytest.approx(asked_V, abs=0.501 * self.step_V)
 
-    def test_reads_back_the_voltage_without_moving(self, reach: Reach) -> None:
+    def test_an_output_reads_back_its_voltage_without_moving(self, reach: Reach) -> None:
         with self.opened(reach) as (load, output):
             assert output.read_V() == 0.0
             output.write_V(-1.25)

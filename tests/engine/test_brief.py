@@ -47,14 +47,14 @@ def project(commands: list[str]) -> Generator[Project]:
         one.down()
 
 
-def test_there_are_two_commands(commands: list[str]) -> None:
+def test_the_readme_has_two_docker_commands(commands: list[str]) -> None:
     assert commands == [
         "docker compose up -d --build --wait",
         "docker compose exec supervisor pincette job grip",
     ]
 
 
-def test_the_commands_end_in_a_grip(
+def test_the_docker_commands_of_the_readme_end_in_a_grip(
     project: Project, stalls: ContainerStalls, commands: list[str]
 ) -> None:
     done = project.shell(commands[1], GRIP_S)

@@ -79,7 +79,7 @@ def test_an_invalid_body_is_refused_with_a_readable_message(
 
 
 @pytest.mark.parametrize("body", [b"", b"[" * 100_000, b'{"values": NaN}', b'{"name": "\\ud800"}'])
-def test_other_bodies_that_are_invalid(desk: Harness, job: str, body: bytes) -> None:
+def test_invalid_bodies_of_other_routes_are_refused(desk: Harness, job: str, body: bytes) -> None:
     for place in (
         "/recipes", f"/jobs/{job}/actions", "/rigs/demo/reset", "/rigs/demo/queue/actions",
         "/rigs/demo/model/actions", f"/calibrations/{job}/actions",

@@ -187,7 +187,7 @@ def test_strokes_make_the_first_grip_after_a_restart_accurate(name: str) -> None
     assert abs(errors_mN["never"]) > abs(errors_mN["auto"])
 
 
-def test_a_changed_amplifier_is_found_in_the_next_grip_and_renewed_by_a_gain_check() -> None:
+def test_a_changed_amplifier_is_found_in_the_next_grip_and_corrected_by_a_gain_check() -> None:
     lab = Laboratory(identified("relays"))
     taught = lab.rig.model.free_response
     assert taught is not None

@@ -42,7 +42,7 @@ def manifest(where: Path) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("ticks", [APPROACH, HOLD])
-def test_the_next_one_closes_the_record_of_the_job_that_was_interrupted(
+def test_the_next_supervisor_closes_the_record_of_an_interrupted_job(
     rig: VirtualRig, tmp_path: Path, ticks: int
 ) -> None:
     office = Office(rig, tmp_path)
@@ -89,7 +89,7 @@ def test_no_grip_is_accepted_while_the_motion_of_a_killed_supervisor_continues(
     after.end()
 
 
-def test_a_rig_that_was_armed_but_for_its_sensor_is_armed_again(
+def test_a_rig_whose_sensor_could_not_be_armed_is_armed_again(
     rig: VirtualRig, tmp_path: Path
 ) -> None:
     office = Office(rig, tmp_path)
@@ -170,7 +170,7 @@ def test_the_next_supervisor_closes_the_record_of_a_part_kept_by_a_stop(
 
 
 @pytest.mark.parametrize("ended", [True, False])
-def test_the_next_one_completes_records_whose_documents_were_not_written(
+def test_the_next_supervisor_completes_records_without_documents(
     rig: VirtualRig, tmp_path: Path, ended: bool
 ) -> None:
     office = Office(rig, tmp_path)

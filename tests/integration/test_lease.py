@@ -112,7 +112,7 @@ def test_a_calibration_that_presses_leaves_no_force_on_the_part(length_s: float)
 
 
 @pytest.mark.parametrize("name", [name for name in LOOP if name != "sensor"])
-def test_its_end_is_found_in_the_record_and_repeated(name: str, tmp_path: Path) -> None:
+def test_a_replay_repeats_the_end_of_a_lease(name: str, tmp_path: Path) -> None:
     kept = recorded(tmp_path / "job", RIG, list(lost()), EPOCH)
     service = plugins.load(plugins.SERVICES, name)
     findings = replay(service, RIG, kept.messages)

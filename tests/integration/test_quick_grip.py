@@ -82,7 +82,7 @@ def test_another_stiffness_than_planned_does_not_press_harder(factor: float) -> 
 
 
 @pytest.mark.parametrize("contact_um", [9.0, 21.0])
-def test_a_part_much_nearer_than_planned_is_felt_on_the_approach(contact_um: float) -> None:
+def test_a_part_much_nearer_than_planned_is_detected_on_the_approach(contact_um: float) -> None:
     grip = gripped({"bead_contact_um": contact_um}, hold_s=0.5)
     assert grip.outcome == "contact"
     assert grip.phases == ["zero", "approach", "retreat"]

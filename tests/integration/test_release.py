@@ -44,7 +44,7 @@ def test_a_glued_part_sticks_after_every_strategy() -> None:
     ("strategies", "wishes"),
     [(["retreat", "wait"], {"wait_s": 20.0}), (["retreat", "dither"], {"dither_um": 4.0})],
 )
-def test_a_later_strategy_parts_what_the_first_one_has_not(
+def test_a_later_strategy_releases_a_part_that_the_first_one_has_not(
     strategies: list[str], wishes: dict[str, float]
 ) -> None:
     """A bond that withstands the static pull of 27 mN for seconds parts in time or by more."""
@@ -56,7 +56,7 @@ def test_a_later_strategy_parts_what_the_first_one_has_not(
 
 
 @pytest.mark.parametrize(("adhesion", "true_mN"), [(0.0, 0.0), (0.1, 0.33), (0.3, 0.99)])
-def test_the_pull_off_force_is_found_on_a_slow_way_back(adhesion: float, true_mN: float) -> None:
+def test_the_pull_off_force_is_found_in_a_slow_retreat(adhesion: float, true_mN: float) -> None:
     bench = Bench(adhesive_rig({"adhesion_J_per_m2": adhesion}))
     bench.grip(15.0)
     found = bench.release(release_s=40.0).verdict
@@ -152,13 +152,13 @@ def is_right(counts: Counter[tuple[str, bool]]) -> bool:
     return wrong <= 0.01 * known and unknown <= 0.05 * counts.total()
 
 
-def test_verdicts_on_a_few_random_parts() -> None:
+def test_verdicts_on_a_few_random_parts_are_right() -> None:
     counts = judged(range(8))
     assert is_right(counts)
     assert counts["released", True]
 
 
-def test_verdicts_on_two_hundred_random_parts() -> None:
+def test_verdicts_on_two_hundred_random_parts_are_right() -> None:
     counts = judged(range(1000, 1200))
     assert is_right(counts)
     assert counts["released", True] > 50

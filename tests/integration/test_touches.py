@@ -48,7 +48,7 @@ def played(rig: RigFile, job: str) -> tuple[Telemetry, float, float]:
     ("job", "relays"),
     [("grip", False), ("move", True), ("free_response", False), ("frequency_response", True)],
 )
-def test_a_part_in_the_way_of_an_uncalibrated_rig(job: str, relays: bool) -> None:
+def test_an_uncalibrated_rig_detects_a_part_in_the_way(job: str, relays: bool) -> None:
     rig = unknown_rig("fast", 3, relays=relays)
     seen, most_mN, last_mN = played(with_part(rig, 20.0), job)
     print(job, relays, most_mN, seen.touch_x_um, seen.touch_mN)
@@ -61,7 +61,7 @@ def test_a_part_in_the_way_of_an_uncalibrated_rig(job: str, relays: bool) -> Non
 
 
 @pytest.mark.parametrize("job", ["grip", "move", "free_response", "contact_stiffness"])
-def test_a_part_in_the_way_of_a_calibrated_rig(job: str) -> None:
+def test_a_calibrated_rig_detects_a_part_in_the_way(job: str) -> None:
     """22.5 µm where 30 are planned: 5 mN were asked for, and 34 came."""
     seen, most_mN, last_mN = played(with_part(demo_rig(time="lockstep"), 22.5), job)
     print(job, most_mN, seen.touch_x_um, seen.touch_mN)

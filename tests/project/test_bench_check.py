@@ -37,7 +37,7 @@ def test_a_missing_measurement_fails() -> None:
 @pytest.mark.parametrize(
     "line", ["value = 0.0, noise = 0.1", "value = 1.0, noise = -0.1", "value = 1.0"]
 )
-def test_an_expectation_that_cannot_fail_is_refused(tmp_path: Path, line: str) -> None:
+def test_an_expected_value_that_no_result_can_miss_is_refused(tmp_path: Path, line: str) -> None:
     path = tmp_path / "expected.toml"
     path.write_text(f'[timed]\nrate = {{ {line}, better = "higher" }}\n[counted]\n')
     with pytest.raises(ValidationError):

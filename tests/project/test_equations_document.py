@@ -110,7 +110,7 @@ def test_the_code_of_an_equation_names_it(root: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_names_and_tests_of_a_page_exist(root: Path, page: str) -> None:
+def test_names_and_tests_that_a_page_mentions_exist(root: Path, page: str) -> None:
     text = (root / page).read_text(encoding="utf-8")
     for path in CODE.findall(text):
         resolve(path)

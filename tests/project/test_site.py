@@ -58,7 +58,7 @@ def pages(site: Path) -> dict[Path, Page]:
     return {path: Page(path.read_text(encoding="utf-8")) for path in files}
 
 
-def test_make_builds_it_as_strictly(root: Path) -> None:
+def test_make_site_treats_warnings_as_errors(root: Path) -> None:
     makefile = (root / "Makefile").read_text(encoding="utf-8")
     assert " ".join(("sphinx-build", *BUILD[3:])) in makefile
 

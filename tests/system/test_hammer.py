@@ -59,7 +59,7 @@ def estop_s(rig: RunningRig) -> float:
     ("hold_s", "old_jobs", "estops"),
     [(SHORT_S, 1, FEW), pytest.param(LONG_S, 5, MANY, marks=pytest.mark.slow)],
 )
-def test_the_loop_does_not_notice_fifty_clients(
+def test_fifty_clients_do_not_disturb_the_loop(
     rig: RunningRig,
     stalls: StallRecorder,
     figures: list[str],

@@ -134,7 +134,7 @@ def test_a_session_over_tls_has_a_cookie_for_tls_only(
 
 @pytest.mark.usefixtures("stalls")
 @pytest.mark.parametrize("words", [TLS_HELLO_BEGUN, b"GET / HTTP/1.1\r\n\r\n"])
-def test_unknown_connections_without_a_handshake_block_nobody(
+def test_unknown_connections_without_a_handshake_block_no_client(
     desk: Harness,
     context: ssl.SSLContext,
     authority: Path,

@@ -84,7 +84,7 @@ def test_an_actuator_stopped_with_a_part_held_needs_a_person(
 
 
 @pytest.mark.parametrize("count", [FEW, pytest.param(MANY, marks=pytest.mark.slow)])
-def test_subsets_of_programs_may_be_killed(
+def test_any_subset_of_programs_may_be_killed_and_restarted(
     rig: RunningRig, seen: Witness, count: int, figures: list[str]
 ) -> None:
     """Where an armed rig has lost a program of its loop, or any has lost its actuator, a person is

@@ -33,7 +33,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
         yield running
 
 
-def test_a_series_goes_on_with_the_next_supervisor(rig: RunningRig, tmp_path: Path) -> None:
+def test_a_series_continues_with_the_next_supervisor(rig: RunningRig, tmp_path: Path) -> None:
     (tmp_path / "plan.toml").write_text(PLAN, encoding="utf-8")
     (tmp_path / "beads.csv").write_text(BEADS, encoding="utf-8")
     url = rig.rig.supervisor.url

@@ -30,7 +30,7 @@ async def until_phase(rig: RunningRig, phase: str) -> str:
         await asyncio.sleep(0.02)
 
 
-def test_tools_that_move_are_offered_only_if_enabled(rig: RunningRig) -> None:
+def test_tools_that_move_the_arm_are_offered_only_if_enabled(rig: RunningRig) -> None:
     async def listed(*options: str) -> dict[str, Any]:
         async with agent(rig.rig.supervisor.url, *options) as client:
             return {tool.name: tool for tool in (await client.list_tools()).tools}

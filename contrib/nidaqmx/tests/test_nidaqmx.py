@@ -229,7 +229,7 @@ class TestWave:
         assert rig.went_on == 2
         output.close()
 
-    def test_a_write_or_another_wave_ends_it(self, reach: Reach) -> None:
+    def test_a_write_or_another_wave_ends_a_wave(self, reach: Reach) -> None:
         rig, output = self.opened(reach)
         for last_V in (1.25, 2.5):
             output.begin_wave([0.0, last_V], 10_000.0)

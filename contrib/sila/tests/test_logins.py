@@ -27,7 +27,7 @@ def callers(*, keys: bool, scope: Scope | None) -> Callers:
     return Callers("http://127.0.0.1:9", "demo", None, None, background)
 
 
-def test_without_keys_at_the_supervisor_nobody_can_log_in() -> None:
+def test_without_keys_at_the_supervisor_no_user_can_log_in() -> None:
     """It lets everybody do everything, and would so take any word for a key."""
     with pytest.raises(AuthenticationFailed, match="no keys; make one"):
         callers(keys=False, scope="admin").log_in("ada", "word")

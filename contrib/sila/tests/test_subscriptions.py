@@ -96,7 +96,7 @@ def test_all_streams_end_with_the_values(distribution: Distribution) -> None:
     assert list(distribution.subscribe()[1]) == ["HELD"]
 
 
-def test_a_server_uses_it() -> None:
+def test_the_server_uses_our_subscription_thread() -> None:
     install()
     used = vars(observable_command_manager)["SubscriptionManagerThread"]
     assert used is SubscriptionThread

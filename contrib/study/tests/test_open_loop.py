@@ -54,7 +54,7 @@ def test_a_part_is_pressed_with_the_force_of_a_spring_in_series() -> None:
     assert motion.true_force_mN[-1] == pytest.approx(STIFFNESS * (pressed_um - TOUCH_UM), abs=1e-2)
 
 
-def test_the_tail_is_the_last_samples_of_everything() -> None:
+def test_the_tail_of_a_motion_has_the_last_samples_of_each_series() -> None:
     motion = drive(LINEAR, [0.1 * tick for tick in range(12)], PERIOD_S)
     tail = motion.tail(4)
     for name in ("voltage_V", "x_um", "true_x_um", "true_force_mN"):

@@ -100,7 +100,7 @@ def test_only_the_adapters_ports_are_published_on_loopback(project: Project) -> 
 
 @pytest.mark.usefixtures("project")
 @pytest.mark.parametrize("image", ["pincette-adapters", "pincette-madsci"])
-def test_their_images_contain_no_build_tools(image: str) -> None:
+def test_the_images_of_adapters_contain_no_build_tools(image: str) -> None:
     found = contents(image)
     assert found.user == 10001
     assert found.tools == []

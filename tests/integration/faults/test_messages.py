@@ -99,7 +99,7 @@ def test_no_value_makes_a_handler_raise_or_a_voltage_exceed_its_limits(
 
 
 @pytest.mark.parametrize("source", SOURCES.values())
-def test_absurd_numbers_have_no_lasting_effect(source: str) -> None:
+def test_extreme_numbers_have_no_lasting_effect(source: str) -> None:
     """Said once and then no more, they neither shut out what is right nor stay in a memory."""
     for field, value in (("seq", 2**53), ("seq", -1), ("epoch", 0), ("epoch", 2**53)):
         if source == "sensor":

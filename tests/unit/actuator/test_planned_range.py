@@ -90,7 +90,7 @@ def test_limits_are_narrowed_to_the_plan(present_V: float, low_V: float, high_V:
     assert within(ARM.voltage, None, present_V) is ARM.voltage
 
 
-def test_a_range_is_around_its_voltages_and_the_rest() -> None:
+def test_a_voltage_range_includes_its_voltages_the_rest_and_a_margin() -> None:
     found = around([1.0, 3.0], 0.1, 0.2)
     assert (found.min_V, found.max_V) == pytest.approx((-0.5, 3.5))
     with pytest.raises(ValueError, match="must not be empty"):

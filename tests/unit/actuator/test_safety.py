@@ -123,7 +123,7 @@ def test_an_emergency_stop_acts_at_the_next_wake_up(held: bool) -> None:
 
 
 @pytest.mark.parametrize("held", [False, True])
-def test_told_to_end_it_ramps_to_the_safe_voltage_first(held: bool) -> None:
+def test_an_actuator_that_is_shut_down_first_ramps_to_the_safe_voltage(held: bool) -> None:
     state, now = holding(2.0, held=held), 0.01
     for _ in range(20):
         assert SERVICE.shutdown is not None

@@ -200,7 +200,7 @@ def test_a_freeze_that_the_first_arm_has_ended_is_not_ended_again() -> None:
 
 
 @pytest.mark.parametrize("held", [False, True])
-def test_neither_is_written_until_both_are_read_back(held: bool) -> None:
+def test_neither_output_is_written_until_both_are_read_back(held: bool) -> None:
     state, outputs = play(at(1.0, 2.0, held=held), (FAILED, 0.01))
     assert isinstance(outputs[0], ReadBack)
     assert waits_for_read_back(BOTH, state)

@@ -51,7 +51,7 @@ def test_with_certificates_only_tls_is_used_with_a_deny_list() -> None:
         assert address_of(places[0]) == ("127.0.0.1", 7000)
 
 
-def test_without_certificates_there_is_neither() -> None:
+def test_without_certificates_there_is_no_tls_and_no_access_list() -> None:
     for ends in PLACES:
         tree = settings(ends, "one")
         assert "access_control" not in tree

@@ -69,7 +69,7 @@ def test_a_job_is_followed_and_answered_as_json_only(
         (desk.job(state="failed", cause="lost"), Exit.FAILED, ""),
     ],
 )
-def test_exit_statuses_of_a_start(
+def test_a_job_that_does_not_start_has_the_documented_exit_status(
     at: At, capsys: pytest.CaptureFixture[str], answer: Any, status: Exit, words: str
 ) -> None:
     at(answer)
@@ -114,7 +114,7 @@ def test_a_job_runs_without_being_followed(at: At, capsys: pytest.CaptureFixture
     assert capsys.readouterr().out == f"{NAME}\n"
 
 
-def test_messages_of_a_followed_job(at: At) -> None:
+def test_the_command_line_prints_the_progress_of_a_job(at: At) -> None:
     supervisor = at(desk.job(), desk.job(), desk.job())
     words = "--queue --recipe bead@2 --label part=b12 --label tray=7 --on-stop release"
     main(["job", "grip", "--until-released", "--no-wait", *words.split(), *AT])

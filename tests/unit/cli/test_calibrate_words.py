@@ -103,7 +103,7 @@ def test_a_plan_states_how_often_it_waits() -> None:
     assert "feasible: 8.00 s, 1 waits" in out.getvalue()
 
 
-def test_a_follower_is_told_once_what_the_job_waits_for() -> None:
+def test_the_command_line_prints_once_what_a_job_waits_for() -> None:
     console, out = screen()
     instruction = "hang 5 mN on the tip"
     live = desk.example(Progress, phase="hang 2", instruction=instruction)

@@ -105,7 +105,7 @@ SWING: dict[str, Any] = {
 }
 
 
-def test_limits_that_refuse_30_mN_or_5_hz_were_asked_with_the_needed_values(
+def test_every_limit_that_refuses_the_default_jobs_was_asked_for(
     bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = typing(monkeypatch, iter(()))

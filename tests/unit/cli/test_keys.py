@@ -67,7 +67,7 @@ def test_a_key_is_shown_once_and_listed_without_its_secret(
     assert "revoked" in capsys.readouterr().out
 
 
-def test_a_list_of_lost_keys_fails(tmp_path: Path) -> None:
+def test_listing_keys_fails_if_their_file_is_lost(tmp_path: Path) -> None:
     assert keys(tmp_path, "list") == Exit.DONE
     assert keys(tmp_path, "add", "ann") == Exit.DONE
     (tmp_path / "keys.json").unlink()
@@ -95,7 +95,7 @@ def key_file(path: Path, mode: int = 0o600) -> Path:
     return path
 
 
-def test_the_key_is_the_one_named_else_of_the_environment_else_of_the_usual_file(
+def test_the_key_is_taken_from_option_environment_or_file_in_this_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shown: list[str | None]
 ) -> None:
     file = key_file(tmp_path / "key")

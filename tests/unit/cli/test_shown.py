@@ -328,7 +328,7 @@ def test_a_job_is_followed_to_its_end(terminal: bool) -> None:
         assert len(text.splitlines()) == 3
 
 
-def test_parts_of_the_bar() -> None:
+def test_the_progress_bar_shows_phase_and_force() -> None:
     live = Progress.model_validate(LIVE)
     assert phase_of(job_of(state="running"), live) == "hold"
     assert phase_of(job_of(state="running"), None) == "running"

@@ -48,7 +48,7 @@ def test_a_start_with_a_lost_reply_is_repeated_with_the_same_key() -> None:
     assert supervisor.slept_s == [0.1, 0.2]
 
 
-def test_a_key_can_be_given() -> None:
+def test_a_key_can_be_passed_to_the_client() -> None:
     supervisor = Desk(desk.job())
     supervisor.supervisor().rig("demo").start("grip", idempotency_key="cell-7-part-12")
     assert supervisor.asked[0].headers["Idempotency-Key"] == "cell-7-part-12"

@@ -144,7 +144,7 @@ def test_the_time_of_the_last_possible_sample_is_within_bounds() -> None:
     assert (LAST_SEQ + 1) * longest_period_s <= LARGEST["s"]
 
 
-def test_texts_are_bounded_and_own_texts_are_cut() -> None:
+def test_received_texts_are_bounded_and_own_texts_are_truncated() -> None:
     said = refusal(Timing, service="x" * (MAX_TEXT + 1))
     assert said.endswith(f"a text of at most {MAX_TEXT} characters, it has {MAX_TEXT + 1}")
     long = decode(Trip, encode(Trip(Cause.ESTOP, words="µ" * 5000)))

@@ -163,7 +163,7 @@ def test_missing_and_unknown_fields_are_named() -> None:
         decode(Position, packb(tree))
 
 
-def test_size_is_bounded() -> None:
+def test_the_size_of_a_payload_is_bounded() -> None:
     with pytest.raises(CodecError, match="limit 524288"):
         decode(Position, b"\x00" * (MAX_BYTES + 1))
 

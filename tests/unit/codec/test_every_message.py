@@ -93,7 +93,7 @@ def test_a_missing_field_is_named_though_it_has_a_default() -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in BY_NAME if "arms" in fields_of(name)])
-def test_a_message_is_for_one_arm_or_for_two(name: str) -> None:
+def test_a_message_has_records_for_one_arm_or_for_two(name: str) -> None:
     tree = tree_of(name)
     arm = tree["arms"][0]
     for count in (1, 2):

@@ -19,12 +19,12 @@ def refused(tree: object, encoding: str) -> str:
     return explained(caught.value, encoding, "sensor")
 
 
-def test_root_and_encoding_carry_the_version() -> None:
+def test_keys_and_encoding_contain_the_wire_version() -> None:
     assert ROOT.endswith(f"/v{WIRE}")
     assert ENCODING.endswith(f".v{WIRE}")
 
 
-def test_the_older_side_must_be_updated() -> None:
+def test_the_message_names_the_older_program_as_the_one_to_update() -> None:
     assert update_which("controller", WIRE + 1) == (
         "controller runs with wire version 3, this program has 2: update this program"
     )

@@ -26,7 +26,7 @@ def test_every_bound_of_a_number_is_on_the_page() -> None:
     assert told == dict(LARGEST)
 
 
-def test_sizes_and_versions_are_on_the_page() -> None:
+def test_the_wire_page_states_sizes_and_versions() -> None:
     for words in (
         f"| {MAX_BYTES} bytes |",
         f"| {MAX_FIELDS} fields |",

@@ -21,7 +21,7 @@ def test_outside_this_machine_a_certificate_is_required(host: str) -> None:
     assert Foxglove.model_validate({"host": host, **PROVED}).host == host
 
 
-def test_a_server_that_moves_also_needs_a_login() -> None:
+def test_a_server_that_can_move_the_arm_also_needs_a_login() -> None:
     wished = {"host": "192.0.2.7", **PROVED}
     with pytest.raises(ValidationError, match=r"without a login: .*state `login = true`"):
         Sila.model_validate(wished)

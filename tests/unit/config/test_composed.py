@@ -80,7 +80,7 @@ def test_a_loop_can_be_partitioned_in_fifteen_ways() -> None:
     assert ("loop",) in found
 
 
-def test_other_programs_compose_nothing() -> None:
+def test_programs_outside_the_loop_contain_no_services() -> None:
     assert [member_services(name) for name in ("router", "rig", "recorder", "supervisor")] == [
         ()
     ] * 4

@@ -91,7 +91,7 @@ def test_a_zero_of_fewer_than_ten_periods_is_refused_with_value_limit_and_remedy
         read_rig(written(folder, f"{text}0.19"))
 
 
-def test_a_slow_rig_without_a_stated_zero_is_read_from_files_and_programs(folder: Path) -> None:
+def test_a_rig_file_without_zero_s_is_valid_for_a_long_period(folder: Path) -> None:
     tree = BASE.replace("period_s = 0.02", "period_s = 0.05")
     tree = "".join(line for line in tree.splitlines(True) if not line.startswith("zero_s"))
     rig = read_rig(written(folder, tree))

@@ -67,7 +67,7 @@ def test_a_dataclass_is_replaced_too() -> None:
     assert replace(Plain(1.0), x_um=2.0) == Plain(2.0)
 
 
-def test_names_of_fields() -> None:
+def test_field_names_are_listed_for_records_and_dataclasses_only() -> None:
     assert field_names(Derived) == ("x_um", "name", "held", "parts", "inner")
     assert field_names(Plain) == ("x_um", "name")
     assert field_names(float) is None

@@ -106,7 +106,7 @@ def test_a_stop_of_a_continued_hold_keeps_its_voltage_too() -> None:
     assert player.ref.voltages_V[0] == pytest.approx(0.0)
 
 
-def test_beyond_a_limit_a_continued_hold_releases_by_its_own_segments() -> None:
+def test_beyond_a_position_limit_a_continued_hold_plays_its_own_release() -> None:
     program = replace(KEEPS, guards=replace(GUARDS, position_max_um=40.0))
     player = Arm(program=program).player
     player = advance(program, player, (replace(BLANK, x_um=41.0, applied_V=2.5),), T)

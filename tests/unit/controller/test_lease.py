@@ -77,7 +77,7 @@ def test_a_free_arm_comes_to_rest_and_the_program_ends() -> None:
     assert (told[-1].phase, told[-1].outcome, told[-1].held) == ("stopping", "stopped", False)
 
 
-def test_a_held_part_stays_held_with_its_force_until_somebody_acts() -> None:
+def test_a_held_part_keeps_its_force_until_a_person_acts() -> None:
     bench = Leased()
     bench.reach("hold")
     while not bench.asked:

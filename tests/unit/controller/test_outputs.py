@@ -94,7 +94,7 @@ def test_a_failed_controller_states_why_and_sends_no_more_commands() -> None:
     assert not state.playing
 
 
-def test_the_facts_about_the_sample_in_a_command() -> None:
+def test_a_command_states_the_least_force_of_its_sample() -> None:
     bench = Bench(program())
     state, outputs = step(CONFIG, bench.state, Inputs(QUIET), 0.0)
     first = outputs[0]

@@ -134,7 +134,7 @@ def test_a_stop_during_the_load_holds_the_present_force() -> None:
 
 
 @pytest.mark.parametrize("contact_um", [2.0, 5.0, 8.0])
-def test_a_part_nearer_than_planned_is_felt_on_the_approach(contact_um: float) -> None:
+def test_a_part_nearer_than_planned_is_detected_on_the_approach(contact_um: float) -> None:
     arm = Arm(contact_um=contact_um, program=QUICK)
     forces_mN: list[float] = []
     while not arm.player.ended:
@@ -165,7 +165,7 @@ def test_a_slowly_growing_force_on_the_approach_is_not_a_part() -> None:
     assert arm.player.outcome == ""
 
 
-def test_the_law_passes_through_the_touch_without_a_bump() -> None:
+def test_the_voltage_of_the_law_has_no_bump_at_a_touch() -> None:
     """The controller's step over an arm that is (4): the voltage goes on as it rose before."""
     bench = Bench(quick(program()))
     bench.until("load")

@@ -195,7 +195,7 @@ def test_references_of_the_telemetry_are_those_set_for_its_sample() -> None:
 
 
 @pytest.mark.parametrize("settings", BOTH_LAWS, ids=["pbsmic", "dsmifc"])
-def test_band_and_p_of_the_telemetry(settings: LawSettings) -> None:
+def test_telemetry_has_the_band_and_the_perturbation_of_the_sample(settings: LawSettings) -> None:
     """p steps by 1.5 mN at rest: p̃ = -1.5 mN, and the band is a(K_S + 1.5)/2 once."""
     law = settings.with_gains(K_S=0.4, delta=1e6)
     bench = Bench(program((law,)))

@@ -57,7 +57,7 @@ def test_an_error_leaves_the_old_file_and_no_draft(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_draft_has_its_mode_from_the_first_byte_on(tmp_path: Path) -> None:
+def test_a_temporary_file_has_its_permissions_from_the_first_byte_on(tmp_path: Path) -> None:
     mask = os.umask(0o022)
     try:
         with replacing(tmp_path / "keys", 0o600) as draft:
@@ -67,7 +67,7 @@ def test_a_draft_has_its_mode_from_the_first_byte_on(tmp_path: Path) -> None:
     assert stat.S_IMODE((tmp_path / "keys").stat().st_mode) == 0o600
 
 
-def test_a_long_draft_is_published(disk: Durable, tmp_path: Path) -> None:
+def test_a_large_temporary_file_is_synced_and_renamed(disk: Durable, tmp_path: Path) -> None:
     root = tmp_path / "root"
     root.mkdir()
     draft = root / "table.part"

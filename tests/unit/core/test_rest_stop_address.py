@@ -25,6 +25,6 @@ from pincette.core.rest_stop import root_of
         ("HTTPS://bench:8443", "HTTPS://bench:8443"),
     ],
 )
-def test_the_root_is_found_in_every_copied_address(copied: str, root: str) -> None:
+def test_the_supervisor_is_found_from_every_copied_address(copied: str, root: str) -> None:
     """`up` prints the address of the interface; a browser shows that of the page."""
     assert root_of(copied) == root

@@ -114,7 +114,7 @@ def test_a_version_of_a_model_survives_a_power_cut(disk: Disk) -> None:
     assert ModelFiles(disk.cut() / "models" / "demo").read(1) == model
 
 
-def test_files_of_a_record_that_a_client_loads(disk: Disk) -> None:
+def test_a_downloaded_file_survives_a_power_cut(disk: Disk) -> None:
     content = b"rows"
     download = Download("a.parquet", disk.root / "out", hashlib.sha256(content).hexdigest())
     download.begin()

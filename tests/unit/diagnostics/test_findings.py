@@ -173,7 +173,9 @@ def test_an_unknown_driver_and_a_wrong_option_are_reported() -> None:
     )
 
 
-def test_good_instruments_have_nothing_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_reports_nothing_missing_for_good_instruments(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(
         "pincette.diagnostics.instruments.open_for_measurement", Bench().open_device
     )

@@ -66,7 +66,7 @@ def test_settings_that_are_not_permitted_are_noted_or_required() -> None:
     assert os.sched_getaffinity(0) == before
 
 
-def test_in_lockstep_nothing_is_requested() -> None:
+def test_in_lockstep_no_scheduling_is_requested_from_the_system() -> None:
     assert list(os_requests(asking(RealTime(cores=(1023,)), "lockstep"))) == []
 
 

@@ -45,7 +45,7 @@ def settled() -> Generator[None]:
 
 
 @pytest.mark.usefixtures("settled")
-def test_nothing_is_collected_within_a_turn() -> None:
+def test_garbage_is_not_collected_within_a_turn() -> None:
     assert not gc.isenabled()
     assert gc.get_freeze_count() > 0
     assert sys.getswitchinterval() == pytest.approx(SWITCH_S)

@@ -67,7 +67,7 @@ def test_both_sensors_are_read_and_each_fault_belongs_to_its_arm() -> None:
     assert fault_text(second.fault) == "second arm: no answer"
 
 
-def test_the_second_is_written_only_if_the_first_has_confirmed() -> None:
+def test_the_second_output_is_written_only_if_the_first_has_confirmed() -> None:
     both, one, two = pair()
     assert both.put_out(SetVoltage((0.5, 0.7))) is None
     assert (one.value, two.value) == (0.5, 0.7)

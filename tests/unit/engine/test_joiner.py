@@ -31,7 +31,7 @@ def numbered(sample: Sample, seq: int) -> Sample:
 
 
 @given(st.lists(st.integers(-2, 40), max_size=60))
-def test_a_tick_uses_the_part_that_is_in_order(seqs: list[int]) -> None:
+def test_samples_that_arrive_out_of_order_are_not_used(seqs: list[int]) -> None:
     joiner = begun()
     taken = [seq for seq in seqs if joiner.admits(numbered(POSITION, seq), 101.0)]
     in_order: list[int] = []

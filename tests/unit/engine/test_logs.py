@@ -55,7 +55,7 @@ def test_every_line_is_an_object_with_time_program_and_source() -> None:
     assert "OSError: gone" in gone["error"]
 
 
-def test_given_fields_hide_nothing_of_the_line() -> None:
+def test_fields_of_a_caller_do_not_replace_fields_of_a_log_line() -> None:
     given = {"msg": "x", "levelname": "INFO", "program": "other", "place": Path()}
     record = logging.makeLogRecord(given)
     line = json.loads(JsonLines("rig").format(record))

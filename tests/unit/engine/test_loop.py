@@ -304,7 +304,7 @@ def test_only_beside_an_actuator_a_sensor_has_a_short_wait(
     assert shared_timeout_s(LOCKSTEP, SERVICES.values()) == inf
 
 
-def test_a_sensor_that_is_too_slow_for_that_is_refused_with_both_times() -> None:
+def test_a_sensor_too_slow_for_a_composed_loop_is_refused_with_both_times() -> None:
     slow = RIG.sensor.model_copy(update={"options": {**RIG.sensor.options, "baud": 9600}})
     rig = composing(RIG.model_copy(update={"sensor": slow}), "loop")
     with pytest.raises(ConfigError, match=r"'loop'.*takes \d+\.\d ms, limit 4\.6 ms"):

@@ -83,7 +83,7 @@ def test_the_sensor_is_opened_with_the_shorter_patience(
 
 
 @pytest.mark.parametrize("name", ["sensor", "actuator"])
-def test_a_noisy_line_is_given_time(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def test_a_noisy_line_gets_more_time(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     slept: list[float] = []
     monkeypatch.setattr("pincette.engine.instrument.sleep", slept.append)
     driver, counts = Late(monkeypatch, 2, "garbled"), LineCounts()

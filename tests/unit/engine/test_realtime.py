@@ -92,7 +92,7 @@ def test_by_default_neither_processors_nor_memory_are_requested() -> None:
     assert system.asked == [("priority", 10), ("slack", 1e-6)]
 
 
-def test_without_settings_nothing_is_requested() -> None:
+def test_without_settings_nothing_is_requested_from_the_system() -> None:
     system = Fake(permits=frozenset())
     assert ask(Scheduling(priority=0, timer_slack_s=0.0), system) == ()
 
@@ -150,7 +150,7 @@ def test_a_required_setting_that_is_refused_prevents_a_start() -> None:
     raise_priority(Scheduling(required=frozenset({"timer_slack"})), system)
 
 
-def test_a_trial_changes_neither_priority_nor_memory() -> None:
+def test_checking_permissions_changes_neither_priority_nor_memory() -> None:
     system = Fake(memlock=8 * KIB)
     (refusal,) = trial(ALL, system)
     assert refusal.setting == "memory"

@@ -116,7 +116,7 @@ def test_a_motion_that_ends_early_teaches_nothing() -> None:
         teach(tight)
 
 
-def test_an_arm_with_a_past_is_not_taught_as_one_without() -> None:
+def test_an_arm_with_an_unknown_past_is_not_identified_as_unpoled() -> None:
     """Relays stand by chance as the arm is switched on; a pair taught so erred by 20 %."""
     drawn, _ = CLASSES["relays"](read_rig(TWO_ARMS).arms[0], 501)
     low_um, high_um = REACH_UM

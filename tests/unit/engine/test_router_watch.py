@@ -57,7 +57,7 @@ def test_a_failing_query_is_not_an_answer(router: Router) -> None:
 
 
 @pytest.mark.parametrize("paused_s", [LIMIT_S + 1.0, 3600.0])
-def test_a_router_that_was_not_run_for_a_time_gets_the_chance_to_answer(
+def test_a_suspended_router_gets_time_to_answer_its_own_query(
     router: Router, paused_s: float
 ) -> None:
     for _ in range(3):

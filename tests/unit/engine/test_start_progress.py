@@ -68,7 +68,7 @@ def test_an_endless_start_is_given_up() -> None:
     assert "not ready" in machine.progress.why_given_up()
 
 
-def test_demand_includes_children_but_not_sleep() -> None:
+def test_processor_time_includes_children_but_not_sleep() -> None:
     code = (
         "import subprocess, sys, time;"
         "subprocess.run([sys.executable, '-c', 'while True: pass']) if sys.argv[1] == 'busy'"

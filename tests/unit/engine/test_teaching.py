@@ -28,7 +28,7 @@ def test_the_motion_covers_the_softest_part_within_the_limits() -> None:
     assert free_range_um(tight) == (-1.0, 40.0)
 
 
-def test_nothing_is_touched_and_no_earlier_model_is_used() -> None:
+def test_a_response_is_identified_without_a_part_and_without_an_earlier_model() -> None:
     rig = read_rig(DEMO)
     bare = without_part(rig)
     assert bare.simulation is not None

@@ -37,7 +37,7 @@ def i7024(baud: int) -> Tree:
         (9600, i7024(9600), (21.9, 14.6, 10.0)),
     ],
 )
-def test_the_sum_is_that_of_the_bytes_and_of_the_response(
+def test_the_timing_budget_is_the_sum_of_transmissions_and_response(
     sensor_baud: int, output: Tree, parts_ms: tuple[float, float, float]
 ) -> None:
     found = budget(rig(sensor_baud, output))

@@ -165,7 +165,7 @@ def test_an_arrival_that_is_long_past_is_not_mistaken_for_that_of_another_number
     assert meter.timing(0).age.count == 0
 
 
-def test_in_lockstep_nothing_is_counted() -> None:
+def test_in_lockstep_no_timing_is_counted() -> None:
     runner = Runner(ESTIMATOR, LOCKSTEP)
     runner.begin(10.0)
     assert runner.call(TimingRequest(), 10.0) == (NO_CLOCK, ())

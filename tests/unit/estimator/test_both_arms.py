@@ -118,7 +118,7 @@ def test_forces_that_differ_beyond_their_uncertainty_are_a_finding() -> None:
 @pytest.mark.parametrize(
     ("ticks", "apart_mN", "held"), [(30, 20.0, True), (150, 0.05, True), (150, 20.0, False)]
 )
-def test_short_small_or_free_differences_are_ignored(
+def test_differences_of_two_forces_that_are_short_or_small_are_ignored(
     ticks: int, apart_mN: float, held: bool
 ) -> None:
     bench = zeroed()

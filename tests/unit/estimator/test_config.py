@@ -51,7 +51,7 @@ def test_printed_ages_belong_to_the_quasi_static_observer() -> None:
         parse_rig(tree)
 
 
-def test_a_rest_lasts_a_fifth_of_a_second_within_bounds() -> None:
+def test_the_number_of_samples_of_a_rest_follows_the_period_within_bounds() -> None:
     for period_s, count in ((0.05, 10), (0.02, 10), (0.01, 20), (0.001, 64)):
         rig = a_rig(None, period_s=period_s, force_observer="kalman")
         assert configure(rig).arms[0].zero_limits.rest_samples == count

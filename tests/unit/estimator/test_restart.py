@@ -143,7 +143,7 @@ def test_a_stroke_reduces_the_unknown_past(free: PlantParameters) -> None:
     assert second[-1].arms[0].force_uncertainty_mN < 0.5 * first[-1].arms[0].force_uncertainty_mN
 
 
-def test_the_unknown_past_is_reported_until_strokes_have_wiped_it_out(
+def test_the_unknown_past_is_reported_until_strokes_have_erased_it(
     free: PlantParameters,
 ) -> None:
     arm = FreeArm(free)

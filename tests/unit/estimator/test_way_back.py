@@ -68,7 +68,9 @@ def test_the_slope_error_after_a_turn_counts_by_the_fall_and_ends_on_the_return(
     assert more_mN2["crept"] == pytest.approx(turned_mN2 * CREPT_V**2, rel=0.05)
 
 
-def test_a_change_of_the_stroke_below_its_limit_counts_by_the_way_since_the_zero() -> None:
+def test_a_small_change_of_the_stroke_widens_the_uncertainty_with_the_travel_since_the_zero() -> (
+    None
+):
     """A stroke 0.73 % larger, of which the strokes show 0.9 %, errs by 0.25 mN at 16 mN."""
 
     def squared_mN2(stroke: StrokeChange | None) -> float:

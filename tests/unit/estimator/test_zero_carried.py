@@ -59,7 +59,7 @@ def test_without_the_request_or_the_part_no_zero_is_carried(zero_kept: bool, hel
     assert armed(held_bench(), zero_kept=zero_kept, held=held).arms[0].zero_age_s is None
 
 
-def test_an_estimator_without_a_zero_carries_none() -> None:
+def test_an_estimator_without_a_zero_starts_an_epoch_without_one() -> None:
     bench = Bench(configure(DEMO))
     for _ in range(HELD_SAMPLES):
         bench.feed(HELD_UM, AT_V, held=True)

@@ -48,7 +48,7 @@ def test_a_delay_of_more_than_a_period_ends_with_the_next_sample() -> None:
     assert late == pytest.approx([0.0, 0.0, 0.0, 0.0], abs=1e-12)
 
 
-def test_numbers_that_begin_again_begin_another_grid() -> None:
+def test_numbers_that_restart_begin_a_new_grid() -> None:
     grid = SeenGrid(T)
     grid.lateness_s(900, 18.0)
     assert grid.lateness_s(0, 100.0) == 0.0

@@ -22,7 +22,7 @@ def test_a_punctual_machine_supports_the_period() -> None:
     assert objections(measured(*[0.09 * T] * 100)) == ()
 
 
-def test_a_heavy_tail_is_objected_to() -> None:
+def test_a_late_p99_9_is_an_objection() -> None:
     (why,) = objections(measured(*[0.11 * T] * 11))
     assert why.startswith("p99.9 of the lateness: 2.2")
     assert why.endswith("limit 0.1 T = 2 ms")

@@ -108,7 +108,7 @@ def test_a_record_beyond_all_size_bounds_is_complete(bench: Bench) -> None:
 
 
 @pytest.mark.slow
-def test_a_record_of_two_million_messages(bench: Bench) -> None:
+def test_a_record_of_two_million_messages_needs_bounded_memory(bench: Bench) -> None:
     check(bench, 30_000, 270_000, 40.0)
 
 

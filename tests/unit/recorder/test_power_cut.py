@@ -132,7 +132,7 @@ def test_samples_of_a_running_job_reach_the_disk_within_a_second(
     assert background_sync.SYNC_S + 0.25 + 0.05 < 1.0  # sync, chunk, and look of the recorder
 
 
-def test_remains_are_repaired(disk: Durable, recording: Bench, tmp_path: Path) -> None:
+def test_remains_of_a_record_are_repaired(disk: Durable, recording: Bench, tmp_path: Path) -> None:
     recording.begin()
     recording.feed(loop(30)[:150])
     recording.wait(0.0)

@@ -204,7 +204,9 @@ def test_a_damaged_counter_deletes_nothing_early(machine: Machine, content: byte
     assert machine.left() == 15
 
 
-def test_size_counts_the_order_in_which_records_were_closed(tmp_path: Path) -> None:
+def test_the_size_limit_deletes_records_in_the_order_in_which_they_were_closed(
+    tmp_path: Path,
+) -> None:
     _closed(tmp_path, 12)
     machine = Machine(tmp_path, keep_days=None)
     machine.run(0.01)

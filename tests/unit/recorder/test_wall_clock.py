@@ -25,7 +25,7 @@ class Hands:
 
 
 @pytest.mark.parametrize("step_s", [HOUR_S, -HOUR_S, 0.5, -0.5])
-def test_time_continues_and_the_step_is_noted_once(step_s: float) -> None:
+def test_a_step_of_the_wall_clock_is_noted_once_and_does_not_change_the_time(step_s: float) -> None:
     hands = Hands()
     clock = WallClock(hands.wall_ns, hands.steady_ns)
     before_ns = clock.now_ns()

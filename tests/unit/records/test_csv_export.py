@@ -44,7 +44,7 @@ def test_units_and_meanings_are_in_comments(samples: Path) -> None:
     assert "# phase: phase of the program\n" in comments
 
 
-def test_pandas_reads_it(samples: Path, tmp_path: Path) -> None:
+def test_pandas_reads_the_exported_csv(samples: Path, tmp_path: Path) -> None:
     path = tmp_path / "samples.csv"
     path.write_text("".join(csv_rows(samples)), encoding="utf-8")
     frame: Any = pandas.read_csv(path, comment="#")

@@ -56,7 +56,7 @@ def _counted_without(truth: GroundTruth, skipped: set[int]) -> list[Message]:
     return [replace(truth, seq=truth.seq - sum(1 for one in skipped if one < tick))]
 
 
-def test_blocks_are_the_table() -> None:
+def test_joined_row_blocks_equal_the_whole_table() -> None:
     assert joined(loop(TICKS)) == columns(loop(TICKS), PERIOD_S)
 
 

@@ -16,6 +16,6 @@ from pincette.core.units import bare, unit_of
         ("t_s", "s", "t"),
     ],
 )
-def test_units(name: str, unit: str, rest: str) -> None:
+def test_the_printed_units_are_off_by_the_stated_factors(name: str, unit: str, rest: str) -> None:
     assert unit_of(name) == unit
     assert bare(name) == rest

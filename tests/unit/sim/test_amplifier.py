@@ -25,7 +25,7 @@ def test_an_ideal_amplifier_returns_its_input() -> None:
     assert _followed(IDEAL, -90.0, 1e-6, 1) == [(-90.0, -90.0)]
 
 
-def test_gain_error_and_saturation() -> None:
+def test_the_amplifier_has_its_gain_error_and_saturates() -> None:
     amplifier = AmplifierParameters(gain_ratio=1.01, saturation_V=3.0)
     assert _followed(amplifier, 2.0, 1e-3, 1)[0][1] == pytest.approx(2.02)
     assert _followed(amplifier, 2.98, 1e-3, 1)[0][1] == 3.0

@@ -65,7 +65,7 @@ def test_many_motions_equal_one_after_the_other(seed: int) -> None:
     assert levels_um == one_by_one
 
 
-def test_a_cycle_is_closed() -> None:
+def test_a_repeated_voltage_cycle_gives_a_closed_hysteresis_loop() -> None:
     h_um, ends = 0.0, list[float]()
     for _ in range(12):
         h_um = advance_hysteresis(SHAPE, advance_hysteresis(SHAPE, h_um, 2.0), -2.0)
@@ -76,7 +76,9 @@ def test_a_cycle_is_closed() -> None:
 
 @pytest.mark.parametrize("asymmetry", [-0.15, 0.3])
 @pytest.mark.parametrize("du_V", [-2.0, 2.0])
-def test_each_direction_has_its_own_b(asymmetry: float, du_V: float) -> None:
+def test_each_direction_of_the_voltage_has_its_own_parameter_b(
+    asymmetry: float, du_V: float
+) -> None:
     shape = BoucWen(9.0, 1.04, 0.26, asymmetry)
     b_per_V = 1.04 * (1.0 + asymmetry if du_V > 0.0 else 1.0 - asymmetry)
     one_way = BoucWen(9.0, b_per_V, 0.26)

@@ -52,7 +52,7 @@ def test_values_have_eight_characters(position_um: float | None, unit: Unit, tex
         (b"", None),
     ],
 )
-def test_readings_in_measuring_mode(line: bytes, reply: bytes | None) -> None:
+def test_the_laser_answers_readings_in_measuring_mode(line: bytes, reply: bytes | None) -> None:
     assert SimulatedKeyence(lambda: 1.5).answer(line) == reply
 
 

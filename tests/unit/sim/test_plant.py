@@ -158,7 +158,7 @@ def test_the_output_is_rounded_and_lags(demo_plant: PlantParameters) -> None:
 
 
 @pytest.mark.parametrize("dt_s", [-0.001, math.nan, math.inf])
-def test_time_that_does_not_run_forward_is_refused(
+def test_a_time_step_that_is_not_positive_is_refused(
     demo_plant: PlantParameters, dt_s: float
 ) -> None:
     with pytest.raises(ValueError, match="must be positive"):

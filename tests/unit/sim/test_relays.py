@@ -59,7 +59,7 @@ def test_a_lattice_of_single_relays_moves_in_the_same_way() -> None:
 
 
 @given(PATHS, PATHS)
-def test_a_larger_swing_wipes_out_smaller_ones(path_V: list[float], inner_V: list[float]) -> None:
+def test_a_larger_swing_erases_smaller_ones(path_V: list[float], inner_V: list[float]) -> None:
     with_loops, kept = followed([*path_V, 4.0, -3.1, *inner_V, 3.2, -1.0])
     without, plain = followed([*path_V, 4.0, -3.1, 3.2, -1.0])
     assert with_loops[-2:] == without[-2:]

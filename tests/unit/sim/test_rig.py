@@ -32,7 +32,7 @@ def _run(rig: SimulatedRig, looks: int) -> list[float]:
     return seen
 
 
-def test_lockstep_runs_are_bit_identical_however_often_one_looks(simulation: Simulation) -> None:
+def test_lockstep_runs_are_bit_identical_with_any_number_of_queries(simulation: Simulation) -> None:
     assert _run(_lockstep(simulation), 1) == _run(_lockstep(simulation), 3)
 
 

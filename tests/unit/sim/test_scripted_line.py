@@ -57,7 +57,7 @@ def test_an_intermittent_line_loses_its_share(share: float) -> None:
     assert len(echo.heard) == 2001 - lost
 
 
-def test_a_slow_answer_in_lockstep_is_dropped_once_nobody_waits_for_it() -> None:
+def test_a_slow_answer_in_lockstep_is_dropped_after_its_timeout() -> None:
     script, rig, echo = Script(timeouts_s={"sensor": 0.1}), Rig(), Echo()
     script.operate(rig)
     line = script.link("sensor", echo)

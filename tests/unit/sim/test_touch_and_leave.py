@@ -217,7 +217,7 @@ def test_a_bridge_pulls_less_with_the_gap_and_ruptures(simulation: Simulation) -
 
 
 @pytest.mark.parametrize(("rest_s", "joined"), [(0.5, True), (30.0, False)])
-def test_a_bond_parts_in_time_under_a_pull(
+def test_a_bond_breaks_after_some_time_under_a_pull(
     simulation: Simulation, rest_s: float, joined: bool
 ) -> None:
     """A pull of 5.4 mN leaves the bond a life of e^0.6 times some seconds."""

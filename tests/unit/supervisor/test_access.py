@@ -119,7 +119,7 @@ def test_with_a_key_clients_without_it_are_refused(
 
 @pytest.mark.parametrize("has", SCOPES)
 @pytest.mark.parametrize("needed", SCOPES)
-def test_a_scope_that_is_too_small_is_reported_with_both(has: Scope, needed: Scope) -> None:
+def test_a_scope_that_is_too_small_is_reported_with_both_scopes(has: Scope, needed: Scope) -> None:
     caller = Caller(HERE, "ann", has, "key")
     if covers(has, needed):
         require_scope(caller, needed)
@@ -186,7 +186,7 @@ def test_a_wrong_key_is_not_replaced_by_a_cookie(
     assert authenticator.identify(HERE, "wrong", cookie).scope is None
 
 
-def test_sessions_are_bounded(
+def test_the_number_of_sessions_is_bounded(
     book: KeyFile,
     authenticator: Authenticator,
     store: Store,

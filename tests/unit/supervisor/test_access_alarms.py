@@ -99,7 +99,7 @@ BODIES = {"/session": {"user": "ann", "password": "secret"}}
 ALL: tuple[Scope | None, ...] = (None, "observe", "operate", "admin")
 
 
-def test_keys_that_cannot_be_read_shut_everything_but_the_stop(desk: Desk) -> None:
+def test_if_keys_cannot_be_read_everything_but_a_stop_is_refused(desk: Desk) -> None:
     assert desk.call("GET", "/jobs").status_code == 200
     file = desk.harness.store.folder / KEY_FILE
     away = file.with_suffix(".away")

@@ -154,7 +154,7 @@ def test_an_acknowledgement_resets_nothing(harness: Harness) -> None:
     assert row["cleared_at"] is None
 
 
-def test_the_words_of_an_emergency_stop_name_its_requester(harness: Harness) -> None:
+def test_the_text_of_an_emergency_stop_names_its_requester(harness: Harness) -> None:
     harness.call("POST", "/api/v1/rigs/demo/estop", headers={"X-Operator": "Ada"})
     harness.until(lambda: bool(alarms(harness)))
     (row,) = alarms(harness)
@@ -291,7 +291,7 @@ def test_the_next_supervisor_knows_the_open_alarms(
     assert rows["device"]["cleared_at"] is None
 
 
-def test_they_are_listed_in_pages_and_narrowed_down(harness: Harness) -> None:
+def test_alarms_are_listed_page_by_page_and_filtered(harness: Harness) -> None:
     book = AlarmRepository(harness.store)
     for place in range(5):
         book.add(replace(DISK, cause=f"cause {place}", rig="demo" if place % 2 else "other"))

@@ -114,7 +114,7 @@ def test_an_accepted_proposal_supersedes_earlier_ones_of_its_kind(
     assert decide(harness, second, "accept").status_code == 409
 
 
-def test_a_rig_can_return_to_a_version_or_to_its_file(harness: Harness) -> None:
+def test_a_rig_can_return_to_an_earlier_model_or_to_its_rig_file(harness: Harness) -> None:
     for noise_um in (0.02, 0.04):
         decide(harness, proposal(harness, noise_um), "accept")
     values = [in_use(harness, "sensor.noise_um")["value"]]

@@ -121,7 +121,7 @@ def test_an_action_is_stored_with_its_requester_and_time(harness: Harness) -> No
     assert (applied.body["seq"], applied.body["applied"]) == (IN_APPROACH, True)
 
 
-def test_jobs_are_found_by_what_they_are(harness: Harness) -> None:
+def test_jobs_are_found_by_kind_state_and_label(harness: Harness) -> None:
     names: list[str] = []
     for number in range(3):
         body = {"kind": "grip", "labels": {"part": f"bead {number}"}}

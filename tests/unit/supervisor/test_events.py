@@ -266,7 +266,7 @@ def test_an_event_that_cannot_be_stored_is_not_sent(log: EventLog, store: Store)
     played(scene)
 
 
-def test_a_listener_with_a_closed_event_loop_delays_nobody(log: EventLog) -> None:
+def test_a_listener_with_a_closed_event_loop_delays_no_other(log: EventLog) -> None:
     async def scene() -> object:
         return log.subscribe()
 

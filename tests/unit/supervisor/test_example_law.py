@@ -62,7 +62,7 @@ def test_rest_lists_its_name_and_its_gains(harness: Harness) -> None:
     assert gains == {"K_I": 0.3, "M": 1e-3, "B": 8.9221, "K": 1.9901e4, "K_f": 5000.0}
 
 
-def test_its_loop_is_judged_before_anything_moves(harness: Harness) -> None:
+def test_the_loop_of_the_example_law_is_checked_before_anything_moves(harness: Harness) -> None:
     plan = dry_run(harness)
     assert plan["feasible"]
     assert plan["law"]["scheme"] == NAME
@@ -73,7 +73,7 @@ def test_its_loop_is_judged_before_anything_moves(harness: Harness) -> None:
     assert fast["law"]["spectral_radius"] > 1.0
 
 
-def test_its_matrix_agrees_with_the_equations() -> None:
+def test_the_matrix_of_the_example_law_agrees_with_its_equations() -> None:
     """From (x, F, u_{k-1}, state) to u_k: [x_{d,k} - x_{d,k-1} + K_I(x_{d,k-1} - x_{k-1})]/g."""
     settings = law_definition(NAME).settings(force_age="newest", K_I=0.4)
     law = build(settings, ARM, T, 0.0)
@@ -120,6 +120,6 @@ def test_a_missing_scheme_is_refused_with_the_list_of_installed_schemes(harness:
     assert f"there are dsmifc, {NAME}, fpbsmic, pbsmic" in error["message"]
 
 
-def test_the_command_line_passes_it_on() -> None:
+def test_the_command_line_sends_the_example_law_with_its_gains() -> None:
     words = ("job", "grip", "--scheme", NAME, "--gains", "K_I=0.2,K_f=4000")
     assert request_of(*words) == {"scheme": NAME, "gains": {"K_I": 0.2, "K_f": 4000.0}}

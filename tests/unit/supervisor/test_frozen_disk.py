@@ -50,7 +50,7 @@ def frozen_disk(monkeypatch: pytest.MonkeyPatch) -> Generator[Callable[[], None]
             thawed.set()
 
 
-def test_a_hanging_disk_delays_one_caller_briefly_and_then_nobody() -> None:
+def test_a_hanging_disk_delays_only_one_caller_and_only_briefly() -> None:
     queue, thawed, written = WriteQueue(wait_s=0.1), threading.Event(), list[int]()
 
     def write(number: int) -> None:

@@ -202,7 +202,7 @@ def test_a_supervisor_loads_keys_added_beside_a_damaged_journal(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("lose", [lose_keys, empty_keys])
-def test_a_running_supervisor_without_its_key_file_admits_nobody_until_it_returns(
+def test_a_running_supervisor_without_its_key_file_refuses_all_requests_until_it_returns(
     tmp_path: Path, lose: Callable[[Path], None]
 ) -> None:
     key, cookie, authenticator = made(tmp_path), new_cookie(), Authenticator()

@@ -76,7 +76,7 @@ def test_a_key_can_be_revoked_without_file_locks(
         until(lambda: access.authenticator.identify(HERE, key, None).scope is None)
 
 
-def test_unreadable_keys_admit_nobody_and_recover(
+def test_unreadable_keys_refuse_all_requests_until_they_can_be_read(
     tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     key, now_s = made(tmp_path), 100.0

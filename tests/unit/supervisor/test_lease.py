@@ -99,7 +99,7 @@ def test_unanswered_renewals_are_repeated_and_refused_ones_are_not(
     assert not renewal.renew(1.0)
 
 
-def test_its_thread_ends_with_the_job(real_time: RigFile) -> None:
+def test_the_renewal_thread_ends_with_the_job(real_time: RigFile) -> None:
     bus = Line(real_time)
     with renewing(Renewal(bus, Lease(7, 0.05))):
         while len(bus.asked) < 3:

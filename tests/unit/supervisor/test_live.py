@@ -142,7 +142,7 @@ def test_a_published_sample_is_not_published_again(scene: Scene) -> None:
     assert heard(listener) == []
 
 
-def test_the_order_within_a_tick_does_not_matter(scene: Scene) -> None:
+def test_the_order_of_messages_within_a_tick_does_not_matter(scene: Scene) -> None:
     listener = scene.live.open()
     for tick in samples.grip()[:20]:
         scene.say((tick.position, tick.applied, tick.estimate, tick.telemetry))
@@ -290,7 +290,7 @@ def test_a_gap_survives_thinning(scene: Scene) -> None:
     assert sum(batch.after_gap) == 1
 
 
-def test_a_fast_rig_is_thinned_at_the_door() -> None:
+def test_live_samples_of_a_fast_rig_are_reduced_on_arrival() -> None:
     scene = Scene(period_s=0.001)
     listener = scene.live.open()
     scene.idle(0, 1000)

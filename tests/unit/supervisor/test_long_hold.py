@@ -107,7 +107,7 @@ def test_a_long_hold_ends_after_its_release_with_bounded_memory(harness: Harness
 
 
 @pytest.mark.slow
-def test_a_hold_of_20_million_messages(harness: Harness) -> None:
+def test_a_hold_of_20_million_messages_needs_bounded_memory(harness: Harness) -> None:
     check(harness, 100_000, 20_000_000 // PER_TICK, 20.0)
 
 

@@ -117,7 +117,7 @@ def test_two_arms_expect_the_part_at_its_place_with_its_width() -> None:
         planned_at(two_arm_rig(), width_um=width_um, u_width_um=0.8)
 
 
-def test_one_arm_takes_no_width(rig_file: RigFile) -> None:
+def test_a_rig_of_one_arm_refuses_the_width_of_a_part(rig_file: RigFile) -> None:
     with pytest.raises(FaultyRequestError, match="width_um = 900 µm is for 2 driven arms"):
         planned_at(rig_file, width_um=900.0, u_width_um=2.0)
 
@@ -200,7 +200,7 @@ def places(store: Store, rig_file: RigFile) -> Places:
         ({"width_um": 5.0}, "give both or none"),
     ],
 )
-def test_a_message_that_is_no_place_is_refused_and_said(
+def test_an_invalid_place_message_is_refused_and_its_reason_is_shown(
     places: Places, message: dict[str, Any], words: str
 ) -> None:
     places.take(PLACE, sent(**message))
@@ -244,7 +244,7 @@ def test_the_bias_of_a_source_is_kept_and_counts_a_job_once(
     assert (told.count, told.mean_um) == (100, 1.0)
 
 
-def test_a_trajectory_holds_no_place(harness: Harness) -> None:
+def test_a_trajectory_cannot_contain_a_place(harness: Harness) -> None:
     response = harness.post("/trajectories", {"kind": "grip", "place": stated()})
     assert response.status_code == 422
     assert response.json()["errors"][0]["pointer"] == "/place"

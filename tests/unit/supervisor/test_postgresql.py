@@ -51,7 +51,9 @@ def is_model(name: str | None, *_: object) -> bool:
     return not (name or "").startswith("ix_jobs_search_")
 
 
-def test_its_tables_match_the_models_and_no_file_is_created(store: Store, tmp_path: Path) -> None:
+def test_the_postgresql_tables_match_the_models_and_no_file_is_created(
+    store: Store, tmp_path: Path
+) -> None:
     with store.reading() as connection:
         # Indexes of expressions are no part of the models.
         context = MigrationContext.configure(

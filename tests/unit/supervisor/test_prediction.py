@@ -74,7 +74,7 @@ def last_outcome(messages: list[Message]) -> str:
 
 
 @pytest.mark.parametrize("kind", ["grip", "track"])
-def test_a_rig_that_is_its_model_does_what_was_predicted(kind: str) -> None:
+def test_a_rig_that_equals_its_model_moves_as_predicted(kind: str) -> None:
     planned = plan(straight(), kind=kind)
     found = played(planned)
     messages = ComposedLoop(straight()).play(planned.program)

@@ -130,7 +130,9 @@ def test_a_recipe_states_position_and_stiffness_of_its_part(rig_file: RigFile) -
     assert max(played_one.samples.x_um) == pytest.approx(28.0, abs=0.1)
 
 
-def test_an_object_beyond_the_rig_files_is_predicted_to_be_gripped(rig_file: RigFile) -> None:
+def test_an_object_farther_than_the_rig_files_part_is_predicted_to_be_gripped(
+    rig_file: RigFile,
+) -> None:
     """The estimator zeroes the force as late as the recipe's object allows."""
     found = planned(rig_file, {"part": {"contact_um": 40.0}})
     assert played(found).outcome == "gripped"

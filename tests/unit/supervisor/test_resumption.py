@@ -56,7 +56,7 @@ def noisy(ticks: list[samples.Tick]) -> list[samples.Tick]:
     return samples.rest(ticks[0].position.epoch)
 
 
-def test_a_noise_calibration_restarts_by_itself_and_succeeds(real: Harness) -> None:
+def test_a_noise_calibration_restarts_automatically_and_succeeds(real: Harness) -> None:
     real.bus.edit, real.bus.pause_at = noisy, TICKS
     first = begun(real, "noise", duration_s=4.0)
     real.bus.pause_at = None

@@ -332,7 +332,7 @@ def test_the_report_has_the_figure_and_the_verdict_of_each_job(harness: Harness)
     assert plot.content.startswith(b"\x89PNG")
 
 
-def test_what_is_unknown_is_not_found(harness: Harness) -> None:
+def test_an_unknown_series_is_not_found(harness: Harness) -> None:
     for path in ("", "/report", "/plot"):
         assert harness.call("GET", f"/api/v1/series/none{path}").status_code == 404
     assert harness.post("/series/none/actions", {"type": "stop"}).status_code == 404

@@ -51,7 +51,7 @@ def test_only_states_in_ing_have_deadlines() -> None:
     assert late == {state for state in STATES if state.endswith("ing")}
 
 
-def test_an_end_is_reached_from_every_state_and_left_from_none() -> None:
+def test_every_state_leads_to_an_end_and_no_end_is_left() -> None:
     ends = {state for state in STATES if STATES[state].terminal}
     assert ends == {"succeeded", "stopped", "aborted", "failed", "interrupted"}
     for state in STATES:

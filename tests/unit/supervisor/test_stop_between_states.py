@@ -40,7 +40,7 @@ def act(job: Any, action: ActionType) -> bool:
     return JobActions(context).on_live(job, action, "me")
 
 
-def test_a_stop_follows_the_state() -> None:
+def test_a_stop_is_repeated_if_the_state_changes_meanwhile() -> None:
     job = GoesOn("preparing", "ready", "running")
     assert act(job, "stop") is False
     assert job.moved == [("stop", "running")]

@@ -53,7 +53,7 @@ def test_stored_data_is_read_back_after_a_restart(tmp_path: Path) -> None:
     again.close()
 
 
-def test_a_fact_replaces_the_previous_one(store: Store) -> None:
+def test_a_note_replaces_the_previous_one(store: Store) -> None:
     store.set_note("actuator", "17")
     store.set_note("actuator", "18")
     assert store.get_note("actuator") == "18"

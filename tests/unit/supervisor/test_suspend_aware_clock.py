@@ -61,7 +61,7 @@ def test_a_sensor_is_not_judged_silent_by_a_suspended_process(rig_file: RigFile)
     assert observer.silent_s(Position) == pytest.approx(SAMPLE_COUNTS_S + 4 * GRID_S)
 
 
-def test_a_thread_samples_it_until_it_is_closed() -> None:
+def test_a_thread_samples_the_clock_until_it_is_closed() -> None:
     awake_clock, process_load = SuspendAwareClock(), ProcessLoad()
     process_load.start(awake_clock.sample)
     deadline = monotonic() + 10.0

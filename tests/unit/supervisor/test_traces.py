@@ -102,7 +102,7 @@ def test_the_spans_of_a_job_are_sent_once_its_record_is_written(harness: Harness
 
 
 @pytest.mark.parametrize(("traceparent", "count"), [(f"00-{TRACE}-{CALLER}-00", 0), ("", 1)])
-def test_what_the_caller_does_not_record_is_not_sent(
+def test_a_trace_that_its_caller_does_not_record_is_not_sent(
     harness: Harness, traceparent: str, count: int
 ) -> None:
     with http_receiver() as received:

@@ -64,7 +64,7 @@ def head(*lines: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("length", [b"0", b"4", b"14", b"999"])
-def test_two_lengths_are_refused_and_nothing_after_them_is_read(
+def test_a_request_with_two_body_lengths_is_refused_and_not_read_further(
     port: int, heard: list[str], length: bytes
 ) -> None:
     both = head(b"Content-Length: " + length, b"Transfer-Encoding: chunked")

@@ -51,7 +51,7 @@ def test_a_query_that_never_returns_counts_as_silence(bus: Bus) -> None:
     assert len(bus.restarts) == 1
 
 
-def test_without_a_router_that_accepts_links_it_continues(bus: Bus) -> None:
+def test_a_supervisor_continues_while_no_router_accepts_links(bus: Bus) -> None:
     bus.carries = bus.takes_links = False
     bus.passes(100.0 * UNHEARD_S)
     assert bus.restarts == []

@@ -77,7 +77,7 @@ def check(clock: Callable[[], float], monkeypatch: pytest.MonkeyPatch) -> Passwo
     return PasswordCheck(clock)
 
 
-def test_five_wrong_passwords_delay_a_user_and_lock_nobody_out(
+def test_five_wrong_passwords_delay_a_user_without_locking_the_account(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     now_s, slept_s = 0.0, list[float]()

@@ -29,7 +29,7 @@ def test_both_sets_share_the_static_gain_but_the_printed_one_lacks_the_force() -
     assert 1.0 / PAPER_ARM.d == pytest.approx(1 / 41.3, rel=1e-3)
 
 
-def test_difference_coefficients_by_hand() -> None:
+def test_difference_coefficients_equal_those_computed_by_hand() -> None:
     plant = discretize(printed_arm(), 0.02)
     assert plant.m_bar == pytest.approx(4.5)
     assert plant.b_bar == pytest.approx(-9.0 - 6340.0)
@@ -38,7 +38,9 @@ def test_difference_coefficients_by_hand() -> None:
 
 
 @pytest.mark.parametrize(("period_s", "excess"), [(0.02, 0.0015), (0.001, 0.19)])
-def test_static_gain_of_the_difference_equation(period_s: float, excess: float) -> None:
+def test_the_difference_equation_has_the_static_gain_of_the_arm(
+    period_s: float, excess: float
+) -> None:
     plant = discretize(PAPER_ARM, period_s)
     assert plant.m_bar + plant.b_bar + plant.k_bar == pytest.approx(PAPER_ARM.k)
     assert plant.k_bar / plant.d_bar * 19.0 - 1.0 == pytest.approx(excess, rel=0.05)

@@ -80,6 +80,6 @@ def test_at_rest_the_contact_takes_its_share_of_the_displacement(lag_s: float) -
         ((0.0, 1.0, 0.0, 0.0), "gain factor = 0.0"),
     ],
 )
-def test_impossible_cases_are_refused(values: tuple[float, ...], text: str) -> None:
+def test_impossible_loop_cases_are_refused(values: tuple[float, ...], text: str) -> None:
     with pytest.raises(ValueError, match=text):
         LoopCase(*values)

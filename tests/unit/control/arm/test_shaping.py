@@ -33,7 +33,9 @@ def test_the_ring_equals_the_amplitude_of_an_integrated_mode(omega: float) -> No
 
 @pytest.mark.parametrize(("from_V", "to_V"), [(0.0, 1.0), (1.0, -0.5), (0.3, 0.3), (0.0, 1e-4)])
 @pytest.mark.parametrize("step_V", [0.0, 20.0 / 2**16, 0.01])
-def test_no_part_is_beyond_either_end(from_V: float, to_V: float, step_V: float) -> None:
+def test_steps_in_parts_stay_between_both_voltages(
+    from_V: float, to_V: float, step_V: float
+) -> None:
     parts_V = ShapedStep(from_V, to_V, 0.0).parts_V(step_V)
     assert parts_V[-1] == to_V
     assert min(from_V, to_V) <= min(parts_V)

@@ -99,7 +99,7 @@ def test_the_mean_of_correlated_errors_scatters_by_their_effective_number() -> N
     assert scatter == pytest.approx((np.mean(taus) * variance / count) ** 0.5, rel=0.15)
 
 
-def test_independent_errors_count_each() -> None:
+def test_independent_errors_are_not_mistaken_for_correlated_ones() -> None:
     random = np.random.default_rng(4)
     taus = [correlated_samples(random.normal(size=500)) for _ in range(50)]
     assert float(np.median(taus)) < 1.1

@@ -61,7 +61,7 @@ def test_the_mode_of_twenty_rigs_is_identified() -> None:
 
 
 @pytest.mark.slow
-def test_mode_of_simulated_rigs_as_they_are_captured() -> None:
+def test_the_mode_of_whole_simulated_rigs_is_identified() -> None:
     """The whole plant: amplifier, drift, a lopsided hysteresis, a wave that is played."""
     rows: list[list[float]] = []
     for seed in range(5):

@@ -35,7 +35,7 @@ def test_the_compliance_of_twenty_rigs_is_found() -> None:
     assert max(abs(error) for error in errors) < 1.0
 
 
-def test_increasing_weights_only_mistake_slow_drift_for_compliance() -> None:
+def test_weights_that_only_increase_mistake_slow_drift_for_compliance() -> None:
     both, one = list[float](), list[float]()
     for seed in range(100):
         both.append(weighed(seed).compliance_um_per_mN - S_P)

@@ -53,7 +53,7 @@ def test_a_noisy_free_branch_has_no_touch(bend: float) -> None:
     assert all(closed(60.0, bend=bend, seed=seed).touch is None for seed in range(40))
 
 
-def test_opening_far_beyond_it_clears_a_touch_and_opening_a_little_does_not() -> None:
+def test_a_touch_is_cleared_if_the_arm_opens_far_beyond_it() -> None:
     watch = closed(18.0, contact_um=12.0)
     touch = watch.touch
     assert touch is not None

@@ -50,7 +50,7 @@ def test_uncertainty_has_four_parts_and_coverage_two() -> None:
     assert the_uncertainty(0.03, 0.1, 99.0, 0.7) == pytest.approx(whole)
 
 
-def test_a_part_known_from_few_rehearsals_widens_as_far_as_it_prevails() -> None:
+def test_an_error_known_from_few_rehearsals_widens_the_uncertainty_by_its_share() -> None:
     """Of 20 000 rigs, whose errors are known from four draws each, 95 % are covered."""
     rng = np.random.default_rng(9)
     for known_um in (0.0, 0.05, 0.2):

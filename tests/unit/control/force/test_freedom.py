@@ -39,7 +39,7 @@ def test_the_share_is_found_despite_noise_and_drift(share: float) -> None:
         (1.2, 0.05, "unknown"),
     ],
 )
-def test_the_verdict_is_what_alone_is_possible(
+def test_a_verdict_is_given_only_if_the_other_one_is_excluded(
     share: float, uncertainty: float, verdict: str
 ) -> None:
     assert Freedom(share, uncertainty).verdict(ARM) == verdict

@@ -99,7 +99,7 @@ def test_matched_ages_read_no_force_on_a_free_arm() -> None:
     assert rms_of_free_arm(newest_voltage=False, printed_term=False) == 0.0
 
 
-def test_errors_of_other_ages_and_of_the_printed_term() -> None:
+def test_unmatched_ages_and_the_printed_term_read_motion_as_force() -> None:
     assert rms_of_free_arm(newest_voltage=True, printed_term=False) == pytest.approx(1.83, abs=0.01)
     assert rms_of_free_arm(newest_voltage=False, printed_term=True) == pytest.approx(1.83, abs=0.01)
     assert rms_of_free_arm(newest_voltage=True, printed_term=True) == pytest.approx(3.67, abs=0.01)

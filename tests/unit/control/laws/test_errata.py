@@ -94,7 +94,7 @@ def tracking(bench: Bench, x_pp_um: float, force_pp_mN: float) -> tuple[float, f
     return sqrt(position / 300.0), sqrt(force / 300.0)
 
 
-def test_units() -> None:
+def test_the_printed_units_are_off_by_the_stated_factors() -> None:
     printed = printed_arm()
     assert printed.d / ARM.d == pytest.approx(2.73e6, rel=2e-3)
     assert sqrt(printed.k / printed.m) / (2.0 * pi) == pytest.approx(9145.0, abs=1.0)
@@ -106,7 +106,7 @@ def test_units() -> None:
     ("K_f", "factors"),
     [(5000.0, (-1.25, -1.19, -1.12, -1.04)), (6000.0, (-1.44, -1.37, -1.30, -1.22))],
 )
-def test_the_printed_term_fed_back_with_the_printed_set(
+def test_the_printed_set_is_unstable_with_the_printed_term(
     K_f: float, factors: tuple[float, ...]
 ) -> None:
     found = [growth(Bench(as_fed(K_P, K_f=K_f), printed_term=True)) for K_P in GAINS]
@@ -128,7 +128,7 @@ def swell(bench: Bench) -> float:
     return (max(voltages[150:]) / max(voltages[50:100])) ** 0.01
 
 
-def test_the_printed_term_fed_back_with_the_consistent_set() -> None:
+def test_the_consistent_set_is_unstable_with_the_printed_term_at_low_gains() -> None:
     found = [swell(Bench(as_fed(K_P, "consistent"), printed_term=True)) for K_P in GAINS]
     assert found == pytest.approx((0.86, 0.98, 1.08, 1.18), abs=0.01)
 
@@ -143,7 +143,7 @@ def test_without_the_printed_term_the_same_loop_is_quiet() -> None:
     assert found == pytest.approx((0.90, 0.78, 0.65), abs=0.01)
 
 
-def test_the_cost_of_the_missing_force_term() -> None:
+def test_the_missing_force_term_increases_the_errors() -> None:
     """A plan that fits: what is left is the law's own lag, r.m.s. in µm."""
 
     def errors(set_: ParameterSet) -> list[float]:
@@ -161,7 +161,7 @@ def test_on_a_linear_arm_a_smaller_K_P_lowers_both_errors() -> None:
         assert after[1] < before[1]
 
 
-def test_the_cost_of_the_other_sign_of_the_force() -> None:
+def test_the_opposite_sign_of_the_force_increases_the_errors() -> None:
     """The plan of 8.45 µm and 20 mN on a part of 2.15 mN/µm, K_P = 1, the consistent set."""
     settings = as_fed(1.0, "consistent")
     assert tracking(Bench(settings), 8.45, 20.0) == pytest.approx((0.19, 0.71), abs=0.01)
@@ -189,7 +189,7 @@ def test_the_printed_K_S_is_below_any_p() -> None:
 
 
 @pytest.mark.parametrize(("noise_um", "p_mN"), [(0.012, 0.045), (0.030, 0.112)])
-def test_noise_alone_causes_p(noise_um: float, p_mN: float) -> None:
+def test_noise_alone_causes_a_perturbation_error(noise_um: float, p_mN: float) -> None:
     bench, square = Bench(as_fed(1.0, "consistent"), noise_um=noise_um), 0.0
     for _ in range(3000):
         square += bench.tick().perturbation_error_mN ** 2
@@ -197,7 +197,9 @@ def test_noise_alone_causes_p(noise_um: float, p_mN: float) -> None:
 
 
 @pytest.mark.parametrize(("K_P", "share_15"), [(5.0, 1.0 / 6.0), (1.0, 0.5)])
-def test_first_step_towards_a_reference_1_um_away(K_P: float, share_15: float) -> None:
+def test_the_first_step_towards_a_distant_reference_depends_on_the_start(
+    K_P: float, share_15: float
+) -> None:
     """Started where the arm is, nearly all of the way at once; by (15) the share of the gains."""
     law = build(as_fed(K_P, "consistent"), ARM, T, 0.0)
     here = start(law, x_um=0.0, x_r_um=1.0, force_mN=0.0, applied_V=0.0)

@@ -134,7 +134,7 @@ def test_the_low_pass_reduces_noise_of_the_voltage(scheme: str) -> None:
     assert swings[0] > 0.001
 
 
-def test_the_sets_agree_on_positions() -> None:
+def test_both_parameter_sets_agree_on_positions() -> None:
     """k/d of the printed set is 1/19.0 V/µm as the rig's: only forces are lost in it."""
     known = printed_arm()
     assert known.d / known.k == pytest.approx(ARM.d / ARM.k, rel=2e-4)

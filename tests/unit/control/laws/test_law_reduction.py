@@ -65,7 +65,7 @@ def test_a_steady_arm_at_its_reference_keeps_its_voltage(scheme: str, period_s: 
 
 
 @BOTH
-def test_residual_is_of_the_voltage_really_applied(scheme: str) -> None:
+def test_the_residual_is_computed_with_the_applied_voltage(scheme: str) -> None:
     """An arm that is the model: no residual and no p̃, though the voltage is clipped at 1 V."""
     loop = Loop(law_of(law_settings(scheme)), resting_arm(0.0), high_V=1.0)
     clipped = 0
@@ -80,7 +80,7 @@ def test_residual_is_of_the_voltage_really_applied(scheme: str) -> None:
 
 
 @BOTH
-def test_p_shows_where_it_acts(scheme: str) -> None:
+def test_a_step_of_p_is_seen_one_sample_later(scheme: str) -> None:
     """p steps by 1.5 mN: p̂ has it one sample later, p̃ = p_{k-1} - p_k is -1.5 mN once."""
     loop = Loop(law_of(law_settings(scheme, force_age="newest")), resting_arm(10.0))
     outputs = [loop.tick(10.0, p_mN=1.5 * (tick >= 3)) for tick in range(8)]

@@ -58,7 +58,7 @@ def drawn(size: int, seed: int, scale: float = 1e-3) -> list[float]:
 
 
 @pytest.mark.parametrize("settings", LAWS)
-def test_the_law_is_its_matrix(settings: LawSettings) -> None:
+def test_the_matrix_of_a_law_reproduces_its_steps(settings: LawSettings) -> None:
     matrix = law_block(settings, ARM, PERIOD_S, 0.03)
     for seed in range(5):
         fed = drawn(matrix.shape[1], seed)
@@ -84,7 +84,7 @@ def test_the_law_is_not_linear_beyond_its_boundary_layer() -> None:
 
 
 @pytest.mark.parametrize("observer", OBSERVERS)
-def test_an_observer_is_its_matrix(observer: ForceObserver) -> None:
+def test_the_matrix_of_an_observer_reproduces_its_steps(observer: ForceObserver) -> None:
     matrix = observer_block(observer)
     for seed in range(5):
         fed = drawn(matrix.shape[1], seed)

@@ -133,7 +133,7 @@ SOME = settings(deadline=None, max_examples=30, derandomize=True)
 
 @SOME
 @given(cases(st.floats(0.01, 0.5), SIGN_UM), start_um, shares, st.floats(0.0, 2.0))
-def test_with_the_sign_function(
+def test_with_the_sign_function_s_reaches_its_band(
     case: Case, x_um: float, shares: list[float], excess: float
 ) -> None:
     """``excess`` above 1 lets p̃ exceed K_S, where the theorems promise nothing."""
@@ -154,7 +154,9 @@ def test_with_the_sign_function(
 
 @SOME
 @given(cases(st.floats(0.01, 0.5), SIGN_UM), start_um, shares)
-def test_band_of_the_output_is_that_band(case: Case, x_um: float, shares: list[float]) -> None:
+def test_the_law_outputs_the_band_of_the_last_step(
+    case: Case, x_um: float, shares: list[float]
+) -> None:
     """Told with the sample that shows p̃: band_k judges the step from s_{k-2} to s_{k-1}."""
     errors_mN = [case.K_S * share for share in shares]
     outputs = play(case, x_um, errors_mN)

@@ -30,7 +30,7 @@ def test_the_arm_rests_where_impedance_and_contact_meet(
     assert ranges.force_min_mN - slack <= E_f <= ranges.force_max_mN + slack
 
 
-def test_the_ends_of_the_ranges_are_reached() -> None:
+def test_extreme_parts_cause_the_extreme_steady_errors() -> None:
     ranges = steady_error_ranges(forces_r_mN=(0.0, 20.0), K=K, K_f=K_F, **PART)
     # The softest part, 3 µm further away, under the full force.
     E_x, E_f = steady_state_errors(

@@ -179,7 +179,7 @@ def test_the_widest_level_is_first_and_has_the_crest_of_the_law() -> None:
     assert program.guards.stiffness_min_mN_per_um < 0.5 * REQUEST.stiffness_mN_per_um
 
 
-def test_a_press_covers_the_swings_of_the_identified_arm() -> None:
+def test_the_force_of_a_press_includes_the_swings_of_the_identified_arm() -> None:
     # An arm whose swings at a pressed part are half as wide again as d_p says.
     wide = HysteresisModel((0.0, 0.5), (28.5, 5.0))
     line_mN = crest_force_mN(REQUEST, ROOMY, 2.0)

@@ -77,7 +77,7 @@ def test_a_sinusoid_has_whole_cycles_at_full_amplitude() -> None:
     assert all(2.0 < SINE.at(0.01 * tick) < 22.0 for tick in range(200))
 
 
-def test_peaks_of_a_sinusoid() -> None:
+def test_the_peaks_of_a_sinusoid_are_found() -> None:
     found = peaks(SINE)
     assert (found.lowest, found.highest) == pytest.approx((2.0, 22.0), rel=1e-3)
     assert found.rate == pytest.approx(10.0 * pi, rel=1e-3)
@@ -174,6 +174,6 @@ def test_impossible_paths_are_refused() -> None:
         replace(TRIANGLE, corner=0.0)
 
 
-def test_ring_under_an_acceleration() -> None:
+def test_the_ring_of_an_acceleration_is_computed() -> None:
     assert ring_um(2437.8**2, 2437.8) == pytest.approx(1.0)
     assert ring_um(2000.0, 2437.8) == pytest.approx(3.4e-4, rel=0.02)

@@ -74,7 +74,7 @@ def test_learning_ends_without_repeating_errors_and_keeps_the_best_corrections(s
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_next_to_nothing_is_learned_from_noise(seed: int) -> None:
+def test_corrections_learned_from_noise_are_small(seed: int) -> None:
     chance, learner = Random(seed), CycleLearner(no_corrections(100))
     for tick in range(MOST_CYCLES * 100):
         error_um = learner.corrections.at(tick) + chance.gauss(0.0, 0.04)

@@ -98,7 +98,7 @@ def test_a_segment_ends_at_rest_unless_it_seeks(name: str) -> None:
     assert (rates == (0.0, 0.0, 0.0)) != segment.ends_moving
 
 
-def test_goals_are_reached() -> None:
+def test_each_moving_segment_ends_at_its_goal() -> None:
     def end(name: str) -> Reference:
         segment, entry = MOVING[name]
         return segment.reference(9.0, entry)
@@ -120,7 +120,7 @@ def test_a_force_without_a_contact_line_keeps_the_references() -> None:
         assert segment.reference(0.2, entry)[::3] == (27.0, 3.0, 0.0)
 
 
-def test_voltages_follow_their_courses() -> None:
+def test_each_arm_follows_its_own_voltage_course() -> None:
     entry = PAIR._replace(period_s=0.02)
     path = sinusoid("voltage", 0.5, 1.0, 1.0, 1)
     drive = Drive("drive", 1.0, courses=(Ramp(3.0), Follow(path)))

@@ -12,7 +12,7 @@ from pincette.control.planning.swept_voltages import SweptVoltages
 SWEEP = Sweep(5.0, 800.0, 4.0, 0.05, 20_000.0)
 
 
-def test_starts_and_ends_at_rest_with_constant_amplitude() -> None:
+def test_a_sweep_starts_and_ends_at_rest_with_constant_amplitude() -> None:
     wave = np.array(SweptVoltages(SWEEP, 1.5)[:])
     assert wave.size == 80_001
     assert wave[0] == wave[-1] == 1.5

@@ -76,7 +76,7 @@ def test_a_missing_rest_is_refused(rest_samples: int) -> None:
         MODEL.rezero([FreeSample(0.0, 0.0)] * 2, rest_samples)
 
 
-def test_its_tolerance_of_a_zero_grows_with_travel_and_creep() -> None:
+def test_the_tolerance_of_a_zero_grows_with_travel_and_creep() -> None:
     zeroed = MODEL.updated(1.0, 0.02).begin(3.0)
     assert zeroed.zero_tolerance_um(0.0) == 5.0
     moved = zeroed.updated(0.5, 0.02)

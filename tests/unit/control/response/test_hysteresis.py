@@ -47,14 +47,14 @@ def position(*voltages_V: float) -> float:
     return displacement_um(PLAYS, driven(PLAYS, *voltages_V))
 
 
-def test_first_stroke_and_return() -> None:
+def test_the_first_stroke_and_its_return_follow_the_play_operators() -> None:
     assert position(2.0) == pytest.approx(10 * 2.0 + 4 * 1.5 + 2 * 1.0)
     # On the way back a play moves only after 2r.
     assert position(2.0, 1.2) == pytest.approx(10 * 1.2 + 4 * 1.5 + 2 * 1.0)
     assert position(2.0, 0.0) == pytest.approx(10 * 0.0 + 4 * 0.5 + 2 * 1.0)
 
 
-def test_a_closed_minor_loop_is_wiped_out() -> None:
+def test_a_closed_minor_loop_is_erased_from_the_memory() -> None:
     assert position(2.0, 1.0, 1.6, 1.0) == pytest.approx(position(2.0, 1.0))
     assert position(1.0, 0.2, 0.8, 2.0) == pytest.approx(position(2.0))
 
@@ -78,7 +78,9 @@ def test_the_hysteresis_is_rate_independent(model: HysteresisModel, voltages: li
 
 @EACH
 @given(voltages=VOLTAGES)
-def test_the_function_is_odd(model: HysteresisModel, voltages: list[float]) -> None:
+def test_the_displacement_is_an_odd_function_of_the_voltage(
+    model: HysteresisModel, voltages: list[float]
+) -> None:
     mirrored = driven(model, *[-voltage for voltage in voltages])
     there = driven(model, *voltages)
     assert displacement_um(model, mirrored) == pytest.approx(-displacement_um(model, there))

@@ -46,7 +46,7 @@ def test_a_missing_rest_is_refused() -> None:
         FRESH.rezero([FreeSample(0.0, 0.0)], 10)
 
 
-def test_its_tolerance_of_a_zero_is_five_errors_and_the_creep() -> None:
+def test_the_tolerance_of_a_zero_is_five_errors_plus_the_creep() -> None:
     begun = FRESH.updated(1.0, 0.02).begin(0.0)
     assert begun.zero_tolerance_um(0.1) == 0.5
     moved = begun.updated(2.0, 0.02)

@@ -128,7 +128,7 @@ def test_a_zero_changes_only_the_offset_and_the_error_grows_with_travel() -> Non
     assert zeroed.updated(2.0, 0.02).error_um() == pytest.approx(0.2 * 2**0.5)
 
 
-def test_its_tolerance_of_a_zero_is_five_errors_and_the_creep() -> None:
+def test_the_tolerance_of_a_zero_is_five_errors_plus_the_creep() -> None:
     arm = FRESH.begin(0.0)
     assert arm.zero_tolerance_um(0.1) == 0.5
     assert arm.updated(1.0, 0.02).zero_tolerance_um(0.1) == pytest.approx(5 * 0.2 * 2**0.5 + 0.1)

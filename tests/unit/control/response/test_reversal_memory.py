@@ -22,7 +22,7 @@ def test_a_large_reversal_counts_by_the_width_of_a_small_one() -> None:
     assert total_V(1.0, 2.0, 1.99, 1.0, 0.0) == pytest.approx(0.75 * SMALL_V)
 
 
-def test_dither_accumulates() -> None:
+def test_small_back_and_forth_motions_accumulate() -> None:
     assert total_V(*[0.001 * (index % 2) for index in range(1, 101)]) == pytest.approx(0.05)
 
 

@@ -48,7 +48,7 @@ def test_no_past_between_the_ends_has_a_larger_error(model: IdentifiedResponse, 
         assert abs(error_um) <= past.error_um(response) + 1e-9, f"seed {seed}"
 
 
-def test_the_range_is_what_a_play_yields_to() -> None:
+def test_an_unknown_past_is_bounded_by_the_ranges_of_the_plays() -> None:
     """At 0 V the play of 1 V stands between -1 and 1 V, that of 0.5 V between -0.5 and 0.5 V.
 
     The model's stand at 0 V. A stroke to 1.5 V takes all to 0.5 and 1 V: the higher past moves by

@@ -42,6 +42,6 @@ def test_ending_during_a_motion_is_not_a_clean_end(mode: Mode) -> None:
     assert ending(replace(FRESH, mode=mode, predecessor=Predecessor.CLEAN)) == Predecessor.DIED
 
 
-def test_a_latch_that_nobody_has_cleared_is_not_a_clean_end() -> None:
+def test_an_uncleared_latch_is_not_a_clean_end() -> None:
     for cause in (Cause.ESTOP, Cause.COMMAND_AGE, Cause.RESTART):
         assert ending(replace(FRESH, cause=cause)) == Predecessor.DIED

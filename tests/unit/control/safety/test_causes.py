@@ -17,7 +17,7 @@ def test_no_other_program_can_state_a_cause_of_the_actuator(cause: Cause) -> Non
     assert as_asked(cause) is Cause.ASKED
 
 
-def test_only_the_force_releases_without_a_freeze() -> None:
+def test_only_the_force_limit_releases_without_a_freeze() -> None:
     assert {Cause.FORCE} == LETS_GO
     assert set(Cause) - ASKED_FOR - {Cause.NONE} == OWN
 

@@ -41,7 +41,7 @@ def test_an_older_or_equal_sample_changes_nothing(seq: int) -> None:
     assert with_sample(SEEN, seq, 9.0, (9.0,)) is SEEN
 
 
-def test_the_clock_refuses_what_is_late() -> None:
+def test_the_clock_refuses_late_commands() -> None:
     sample = SEEN[3]
     assert too_old(AGE, SEEN, sample, sample.at_s + 0.0499) is None
     assert fault_text(too_old(AGE, SEEN, sample, sample.at_s + 0.051)) == "51 ms old, limit 50 ms"

@@ -46,7 +46,7 @@ def test_each_limit_acts_beyond_its_value_and_is_reported(
     assert limited(LIMITS, present_V, wanted_V) == (voltage_V, flags)
 
 
-def test_the_bits_equal_those_on_the_wire() -> None:
+def test_the_bits_of_the_limits_equal_those_of_the_messages() -> None:
     assert (VOLTAGE_MAX, VOLTAGE_MIN, SLEW_UP, SLEW_DOWN) == (1, 2, 4, 8)
 
 
@@ -108,7 +108,7 @@ def test_a_multiple_at_the_limit_of_range_or_slew_is_used(
 
 
 @pytest.mark.parametrize("voltage_V", [-51.0, 0.0, 54.0])
-def test_a_limited_request_differs_from_its_request(voltage_V: float) -> None:
+def test_a_limited_voltage_differs_from_the_requested_one(voltage_V: float) -> None:
     assert absurd(LIMITS, voltage_V) is None
 
 
@@ -167,7 +167,7 @@ def test_the_slew_uses_the_time_since_the_last_move_up_to_a_period(
     assert slewing_s(0.02, since_s) == given_s
 
 
-def test_a_share_of_a_period_is_a_share_of_the_slew() -> None:
+def test_the_slew_limit_is_proportional_to_the_time_since_the_last_write() -> None:
     assert limited(LIMITS, 0.0, 2.0, 0.1) == (pytest.approx(0.05), SLEW_UP)
     assert limited(LIMITS, 0.0, -0.5, 0.1) == (pytest.approx(-0.05), SLEW_DOWN)
     assert limited(LIMITS, 0.0, 0.04, 0.1) == (0.04, 0)

@@ -38,5 +38,5 @@ def test_an_unconfirmed_voltage_is_left_to_the_hardware(mode: str) -> None:
     assert not may_kick_watchdog(LIMITS, replace(state, unconfirmed=True), 99.0)
 
 
-def test_an_idle_rig_is_kept_as_a_person_has_requested() -> None:
+def test_an_idle_rig_keeps_its_watchdog_fed_without_a_confirmation() -> None:
     assert may_kick_watchdog(LIMITS, replace(held(), mode="idle", unconfirmed=True), 99.0)

@@ -84,7 +84,7 @@ def proposed(loop: Loop, text: str) -> tuple[Loop, str]:
         (default_settings("dsmifc", "printed"), 0.005),
     ],
 )
-def test_the_advice_holds(law: LawSettings, period_s: float) -> None:
+def test_gains_that_a_refusal_proposes_are_stable(law: LawSettings, period_s: float) -> None:
     loop = replace(DEFAULT, law=law, period_s=period_s)
     found = assess(loop, PART)
     assert not found.stable
@@ -102,7 +102,7 @@ def test_a_loop_without_a_remedy_is_reported() -> None:
     assert "; no single change of a gain or the period that was tried is sufficient" in found.reason
 
 
-def test_a_switching_term_that_does_nothing_is_not_blamed() -> None:
+def test_a_switching_term_without_effect_is_not_named_as_the_cause() -> None:
     loop = Loop(default_settings("pbsmic", "printed"), ARM, 0.004)
     assert "K_S" not in assess(loop, PART).reason
 

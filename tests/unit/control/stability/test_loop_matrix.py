@@ -103,7 +103,7 @@ def test_without_a_force_the_free_loop_is_the_position_loop(period_s: float) -> 
     assert abs(float(spectral_radii(fed, (FREE,))[0] - expected[0])) > 0.01
 
 
-def test_a_stiff_arm_leaves_only_the_law() -> None:
+def test_with_a_stiff_arm_the_radius_is_that_of_the_law() -> None:
     """Where G ≈ 1, each sample takes K_I/(K_P + K_I) off the error, in units of the real d_p."""
     stiff = consistent_arm(1e6, 0.5, D_P, S_P)
     for K_P in (5.0, 1.0, 0.5):
@@ -113,7 +113,7 @@ def test_a_stiff_arm_leaves_only_the_law() -> None:
             assert found == pytest.approx(abs(1.0 - gain / (K_P + 1.0)), abs=1e-3)
 
 
-def test_the_switching_slope_acts() -> None:
+def test_the_switching_slope_sets_the_decay_of_s() -> None:
     """s_k = (1 - slope)·s_{k-1} on an arm that is as the law knows it."""
     stiff = consistent_arm(1e6, 0.5, D_P, S_P)
     for slope in (0.3, 1.5, 2.5):

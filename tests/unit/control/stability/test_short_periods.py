@@ -120,7 +120,7 @@ def test_a_bad_period_is_refused_with_the_reason_and_a_remedy(period_s: float) -
     assert "an RC before the amplifier, or an output that needs about 3 ms" in reason
 
 
-def test_a_shorter_period_is_among_what_helps() -> None:
+def test_a_shorter_period_is_among_the_remedies() -> None:
     assert "a period of 1 ms gives 0.98" in assess(loop_of(0.002), PART).reason
 
 
@@ -135,7 +135,7 @@ def test_a_law_for_long_periods_recommends_the_other_one() -> None:
     assert "the law fpbsmic is designed for such periods" in reason
 
 
-def test_uninformed_cases_are_judged_too() -> None:
+def test_contacts_unknown_to_the_law_are_checked_too() -> None:
     """n = 1 at 10 Hz bears every contact that it is told of, and none that it is not."""
     law: LawSettings = loop_of(0.001, n=1.0, f_w=8.0).law
     loop, wide = replace(loop_of(0.001), law=law), widened(loop_of(0.001), PART)

@@ -96,7 +96,7 @@ class Radius:
         return self.of[law.gains["K_P"]]
 
 
-def test_a_candidate_at_the_limit_neither_counts_nor_is_judged_again() -> None:
+def test_gains_at_the_stability_limit_are_excluded_and_checked_once() -> None:
     free = tune(RIG, SWING, PBSMIC, lambda _: 0.5, radius_limit=0.97, grid=GRID)
     best = free.chosen.settings.gains["K_P"]
     radius = Radius({gain: 0.97 if gain == best else 0.9 for gain in K_P})

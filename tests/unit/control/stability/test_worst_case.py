@@ -44,7 +44,7 @@ def drawn(count: int, seed: int) -> tuple[LoopCase, ...]:
         law_settings("dsmifc", K_P=2.0, delta=1e6),
     ],
 )
-def test_a_blind_search_finds_no_worse_case(law: LawSettings, period_s: float) -> None:
+def test_a_random_search_finds_no_worse_case(law: LawSettings, period_s: float) -> None:
     loop = Loop(law, ARM, period_s, force_filter_s=0.03)
     case, radius = worst_case(loop, PART, LIMIT)
     blind = np.max(counted_radii(loop, drawn(3000, seed=7), LIMIT))
