@@ -1,5 +1,6 @@
 """The list of packages, the entry points and the folders agree."""
 
+import ast
 import re
 import tomllib
 from pathlib import Path
@@ -36,6 +37,40 @@ def test_each_file_is_in_exactly_one_wheel(pyproject: dict[str, Any]) -> None:
     bare = contracts["What pincette-client has needs nothing else of pincette"]
     names = {name.removesuffix(".py").replace("/", ".") for name in kept if "__init__" not in name}
     assert set(bare["source_modules"]) == names
+
+
+def imported_names(source: Path) -> set[str]:
+    """Names of pincette that a file imports, as ``pincette.core.files.replace_file``."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module is not None and node.level == 0:
+            found.update(f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Import):
+            found.update(alias.name for alias in node.names)
+    return {name for name in found if name.split(".")[0] == "pincette"}
+
+
+def test_packages_that_need_only_the_client_import_only_modules_of_its_wheel() -> None:
+    client = tomllib.loads((ROOT / "shared/pyproject.toml").read_text(encoding="utf-8"))
+    kept = client["tool"]["hatch"]["build"]["only-include"]
+    folders = [ROOT / "shared" / name for name in kept]
+    for project in CONTRIB:
+        needed = tomllib.loads(project.read_text(encoding="utf-8"))["project"]["dependencies"]
+        if not any(one.startswith("pincette==") for one in needed):
+            folders.append(project.parent / f"pincette_{project.parent.name}")
+    assert len(folders) > len(kept)
+    modules = [name.removesuffix(".py").replace("/", ".") for name in kept]
+    # An __init__.py brings the names it defines, and no other file of its folder.
+    bare = {name.removesuffix(".__init__") for name in modules if name.endswith(".__init__")}
+    missing = {
+        (str(source.relative_to(ROOT)), name)
+        for folder in folders
+        for source in ([folder] if folder.is_file() else folder.rglob("*.py"))
+        for name in imported_names(source)
+        if name.rpartition(".")[0] != "pincette" and name not in bare
+        if not any(f"{name}.".startswith(f"{module}.") for module in modules)
+    }
+    assert missing == set()
 
 
 def test_import_linter_reads_every_package(pyproject: dict[str, Any]) -> None:

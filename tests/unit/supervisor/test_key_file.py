@@ -111,6 +111,14 @@ def test_a_damaged_journal_prevents_the_start_but_no_change_of_keys(tmp_path: Pa
     assert rights(authenticator, None) is None
 
 
+def test_an_empty_key_file_beside_a_journal_that_cannot_be_used_states_why(tmp_path: Path) -> None:
+    with closing(open_store(tmp_path / STORE)):
+        pass
+    damage_journal(tmp_path)
+    with open_keys(tmp_path) as keys, pytest.raises(StoreError, match=STORE):
+        keys.all()
+
+
 # Second property: a revoked key opens nothing, even while the journal cannot be used.
 
 

@@ -22,8 +22,11 @@ from pincette_supervisor.journal.tables import utc_text
 class KeyStore:
     """Store of the keys in a data folder."""
 
-    def __init__(self, file: KeyFile, journal: Store | None) -> None:
-        """Create the store; ``journal`` is None if unusable, since keys do not depend on it."""
+    def __init__(self, file: KeyFile, journal: Store | StoreError) -> None:
+        """Create the store of a key file.
+
+        ``journal`` is the error of a journal that cannot be used, since keys do not depend on it.
+        """
         self._file, self._journal = file, journal
 
     def add(self, name: str, scope: Scope, days: float | None) -> tuple[str, KeyView]:
@@ -65,7 +68,7 @@ class KeyStore:
 
     def _noted(self, row: KeyRow) -> KeyView:
         """Record in the journal that keys are required; return the key as it is shown."""
-        if self._journal is not None:
+        if isinstance(self._journal, Store):
             with suppress(StoreError):  # the supervisor notes it when it reads the key
                 self._journal.set_note(KEYS_WANTED, "1")
         return self._view(row)
@@ -83,16 +86,14 @@ class KeyStore:
         Raises StoreError where there are none and there have been some, or might have been.
         """
         rows = self._file.read()
-        if not rows and self._journal is None:
-            raise StoreError(
-                "no key in the key file; the journal cannot be used to tell whether there were any"
-            )
-        if (
-            not rows
-            and self._journal is not None
-            and self._journal.get_note(KEYS_WANTED) is not None
-        ):
-            raise self._file.missing()
+        if not rows:
+            if isinstance(self._journal, StoreError):
+                raise StoreError(
+                    "no key in the key file, and it is not known whether there were any: "
+                    f"{self._journal}"
+                ) from self._journal
+            if self._journal.get_note(KEYS_WANTED) is not None:
+                raise self._file.missing()
         return [self._view(row) for row in rows if (row.password is not None) == users]
 
     def revoke(self, name: str) -> bool:
@@ -119,8 +120,8 @@ def open_keys(data: Path) -> Generator[KeyStore]:
     make_folder(data)
     try:
         journal = Store(data / STORE, os.environ.get(STORE_URL, ""))
-    except StoreError:
-        yield KeyStore(KeyFile(data), None)
+    except StoreError as error:
+        yield KeyStore(KeyFile(data), error)
         return
     with closing(journal):
         yield KeyStore(KeyFile(data), journal)
