@@ -3,6 +3,8 @@
 The voltages of the plan are played on the plant alone, as the loop would play them.
 """
 
+from typing import Any
+
 import numpy as np
 import pytest
 from pydantic import TypeAdapter
@@ -39,21 +41,26 @@ def voltages(program: Program, period_s: float) -> list[float]:
     return found
 
 
+def table_of(x_um: list[float], voltage_V: list[float]) -> dict[str, list[Any]]:
+    """Return the columns of a record that a calibration of a free arm reads."""
+    count = len(x_um)
+    return {
+        "seq": list(range(count)),
+        "phase": [""] * count,
+        "position_valid": [True] * count,
+        "x_um": x_um,
+        "voltage_V": voltage_V,
+        "force_mN": [0.0] * count,
+    }
+
+
 def played(rig: RigFile, request: JobRequest) -> tuple[Run, Motion]:
     assert rig.simulation is not None
     plan = planned(rig, request)
     free = rig.simulation.model_copy(update={"bead": False})
     motion = drive(free, voltages(plan.program, rig.rig.period_s), rig.rig.period_s)
     put_out_V = np.append(motion.voltage_V[1:], motion.voltage_V[-1])
-    count = len(put_out_V)
-    table = {
-        "seq": list(range(count)),
-        "phase": [""] * count,
-        "position_valid": [True] * count,
-        "x_um": motion.x_um.tolist(),
-        "voltage_V": put_out_V.tolist(),
-        "force_mN": [0.0] * count,
-    }
+    table = table_of(motion.x_um.tolist(), put_out_V.tolist())
     return Run(rig, plan, table), motion
 
 
@@ -81,7 +88,8 @@ def test_a_motion_that_stayed_within_the_limits_is_not_reduced_below_two_volts()
     request = REQUEST.validate_python(
         {"kind": "calibrate", "calibration": "free_response", "least_V": -0.1, "most_V": 2.0}
     )
-    run, _ = played(rig, request)
-    table = {**run.table, "x_um": [200.0] * len(run.table["x_um"])}
+    plan = planned(rig, request)
+    put_out_V = voltages(plan.program, rig.rig.period_s)
+    table = table_of([200.0] * len(put_out_V), put_out_V)
     assert isinstance(request, FreeResponseRequest)
-    assert moves_less(request, Run(rig, run.planned, table)) is None
+    assert moves_less(request, Run(rig, plan, table)) is None

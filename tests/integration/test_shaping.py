@@ -1,6 +1,5 @@
 """Steps of the voltage in three parts, or an RC, leave the mode at rest on a fast output."""
 
-from functools import cache
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -79,7 +78,6 @@ def drawn_rig(output: Output, seed: int) -> RigFile:
     return rig.model_copy(update={"model": model})
 
 
-@cache
 def tracked(output: Output, frequency_hz: float, seed: int) -> Tracked:
     """Track two or four seconds of a sinusoid of the force."""
     rig = drawn_rig(output, seed)
@@ -111,24 +109,17 @@ def tracked(output: Output, frequency_hz: float, seed: int) -> Tracked:
     return Tracked(100.0 * float(error_um) / swing_um, float(np.mean(np.abs(missed_mN) <= u_mN)))
 
 
-HZ = pytest.mark.parametrize("frequency_hz", sorted(MOST_PERCENT))
-
-
-def test_a_single_write_excites_the_mode() -> None:
-    assert np.median([tracked("one write", 2.0, seed).error_percent for seed in ARMS]) > 1.0
-
-
-@HZ
-@pytest.mark.parametrize("output", ["three writes", "RC"])
-def test_three_writes_or_an_rc_keep_the_error_low(output: Output, frequency_hz: float) -> None:
-    errors = [tracked(output, frequency_hz, seed).error_percent for seed in ARMS]
-    print(output, frequency_hz, [f"{error:.2f} %" for error in errors])
-    assert np.median(errors) <= MOST_PERCENT[frequency_hz]
-
-
-@HZ
+@pytest.mark.parametrize("frequency_hz", sorted(MOST_PERCENT))
 @pytest.mark.parametrize("output", ["one write", "three writes", "RC", "slow line"])
-def test_the_uncertainty_covers_the_ring(output: Output, frequency_hz: float) -> None:
-    covers = [tracked(output, frequency_hz, seed).covered for seed in ARMS]
-    print(output, frequency_hz, [f"{cover:.3f}" for cover in covers])
-    assert np.mean(covers) >= COVERED
+def test_shaped_steps_keep_the_error_low_and_the_uncertainty_covers_the_ring(
+    output: Output, frequency_hz: float
+) -> None:
+    tracks = [tracked(output, frequency_hz, seed) for seed in ARMS]
+    error_percent = float(np.median([one.error_percent for one in tracks]))
+    covered = float(np.mean([one.covered for one in tracks]))
+    print(output, frequency_hz, f"{error_percent:.2f} %", f"{covered:.3f}")
+    if output in ("three writes", "RC"):
+        assert error_percent <= MOST_PERCENT[frequency_hz]
+    elif output == "one write" and frequency_hz == min(MOST_PERCENT):
+        assert error_percent > 1.0
+    assert covered >= COVERED
