@@ -129,6 +129,22 @@ def test_a_table_gives_the_members_of_each_job(harness: Harness, table: str) -> 
     }
 
 
+def test_cells_of_a_table_are_those_of_its_author(harness: Harness) -> None:
+    """Line breaks, quotes and separators in a quoted cell, and labels beside ``label.`` columns."""
+    table = (
+        "sample;notes;label.Träger;labels\r\n"
+        '# comment\r\n"Körner; ""groß""";"two\nlines";4;"{""lot"": ""7""}"\r\nB\u20282;;5;\r\n'
+    )
+    first, second = planned(harness, csv=table)
+    assert first == {
+        **GRIP,
+        "sample": 'Körner; "groß"',
+        "notes": "two\nlines",
+        "labels": {"lot": "7", "Träger": "4"},
+    }
+    assert second == {**GRIP, "sample": "B\u20282", "labels": {"Träger": "5"}}
+
+
 REFUSED: list[tuple[dict[str, Any], str, str]] = [
         ({"values": [{}], "grid": {"force_mN": [1.0]}}, "", "values and grid exclude each other"),
         ({"values": [{"force_mN": 8.0}, {"force_mN": -1.0}]}, "/values/1/force_mN",
@@ -141,6 +157,13 @@ REFUSED: list[tuple[dict[str, Any], str, str]] = [
         ({"csv": "force_mN,sample\n8\n"}, "/csv", "line 2: 1 cells, must be 2"),
         ({"csv": "force_mN\n8\nB\n"}, "/csv", "line 3: force_mN = 'B' mN: give digits"),
         ({"csv": "force_mN,force_mN\n8,9\n"}, "/csv", "'force_mN' has no name of its own"),
+        ({"csv": f"sample\n{'x' * 140_000}\n"}, "/csv", "line 2: "),
+        ({"csv": 'sample,notes\nA,"b\nC,d\n'}, "/csv", "line 2: "),
+        ({"csv": f"points\n{'[' * 20_000}\n"}, "/csv", "line 2: points = '[["),
+        ({"csv": "labels,label.a\nx,y\n"}, "/csv", "labels = 'x': must be an object"),
+        ({"job": {**GRIP, "labels": None}}, "/job/labels", "must be an object"),
+        ({"job": {**GRIP, "labels": 3}, "csv": "label.a\ny\n"}, "/csv", "must be an object"),
+        ({"values": [{"labels": "x"}]}, "/values/0/labels", "must be an object"),
         ({"values": BEADS, "repeats": 501}, "/repeats", "are 1002 jobs: a series has 1000"),
         ({"grid": {"sample": ["a"] * 40, "notes": ["a"] * 40}}, "/grid", "1600 combinations"),
         ({"stop_after_failures": 0}, "/stop_after_failures", "must be 1 or more"),

@@ -4,7 +4,8 @@ import csv
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from itertools import product
+from io import StringIO
+from itertools import chain, product
 from random import Random
 from typing import Any, cast
 
@@ -53,7 +54,9 @@ def requests_of(series: SeriesRequest) -> list[Tree]:
 
 def request_of(tree: Mapping[str, Any], *, series: str = "", number: int = 1) -> JobRequest:
     """Return a stored request as that of a job of a series; raises ValidationError."""
-    labels = {**tree.get("labels", {}), SERIES_LABEL: series, NUMBER_LABEL: str(number)}
+    labels = tree.get("labels", {})
+    if isinstance(labels, dict):  # else the request is refused
+        labels = {**cast(Tree, labels), SERIES_LABEL: series, NUMBER_LABEL: str(number)}
     whole = {**tree, "labels": labels, "autostart": True, "queue": True}
     return REQUEST.validate_json(json.dumps(whole))
 
@@ -85,9 +88,11 @@ def _rows(series: SeriesRequest) -> Sequence[Tree]:
 
 def _merged(job: Tree, row: Tree) -> Tree:
     """Return the members of all jobs with those of one; labels are merged too."""
-    labels: list[Any] = [one["labels"] for one in (job, row) if isinstance(one.get("labels"), dict)]
-    both: Tree = {name: text for one in labels for name, text in one.items()}
-    return {**job, **row, **({"labels": both} if both else {})}
+    labels: list[Any] = [one["labels"] for one in (job, row) if "labels" in one]
+    # Labels that are no map are kept, because the request with them is refused.
+    wrong = [one for one in labels if not isinstance(one, dict)]
+    both = wrong[0] if wrong else {name: text for one in labels for name, text in one.items()}
+    return {**job, **row, **({"labels": both} if labels else {})}
 
 
 def _require_usable(series: SeriesRequest, place: int, tree: Tree) -> None:
@@ -117,40 +122,47 @@ def _require_usable(series: SeriesRequest, place: int, tree: Tree) -> None:
 
 def _table(series: SeriesRequest) -> Iterator[Tree]:
     """Yield the members of each job of the table; raises ProblemError with the line."""
-    lines = [
-        (number, line)
-        for number, line in enumerate(series.csv.removeprefix("\ufeff").splitlines(), start=1)
-        if line.strip() and not line.startswith("#")
-    ]
-    if len(lines) < 2:
+    (start, names), *rows = [*_lines(series.csv)] or [(1, [])]
+    if not rows:
         raise unusable(
             "csv: give a line with the names of the members, and one line for each job",
             pointer="/csv",
         )
-    first = lines[0][1]
-    separator = next((sign for sign in SEPARATORS if sign in first), ",")
-    names, *rows = (
-        [cell.strip() for cell in row]
-        for row in csv.reader((line for _, line in lines), delimiter=separator)
-    )
-    if len(lines) - 1 > MOST_JOBS:
-        raise unusable(
-            f"csv: {len(lines) - 1} jobs: a series has {MOST_JOBS} at most", pointer="/csv"
-        )
+    if len(rows) > MOST_JOBS:
+        raise unusable(f"csv: {len(rows)} jobs: a series has {MOST_JOBS} at most", pointer="/csv")
     odd = [name for name in names if not name or names.count(name) > 1 or name in OF_SERIES]
     if odd:
         raise unusable(
-            f"csv, line {lines[0][0]}: the column {odd[0]!r} has no name of its own, or one that "
+            f"csv, line {start}: the column {odd[0]!r} has no name of its own, or one that "
             "the series sets for all jobs",
             pointer="/csv",
         )
-    for (number, _), row in zip(lines[1:], rows, strict=False):
+    for number, row in rows:
         if len(row) != len(names):
             raise unusable(
                 f"csv, line {number}: {len(row)} cells, must be {len(names)} as in the first line",
                 pointer="/csv",
             )
         yield _row(series.job, dict(zip(names, row, strict=True)), number)
+
+
+def _lines(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield the cells of each row with the number of its line, without blank lines and comments.
+
+    A quoted cell may have line breaks. Raises ProblemError.
+    """
+    lines = enumerate(StringIO(text.removeprefix("\ufeff"), newline=""), start=1)
+    separator = ""
+    for number, line in lines:
+        if not line.strip() or line.startswith("#"):
+            continue
+        separator = separator or next((sign for sign in SEPARATORS if sign in line), ",")
+        whole = chain([line], (more for _, more in lines))
+        try:
+            row = next(csv.reader(whole, delimiter=separator, strict=True))
+        except csv.Error as error:
+            raise unusable(f"csv, line {number}: {error}", pointer="/csv") from error
+        yield number, [cell.strip() for cell in row]
 
 
 def _row(job: Mapping[str, Any], cells: Mapping[str, str], line: int) -> Tree:
@@ -162,9 +174,9 @@ def _row(job: Mapping[str, Any], cells: Mapping[str, str], line: int) -> Tree:
     if kind is not None and (not variant or known in kind.variants):
         fields = kind.request_of(known).model_fields
     found: Tree = {}
+    labels: dict[str, str] = {}
     for name, text in given.items():
         if name.startswith(LABEL):
-            labels = cast("dict[str, str]", found.setdefault("labels", {}))
             labels[name.removeprefix(LABEL)] = text
             continue
         try:
@@ -172,16 +184,19 @@ def _row(job: Mapping[str, Any], cells: Mapping[str, str], line: int) -> Tree:
         except ValueError as error:
             unit = unit_of(name)
             raise unusable(
-                f"csv, line {line}: {name} = {text!r}{f' {unit}' if unit else ''}: {error}",
+                f"csv, line {line}: {name} = {text!r:.80}{f' {unit}' if unit else ''}: {error}",
                 pointer="/csv",
             ) from error
-    return found
+    return _merged(found, {"labels": labels} if labels else {})
 
 
 def _value(name: str, text: str, fields: Mapping[str, Any]) -> Any:
     """Return the value of a cell, in the type of the member; raises ValueError for no number."""
     if text[0] in "[{":
-        return json.loads(text)
+        try:
+            return json.loads(text)
+        except RecursionError as error:
+            raise ValueError("nested too deeply") from error
     if unit_of(name):
         return numerals.number(text)
     if name in fields:
