@@ -4,12 +4,14 @@ import json
 import re
 from collections.abc import Iterator, Sequence
 
+from pincette.api import series
 from pincette.engine import log_files
 from pincette.records import mcap_file
 from pincette_recorder import intake, retention
-from pincette_supervisor import metrics, model, plugin, problems
+from pincette_supervisor import metrics, model, plugin, problems, traces
 from pincette_supervisor.jobs import bring_up
 from pincette_supervisor.journal import access, events, library, store
+from pincette_supervisor.journal import series as stored_series
 from pincette_supervisor.kinds import track
 from pincette_supervisor.planning import dry_run, recorded_jobs
 from pincette_supervisor.plugin import model_in_use
@@ -23,7 +25,7 @@ from pincette_supervisor.rest import (
     strict_route,
 )
 from pincette_supervisor.results import history, job_table, run_samples
-from pincette_supervisor.rigs import live, observer
+from pincette_supervisor.rigs import live, observer, places
 
 HEAD = """\
 # Bounds
@@ -62,8 +64,8 @@ def _section(title: str, rows: Rows) -> Iterator[str]:
 def _lists() -> Rows:
     return (
         (
-            "page of jobs, trajectories, calibrations, recipes, learned programs, alarms, audit "
-            "entries",
+            "page of jobs, series, trajectories, calibrations, recipes, learned programs, alarms, "
+            "audit entries",
             _page_bound(),
             "`next` names the next page; client and command line fetch all pages",
         ),
@@ -134,9 +136,19 @@ def _requests() -> Rows:
             "notes",
             "413 with the limit",
         ),
+        (
+            "commas, colons and opening brackets of a body",
+            str(strict_route.SIGNS_MAX),
+            "413 with the limit",
+        ),
         ("members of one object", str(strict_route.MEMBERS_MAX), "413 with the limit"),
         ("points of a path", str(track.POINTS_MAX), "422 with the limit"),
         ("levels of a staircase", str(track.LEVELS_MAX), "422 with the limit"),
+        (
+            "jobs of a series",
+            str(series.MOST_JOBS),
+            "422 with the limit; its list of jobs is complete",
+        ),
         ("query parameters", str(strict_route.PARAMETERS_MAX), "422 with the limit"),
         ("head", f"{server.HEAD_BYTES} bytes, {server.HEADERS_MAX} headers", "400 or 431"),
         (
@@ -178,6 +190,21 @@ def _kept() -> Rows:
             str(library.TRAJECTORIES_MAX),
             "the oldest are deleted; a request for their digest is answered with 404",
         ),
+        (
+            "series",
+            str(stored_series.KEPT),
+            "the oldest are deleted; their jobs are kept, with the label `series`",
+        ),
+        (
+            "sources of places on the bus",
+            str(places.SOURCES_MAX),
+            "the one that has been silent or unused for longest is forgotten",
+        ),
+        (
+            "newest jobs of a source of places that its difference is the mean of",
+            str(places.JOBS_MAX),
+            "older ones do not count",
+        ),
         ("learned programs of a rig", str(library.LEARNED_MAX), "the oldest go"),
         ("residual tables of a model", str(model_in_use.MOST_TABLES), "the oldest go"),
         ("changes of instruments", str(model.KEPT_CHANGES), "the oldest go"),
@@ -210,6 +237,11 @@ def _records() -> Rows:
             "played part of a plan",
             f"{dry_run.LONGEST_S:g} s, {dry_run.LONGEST_SAMPLES} samples",
             "`cut` states why the rest was not played",
+        ),
+        (
+            "events of a job in its trace",
+            str(traces.MOST_EVENTS),
+            "later ones have no span; the record and the list of events have them",
         ),
         ("points of a plan's curve", str(plugin.CURVE_POINTS), "evenly spaced"),
         (

@@ -86,10 +86,13 @@ def known(desk: Harness) -> Known:
     grip = desk.grip()["id"]
     desk.ended(grip)
     calibration = desk.calibrated()["id"]
+    series = desk.post("/series", {"job": {"kind": "grip"}}).json()["id"]
+    desk.get(f"/series/{series}", wait="over", timeout_s=30)
     return {
         "job": [grip, calibration],
         "calibration": [calibration],
         "rig": [desk.get("/rigs")["rigs"][0]["name"]],
+        "series": [series],
         "name": ["samples.parquet", "manifest.json", "grip.png"],
     }
 

@@ -1,5 +1,6 @@
 """A series of jobs of a supervisor, over asyncio."""
 
+import sys
 from collections.abc import Mapping
 from typing import Any, Literal
 from uuid import uuid4
@@ -88,7 +89,8 @@ class AsyncSeriesHandle:
     async def jobs(self) -> list[AsyncJobHandle]:
         """Return the jobs that the series has started, newest first."""
         label = f"{SERIES_LABEL}={self.id}"
-        return await jobs(self._transport, 2 * self.series.total, label=label)
+        # Interrupted jobs are repeated, so their number has no bound.
+        return await jobs(self._transport, sys.maxsize, label=label)
 
     async def table(self, form: Literal["csv", "parquet"] = "csv") -> bytes:
         """Return the jobs of the series as one table, newest first."""
