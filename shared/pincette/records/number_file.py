@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from decimal import Decimal
 from io import BytesIO
 from pathlib import Path
 
@@ -37,7 +38,7 @@ def parquet_rows(source: Path | BytesIO, names: Sequence[str], file: str) -> lis
             if set(part) != set(names):
                 raise FileError(f"{file} has no columns {wanted}")
             for values in zip(*(part[name] for name in names), strict=True):
-                if not all(isinstance(one, int | float) and math.isfinite(one) for one in values):
+                if not all(map(_is_number, values)):
                     raise FileError(f"{file}, row {len(found) + 1}: not numbers in {wanted}")
                 found.append(dict(zip(names, map(float, values), strict=True)))
             if len(found) > MOST_ROWS:
@@ -46,4 +47,13 @@ def parquet_rows(source: Path | BytesIO, names: Sequence[str], file: str) -> lis
         raise
     except (OSError, ValueError) as error:
         raise FileError(f"{file} cannot be read: {error}") from error
+    if not found:
+        raise FileError(f"{file} has no rows")
     return found
+
+
+def _is_number(value: object) -> bool:
+    # DuckDB writes numbers such as 0.005 as decimals.
+    if isinstance(value, bool) or not isinstance(value, int | float | Decimal):
+        return False
+    return math.isfinite(value)

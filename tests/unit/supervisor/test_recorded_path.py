@@ -1,15 +1,21 @@
 """A recorded trajectory of thousands of rows is planned and fits in one request and message."""
 
 import json
+import math
+from datetime import timedelta
+from decimal import Decimal
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import pyarrow.parquet
 import pytest
 
 from pincette.config import RigFile
 from pincette.control.planning.segments import paths_of
 from pincette.core.codec import decode, encode
 from pincette.core.messages import Load
+from pincette.core.number_tables import FileError
 from pincette.records import number_file, parquet
 from pincette_supervisor.kinds.bodies import REQUEST
 from pincette_supervisor.kinds.track import POINTS_MAX
@@ -22,6 +28,8 @@ from tests.support.rigs import demo_rig
 from .harness import Harness
 from .test_plan_warnings import TWO_ARMS
 
+arrow: Any = pyarrow
+files: Any = pyarrow.parquet
 RIG = demo_rig()
 MEASURED = Path(__file__).parents[4] / "shared/data/piezo-stack-hysteresis/Model_Vi_Do.dat"
 
@@ -74,6 +82,41 @@ def test_a_measured_path_is_stored_once(
     made, again = (harness.post("/trajectories", wish) for _ in range(2))
     assert (made.status_code, again.status_code) == (201, 200)
     assert made.json()["digest"] == again.json()["digest"]
+
+
+def parquet_file(t_s: list[Any], x_um: list[Any]) -> bytes:
+    """Return a Parquet file with columns of the types that pyarrow gives to these values."""
+    file = BytesIO()
+    files.write_table(arrow.table({"t_s": t_s, "x_um": x_um}), file)
+    return file.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("t_s", "x_um"),
+    [([0, 1], [34, 35]), ([Decimal("0.0"), Decimal("1.0")], [Decimal("34.0"), Decimal("35.0")])],
+)
+def test_whole_numbers_and_decimals_of_a_parquet_file_are_read(
+    t_s: list[Any], x_um: list[Any]
+) -> None:
+    found = number_file.rows(parquet_file(t_s, x_um), ["t_s", "x_um"], "F")
+    assert found == [{"t_s": 0.0, "x_um": 34.0}, {"t_s": 1.0, "x_um": 35.0}]
+
+
+@pytest.mark.parametrize(
+    ("t_s", "x_um"),
+    [
+        ([], []),
+        ([0.0, 1.0], [True, False]),
+        ([0.0, 1.0], [34.0, None]),
+        ([0.0, 1.0], [34.0, math.nan]),
+        ([0.0, 1.0], ["34.0", "35.0"]),
+        ([0.0, 1.0], [[34.0], [35.0]]),
+        ([timedelta(0), timedelta(seconds=1)], [34.0, 35.0]),
+    ],
+)
+def test_a_parquet_file_with_other_values_is_refused(t_s: list[Any], x_um: list[Any]) -> None:
+    with pytest.raises(FileError):
+        number_file.rows(parquet_file(t_s, x_um), ["t_s", "x_um"], "F")
 
 
 def test_two_paths_with_the_maximum_of_points_fit_in_one_message() -> None:
