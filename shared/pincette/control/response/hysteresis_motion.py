@@ -1,6 +1,7 @@
 """Hysteresis and creep over a whole recorded motion: ``hysteresis.step`` in columns."""
 
 from collections.abc import Sequence
+from math import copysign
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,46 +47,64 @@ def play_columns(
     Without ``fadings_per_V`` none fades; without ``return_fadings_per_V`` these equal
     ``fadings_per_V``.
     """
-    r = np.asarray(thresholds_V, dtype=float)
-    fading = np.asarray(fadings_per_V, dtype=float) if len(fadings_per_V) else np.zeros(len(r))
-    fades = fading > 0.0
-    # Where nothing fades the rate is not used.
-    rate = np.where(fades, fading, 1.0)
-    returning = np.asarray(return_fadings_per_V, dtype=float) if return_fadings_per_V else fading
-    uneven, fading_at_all = bool(np.any(returning != fading)), bool(fades.any())
-    back = np.where(returning > 0.0, returning, 1.0)
-    rows = np.empty((len(voltage_V), len(r)))
-    play, before = np.zeros(len(r)), 0.0
-    for index, u in enumerate(voltage_V.tolist()):
-        if u != before:
-            if fading_at_all:
-                z, way = before - play, abs(u - before)
-                if uneven:
-                    z, way = _returned(z, u - before, returning, back, fades)
-                lost = -np.expm1(-rate * way)
-                z = z * (1.0 - lost) + np.copysign(lost, u - before) / rate
-                play = np.where(fades, u - z, play)
-            play = np.maximum(u - r, np.minimum(u + r, play))
-            before = u
-        rows[index] = play
+    fadings = tuple(fadings_per_V) or (0.0,) * len(thresholds_V)
+    returning = tuple(return_fadings_per_V) or fadings
+    uneven = returning != fadings
+    rows = np.empty((len(voltage_V), len(thresholds_V)))
+    for index, (r, fading, back) in enumerate(zip(thresholds_V, fadings, returning, strict=True)):
+        if fading > 0.0:
+            rows[:, index] = _fading_play(r, fading, back if uneven else None, voltage_V)
+        else:
+            rows[:, index] = _play(r, voltage_V)
     return rows
 
 
-def _returned(
-    z: Column, du: float, returning: Column, back: Column, fades: NDArray[np.bool_]
-) -> tuple[Column, Column]:
-    """Return z after the part of a way on which |z| falls, and the rest of the way.
+# One play after the other in plain floats: arrays of a few plays cost ten times as much a sample.
 
-    ``back`` has the rates, with 0 replaced by 1.
+
+def _play(r: float, voltage_V: Column) -> list[float]:
+    """Return the states of a play that forgets nothing, of threshold ``r`` in V."""
+    play, states = 0.0, list[float]()
+    for u in voltage_V.tolist():
+        if play > u + r:
+            play = u + r
+        if play < u - r:
+            play = u - r
+        states.append(play)
+    return states
+
+
+def _fading_play(r: float, rate: float, returning: float | None, voltage_V: Column) -> list[float]:
+    """Return the states of a play that forgets, of threshold ``r`` in V and rates in 1/V.
+
+    ``returning`` is the rate on the part of a way on which |z| falls, None for the same rate.
     """
-    height, way = np.abs(z), abs(du)
-    falls = fades & (z * du < 0.0)
-    to_zero = np.where(returning > 0.0, np.log1p(back * height) / back, height)
-    gone = np.where(falls, np.minimum(to_zero, way), 0.0)
-    kept = np.exp(-returning * gone)
-    fell = np.where(returning > 0.0, (1.0 - kept) / back, gone)
-    left = np.where(to_zero < way, 0.0, np.maximum(0.0, height * kept - fell))
-    return np.where(falls, np.copysign(left, z), z), way - gone
+    steps = np.diff(voltage_V, prepend=0.0)
+    ways = np.abs(steps)
+    losses = (-np.expm1(-rate * ways)).tolist()
+    kept = ways if returning is None else np.exp(-returning * ways)
+    fell = (1.0 - kept) / returning if returning else ways
+    before, play, states = 0.0, 0.0, list[float]()
+    for u, du, lost, keeps, falls in zip(
+        voltage_V.tolist(), steps.tolist(), losses, kept.tolist(), fell.tolist(), strict=True
+    ):
+        if du:
+            z = before - play
+            if returning is not None and z * du < 0.0:
+                height, way = abs(z), abs(du)
+                to_zero = float(np.log1p(returning * height)) / returning if returning else height
+                if to_zero < way:
+                    z, lost = 0.0, -float(np.expm1(-rate * (way - to_zero)))
+                else:
+                    z, lost = copysign(max(0.0, height * keeps - falls), z), 0.0
+            play = u - (z * (1.0 - lost) + copysign(lost, du) / rate)
+            if play > u + r:
+                play = u + r
+            if play < u - r:
+                play = u - r
+            before = u
+        states.append(play)
+    return states
 
 
 def bend_columns(
@@ -136,10 +155,10 @@ def low_passed(
 
     Each value holds for the period before it: c_k = y_k + (c_(k-1) - y_k)·e^(-T/τ).
     """
-    factors = np.asarray(creep_factors(tuple(times_s), period_s))[:, np.newaxis]
+    factors = creep_factors(tuple(times_s), period_s)
     passed = np.empty((len(factors), *columns.shape))
-    state = np.zeros((len(factors), columns.shape[1]))
-    for index, value in enumerate(columns):
-        state = value + (state - value) * factors
-        passed[:, index] = state
+    for index, column in enumerate(columns.T.tolist()):
+        for row, factor in enumerate(factors):
+            state = 0.0
+            passed[row, :, index] = [state := y + (state - y) * factor for y in column]
     return passed

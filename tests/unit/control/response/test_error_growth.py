@@ -97,7 +97,9 @@ def test_the_slope_error_after_a_turn_is_that_of_the_start_of_the_return(
         rehearsed.append(RehearsedGrip(press, press, let_go=let_go))
     left_um = left_um + np.random.default_rng(5).normal(0.0, noise_um, len(left_um))
     found = turn_error(u, left_um, PERIOD_S, rehearsed)
-    assert found == pytest.approx(sqrt((1.6**2 + 1.2**2 + 1.5**2) / 3.0), abs=4.0 * noise_um)
+    assert found == pytest.approx(
+        sqrt((1.6**2 + 1.2**2 + 1.5**2) / 3.0), abs=1e-12 + 4.0 * noise_um
+    )
     still = turn_error(u, left_um - left_um, PERIOD_S, rehearsed)
     assert still == 0.0
     assert turn_error(u, left_um, PERIOD_S, [rehearsed[0]._replace(let_go=None)]) is None
