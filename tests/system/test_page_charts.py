@@ -316,6 +316,48 @@ def test_two_jobs_are_compared_in_one_chart(
     context.close()
 
 
+HEIGHTS_OF_FIRST = """() => {
+  const canvas = document.querySelector("#comparison [data-compared=force_mN] canvas");
+  const { width, height } = canvas;
+  const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
+  const colour = getComputedStyle(document.documentElement).getPropertyValue("--measured").trim();
+  const wanted = [1, 3, 5].map((place) => parseInt(colour.slice(place, place + 2), 16));
+  const rows = new Set();
+  for (let i = 0; i < data.length; i += 4) {
+    if (data[i + 3] > 200 && wanted.every((part, k) => Math.abs(data[i + k] - part) < 12)) {
+      rows.add(Math.floor(i / 4 / width / height * 10));
+    }
+  }
+  return [...rows].length;
+}"""
+"""Script: how many tenths of the height of the force chart have the colour of the first job."""
+
+
+def test_both_arms_of_a_job_are_drawn_in_the_comparison(browser: Browser, desk: Harness) -> None:
+    context = browser.new_context(viewport=ViewportSize(**DESK))
+
+    def history(route: Route) -> None:
+        found = route.fetch().json()
+        found["at_s"] = [found["from_s"] + 0.1 * i for i in range(20)]
+        for side in ("low", "high"):
+            found[side] = {"force_mN": [5.0] * 20, "second_force_mN": [15.0] * 20}
+        route.fulfill(json=found)
+
+    context.route(re.compile(r"/history\?job="), history)
+    with served(desk.app) as address:
+        job = gripped(address, "B7")
+        seen = visit(context, address)
+        seen.page.click("#tab-jobs")
+        seen.page.click(f"#open-{job}")
+        seen.page.click("text=Show in the charts")
+        seen.until("#comparison", "arm 2", PATIENCE_S)
+        seen.until_true(lambda: seen.page.evaluate(HEIGHTS_OF_FIRST) == 2, "not two lines")
+        captions = seen.page.locator("#comparison figcaption").all_inner_texts()
+        assert ["arm 2" in text for text in captions] == [False, True, False]
+        assert seen.errors == []
+    context.close()
+
+
 def test_missing_content_is_shown_as_loading(browser: Browser, desk: Harness) -> None:
     context = browser.new_context()
     held: list[Route] = []

@@ -39,7 +39,7 @@ class History(Model):
 
     Times are seconds since 1970, UTC. There is no point where there is no record; a column holds
     null where the record has no value. ``…_error_…`` is the measured or estimated value minus its
-    reference.
+    reference. ``second_…`` belongs to the second arm; records of one arm have no such column.
     """
 
     model_config = example(

@@ -1,6 +1,9 @@
 """The course of hours: smallest and largest values of the records, and nothing between them."""
 
+from typing import Any
+
 import numpy as np
+import pyarrow.parquet as untyped_parquet
 import pytest
 
 from pincette_supervisor.plugin.figures import Series
@@ -80,6 +83,39 @@ def test_one_job_is_read_over_its_own_time(harness: Harness, points: int) -> Non
     assert 40 < len(found["at_s"]) <= points + 1
     peak = max(value for value in found["high"]["force_mN"] if value is not None)
     assert peak >= job["result"]["force_held_mN"]
+
+
+def test_the_second_arm_has_columns_where_the_record_has_it() -> None:
+    pair = record(2)
+    for name in history.SECOND:
+        pair[name] = pair["voltage_V"] + 5.0
+    pair["second_zero_age_s"] = pair["zero_age_s"]
+    _, low, high = history.reduce(pair, 1000.0, None)
+    forces = low[history.NAMES.index("second_force_mN")]
+    assert np.isnan(forces[0])
+    assert forces[1] == 5.0
+    assert high[history.NAMES.index("second_x_um")].tolist() == [5.0, 5.0]
+    assert high[history.NAMES.index("second_voltage_V")].tolist() == [5.0, 5.0]
+
+
+def test_a_record_of_one_arm_has_no_columns_of_a_second(harness: Harness) -> None:
+    job = harness.ended(harness.grip()["id"])
+    found = harness.get(f"/rigs/{harness.manager.name}/history", job=job["id"])
+    assert not [name for name in found["low"] if name.startswith("second_")]
+
+
+def test_a_record_of_two_arms_is_read_with_both(harness: Harness) -> None:
+    job = harness.ended(harness.grip()["id"])
+    path = harness.bus.records / job["id"] / "samples.parquet"
+    parquet: Any = untyped_parquet
+    table = parquet.read_table(path)
+    for name in (*history.SECOND, "second_zero_age_s"):
+        table = table.append_column(name, table[name.removeprefix("second_")])
+    parquet.write_table(table, path)
+    found = harness.get(f"/rigs/{harness.manager.name}/history", job=job["id"], points=500)
+    for side in ("low", "high"):
+        for name in history.SECOND:
+            assert found[side][name] == found[side][name.removeprefix("second_")]
 
 
 def test_a_deleted_record_leaves_its_job_without_samples(harness: Harness) -> None:

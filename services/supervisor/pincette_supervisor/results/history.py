@@ -17,7 +17,21 @@ from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.store import JobRow, Store
 from pincette_supervisor.plugin.figures import Series
 
-READ = ("t_s", "x_um", "x_r_um", "force_mN", "force_r_mN", "zero_age_s", "voltage_V", "sliding_um")
+SECOND = ("second_x_um", "second_force_mN", "second_voltage_V")
+"""Columns of the second arm, which records of one arm do not have."""
+READ = (
+    "t_s",
+    "x_um",
+    "x_r_um",
+    "force_mN",
+    "force_r_mN",
+    "zero_age_s",
+    "voltage_V",
+    "sliding_um",
+    "second_zero_age_s",
+    *SECOND,
+)
+"""Columns that are read; those that a record does not have are left out."""
 NAMES = (
     "x_um",
     "x_r_um",
@@ -27,6 +41,7 @@ NAMES = (
     "sliding_um",
     "x_error_um",
     "force_error_mN",
+    *SECOND,
 )
 GRID_S = 1.0
 """Grid of the time of day to which records are reduced, in s; no interval is shorter."""
@@ -71,8 +86,8 @@ class HistoryReader:
             to_s=to_s,
             step_s=step_s,
             at_s=[float(value) for value in at_s],
-            low={name: _column(low[place]) for place, name in enumerate(NAMES)},
-            high={name: _column(high[place]) for place, name in enumerate(NAMES)},
+            low=_columns(low),
+            high=_columns(high),
             jobs=jobs,
             left_out=left_out,
         )
@@ -93,8 +108,8 @@ class HistoryReader:
             to_s=from_s + spent_s,
             step_s=spent_s / points,
             at_s=[from_s + float(value) for value in at_s],
-            low={name: _column(low[place]) for place, name in enumerate(NAMES)},
-            high={name: _column(high[place]) for place, name in enumerate(NAMES)},
+            low=_columns(low),
+            high=_columns(high),
             jobs=[_view(row, recorded=found is not None)],
             left_out=0,
         )
@@ -200,8 +215,11 @@ def reduce(
     end_s = float(t_s[-1]) if last_s is None else last_s
     if spent_s is not None and end_s > 0.0:
         rate = max(0.0, spent_s) / end_s
+    unknown = np.full(t_s.size, np.nan)
     # Before the first zero an estimate has no reference.
     force = np.where(np.isnan(columns["zero_age_s"]), np.nan, columns["force_mN"])
+    second_zero_age_s = columns.get("second_zero_age_s", unknown)
+    second_force = columns.get("second_force_mN", unknown)
     rows = np.vstack(
         [
             columns["x_um"],
@@ -212,6 +230,9 @@ def reduce(
             columns["sliding_um"],
             columns["x_um"] - columns["x_r_um"],
             force - columns["force_r_mN"],
+            columns.get("second_x_um", unknown),
+            np.where(np.isnan(second_zero_age_s), np.nan, second_force),
+            columns.get("second_voltage_V", unknown),
         ]
     )
     return _grouped(begun_s + rate * t_s, rows, rows, grid_s)
@@ -239,6 +260,15 @@ def joined(found: Sequence[Reduced], from_s: float, to_s: float, step_s: float) 
     if not order.size:
         return NOTHING
     return _grouped(at_s[order], low[:, order], high[:, order], step_s)
+
+
+def _columns(rows: Series) -> dict[str, list[float | None]]:
+    """Return rows by name; those of a second arm only if they have a value."""
+    return {
+        name: _column(rows[place])
+        for place, name in enumerate(NAMES)
+        if name not in SECOND or not np.isnan(rows[place]).all()
+    }
 
 
 def _column(values: Any) -> list[float | None]:

@@ -11,13 +11,15 @@ export const MOST = 6;
 const POINTS = 1500;
 const MARK_PX = 64;
 const CHARTS = [
-  { name: "Position", unit: "µm", value: "x_um", least: 1, decimals: 2 },
-  { name: "Contact force", unit: "mN", value: "force_mN", least: 1, decimals: 2 },
-  { name: "Voltage", unit: "V", value: "voltage_V", least: 0.2, decimals: 3 },
+  { name: "Position", unit: "µm", value: "x_um", second: "second_x_um", least: 1, decimals: 2 },
+  { name: "Contact force", unit: "mN", value: "force_mN", second: "second_force_mN", least: 1, decimals: 2 },
+  { name: "Voltage", unit: "V", value: "voltage_V", second: "second_voltage_V", least: 0.2, decimals: 3 },
 ];
 /** Colour and dashes of each job, so that colour is never the only sign; as in page.css. */
 const LINES = [["measured", []], ["reference", [7, 3]], ["second", [2, 2]], ["good", [9, 3, 2, 3]],
   ["limit", [4, 4]], ["ink", [12, 4]]];
+/** Width of the lines of arm 1 and of arm 2, in px. */
+const WIDTHS = [1.6, 3.2];
 
 /** The record of one job over its own time, at its place among those that are compared. */
 class Course {
@@ -25,6 +27,11 @@ class Course {
     this.job = job;
     this.found = found;
     this.t_s = found.at_s.map((at) => at - found.from_s);
+  }
+
+  /** Whether the record has a quantity. */
+  has(name) {
+    return name in this.found.low;
   }
 
   value(name, i) {
@@ -50,9 +57,10 @@ export class Comparison {
     this.charts = CHARTS.map((quantity) => {
       const canvas = h("canvas", { "aria-hidden": "true" });
       const said = h("output", { class: "strip-said" });
-      return { quantity, canvas, said, axes: new Axes(canvas, { bottom: 24 }),
+      const arms = h("span", { class: "unit", hidden: true }, "thin: arm 1, thick: arm 2");
+      return { quantity, canvas, said, arms, axes: new Axes(canvas, { bottom: 24 }),
         element: h("figure", { class: "strip", "data-compared": quantity.value },
-          h("figcaption", {}, h("b", {}, quantity.name), h("span", { class: "unit" }, quantity.unit), said), canvas) };
+          h("figcaption", {}, h("b", {}, quantity.name), h("span", { class: "unit" }, quantity.unit), arms, said), canvas) };
     });
     this.whole = h("button", { type: "button", class: "quiet", id: "comparison-whole", hidden: true,
       onclick: () => this.zoomTo(null) }, "Zoom out");
@@ -132,11 +140,14 @@ export class Comparison {
     for (const chart of this.charts) this.drawOne(chart, [from, to], colours);
   }
 
-  drawOne({ quantity, axes, said }, [from, to], colours) {
-    const { value, unit, least, decimals } = quantity;
+  drawOne({ quantity, axes, said, arms }, [from, to], colours) {
+    const { value, second, unit, least, decimals } = quantity;
     const within = ({ t_s }, i) => t_s[i] >= from && t_s[i] <= to;
-    const values = this.courses.flatMap((each) => each.t_s.map((_, i) => (within(each, i) ? each.value(value, i) : NaN)))
-      .filter(Number.isFinite);
+    const lines = this.courses.flatMap((course, place) => [value, second].map((name, arm) => ({ course, place, name, arm }))
+      .filter(({ name }) => course.has(name)));
+    arms.hidden = !lines.some(({ arm }) => arm);
+    const values = lines.flatMap(({ course, name }) =>
+      course.t_s.map((_, i) => (within(course, i) ? course.value(name, i) : NaN))).filter(Number.isFinite);
     const low = values.reduce((a, b) => Math.min(a, b), Infinity);
     const high = values.reduce((a, b) => Math.max(a, b), -Infinity);
     if (!axes.begin([from, to], niceRange(low, high, least), colours)) return;
@@ -144,14 +155,16 @@ export class Comparison {
     const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
     axes.grid(step, (t) => `${number(t, digits)} s`);
     axes.clip();
-    for (const [place, course] of this.courses.entries()) {
+    for (const { course, place, name, arm } of lines) {
       const [colour, dash] = LINES[place];
-      axes.line(0, course.t_s.length, (i) => course.t_s[i], (i) => course.value(value, i), colours[colour], { dash });
+      axes.line(0, course.t_s.length, (i) => course.t_s[i], (i) => course.value(name, i), colours[colour],
+        { dash, width: WIDTHS[arm] });
     }
     if (this.picked) axes.shade(...this.picked, colours.band);
     if (this.cross !== null) axes.upright(this.cross, colours.ink);
     axes.unclip();
-    setText(said, this.cross === null ? "" : `${this.courses.map((each) =>
-      number(each.at(value, this.cross), decimals)).join(", ")} ${unit} at ${number(this.cross, 2)} s`);
+    setText(said, this.cross === null ? "" : `${this.courses.map((course) => lines
+      .filter((line) => line.course === course).map(({ name }) => number(course.at(name, this.cross), decimals))
+      .join(" / ")).join(", ")} ${unit} at ${number(this.cross, 2)} s`);
   }
 }
