@@ -70,6 +70,11 @@ class _Writer(logging.Handler):
         """Create no lock: one thread writes, and ``logging.shutdown`` must not wait for it."""
         self.lock = None
 
+    def handle(self, record: logging.LogRecord) -> bool:
+        """Write a record; since Python 3.13 the inherited method requires a lock."""
+        self.emit(record)
+        return True
+
     def emit(self, record: logging.LogRecord) -> None:
         """Write a line, after one that states how many were dropped since the last one."""
         dropped = self._lines.dropped - self._reported
