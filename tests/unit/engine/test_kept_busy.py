@@ -15,21 +15,11 @@ from pincette.engine.process import loop_services
 from pincette.engine.runner import Runner
 from pincette.engine.timing_budget import PATIENCE_WAKES
 from tests.support.rigs import DEMO
+from tests.unit.engine.instruments import Output
 from tests.unit.engine.samples import ESTIMATE
 
 SERVICES = loop_services()
 RIG = read_rig(DEMO)
-
-
-class Output:
-    def write_V(self, voltage_V: float) -> None:
-        """Moves nothing."""
-
-    def read_V(self) -> float:
-        return 0.0
-
-    def close(self) -> None:
-        """Nothing to give back."""
 
 
 @dataclass

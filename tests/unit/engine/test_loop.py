@@ -39,6 +39,7 @@ from pincette.engine.timing_stats import PUBLISH_EVERY_S
 from tests.support.partitions import composing
 from tests.support.rigs import DEMO, demo_rig
 from tests.support.scripted import PROGRAM
+from tests.unit.engine.instruments import Laser
 from tests.unit.engine.samples import ESTIMATE, IDLE, POSITION
 
 SERVICES = loop_services()
@@ -46,14 +47,6 @@ RIG = read_rig(DEMO)
 LOCKSTEP = demo_rig(time="lockstep")
 TICK = [Position, Estimate, Command, Telemetry, Applied]
 T = RIG.rig.period_s
-
-
-class Laser:
-    def read_um(self) -> float:
-        return 1.0
-
-    def close(self) -> None:
-        """Nothing to give back."""
 
 
 @dataclass

@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pincette.config import ConfigError, parse_rig, read_rig
+from pincette.config import ConfigError, RigFile, parse_rig, read_rig
 from pincette.config.derived import free_response
 from pincette.control.response.hysteresis_motion import simulate
 from pincette.control.response.identification import Identification
 from pincette.control.response.recorded_response import RecordedResponse
+from pincette.control.response.recording import Recording
 from pincette.core.messages import GroundTruth
+from pincette.engine import teaching
 from pincette.engine.response_table import as_toml, response_tables
 from pincette.engine.teaching import record, teach
 from pincette.sim.rig.rig import SimulatedRig
@@ -127,18 +129,28 @@ def test_an_arm_with_an_unknown_past_is_not_identified_as_unpoled() -> None:
         teach(drawn, to_limits=True)
 
 
-def test_recorded_branches_replace_the_identified_response() -> None:
+def test_recorded_branches_replace_the_identified_response(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    recording, asked = record(read_rig(DEMO)), list[RigFile]()
+
+    def recorded(rig: RigFile, *, to_limits: bool) -> Recording:
+        assert not to_limits
+        asked.append(rig)
+        return recording
+
+    monkeypatch.setattr(teaching, "record", recorded)
     tables = tomllib.loads(DEMO.read_text(encoding="utf-8"))
     tables["model"]["recorded_response"] = tomllib.loads(response_tables(DEMO, "recorded"))[
         "model"
     ]["recorded_response"]
+    assert asked == [read_rig(DEMO)]
     with pytest.raises(ConfigError, match="are both given"):
         parse_rig(tables)
     del tables["model"]["free_response"]
     rig = parse_rig(tables)
     response = free_response(rig.model)
     assert isinstance(response, RecordedResponse)
-    recording = record(rig)
     assert response.branches.top == pytest.approx(recording.branches.top, abs=1e-3)
     assert response.branches.ascending == pytest.approx(recording.branches.ascending, abs=1e-5)
     assert response.model_error_um == pytest.approx(recording.residual_um, abs=5e-4)

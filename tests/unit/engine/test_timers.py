@@ -26,6 +26,7 @@ from pincette_actuator import SERVICE as ACTUATOR
 from pincette_estimator import SERVICE as ESTIMATOR
 from pincette_sensor import SERVICE as SENSOR
 from tests.unit.engine import samples
+from tests.unit.engine.instruments import Laser, Output
 from tests.unit.engine.samples import ARMED as APPLIED
 
 RIG = read_rig(Path("deploy/rigs/demo.toml"))
@@ -33,25 +34,6 @@ LOCKSTEP = RIG.model_copy(update={"rig": RIG.rig.model_copy(update={"time": "loc
 T = RIG.rig.period_s
 
 POSITION = replace(samples.POSITION, epoch=1)
-
-
-class Laser:
-    def read_um(self) -> float:
-        return 1.0
-
-    def close(self) -> None:
-        """Nothing to give back."""
-
-
-class Output:
-    def write_V(self, voltage_V: float) -> None:
-        """Moves nothing."""
-
-    def read_V(self) -> float:
-        return 0.0
-
-    def close(self) -> None:
-        """Nothing to give back."""
 
 
 def sensor() -> Runner:

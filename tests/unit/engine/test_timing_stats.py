@@ -22,6 +22,7 @@ from pincette_controller import SERVICE as CONTROLLER
 from pincette_estimator import SERVICE as ESTIMATOR
 from pincette_sensor import SERVICE as SENSOR
 from tests.unit.engine import samples
+from tests.unit.engine.instruments import Laser, Output
 from tests.unit.engine.samples import ARMED as APPLIED
 
 RIG = read_rig(Path("deploy/rigs/demo.toml"))
@@ -31,25 +32,6 @@ POSITION = replace(samples.POSITION, epoch=1)
 
 COMMAND = Command(1, 0, 7, (ArmCommand(0.1),), False, False, False, True)
 ESTIMATE = replace(samples.ESTIMATE, epoch=1)
-
-
-class Laser:
-    def read_um(self) -> float:
-        return 1.0
-
-    def close(self) -> None:
-        """Nothing to give back."""
-
-
-class Output:
-    def write_V(self, voltage_V: float) -> None:
-        """Moves nothing."""
-
-    def read_V(self) -> float:
-        return 0.0
-
-    def close(self) -> None:
-        """Nothing to give back."""
 
 
 def timing(runner: Runner, now: float = 11.0) -> Timing:

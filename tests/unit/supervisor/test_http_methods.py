@@ -42,10 +42,6 @@ def test_a_head_request_has_the_status_and_headers_of_get(harness: Harness) -> N
         assert head.status_code == get.status_code, path
         assert without_counts(head.headers) == without_counts(get.headers), path
         assert head.content == b"", path
-
-
-def test_a_head_request_for_an_artifact_is_answered(harness: Harness) -> None:
-    job = harness.ended(str(harness.grip(hold_s=0.1)["id"]))["id"]
     for name in ("samples.parquet", "samples.csv", "manifest.json"):
         path = f"/api/v1/jobs/{job}/artifacts/{name}"
         get, head = harness.call("GET", path), harness.call("HEAD", path)
