@@ -18,6 +18,7 @@ PLACES: Mapping[JobState, tuple[int, int]] = {
     "pausing": (560, 180),
     "paused": (420, 90),
     "resuming": (280, 180),
+    "awaiting_recovery": (700, 90),
     "stopping": (560, 350),
     "aborting": (560, 420),
     "succeeded": (880, 180),

@@ -13,6 +13,8 @@ EndingCode = Literal[
     "requested",
     "bad_outcome",
     "no_finding",
+    "unverified",
+    "accepted",
     "samples_missing",
     "tripped",
     "silent",
@@ -37,6 +39,11 @@ ENDINGS: Mapping[EndingCode, str] = {
     ),
     "no_finding": (
         "the motion program ran to its end, but the result cannot be computed from the samples"
+    ),
+    "unverified": "the zero of the force after the release did not verify the force held",
+    "accepted": (
+        "the grip did not succeed, and a person or the default of its recovery has accepted its "
+        "result"
     ),
     "samples_missing": (
         "more samples of a phase are missing than allowed; the motion program did not run "
@@ -74,6 +81,7 @@ class Ending(Model):
         ],
         values={},
         problem="",
+        next_job="",
     )
 
     code: EndingCode
@@ -85,3 +93,5 @@ class Ending(Model):
     """Numbers by name, which ends in the unit, such as ``spent_s`` and ``limit_s``."""
     problem: str = ""
     """Code of the problem document that a request with this fault would get."""
+    next_job: str = ""
+    """Identifier of the job that continues or repeats this one; empty if there is none."""

@@ -14,6 +14,7 @@ from pydantic import Field
 
 from pincette.api import Model, example
 from pincette.api.plans import JobPlan
+from pincette.api.recovery import decisions_of
 from pincette.api.requests import JobRequest, OnStop, PolicyRequest
 from pincette.api.results import JobResult
 from pincette.api.states import ActionType
@@ -250,7 +251,11 @@ class JobKind:
         """Return the actions that can be requested of a job of this kind."""
         held: tuple[ActionType, ...] = ("release",) if self.holds_part or self.begins_held else ()
         waiting: tuple[ActionType, ...] = ("continue",) if self.waits else ()
-        return ("start", "pause", "resume", "stop", "abort", *held, *waiting)
+        members = self.request.model_fields
+        decisions = decisions_of(placed="place" in members, was_held=True)
+        if "recovery" not in members:
+            decisions = []
+        return ("start", "pause", "resume", "stop", "abort", *held, *waiting, *decisions)
 
     @property
     def body(self) -> Any:

@@ -2,10 +2,12 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from pincette.api import Model, example
 from pincette.api.endings import Ending
+from pincette.api.places import PartPlace
+from pincette.api.recovery import RecoveryWait
 from pincette.api.requests import Label, Labels, Notes
 from pincette.api.states import ActionType, JobState
 
@@ -18,6 +20,14 @@ class ActionRequest(Model):
     model_config = example(type="stop")
 
     type: ActionType
+    place: PartPlace | None = None
+    """Place at which ``retry_at`` expects the part; for no other action."""
+
+    @model_validator(mode="after")
+    def _place_of_retry_at(self) -> "ActionRequest":
+        if (self.type == "retry_at") != (self.place is not None):
+            raise ValueError("place belongs to the action retry_at, which needs it")
+        return self
 
 
 class StopRequest(Model):
@@ -155,6 +165,7 @@ class Job(Model):
         by="cell-7",
         traceparent="00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01",
         progress=None,
+        recovery=None,
         result=None,
         actions=[],
         allowed_actions=["pause", "stop", "abort", "release"],
@@ -198,6 +209,8 @@ class Job(Model):
     traceparent: str | None = None
     """W3C trace context of the request, from its header ``traceparent``; null without one."""
     progress: Progress | None
+    recovery: RecoveryWait | None = None
+    """Decision for which the job waits in the state ``awaiting_recovery``; null otherwise."""
     result: dict[str, Any] | None
     """Result of a job that has moved, by its kind. For an interrupted job it has the members common
     to all results, as far as the record allows."""

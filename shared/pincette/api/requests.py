@@ -6,6 +6,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from pincette.api import CONFIG, WHOLE, Model, example
 from pincette.api.places import PartPlace
+from pincette.api.recovery import Recovery
 from pincette.control.vocabulary import LARGEST, ForceAge, ParameterSet
 
 Positive = Annotated[float, Field(gt=0, le=LARGEST[""])]
@@ -173,6 +174,9 @@ class ContactJobRequest(PolicyRequest, GoalRequest, ZeroingRequest, frozen=True)
     gains: Annotated[Gains | Literal["tuned"] | None, BeforeValidator(_apart)] = None
     """Gains that differ from those of the rig file, or ``tuned`` for the balanced ones that a
     search on its model finds."""
+    recovery: Recovery | None = None
+    """Wait for a decision if no part is met, if it has the wrong stiffness, is lost or slips, or if
+    the zero after the release does not verify its force. None: the job ends at once."""
 
 
 class PlacedRequest(JobRequest, frozen=True):

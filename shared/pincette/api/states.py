@@ -5,7 +5,9 @@ The program, the documents and the tests read the same table.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
+
+from pincette.api.recovery import Decision, RecoveryWait
 
 JobState = Literal[
     "queued",
@@ -15,6 +17,7 @@ JobState = Literal[
     "pausing",
     "paused",
     "resuming",
+    "awaiting_recovery",
     "stopping",
     "aborting",
     "succeeded",
@@ -39,8 +42,25 @@ Event = Literal[
     "overdue",
     "confirm",
     "interrupt",
+    "recover",
+    "retry",
+    "retry_at",
+    "accept",
+    "give_up",
 ]
-ActionType = Literal["start", "pause", "resume", "stop", "abort", "release", "continue"]
+ActionType = Literal[
+    "start",
+    "pause",
+    "resume",
+    "stop",
+    "abort",
+    "release",
+    "continue",
+    "retry",
+    "retry_at",
+    "accept",
+    "give_up",
+]
 Need = Literal["held", "waiting"]
 Beyond = Literal["", "program", "letting_go", "freeze"]
 
@@ -111,14 +131,20 @@ STATES: Mapping[JobState, State] = {
     ),
     "running": State(
         "the controller runs the motion program",
-        {"done": "succeeded", "pause": "pausing", **_MOVING},
+        {"done": "succeeded", "recover": "awaiting_recovery", "pause": "pausing", **_MOVING},
         deadline_s=30.0,
         beyond="program",
         actions=("pause", "stop", "abort", "release", "continue"),
     ),
     "pausing": State(
         "the motion program continues to its next safe point, where the references are at rest",
-        {"rest": "paused", "resume": "resuming", "done": "succeeded", **_MOVING},
+        {
+            "rest": "paused",
+            "resume": "resuming",
+            "done": "succeeded",
+            "recover": "awaiting_recovery",
+            **_MOVING,
+        },
         deadline_s=30.0,
         beyond="program",
         actions=("resume", "stop", "abort", "release", "continue"),
@@ -132,6 +158,7 @@ STATES: Mapping[JobState, State] = {
             "resume": "resuming",
             "go_on": "running",
             "done": "succeeded",
+            "recover": "awaiting_recovery",
             "fail": "failed",
             "stop": "stopping",
             "abort": "aborting",
@@ -142,9 +169,31 @@ STATES: Mapping[JobState, State] = {
     ),
     "resuming": State(
         "the controller was requested to resume where it paused",
-        {"go_on": "running", "done": "succeeded", **_MOVING},
+        {
+            "go_on": "running",
+            "done": "succeeded",
+            "recover": "awaiting_recovery",
+            **_MOVING,
+        },
         deadline_s=5.0,
         actions=("stop", "abort"),
+    ),
+    "awaiting_recovery": State(
+        (
+            "the grip did not succeed, the arm is free and at rest, and the job waits for a "
+            "decision; its `recovery` states the time limit and the default"
+        ),
+        {
+            "retry": "failed",
+            "retry_at": "failed",
+            "accept": "succeeded",
+            "give_up": "failed",
+            "fail": "failed",
+            "stop": "stopped",
+            "abort": "aborted",
+            "interrupt": "interrupted",
+        },
+        actions=("retry", "retry_at", "accept", "give_up", "stop", "abort"),
     ),
     "stopping": State(
         (
@@ -197,6 +246,11 @@ EVENTS: Mapping[Event, str] = {
     "overdue": "the deadline has passed",
     "confirm": "the rig reports that it is done",
     "interrupt": "the supervisor stops, or has stopped",
+    "recover": "the program ended in a case of `recovery`, which the request has",
+    "retry": "the action retry, or the default; a new job repeats the request",
+    "retry_at": "the action retry_at; a new job repeats the request at another place",
+    "accept": "the action accept, or the default",
+    "give_up": "the action give_up, or the default",
 }
 
 BEYOND: Mapping[Beyond, str] = {
@@ -218,6 +272,10 @@ HOLDS: Mapping[ActionType, tuple[JobState, ...]] = {
     "abort": ("aborting", "aborted"),
     "release": (),
     "continue": (),
+    "retry": (),
+    "retry_at": (),
+    "accept": (),
+    "give_up": (),
 }
 """States in which the purpose of an action is already reached."""
 
@@ -267,9 +325,16 @@ def next_state(state: JobState, event: Event) -> JobState:
         raise TransitionError(f"a job that is {state} has no event {event}") from None
 
 
-def allowed_actions(state: JobState, *, held: bool, waiting: bool = False) -> list[ActionType]:
+def allowed_actions(
+    state: JobState, *, held: bool, waiting: bool = False, recovery: RecoveryWait | None = None
+) -> list[ActionType]:
     """Return the allowed actions. An ended job has some only while it holds a part."""
     if STATES[state].terminal and not held:
         return []
     met: dict[Need | None, bool] = {None: True, "held": held, "waiting": waiting}
-    return [action for action in STATES[state].actions if met[NEEDS.get(action)]]
+    refused = {*get_args(Decision)} - {*(() if recovery is None else recovery.decisions)}
+    return [
+        action
+        for action in STATES[state].actions
+        if met[NEEDS.get(action)] and action not in refused
+    ]

@@ -3,6 +3,7 @@
 import os
 import sys
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 from typer import Argument, Context, Option, Typer
@@ -53,6 +54,9 @@ ACTIONS: Mapping[ActionType, str] = {
     "abort": "abort a job: the actuator goes to its safe state and latches",
     "continue": "continue a job that waits for a person",
     "start": "start a job that was created and is ready",
+    "retry": "repeat a job that waits for a decision, as a new job",
+    "accept": "accept the result of a job that waits for a decision",
+    "give_up": "give up a job that waits for a decision",
 }
 SAID = ("sample", "batch", "operator", "notes")
 """Fields of a job that can be edited, except its labels."""
@@ -179,10 +183,10 @@ for one in (job_app, plan_app):
     app.add_typer(one)
 
 
-def _act(target: Target, name: str, action: ActionType) -> None:
+def _act(target: Target, name: str, action: ActionType, **members: Any) -> None:
     """Send an action to a job."""
     job = target.job(name)
-    answer = job.act(action)
+    answer = job.act(action, **members)
     target.answer(answer, f"job {job.id}: {action} accepted; it is {answer.state}")
 
 
@@ -190,7 +194,21 @@ def _add_action(action: ActionType, about: str) -> None:
     def act(target: Target, job: JobName) -> None:
         _act(target, job, action)
 
-    command(job_app, action, help=about)(act)
+    command(job_app, action.replace("_", "-"), help=about)(act)
+
+
+@command(job_app, "retry-at")
+def retry_at(
+    target: Target,
+    job: JobName,
+    x_um: Annotated[float, Option("--x-um", help="place of the part, in µm")],
+    u_um: Annotated[float, Option("--u-um", help="expanded uncertainty (k = 2), in µm")] = 1.0,
+    source: Annotated[str, Option("--source", help="what has measured the place")] = "person",
+) -> None:
+    """Repeat a job that waits for a decision at another place, as a new job."""
+    now = datetime.now(UTC).isoformat(timespec="milliseconds")
+    place = {"x_um": x_um, "u_um": u_um, "measured_at": now, "source": source}
+    _act(target, job, "retry_at", place=place)
 
 
 @command(app, "stop")

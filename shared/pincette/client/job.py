@@ -107,10 +107,10 @@ class AsyncJobHandle:
         """Continue a job that waits for a person: the action ``continue``."""
         return await self.act("continue")
 
-    async def act(self, action: ActionType) -> Job:
-        """Request an action by its name."""
+    async def act(self, action: ActionType, **members: Any) -> Job:
+        """Request an action by its name; ``retry_at`` needs the member ``place``."""
         path, repeatable = f"/jobs/{self.id}/actions", action in SAFE_TO_REPEAT
-        call = post(path, Job, {"type": action}, repeatable=repeatable)
+        call = post(path, Job, {"type": action, **members}, repeatable=repeatable)
         return self._update(await self._transport.send(call))
 
     async def describe(self, **said: Any) -> Job:

@@ -56,7 +56,15 @@ def played_once(planned: Planned) -> DryRun:
 
 def ending(code: str, **others: Any) -> dict[str, Any]:
     """Return the ending of a job with this code, whose other members are empty by default."""
-    return {"code": code, "trip": "", "faults": [], "values": {}, "problem": "", **others}
+    return {
+        "code": code,
+        "trip": "",
+        "faults": [],
+        "values": {},
+        "problem": "",
+        "next_job": "",
+        **others,
+    }
 
 
 class Harness:

@@ -24,12 +24,14 @@ PAUSED: States = frozenset({"paused"})
 RESUMING: States = frozenset({"resuming"})
 STOPPING: States = frozenset({"stopping"})
 ABORTING: States = frozenset({"aborting"})
+AWAITING: States = frozenset({"awaiting_recovery"})
 PLAYED: States = TRIPPABLE | ABORTING
 """States of a job whose program is loaded and that has not ended."""
 Asked = Literal["no", "refused", "accepted", "effective"]
 """Progress of the command that the present state gives the controller."""
 Why = tuple[str, Ending]
 """Message and code of a cause."""
+ENDS: Why = ("the supervisor ended", Ending(code="supervisor_ended"))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -70,6 +72,10 @@ class Facts:
     """True once the job was stopped because samples are missing."""
     on_stop: ActionCode = ActionCode.STOP
     """Command to the controller for a stop."""
+    unsafe: Why | None = None
+    """Cause if the actuator is latched while the job waits for a decision."""
+    waited: bool = False
+    """True if the time for a decision has passed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +117,12 @@ class Interrupt:
     """Leave the rig stopped because the supervisor ends."""
 
 
-Command = Move | Ask | AskTrip | Close | Complete | Interrupt
+@dataclass(frozen=True, slots=True)
+class TakeDefault:
+    """Take the default decision on a grip that did not succeed."""
+
+
+Command = Move | Ask | AskTrip | Close | Complete | Interrupt | TakeDefault
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,6 +187,10 @@ RULES: tuple[Rule, ...] = (
         lambda _: Ask(ActionCode.RESUME),
     ),
     Rule(RESUMING, _goes_on, lambda _: Move("go_on")),
+    # Nothing moves: the latch alone ends the wait, and no trip is requested.
+    Rule(AWAITING, lambda f: f.interrupted, lambda _: Move("interrupt", ENDS)),
+    Rule(AWAITING, lambda f: f.unsafe, lambda f: Move("fail", f.unsafe)),
+    Rule(AWAITING, lambda f: f.waited, lambda _: TakeDefault()),
     # A guard or a release can end a pause.
     Rule(PAUSED, lambda f: not f.paused, lambda _: Move("go_on")),
 )

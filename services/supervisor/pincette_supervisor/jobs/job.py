@@ -5,18 +5,27 @@ import logging
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
 from functools import partial
 from typing import Any
 
 from pincette.api.endings import Ending, EndingCode
 from pincette.api.events import EventKind
 from pincette.api.jobs import Progress
-from pincette.api.requests import JobRequest, PolicyRequest
-from pincette.api.states import STATES, ActionType, Event, JobState, next_state
+from pincette.api.recovery import (
+    Decision,
+    Recovery,
+    RecoveryCase,
+    RecoveryWait,
+    decisions_of,
+)
+from pincette.api.requests import JobRequest, PlacedRequest, PolicyRequest
+from pincette.api.states import STATES, ActionType, Event, JobState, allowed_actions, next_state
 from pincette.core.faults import Acted, Cause
 from pincette.core.messages import JobNotice, Trip
 from pincette_supervisor.jobs.lease import Renewal
 from pincette_supervisor.journal.store import ActionRow, JobRow, utc_now
+from pincette_supervisor.journal.tables import utc_text
 from pincette_supervisor.plugin import Planned
 from pincette_supervisor.rigs.rig_context import RigContext
 
@@ -89,8 +98,10 @@ class JobStatus:
     progress: Progress | None = None
     waiting: int | None = None
     """Segment of the program that waits for a person."""
+    recovery: RecoveryWait | None = None
+    """Decision for which the job waits."""
     next_job: JobRequest | None = None
-    """Request of the job that continues after a stall or an exceeded position limit."""
+    """Request of the job that continues this one, or repeats it; None once that has started."""
     stalled: bool = False
     """True if a stall tripped the job; the job that continues resets the latch."""
 
@@ -108,6 +119,16 @@ class JobStatus:
     def keeps_part(self) -> bool:
         """True while the job has ended and still holds a part."""
         return self.terminal and self.held
+
+
+def actions_of(status: JobStatus) -> list[ActionType]:
+    """Return the actions that a live job allows."""
+    return allowed_actions(
+        status.state,
+        held=status.held,
+        waiting=status.waiting is not None,
+        recovery=status.recovery,
+    )
 
 
 def traced(traceparent: str | None) -> dict[str, str]:
@@ -184,8 +205,12 @@ class LiveJob:
         *,
         only_from: JobState | None = None,
         ending: Ending | None = None,
+        about: Mapping[str, Any] | None = None,
     ) -> bool:
-        """Apply an event, if in ``only_from``; raises TransitionError if it is not permitted."""
+        """Apply an event, if in ``only_from``; raises TransitionError if it is not permitted.
+
+        ``about`` has further members of the event in the journal.
+        """
         with self._lock:
             if only_from is not None and self.status.state != only_from:
                 return False
@@ -211,7 +236,7 @@ class LiveJob:
             self._write(
                 partial(self._store.change, self.id, **values),
                 "state",
-                {**body, "event": event},
+                {**body, "event": event, **(about or {})},
                 then=enter,
                 wait=not urgent,
             )
@@ -219,6 +244,46 @@ class LiveJob:
         self.wake.set()
         self._changes.notify_all()
         return True
+
+    def decide(
+        self,
+        decision: Decision,
+        by: str,
+        next_job: JobRequest | None = None,
+    ) -> bool:
+        """End a job that waits for a decision; return False if it does not wait any more."""
+        with self._lock:
+            wait = self.status.recovery
+            if self.status.state != "awaiting_recovery" or wait is None:
+                return False
+            code: EndingCode = "unverified" if wait.case == "unverified" else "bad_outcome"
+            cause = self.status.cause
+            if decision == "accept":
+                code, cause = "accepted", ""
+            self.record_action(decision, by)
+            self.update(cause=cause, ending=Ending(code=code), next_job=next_job)
+            self.move(decision)
+            self.record_effect(decision, None)
+        return True
+
+    def await_decision(self, case: RecoveryCase, cause: str, recovery: Recovery) -> bool:
+        """Wait for a decision on a grip that did not succeed; return False if it has just ended."""
+        progress = self.status.progress
+        was_held = progress is not None and progress.force_held_mN is not None
+        was_held = was_held and case != "no_contact"
+        placed = isinstance(self.request, PlacedRequest)
+        wait = RecoveryWait(
+            case=case,
+            decisions=decisions_of(placed=placed, was_held=was_held),
+            default=recovery.default,
+            until=utc_text(datetime.now(UTC) + timedelta(seconds=recovery.wait_s)),
+        )
+        with self._lock:
+            if "recover" not in STATES[self.status.state].events:
+                return False
+            self.recorded.clear()  # the record is written once it is decided
+            self.update(recovery=wait, cause=cause)
+            return self.move("recover", about=wait.model_dump(mode="json"))
 
     def _enter(self, state: JobState, moves: int, revision: int) -> None:
         """Set the state, unless the job has already moved ``moves`` times."""

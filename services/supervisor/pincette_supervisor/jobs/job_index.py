@@ -93,13 +93,15 @@ def job_view(
     values: dict[str, Any] = row.plan.get("values", {})
     record: dict[str, Any] = row.plan.get("record", {})
     deleted = "deleted_at" in record
+    waits = busy is not None and row.state == "awaiting_recovery"
+    recovery = busy.recovery if busy is not None and waits else None
     actions: list[ActionType] = []
     if busy is not None or position is not None:
         held, waiting = (
             busy is not None and busy.held,
             busy is not None and busy.waiting is not None,
         )
-        actions = allowed_actions(row.state, held=held, waiting=waiting)
+        actions = allowed_actions(row.state, held=held, waiting=waiting, recovery=recovery)
     artifacts: ArtifactState = "none"
     if deleted:
         artifacts = "deleted"
@@ -124,6 +126,7 @@ def job_view(
         by=row.requested_by,
         traceparent=row.traceparent,
         progress=None if busy is None else busy.progress,
+        recovery=recovery,
         result=row.result,
         actions=[
             Action(**columns(action, "requested_by"), by=action.requested_by)
@@ -194,6 +197,8 @@ class JobIndex:
         if waits or (live := self._live(name)) is None:
             return not waits
         status = live.status
+        if status.next_job is not None:  # a caller then finds the job that follows
+            return False
         return live.done.is_set() or (status.terminal and not status.letting_go)
 
     def is_recorded(self, name: str) -> bool:

@@ -10,6 +10,7 @@ from functools import partial
 from typing import Literal
 
 from pincette.api.jobs import Job
+from pincette.api.places import PartPlace
 from pincette.api.requests import JobRequest
 from pincette.api.rigs import QueueOrder
 from pincette.api.states import HOLDS, ActionType, JobState, TransitionError, allowed_actions
@@ -19,7 +20,7 @@ from pincette.core.messages import Action
 from pincette.core.topics import ACTION
 from pincette_supervisor.jobs import planner, refusals
 from pincette_supervisor.jobs.bring_up import Calibrations
-from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob, traced
+from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob, actions_of, traced
 from pincette_supervisor.jobs.job_index import WRITTEN_S, JobIndex, fingerprint_of, new_row
 from pincette_supervisor.jobs.job_queue import CAPACITY, Claims, Entry, JobQueue
 from pincette_supervisor.jobs.job_recorder import complete_left_records, stop_left_program
@@ -174,18 +175,24 @@ class JobActions:
             return True
         raise invalid_action(action, row.state, [])
 
-    def on_live(self, live: LiveJob, action: ActionType, by: str) -> bool:
+    def on_live(
+        self, live: LiveJob, action: ActionType, by: str, again: JobRequest | None = None
+    ) -> bool:
         """Act on a live job; return True if it has the action's state already.
 
-        Raises ProblemError.
+        Raises ProblemError. ``again`` is the request that follows from a decision.
         """
         status = live.status
         state, waiting = status.state, status.waiting
-        allowed = allowed_actions(state, held=status.held, waiting=waiting is not None)
+        allowed = actions_of(status)
         if state in HOLDS[action] and action not in allowed:
             return True
         if action not in allowed:
             raise invalid_action(action, state, allowed)
+        if action in ("retry", "retry_at", "accept", "give_up"):
+            if not live.decide(action, by, again):
+                raise invalid_action(action, live.status.state, actions_of(live.status))
+            return False
         live.record_action(action, by)
         try:
             if action in ("release", "continue"):
@@ -428,6 +435,7 @@ class JobManager:
                 except StoreError as error:
                     log.error("%s", error)
                 finally:
+                    live.update(next_job=None)
                     live.finish()
 
     def _go_on(self, live: LiveJob, request: JobRequest) -> None:
@@ -443,6 +451,10 @@ class JobManager:
             live.append_cause(f"it could not be started automatically: {error}")
             return
         live.append_cause(f"as job {name}")
+        if (end := live.status.ending) is not None:
+            end = end.model_copy(update={"next_job": name})
+            live.update(ending=end)
+            live.store(ending=end.model_dump(mode="json"))
 
     def _start_next(self) -> None:
         """Start the next queued job if the rig is free."""
@@ -469,10 +481,12 @@ class JobManager:
         self.context.events.append("queue", action=order, by=by, length=len(self.queue))
         self.changes.notify_all()
 
-    def perform(self, name: str, action: ActionType, by: str) -> tuple[Job, bool]:
+    def perform(
+        self, name: str, action: ActionType, by: str, place: PartPlace | None = None
+    ) -> tuple[Job, bool]:
         """Perform an action on a job; the flag is True if nothing was left to do.
 
-        Raises ProblemError.
+        Raises ProblemError. ``place`` is that of ``retry_at``.
         """
         live = self.active
         if live is None or live.id != name:
@@ -487,8 +501,22 @@ class JobManager:
         if live is None or live.id != name:
             holds = self._acting.on_ended(refusals.require_job(self.context.store, name), action)
         else:
-            holds = self._acting.on_live(live, action, by)
+            again = self._again(live, action, place)
+            holds = self._acting.on_live(live, action, by, again)
         return self.index.job(name), holds
+
+    def _again(
+        self, live: LiveJob, action: ActionType, place: PartPlace | None
+    ) -> JobRequest | None:
+        """Return the request that a decision repeats; raises ProblemError if it cannot start."""
+        if action not in ("retry", "retry_at") or action not in actions_of(live.status):
+            return None
+        changes = {} if place is None else {"place": place.model_dump(exclude_none=True)}
+        request = planner.repeated(live.row, **changes)
+        _, planned = self.feasible(request)
+        refusals.require_feasible(self.predictions.checked(planned))
+        refusals.require_zero_confirmed(self.context, request)
+        return request
 
     @contextmanager
     def settled(self) -> Generator[None]:

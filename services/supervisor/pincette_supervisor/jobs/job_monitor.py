@@ -2,9 +2,11 @@
 
 from collections.abc import Callable
 from time import monotonic
+from typing import cast
 
 from pincette.api.endings import Ending
-from pincette.api.requests import OnStop, ZeroingRequest
+from pincette.api.recovery import CASES, Decision, Recovery, RecoveryCase
+from pincette.api.requests import ContactJobRequest, OnStop, ZeroingRequest
 from pincette.api.states import STATES, JobState
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.config import RigFile
@@ -26,12 +28,14 @@ from pincette_supervisor.jobs.decide import (
     Facts,
     Interrupt,
     Move,
+    TakeDefault,
     Why,
     decide,
 )
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.job_recorder import JobRecorder
 from pincette_supervisor.jobs.lease import ended_words, interruption, lease_end, lease_s
+from pincette_supervisor.jobs.planner import repeated
 from pincette_supervisor.jobs.silence_detector import SilenceDetector
 from pincette_supervisor.jobs.tracker import MissingSamples, Tracker, gone_words
 from pincette_supervisor.plugin import Interruption, Planned, functions_of, kind_of
@@ -238,17 +242,24 @@ class JobMonitor:
         """Number of the job's moves at the last command to the controller."""
         self._effective_seq: int | None = None
         """The seq at which that command takes effect; None if it was rejected."""
+        self._recovery: Recovery | None = None
+        """Recovery of the request, once the job waits for a decision."""
         self._pause_asked = self._given_up = False
         self._trip_asked = self._trip_reported = False
 
     def follow(self) -> None:
         """Return when the actuator's sample ends the arming, or all programs are silent."""
-        while True:
-            facts = self._look()
-            command = decide(facts)
-            if command is not None and self._obey(command, facts.state):
-                return
-            self._job.wait(LOOK_S)
+        try:
+            while True:
+                facts = self._look()
+                command = decide(facts)
+                if command is not None and self._obey(command, facts.state):
+                    return
+                self._job.wait(LOOK_S)
+        except BaseException:
+            if self._recovery is not None:  # else nothing waits for the record
+                self._job.finish_record()
+            raise
 
     def _look(self) -> Facts:
         """Process new messages, publish the progress, and return the facts for the next command."""
@@ -286,7 +297,15 @@ class JobMonitor:
             trip_asked=self._trip_asked,
             given_up=self._given_up,
             on_stop=ActionCode(lease_end(job.request)),
+            unsafe=None if self._recovery is None else self._latched(),
+            waited=self._recovery is not None
+            and self._context.clock() - status.entered_at >= self._recovery.wait_s,
         )
+
+    def _latched(self) -> Why | None:
+        """Return the cause if the actuator is latched while the job waits for a decision."""
+        reason = self._context.health.latched()
+        return None if reason is None else (self._trip_words(reason), trip_ending(reason))
 
     def _asked(self) -> Asked:
         """Return the progress of the command that the present state gives the controller."""
@@ -384,8 +403,9 @@ class JobMonitor:
             case AskTrip():
                 return self._ask_trip()
             case Close():
-                self._close(command)
-                return command.over
+                return self._close(command)
+            case TakeDefault():
+                self._take_default()
             case Complete():
                 self._complete()
                 return True
@@ -400,6 +420,9 @@ class JobMonitor:
         if move.event == "trip" and trip is not None:
             why = self._trip_words(trip), trip_ending(trip)
         words, ending = why or ("", None)
+        if self._recovery is not None:
+            words = "; ".join(filter(None, (job.status.cause, words)))
+            job.update(cause=words)
         if not job.move(move.event, words, only_from=state, ending=ending):
             return
         if move.event == "go_on":
@@ -442,15 +465,19 @@ class JobMonitor:
     def _complete(self) -> None:
         """Complete the record of a job that was stopped while a part was held."""
         tracker = self._tracker
-        self._recorder.evaluate(tracker, self._collection)
+        if self._recovery is None:  # else it was evaluated before the wait
+            self._recorder.evaluate(tracker, self._collection)
         if tracker.over:
             if tracker.trip is not None:
                 self._job.append_cause(self._trip_words(tracker.trip))
             self._recorder.publish_result()
         self._recorder.write(tracker, over=True)
 
-    def _close(self, close: Close) -> None:
-        """Compute the result, move the job to its terminal state, then have the record written."""
+    def _close(self, close: Close) -> bool:
+        """Compute the result, move the job to its terminal state, then have the record written.
+
+        Return True if nothing more is expected; False if the job waits for a decision.
+        """
         job, tracker, event = self._job, self._tracker, close.event
         gone = gone_words(self._context)
         if event == "fail":
@@ -464,8 +491,11 @@ class JobMonitor:
                     cause="; ".join(filter(None, (*words, fault_text(took)))),
                     ending=trip_ending(trip if took is None else trip.with_fault(took)),
                 )
-            job.note_cause(tracker.final_words(), Ending(code="bad_outcome"))
         fault = self._recorder.evaluate(tracker, self._collection)
+        if close.over and not gone and self._waits(close, fault):
+            return False
+        if event == "fail":
+            job.note_cause(tracker.final_words(), Ending(code="bad_outcome"))
         if fault and event == "done":
             job.note_cause(fault, Ending(code="no_finding"))
             event = "fail"
@@ -481,6 +511,37 @@ class JobMonitor:
             job.end(event)
             self._recorder.publish_result()
             self._recorder.write(tracker, over=close.over)
+        return close.over
+
+    def _waits(self, close: Close, fault: str) -> bool:
+        """Return True if the job waits for a decision on a grip that did not succeed."""
+        job, tracker = self._job, self._tracker
+        if not isinstance(job.request, ContactJobRequest) or job.request.recovery is None:
+            return False
+        case = cast(RecoveryCase, str(tracker.final_outcome()))
+        words = tracker.final_words()
+        if close.event == "done" and not fault and self._recorder.verified is False:
+            case, words = "unverified", CASES["unverified"]
+        elif close.event != "fail" or close.why is not None or tracker.trip is not None:
+            return False
+        if case not in CASES or not job.await_decision(case, words, job.request.recovery):
+            return False
+        self._recovery = job.request.recovery
+        return True
+
+    def _take_default(self) -> None:
+        """Take the default decision, or give up if the default is not allowed."""
+        job, recovery, wait = self._job, self._recovery, self._job.status.recovery
+        assert recovery is not None
+        assert wait is not None
+        decision: Decision = wait.default
+        again = None
+        if decision not in wait.decisions or (decision == "retry" and not recovery.tries):
+            decision = "give_up"
+        if decision == "retry":
+            fewer = {**recovery.model_dump(), "tries": recovery.tries - 1}
+            again = repeated(job.row, recovery=fewer)
+        job.decide(decision, f"default after {recovery.wait_s:g} s", again)
 
     def _prepare_next_job(self, trip: TripReason | None) -> None:
         """Ask the kind for the next job after a stall or an exceeded position limit."""

@@ -84,6 +84,11 @@ class JobRecorder:
         """Number of the requested write: one more if a part was held beyond the end."""
 
     @property
+    def verified(self) -> bool | None:
+        """Return whether the zero after the release verifies the force; None if it cannot tell."""
+        return self._figures.get("zero_return_verified")
+
+    @property
     def run(self) -> Run | None:
         """Return the recorded data, once it is evaluated."""
         return None if self._gathered is None else self._gathered.run

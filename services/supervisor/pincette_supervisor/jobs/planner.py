@@ -3,6 +3,7 @@
 Relative steps begin at the position after the last move, so that they do not accumulate noise.
 """
 
+import json
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -72,6 +73,12 @@ def resolve(
         if place is None and asked is not None:
             place = context.places.given(asked)
         return found if place is None else job_plans.expecting_at(found, place)
+
+
+def repeated(row: JobRow, **changes: Any) -> JobRequest:
+    """Return the request of a job once more, with other members, for the next job of the rig."""
+    members = {**row.request, "kind": row.kind, "autostart": True, "queue": False, **changes}
+    return REQUEST.validate_json(json.dumps(members))
 
 
 def plan(context: RigContext, resolved: ResolvedRequest) -> Planned:

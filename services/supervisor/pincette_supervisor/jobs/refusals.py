@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from pincette.api.requests import JobRequest
 from pincette.api.rig_states import MOTION, OCCUPANTS, RIG_STATES, MotionState, Occupant, RigState
 from pincette.api.rigs import PartState, Standing
-from pincette.api.states import ActionType, JobState, allowed_actions
+from pincette.api.states import ActionType, JobState
 from pincette.core.faults import KEPT, Cause
 from pincette.core.messages import Applied, Estimate, Telemetry
 from pincette_supervisor.alarms import TripReason
-from pincette_supervisor.jobs.job import JobStatus, LiveJob
+from pincette_supervisor.jobs.job import JobStatus, LiveJob, actions_of
 from pincette_supervisor.jobs.job_queue import Entry, JobQueue
 from pincette_supervisor.journal.store import JobRow, KeyTakenError, Store
 from pincette_supervisor.journal.tables import Creation
@@ -331,7 +331,7 @@ def held_by(active: LiveJob) -> ProblemError:
         job=active.id,
         labels=labels,
         force_mN=force_mN,
-        allowed_actions=allowed_actions(status.state, held=status.held),
+        allowed_actions=actions_of(status),
     )
 
 
@@ -356,7 +356,7 @@ def job_active(active: LiveJob) -> ProblemError:
         "Another job has the rig",
         f"job {active.id} {doing}",
         job=active.id,
-        allowed_actions=allowed_actions(status.state, held=status.held),
+        allowed_actions=actions_of(status),
     )
 
 

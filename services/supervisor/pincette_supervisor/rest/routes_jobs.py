@@ -21,7 +21,7 @@ from pincette.api.kinds import KindList, described
 from pincette.api.plans import JobPlan, LawList
 from pincette.api.problems import responses
 from pincette.api.requests import JobRequest
-from pincette.api.states import STATES, ActionType
+from pincette.api.states import STATES
 from pincette.config.laws import described_laws
 from pincette_supervisor.fleet.rigs import Rigs
 from pincette_supervisor.jobs.job_manager import JobManager
@@ -297,9 +297,13 @@ async def act(
     response: Response,
     asker: Asking,
 ) -> Job:
-    """Start, pause, resume, stop or abort a job, release the part, or continue after a wait."""
+    """Start, pause, resume, stop or abort a job, release the part, or continue after a wait.
+
+    A job in the state ``awaiting_recovery`` takes one of the decisions in its ``recovery``. After
+    ``retry`` and ``retry_at``, ``ending.next_job`` names the job that repeats it.
+    """
     asker.note(body.type)
-    perform = partial(_performed, job, body.type, rigs, asker)
+    perform = partial(_performed, job, body, rigs, asker)
     if body.type in ALWAYS:
         loop = asyncio.get_running_loop()
         changed, holds = await loop.run_in_executor(STOP_THREADS, perform)
@@ -314,12 +318,13 @@ async def act(
     return changed
 
 
-def _performed(job: str, action: ActionType, rigs: Rigs, asker: Asker) -> tuple[Job, bool]:
+def _performed(job: str, body: ActionRequest, rigs: Rigs, asker: Asker) -> tuple[Job, bool]:
     """Perform an action; the flag is True if nothing was left to do."""
+    action = body.type
     manager = rigs.of_job(job)
     if action not in ALWAYS:
         manager.claims.require(asker.claim)
-    return manager.perform(job, action, asker.by)
+    return manager.perform(job, action, asker.by, body.place)
 
 
 catalog_router = APIRouter(route_class=StrictRoute)

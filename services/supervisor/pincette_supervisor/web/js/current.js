@@ -3,11 +3,12 @@
 import { post, told } from "./api.js";
 import { byId, chip, h, setText, show } from "./dom.js";
 import { kindOf, mainFigure } from "./kinds.js";
-import { clock, duration, number, plain, toneOfState } from "./words.js";
+import { clock, duration, now_s, number, plain, toneOfState } from "./words.js";
 
 const ACTIONS = {
   start: "Start", pause: "Pause", resume: "Resume", continue: "Continue",
   release: "Release part", stop: "Stop", abort: "Abort",
+  retry: "Retry", retry_at: "Retry at place", accept: "Accept result", give_up: "Give up",
 };
 
 /** Share of the planned time that was played, and what is left of it. */
@@ -82,6 +83,9 @@ export class Current {
       ended ? h("p", { class: "sum" }, summary(job)) : null,
       job.cause ? h("p", { class: "cause" }, job.cause) : null,
       instruction ? h("p", { class: "instruction", role: "status" }, instruction) : null,
+      job.recovery ? h("p", { class: "instruction", role: "status", id: "recovery-wait" }) : null,
+      job.allowed_actions.includes("retry_at") ? h("label", {}, "Place for the retry, in µm ",
+        h("input", { id: "retry-x", type: "number", step: "any" })) : null,
       ended ? null : h("div", { class: "progress" },
         h("progress", { id: "bar", max: 100, "aria-labelledby": "course" }),
         h("p", { id: "course", class: "course" })),
@@ -113,6 +117,12 @@ export class Current {
       if (percent === null) bar.removeAttribute("value");
       else bar.value = percent;
     }
+    const wait = byId("recovery-wait");
+    if (wait && job.recovery) {
+      const left_s = Math.max(0, Date.parse(job.recovery.until) / 1000 - now_s());
+      setText(wait, `Waits for a decision (${plain(job.recovery.case)}): `
+        + `${plain(job.recovery.default)} in ${duration(left_s)}`);
+    }
     const said = `${plain(job.kind)} ${plain(job.state)}`
       + (progress?.phase && job.ended_at === null ? `, ${progress.phase}` : "")
       + (job.ended_at !== null ? `, ${outcomeOf(job)}` : "");
@@ -123,8 +133,13 @@ export class Current {
   async act(job, type) {
     this.fault.textContent = "";
     this.sent.textContent = `${ACTIONS[type] ?? plain(type)}: requested, not yet answered`;
+    const asks = { type };
+    if (type === "retry_at") {
+      asks.place = { x_um: byId("retry-x").valueAsNumber, u_um: 1,
+        measured_at: new Date(1000 * now_s()).toISOString(), source: "page" };
+    }
     try {
-      await post(`/jobs/${job.id}/actions`, { type });
+      await post(`/jobs/${job.id}/actions`, asks);
     } catch (problem) {
       this.fault.textContent = told(problem);
     }
