@@ -1,6 +1,7 @@
 """Jobs of every kind from the page, at a rig in lockstep: what the server did is what counts."""
 
 from collections.abc import Generator
+from datetime import UTC, datetime
 from typing import Any
 
 import pytest
@@ -125,6 +126,31 @@ def test_a_button_press_is_not_lost_if_the_job_changes_meanwhile(
     seen.page.mouse.up()
     until_state(rig, seen, name, "stopped")
     seen.until("#current-state", "stopped")
+
+
+def test_a_grip_without_its_part_waits_and_is_repeated_at_another_place(
+    rig: RunningRig, seen: Visit
+) -> None:
+    place = {"x_um": 3.0, "u_um": 0.5, "source": "person"}
+    place |= {"measured_at": datetime.now(UTC).isoformat(), "max_age_s": LONG_S}
+    name = rig.start_grip(place=place, recovery={"wait_s": 3600.0})
+    until_state(rig, seen, name, "awaiting_recovery")
+    seen.until("#recovery-wait", "no contact")
+    shown = seen.text("#recovery-wait")
+    seen.until_true(lambda: seen.text("#recovery-wait") != shown, "nothing counts down")
+    assert seen.page.locator("#act-accept").count() == 0
+    assert seen.page.is_enabled("#act-give_up")
+    seen.page.fill("#retry-x", "4.0")
+    seen.page.click("#act-retry_at")
+    job = until_state(rig, seen, name, "failed")
+    assert [action["type"] for action in job["actions"]] == ["retry_at"]
+    seen.until_true(lambda: bool(rig.job(name)["ending"]["next_job"]), "no job repeats it", LONG_S)
+    again = rig.job(name)["ending"]["next_job"]
+    job = until_state(rig, seen, again, "awaiting_recovery")  # there is no part either
+    assert job["request"]["place"]["x_um"] == 4.0
+    seen.page.wait_for_selector(f'#current-open:text("{again}")')
+    seen.page.click("#act-give_up")
+    assert until_state(rig, seen, again, "failed")["ending"]["next_job"] == ""
 
 
 def test_a_part_kept_by_a_stop_is_held_further_and_released_by_jobs(

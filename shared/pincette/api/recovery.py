@@ -58,7 +58,8 @@ class RecoveryWait(Model):
     decisions: list[Decision]
     """Actions that decide it."""
     default: Decision
-    """Decision that is taken when the time has passed."""
+    """Decision that is taken when the time has passed; ``give_up`` if that of the request is not
+    allowed."""
     until: str
     """Time at which the default is taken, in UTC."""
 

@@ -43,6 +43,7 @@ STATE_COLOURS: Mapping[str, str] = {
     "succeeded": "green",
     "running": "cyan",
     "paused": "yellow",
+    "awaiting_recovery": "yellow",
     "stopped": "yellow",
     "aborted": "red",
     "failed": "red",

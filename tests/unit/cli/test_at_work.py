@@ -1,6 +1,7 @@
 """Every word that speaks with a supervisor: what it asks, what it says, how it ends."""
 
 import json
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -143,6 +144,24 @@ def test_an_action_is_sent(at: At, capsys: pytest.CaptureFixture[str], action: s
     assert main(["job", action, NAME]) == Exit.DONE
     assert sent(supervisor) == {"type": action}
     assert capsys.readouterr().out == f"job {NAME}: {action} accepted; it is pausing\n"
+
+
+@pytest.mark.parametrize("decision", ["retry", "accept", "give_up"])
+def test_a_decision_on_a_job_that_waits_is_sent(at: At, decision: str) -> None:
+    supervisor = at(desk.job(), desk.job(state="failed"))
+    assert main(["job", decision.replace("_", "-"), NAME]) == Exit.DONE
+    assert sent(supervisor) == {"type": decision}
+
+
+def test_a_retry_at_another_place_states_the_place(at: At) -> None:
+    supervisor = at(desk.job(), desk.job(state="failed"))
+    words = ["--x-um", "6.2", "--u-um", "0.5", "--source", "camera-1"]
+    assert main(["job", "retry-at", NAME, *words]) == Exit.DONE
+    request = sent(supervisor)
+    assert request["type"] == "retry_at"
+    measured_at = datetime.fromisoformat(request["place"].pop("measured_at"))
+    assert measured_at.tzinfo is not None
+    assert request["place"] == {"x_um": 6.2, "u_um": 0.5, "source": "camera-1"}
 
 
 def test_the_last_job_needs_no_id(at: At) -> None:

@@ -74,6 +74,15 @@ def test_requests_that_could_act_twice_are_not_repeated(action: str) -> None:
     assert len(supervisor.asked) == 3
 
 
+def test_a_decision_is_sent_with_its_place_and_not_repeated() -> None:
+    place = {"x_um": 6.2, "u_um": 0.5, "measured_at": "2026-03-01T12:00:00Z", "source": "camera-1"}
+    supervisor = Desk(desk.job(), LOST)
+    with pytest.raises(NoAnswerError):
+        supervisor.supervisor().job("j").act("retry_at", place=place)
+    assert json.loads(supervisor.asked[-1].content) == {"type": "retry_at", "place": place}
+    assert len(supervisor.asked) == 2
+
+
 def test_retries_end_with_the_patience() -> None:
     supervisor = Desk(*[REFUSED] * 50)
     with pytest.raises(NoAnswerError, match=r"GET http://supervisor/api/v1/rigs: no answer"):

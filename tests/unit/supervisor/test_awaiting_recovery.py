@@ -11,6 +11,10 @@ from pincette.api.states import JobState
 from pincette.config import RigFile
 from pincette.control.record import replace
 from pincette.core.faults import Outcome
+from pincette_supervisor.access.access import Access
+from pincette_supervisor.access.authentication import Authenticator
+from tests.support.apps import create_app
+from tests.support.keys import key_of_each_scope
 
 from .canned import IN_HOLD
 from .harness import Harness
@@ -142,6 +146,15 @@ def test_the_default_repeats_the_job_as_often_as_requested(harness: Harness) -> 
     assert [one["type"] for one in third["actions"]][-1] == "give_up"
 
 
+@pytest.mark.parametrize(("tries", "safe"), [(1, False), (0, True)])
+def test_the_arm_is_safe_to_approach_unless_the_default_repeats_the_job(
+    harness: Harness, tries: int, safe: bool
+) -> None:
+    job = waiting(harness, recovery={**RECOVERY, "default": "retry", "tries": tries})
+    assert harness.get(f"/jobs/{job}")["recovery"]["default"] == ("give_up" if safe else "retry")
+    assert harness.get("/rigs/demo")["safe_to_move"]["value"] is safe
+
+
 def test_an_emergency_stop_ends_the_wait(harness: Harness) -> None:
     job = waiting(harness)
     assert harness.post("/rigs/demo/estop").status_code in (200, 202)
@@ -161,6 +174,18 @@ def test_the_end_of_the_supervisor_interrupts_a_wait(
     harness.manager.close()
     after = open_harness(rig_file)
     assert after.ended(job)["state"] == "interrupted"
+
+
+def test_a_key_that_may_only_observe_decides_nothing(harness: Harness) -> None:
+    job = waiting(harness)
+    access = Access(Authenticator())
+    harness.app = create_app(harness.rigs, access)
+    ring = key_of_each_scope(harness.store, access.authenticator)
+    path, body = f"/api/v1/jobs/{job}/actions", {"type": "give_up"}
+    answer = harness.call("POST", path, json=body, headers=ring.headers("observe"))
+    assert answer.status_code == 403
+    answer = harness.call("POST", path, json=body, headers=ring.headers("operate"))
+    assert answer.status_code == 202
 
 
 def test_a_series_goes_on_after_a_retry_and_after_giving_up(harness: Harness) -> None:

@@ -9,6 +9,8 @@ from pincette.api.states import GOOD_OUTCOMES, STATES, JobState
 from pincette.core.faults import ActionCode, Cause, Outcome
 from pincette_supervisor.alarms import TripReason
 from pincette_supervisor.jobs.decide import (
+    AWAITING,
+    ENDS,
     PLAYED,
     STOPPABLE,
     TERMINAL,
@@ -22,6 +24,7 @@ from pincette_supervisor.jobs.decide import (
     Facts,
     Interrupt,
     Move,
+    TakeDefault,
     Why,
     decide,
 )
@@ -30,6 +33,7 @@ BOTH = (False, True)
 LATE: Why = ("late", Ending(code="silent"))
 LEASE: Why = ("lease", Ending(code="lease_ended"))
 LACK: Why = ("lack", Ending(code="samples_missing"))
+UNSAFE: Why = ("unsafe", Ending(code="tripped"))
 TRIPS = (None, TripReason(Cause.ABORT), TripReason(Cause.COMMAND_AGE))
 OUTCOMES = (Outcome.NONE, Outcome.GRIPPED, Outcome.STOPPED, Outcome.LOST)
 ASKED: tuple[Asked, ...] = ("no", "refused", "accepted", "effective")
@@ -40,6 +44,10 @@ STOPS = (ActionCode.STOP, ActionCode.RETRACT)
 def wrong(facts: Facts, command: Command | None) -> str:
     """Return what is wrong with a command; empty where nothing is."""
     events = STATES[facts.state].events
+    if facts.state in AWAITING:
+        return "" if decide_wait(facts) == command else "the wait ends otherwise"
+    if isinstance(command, TakeDefault):
+        return "a default outside the wait"
     if facts.state in TERMINAL:
         expected = Complete if facts.over or facts.late else Interrupt
         if facts.over or facts.late or facts.interrupted:
@@ -79,17 +87,29 @@ def wrong(facts: Facts, command: Command | None) -> str:
             return ""
 
 
-@pytest.mark.parametrize("state", sorted(PLAYED | TERMINAL))
+def decide_wait(facts: Facts) -> Command | None:
+    """Return the only command that a job that waits for a decision may get."""
+    if facts.interrupted:
+        return Move("interrupt", ENDS)
+    if facts.unsafe:
+        return Move("fail", facts.unsafe)
+    return TakeDefault() if facts.waited else None
+
+
+@pytest.mark.parametrize("state", sorted(PLAYED | TERMINAL | AWAITING))
 def test_every_combination_of_facts_gives_a_suitable_command(state: JobState) -> None:
     flags = product(BOTH, BOTH, BOTH, BOTH, BOTH, BOTH, BOTH, BOTH)
     reasons = product(LATENESS, (None, LEASE), (None, LACK))
     stops = STOPS if state == "stopping" else STOPS[:1]  # no other state gives that order
-    others = product(TRIPS, OUTCOMES, ASKED, stops)
+    # No other state has these facts, and none may react to them.
+    waits = product((None, UNSAFE), BOTH) if state in AWAITING else [(UNSAFE, True)]
+    asks = ASKED[:1] if state in AWAITING else ASKED
+    others = product(TRIPS, OUTCOMES, asks, stops, waits)
     found: dict[str, Facts] = {}
     for flag, reason, other in product(flags, reasons, others):
         over, held, paused, interrupted, stop_acts, pause_asked, trip_asked, given_up = flag
         (late, cut_off), lease, lack = reason
-        trip, outcome, asked, on_stop = other
+        trip, outcome, asked, on_stop, (unsafe, waited) = other
         facts = Facts(
             state=state,
             over=over,
@@ -108,6 +128,8 @@ def test_every_combination_of_facts_gives_a_suitable_command(state: JobState) ->
             trip_asked=trip_asked,
             given_up=given_up,
             on_stop=on_stop,
+            unsafe=unsafe,
+            waited=waited,
         )
         words = wrong(facts, decide(facts))
         if words:
@@ -163,6 +185,11 @@ def test_the_states_of_the_table_follow_from_the_states_of_a_job() -> None:
         (Facts(state="resuming", pause_asked=True), Ask(ActionCode.RESUME)),
         (Facts(state="resuming", pause_asked=True, asked="accepted"), None),
         (Facts(state="resuming", pause_asked=True, asked="refused"), Move("go_on")),
+        (Facts(state="awaiting_recovery", over=True, outcome=Outcome.LOST), None),
+        (Facts(state="awaiting_recovery", over=True, waited=True), TakeDefault()),
+        (Facts(state="awaiting_recovery", unsafe=UNSAFE, waited=True), Move("fail", UNSAFE)),
+        (Facts(state="awaiting_recovery", unsafe=UNSAFE, interrupted=True),
+         Move("interrupt", ENDS)),
         (Facts(state="paused"), Move("go_on")),
         (Facts(state="paused", paused=True), None),
     ],

@@ -116,6 +116,12 @@ class JobStatus:
         return self.terminal and not self.held
 
     @property
+    def repeats_unasked(self) -> bool:
+        """Return True while the job waits for a decision whose default moves the arm."""
+        wait = self.recovery
+        return self.state == "awaiting_recovery" and wait is not None and wait.default == "retry"
+
+    @property
     def keeps_part(self) -> bool:
         """True while the job has ended and still holds a part."""
         return self.terminal and self.held
@@ -272,10 +278,14 @@ class LiveJob:
         was_held = progress is not None and progress.force_held_mN is not None
         was_held = was_held and case != "no_contact"
         placed = isinstance(self.request, PlacedRequest)
+        decisions = decisions_of(placed=placed, was_held=was_held)
+        default: Decision = recovery.default
+        if default not in decisions or (default == "retry" and not recovery.tries):
+            default = "give_up"
         wait = RecoveryWait(
             case=case,
-            decisions=decisions_of(placed=placed, was_held=was_held),
-            default=recovery.default,
+            decisions=decisions,
+            default=default,
             until=utc_text(datetime.now(UTC) + timedelta(seconds=recovery.wait_s)),
         )
         with self._lock:

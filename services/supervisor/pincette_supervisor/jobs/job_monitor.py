@@ -5,7 +5,7 @@ from time import monotonic
 from typing import cast
 
 from pincette.api.endings import Ending
-from pincette.api.recovery import CASES, Decision, Recovery, RecoveryCase
+from pincette.api.recovery import CASES, Recovery, RecoveryCase
 from pincette.api.requests import ContactJobRequest, OnStop, ZeroingRequest
 from pincette.api.states import STATES, JobState
 from pincette.bus.protocol import BusError, RefusalError
@@ -530,18 +530,15 @@ class JobMonitor:
         return True
 
     def _take_default(self) -> None:
-        """Take the default decision, or give up if the default is not allowed."""
+        """Take the default decision."""
         job, recovery, wait = self._job, self._recovery, self._job.status.recovery
         assert recovery is not None
         assert wait is not None
-        decision: Decision = wait.default
         again = None
-        if decision not in wait.decisions or (decision == "retry" and not recovery.tries):
-            decision = "give_up"
-        if decision == "retry":
+        if wait.default == "retry":
             fewer = {**recovery.model_dump(), "tries": recovery.tries - 1}
             again = repeated(job.row, recovery=fewer)
-        job.decide(decision, f"default after {recovery.wait_s:g} s", again)
+        job.decide(wait.default, f"default after {recovery.wait_s:g} s", again)
 
     def _prepare_next_job(self, trip: TripReason | None) -> None:
         """Ask the kind for the next job after a stall or an exceeded position limit."""

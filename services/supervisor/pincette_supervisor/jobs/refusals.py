@@ -125,7 +125,7 @@ def motion_of(
         return "unheard"
     if not RIG_STATES[state].may_move:
         return "tripped"
-    if job is not None and job.state in ABOUT_TO:
+    if job is not None and (job.state in ABOUT_TO or job.repeats_unasked):
         return "about_to_move"
     if state != "armed":
         return "at_rest"

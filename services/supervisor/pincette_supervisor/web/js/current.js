@@ -84,7 +84,7 @@ export class Current {
       job.cause ? h("p", { class: "cause" }, job.cause) : null,
       instruction ? h("p", { class: "instruction", role: "status" }, instruction) : null,
       job.recovery ? h("p", { class: "instruction", role: "status", id: "recovery-wait" }) : null,
-      job.allowed_actions.includes("retry_at") ? h("label", {}, "Place for the retry, in µm ",
+      job.allowed_actions.includes("retry_at") ? h("label", {}, "Place for the retry, in µm (± 1 µm) ",
         h("input", { id: "retry-x", type: "number", step: "any" })) : null,
       ended ? null : h("div", { class: "progress" },
         h("progress", { id: "bar", max: 100, "aria-labelledby": "course" }),
