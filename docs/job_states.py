@@ -9,7 +9,7 @@ from pincette.api.series import SERIES_STATES
 from pincette.api.states import BEYOND, EVENTS, HOLDS, NEEDS, STATES, Event, JobState
 
 WIDTH, HEIGHT = 980, 452
-BOX = (112, 40)
+BOX = (124, 40)
 PLACES: Mapping[JobState, tuple[int, int]] = {
     "queued": (90, 190),
     "preparing": (90, 270),
@@ -18,7 +18,7 @@ PLACES: Mapping[JobState, tuple[int, int]] = {
     "pausing": (560, 180),
     "paused": (420, 90),
     "resuming": (280, 180),
-    "awaiting_recovery": (700, 90),
+    "awaiting_recovery": (750, 118),
     "stopping": (560, 350),
     "aborting": (560, 420),
     "succeeded": (880, 180),
@@ -204,6 +204,7 @@ def _inner() -> list[tuple[JobState, JobState, str]]:
     for name, row in STATES.items():
         for event, end in row.events.items():
             told = name in (*PLAYS, *STILL) and end not in (*PLAYS, *STILL)
+            told = told or (name == "awaiting_recovery" and end != "succeeded")
             if not told and end not in EVERYWHERE:
                 found.setdefault((name, end), []).append(event)
     return [(start, end, ", ".join(words)) for (start, end), words in found.items()]
@@ -217,6 +218,14 @@ def _outer() -> list[str]:
     side, foot = left + FRAMES["nothing has moved"][2], top + FRAMES["nothing has moved"][3]
     return [
         _line(right, 180, _edge("succeeded")[0], 180, _events(PLAYS, "succeeded")),
+        _path(
+            f"M{right} 118 H{_edge('awaiting_recovery')[0]}",
+            right + 4,
+            111,
+            _events(PLAYS, "awaiting_recovery"),
+            anchor="start",
+        ),
+        f'<text x="664" y="156" font-size="11" fill="{LABEL}">stop, abort: at once</text>',
         _line(560, low, 560, 330, _events(PLAYS, "stopping"), beside=True),
         _path(
             f"M{right} 250 H{right + 60} V{_edge('aborting')[1]} H{_edge('aborting')[0] + BOX[0]}",
@@ -302,7 +311,8 @@ def _box(name: JobState) -> str:
         f'<rect x="{x - width // 2}" y="{y - height // 2}" width="{width}" height="{height}" '
         f'rx="{height // 2 if end else 7}" fill="{END if end else "#ffffff"}" stroke="{INK}" '
         'stroke-width="1.6"/>'
-        f'<text x="{x}" y="{y + 5}" font-size="15" text-anchor="middle" fill="{INK}">{name}</text>'
+        f'<text x="{x}" y="{y + 5}" font-size="{15 if len(name) < 16 else 13}" '
+        f'text-anchor="middle" fill="{INK}">{name}</text>'
     )
 
 
