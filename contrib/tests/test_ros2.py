@@ -34,7 +34,7 @@ KILTED = (
     "ros-std-msgs==5.5.1",
 )
 ALONE = {"RMW_IMPLEMENTATION": "rmw_fastrtps_cpp", "ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}
-"""It reads bytes, and looks for nobody in the network."""
+"""It reads bytes, and discovers no other nodes in the network."""
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def piped(stream: IO[str] | None) -> IO[str]:
 
 
 def heard_of_a_grip(rig: RunningRig, router: str, python: Path) -> tuple[Any, Any]:
-    """What a node hears while a part is gripped and held; and the newest sample by REST."""
+    """Messages to a node while a part is gripped and held, and the newest sample by REST."""
     near = f"tcp/127.0.0.1:{rig.rig.bus.port}"
     with (
         started(python, LISTEN, router, "demo") as node,

@@ -57,7 +57,7 @@ def hop_key(role: str) -> str:
 
 
 def start_key() -> str:
-    """Key on which the ring is told how many ticks to go."""
+    """Key on which the ring receives the number of ticks to run."""
     return "pincette/bench/start"
 
 

@@ -1,4 +1,4 @@
-"""A program that composes services, over real TLS: it speaks for them, and for nobody else."""
+"""A program that composes services, over real TLS: it publishes for them only."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
@@ -42,7 +42,7 @@ TRUE = Command(
 
 @dataclass
 class Site:
-    """A program of two services, the actuator beside it, a supervisor, and what they heard."""
+    """A program of two services, an actuator, a supervisor, and the messages that they received."""
 
     rig: RigFile
     folder: Folder
@@ -127,7 +127,7 @@ def test_a_composed_program_answers_for_its_services_only(site: Site) -> None:
 
 @pytest.mark.parametrize("who", ["controller", "estimator"])
 def test_a_certificate_of_one_of_its_services_cannot_publish_commands(site: Site, who: str) -> None:
-    """Where the rig file composes it, the service by itself is no partner any more."""
+    """If the rig file composes a service, the separate service is not accepted as a partner."""
     intruder = Intruder(who, site.folder.credentials(program(who, "demo")))
     before = len(site.commands)
     with intruder.joined("127.0.0.1", site.rig.bus.port + 4) as session:

@@ -110,7 +110,7 @@ def test_a_server_that_restarts_is_found_again(laser: Wire, tmp_path: Path) -> N
 
 
 def test_an_answer_to_an_earlier_client_is_not_accepted(laser: Wire) -> None:
-    """After a reconnect the first line is a reading that somebody else asked for."""
+    """After a reconnect the first line is a reading that another client requested."""
     stale = b"MS,01,+0099.00\r"
     with socket.create_server(("127.0.0.1", 0)) as listener:
         peers: list[socket.socket] = []

@@ -34,7 +34,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
 
 
 def test_a_viewer_cannot_be_mistaken_for_a_router(folder: Folder) -> None:
-    """Its certificate is good for no server, so nobody who connects believes it."""
+    """Its certificate is not valid for a server, so no client accepts it."""
     rig = demo_rig().secured(folder.path)
     viewer = TlsIdentity(folder.credentials(person("viewer", "viewer")), {})
     false = secured(router_session("127.0.0.1", rig.bus.port), viewer)

@@ -290,7 +290,7 @@ def test_a_token_without_a_program_is_recognized_at_once(plain: Site) -> None:
 
 @pytest.mark.parametrize("kind", ["silent", "drops", "store", "rubbish"])
 def test_an_unresponsive_program_is_not_mistaken_for_a_token_alone(plain: Site, kind: str) -> None:
-    """A query that a program drops ends at once, as does one that nobody takes."""
+    """A query that a program drops ends at once, as does one that no program receives."""
     place = f"tcp/{plain.rig.bus.host}:{plain.rig.bus.port}"
 
     def drop(query: zenoh.Query) -> None:

@@ -1,4 +1,4 @@
-"""Ports of the bus, plain and behind a guard with TLS: strangers keep nobody out."""
+"""Ports of the bus, plain and behind a guard with TLS: unknown clients block no other client."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
@@ -47,7 +47,7 @@ FAILED, FAILED_S = 20, 0.1
 ENDED_S = 5.0
 BACK_S = 30.0
 SETTLED_S = 5.0
-"""Time after which no burst of connections is open any more, while all strangers stay."""
+"""Time after which no burst of connections is open any more, while all unknown clients stay."""
 
 
 @pytest.fixture(scope="module")

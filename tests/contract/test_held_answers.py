@@ -1,4 +1,4 @@
-"""A device server that holds answers back is told from a slow line, a slow instrument and socat."""
+"""A device server that delays answers is distinguished from slow lines, instruments and socat."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack, closing

@@ -162,7 +162,7 @@ class Plain:
 
 
 def plain(clock: Clock) -> Made:
-    """Make a driver that says nothing of how its answers are told apart."""
+    """Make a driver that does not state how its answers can be distinguished."""
 
     def opened(timeout_s: float) -> Callable[[], float]:
         line = open_link(URL, baud=115200, timeout_s=timeout_s)

@@ -41,7 +41,7 @@ class PositionSensorContract:
     step_um: float
     far_um: float
     tells_causes = False
-    """Whether the driver tells what is out of range from what is no reading."""
+    """True if the driver distinguishes readings out of range from invalid readings."""
 
     def instrument(self, measure: Callable[[], float | None]) -> Instrument:
         raise NotImplementedError

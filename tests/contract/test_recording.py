@@ -1,4 +1,4 @@
-"""What is said to an instrument can be written down, read by a person, and played again."""
+"""Exchanges with an instrument can be recorded, read by a person, and replayed."""
 
 from itertools import count
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A program that is seen and answers nothing: the session is opened anew, and all goes on."""
+"""A program that is seen but does not answer: the session is opened again, and all continues."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false

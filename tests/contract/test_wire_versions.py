@@ -1,4 +1,4 @@
-"""Programs with another version of the wire are not heard, but they are seen and named."""
+"""Messages of another wire version are not received, but their programs are seen and named."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false

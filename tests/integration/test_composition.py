@@ -33,7 +33,7 @@ SHORTER = 0.3
 
 
 class Shared:
-    """Programs that hand on what they say in the order in which it is said."""
+    """Programs that publish their messages in order."""
 
     def __init__(self, rig: RigFile, composed: Programs) -> None:
         self.rig, self.told = composing(rig, *composed), list[Message]()

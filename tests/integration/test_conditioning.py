@@ -58,7 +58,7 @@ class Laboratory:
         self.bench = open_bench(self.rig, lambda: 0.0, self._tell)
 
     def rewire(self, simulation: Tree) -> None:
-        """Give the arm as it stands other instruments, which nobody tells the programs."""
+        """Give the arm in its present state other instruments without informing the programs."""
         arms = self.bench.rig.arm_states()
         changed = demo_rig({"simulation": simulation}, time="lockstep")
         self.bench = open_bench(changed, lambda: 0.0, self._tell)

@@ -185,7 +185,7 @@ Stairs = list[tuple[HoldResult | PairResult, Desk]]
 
 @pytest.fixture(scope="module", params=[RIG, PAIR], ids=["one arm", "two arms"])
 def stairs(request: pytest.FixtureRequest) -> Stairs:
-    """Each step of the staircase after the grip, with what was heard of it."""
+    """Each step of the staircase after the grip, with its messages."""
     desk, steps = Desk(request.param), Stairs()
     desk.grip(STAIRCASE_MN[0])
     for force_mN in STAIRCASE_MN[1:]:

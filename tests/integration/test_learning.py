@@ -1,4 +1,4 @@
-"""A track learns from cycle to cycle, in the loop as its record tells it."""
+"""A track learns from cycle to cycle, in the loop and in the replay of its record."""
 
 import dataclasses
 from functools import cache

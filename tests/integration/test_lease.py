@@ -73,7 +73,7 @@ def played(
 
 @cache
 def lost(length_s: float = LENGTH_S) -> tuple[Message, ...]:
-    """A grip whose supervisor is never heard of."""
+    """A grip whose supervisor never sends a message."""
     return played(length_s)
 
 

@@ -21,7 +21,7 @@ PACKAGES = ("shared/pincette", "services/actuator/pincette_actuator")
 MUTATED = ("src/pincette/control/safety/*", "src/pincette_actuator/*")
 TESTS = ("tests/unit/control/safety", "tests/unit/actuator")
 SEARCHES = ("test_two_controllers.py", "test_exploration.py")
-"""Long ones, which look for what nobody thought of; what they find belongs among the others."""
+"""Long random tests; cases that they find should become tests of their own."""
 CONFIG = """
 [tool.pytest.ini_options]
 pythonpath = ["."]

@@ -1,4 +1,4 @@
-"""Seconds in which the machine stood still are left out of what a bench tells."""
+"""Seconds in which the machine stalled are left out of the figures of a bench."""
 
 import pytest
 

@@ -65,7 +65,7 @@ PLACES = [
     for system in ("linux", "darwin")
     for python in ("3.11", "3.12", "3.13")
 ]
-"""Where pincette runs, as far as pins tell it apart."""
+"""Platforms of pincette, as far as the pins distinguish them."""
 
 
 def held(root: Path, name: str, place: dict[str, str]) -> set[str]:

@@ -1,4 +1,4 @@
-"""When .venv is filled again, what is installed from where, and what is said meanwhile."""
+"""When .venv is filled again, what is installed from where, and what is printed meanwhile."""
 
 import os
 import re

@@ -50,7 +50,7 @@ class Desk:
     def play(
         self, program: Program, epoch: int, watch: "Watch | None" = None, calibration: str = ""
     ) -> list[Message]:
-        """Arm, let it run to its end, and return what was said of that epoch."""
+        """Arm, run to the end, and return the messages of that epoch."""
         self._watch = watch or nobody
         self._said.clear()
         digest = self.rig.digest()

@@ -1,4 +1,4 @@
-"""Jobs of one rig, one after the other: each record is repeated by itself, to the last bit."""
+"""Jobs of one rig, one after the other: each record is replayed alone, to the last bit."""
 
 from functools import cache
 from pathlib import Path
@@ -69,7 +69,7 @@ def program_of(request: JobRequest, desk: Desk) -> Program:
 
 @cache
 def played() -> dict[str, tuple[Message, ...]]:
-    """What was said of each job, in the order in which they were played."""
+    """Messages of each job, in the order in which the jobs were played."""
     desk = Desk(RIG)
     found: dict[str, tuple[Message, ...]] = {}
     for epoch, (name, request, watch, calibration) in enumerate(JOBS, start=1):

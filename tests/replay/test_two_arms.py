@@ -42,7 +42,7 @@ JOBS: tuple[tuple[str, Watch], ...] = (
 
 @cache
 def played() -> dict[str, tuple[Message, ...]]:
-    """What was said of each job, in the order in which they were played."""
+    """Messages of each job, in the order in which the jobs were played."""
     desk = Desk(RIG)
     found: dict[str, tuple[Message, ...]] = {}
     for epoch, (name, watch) in enumerate(JOBS, start=1):
@@ -74,7 +74,7 @@ def test_the_state_that_both_arms_carry_into_an_epoch_is_recorded() -> None:
 
 
 def of_second(rig: RigFile) -> tuple[list[float], list[float], list[float]]:
-    """Voltages of the second arm: as they were told, put out, and followed by its estimator."""
+    """Voltages of the second arm: commanded, applied, and used by its estimator."""
     messages, _ = play(changes=rig.model_dump(mode="json", include={"second", "simulation"}))
     told = {item.seq: item for item in messages if isinstance(item, Applied)}
     seqs = [seq for seq, item in sorted(told.items()) if item.answered]

@@ -21,11 +21,11 @@ NEAR_MN = 1.0
 """How near a held force is to what was asked for."""
 WAIT_S = 60.0
 SLOWLY: Tree = {"grip": {"approach_um_per_s": 4.0}}
-"""An approach that is still under way when something befalls it."""
+"""An approach that is still running when a fault occurs."""
 
 
 def ports_of_adapters() -> Tree:
-    """Ports that nobody uses, for the servers that are programs of a rig."""
+    """Free ports for the servers that are programs of a rig."""
     first = free_ports(2)
     return {"sila": {"port": first}, "foxglove": {"port": first + 1}}
 
@@ -68,7 +68,7 @@ class SecuredLaboratory:
         return self.certificates.path / "authority.crt"
 
     def holds(self, rig: str) -> bool:
-        """Whether a rig is told as holding a part."""
+        """True if a rig is reported to hold a part."""
         return self.rigs.rigs()[rig]["part"] == "held"
 
     def latched(self, rig: str) -> bool:

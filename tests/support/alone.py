@@ -1,4 +1,4 @@
-"""One service of a recorded run by itself: its instrument a tape, its inputs the record."""
+"""One service of a recorded run: a tape replaces its instrument, the record its inputs."""
 
 from collections.abc import Sequence
 

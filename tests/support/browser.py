@@ -41,7 +41,7 @@ class Visit:
         return found.first.inner_text().strip() if found.count() else ""
 
     def until(self, place: str, words: str, timeout_s: float = 20.0) -> None:
-        """Wait until a part of the page has said some words."""
+        """Wait until an element of the page shows some text."""
         self.until_true(
             lambda: words in self.text(place), f"{place} never said {words!r}", timeout_s
         )

@@ -34,7 +34,7 @@ def folder_for(place: Path, *rigs: str, days: float = DAYS) -> Folder:
 
 
 def seen_as(rig: RigFile, name: str) -> RigFile:
-    """A rig file whose tools show the certificate of somebody."""
+    """A rig file whose tools use the certificate of a person."""
     return rig.model_copy(update={"bus": rig.bus.model_copy(update={"identity": name})})
 
 

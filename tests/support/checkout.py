@@ -118,7 +118,7 @@ def until_interrupted(
 
 
 def await_text(log: Path, text: str, process: "subprocess.Popen[bytes]", timeout_s: float) -> str:
-    """Wait until a command has said something, and return all it has said."""
+    """Wait until a command has printed a text, and return all its output."""
     deadline = monotonic() + timeout_s
     while True:
         said = log.read_text(encoding="utf-8", errors="replace")

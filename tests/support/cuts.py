@@ -78,7 +78,7 @@ class Campaign:
         return [line for line in text.splitlines() if "link up" in line or "link down" in line]
 
     def logged(self, program: str, word: str) -> int:
-        """How many of its links a program has told as up, or as down."""
+        """Number of links that a program has reported as up, or as down."""
         return sum(f"link {word}" in line for line in self.told(program))
 
     def run(self, count: int, longest_s: float, within_s: float) -> None:
@@ -105,7 +105,7 @@ class Campaign:
         self._compare_links()
 
     def _compare_links(self) -> None:
-        """What is told of links is what there is; on a busy machine one may go at any time."""
+        """The reported links are the existing ones; on a busy machine one may end at any time."""
         until_s = monotonic() + SETTLED_S
         while wrong := list(self._wrong_links()):
             if monotonic() > until_s:

@@ -138,7 +138,7 @@ class Grip:
     peak_mN: float
     """Largest true force."""
     trip: Applied | None
-    """What the actuator said first of its trip."""
+    """First message of the actuator about its trip."""
     last: Applied
     """What it said last."""
     counts: LineCounts

@@ -131,7 +131,7 @@ DIALOGUES = {
 
 
 def record(name: str, path: Path) -> list[Said]:
-    """Hold a dialogue with the simulated instrument, and write it down; returns what was said."""
+    """Hold a dialogue with the simulated instrument, and record it; returns the exchanges."""
     dialogue, world, times = DIALOGUES[name], World(), count()
     world.instrument = dialogue.instrument(world)
     recorder = Recorder(path, f"memory:{name}", dialogue.terminator, lambda: TICK_S * next(times))
@@ -140,12 +140,12 @@ def record(name: str, path: Path) -> list[Said]:
 
 
 def replay(name: str, path: Path) -> list[Said]:
-    """Hold a dialogue with its recording; returns what was said."""
+    """Hold a dialogue with its recording; returns the exchanges."""
     return list(DIALOGUES[name].perform(World(), f"replay:{path}", None))
 
 
 def main() -> None:
-    """Write every dialogue anew."""
+    """Record every dialogue again."""
     FOLDER.mkdir(parents=True, exist_ok=True)
     for name in DIALOGUES:
         record(name, FOLDER / f"{name}.txt")

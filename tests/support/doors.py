@@ -17,7 +17,7 @@ from tests.support.rigs import free_ports
 
 ROUTER, TOOL = program("router", ""), program("supervisor", "")
 OPENS_S = 1.0
-"""Limit of the time to join while strangers come; Zenoh with its defaults takes up to 40 s."""
+"""Limit of the time to join while unknown clients connect; Zenoh's defaults take up to 40 s."""
 
 
 def joining(port: int, folder: Folder | None, own: Identity = TOOL) -> SessionConfig:

@@ -17,7 +17,7 @@ START_S, ASK_S = 300.0, 60.0
 
 
 class EngineError(Exception):
-    """The engine did not start; the text has what it said last."""
+    """The engine did not start; the text has its last output."""
 
 
 def docker(*words: str, timeout_s: float = ASK_S) -> "subprocess.CompletedProcess[str]":
@@ -131,7 +131,7 @@ class Project:
         return done.stdout.split()
 
     def said(self) -> str:
-        """What its programs have said last, for a failure's text."""
+        """Last output of its programs, for the text of a failure."""
         return self.compose("logs", "--no-color", "--tail", "8").stdout[-6000:]
 
 

@@ -27,7 +27,7 @@ SEEN_FROM_OUTSIDE: Tree = {"supervisor": {"host": "0.0.0.0", "behind": "containe
 
 
 class Containers(Fleet):
-    """Programs as containers, which Docker starts again by itself."""
+    """Programs as containers, which Docker restarts."""
 
     def __init__(self, project: Project) -> None:
         self.members = {}
@@ -53,7 +53,7 @@ class Containers(Fleet):
         return int(self._inspected(name, "{{.RestartCount}}"))
 
     def health(self, name: str) -> str:
-        """What the health check has said last, while the container runs."""
+        """Last output of the health check, while the container runs."""
         running, health = self._inspected(
             name, "{{.State.Running}} {{.State.Health.Status}}"
         ).split()
@@ -140,7 +140,7 @@ def reached(project: Project, rig: RigFile, folder: Path) -> Generator[Container
 
 
 def until_seen_again(rig: RunningRig, timeout_s: float = 30.0) -> float:
-    """Seconds until the supervisor hears every program of the loop again."""
+    """Seconds until the supervisor receives messages of every program of the loop again."""
     begun = monotonic()
     said: list[str] = []
     while monotonic() < begun + timeout_s:

@@ -105,7 +105,7 @@ def declared(session: zenoh.Session, kind: str, place: str = EVERYTHING) -> Gene
 def outsider(
     mode: str, *places: str, stamps: bool = False, listen: str = ""
 ) -> Generator[zenoh.Session]:
-    """Open a session of another tool: explicit links, otherwise what Zenoh does by itself."""
+    """Open a session of another tool: explicit links, otherwise Zenoh's defaults."""
     ends = SessionConfig(mode, (listen,) if listen else (), places)
     tree = settings(ends, "outsider") | {"timestamping": {"enabled": stamps}}
     with zenoh.open(zenoh.Config.from_json5(json.dumps(tree))) as session:

@@ -86,7 +86,7 @@ def write(end: threading.Event, folder: Path) -> None:
 
 
 class Forger:
-    """Commands as a stranger makes them, from those that it hears."""
+    """Commands of an unauthorised sender, made from those that it receives."""
 
     def __init__(self, chance: random.Random) -> None:
         self._chance = chance
@@ -100,7 +100,7 @@ class Forger:
         self._heard = payload
 
     def next(self) -> bytes | None:
-        """Make the next payload, of each kind in turn; None before a command was heard."""
+        """Make the next payload, of each kind in turn; None before the first received command."""
         if self._heard is None or self._first is None:
             return None
         kind = KINDS[self.sent.total() % len(KINDS)]

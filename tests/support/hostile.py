@@ -126,7 +126,7 @@ async def deep(target: Target) -> str:
 
 
 async def invented_names(target: Target) -> str:
-    """Sign in with a name that nobody has."""
+    """Sign in with an unknown name."""
     words = {"user": f"user{next(target.numbers)}", "password": "wrong password"}
     return await asked(target, target.with_body("/session", json.dumps(words).encode()))
 

@@ -36,7 +36,7 @@ MODULE_S = WATCHDOG_S + TICK_S + IDLE_S
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """What befalls which program, and whether a part is held then."""
+    """Fault of a program, and whether a part is held at that time."""
 
     kind: str
     """``killed``, ``stopped``, or one of ``CUTS``."""
@@ -142,7 +142,7 @@ def _reacted(
 def _left_to_the_module(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, fault: Fault, struck_s: float
 ) -> Injected:
-    """The actuator itself has died: nobody reacts but the module's own watchdog, by one step."""
+    """The actuator itself has died: only the module's own watchdog reacts, by one step."""
     safe_at = _safe(rig, seen, struck_s)
     stood_s = stalls.between(struck_s, safe_at)
     return Injected(

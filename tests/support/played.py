@@ -34,7 +34,7 @@ class Played:
 
 @contextmanager
 def played_rig() -> Generator[Played]:
-    """A router, and a grip behind it that begins anew, in an epoch of its own, when it ends."""
+    """A router, and behind it a grip that starts again, in a new epoch, when it ends."""
     port = free_ports(1)
     end, up, told = threading.Event(), threading.Event(), threading.Event()
 

@@ -15,7 +15,7 @@ JSON_HEADERS: Headers = ((b"content-type", b"application/json"),)
 
 @dataclass(frozen=True)
 class Answer:
-    """What the application said."""
+    """Response of the application."""
 
     status: int
     headers: Mapping[str, str]

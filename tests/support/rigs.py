@@ -57,7 +57,7 @@ def output_step_V(rig: RigFile) -> float:
 
 
 def at_own_ports(rig: RigFile, changes: Tree | None = None) -> RigFile:
-    """A rig on ports that nobody uses, with changes."""
+    """A rig on free ports, with changes."""
     port = free_ports(10)
     own: Tree = {"bus": {"port": port}, "supervisor": {"port": port + 7}}
     tree = rig.model_dump(mode="json", exclude_unset=True)

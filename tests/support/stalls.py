@@ -149,7 +149,7 @@ class Usage:
 
 
 def usage() -> Usage:
-    """Processor time until now; nothing where the system does not tell."""
+    """Processor time until now; None if the system does not report it."""
     try:
         words = Path("/proc/stat").read_text(encoding="ascii").split("\n", 1)[0].split()
     except OSError:
@@ -186,7 +186,7 @@ class _Queue:
             os.close(self._file)
 
     def waited_s(self) -> float:
-        """Seconds since it began; where nobody counts, all the time that there is."""
+        """Seconds since it began; without a counter, all the time that there is."""
         if self._file is None:
             return monotonic()
         return 1e-9 * int(os.pread(self._file, 100, 0).split()[1])

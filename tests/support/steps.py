@@ -32,7 +32,7 @@ class Steps:
         self.guard_s = GUARD_S
         """Longest time by the clock on the wall that a job's thread may compute."""
         self.killed = self.free = False
-        """Free: nobody rests any more, and time passes by itself."""
+        """Free: no thread waits any more, and time passes."""
         self.threads: set[threading.Thread] = set()
         self._turn = threading.Condition()
         self._resting: set[int] = set()

@@ -48,7 +48,7 @@ class Treated:
     off: dict[str, float] = field(default_factory=dict)
     """Of each proposal that was accepted."""
     part_left: str = ""
-    """What was said of the part that was left in place."""
+    """Messages about the part that was left in place."""
     proposed: bool = False
     """Whether something was proposed all the same."""
 

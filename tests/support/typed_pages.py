@@ -68,7 +68,7 @@ class Reader:
         self._await(self._stack, words, says)
 
     def watch(self, words: list[str], says: str) -> None:
-        """Start what is ended with Ctrl-C once it has said something."""
+        """Start a command that is ended with Ctrl-C once it has printed something."""
         with ExitStack() as stack:
             self._await(stack, words, says)
 
@@ -79,7 +79,7 @@ class Reader:
         await_text(log, says, process, UP_S)
 
     def type(self, block: Block, typed: Typed) -> None:
-        """Type a block, and look at its end and at what it said."""
+        """Type a block, and check its exit status and its output."""
         text = script(block, self._folder)
         if typed.stays or typed.until:
             begin = self.stay if typed.stays else self.watch

@@ -19,7 +19,7 @@ class VirtualLoop(Engine):
 
     @property
     def newest(self) -> Applied:
-        """What the actuator said last."""
+        """Last message of the actuator."""
         return self.applied[-1][1]
 
     def call_at(self, at_s: float, deed: Callable[[Self], None]) -> None:

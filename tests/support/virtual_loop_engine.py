@@ -57,7 +57,7 @@ class Engine:
         self.told: list[Told] | None = []
         """What was published, with when; None: it is not kept."""
         self.applied: list[tuple[float, Applied]] = []
-        """What the actuator said, with when."""
+        """Messages of the actuator with their times."""
         self.put_out: list[tuple[float, float]] = []
         """When which voltage reached the plant."""
         self.links: list[LinkFault] = []

@@ -1,4 +1,4 @@
-"""What may befall a message on its way from one program to another, as data."""
+"""Faults of a message between two programs, as data."""
 
 import random
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ class LinkFault:
     value: Any = None
 
     def hits(self, link: Link, now_s: float, chance: random.Random) -> bool:
-        """Whether it befalls a message that is sent now."""
+        """True if the fault affects a message that is sent now."""
         return (
             self.source in ("*", link[0])
             and self.to in ("*", link[1])

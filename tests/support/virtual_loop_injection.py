@@ -64,7 +64,7 @@ class Reaction:
     held: bool
     phase: float
     reaction_s: float
-    """Until the freeze, or the first voltage of the ramp, was told."""
+    """Time until the freeze, or the first voltage of the ramp, was published."""
     safe_s: float
     """Until the safe voltage was put out; with a part held, after the freeze."""
     ringing_um: float

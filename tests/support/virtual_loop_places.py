@@ -69,12 +69,12 @@ class Place:
 
     state: str
     held: bool
-    """Whether the actuator has been told that a part is held."""
+    """True if the actuator knows that a part is held."""
     loop: VirtualLoop
 
 
 def near_rig(period_s: float = T) -> RigFile:
-    """That rig, in real time and on the ports of its file, which nobody opens."""
+    """That rig, in real time and on the ports of its file, which are not opened."""
     demo = tomllib.loads(DEMO.read_text(encoding="utf-8"))
     if period_s == T:
         return parse_rig(laid_over(demo, NEAR))
@@ -112,7 +112,7 @@ def _quicker(segment: Segment) -> Segment:
 
 
 def view_of(loop: VirtualLoop) -> Telemetry | None:
-    """What the controller said last."""
+    """Last message of the controller."""
     for _, message in reversed(loop.told or []):
         if isinstance(message, Telemetry):
             return message

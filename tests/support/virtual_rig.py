@@ -41,7 +41,7 @@ from pincette_recorder.wall_clock import WallClock
 from tests.support.bytes_bus import BytesBus, carried
 
 LATE_S = 0.1
-"""Step in which the recorder's time goes on while somebody waits for its answer."""
+"""Step of the recorder's time while a caller waits for its answer."""
 WAITS = 100
 
 

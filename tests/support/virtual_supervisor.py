@@ -29,7 +29,7 @@ class Notes:
 
 
 class VirtualBus:
-    """The bus of a supervisor: it asks the programs of a virtual loop, and hears them."""
+    """The bus of a supervisor: requests to the programs of a virtual loop, and their samples."""
 
     def __init__(self, loop: VirtualLoop) -> None:
         self._loop = loop
@@ -56,7 +56,7 @@ class VirtualBus:
         return reply
 
     def hear(self) -> None:
-        """Hear what actuator and sensor have said last."""
+        """Receive the newest messages of actuator and sensor."""
         newest = {
             type(said): said
             for _, said in self._loop.told or ()

@@ -1,4 +1,4 @@
-"""An outsider who hears what a rig publishes and notes when it came."""
+"""A subscriber that receives what a rig publishes and notes the time of arrival."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""From a rig that nobody has calibrated to a grip, by `pincette bring-up` alone."""
+"""From an uncalibrated rig to a grip, by `pincette bring-up` alone."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Several services in one process, in real time: nobody outside sees a difference."""
+"""Several services in one process, in real time: other programs see no difference."""
 
 from collections.abc import Generator
 

@@ -23,7 +23,7 @@ FILES, THREADS = 6.0, 3.0
 
 @pytest.fixture(scope="module", autouse=True)
 def permitted() -> None:
-    """Skip where this machine lets nobody make a network."""
+    """Skip if this account may not create a network."""
     if why := objection():
         pytest.skip(why)
 

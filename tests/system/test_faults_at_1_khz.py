@@ -18,7 +18,7 @@ from tests.support.rigs import Tree
 from tests.support.virtual_loop_injection import REACTION_PERIODS
 
 pytestmark = [pytest.mark.usefixtures("stalls"), pytest.mark.slow]
-"""A machine that is stopped for 2 ms now and then trips such a loop by itself: for `make soak`."""
+"""A machine that stalls for 2 ms now and then trips such a loop: for `make soak`."""
 
 PERIOD_S, LASTS_S, SETTLED_S, WAIT_S = 0.001, 60.0, 0.1, 2.0
 COMPUTING = "estimator+controller"

@@ -159,7 +159,7 @@ def test_the_module_becomes_safe_by_its_watchdog_if_the_actuator_dies(
 
 
 def await_safe_output(seen: Witness, since_s: float) -> float:
-    """Seconds until the instrument puts out its safe value, which nobody has told it to."""
+    """Seconds until the instrument applies its safe value on its own."""
     at_s, truth = seen.until(
         GroundTruth, lambda truth: truth.arms[0].voltage_V == 0.0, since_s + 0.2
     )

@@ -51,7 +51,7 @@ class Account:
     ages_s: list[float] = field(default_factory=list[float])
 
     def take(self, seen: Witness, stalls: StallRecorder, since_s: float, period_s: float) -> None:
-        """Look at everything that a witness has heard since then."""
+        """Check all messages that a witness has received since then."""
         self._samples(seen, stalls, since_s, period_s)
         self.tripped = False
         for at, echo in seen.since(Applied, since_s):
@@ -88,14 +88,14 @@ class Account:
 
 @pytest.fixture(scope="module")
 def stood() -> Generator[StallRecorder]:
-    """What excuses a tick, each by itself; so the test as a whole is never rerun."""
+    """Excuses of single ticks; so the test as a whole is never rerun."""
     with StallRecorder() as recorder:
         yield recorder
 
 
 @pytest.mark.parametrize("name", ["supervisor", "recorder"])
 def test_the_supervisor_is_no_later_than_other_programs(rig: RunningRig, name: str) -> None:
-    """At niceness 10 on a busy machine a grip's end was told up to a minute late."""
+    """At niceness 10 on a busy machine the end of a grip was published up to a minute late."""
     program = rig.fleet.members[name].process.pid
     own = os.getpriority(os.PRIO_PROCESS, os.getpid())
     assert os.getpriority(os.PRIO_PROCESS, program) == own

@@ -20,7 +20,7 @@ FEW, MANY = 2, 20
 
 @pytest.fixture(scope="module", autouse=True)
 def permitted() -> None:
-    """Skip where this machine lets nobody make a network."""
+    """Skip if this account may not create a network."""
     if why := objection():
         pytest.skip(why)
 

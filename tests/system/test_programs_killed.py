@@ -38,7 +38,7 @@ def missed(rig: RunningRig) -> dict[str, int]:
 
 
 def await_answers(rig: RunningRig) -> None:
-    """Wait until the supervisor has asked all programs anew, which it does twice a second."""
+    """Wait until the supervisor has queried all programs again, which it does twice a second."""
     begun = monotonic()
     while any("no program answers" in reason for reason in rig.view()["reasons"]):
         assert monotonic() - begun < ANSWERS_S

@@ -21,7 +21,7 @@ FORCES_MN = ((25.0, 15.0), (5.0, 20.0))
 
 
 def held(rig: RunningRig, force_mN: float) -> tuple[float, float]:
-    """Grip once; the error of the force that is told of the hold, and its uncertainty."""
+    """Grip once; return the error of the stated force of the hold, and its uncertainty."""
     job = rig.ended(rig.start_grip(force_mN=force_mN, hold_s=1.0))
     assert job["state"] == "succeeded", job["cause"]
     result: Json = job["result"]

@@ -43,7 +43,7 @@ def ready(rig: RunningRig) -> None:
 
 
 def asks_a_person(rig: RunningRig, seen: Witness) -> None:
-    """A job is refused until somebody resets the rig, and then runs."""
+    """A job is refused until a person resets the rig, and then runs."""
     assert refused(rig)["type"].endswith("rig-latched")
     reset(rig)
     make_ready(rig, READY_S)

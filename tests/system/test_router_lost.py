@@ -71,7 +71,7 @@ def beside_the_router(rig: RunningRig) -> Generator[Direct]:
 
 
 def seen_again(rig: RunningRig, timeout_s: float) -> float:
-    """Seconds until the supervisor hears every program of the loop again."""
+    """Seconds until the supervisor receives messages of every program of the loop again."""
     begun = monotonic()
     while monotonic() < begun + timeout_s:
         programs = rig.view()["programs"]
@@ -113,7 +113,7 @@ def test_the_loop_continues_without_a_router_and_all_programs_reconnect_within_f
 def test_without_a_router_the_free_arm_comes_to_rest_and_stays_there(
     rig: RunningRig, seen: Witness, figures: list[str]
 ) -> None:
-    """The lease ends the motion; when the router is back nothing goes on by itself."""
+    """The lease ends the motion; when the router is back nothing continues automatically."""
     job = approach(rig, seen)
     with beside_the_router(rig) as direct:
         killed_s, back_s = away(rig, LONG_S)

@@ -40,12 +40,12 @@ LETTING_GO = ("unload", "retreat")
 
 @dataclass
 class Told:
-    """What a client was told, job by job."""
+    """Answers to a client, job by job."""
 
     rig_url: str
     finals: dict[str, Json] = field(default_factory=dict[str, Json])
     keys: dict[str, set[str]] = field(default_factory=dict[str, set[str]])
-    """Jobs that a key has led to."""
+    """Jobs that a key has created."""
     refusals: Counter[str] = field(default_factory=Counter[str])
     trouble: list[str] = field(default_factory=list[str])
     bare: list[str] = field(default_factory=list[str])
@@ -211,7 +211,7 @@ def compared(rig: RunningRig, told: Told) -> int:
 
 
 class Arm:
-    """What was heard of the arm: no more of it is kept than is needed."""
+    """Messages about the arm: only the needed ones are kept."""
 
     def __init__(self) -> None:
         self.played: set[int] = set()

@@ -24,7 +24,7 @@ TRIPPED = ("frozen", "ramping", "latched")
 
 @pytest.fixture(scope="module")
 def mute(tmp_path_factory: pytest.TempPathFactory) -> Generator[Path]:
-    """While this file exists, the supervisor does not hear itself."""
+    """While this file exists, the supervisor does not receive its own messages."""
     place = tmp_path_factory.mktemp("mute") / "mute"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PINCETTE_TEST_UNHEARD", str(place))

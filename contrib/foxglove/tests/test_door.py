@@ -1,4 +1,4 @@
-"""Which page may connect to the server of viewers, asked with a client that sends bytes as told."""
+"""Which pages may connect to the server of viewers, tested with a client that sends given bytes."""
 
 import socket
 import ssl

@@ -48,7 +48,7 @@ def served(rig: RunningRig, settings: Path, **environment: str) -> Generator[str
 
 
 def answered(url: str, key: str = "") -> int | None:
-    """Status of a request with a key; None where nobody answers."""
+    """Status of a request with a key; None without an answer."""
     try:
         given = {"Authorization": f"Bearer {key}"} if key else {}
         return httpx.post(url, json={}, headers=given, trust_env=False).status_code

@@ -19,7 +19,7 @@ LIMITS = {"min_val": -10.0, "max_val": 10.0}
 
 
 class Caller:
-    """Calls a device, and tells a message from a refusal."""
+    """Call a device, and distinguish a message from a refusal."""
 
     def __init__(self, x_um: float = 12.5, *, lockstep: bool = True) -> None:
         self.rig = HandRig(lambda: x_um)

@@ -1,4 +1,4 @@
-"""The stock clients of SiLA 2 drive a rig, in lockstep, through what befalls a laboratory."""
+"""The stock clients of SiLA 2 drive a rig in lockstep, also through faults of a laboratory."""
 
 import signal
 from concurrent.futures import ThreadPoolExecutor

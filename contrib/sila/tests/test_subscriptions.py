@@ -1,4 +1,4 @@
-"""Values reach every subscriber, whoever subscribes or leaves meanwhile."""
+"""Values reach every subscriber while others subscribe or leave."""
 
 from collections.abc import Callable
 from queue import Queue

@@ -12,7 +12,7 @@ from pincette_study.rigs import Draw
 
 PERCENTS = (0.4, 0.9, 0.5)
 SHARE = {"": 1.0, "dry_run": 0.5, "learned": 0.25}
-"""Of the error of a trial that was prepared otherwise, so that nothing is mixed up."""
+"""Share of the error by preparation of a trial; all differ, so that a mix-up shows."""
 
 
 def draw(seed: int) -> Draw:

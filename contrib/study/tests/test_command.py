@@ -1,4 +1,4 @@
-"""The command that repeats the paper: what it refuses, and what it tells."""
+"""The command that repeats the paper: its refusals and its output."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""Random pairs of arms, each taught by itself, driven by the services: one of each class."""
+"""Random pairs of arms, each arm calibrated alone, driven by the services: one of each class."""
 
 from pathlib import Path
 

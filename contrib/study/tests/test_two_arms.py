@@ -65,7 +65,7 @@ def test_a_part_off_centre_is_held_without_being_moved(pair: TaughtPair, off_um:
 
 
 def test_a_loose_part_is_pushed_by_the_first_arm(pair: TaughtPair) -> None:
-    """No force tells of the touch: the search goes on until the arm has pushed the part away."""
+    """No force shows the touch: the search continues until the arm has pushed the part away."""
     with pytest.raises(StudyError, match="nothing was touched"):
         centre(pair, 0.0, slip_mN=0.0)
 

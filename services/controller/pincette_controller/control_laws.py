@@ -73,7 +73,7 @@ class Handover(FrozenRecord, frozen=True):
     """References of the newest sample; where the references start again, those of the coming one.
     """
     pressed: bool
-    anew: bool
+    restarted: bool
     """True where the references start again in this tick, so that the law must be rebased."""
     before: "ControlLaw"
     """Law that drove the arms up to the newest sample."""
@@ -187,7 +187,7 @@ class TwoArmsLaw:
 
         The step handles force and opening.
         """
-        return self.start(arms) if handover.anew else state
+        return self.start(arms) if handover.restarted else state
 
     def step(
         self, state: TwoArmState, arms: tuple[ArmView, ...], setpoint: Setpoint

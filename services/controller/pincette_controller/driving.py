@@ -67,7 +67,7 @@ def drive(
         state = law_before.start(arms)
         if before.segment.presses:
             # The force of a part that is held already does not arrive as a step.
-            taken = Handover(before.ref, pressed=True, anew=True, before=law_before)
+            taken = Handover(before.ref, pressed=True, restarted=True, before=law_before)
             state = law_before.rebase(state, arms, taken)
     handover = _handover(before, player, law_before)
     if handover is not None:

@@ -1,11 +1,11 @@
 """Reaction of the controller to a step of the position that the voltage does not explain.
 
 The first sample that shows the step freezes the voltage. The next one confirms it, or the program
-goes on. The meaning of a confirmed step depends on its direction and on the references:
+continues. The meaning of a confirmed step depends on its direction and on the references:
 
     backwards                   ``sensor_jump``: no slip moves the arm back
     forwards, references move   ``slipped``: the part has given way; the line starts again there
-    forwards, references rest   ``position_step``: slip or sensor, which nothing can tell apart here
+    forwards, references rest   ``position_step``: slip or sensor, not distinguishable here
 
 After a slip in a load the program may load again, as often as it allows. A held part whose force is
 in doubt is never dropped for that: the voltage stays frozen until the hold ends.

@@ -103,9 +103,9 @@ def past_creep_um(config: ArmConfig, response: FreeResponse) -> float:
 def uncorrected_um(state: ArmState) -> float:
     """Return the standard uncertainty of x_1, in µm, from a change of the stroke below its limit.
 
-    It was measured over the last conditioned way, with the standard uncertainty that its limit is
-    ``SIGMAS`` times of, and not corrected, since noise may have caused it. The error is then
-    anything from none to both together, over the way since the zero.
+    The change was measured over the last conditioned motion. Its standard uncertainty is its limit
+    divided by ``SIGMAS``. It is not corrected, since noise may have caused it, so the error is
+    between 0 and the sum of both, in proportion to the motion since the zero.
     """
     stroke, response = state.stroke, state.response
     if stroke is None or not stroke.rested or not isinstance(response, IdentifiedResponse):
@@ -118,8 +118,8 @@ def uncorrected_um(state: ArmState) -> float:
 def stroke_uncertainty_mN(response: FreeResponse, F_mN: float) -> float:
     """Return the standard uncertainty, in mN, from a changed stroke: |g|·F/√3.
 
-    The free response is corrected for it. Where the sensor was the cause, the force is still off by
-    g·F, and position and voltage do not tell sensor and actuator apart.
+    The free response is corrected for it. If the sensor was the cause, the force still has an
+    error of g·F; position and voltage do not distinguish a changed sensor from a changed actuator.
     """
     if not isinstance(response, IdentifiedResponse) or response.factor == 1.0:
         return 0.0

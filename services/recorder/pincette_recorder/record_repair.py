@@ -30,7 +30,7 @@ def unclosed(records: Path) -> Iterator[Path]:
             yield path.parent
 
 
-def mend(folder: Path, why: str) -> dict[str, str]:
+def finish_record(folder: Path, why: str) -> dict[str, str]:
     """Close a record that broke off, with tables and manifest; returns its end; raises OSError."""
     path, manifest = folder / NAME, files.read_manifest(folder)
     for name in OWN:  # drafts of a recorder that was killed

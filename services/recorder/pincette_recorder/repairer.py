@@ -122,7 +122,7 @@ class RecordRepairer:
 
     def _close_record(self, folder: Path) -> None:
         if not mcap_reading.is_closed(folder / NAME):
-            record_repair.mend(folder, record_repair.KILLED)
+            record_repair.finish_record(folder, record_repair.KILLED)
             self.repaired += 1
 
     def _repair(self, folder: Path) -> None:

@@ -53,7 +53,7 @@ def ended(records: Path) -> list[Kept]:
     found: list[tuple[float, Kept]] = []
     for manifest in records.glob(f"*/{files.MANIFEST}"):
         folder = manifest.parent
-        if folder.is_symlink() or folder.name.startswith(files.DOOMED):
+        if folder.is_symlink() or folder.name.startswith(files.DELETED_PREFIX):
             continue
         if (folder / files.PINNED).exists():
             continue
@@ -70,5 +70,5 @@ def delete(records: Path, name: str) -> None:
 
 def sweep(records: Path) -> None:
     """Continue deletions that an earlier run began; raises OSError."""
-    for grave in records.glob(f"{files.DOOMED}*"):
+    for grave in records.glob(f"{files.DELETED_PREFIX}*"):
         shutil.rmtree(grave)

@@ -77,17 +77,17 @@ class Joined:
 
         Raises BusError without any port.
         """
-        keeper = self.guard or self._sweeper
-        if keeper is None:
+        watcher = self.guard or self._sweeper
+        if watcher is None:
             raise BusError("a session that does not listen cannot refuse connections")
-        return keeper.refused
+        return watcher.refused
 
     def _note(self, event: "zenoh.LinkEvent") -> None:
         """Log that a link has come up or gone down."""
         link, now_s = event.link, monotonic()
         end = str(link.dst).partition("/")[2]
-        led_in = self.guard and self.guard.link_of(end)
-        peer = f"{link.auth_identifier or 'a program'} at {led_in.origin if led_in else end}"
+        accepted = self.guard and self.guard.link_of(end)
+        peer = f"{link.auth_identifier or 'a program'} at {accepted.origin if accepted else end}"
         if event.kind == zenoh.SampleKind.PUT:
             self._up[end] = now_s, peer
             inodes = self._sockets.add(str(link.src), str(link.dst))
@@ -96,7 +96,7 @@ class Joined:
             log.info("link up: %s", peer)
             return
         self._sockets.remove(str(link.dst))
-        why = (led_in.why if led_in else "") or "its lease is over, or it was ended"
+        why = (accepted.why if accepted else "") or "its lease is over, or it was ended"
         self._note_down(*self._up.pop(end, (now_s, peer)), why)
 
     def _note_down(self, since_s: float, peer: str, why: str) -> None:

@@ -40,7 +40,7 @@ from pincette.core.topics import (
 
 M = TypeVar("M", bound=Message)
 T = TypeVar("T")
-Way = Callable[["zenoh.Session"], Any]
+Declaration = Callable[["zenoh.Session"], Any]
 """Function that declares something at a session; its result is kept."""
 log = logging.getLogger("pincette")
 UNANSWERED_S = 3.0
@@ -77,7 +77,7 @@ class ZenohBus:
         self._publishers: dict[tuple[type[Message], str], _Publisher] = {}
         """Publishers by type of message, and by service if each service has a separate key."""
         self._declaring = threading.RLock()
-        self._ways: list[Way] = []
+        self._declarations: list[Declaration] = []
         self._declared: list[Any] = []
         self._unanswered_s: dict[tuple[str, str], float] = {}
         """Time at which the first unanswered request was sent to each program, by rig and name."""
@@ -89,11 +89,11 @@ class ZenohBus:
         """Hold a liveliness token while this program runs; no safety function depends on it."""
         self._declare(lambda one: one.liveliness().declare_token(live_key(self._rig, program)))
 
-    def _declare(self, way: Way) -> None:
+    def _declare(self, declaration: Declaration) -> None:
         """Declare something at the session, and again whenever the session is opened again."""
         with self._declaring:
-            self._ways.append(way)
-            self._declared.append(way(self._session))
+            self._declarations.append(declaration)
+            self._declared.append(declaration(self._session))
 
     def _asked(self, ask: Callable[["zenoh.Session"], T]) -> T:
         """Return the result of ``ask``, with the new session if another thread just replaced it."""
@@ -168,7 +168,7 @@ class ZenohBus:
         self._watch("*", sink)
 
     def _watch(self, rig: str, sink: Callable[[str, str, bool], None]) -> None:
-        def way(session: zenoh.Session) -> Any:
+        def declaration(session: zenoh.Session) -> Any:
             def deliver(sample: zenoh.Sample) -> None:
                 found = alive_of(str(sample.key_expr))
                 if found is not None and session is self._session:
@@ -177,7 +177,7 @@ class ZenohBus:
             declare = session.liveliness().declare_subscriber
             return self._delivered(partial(declare, live_key(rig, "*"), history=True), deliver)
 
-        self._declare(way)
+        self._declare(declaration)
 
     def _delivered(self, declare: Callable[[Any], Any], sink: Callable[[Any], None]) -> Any:
         """Declare a subscriber or a queryable, and pass its deliveries on to ``sink``.
@@ -240,7 +240,7 @@ class ZenohBus:
         place, producer = key(self._rig, topic), producer_of(topic)
         limit = None if topic.rate_hz is None else RateLimit(topic.rate_hz)
 
-        def way(session: zenoh.Session) -> Any:
+        def declaration(session: zenoh.Session) -> Any:
             def deliver(sample: zenoh.Sample) -> None:
                 if session is not self._session:
                     return
@@ -261,7 +261,7 @@ class ZenohBus:
             declare = session.declare_subscriber
             return self._delivered(partial(declare, place), deliver)
 
-        self._declare(way)
+        self._declare(declaration)
 
     def serve(self, question: Request, answerer: RequestHandler) -> None:
         """Serve a request; see Bus."""
@@ -282,11 +282,11 @@ class ZenohBus:
                 return
             answerer(question, request, reply)
 
-        def way(session: zenoh.Session) -> Any:
+        def declaration(session: zenoh.Session) -> Any:
             declare = session.declare_queryable
             return self._delivered(partial(declare, place), deliver)
 
-        self._declare(way)
+        self._declare(declaration)
 
     def call(
         self,
@@ -314,10 +314,10 @@ class ZenohBus:
         if trouble:
             raise BusError(f"{rig}: {place}: {trouble}")
         self._unanswered(rig, program, asked_s)
-        nobody = f"{rig}: no program answers {place}: "
+        absent = f"{rig}: no program answers {place}: "
         if self._is_absent(query, rig, program, at):
-            raise AbsentError(f"{nobody}there is a liveliness token but no program")
-        raise BusError(f"{nobody}{self._why(query, rig, program, timeout_s)}")
+            raise AbsentError(f"{absent}there is a liveliness token but no program")
+        raise BusError(f"{absent}{self._why(query, rig, program, timeout_s)}")
 
     def _is_absent(self, query: Query, rig: str, program: str, place: str) -> bool:
         """Return whether a token names a program, and no queryable is declared that takes requests.
@@ -369,7 +369,7 @@ class ZenohBus:
                 return
             log.warning("%s is alive but does not answer: the session is opened again", program)
             before, self._joined, self._session = self._joined, joined, joined.session
-            self._declared = [way(self._session) for way in self._ways]
+            self._declared = [declaration(self._session) for declaration in self._declarations]
         before.give_up()
 
     def close(self) -> None:

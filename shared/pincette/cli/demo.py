@@ -86,7 +86,7 @@ def grip_simulated(rig: "RigHandle", console: "Console") -> "Job":
     if rig.state().latch.state in ("latched", "ramping"):
         clear(rig, console)
     job = follow_recorded(rig.start("grip"), console)
-    if not stood_still(job):
+    if not tripped_by_age(job):
         return job
     console.print(f"{job.cause}\nthis rig is simulated: the demo tries again", style="yellow")
     clear(rig, console)
@@ -99,7 +99,7 @@ def clear(rig: "RigHandle", console: "Console") -> None:
     console.print(f"this rig is simulated: its latch is cleared ({cause})", style="yellow")
 
 
-def stood_still(job: "Job") -> bool:
+def tripped_by_age(job: "Job") -> bool:
     """Return True if only a late command has tripped the actuator."""
     ending = job.ending
     return (

@@ -247,7 +247,7 @@ def planned_rig(
         Present position of the arm, in µm; None: at rest. It counts as unknown if the sensor cannot
         measure it.
     condition_V
-        Lowest voltage of the strokes with which a plan begins, in V; None: it begins without any.
+        Lowest voltage of the strokes with which a plan begins, in V; None: without strokes.
     rest_um
         Reading of the arm at rest at 0 V, in µm; None: not known.
     """

@@ -79,7 +79,7 @@ class Change(NamedTuple):
     why: str
 
     def words(self) -> str:
-        """Return the change for people."""
+        """Return the proposed change as text."""
         return f"{self.key} = {self.value} ({self.why})"
 
 

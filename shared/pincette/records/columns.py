@@ -201,7 +201,7 @@ def columns(messages: Iterable[Message], period_s: float) -> dict[str, list[Any]
             found.setdefault(type(message), {})[message.seq] = message
             if isinstance(message, Applied):
                 applied[message.seq] = message
-    found[GroundTruth] = dict(number_truths(truths, applied))
+    found[GroundTruth] = dict(truths_by_tick(truths, applied))
     over = last_seq(applied.values())
     numbers = sorted(
         {
@@ -274,7 +274,7 @@ def missed(table: Columns) -> int:
     return numbers[-1] - numbers[0] + 1 - len(numbers) if numbers else 0
 
 
-def number_truths(
+def truths_by_tick(
     truths: Sequence[GroundTruth], applied: Mapping[int, Applied]
 ) -> dict[int, GroundTruth]:
     """Return true states by the number of their sample; the first belongs to the first tick."""

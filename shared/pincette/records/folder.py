@@ -31,7 +31,7 @@ PINNED = ".pinned"
 """Name of the file that marks a record to be kept, whatever its age."""
 CLOCK_AGREED = ".clock-agreed"
 """Name of the file by which a person confirms the time of day after it has stepped."""
-DOOMED = ".deleted-"
+DELETED_PREFIX = ".deleted-"
 """Start of a folder's name while it is being deleted."""
 PICTURES = {".png": "image/png", ".svg": "image/svg+xml", ".pdf": "application/pdf"}
 MEDIA_TYPES = {
@@ -156,7 +156,7 @@ def agree_to_clock(records: Path) -> None:
 
 def delete(records: Path, name: str) -> None:
     """Rename a record, so that it is no longer found, and delete it. Raises OSError."""
-    grave = records / f"{DOOMED}{name}"
+    grave = records / f"{DELETED_PREFIX}{name}"
     (records / name).rename(grave)
     sync_folder(records)
     shutil.rmtree(grave)
@@ -232,7 +232,9 @@ def listed(folder: Path) -> list[dict[str, Any]]:
 def newest(records: Path, count: int) -> list[Path]:
     """Return the folders of the most recently written records; raises OSError."""
     found = {path.parent for name in (LIVE, MANIFEST) for path in records.glob(f"*/{name}")}
-    kept = [one for one in found if not one.is_symlink() and not one.name.startswith(DOOMED)]
+    kept = [
+        one for one in found if not one.is_symlink() and not one.name.startswith(DELETED_PREFIX)
+    ]
     return sorted(kept, key=lambda folder: folder.stat().st_mtime)[-count:]
 
 

@@ -65,16 +65,16 @@ def beyond_rig(known: Iterable[Identity], rig: str, *, apart: bool) -> tuple[Ide
 
 def _of_router(own: Rights) -> tuple[Rule, ...]:
     return (
-        _in(("put",), own.tells),
-        _in(ANSWERS, own.tells + own.answers),
+        _in(("put",), own.publishes),
+        _in(ANSWERS, own.publishes + own.answers),
         _in(("declare_subscriber",), own.hears),
         _in(("query",), own.hears + own.asks),
         _in(("liveliness_token",), own.lives),
         _in(LOOKS, own.sees),
         _out(("put",), own.hears),
         _out(ANSWERS, own.hears + own.asks),
-        _out(("declare_subscriber",), EVERY_TOPIC if own.tells else ()),
-        _out(("query",), own.answers + (EVERY_TOPIC if own.tells else ())),
+        _out(("declare_subscriber",), EVERY_TOPIC if own.publishes else ()),
+        _out(("query",), own.answers + (EVERY_TOPIC if own.publishes else ())),
         _out(("liveliness_token",), own.sees),
         _out(LOOKS, (EVERY_TOKEN,) if own.lives else ()),
     )
@@ -106,8 +106,8 @@ def _from_router(own: Rights) -> tuple[Rule, ...]:
         _in(("query",), (*EVERY_TOPIC, *own.answers)),
         _in(("liveliness_token",), own.sees),
         _in(LOOKS, (EVERY_TOKEN,)),
-        _out(("put",), own.tells),
-        _out(ANSWERS, own.tells + own.answers),
+        _out(("put",), own.publishes),
+        _out(ANSWERS, own.publishes + own.answers),
         _out(("liveliness_token",), own.lives),
         _out(LOOKS, own.sees),
     )

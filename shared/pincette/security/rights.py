@@ -43,7 +43,7 @@ EVERY_TOKEN = live_key_of_any_wire(ANY)
 class Rights:
     """Key expressions that one identity may use, by the kind of use."""
 
-    tells: tuple[str, ...] = ()
+    publishes: tuple[str, ...] = ()
     """Keys that the identity publishes, and whose newest message it returns."""
     answers: tuple[str, ...] = ()
     asks: tuple[str, ...] = ()
@@ -64,7 +64,7 @@ def rights(identity: Identity) -> Rights:
         return Rights()
     published, roles = topic_keys(rig), member_services(role) or (role,)
     return Rights(
-        tells=tuple(
+        publishes=tuple(
             place
             for topic in TOPICS
             for producer, place in keys_of(rig, topic).items()

@@ -38,7 +38,7 @@ def timed() -> Mapping[str, float]:
 
 
 def main() -> int:
-    """Measure or read, compare, tell."""
+    """Measure or read figures, compare them, and report the result."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench.check", description=__doc__)
     parser.add_argument("--short", action="store_true", help="leave out what was timed")
     given = parser.parse_args()

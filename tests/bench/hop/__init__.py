@@ -1,1 +1,1 @@
-"""What a tick costs each service by itself, without bus, threads and instruments."""
+"""Cost of a tick for each single service, without bus, threads and instruments."""

@@ -23,7 +23,7 @@ from tests.support.rigs import demo_rig
 
 
 class NullBus:
-    """A bus that brings bytes when it is told to, and takes bytes to nowhere."""
+    """A bus that delivers given bytes on request, and drops what is published."""
 
     def __init__(self) -> None:
         self._sinks: dict[str, Sink] = {}

@@ -1,4 +1,4 @@
-"""What services tell of their punctuality second by second, so that stalls can be left out."""
+"""Published timing of services, second by second, so that stalls can be left out."""
 
 import threading
 from bisect import bisect_right
@@ -39,7 +39,7 @@ class Seconds:
     def __init__(self, rigs: Sequence[Rig]) -> None:
         begin_s = monotonic()
         self._told: dict[Place, tuple[float, int, Counter[int]]] = {}
-        """When a service told the last time, and what."""
+        """Time and content of the last timing message of a service."""
         self._all: list[Second] = []
         self._lock = threading.Lock()
         for rig in rigs:
@@ -51,7 +51,7 @@ class Seconds:
         self.note(rig, cast(Timing, message))
 
     def note(self, rig: str, timing: Timing) -> None:
-        """Take what a service tells."""
+        """Receive a timing message of a service."""
         place = rig, timing.service
         if place not in self._told:
             return

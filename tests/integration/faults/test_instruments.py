@@ -177,7 +177,7 @@ def test_an_output_that_does_not_confirm_trips_at_once_and_is_named(
 
 
 def test_a_tripped_watchdog_of_the_output_is_a_trip_that_is_named() -> None:
-    """The instrument has not heard its host for a second, and says so at the next write."""
+    """The instrument had no message of its host for 1 s, and reports it at the next write."""
     played = play(host_stands_at_s=HOLD * T)
     assert played.trip is not None
     assert (played.trip.seq, played.trip.state) == (HOLD, "frozen")
@@ -224,7 +224,7 @@ def test_a_late_answer_is_not_accepted(target: str, seq: int, state: str) -> Non
 def test_an_instrument_with_old_values_never_presses_too_hard(
     target: str, periods: int, seq: int
 ) -> None:
-    """Nothing tells that a reading is old: no age limit sees it, but the guards bound it."""
+    """An old reading is not detected by any age limit, but the guards bound its effect."""
     played = play(at(seq, target, "delayed", value=periods * T))
     assert max(truth.arms[0].force_mN for truth in played.truths) < FORCE_MAX_MN
     assert played.applied[-1].final

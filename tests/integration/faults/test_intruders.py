@@ -35,7 +35,7 @@ def commands(loop: VirtualLoop) -> list[Command]:
 
 
 def check_obeys(loop: VirtualLoop, owner: int, least_share: float = 0.9) -> None:
-    """It follows one owner, tick by tick, and trips of nobody."""
+    """It follows one owner, tick by tick, and no other sender trips it."""
     asked = {item.seq: item.arms[0].voltage_V for item in commands(loop) if item.owner == owner}
     answered = [echo for echo in echoes(loop) if echo.answered]
     assert {echo.state for echo in echoes(loop)} == {"armed"}

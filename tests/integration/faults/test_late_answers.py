@@ -20,7 +20,7 @@ LARGEST_MN = 8.6
 0.2 mN for readings as old as are accepted."""
 T = 0.02
 IN_TIME_S = {False: 0.8 * T, True: 0.0058}
-"""How long the sensor is waited for: as a program by itself, or in one with all others."""
+"""Time that the loop waits for the sensor: as a separate program, or in one with all others."""
 SEED = 20261127
 
 

@@ -35,7 +35,7 @@ Orders = st.lists(st.tuples(st.integers(0, SAMPLES - 1), st.integers(-3, 3)), ma
 
 
 class Tape:
-    """An output that keeps what it is told."""
+    """An output that stores its commands."""
 
     def __init__(self) -> None:
         self.put_V: list[float] = []
@@ -52,7 +52,7 @@ class Tape:
 
 @cache
 def recorded() -> dict[type[Message], list[Sample]]:
-    """What a loop said in an approach, by topic and in order."""
+    """Messages of a loop in an approach, by topic and in order."""
     loop = begun()
     loop.run(loop.now_s + 1.5 * SAMPLES * T)
     kinds: dict[type[Message], list[Sample]] = {}
@@ -63,7 +63,7 @@ def recorded() -> dict[type[Message], list[Sample]]:
 
 
 def shuffled(orders: Sequence[tuple[int, int]]) -> list[int]:
-    """Numbers 0 to SAMPLES with some said again, and earlier or later than they are due."""
+    """Numbers 0 to SAMPLES, some repeated, and some earlier or later than they are due."""
     seqs = list(range(SAMPLES))
     for seq, by in orders:
         seqs.insert(max(0, min(len(seqs), seq + by)), seq)

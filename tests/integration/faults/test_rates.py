@@ -68,7 +68,7 @@ def test_delayed_commands_are_accepted_up_to_the_age_limit(periods: float) -> No
 
 
 def wall_clock_s(loop: VirtualLoop, at_s: float, step_s: float) -> float:
-    """A clock that somebody sets."""
+    """A clock that a test can set."""
     return 1.7e9 + loop.now_s + (step_s if loop.now_s > at_s else 0.0)
 
 

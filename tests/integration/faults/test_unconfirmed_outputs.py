@@ -44,9 +44,9 @@ class Wired:
     fate: Fate | None = None
     until_s: float = 0.0
     told: bool = False
-    """Whether the host is speaking: else the instrument moves by itself."""
+    """True while the host sends messages; otherwise the instrument moves on its own."""
     moves: list[tuple[float, float, bool]] = field(default_factory=list)
-    """When which voltage stood at the terminals, and whether the host has said so."""
+    """Voltages at the terminals with their times, and whether the host has commanded them."""
     on_open: Callable[[Link], None] | None = None
     lost: bool = False
 
@@ -220,7 +220,7 @@ def check(name: str, fate: Fate, seed: int) -> None:
 
 
 def tells_no_untruth(stage: Stage, said: str) -> None:
-    """What is told as put out is put out, or told as unconfirmed."""
+    """A voltage that is reported as applied is applied, or reported as unconfirmed."""
     echo = stage.echoes[-1][1]
     if echo.state != "armed" and not echo.unconfirmed and stage.wired.fate != "power cycle":
         assert stage.wired.put_V == pytest.approx(echo.arms[0].voltage_V, abs=0.35), (
@@ -247,7 +247,7 @@ def test_an_unconfirmed_output_is_never_stepped_in_many_cases(name: str, fate: F
 
 @pytest.mark.parametrize("name", DRIVERS)
 def test_an_idle_output_that_has_lost_its_voltage_is_not_stepped_by_the_next_job(name: str) -> None:
-    """What it says at the arming counts, not what it was told before."""
+    """The voltage that it reports at the arming counts, not earlier commands."""
     chance = random.Random(21)
     stage = Stage(name)
     stage.ask(Reset(acknowledge=True))

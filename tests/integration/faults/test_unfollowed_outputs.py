@@ -18,7 +18,7 @@ from tests.support.virtual_loop_places import EPOCH, FREEZE_S, T, begun, reach, 
 
 AWAY_S = 2.0
 ELSEWHERE_V = -0.8
-"""Where somebody else has put the output meanwhile."""
+"""Voltage to which another program has set the output meanwhile."""
 LATE_TICKS = 25
 """Of the hold: the force is not on its way any more."""
 

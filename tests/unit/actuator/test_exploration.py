@@ -95,7 +95,7 @@ class Place:
         return self.quarter * QUARTER_S
 
     def key(self) -> Key:
-        """What the rules can tell apart."""
+        """States that the rules distinguish."""
         state = self.state
 
         def age(since_s: float) -> int:

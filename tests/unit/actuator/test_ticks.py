@@ -1,4 +1,4 @@
-"""A tick that nobody commands: answered once, and with an order only where one is due."""
+"""A tick without a command: answered once, and with a voltage only if one is due."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""A watched output hears that its host lives only while the actuator's rules say that it does."""
+"""A monitored output gets heartbeats only while the actuator's rules permit them."""
 
 from pathlib import Path
 

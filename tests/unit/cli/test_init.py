@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[3]
 
 
 class Terminal(StringIO):
-    """A terminal at which somebody types."""
+    """A terminal with typed input."""
 
     def isatty(self) -> bool:
         return True

@@ -1,4 +1,4 @@
-"""Which rig file is meant, and what is said where there is none."""
+"""Choice of the rig file, and the message if there is none."""
 
 from pathlib import Path
 

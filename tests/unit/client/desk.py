@@ -1,4 +1,4 @@
-"""A supervisor of prepared answers, and clients of it that wait for nobody."""
+"""A supervisor with prepared answers, and clients of it that never wait."""
 
 import json
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence

@@ -1,4 +1,4 @@
-"""What the client tells orchestrators: cancelled motions, the state of a rig, its patience."""
+"""Interface for orchestrators: cancelled motions, the state of a rig, patience."""
 
 import asyncio
 from collections.abc import AsyncGenerator

@@ -17,7 +17,7 @@ from tests.support.two_arms import two_arm_rig
 
 
 class Device:
-    """A sensor or a watched output, which fails where it is told to."""
+    """A sensor or a monitored output, which fails on request."""
 
     def __init__(self, value: float = 0.0) -> None:
         self.value = value

@@ -1,4 +1,4 @@
-"""What was measured of a machine is kept, found again on that machine alone, and told."""
+"""The measurement of a machine is stored, found only on that machine, and reported."""
 
 import json
 import platform

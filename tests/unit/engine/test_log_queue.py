@@ -1,4 +1,4 @@
-"""Log lines through a queue: a pipe that nobody reads delays no thread that logs."""
+"""Log lines through a queue: a pipe without a reader delays no thread that logs."""
 
 import logging
 import os

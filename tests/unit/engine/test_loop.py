@@ -65,7 +65,7 @@ class Output:
 
 @dataclass
 class Outside:
-    """A bus that keeps what is told and hands over what is asked."""
+    """A bus that stores published messages and passes on requests."""
 
     told: list[Message] = field(default_factory=list[Message])
     sinks: dict[Topic, Sink] = field(default_factory=dict[Topic, Sink])

@@ -14,7 +14,7 @@ T = 0.01
 
 
 class Clock:
-    """Time that passes while somebody waits, and by so much more as the machine is late."""
+    """Time that passes while a thread waits, plus the lateness of the machine."""
 
     def __init__(self, *late_s: float) -> None:
         self.now_s = 100.0

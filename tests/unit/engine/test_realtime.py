@@ -27,7 +27,7 @@ def read_tree() -> dict[str, object]:
 
 @dataclass
 class Fake(Linux):
-    """A system that permits what it is told to."""
+    """A system that permits the given settings."""
 
     permits: frozenset[str] = frozenset(
         {"priority", "niceness", "cores", "slack", "latency", "memory"}
@@ -229,7 +229,7 @@ print(json.dumps({
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the calls are Linux's")
 def test_a_real_request_is_granted_or_refused_by_the_limits() -> None:
-    """Whatever this machine permits, what was done is what was said."""
+    """The applied settings are the reported ones, whatever this machine permits."""
     done = subprocess.run([sys.executable, "-c", TRY], capture_output=True, text=True, check=True)
     told = json.loads(done.stdout)
     assert set(told["refused"]) <= {"priority", "cpu_latency", "memory"}, told["words"]

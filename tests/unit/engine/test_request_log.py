@@ -1,4 +1,4 @@
-"""A runner tells which questions it has taken, and where among its steps."""
+"""A runner logs which requests it has accepted, and between which steps."""
 
 from msgspec.structs import replace
 

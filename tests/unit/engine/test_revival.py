@@ -49,7 +49,7 @@ def programs() -> Programs:
 
 
 class Watched:
-    """Lets time pass, and keeps what is said."""
+    """Lets time pass, and stores the messages."""
 
     def __init__(self, programs: Programs) -> None:
         self.now_s, self.said = 0.0, list[str]()

@@ -91,7 +91,7 @@ def test_an_actuator_stays_on_its_grid_and_counts_no_missed_points() -> None:
 
 class Watched(Output):
     def keep_alive(self) -> None:
-        """Tells nobody."""
+        """Notifies no thread."""
 
     def clear_trip(self) -> None:
         """Has never tripped."""

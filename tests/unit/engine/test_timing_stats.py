@@ -1,4 +1,4 @@
-"""How punctual a service is said to be: by its runner, in virtual time."""
+"""Timing of a service as reported by its runner, in virtual time."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""How the estimator uses its force observer: which samples, and when it begins anew."""
+"""How the estimator uses its force observer: which samples, and when it restarts."""
 
 from math import pi, sin, sqrt
 

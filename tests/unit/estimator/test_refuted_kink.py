@@ -22,7 +22,7 @@ BENT = (155, 442, 854, 1035, 1502)
 
 @cache
 def followed() -> tuple[State, int]:
-    """An estimator that has led x_1 over the range, is armed anew, and zeroed."""
+    """An estimator that has tracked x_1 over the range, is armed again, and zeroed."""
     bench = Bench(CONFIG)
     for voltage_V in (*np.arange(0.0, HIGHEST_V, 0.02), *np.arange(HIGHEST_V, 0.0, -0.02)):
         free_um = bench.state.arms[0].response.updated(float(voltage_V), 0.02).position_um()

@@ -32,7 +32,7 @@ def free() -> PlantParameters:
 
 
 class FreeArm:
-    """The simulated arm with nothing to touch, and an estimator that can be started anew."""
+    """The simulated arm without a part, and an estimator that can be restarted."""
 
     def __init__(self, parameters: PlantParameters) -> None:
         self.parameters, self.state, self.at_V = parameters, plant.start(), 0.0

@@ -45,12 +45,12 @@ class Bench:
         self.wall = WallClock(self.wall_ns, self.clock_ns)
         self.intake = Intake(self.wall.now_ns, room)
         self.repairer = RecordRepairer(self.config)
-        self.writer = self.new_keeper()
+        self.writer = self.new_writer()
         self.begun: list[Message | str] = []
         self.replies: list[Message | str] = []
 
-    def new_keeper(self) -> RecordWriter:
-        """As of a recorder that has just been started."""
+    def new_writer(self) -> RecordWriter:
+        """Return the writer of a recorder that has just started."""
         return RecordWriter(self.config, self.intake, self.wall, self.repairer, lambda: self.now_s)
 
     def clock_ns(self) -> int:

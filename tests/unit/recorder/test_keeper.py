@@ -227,7 +227,7 @@ def test_a_record_is_finished_after_a_restart_of_the_recorder(bench: Bench) -> N
     assert bench.writer.record is not None
     bench.writer.record.file.flush()
     bench.writer.record.file.abandon()
-    bench.writer = bench.new_keeper()
+    bench.writer = bench.new_writer()
     answers = SimpleQueue[Message | str]()
     bench.writer.finish(Finish("j-1", EPOCH, 29), answers.put)
     recorded = answers.get(timeout=60.0)

@@ -120,7 +120,7 @@ def test_a_long_interrupted_record_is_closed_in_bounded_memory(bench: Bench) -> 
     copy = bench.jobs / "j-2"
     copy.mkdir()
     (copy / NAME).write_bytes(path.read_bytes())
-    closing = record_repair.mend(copy, record_repair.KILLED)
+    closing = record_repair.finish_record(copy, record_repair.KILLED)
     assert closing["complete"] == "false"
     kept = Counter(map(type, mcap_reading.messages_of(copy / NAME)))
     assert kept[Position] >= record.ticks - 2 * BATCH

@@ -1,4 +1,4 @@
-"""Records that nobody has closed are closed, and say so."""
+"""Unclosed records are closed, and state that."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -43,7 +43,7 @@ def test_only_unclosed_records_are_found(tmp_path: Path) -> None:
 
 def test_an_orphan_is_closed(tmp_path: Path) -> None:
     folder = _orphan(tmp_path)
-    closing = record_repair.mend(folder, record_repair.KILLED)
+    closing = record_repair.finish_record(folder, record_repair.KILLED)
     assert closing["messages"] == "70"
     assert mcap_reading.is_closed(folder / "job.mcap")
     assert mcap_reading.read(folder / "job.mcap").messages == loop(20)[:70]
@@ -71,7 +71,7 @@ def test_values_in_the_manifest_are_kept(tmp_path: Path) -> None:
         "files": [],
     }
     (folder / "manifest.json").write_text(json.dumps(told), encoding="utf-8")
-    record_repair.mend(folder, record_repair.KILLED)
+    record_repair.finish_record(folder, record_repair.KILLED)
     manifest = _manifest(folder)
     assert manifest["model_version"] == "3"
     assert manifest["detail"].startswith("the disk was full")
@@ -82,7 +82,7 @@ def test_an_empty_file_is_closed_too(tmp_path: Path) -> None:
     folder = tmp_path / "j-1"
     folder.mkdir()
     (folder / "job.mcap").write_bytes(b"")
-    closing = record_repair.mend(folder, record_repair.KILLED)
+    closing = record_repair.finish_record(folder, record_repair.KILLED)
     assert closing["messages"] == "0"
     assert "control period" in closing["detail"]
     assert mcap_reading.is_closed(folder / "job.mcap")
@@ -107,14 +107,14 @@ class Asked(MemoryBus):
 def test_a_job_begins_while_the_record_of_an_earlier_one_is_closed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    mending, go_on, stop, mend = Event(), Event(), Event(), record_repair.mend
+    mending, go_on, stop, finish_record = Event(), Event(), Event(), record_repair.finish_record
 
     def slowly(folder: Path, why: str) -> Mapping[str, str]:
         mending.set()
         assert go_on.wait(60.0)
-        return mend(folder, why)
+        return finish_record(folder, why)
 
-    monkeypatch.setattr(record_repair, "mend", slowly)
+    monkeypatch.setattr(record_repair, "finish_record", slowly)
     orphan, bus = _orphan(tmp_path), Asked()
     recorder = Recorder(replace(CONFIG, records=tmp_path), cast("ZenohBus", bus))
     recorder.serve()

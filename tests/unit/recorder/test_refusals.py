@@ -77,7 +77,7 @@ def test_a_folder_that_has_a_record_is_refused(bench: Bench) -> None:
 def test_a_full_disk_is_refused(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     bench.config = replace(bench.config, min_free_bytes=10**18)
-    bench.writer = bench.new_keeper()
+    bench.writer = bench.new_writer()
     answer = bench.begin()
     assert isinstance(answer, str)
     assert "must be at least 1000000000000 MB ([recorder] min_free_MB)" in answer

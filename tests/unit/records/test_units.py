@@ -1,4 +1,4 @@
-"""Units are told by the ends of names."""
+"""Units follow from the ends of names."""
 
 import pytest
 

@@ -5,7 +5,7 @@ from pincette.security.identity import Identity
 
 
 def lets(access: Access, who: Identity, flow: str, message: str, wanted: str) -> bool:
-    """Whether a list lets a message of somebody pass: a rule's key must include the message's."""
+    """True if a list admits a message: the key of a rule must include that of the message."""
     return any(
         message in rule.messages and rule.flow == flow and includes(granted, wanted)
         for rule in access.get(who.name, ())

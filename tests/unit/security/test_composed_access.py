@@ -31,7 +31,7 @@ def list_of(name: str, composed: Programs, *, lockstep: bool = False) -> Access:
 def test_a_composed_program_has_the_rights_of_all_its_services(name: str) -> None:
     own = rights(program(name, NAME))
     parts = [rights(program(one, NAME)) for one in member_services(name)]
-    for what in ("tells", "answers", "asks", "hears", "lives", "sees"):
+    for what in ("publishes", "answers", "asks", "hears", "lives", "sees"):
         together = {place for part in parts for place in getattr(part, what)}
         assert set(getattr(own, what)) == together, what
     assert own != Rights()

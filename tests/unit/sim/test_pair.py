@@ -205,7 +205,7 @@ def test_a_held_pair_swings_with_both_masses_on_both_springs() -> None:
 def test_arms_that_leave_a_loose_part_for_an_instant_close_on_it_again(
     step_s: float,
 ) -> None:
-    """Nothing but faces holds it: the force of a single face is exactly 0, and tells nothing."""
+    """Only the faces hold it: the force of a single face is exactly 0, and shows nothing."""
     p = _pair(ground_slip_mN=1.5)
     state = _pressed(p, start_pair(p), (30.5, 30.5))
     held_mN = (2.0 * 30.5 - GAP_UM) / (p.first.compliance_um_per_mN + SOFTER + 2.0 / FACE)

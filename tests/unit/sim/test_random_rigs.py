@@ -1,4 +1,4 @@
-"""Rigs drawn at random are plants with the properties that are said."""
+"""Random rigs are plants with the stated properties."""
 
 from dataclasses import replace
 

@@ -263,7 +263,7 @@ class CannedRig:
                 self.play()
 
     def say(self, tick: samples.Tick, acted: tuple[Acted, ...], outcome: Outcome | None) -> None:
-        """Let an action act at the coming tick, and an outcome be said from there on."""
+        """Let an action act at the coming tick, and report an outcome from there on."""
         self.paused = False
         self.ticks[self.place] = replace(tick, telemetry=replace(tick.telemetry, acted=acted))
         if outcome is not None:

@@ -197,7 +197,7 @@ class Harness:
         return self.ended(job)
 
     def told(self, *kinds: str, job: str | None = None) -> list[Event]:
-        """Events that were told, of these kinds."""
+        """Published events of these kinds."""
         rows = self.store.events_after(0, job=job, limit=100_000)
         return [row for row in rows if not kinds or row.kind in kinds]
 

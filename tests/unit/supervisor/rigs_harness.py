@@ -127,7 +127,7 @@ class RigsHarness(Harness):
         self.until(lambda: rig in self.names())
 
     def found(self, rig: str) -> list[str]:
-        """What was told of a rig's coming and going."""
+        """Events about rigs that appear and disappear."""
         rows = self.store.events_after(0, rig=rig)
         return [row.body["found"] for row in rows if row.kind == "rig" and "found" in row.body]
 

@@ -1,4 +1,4 @@
-"""What is done is kept with whose it was, strangers fill no log, and a changed log is found."""
+"""Actions are logged with their caller, unknown clients fill no log, and a changed log is found."""
 
 import sqlite3
 from contextlib import closing

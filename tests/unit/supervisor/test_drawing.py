@@ -1,4 +1,4 @@
-"""Pictures of records: for the screen and for print, with errors, and told apart without colour."""
+"""Pictures of records: for screen and print, with errors, and distinguishable without colour."""
 
 from xml.etree import ElementTree
 

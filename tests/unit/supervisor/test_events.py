@@ -1,4 +1,4 @@
-"""Events reach whoever listens: each numbered one once, in order, without a gap."""
+"""Events reach each listener: each numbered one once, in order, without a gap."""
 
 import asyncio
 import threading
@@ -52,7 +52,7 @@ async def heard_by(subscription: EventSubscription) -> AsyncGenerator[Event]:
 
 
 async def first(log: EventLog, count: int, after: int | None, **which: Any) -> list[Event]:
-    """The first events that a listener hears."""
+    """The first events that a listener receives."""
     found: list[Event] = []
     heard = heard_by(log.subscribe(after, **which))
     async for event in heard:

@@ -1,4 +1,4 @@
-"""The law that a job chooses: completed by the rig file, judged, told, kept."""
+"""The law that a job chooses: completed by the rig file, checked, stated, stored."""
 
 import json
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The supervisor's side of a lease: granted with the arming, renewed in time, and its end told."""
+"""The supervisor's side of a lease: granted with the arming, renewed in time, its end reported."""
 
 from collections.abc import Callable
 
@@ -112,7 +112,7 @@ def test_the_renewal_thread_ends_with_the_job(real_time: RigFile) -> None:
 
 
 def lapse(harness: Harness) -> None:
-    """The controller has stopped by itself, and says so."""
+    """The controller has stopped at the end of the lease, and states that."""
     harness.bus.findings["controller"] = (ENDED,)
     bus, place = harness.bus, harness.bus.place
     held = bus.ticks[place].telemetry.held

@@ -42,7 +42,7 @@ NO_READING = fault(FaultCode.INSTRUMENT_INVALID, "no target")
 
 
 class Scene:
-    """A rig that says what it is told to, and a clock that goes by one period a tick."""
+    """A rig with given messages, and a clock that advances by one period per tick."""
 
     def __init__(self, period_s: float = PERIOD_S) -> None:
         self.bus = MemoryBus()

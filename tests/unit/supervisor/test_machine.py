@@ -25,7 +25,7 @@ from .harness import Harness
 
 ACTIONS: tuple[ActionType, ...] = get_args(ActionType)
 BEGIN = 40
-"""Tick up to which a job plays by itself."""
+"""Tick up to which a job plays without an action."""
 PICTURE = "pincette_supervisor.results.archive.picture"
 
 

@@ -1,4 +1,4 @@
-"""Counts go on where their teller begins anew, and no duration counts as shorter than it was."""
+"""Counts continue if their program restarts, and no duration counts as shorter than it was."""
 
 from hypothesis import given
 from hypothesis import strategies as st

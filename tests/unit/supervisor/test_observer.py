@@ -1,4 +1,4 @@
-"""One payload is decoded once, whoever of the supervisor is interested in it."""
+"""One payload is decoded once for all parts of the supervisor."""
 
 from collections import Counter
 from collections.abc import Callable

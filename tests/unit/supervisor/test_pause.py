@@ -1,4 +1,4 @@
-"""A job that is paused: it rests at a safe point, and whatever befalls it there ends well."""
+"""A paused job: it rests at a safe point, and every event there has a defined end."""
 
 from collections.abc import Callable
 

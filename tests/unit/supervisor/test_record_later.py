@@ -1,4 +1,4 @@
-"""The end of a job is told at once; its record is written while the rig is free."""
+"""The end of a job is published at once; its record is written while the rig is free."""
 
 import threading
 from collections.abc import Iterator

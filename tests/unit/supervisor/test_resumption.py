@@ -1,4 +1,4 @@
-"""A calibration that a stall has tripped begins again by itself, or goes on where it was."""
+"""A calibration that a stall has tripped restarts automatically, or continues where it was."""
 
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""What is said of the rig: who is there, what is latched, why a job cannot start."""
+"""Reported state of the rig: its programs, its latch, why a job cannot start."""
 
 import threading
 from collections.abc import Callable

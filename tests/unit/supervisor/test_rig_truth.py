@@ -1,4 +1,4 @@
-"""What is told of a rig never contradicts itself: state, start and stage come from one table."""
+"""The reported state of a rig is consistent: state, start and stage come from one table."""
 
 from typing import Any, get_args
 

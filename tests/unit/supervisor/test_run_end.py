@@ -15,7 +15,7 @@ from .samples import Tick
 
 
 def untold(ticks: list[Tick]) -> list[Tick]:
-    """Ticks of which none tells how it ended."""
+    """Ticks whose end is not reported."""
     earlier = [replace(tick.telemetry, outcome=Outcome.NONE) for tick in ticks[:-1]]
     said = [*earlier, earlier[-1]]
     return [replace(tick, telemetry=view) for tick, view in zip(ticks, said, strict=True)]

@@ -1,4 +1,4 @@
-"""A supervisor that hears nothing asks before it trips: a loop that is well goes on."""
+"""A supervisor without messages queries before it trips: a working loop continues."""
 
 import threading
 from collections.abc import Callable
@@ -30,7 +30,7 @@ def desk(real_time: RigFile, open_harness: Callable[..., Harness]) -> Harness:
 
 
 def held(desk: Harness) -> str:
-    """A grip that holds its part, of which nothing more is heard."""
+    """A grip that holds its part, without further messages."""
     over = threading.Event()
 
     def sensor() -> None:
@@ -90,7 +90,7 @@ def lose_router(desk: Harness) -> None:
 def test_a_missing_router_ends_the_job_with_its_lease_without_a_trip(
     real_time: RigFile, open_harness: Callable[..., Harness], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The controller stops by itself then, and a held part stays held."""
+    """Then the controller stops the program, and a held part stays held."""
     safety = real_time.safety.model_copy(update={"lease_s": DEAF_S})
     desk = open_harness(real_time.model_copy(update={"safety": safety}))
     desk.bus.idle()

@@ -1,4 +1,4 @@
-"""How far what is told of the actuator and the part can be trusted; time is virtual."""
+"""How certain the reported state of actuator and part is; time is virtual."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,4 +1,4 @@
-"""A job's state and the event that tells it are written together: no kill comes between them."""
+"""A job's state and its event are written together: no kill comes between them."""
 
 import threading
 from collections.abc import Callable, Generator

@@ -19,7 +19,7 @@ HOLD_AT_S = 6.0
 
 
 APART_MN = 1.5
-"""By how much the second arm is told to press more than the first."""
+"""Difference of the commanded forces of the second arm and the first."""
 
 
 def with_second(estimate: Estimate) -> Estimate:

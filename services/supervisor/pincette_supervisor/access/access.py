@@ -17,7 +17,7 @@ from pincette_supervisor.journal.access import AuditRepository, AuditRow
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.tables import utc_now, utc_text
 
-# Names by which a supervisor may be asked, and places from which a page may ask it.
+# Host names that requests may use, and origins of pages that may send requests.
 
 LOOPBACK = "localhost"
 DEFAULT_PORTS = {"http": 80, "https": 443}

@@ -36,8 +36,8 @@ UNCONFIRMED_S = 15.0
 """Longest time without a successful reading of the keys after which they are still accepted, in
 s."""
 BYTES = 32
-# Nobody guesses one of 256 random bits, so a plain SHA-256 is kept: a slow hash protects words that
-# people choose, and would let a flood of wrong keys cost more than a flood of requests.
+# 256 random bits cannot be guessed, so a plain SHA-256 is stored: a slow hash protects passwords
+# that people choose, and would make a flood of wrong keys expensive.
 PREFIX = "pincette_"
 """Prefix by which a key that was published by mistake can be found and recognised."""
 LONGEST = 200
@@ -65,7 +65,7 @@ def _found(rows: Sequence[R], secret: str) -> R | None:
     if len(secret) > LONGEST:
         return None
     digest, found = digest_of(secret), None
-    for row in rows:  # all of them, so that the time tells nothing
+    for row in rows:  # all of them, so that the duration reveals nothing
         if hmac.compare_digest(row.digest, digest):
             found = row
     return found
@@ -141,7 +141,8 @@ class KeySnapshot:
 class Authenticator:
     """Identify callers by the keys and sessions in memory, so that no stop waits for the disk."""
 
-    # Keys are required once there is, or was, one: with the last one revoked nobody comes in.
+    # Keys are required once there is, or was, one: with the last one revoked all requests
+    # are refused.
     # The key file and the snapshot of it in memory decide. The journal has no part in it, except
     # for the note by which a missing key file is recognised.
 

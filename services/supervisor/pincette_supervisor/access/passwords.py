@@ -44,7 +44,7 @@ def hashed(password: str, salt: bytes | None = None) -> str:
     return f"scrypt${b64encode(salt).decode()}${b64encode(key).decode()}"
 
 
-NOBODY = hashed("", b"\0" * SALT_BYTES)
+UNKNOWN_USER = hashed("", b"\0" * SALT_BYTES)
 """Hash that is checked if the name does not exist, so that the time reveals nothing."""
 
 
@@ -109,7 +109,7 @@ class PasswordCheck:
                     await self._wait(name, address)
                 async with self._lock(address):
                     right = await asyncio.get_running_loop().run_in_executor(
-                        self._thread, fits, password, NOBODY if kept is None else kept
+                        self._thread, fits, password, UNKNOWN_USER if kept is None else kept
                     )
                 right = right and kept is not None
                 self.tries.note(name, address, right=right)

@@ -203,7 +203,7 @@ class Rigs:
         jobs = self._settled.find(newest)
         missing = [name for name, _ in newest if name not in jobs]
         for row in self.store.several(missing) if missing else ():
-            # Asked before the job is built: one that settles meanwhile is built again.
+            # Checked before the job is built: one that settles meanwhile is built again.
             settled = self._is_settled(row)
             job = self._view(row)
             jobs[row.id] = encoded = job.model_dump_json(by_alias=True).encode()

@@ -203,7 +203,7 @@ class JobIndex:
 
     def is_recorded(self, name: str) -> bool:
         """Return whether a job has ended and its record is written."""
-        if not self.is_over(name):  # asked first: from its end on the event tells of its record
+        if not self.is_over(name):  # checked first: the event of its record comes after its end
             return False
         live = self._live(name)
         written = live is None or live.recorded.is_set()

@@ -184,9 +184,9 @@ class JobRecorder:
     ) -> None:
         try:
             recorded = closed.result() or GOES_ON
-            if number == self._writes:  # else the part was let go before anything was drawn
+            if number == self._writes:  # else the part was released before drawing
                 self._write_documents(record, recorded, over=over)
-        except Exception as error:  # nobody asks for what this thread comes to
+        except Exception as error:  # no thread waits for the result of this one
             log.exception("the record of job %s was not written", self._job.id)
             self._job.append_cause(lacking(error))
         finally:
@@ -308,7 +308,7 @@ NOTHING = UnfinishedJobs()
 
 def stop_left_program(context: RigContext, jobs: Sequence[str]) -> None:
     """Stop a program that an earlier supervisor has left running, and record it in its job."""
-    # The program is asked once. A held part stays held until a person holds or releases it by a
+    # The stop is requested once. A held part stays held until a person holds or releases it by a
     # job; a free arm comes to rest, and a part that a calibration presses is released. No job is
     # continued.
     row = context.store.get(jobs[-1]) if jobs else None

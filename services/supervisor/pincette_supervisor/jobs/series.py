@@ -378,7 +378,7 @@ class SeriesRunner:
         if most is None or failures < most:
             self._change(row, "running", failures=failures)
             return
-        before = f"{failures} jobs failed, the most that the series takes; the last: "
+        before = f"{failures} jobs failed, the most that the series permits; the last: "
         cause = (before if most > 1 else "") + words
         self._settle(row, "stopped", cause, failures=failures)
 

@@ -192,7 +192,7 @@ def _keep_private(path: Path) -> None:
     """Make the file readable only by its owner; SQLite gives its other files the same mode."""
     # An existing file is not opened: closing it again would take SQLite's locks from this
     # process, and another one that closes the journal would remove the log that is in use.
-    with suppress(OSError):  # what cannot be opened is told when SQLite opens it
+    with suppress(OSError):  # SQLite reports a file that cannot be opened
         os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, PRIVATE))
     with suppress(OSError):
         if path.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):

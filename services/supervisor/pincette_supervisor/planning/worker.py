@@ -81,7 +81,7 @@ class Worker:
             try:
                 return self._begun().submit(work, argument).result()
             except BrokenProcessPool:
-                self.close()  # somebody has killed it: a second time that is for the caller to know
+                self.close()  # the process was killed; the caller learns of a second time
                 return self._begun().submit(work, argument).result()
 
     def run_somewhere(self, work: Callable[[A], R], argument: A) -> R:
@@ -146,7 +146,9 @@ class Worker:
 
 
 def _begin(*_ahead: Callable[[Any], Any]) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the supervisor hears it too, and says when
+    signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # the supervisor gets it too, and ends this process
     lower_priority()
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

@@ -172,7 +172,7 @@ class _Described:
         good = next(answers[status] for status in sorted(answers) if "content" in answers[status])
         content = next(iter(good["content"].values()))
         found = self._inlined(content.get("schema", {}))
-        return {"type": "object", **found}  # of a union too, which a client wants to be told
+        return {"type": "object", **found}  # clients need the type of a union too
 
     def _inlined(self, node: Any, within: tuple[str, ...] = ()) -> Any:
         """Return a schema without references, which a data schema cannot have."""

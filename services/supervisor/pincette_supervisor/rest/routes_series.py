@@ -213,5 +213,5 @@ def series_report(series: str, rigs: AllRigs) -> Response:
     dependencies=[OBSERVE],
 )
 def plot(series: str, rigs: AllRigs) -> Response:
-    """Return the figure: the force asked for against the force held, with U and the verdicts."""
+    """Return the figure: the force held over the requested force, with U and the verdicts."""
     return Response(_report(series, rigs)[1], media_type="image/png")

@@ -1,4 +1,4 @@
-"""Report of a series: force asked for against force held, the verdicts, and a table; pure."""
+"""Report of a series: requested force and force held, the verdicts, and a table; pure."""
 
 import json
 from collections import Counter
@@ -101,7 +101,7 @@ def _number(value: Any) -> float | None:
 
 
 def drawn(content: SeriesReport) -> bytes:
-    """Draw the force held over the force asked for, and their difference by number, as PNG."""
+    """Draw the force held over the requested force, and their difference by number, as PNG."""
     series, points = content.series, content.measured
     sheet = drawing.Sheet()
     above, below = drawing.grid(sheet, 2)

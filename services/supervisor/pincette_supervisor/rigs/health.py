@@ -126,10 +126,10 @@ class Health:
                 asked.append(SIMULATION)
             answers = dict(zip(asked, self._pool.map(self._ask, asked), strict=True))
         except (RuntimeError, CancelledError):
-            return  # closed meanwhile, since the rig is served anew: the last answers stay
+            return  # closed, since the rig is opened again: the last answers stay
         with self._turn:
             if number < self._round:
-                return  # another thread has asked later, and has its answers already
+                return  # a later query of another thread is complete already
             simulation = answers.pop(SIMULATION, None)
             self.simulation = simulation if isinstance(simulation, Status) else None
             self.statuses = answers
@@ -310,7 +310,7 @@ class Health:
         try:
             self._bus.call(IDLE, Idle(sensor.epoch), ASK_S)
         except BusError:
-            return  # armed meanwhile, or gone: its status tells
+            return  # armed or gone by now: its status shows it
         self._seldom = sensor.instance, sensor.epoch
 
     def samples_seldom(self) -> bool:

@@ -28,8 +28,8 @@ def smoothing(period_s: float, time_constant_s: float) -> float:
 
     It is 1 for τ = 0.
 
-    The sensor's noise is amplified by 1/s_p into F̂, and by the law into a to-and-fro of the
-    voltage, which erodes the memory of the hysteresis.
+    The sensor's noise is amplified by 1/s_p into F̂, and by the law into small swings of the
+    voltage, which erase the memory of the hysteresis.
     """
     return 1.0 - exp(-period_s / time_constant_s) if time_constant_s > 0.0 else 1.0
 

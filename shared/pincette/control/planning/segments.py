@@ -426,7 +426,7 @@ class LetGo(Drive, frozen=True, tag="let_go", kw_only=True):
     """
 
     checks: Items[FreeArm] = ()
-    """What each arm is judged by; empty: the segment judges nothing."""
+    """Check of each arm at the end of the segment; empty: nothing is checked."""
 
     lets_go: ClassVar[bool] = True
 

@@ -120,8 +120,7 @@ class LinearResponse(FrozenRecord, frozen=True):
     voltage_V: float = 0.0
     """Newest voltage, in V."""
     reach_V: float = 0.0
-    """Largest distance of the voltage from that of the last zero, including before a new begin, in
-    V."""
+    """Largest distance of the voltage from that of the last zero, in V, kept over a new start."""
 
     def updated(self, voltage_V: float, _dt_s: float, /) -> "LinearResponse":
         """Update the line by the voltage; time does not matter to it."""

@@ -1,10 +1,10 @@
-"""The way of a conditioned arm as a fingerprint of its stroke.
+"""Comparison of the stroke of a conditioned arm with its calibration.
 
-Two ways are compared with the calibration. The first one, from the bottom of the last conditioning
-stroke to the rest after the strokes, is short, and creep of the past affects it most: it shows only
-large changes. The second one, from this rest to the place of the next zero, repeats to 0.13 % on an
-arm whose stroke has not changed. A factor of sensor, amplifier or temperature changes both, and
-position and voltage alone do not tell which. A change is explained up to
+Two motions are compared. The first one, from the bottom of the last conditioning stroke to the rest
+after the strokes, is short, and creep of the past affects it most: it shows only large changes. The
+second one, from this rest to the place of the next zero, repeats to 0.13 % on an arm whose stroke
+has not changed. A factor of sensor, amplifier or temperature changes both, and position and voltage
+alone do not show which of them it is. A change is explained up to
 
     3·sqrt(s^2 + (4·sigma^2/n + c^2)/L^2) + (drift + p)/L,    s = 0.13 %, or what was calibrated
 

@@ -82,7 +82,7 @@ class UnknownPast(FrozenRecord, frozen=True):
         return replace(self, lowest=lowest, highest=highest)
 
     def rezero(self, response: FreeResponse) -> "UnknownPast":
-        """Count errors from here on, where x_1 of the model in use goes through the arm."""
+        """Count errors from here on, at a zero: x_1 of the model in use equals the position."""
         if self.known:
             return self
         at_um, spread = self.apart_um(response), self._spread(response)

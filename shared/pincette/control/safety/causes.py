@@ -80,7 +80,7 @@ OWN = frozenset(
 BOOTED = frozenset({Cause.BOOT, Cause.RESTART})
 """Causes of an actuator that has itself detected no fault."""
 LETS_GO = frozenset({Cause.FORCE})
-"""Causes for which a held part is released at once: a freeze would go on pressing."""
+"""Causes for which a held part is released at once: a freeze would continue to press."""
 
 
 def as_asked(cause: Cause) -> Cause:

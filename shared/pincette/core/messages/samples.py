@@ -235,7 +235,7 @@ class JobNotice(FrozenRecord, frozen=True):
 
 
 class Place(FrozenRecord, frozen=True):
-    """Place of the part as a vision client measures it; a job takes it if its request asks so."""
+    """Place of the part as a vision client measures it; a job uses it if its request states so."""
 
     rig: Text
     """Name of the rig whose coordinates these are."""

@@ -2,10 +2,10 @@
 
 from collections.abc import MutableSequence, Sequence
 
+from pincette.sim.plant.arm_modes import magnitude
 from pincette.sim.plant.changes import pass_pieces, sprung_back
 from pincette.sim.plant.contact import static_force_mN
 from pincette.sim.plant.motion import Motion, MotionConstants
-from pincette.sim.plant.ways import magnitude
 
 
 def pass_substeps(
@@ -52,7 +52,7 @@ def _pass_undisturbed(
     Returns the place of that one, for which the faces have been pressed in.
     """
     (a, b, c), rest_um, joined, there, dent_um = m
-    three, tells, presses = k.passive_moves, len(positions_um) > 0, joined and _presses(k)
+    three, with_positions, presses = k.passive_moves, len(positions_um) > 0, joined and _presses(k)
     way = k.joined if joined else k.apart
     step = k.joined_step if joined else k.apart_step
     factors, pushes, most = step.factors, step.pushes, way.most_watched
@@ -91,7 +91,7 @@ def _pass_undisturbed(
         if three:
             c = g * c - r * moved_um
         rest_um, begin_um = goal_um, end_um
-        if tells:
+        if with_positions:
             positions_um[index] = _tip_um(k, Motion((a, b, c), rest_um, joined, there, dent_um))
     return Motion((a, b, c), rest_um, joined, there, dent_um), last
 

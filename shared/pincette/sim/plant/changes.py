@@ -2,8 +2,8 @@
 
 import math
 
+from pincette.sim.plant.arm_modes import Three, Transition, carried, deviation, transition
 from pincette.sim.plant.motion import Motion, MotionConstants, Tips, motion_of, tips_of
-from pincette.sim.plant.ways import Three, Transition, carried, deviation, transition
 
 MOST_CHANGES = 8
 """Largest number of contact changes within one piece; further ones are not detected."""

@@ -44,12 +44,12 @@ def move_arms(
     start_um: float,
     rests_um: Sequence[float],
     *,
-    tells: bool = False,
+    with_positions: bool = False,
 ) -> tuple[PlantState, list[float]]:
     """Advance substeps of equal length, with x_f from ``start_um`` to each value.
 
-    Also returns the position after each substep if ``tells`` is set. ``state.elapsed_s`` is the
-    time at the end.
+    Also returns the position after each substep if ``with_positions`` is set.
+    ``state.elapsed_s`` is the time at the end.
     """
     k = motion_constants(p, dt_s)
     if p.part.clings:
@@ -57,7 +57,7 @@ def move_arms(
         start_um = pulled_um(p, state, start_um)
         rests_um = [pulled_um(p, state, rest_um) for rest_um in rests_um]
     motion = motion_of(k, tips(state), start_um, there=touchable(p, state))
-    positions_um = [0.0] * (len(rests_um) if tells else 0)
+    positions_um = [0.0] * (len(rests_um) if with_positions else 0)
     dents_um = [0.0] * len(rests_um)
     if not p.part.may_go or state.part != "there":
         motion = pass_substeps(k, motion, rests_um, dents_um, positions_um)
@@ -65,7 +65,7 @@ def move_arms(
         return (after.held(state.held_s, None) if p.part.may_go else after), positions_um
     begin_s = state.elapsed_s - len(rests_um) * dt_s
     held_s, event = state.held_s, None
-    place_um = [0.0] * (1 if tells else 0)
+    place_um = [0.0] * (1 if with_positions else 0)
     for number, rest_um in enumerate(rests_um, start=1):
         motion = pass_substeps(k, motion, (rest_um,), dents_um, place_um)
         positions_um[number - 1 : number] = place_um

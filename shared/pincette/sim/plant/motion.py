@@ -4,19 +4,19 @@ import math
 from functools import lru_cache
 from typing import NamedTuple
 
-from pincette.sim.plant.arms import arms_of
-from pincette.sim.plant.parameters import PlantParameters
-from pincette.sim.plant.ways import (
+from pincette.sim.plant.arm_modes import (
+    ArmModes,
     Components,
     Three,
     Transition,
-    Way,
+    arm_modes,
     component,
     deviation,
     modes_of,
     transition,
-    way_of,
 )
+from pincette.sim.plant.arms import arms_of
+from pincette.sim.plant.parameters import PlantParameters
 
 PRESS_S = 0.005
 """Time constant in s by which the faces follow the force at rest: two periods of the first mode."""
@@ -26,8 +26,8 @@ class MotionConstants(NamedTuple):
     """Constants of substeps of one length."""
 
     dt_s: float
-    apart: Way
-    joined: Way
+    apart: ArmModes
+    joined: ArmModes
     apart_step: Transition
     joined_step: Transition
     apart_piece: Transition
@@ -110,7 +110,7 @@ def force_mN(k: MotionConstants, m: Motion) -> float:
 def motion_constants(p: PlantParameters, dt_s: float) -> MotionConstants:
     """Return the constants for substeps of a length."""
     arms = arms_of(p)
-    apart, joined = (way_of(system, arms.bending_modes) for system in (arms.apart, arms.joined))
+    apart, joined = (arm_modes(system, arms.bending_modes) for system in (arms.apart, arms.joined))
     lag_s, pieces = p.output_lag_s + p.amplifier.lag_s, math.ceil(dt_s / arms.finest_s)
     piece_s = dt_s / pieces
     passive = 1.0 / arms.passive_mass if arms.passive_moves else 0.0

@@ -53,13 +53,13 @@ def move_plain_arm(
     dt_s: float,
     rests_um: Sequence[float],
     *,
-    tells: bool = False,
+    with_positions: bool = False,
 ) -> tuple[PlantState, list[float]]:
     """Advance substeps of equal length towards each free position.
 
-    With ``tells``, return positions.
+    With ``with_positions``, return positions.
     """
-    positions_um = [0.0] * (len(rests_um) if tells else 0)
+    positions_um = [0.0] * (len(rests_um) if with_positions else 0)
     tip = state.x_um, state.speed_um_per_s
     constants, bead_um = plain_constants(p, dt_s), first_touch_um(p, state)
     x, v = plain_substeps(constants, bead_um, tip, rests_um, positions_um)
@@ -77,7 +77,7 @@ def plain_substeps(
 
     ``positions_um`` receives the position after each substep, unless it is empty.
     """
-    ratio, stiffer, tells = k.ratio, 1.0 + k.ratio, len(positions_um) > 0
+    ratio, stiffer, with_positions = k.ratio, 1.0 + k.ratio, len(positions_um) > 0
     free = (k.free.xx, k.free.xv, k.free.vx, k.free.vv, k.free.per_square)
     pressed = k.touching
     touching = (pressed.xx, pressed.xv, pressed.vx, pressed.vv, pressed.per_square)
@@ -94,7 +94,7 @@ def plain_substeps(
             x, v = rest + xx * e + xv * v, vx * e + vv * v
         else:
             x, v = _cross(k, bead, rests_um[index], x, v)
-        if tells:
+        if with_positions:
             positions_um[index] = x
     return x, v
 

@@ -151,12 +151,16 @@ def _substeps(
     With targets, also return position and voltage after each.
     """
     driven, rests_um, voltages_V = drive(p, state, dt_s, count, targets_V)
-    tells = targets_V is not None
+    with_positions = targets_V is not None
     if p.elaborate:
         start_um = rest_um(p, state)
-        after, positions_um = move_arms(p, driven, dt_s, start_um, rests_um, tells=tells)
+        after, positions_um = move_arms(
+            p, driven, dt_s, start_um, rests_um, with_positions=with_positions
+        )
     else:
-        after, positions_um = move_plain_arm(p, driven, dt_s, rests_um, tells=tells)
+        after, positions_um = move_plain_arm(
+            p, driven, dt_s, rests_um, with_positions=with_positions
+        )
     return after, positions_um, voltages_V
 
 

@@ -39,7 +39,7 @@ def truth(seed: int) -> TrueValues:
 
 @dataclass(slots=True)
 class Bench:
-    """A plant moved by voltage alone; each reading is kept with the voltage that led to it."""
+    """A plant moved by voltage only; each reading is stored with its voltage."""
 
     simulation: Simulation
     voltage_V: list[float] = field(default_factory=list[float])

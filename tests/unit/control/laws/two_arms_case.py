@@ -145,7 +145,7 @@ def transcribed(case: Case) -> list[tuple[float, float]]:
 
 
 def write() -> None:
-    """Write the golden vectors anew."""
+    """Write the golden vectors again."""
     made = {
         str(tuple(case)): {str(k): transcribed(case)[k] for k in GOLDEN_TICKS} for case in CASES
     }

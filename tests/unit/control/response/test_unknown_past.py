@@ -96,7 +96,7 @@ def test_a_line_has_no_memory() -> None:
 
 
 def rose(*to_V: float) -> tuple[IdentifiedResponse, UnknownPast]:
-    """Model and pasts, zeroed at 0 V, then led on."""
+    """Model and pasts, zeroed at 0 V, then driven further."""
     response, past = led(PLAYS, unknown_past(PLAYS, ENDS_V), 0.0)
     return led(response, past.rezero(response), *to_V)
 

@@ -1,4 +1,4 @@
-"""A voltage's past in few pieces, and a model that is led through it."""
+"""The past of a voltage in few pieces, and a model that is replayed through it."""
 
 from math import pi, sin
 

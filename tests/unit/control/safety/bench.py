@@ -1,4 +1,4 @@
-"""A state of the safety module, and the events that befall it, without messages."""
+"""A state of the safety module, and its events, without messages."""
 
 from pincette.control.faults import FaultCode, fault
 from pincette.control.record import replace

@@ -42,7 +42,7 @@ def first(chance: random.Random) -> list[Event]:
 
 
 def second(chance: random.Random) -> CommandFacts:
-    """A command of somebody else: another owner, another epoch, or a record of the last one."""
+    """A command of another sender: another owner or epoch, or a recording of the last one."""
     owner, epoch = chance.choice(((OWNER + 1, EPOCH), (OWNER, EPOCH - 1), (OWNER + 1, EPOCH + 1)))
     return CommandFacts(
         epoch,

@@ -45,7 +45,7 @@ PIECES = 10
 class Rig:
     case: LoopCase
     late_ticks: int
-    """From a touch or a loss until it is told."""
+    """Time from a touch or a loss until the law is informed."""
 
 
 def drawn(number: int, seed: int) -> list[Rig]:

@@ -136,7 +136,7 @@ def test_a_law_for_long_periods_recommends_the_other_one() -> None:
 
 
 def test_contacts_unknown_to_the_law_are_checked_too() -> None:
-    """n = 1 at 10 Hz bears every contact that it is told of, and none that it is not."""
+    """n = 1 at 10 Hz is stable with each contact that it knows, and with no unknown one."""
     law: LawSettings = loop_of(0.001, n=1.0, f_w=8.0).law
     loop, wide = replace(loop_of(0.001), law=law), widened(loop_of(0.001), PART)
     told = LoopCase(0.0, 0.8, 0.3, 1.2, 0.77, 0.0)

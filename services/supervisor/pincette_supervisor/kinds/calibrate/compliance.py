@@ -141,8 +141,11 @@ def goes_on(request: ComplianceRequest, run: Run) -> tuple[ComplianceRequest, st
         number = len(read) + 1
         stood_V = taken.voltage_V[taken.of(f"measure {number}")]
         if not np.nanmax(np.abs(stood_V - run.rig.safety.safe_V)) <= SAME_V:
-            anew = request.model_copy(update={"taken": [], "weights_mN": weights_mN})
-            return anew, "begins again with the first weight, since the arm was at another voltage"
+            repeated = request.model_copy(update={"taken": [], "weights_mN": weights_mN})
+            return (
+                repeated,
+                "begins again with the first weight, since the arm was at another voltage",
+            )
         try:
             read.append(_reading(taken, number))
         except ValueError:

@@ -1,5 +1,5 @@
-// Who uses the page, and what they may do with it. A key is typed in once; from then on a cookie that
-// no script can read stands for it, so that streams and the e-stop need nothing more.
+// The user of the page, and what the user may do. A key is typed in once; from then on a cookie that
+// no script can read replaces it, so that streams and the e-stop need nothing more.
 
 import { BASE, heard, timedFetch } from "./api.js";
 import { byId, setText } from "./dom.js";
@@ -15,7 +15,7 @@ const AGAIN_MS = 2000;
 let session = { keys: false, name: null, scope: null };
 let waiting = [];
 
-/** Whether what needs a scope may be asked for. */
+/** Return whether requests that need a scope are permitted. */
 export const may = (needed) => session.scope !== null
   && SCOPES.indexOf(session.scope) >= SCOPES.indexOf(needed);
 
@@ -73,7 +73,7 @@ function take(found) {
   waiting = [];
 }
 
-/** Return once somebody uses the page who may at least see what it shows. */
+/** Return once the user of the page has at least the scope to read. */
 export async function admitted() {
   while (session.scope === null) {
     const entered = new Promise((go) => waiting.push(go));

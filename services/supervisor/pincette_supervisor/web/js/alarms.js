@@ -21,7 +21,7 @@ export class Alarms {
     byId("panel-rig").prepend(this.panel);
   }
 
-  /** The mark at the tab counts what nobody has acknowledged, whichever tab is open. */
+  /** The mark at the tab counts unacknowledged alarms, whichever tab is open. */
   async refresh() {
     const query = this.all ? "" : "&open=true";
     const { alarms, open, next } = await get(`/alarms?${OF_RIG}&limit=${MOST}${query}`);
@@ -49,7 +49,7 @@ export class Alarms {
     tab.setAttribute("aria-label", open ? `Rig, ${open} open alarms` : "Rig");
   }
 
-  /** Show the newest alarm that nobody has acknowledged in the bar. */
+  /** Show the newest unacknowledged alarm in the bar. */
   head() {
     const unseen = this.alarms.filter((each) => each.acknowledged_at === null);
     byId("alarm-head").hidden = unseen.length === 0;

@@ -129,7 +129,7 @@ function written(body, headers = {}) {
 
 export const get = (path) => send(reading, path, {});
 
-/** Read what is asked for again and again; it waits for no other answer. */
+/** Read a resource that is polled; it waits for no other answer. */
 export const poll = (path) => send(polling, path, {});
 
 /** Order something; it waits for no answer that is merely read. */

@@ -1,4 +1,4 @@
-// The picture of the rig's camera: MJPEG, which the browser asks the camera for itself.
+// The picture of the rig's camera: MJPEG, which the browser requests from the camera itself.
 
 import { RIG } from "./api.js";
 import { byId, h } from "./dom.js";

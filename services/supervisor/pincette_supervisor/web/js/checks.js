@@ -28,10 +28,10 @@ export class Checks {
     byId("panel-rig").append(this.panel);
   }
 
-  /** Follow the rig while somebody looks. */
+  /** Update while the tab is visible. */
   follow(rig) {
     if (byId("panel-rig").hidden) return;
-    // Ages differ with every answer: what they mean is told anew only where it differs.
+    // Ages differ with every answer: a text is announced again only if its meaning has changed.
     const said = rig.checks.map((check) => [check.name, check.ok, check.words]);
     show(this.panel, said, () => h("table", { class: "list" }, h("caption", {}, "Checks"),
       h("thead", {}, h("tr", {}, ...["Check", "Finding", "Value"].map((text) => h("th",

@@ -1,4 +1,4 @@
-// Who has claimed the rig: others begin nothing there, everybody may stop. This page can claim it,
+// The claim of the rig: other clients begin nothing, but all may stop. This page can claim it,
 // give it back, or break the claim of another client.
 
 import { claimSecret, forgetClaim, RIG_PATH, sendClaim, told } from "./api.js";
@@ -74,6 +74,6 @@ export class Claim {
   }
 }
 
-/** Who else has the rig, for the notices above the charts. */
+/** Name of another client that has claimed the rig, for the notices above the charts. */
 export const claimedBy = (rig) => (rig.claim && !isMine(rig.claim)
   ? [`${rig.claim.by}${rig.claim.note ? ` (${rig.claim.note})` : ""}, for another ${duration(Math.round(rig.claim.left_s))}`] : []);

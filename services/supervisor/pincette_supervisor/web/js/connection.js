@@ -9,12 +9,12 @@ const LOOK_MS = 500;
 const STOPS = "E-STOP is kept and sent until the actuator confirms it; pincette estop on the rig's "
   + "computer and the button of the supply stop at once.";
 
-/** Tell a screen reader at once; what it was told before is not told again. */
+/** Announce a text to a screen reader at once, but not the same text twice. */
 export function alarm(text) {
   setText(byId("announce-alarm"), text);
 }
 
-/** The supervisor has said how the rig is. */
+/** The supervisor has sent the state of the rig. */
 export function rigAnswered() {
   if (performance.now() - heard.rig > STALE_MS) document.dispatchEvent(new CustomEvent("pincette:answers"));
   heard.rig = performance.now();

@@ -1,4 +1,4 @@
-// The job that has the rig: what it does, how far it is, and what may be asked of it.
+// The job that has the rig: its phase, its progress, and its possible actions.
 
 import { post, told } from "./api.js";
 import { byId, chip, h, setText, show } from "./dom.js";
@@ -55,7 +55,7 @@ export class Current {
     () => (job ? this.card(job) : this.empty()));
     if (job) this.update(job);
     const asks = progress?.instruction ?? "";
-    // Whoever is asked to do something sees it, wherever the panels were scrolled to.
+    // A request to a person is visible, wherever the panels were scrolled to.
     if (asks && asks !== this.asked) byId("current").scrollIntoView({ block: "nearest" });
     this.asked = asks;
   }

@@ -1,4 +1,4 @@
-// What is said of a job: shown with it, and edited at any time.
+// The description of a job: shown with it, and edited at any time.
 
 import { patch, told } from "./api.js";
 import { byId, h } from "./dom.js";
@@ -17,7 +17,7 @@ export const saidOf = (job) => partsOf(job).join(" · ");
 export const saidIn = (job) => partsOf(job).flatMap((text, place) => [place ? " · " : "",
   h("span", { class: text.length <= SHORT ? "whole" : "" }, text)]);
 
-/** Label and text of everything that was said. */
+/** Label and text of each field of the description that is not empty. */
 export const factsOf = (job) => [...SAID.map(([name, label]) => [label, job[name]]),
   ...Object.entries(job.labels)].filter(([, text]) => text);
 
@@ -29,7 +29,7 @@ export function field(id, label, value = "", more = {}) {
   return [h("div", { class: "field" }, h("label", { for: id }, label), input), input];
 }
 
-/** A form that says more of a job; `changed` gets the job as it is then. */
+/** A form for the description of a job; `changed` receives the edited job. */
 export function describe(job, changed) {
   const rows = SAID.map(([name, label]) => [name, ...field(`said-${name}`, label, job[name])]);
   const labels = Object.entries(job.labels).map(([name, text]) => `${name}=${text}`).join("\n");

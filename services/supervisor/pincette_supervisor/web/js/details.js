@@ -54,7 +54,7 @@ export class Details {
     return !byId("panel-rig").hidden;
   }
 
-  /** Follow the rig while somebody looks; the model is asked for where it is another one. */
+  /** Update while the tab is visible; the model is requested only if its version has changed. */
   async follow(rig) {
     if (!this.seen) return;
     show(byId("rig-programs"), [rig.programs, rig.limits], () => [programs(rig), limits(rig)]);

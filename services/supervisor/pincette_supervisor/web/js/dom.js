@@ -15,7 +15,7 @@ export function h(tag, attributes = {}, ...children) {
 
 export const byId = (id) => document.getElementById(id);
 
-/** Set a text only where it differs, so that a screen reader is not told it again. */
+/** Set a text only if it differs, so that a screen reader does not repeat it. */
 export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
@@ -27,11 +27,11 @@ const shown = new WeakMap();
 const waiting = new WeakMap();
 const PRESSED_MS = 50;
 
-/** Controls of forms that tell what they are of (`data-of`), each by that and its id. */
+/** Controls of forms that name their subject (`data-of`), by subject and id. */
 const controlsIn = (parent) => new Map([...parent.querySelectorAll("form[data-of] :is(input, textarea)")]
   .map((control) => [`${control.form.dataset.of} ${control.id}`, control]));
 
-/** Put in what somebody has typed or ticked in the control that was there before. */
+/** Keep what a person has typed or ticked in the previous control. */
 function keepTyped(control, before) {
   if (before.value !== before.defaultValue) control.value = before.value;
   if (before.checked !== before.defaultChecked) control.checked = before.checked;
@@ -66,7 +66,7 @@ export function show(parent, content, make) {
   if (again && typeof from === "number") again.setSelectionRange(from, to);
 }
 
-/** What a list says that does not show all. */
+/** Note at a list that does not show all entries. */
 export const left = (text) => h("p", { class: "muted left" }, text);
 
 /** A word with a mark and a tone, so that colour is never the only sign. */

@@ -119,7 +119,7 @@ export class Jobs {
     this.render();
   }
 
-  /** A job as it is after somebody has described it. */
+  /** A job after its description was edited. */
   take(changed) {
     this.jobs = this.jobs.map((job) => (job.id === changed.id ? changed : job));
     this.shown = changed;
@@ -224,12 +224,12 @@ function select(id, name, options, onchange) {
     ...options.map(([value, label]) => h("option", { value }, label)));
 }
 
-/** Time at which a job began to move, or at which it was asked for while it waits. */
+/** Time at which a job began to move, or at which it was requested while it waits. */
 function begunAt(job) {
   return job.started_at ?? job.created_at;
 }
 
-/** When a job was asked for, began and ended. */
+/** Times at which a job was requested, began and ended. */
 function timesOf(job) {
   return [["requested", job.created_at], ["started", job.started_at], ["ended", job.ended_at]]
     .filter(([, at]) => at)

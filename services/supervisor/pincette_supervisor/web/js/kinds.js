@@ -43,7 +43,7 @@ function shown(result, figure) {
   return `${withUnit(value, "", figure.digits).trim()}${more} ${figure.unit}${by}`.trim();
 }
 
-/** The figures that are shown of a job's result; only that of two arms says how many there are. */
+/** The figures that are shown of a job's result; only that of two arms states the number of arms. */
 const figuresFor = ({ kind, result }) => kindOf(kind).figures.filter(forArms(result?.arms ?? 1));
 
 /** Labels and texts of a job's figures, in their order. */
@@ -54,7 +54,7 @@ export function figuresOf(job) {
     .map((each) => [each.label, shown(result, each)]);
 }
 
-/** What the uncertainty of a figure is worked out from, but nobody has calibrated. */
+/** Quantities that the uncertainty of a figure assumes, since no calibration has found them. */
 export function assumedOf(job) {
   return [...new Set(figuresFor(job).flatMap((each) => assumedBy(job.result ?? {}, each)))];
 }
@@ -65,7 +65,7 @@ export function mainFigure(job) {
   return figure && job.result ? [figure.label, shown(job.result, figure)] : ["", "–"];
 }
 
-/** A job as it was asked for, in a few words. */
+/** A short text of the request of a job. */
 export function asked({ kind: name, request }) {
   const kind = kindOf(name);
   const label = plain(name);
@@ -81,7 +81,7 @@ export function asked({ kind: name, request }) {
   return request.recipe ? `${label} ${request.recipe}` : label;
 }
 
-/** Fields whose values the plan of an empty request says. */
+/** Fields whose default values come from the plan of an empty request. */
 export const plannedFields = (form) => form.filter((each) => each.planned);
 
 /** What the phases of a plan say about values that a request left out. */

@@ -1,4 +1,4 @@
-// The page: it asks for the rig once a second and whenever an event says that something changed.
+// The page: it requests the rig once a second and whenever an event reports a change.
 
 import { admitted } from "./access.js";
 import { Alarms } from "./alarms.js";
@@ -125,7 +125,7 @@ async function insist(ask) {
   }
 }
 
-/** One refresh at a time; what is asked for meanwhile comes after it. */
+/** One refresh at a time; requests in the meantime follow it. */
 async function run() {
   clearTimeout(timer);
   if (!started) return;

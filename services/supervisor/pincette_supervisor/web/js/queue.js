@@ -14,7 +14,7 @@ export class Queue {
     this.fault = h("p", { class: "fault", id: "queue-fault", role: "alert" });
   }
 
-  /** Follow the rig; the jobs are asked for only where the queue has changed. */
+  /** Update from the rig; the jobs are requested only if the queue has changed. */
   async follow(rig) {
     const { queue } = rig;
     const now = JSON.stringify([queue, rig.active_job]);

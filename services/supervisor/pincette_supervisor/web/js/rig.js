@@ -19,7 +19,7 @@ function safeToMove(rig) {
     safe.value ? "good" : "warn"));
 }
 
-/** What is told, with its age where it is not known any more but believed. */
+/** A reported state, with its age if it is no longer known but believed. */
 function trusted(text, certainty, age_s) {
   if (certainty !== "believed") return text;
   const age = Math.round(age_s ?? 0);
@@ -39,7 +39,7 @@ function facts(rig) {
   const state = rig.latch.state;
   const standing = stands(rig);
   const trouble = rig.allowed_actions.includes("reset") || ["frozen", "ramping"].includes(state);
-  // A latch that nobody has to clear says only that the rig was switched on.
+  // A latch that no person has to clear means only that the rig was switched on.
   const quiet = ["switched_on", "unknown"].includes(state) ? "muted" : "good";
   const model = rig.model.version ? `calibrated, version ${rig.model.version}` : "values of the rig file";
   return [
@@ -66,7 +66,7 @@ function notices(rig) {
   const groups = [
     [rig.startable.length ? "Not every job can start" : "No job can start",
       running || (latched && rig.reasons.length === 1) ? [] : rig.reasons],
-    // What has latched the actuator is told in one place, by showLatch.
+    // The cause of the latch is shown in one place, by showLatch.
     ["Do not move the stage that carries the gripper", running || latched ? [] : rig.safe_to_move?.reasons ?? []],
     ["Claimed by another client", claimedBy(rig)],
     ["Needs attention", rig.warnings ?? []],
@@ -93,7 +93,7 @@ function stageWaits(rig) {
     : `${words}: ${rig.safe_to_move.reasons.join("; ")}.`;
 }
 
-/** Return the cause of the latch in words, with who asked for it and its time where they are known. */
+/** Return the cause of the latch as text, with its requester and time if they are known. */
 function causeOf(latch, trip) {
   const cause = CAUSES[latch.cause] ?? (latch.words || latch.cause);
   if (!trip) return cause;
@@ -126,7 +126,7 @@ function openReset(open) {
   }
 }
 
-/** Reset asks for a person's word first; it covers nothing, so that E-STOP stays in reach. */
+/** Reset asks for a confirmation first; the dialogue covers nothing, so E-STOP stays reachable. */
 export function installReset(refresh) {
   byId("reset-open").addEventListener("click", () => {
     openReset(true);

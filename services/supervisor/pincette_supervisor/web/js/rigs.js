@@ -55,7 +55,7 @@ async function overview(rigs) {
       ...each.map(([make]) => h("td", {}, make())))))))]);
 }
 
-/** Cells, each with what makes it and what it says. */
+/** Cells, each with the function that makes it and its text. */
 function row(rig, job, alarms) {
   const worst = alarms.some((each) => each.severity === "alarm") ? "bad" : "warn";
   const said = (text, tone) => [() => chip(text, tone), [text, tone]];
@@ -77,7 +77,7 @@ function row(rig, job, alarms) {
 
 let timer = 0;
 
-/** Ask for the rigs again and again, more often where there are several. */
+/** Poll the rigs, more often if there are several. */
 export async function followRigs() {
   clearTimeout(timer);
   let several = false;
@@ -86,7 +86,7 @@ export async function followRigs() {
     several = offer(rigs);
     if (several && !byId("overview").hidden) await overview(rigs);
   } catch {
-    // The bar says that the supervisor does not answer.
+    // The bar states that the supervisor does not answer.
   }
   clearTimeout(timer);
   timer = setTimeout(followRigs, several && !document.hidden ? SEVERAL_MS : ALONE_MS);

@@ -156,7 +156,7 @@
     announce("pincette:estop");
   }
 
-  /** Without a function that reads answers: send it blindly, then as a form, whose answer is shown. */
+  /** Without a function that reads answers: send it without reading one, then as a form, whose answer is shown. */
   function blindly() {
     unconfirmed("this browser cannot read the answer");
     try {

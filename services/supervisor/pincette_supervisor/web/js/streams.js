@@ -32,7 +32,7 @@ export class Feed {
     this.poll();
   }
 
-  /** Ask for the streams while the page is seen. */
+  /** Request the streams while the page is visible. */
   settle() {
     if (document.hidden) this.close();
     else if (!this.wanted && STREAMS) this.ask();
@@ -80,10 +80,10 @@ export class Feed {
     this.newest = null;
   }
 
-  /** Give the streams up, and ask for them again after a while. */
+  /** Close the streams, and request them again after a while. */
   rest() {
     this.close();
-    this.wanted = { abort: () => {} }; // none is asked for until then
+    this.wanted = { abort: () => {} }; // none is requested until then
     this.later = setTimeout(() => {
       this.wanted = null;
       this.settle();

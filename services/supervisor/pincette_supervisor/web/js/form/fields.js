@@ -1,4 +1,4 @@
-// The fields of a form: made of data, read as a request, told what is wrong with them.
+// The fields of a form: created from data, read as a request, and marked with their errors.
 
 import { rowsOf, told } from "../api.js";
 import { h } from "../dom.js";
@@ -26,7 +26,7 @@ function input(spec, common, values) {
   return made;
 }
 
-/** A file whose rows take the place of what a field of points has. */
+/** A file whose rows replace the content of a field of points. */
 function file(spec) {
   const load = async ({ target }) => {
     const points = target.closest(".field").querySelector("textarea");
@@ -65,7 +65,7 @@ function control(spec, values, sources) {
     h("select", common, ...choices.map((each) => h("option", { value: each.value }, each.label))), fault);
 }
 
-/** Readers of what is typed; each throws an Error that says what to write instead. */
+/** Readers of typed text; each throws an Error that states a valid form. */
 const READ = {
   number: (text, { whole }) => numberIn(text, { whole }),
   choice: (text) => text,
@@ -271,7 +271,7 @@ export class Fields {
     }
   }
 
-  /** Tell texts at the fields that they are about; how many had a place. */
+  /** Show texts at the fields that they are about; return how many had a field. */
   tell(faults) {
     let told = 0;
     for (const spec of this.specs) {

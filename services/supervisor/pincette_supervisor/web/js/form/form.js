@@ -10,7 +10,7 @@ import { defaultsOf, kindsFor, plannedFields } from "../kinds.js";
 import { PlanView } from "./plan.js";
 import { plain, withoutUnit } from "../words.js";
 
-/** Members of a request that the form states outside its fields, or anew for each job. */
+/** Members of a request that the form states outside its fields, or sets for each job. */
 const ELSEWHERE = ["kind", "rig", "autostart", "queue", "dry_run", ...SAID.map(([name]) => name)];
 
 export class StartForm {
@@ -103,7 +103,7 @@ export class StartForm {
     }
   }
 
-  /** What was said about a request holds no longer once the request is another. */
+  /** Messages about a request are removed once the request has changed. */
   forget() {
     this.key = freshKey();
     this.fault.textContent = "";
@@ -164,7 +164,7 @@ export class StartForm {
       .filter(([, text]) => text));
   }
 
-  /** Tell a problem at the fields that it is about, the rest of it below the buttons. */
+  /** Show a problem at the fields that it is about, and the rest below the buttons. */
   tell(problem) {
     const placed = this.fields.tell(problem.faults);
     const rest = placed === 0 || problem.faults.size > placed;

@@ -47,7 +47,7 @@ export class Jog {
     this.refresh();
   }
 
-  /** Where the arm stands, by its newest sample. */
+  /** Position of the arm by its newest sample. */
   tell() {
     if (this.element.hidden) return;
     const newest = (name) => {
@@ -76,7 +76,7 @@ export class Jog {
       `moving ${sign < 0 ? "back" : "forward"} by ${size} ${unit}`);
   }
 
-  /** A pose is the end of a move; one that goes nowhere states where the arm stands. */
+  /** A pose is the end of a move; a move without a target states the present position. */
   teach() {
     if (!this.name.value || !this.name.checkValidity()) {
       setText(this.said, "The name of a pose may have letters, digits, dots, dashes and underscores.");

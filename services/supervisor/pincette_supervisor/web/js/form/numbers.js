@@ -6,7 +6,7 @@ const INTEGER = /^[+\-\u2212]?\d+$/;
 const FRACTION = /^\d+(?:[eE][+-]?\d{1,3})?$/;
 const SEPARATE = "separate the numbers by spaces or semicolons";
 
-/** Return the number that a text states; throws an Error that says what to write instead. */
+/** Return the number that a text states; throws an Error that states a valid form. */
 export function numberIn(text, { whole = false } = {}) {
   const trimmed = text.trim();
   if (trimmed === "") throw new Error("a number is needed, such as 2.5");
@@ -51,7 +51,7 @@ function itemsIn(text) {
   return items;
 }
 
-/** Return the numbers of a list; throws an Error that says what to write instead. */
+/** Return the numbers of a list; throws an Error that states a valid form. */
 export function numbersIn(text) {
   const items = itemsIn(text);
   if (items.length > 1 && items.includes("")) throw new Error(`a number is missing between two separators`);

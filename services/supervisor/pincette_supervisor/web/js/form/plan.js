@@ -109,7 +109,7 @@ export class PlanView {
     this.body.replaceChildren();
   }
 
-  /** Bring it into sight, for whoever has asked for it. */
+  /** Scroll it into view after a person has requested it. */
   reveal() {
     this.element.scrollIntoView({ block: "start" });
   }

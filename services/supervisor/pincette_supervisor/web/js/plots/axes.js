@@ -66,7 +66,7 @@ export class Axes {
     return bottom - ((value - this.low) / (this.high - this.low)) * (bottom - top);
   }
 
-  /** Time that a place on the canvas stands for. */
+  /** Return the time at a position on the canvas. */
   timeAt(x) {
     const { left, right } = this.box;
     return this.from + (Math.min(Math.max(x, left), right) - left) / (right - left)

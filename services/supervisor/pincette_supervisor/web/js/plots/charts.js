@@ -121,7 +121,7 @@ export class Charts {
     return [at, source.phase(index)].filter(Boolean).join(" · ");
   }
 
-  /** Why the charts stand still, or are empty; nothing while samples come. */
+  /** Reason why the charts are not updated, or are empty; empty while samples arrive. */
   silence() {
     const { source } = this;
     if (source.envelope) return source.said;

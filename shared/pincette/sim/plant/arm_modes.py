@@ -16,7 +16,7 @@ Rows = tuple[Three, Three, Three, Three, Three, Three]
 NOTHING: Three = (0j, 0j, 0j)
 
 
-class Way(NamedTuple):
+class ArmModes(NamedTuple):
     """Modes of the arms apart, or joined; see ``ModalSystem``."""
 
     rates_per_s: Three
@@ -41,7 +41,7 @@ class Transition(NamedTuple):
     pushes: Three
 
 
-def way_of(system: ModalSystem, bending_modes: int) -> Way:
+def arm_modes(system: ModalSystem, bending_modes: int) -> ArmModes:
     """Lay out a system of one or two bending modes, and a passive arm if it has more modes."""
     count = len(system.rates_per_s)
     places = [0, 1, 2] if bending_modes == 2 else [0, 2]
@@ -60,7 +60,7 @@ def way_of(system: ModalSystem, bending_modes: int) -> Way:
         return (found[0], found[1], found[2], found[3], found[4], found[5])
 
     most = (*system.most_watched, 0.0, 0.0)
-    return Way(
+    return ArmModes(
         rates_per_s=_three(system.rates_per_s),
         into=rows(list(zip(*system.into, strict=True))),
         out=rows(list(system.out)),
@@ -80,23 +80,23 @@ def _three(values: tuple[complex, ...]) -> Three:
     return (first, second, third)
 
 
-def modes_of(way: Way, state: Components, input_um: float, offset_um: float) -> Three:
+def modes_of(modes: ArmModes, state: Components, input_um: float, offset_um: float) -> Three:
     """Return the modes w of a state."""
     a, b, c = 0j, 0j, 0j
     for index in range(6):
-        rest_um = way.rest_by_input[index] * input_um
-        apart = state[index] - rest_um - way.rest_by_offset[index] * offset_um
-        row = way.into[index]
+        rest_um = modes.rest_by_input[index] * input_um
+        apart = state[index] - rest_um - modes.rest_by_offset[index] * offset_um
+        row = modes.into[index]
         a += row[0] * apart
         b += row[1] * apart
         c += row[2] * apart
     return (a, b, c)
 
 
-def component(way: Way, index: int, w: Three, input_um: float, offset_um: float) -> float:
+def component(modes: ArmModes, index: int, w: Three, input_um: float, offset_um: float) -> float:
     """Return the component of the state that w represents."""
-    rest = way.rest_by_input[index] * input_um + way.rest_by_offset[index] * offset_um
-    return rest + deviation(way.out[index], w)
+    rest = modes.rest_by_input[index] * input_um + modes.rest_by_offset[index] * offset_um
+    return rest + deviation(modes.out[index], w)
 
 
 def deviation(weights: Three, w: Three) -> float:
@@ -114,7 +114,7 @@ def magnitude(w: complex) -> float:
     return math.sqrt(w.real * w.real + w.imag * w.imag)
 
 
-def transition(way: Way, dt_s: float, lag_s: float) -> Transition:
+def transition(modes: ArmModes, dt_s: float, lag_s: float) -> Transition:
     """Return the transition over a step.
 
     The input approaches its goal with time constant ``lag_s``.
@@ -123,7 +123,7 @@ def transition(way: Way, dt_s: float, lag_s: float) -> Transition:
         return Transition((1.0 + 0j, 1.0 + 0j, 1.0 + 0j), (0j, 0j, 0j))
     rest = math.exp(-dt_s / lag_s) if lag_s > 0.0 else 0.0
     share = -math.expm1(-dt_s / lag_s) if lag_s > 0.0 else 1.0
-    rates, pushed = way.rates_per_s, way.pushed_by_input
+    rates, pushed = modes.rates_per_s, modes.pushed_by_input
     a, b, c = rates[0], rates[1], rates[2]
     e, f, g = exponential(a, dt_s), exponential(b, dt_s), exponential(c, dt_s)
     p, q, r = pushed[0], pushed[1], pushed[2]
