@@ -109,6 +109,11 @@ SITTINGS: dict[str, Sitting] = {
         up=DEMO,
         slow=True,
     ),
+    "docs/how-to/data-sheet.md": Sitting(
+        (Typed("pincette data-sheet", r"sheet/datasheet\.json", seconds=400.0),),
+        up=DEMO,
+        slow=True,
+    ),
     "docs/how-to/alarms.md": Sitting((Typed("pincette rigs demo", r"actuator\.latch"),), up=DEMO),
     "docs/how-to/scripted-faults.md": Sitting(
         (

@@ -255,7 +255,9 @@ def test_a_path_of_steps_is_requested_with_the_values_of_the_fields(
     assert job["rig"] == rig.rig.rig.name
 
 
-@pytest.mark.parametrize("kind", ["grip", "track", "move", "hold", "release", "calibrate"])
+@pytest.mark.parametrize(
+    "kind", ["grip", "track", "move", "hold", "release", "calibrate", "characterise"]
+)
 def test_every_kind_is_predicted_before_it_starts(rig: RunningRig, seen: Visit, kind: str) -> None:
     before = ids(rig)
     fields = {"value": "3"} if kind == "move" else {}

@@ -69,6 +69,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "records": ("records", "download files of jobs, delete them, or replay a job"),
     "recipe": ("model", "save sets of parameters for parts; `job grip --recipe NAME` uses one"),
     "bring-up": ("bring_up", "run the calibrations of a rig in their order, step by step"),
+    "data-sheet": ("data_sheet", "measure the data sheet of a gripper, and save it"),
     "model": ("model", "show the model in use, and accept or discard proposals of calibrations"),
     "learning": ("job", "show what motion programs have learned over their cycles, or erase it"),
     "estop": (

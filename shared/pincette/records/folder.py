@@ -33,7 +33,14 @@ CLOCK_AGREED = ".clock-agreed"
 """Name of the file by which a person confirms the time of day after it has stepped."""
 DELETED_PREFIX = ".deleted-"
 """Start of a folder's name while it is being deleted."""
-PICTURES = {".png": "image/png", ".svg": "image/svg+xml", ".pdf": "application/pdf"}
+DRAWN = {
+    ".png": "image/png",
+    ".svg": "image/svg+xml",
+    ".pdf": "application/pdf",
+    ".html": "text/html; charset=utf-8",
+    ".json": "application/json",
+}
+"""Media types of the files that the plot of a kind of job makes, by extension."""
 MEDIA_TYPES = {
     LIVE: "application/octet-stream",
     SAMPLES: "application/vnd.apache.parquet",
@@ -164,14 +171,14 @@ def delete(records: Path, name: str) -> None:
 
 def media_type(name: str) -> str | None:
     """Return the media type of a file of a record; None if a record has no such file."""
-    return MEDIA_TYPES.get(name) or PICTURES.get(Path(name).suffix)
+    return MEDIA_TYPES.get(name) or DRAWN.get(Path(name).suffix)
 
 
 def artifacts(folder: Path) -> list[dict[str, Any]]:
     """Return the files of a record, each with its size and SHA-256."""
     found: list[dict[str, Any]] = []
-    pictures = sorted(path.name for end in PICTURES for path in folder.glob(f"*{end}"))
-    for name in (*MEDIA_TYPES, *pictures):
+    names = {path.name for end in DRAWN for path in folder.glob(f"*{end}")}
+    for name in (*MEDIA_TYPES, *sorted(names - MEDIA_TYPES.keys())):
         path = folder / name
         try:
             state = path.stat()

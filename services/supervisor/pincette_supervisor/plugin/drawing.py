@@ -15,6 +15,8 @@ from pincette_supervisor.plugin.figures import Series, series
 Axis = Any
 
 WIDTH_PX, HEIGHT_PX, DPI = 1400, 1180, 140
+A4_IN = 8.27, 11.69
+"""Width and height of an upright A4 page, in inches."""
 LEFT, RIGHT, TOP, BOTTOM = 0.085, 0.985, 0.89, 0.065
 """Edges of the axes of a grid, as shares of the picture."""
 DOT = {"linestyle": "none", "marker": "o", "markersize": 5.0}
@@ -50,19 +52,19 @@ class Picture:
 
     png: bytes
     vector: Mapping[str, bytes] = field(default_factory=dict[str, bytes])
-    """Vector files for print, by file name extension."""
+    """Further files of the same name, such as vector files for print, by file name extension:
+    ``.svg``, ``.pdf``, ``.html`` or ``.json``."""
 
 
 class Sheet:
-    """An empty picture, 1400 by 1180 pixels."""
+    """An empty picture, 1400 by 1180 pixels unless it is made in another size."""
 
-    def __init__(self) -> None:
+    def __init__(self, size_in: tuple[float, float] = (WIDTH_PX / DPI, HEIGHT_PX / DPI)) -> None:
         # Loaded with the first picture: it would be a third of the supervisor's start.
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-        size = (WIDTH_PX / DPI, HEIGHT_PX / DPI)
-        self.figure: Any = Figure(figsize=size, dpi=DPI, facecolor="white")
+        self.figure: Any = Figure(figsize=size_in, dpi=DPI, facecolor="white")
         self._canvas: Any = FigureCanvasAgg(self.figure)
 
     def head(self, left: float, title: str, subtitle: str, name: str) -> None:
@@ -89,6 +91,18 @@ class Sheet:
             self.figure.savefig(stream, format=form, metadata={stamp: None})
             vector[f".{form}"] = stream.getvalue()
         return Picture(self.png(), vector)
+
+
+def pdf(sheets: Sequence[Sheet]) -> bytes:
+    """Return a PDF file with a page for each sheet; it contains no time stamp."""
+    from matplotlib.backends.backend_pdf import PdfPages
+
+    stream = BytesIO()
+    pages: Any = PdfPages(stream, metadata={"CreationDate": None})
+    for sheet in sheets:
+        pages.savefig(sheet.figure)
+    pages.close()
+    return stream.getvalue()
 
 
 def prepare(axis: Axis, y_label: str = "", x_label: str = "") -> None:

@@ -17,7 +17,6 @@ from pincette.control.laws.definition import LawSettings
 from pincette.control.laws.parameters import LawSpec
 from pincette.control.laws.steady import steady_error_ranges
 from pincette.control.laws.two_arm_law import LAW as TWO_ARMS
-from pincette.control.planning.conditioning import PHASE
 from pincette.control.planning.contact_plan import ContactPlan, MotionPlan, PlannedRig
 from pincette.control.planning.feasibility import Violation as Broken
 from pincette.control.planning.motion_plan import StartPosition
@@ -185,7 +184,7 @@ def contact_job(
     """
     rig = model.rig
     law = choose_law(request, rig)
-    conditioned = made.program.segments[0].phase == PHASE
+    conditioned = made.conditioned
     unsure = uncertain_forces(
         rig, values["contact_force_mN"], forces_mN[1], pointer, conditioned=conditioned
     )

@@ -108,6 +108,8 @@ class ContactPlan(MotionPlan):
     """The plan of a motion that meets a part."""
 
     arm: PlannedArm
+    conditioned: bool
+    """True if conditioning strokes precede the approach."""
 
 
 def plan_contact(
@@ -117,6 +119,7 @@ def plan_contact(
     pointers: Mapping[str, str],
     *,
     flying: bool = False,
+    free: Sequence[Segment] = (),
 ) -> ContactPlan:
     """Plan zero, approach, zero, contact, the pressed part, and the retreat.
 
@@ -132,6 +135,8 @@ def plan_contact(
         The member of the request that leads beyond a limit, by the phase in which it does.
     flying
         True if the load begins at the touch without a stop, after an approach that watches for one.
+    free
+        Motion of the free arm before everything else, from where the arm is to its start.
 
     Raises
     ------
@@ -167,12 +172,14 @@ def plan_contact(
         stands_um = arm.x_start_um
         if rig.stands_um is not None and rig.rest_um is None:
             stands_um = rig.stands_um
-        away_um = stands_um - arm.x_start_um
+        away_um = 0.0 if free else stands_um - arm.x_start_um
         strokes = conditioning(
             rig.condition_V, rig.limits.slew_V_per_s, away_um, arm.piezo_um_per_V, rig.strokes
         )
         begin_um, way_out = stands_um, ()
-    segments = (*strokes, *way_out, *way_there, *pressing, retreat)
+    if free:
+        begin_um, way_out = (arm.x_start_um if rig.stands_um is None else rig.stands_um), ()
+    segments = (*free, *strokes, *way_out, *way_there, *pressing, retreat)
 
     def touch(seek: Seek, entry: Entry) -> tuple[float, Entry]:
         return _touch(request, arm, rig.period_s, seek, entry)
@@ -195,6 +202,7 @@ def plan_contact(
         course=course,
         violations=tuple(broken),
         arm=arm,
+        conditioned=rig.condition_V is not None,
     )
 
 
