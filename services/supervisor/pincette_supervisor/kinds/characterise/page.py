@@ -125,7 +125,8 @@ def facts(run: Run, name: str) -> dict[str, str]:
         for table, driver in (("sensor", rig.sensor.driver), ("output", rig.output.driver))
     }
     return {
-        "gripper": name,
+        "gripper": run.rig.rig.name,
+        "record": name,
         "rate": f"{1.0 / run.period_s:g} samples per second",
         **instruments,
         "part": rig.part.name or "not named",
