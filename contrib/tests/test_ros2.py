@@ -116,7 +116,7 @@ def test_a_node_receives_a_grip_and_ros_reads_it(
 
 
 def read_by_ros(python: Path, messages: list[list[str]], folder: Path) -> Any:
-    """What the packages of ROS 2 read out of the bytes."""
+    """Return what the packages of ROS 2 decode from the messages."""
     done = subprocess.run(
         [str(python), str(READ)],
         input=json.dumps(messages),

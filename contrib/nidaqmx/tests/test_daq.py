@@ -255,7 +255,7 @@ def test_invalid_calls_are_refused_or_ignored() -> None:
 
 
 def strange(chance: random.Random) -> bytes:
-    """Fields of a message, of any number and kind, about a task that may be there."""
+    """Return a message with random fields that names a task that may not exist."""
     body = b"\n\x02\x10%c" % chance.randrange(6)
     for _ in range(chance.randrange(4)):
         tag = chance.randrange(2, 8) << 3

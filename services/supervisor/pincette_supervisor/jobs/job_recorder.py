@@ -245,7 +245,7 @@ class JobRecorder:
         self._close(row)
 
     def _close(self, row: JobRow) -> Recorded | str:
-        """Have the record closed; an incomplete record never makes the job fail."""
+        """Close the record and return the outcome; an incomplete record does not fail the job."""
         whose = self._context.bus, self._job.id, self._epoch
         recorded = self._context.closer.submit(finish_record, *whose, None).result()
         self._job.store(plan={**row.plan, "record": completeness(recorded)})
