@@ -120,7 +120,7 @@ def test_a_composed_program_answers_for_its_services_only(site: Site) -> None:
     assert site.supervisor.call(ARM["controller"], request) == Ack(1)
     with pytest.raises(BusError, match="no program answers sensor/arm"):
         site.supervisor.call(ARM["sensor"], request, 0.3)
-    assert site.supervisor.alive() == {"estimator", "controller", "actuator"}
+    site.until(lambda: site.supervisor.alive() == {"estimator", "controller", "actuator"})
     with pytest.raises(BusError, match="may demo/estimator\\+controller send it"):
         site.pair.call(TRIP, Trip(Cause.ESTOP), 0.3)
 

@@ -40,7 +40,7 @@ def test_a_second_supervisor_of_a_rig_is_refused_until_the_first_has_ended(
             with closing(ZenohBus(ends, OTHER, "another rig's")) as another:
                 program.serve_alone(another, OTHER, stop)
         program.serve_alone(second, RIG, stop)
-        assert second.alive() == {"supervisor"}
+        until(lambda: second.alive() == {"supervisor"}, "its token is seen")
 
 
 def test_two_supervisors_do_not_share_a_journal(tmp_path: Path) -> None:
