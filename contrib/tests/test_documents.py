@@ -17,7 +17,7 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Generator[Path]
 
 
 @pytest.mark.parametrize(("page", "sitting"), cases(SITTINGS))
-def test_the_commands_of_a_document_run_as_shown(
+def test_the_commands_in_a_document_work_as_shown(
     page: str, sitting: Sitting, checkout: Path
 ) -> None:
     type_page(page, sitting, checkout)

@@ -26,7 +26,7 @@ DONE = {
 }
 
 
-def test_a_generated_client_in_python(rig: RunningRig, tmp_path: Path) -> None:
+def test_a_generated_python_client_works(rig: RunningRig, tmp_path: Path) -> None:
     python = environment(tmp_path / "venv", PYTHON)
     script = str(python.with_name("openapi-python-client"))
     words = ("--path", str(DOCUMENT), "--meta", "none", "--output-path", "generated")
@@ -39,7 +39,7 @@ def said(text: str) -> Any:
     return json.loads(text.splitlines()[-1])
 
 
-def test_generated_types_in_typescript(rig: RunningRig, tmp_path: Path) -> None:
+def test_generated_typescript_types_are_correct(rig: RunningRig, tmp_path: Path) -> None:
     folder = npm_folder(tmp_path, DRIVES / "drive.mts", *TYPESCRIPT)
     for line in (
         ["openapi-typescript", str(DOCUMENT), "--output", "schema.d.ts", OPTIONAL],

@@ -312,7 +312,7 @@ def test_a_force_is_reached_after_a_stop_in_each_phase(
 
 @pytest.mark.parametrize("phase", STOPS)
 @pytest.mark.parametrize("adapter", OTHERS)
-def test_a_force_is_reached_after_a_stop_by_cli_page_and_things(
+def test_a_force_is_reached_after_a_stop_from_cli_page_or_web_of_things(
     rig: RunningRig, adapter: Adapter, request: pytest.FixtureRequest, phase: str
 ) -> None:
     with adapter(rig, request) as driver:

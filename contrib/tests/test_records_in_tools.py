@@ -147,7 +147,9 @@ def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return environment(tmp_path_factory.mktemp("venv") / "venv", *PYTHON)
 
 
-def test_tables_open_in_python(records: dict[str, Path], python: Path, tmp_path: Path) -> None:
+def test_tables_of_records_open_in_python(
+    records: dict[str, Path], python: Path, tmp_path: Path
+) -> None:
     folders = [str(records[name]) for name in CLOSED]
     wanted = [expected(records[name]) for name in CLOSED]
     for tool, found in FRAMES.items():
@@ -196,7 +198,7 @@ def needs(program: str) -> pytest.MarkDecorator:
 @pytest.mark.parametrize(
     "tool", [pytest.param(tool, marks=needs(program)) for tool, (program, _) in PROGRAMS.items()]
 )
-def test_numbers_open_in_other_languages(records: dict[str, Path], tool: str) -> None:
+def test_tables_of_numbers_open_in_other_languages(records: dict[str, Path], tool: str) -> None:
     program, words = PROGRAMS[tool]
     for name in CLOSED:
         found = ran([program, *words(recipe(tool))], records[name]).split()

@@ -52,7 +52,7 @@ def test_the_thing_description_is_valid_by_its_schema(rig: RunningRig, client: P
     validator.validate(answer.json())
 
 
-def test_node_wot_grips_by_it(rig: RunningRig, client: Path) -> None:
+def test_node_wot_grips_with_the_thing_description(rig: RunningRig, client: Path) -> None:
     url = f"{rig.rig.supervisor.url}/.well-known/wot"
     said = node(client, DRIVE.name, url, str(FORCE_MN))
     assert said["title"] == "pincette demo"
@@ -68,7 +68,7 @@ def test_node_wot_grips_by_it(rig: RunningRig, client: Path) -> None:
     assert said["latched"] is not None
 
 
-def test_the_program_of_the_page_grips(rig: RunningRig, client: Path) -> None:
+def test_the_program_shown_on_the_documentation_page_grips(rig: RunningRig, client: Path) -> None:
     make_ready(rig)
     found = {block.language: block.text for block in blocks_of(PAGE)}
     program = found["js"]
@@ -131,7 +131,7 @@ def test_a_disconnected_client_and_a_stopped_supervisor_leave_the_part_held(
     assert rig.view()["part"] == "none"
 
 
-def test_a_rig_may_be_named(rig: RunningRig) -> None:
+def test_a_request_for_a_thing_description_may_name_the_rig(rig: RunningRig) -> None:
     assert described(rig, "?rig=demo").json() == described(rig).json() | {"links": []}
     assert described(rig).json()["security"] == "none"
     unknown = rig.client.get(f"{rig.rig.supervisor.url}/.well-known/wot?rig=no-such")

@@ -52,7 +52,7 @@ def test_a_grip_without_options_uses_both_arms(rig: RunningRig) -> None:
             handle.plan("track")
 
 
-def test_a_recipe_completes_a_grip(rig: RunningRig) -> None:
+def test_a_recipe_supplies_the_missing_values_of_a_grip(rig: RunningRig) -> None:
     saved = rig.post("/recipes", {"name": "bead", "values": {"force_mN": 7.0, "hold_s": 0.3}})
     assert saved.status_code == 201, saved.text
     job = rig.post("/jobs", {"kind": "grip", "recipe": "bead", "dry_run": True})

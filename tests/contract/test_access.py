@@ -159,7 +159,7 @@ def test_clients_without_permission_get_no_answer(site: Site, who: str) -> None:
     assert site.asked == []
 
 
-def test_an_operator_can_trip_on_both_paths_and_do_nothing_else(site: Site) -> None:
+def test_an_operator_can_request_a_trip_on_both_paths_but_nothing_else(site: Site) -> None:
     for ends in (direct_endpoint(site.rig, "actuator"), tool_endpoint(site.rig)):
         bus = ZenohBus(ends, "demo", "tool")
         assert bus.call(TRIP, Trip(Cause.ESTOP)) == Ack(1)

@@ -47,7 +47,9 @@ class BusContract:
     def settle(self, buses: tuple[LatestBus, LatestBus], done: Callable[[], bool]) -> None:
         raise NotImplementedError
 
-    def test_messages_arrive_in_order_and_whole(self, buses: tuple[LatestBus, LatestBus]) -> None:
+    def test_messages_arrive_complete_and_in_order(
+        self, buses: tuple[LatestBus, LatestBus]
+    ) -> None:
         got: list[Message] = []
 
         def take(topic: Topic, message: Message) -> None:

@@ -50,7 +50,7 @@ class Recorded:
         return srs_dc205.open_output(settings(**options), self.link)
 
 
-def test_the_bytes_are_those_of_the_manual() -> None:
+def test_the_bytes_match_the_manual_of_the_instrument() -> None:
     line = Recorded()
     output = line.open()
     output.write_V(1.5)
@@ -95,7 +95,7 @@ def test_an_output_that_is_on_in_another_range_is_not_opened() -> None:
     assert line.voltages_V == []
 
 
-def test_earlier_errors_do_not_count() -> None:
+def test_errors_stored_before_opening_are_ignored() -> None:
     output = Recorded(b"VOLT 99;NONE?").open()
     output.write_V(0.5)
     assert output.read_V() == 0.5
@@ -146,7 +146,7 @@ def test_a_refusal_names_value_and_cause(reply: bytes, cause: str) -> None:
 
 
 @pytest.mark.parametrize("name", [b"!017024", b"Stanford Research Systems,SIM928,s/n1,ver1"])
-def test_another_instrument_is_not_opened(name: bytes) -> None:
+def test_a_different_instrument_is_refused_at_opening(name: bytes) -> None:
     line = Recorded()
     line.voice = lambda _said: name
     with pytest.raises(InstrumentError, match="names another instrument"):
@@ -223,7 +223,9 @@ def lent_clock(clock: Callable[[], float]) -> Generator[None]:
 
 
 @pytest.mark.parametrize(("baud", "exchange_ms"), [(9600, 42.7), (115200, 3.6)])
-def test_the_time_of_a_write_follows_from_the_line(baud: int, exchange_ms: float) -> None:
+def test_the_duration_of_a_write_is_computed_from_the_line_settings(
+    baud: int, exchange_ms: float
+) -> None:
     timing = srs_dc205.timing(settings(baud=baud))
     # VOLT -10.000000;SOUT?;LEXE?;LCME? and ON;0;0, a line feed each.
     assert round(1e3 * timing.exchange_s, 1) == exchange_ms
@@ -235,7 +237,7 @@ def test_the_source_has_no_watchdog() -> None:
     assert not isinstance(Recorded().open(), WatchedOutput)
 
 
-def test_every_fault_of_the_line_raises_one_kind_of_error() -> None:
+def test_every_fault_of_the_line_raises_the_same_exception_type() -> None:
     chance = random.Random(SEED)
     failed = 0
     for _ in range(REPLIES):

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.usefixtures("stalls")
 
 
 @pytest.mark.parametrize("pace", ["lockstep", "real"])
-def test_each_write_over_the_line_is_a_write_of_the_rig(tmp_path: Path, pace: str) -> None:
+def test_each_write_over_the_line_reaches_the_simulated_rig_once(tmp_path: Path, pace: str) -> None:
     output = Output(driver="srs_dc205", url=str(tmp_path / "output"), timeout_s=0.5)
     rig = demo_rig(time=pace).model_copy(update={"output": output})
     told = truths_of_three_writes(

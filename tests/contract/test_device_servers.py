@@ -54,14 +54,14 @@ def test_a_banner_is_not_accepted_as_an_answer(banner: str, laser: Wire, tmp_pat
 
 
 @pytest.mark.parametrize("accepter", ["telnet(rfc2217),tcp"])
-def test_a_telnet_port_is_named(accepter: str, laser: Wire, tmp_path: Path) -> None:
+def test_a_telnet_port_is_reported_as_such(accepter: str, laser: Wire, tmp_path: Path) -> None:
     with ser2net(laser.url, tmp_path, accepter=accepter) as server:
         error = refusal(server.url)
         assert error.code == "cannot_open"
         assert "telnet" in str(error)
 
 
-def test_a_port_with_another_client_is_refused_in_the_server_s_words(
+def test_a_refusal_by_a_server_with_another_client_quotes_the_server(
     laser: Wire, tmp_path: Path
 ) -> None:
     with ser2net(laser.url, tmp_path) as server:

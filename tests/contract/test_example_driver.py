@@ -50,13 +50,13 @@ class TestExampleDriver(PositionSensorContract):
         return open_sensor(settings(url, head=2), link)
 
 
-def test_another_sensor_head_does_not_answer() -> None:
+def test_a_sensor_head_with_another_address_does_not_answer() -> None:
     sensor = open_sensor(settings(head=1), MemoryLink(SimulatedLDS(lambda: 0.0, head=2).answer))
     with pytest.raises(InstrumentError, match="no answer"):
         sensor.read_um()
 
 
-def test_another_instrument_at_the_port_is_not_opened() -> None:
+def test_a_different_instrument_at_the_port_is_refused_at_opening() -> None:
     link = MemoryLink(lambda _line: b"MS,01,+0001.00")
     with pytest.raises(InstrumentError, match="is not the name of an LDS"):
         open_sensor(settings(), link)

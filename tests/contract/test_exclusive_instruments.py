@@ -98,7 +98,7 @@ def listening(address: str, port: int = 0) -> Generator[int]:
         ("::", "[::ffff:127.0.0.1]", "127.0.0.9"),
     ],
 )
-def test_any_address_of_a_server_of_this_host_is_one_instrument(
+def test_all_addresses_of_this_host_count_as_one_instrument(
     server: str, first: str, second: str
 ) -> None:
     """A host has several addresses, such as those of its own name and of localhost."""

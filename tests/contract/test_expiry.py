@@ -27,7 +27,7 @@ TOOL = program("supervisor", "")
 
 
 @pytest.mark.parametrize(("mode", "goes_on"), [("router", False), ("peer", True)])
-def test_the_router_ends_the_link_and_a_service_does_not(
+def test_the_router_closes_a_link_whose_certificate_has_expired_and_a_service_does_not(
     tmp_path: Path, mode: str, goes_on: bool
 ) -> None:
     folder, port = folder_for(tmp_path / "pki", "demo"), free_ports(1)

@@ -169,7 +169,9 @@ class TestBesideAForeignQueryable:
             assert monotonic() - begun_s < ANSWER_S
             assert plain.asked == [Trip(Cause.ESTOP), Reset(), Trip(Cause.ESTOP)]
 
-    def test_the_newest_message_is_the_producers(self, plain: Site, kind: str, where: str) -> None:
+    def test_the_newest_message_comes_from_its_producer(
+        self, plain: Site, kind: str, where: str
+    ) -> None:
         plain.actuator.publish(EARLIER)
         with beside(plain, kind, where) as store:
             plain.actuator.publish(EARLIER)
@@ -291,7 +293,9 @@ def test_a_token_without_a_program_is_recognized_at_once(plain: Site) -> None:
 
 
 @pytest.mark.parametrize("kind", ["silent", "drops", "store", "rubbish"])
-def test_an_unresponsive_program_is_not_mistaken_for_a_token_alone(plain: Site, kind: str) -> None:
+def test_an_unresponsive_program_is_not_mistaken_for_a_token_without_a_program(
+    plain: Site, kind: str
+) -> None:
     """A query that a program drops ends at once, as does one that no program receives."""
     place = f"tcp/{plain.rig.bus.host}:{plain.rig.bus.port}"
 
@@ -523,7 +527,7 @@ def test_doctor_names_the_session_and_the_key_of_a_foreign_store(plain: Site) ->
 
 
 @pytest.mark.parametrize("mode", [Mode.IDLE, None])
-def test_doctor_misses_programs_of_a_running_rig_that_do_not_answer(
+def test_doctor_reports_programs_of_a_running_rig_that_do_not_answer(
     plain: Site, monkeypatch: pytest.MonkeyPatch, mode: Mode | None
 ) -> None:
     """A device server whose port is taken keeps the sensor's program from starting."""

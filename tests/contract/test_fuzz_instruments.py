@@ -205,7 +205,7 @@ class Unclosed:
 
 
 @pytest.mark.parametrize("name", SUBJECTS)
-def test_a_driver_raises_one_kind_of_error_for_any_answer(
+def test_a_driver_raises_the_same_exception_type_for_any_invalid_answer(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(keyence_lkg, "MODE_CHANGE_S", 0.0)
@@ -233,7 +233,7 @@ class Misled:
 
 
 @pytest.mark.parametrize("name", SUBJECTS)
-def test_a_driver_raises_one_kind_of_error_over_a_line(
+def test_a_driver_on_a_line_raises_the_same_exception_type_for_any_invalid_answer(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(keyence_lkg, "MODE_CHANGE_S", 0.0)

@@ -158,7 +158,7 @@ SIEGES = [(name, time) for name in LOOP for time in RIGS]
 
 
 @pytest.mark.parametrize(("name", "time"), SIEGES)
-def test_no_frame_makes_a_service_raise(name: str, time: str) -> None:
+def test_no_frame_causes_an_exception_in_a_service(name: str, time: str) -> None:
     print(f"seed {SEED}")
     told = besiege(name, time, FRAMES, SEED)
     assert all(told[what] for what in ("refused", "heard", "answered", "declined"))
@@ -166,7 +166,7 @@ def test_no_frame_makes_a_service_raise(name: str, time: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "time"), SIEGES)
-def test_many_frames_do_not_make_a_service_raise(name: str, time: str) -> None:
+def test_many_frames_cause_no_exception_in_a_service(name: str, time: str) -> None:
     seed = random.SystemRandom().randrange(2**32)
     print(f"seed {seed}")
     told = besiege(name, time, MANY, seed)

@@ -157,7 +157,7 @@ def test_refusals_are_counted_and_logged_with_a_bound(
     assert "127.0.0.1" in lines[0]
 
 
-def test_no_link_is_waited_for_at_its_end(door: Door) -> None:
+def test_closing_a_link_does_not_block(door: Door) -> None:
     """Zenoh would wait for 10 s, and be deaf meanwhile: see ``let_go_at_once``."""
     with open_session(door.client, "tool"):
         deadline = monotonic() + 5.0
@@ -219,7 +219,9 @@ def test_silent_connections_are_closed_in_time(door: Door) -> None:
     assert door.router.refused.count >= 1
 
 
-def test_the_port_behind_accepts_the_guard_only(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_port_behind_the_guard_accepts_connections_from_the_guard_only(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     behind = PrivatePort.chosen()
     with socket.socket() as listener:
         listener.bind((behind.host, behind.port))

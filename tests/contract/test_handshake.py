@@ -44,7 +44,7 @@ def place(folder: Folder) -> Generator[str]:
         yield listening
 
 
-def test_a_working_link_has_no_diagnosis(place: str, folder: Folder) -> None:
+def test_a_working_link_gives_an_empty_diagnosis(place: str, folder: Folder) -> None:
     assert diagnose_link(place, folder.credentials(TOOL), "router") == ""
 
 

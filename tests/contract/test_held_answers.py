@@ -41,7 +41,7 @@ def arrivals(baud: int, line_baud: int, held_s: float, *, in_pieces: bool) -> Ar
 
 @pytest.mark.parametrize("baud", [9600, 19200, 38400, 115200])
 @pytest.mark.parametrize("held_s", [0.001, 0.003, 0.007, 0.020])
-def test_a_late_answer_in_one_piece_was_held_back_by_the_server(baud: int, held_s: float) -> None:
+def test_a_late_answer_in_one_piece_is_attributed_to_the_server(baud: int, held_s: float) -> None:
     hop = arrivals(baud, baud, held_s, in_pieces=False).hop()
     assert hop.held_s == pytest.approx(held_s, abs=2.0 * OVERHEAD_S)
     assert hop.line_baud == 0
@@ -49,7 +49,7 @@ def test_a_late_answer_in_one_piece_was_held_back_by_the_server(baud: int, held_
 
 @pytest.mark.parametrize("baud", [1200, 9600, 115200])
 @pytest.mark.parametrize("thinks_s", [0.0, 0.003])
-def test_an_answer_in_pieces_was_not_delayed(baud: int, thinks_s: float) -> None:
+def test_an_answer_in_pieces_is_not_reported_as_delayed(baud: int, thinks_s: float) -> None:
     assert arrivals(baud, baud, thinks_s, in_pieces=True).hop() == Hop()
 
 

@@ -54,7 +54,7 @@ def test_a_refusal_names_value_and_cause(reply: bytes, text: str, cause: str) ->
     assert caught.value.code == cause
 
 
-def test_the_bytes_are_those_of_the_manual() -> None:
+def test_the_bytes_match_the_manual_of_the_instrument() -> None:
     link = Lines(b">")
     icpdas_i7024.open_output(settings(channel=2, **UNWATCHED), link).write_V(5.0)
     assert link.asked == [b"$01M", b"$012", b"#012+05.000"]
@@ -108,7 +108,7 @@ def test_a_module_reconfigured_while_the_line_was_lost_is_refused() -> None:
         prepared[0](link)
 
 
-def test_another_instrument_at_the_address_is_not_opened() -> None:
+def test_a_different_instrument_at_the_address_is_refused_at_opening() -> None:
     link = Lines(b">", name=b"MS,01")
     with pytest.raises(InstrumentError, match="name answered by b'MS,01'"):
         icpdas_i7024.open_output(settings(), link)
@@ -150,7 +150,7 @@ def test_impossible_options_are_refused(option: str, value: str | float) -> None
         (115200, True, 0.5, 2.1),
     ],
 )
-def test_the_time_of_a_write_follows_from_the_line(
+def test_the_duration_of_a_write_is_computed_from_the_line_settings(
     baud: int, checksum: bool, watchdog_s: float, exchange_ms: float
 ) -> None:
     chosen = settings(baud=baud, checksum=checksum, watchdog_s=watchdog_s)

@@ -104,7 +104,7 @@ def test_a_trip_stays_until_it_is_cleared_and_the_watchdog_is_then_armed_again()
     assert bench.voltages_V == [1.0, 0.0, 0.5, 0.0]
 
 
-def test_a_trip_cleared_by_another_program_leaves_no_write_unwatched_for_long() -> None:
+def test_after_another_program_clears_a_trip_the_watchdog_is_soon_armed_again() -> None:
     bench = Bench()
     output = bench.open()
     output.write_V(1.0)
@@ -225,7 +225,7 @@ def test_a_checksum_is_added_to_every_line() -> None:
     assert bench.voltages_V == [1.0]
 
 
-def test_a_line_lost_for_longer_than_the_watchdog_time_finds_the_trip_and_keeps_it(
+def test_a_watchdog_trip_during_a_lost_line_is_found_and_kept(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench = Bench()

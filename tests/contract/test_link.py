@@ -123,7 +123,7 @@ def test_a_reset_connection_is_closed_cleanly() -> None:
                 link.exchange(b"MS,01")
 
 
-def test_a_vanished_pseudo_terminal_is_a_closed_connection(tmp_path: Path) -> None:
+def test_a_vanished_pseudo_terminal_counts_as_a_closed_connection(tmp_path: Path) -> None:
     wire = serve(str(tmp_path / "port"), SimulatedKeyence(lambda: 0.0))
     with opened(wire.url) as link:
         assert link.exchange(b"R0") == b"ER,R0,01"
@@ -204,7 +204,7 @@ class Wreck:
         (serial.SerialTimeoutException("write timeout"), "silent"),
     ],
 )
-def test_every_exception_of_a_port_becomes_one_kind_of_error(
+def test_every_exception_of_a_port_is_converted_to_the_same_type(
     error: Exception, cause: ErrorCode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def port(*_wanted: object, **_how: object) -> Wreck:

@@ -246,7 +246,7 @@ def is_reset(line: socket.socket) -> bool:
     return False
 
 
-def test_a_reset_reaches_the_other_end_and_spares_other_sockets() -> None:
+def test_a_reset_reaches_the_peer_and_leaves_other_sockets_open() -> None:
     with (
         socket.create_server(("127.0.0.1", 0)) as listener,
         socket.create_connection(listener.getsockname()) as near,

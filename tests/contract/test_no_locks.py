@@ -61,7 +61,7 @@ def content(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
 
 
-def test_every_program_names_place_and_remedy_and_changes_nothing(
+def test_without_file_locks_every_program_reports_path_and_remedy_and_changes_nothing(
     share: tuple[Path, Run], tmp_path: Path
 ) -> None:
     folder, run = share

@@ -160,7 +160,9 @@ class Lines:
         self.closed = True
 
 
-def test_set_up_mode_is_left_with_enough_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_driver_allows_enough_time_to_leave_set_up_mode(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     slept = list[float]()
     monkeypatch.setattr(keyence_lkg.time, "sleep", slept.append)
     instrument = SimulatedKeyence(lambda: 1.0)
@@ -204,7 +206,9 @@ def answering(value: bytes) -> Lines:
         ("mm", b"-00.0123", -12.3),
     ],
 )
-def test_displays_of_a_sensible_step_are_read(unit: str, value: bytes, position_um: float) -> None:
+def test_displays_with_a_sensible_step_are_accepted(
+    unit: str, value: bytes, position_um: float
+) -> None:
     sensor = keyence_lkg.open_sensor(settings(unit=unit), answering(value))
     assert sensor.read_um() == pytest.approx(position_um)
 
@@ -221,7 +225,7 @@ def test_displays_of_a_sensible_step_are_read(unit: str, value: bytes, position_
         ("um", b"+00.0123", "0.0001 µm"),
     ],
 )
-def test_a_display_of_another_unit_or_step_is_not_opened(
+def test_displays_with_another_unit_or_step_are_refused(
     unit: str, value: bytes, step_um: str
 ) -> None:
     link = answering(value)
@@ -275,7 +279,9 @@ def test_impossible_options_are_refused(option: str, value: str | int) -> None:
 
 
 @pytest.mark.parametrize(("baud", "exchange_ms"), [(9600, 21.9), (38400, 5.5), (115200, 1.8)])
-def test_the_time_of_a_reading_follows_from_the_line(baud: int, exchange_ms: float) -> None:
+def test_the_duration_of_a_reading_is_computed_from_the_line_settings(
+    baud: int, exchange_ms: float
+) -> None:
     timing = keyence_lkg.timing(settings(baud=baud))
     assert round(1e3 * timing.exchange_s, 1) == exchange_ms
     assert timing.buffered_hz is None

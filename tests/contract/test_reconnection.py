@@ -78,7 +78,7 @@ def failed(line: Link, request: bytes = b"A") -> InstrumentError:
     return caught.value
 
 
-def test_the_lost_exchange_fails_and_the_next_opens_prepares_and_continues() -> None:
+def test_a_lost_exchange_fails_and_the_next_one_reopens_and_prepares_the_line() -> None:
     rig = Rig()
     rig.prepare = lambda link: rig.said.append(link.exchange(b"R0"))
     assert rig.line.exchange(b"A") == b"re A"
@@ -199,7 +199,7 @@ def test_an_answer_delayed_by_a_stall_is_accepted() -> None:
     assert rig.line.exchange(b"A") == b"re A late"
 
 
-def test_after_unexpected_bytes_the_line_must_be_quiet() -> None:
+def test_after_unexpected_bytes_the_driver_waits_until_the_line_is_quiet() -> None:
     rig = Rig()
     write = rig.write
 
@@ -215,7 +215,7 @@ def test_after_unexpected_bytes_the_line_must_be_quiet() -> None:
     assert rig.now_s == pytest.approx(began_s + QUIET_S)
 
 
-def test_a_late_answer_costs_its_own_exchange_only() -> None:
+def test_a_late_answer_fails_only_its_own_exchange() -> None:
     rig = Rig()
     rig.silent = True
     assert failed(rig.line).code == "silent"
@@ -226,7 +226,7 @@ def test_a_late_answer_costs_its_own_exchange_only() -> None:
     assert rig.now_s == began_s  # what it owed has come, so that nothing is waited for
 
 
-def test_one_of_two_pending_answers_is_not_enough() -> None:
+def test_the_line_is_not_clean_after_one_of_two_pending_answers() -> None:
     rig = Rig()
     rig.silent = True
     for request in (b"A", b"B"):

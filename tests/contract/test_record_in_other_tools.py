@@ -87,7 +87,7 @@ def test_a_snapshot_of_a_closed_record_is_the_record(record: Path) -> None:
     assert b"".join(snapshot(path)) == path.read_bytes()
 
 
-def test_reruns_converter_shows_decoded_fields(mcap: Path, tmp_path: Path) -> None:
+def test_the_rerun_converter_shows_decoded_fields(mcap: Path, tmp_path: Path) -> None:
     target = tmp_path / "job.rrd"
     _rerun("mcap", "convert", mcap, "--output", target, home=tmp_path)
     shown = _rerun("rrd", "print", "-vvv", target, home=tmp_path)
@@ -105,7 +105,7 @@ def test_reruns_converter_shows_decoded_fields(mcap: Path, tmp_path: Path) -> No
         assert f"pincette.{name}:message" in shown
 
 
-def test_rerun_finds_nothing_wrong_with_the_file(record: Path, tmp_path: Path) -> None:
+def test_rerun_reports_no_errors_in_the_file(record: Path, tmp_path: Path) -> None:
     shown = _rerun("mcap", "check", record / "job.mcap", home=tmp_path)
     verdicts = [line.split() for line in shown.splitlines() if line.split()[-1:] == ["—"]]
     assert sorted(words[3] for words in verdicts if words[0] == "ok") == sorted(

@@ -69,7 +69,7 @@ def sessions(bus: ZenohBus) -> str:
 
 
 @pytest.mark.usefixtures("mute")
-def test_declarations_continue_in_a_new_session(
+def test_declarations_are_renewed_in_a_new_session(
     ends: SessionConfig, caplog: pytest.LogCaptureFixture
 ) -> None:
     bus, other = ZenohBus(ends, RIG, "supervisor"), ZenohBus(ends, RIG, "sensor")

@@ -277,7 +277,7 @@ def test_a_stop_needs_little_more_processor_time_than_python_itself(
     assert processor_ratio("estop", "--rig", str(actuator[1])) < RATIO
 
 
-def test_a_rig_file_with_an_unrelated_fault_still_leads_to_the_actuator(
+def test_an_unrelated_fault_in_the_rig_file_does_not_prevent_a_stop(
     actuator: tuple[RigFile, Path, list[Message]],
 ) -> None:
     _, path, asked = actuator
@@ -302,7 +302,7 @@ def test_a_hanging_supervisor_does_not_delay_the_direct_stop(
     assert json.loads(done.stdout)["elapsed_ms"] < 1e3 * (monotonic() - begun_s)
 
 
-def test_a_late_confirmation_counts(
+def test_a_late_confirmation_is_accepted(
     actuator: tuple[RigFile, Path, list[Message]],
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,

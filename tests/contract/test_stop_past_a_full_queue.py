@@ -46,7 +46,7 @@ def router() -> Generator[tuple[RigFile, "subprocess.Popen[bytes]"]]:
 
 
 @pytest.mark.parametrize("beside", ["nothing", "a silent complete store"])
-def test_a_stop_is_confirmed_directly_in_time(
+def test_a_direct_stop_is_confirmed_in_time_despite_a_full_queue(
     router: tuple[RigFile, "subprocess.Popen[bytes]"], beside: str
 ) -> None:
     rig, process = router

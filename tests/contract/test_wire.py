@@ -92,7 +92,7 @@ def test_a_busy_port_is_named() -> None:
             serve(wire.url, instrument)
 
 
-def test_a_stale_link_is_replaced_and_a_file_is_not(tmp_path: Path) -> None:
+def test_a_stale_symbolic_link_is_replaced_but_a_file_is_not(tmp_path: Path) -> None:
     path = tmp_path / "port"
     path.symlink_to(tmp_path / "gone")
     with serve(str(path), SimulatedKeyence(lambda: 1.0)):

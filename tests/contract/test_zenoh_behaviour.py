@@ -83,7 +83,7 @@ def known(session: zenoh.Session, count: int, key: str = KEY) -> None:
 
 
 @pytest.mark.parametrize("mode", ["client", "peer"])
-def test_a_complete_queryable_answers_the_query_of_another_programs_key(
+def test_a_queryable_declared_complete_answers_queries_for_the_key_of_another_program(
     net: Net, mode: str
 ) -> None:
     program, store, asker = (net.join(mode if place < 2 else "client") for place in range(3))
@@ -230,7 +230,7 @@ def test_a_downsampling_rule_has_one_clock_for_all_keys_it_covers() -> None:
     assert each["rig/b"] > 0.7 * each["rig/a"]
 
 
-def test_clients_and_peers_stamp_nothing_and_a_router_stamps_what_passes_it() -> None:
+def test_only_routers_add_timestamps_to_samples() -> None:
     def stamped(**router: Any) -> bool:
         seen: list[Any] = []
         with ExitStack() as stack:

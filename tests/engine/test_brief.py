@@ -47,7 +47,7 @@ def project(commands: list[str]) -> Generator[Project]:
         one.down()
 
 
-def test_the_readme_has_two_docker_commands(commands: list[str]) -> None:
+def test_the_readme_contains_two_docker_commands(commands: list[str]) -> None:
     assert commands == [
         "docker compose up -d --build --wait",
         "docker compose exec supervisor pincette job grip",

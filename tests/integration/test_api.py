@@ -165,7 +165,7 @@ def test_every_refusal_is_documented(described: Any, known: Known, method: str, 
 
 @pytest.mark.parametrize("mode", GenerationMode, ids=lambda mode: mode.value)
 @pytest.mark.parametrize(("method", "path"), OPERATIONS)
-def test_responses_of_further_requests_are_documented(
+def test_responses_to_less_common_requests_are_documented(
     described: Any, known: Known, method: str, path: str, mode: GenerationMode
 ) -> None:
     sent(described, known, method, path, mode, MORE)

@@ -246,7 +246,7 @@ def mutants(chance: random.Random) -> Generator[bytes]:
         yield bytes(body)
 
 
-def test_bodies_near_a_valid_one_are_answered_as_documented(desk: Harness) -> None:
+def test_slightly_invalid_bodies_are_answered_as_documented(desk: Harness) -> None:
     print(f"seed {SEED}")
     chance, known = random.Random(SEED), documented()["POST", "/api/v1/jobs"]
     seen = set[int]()

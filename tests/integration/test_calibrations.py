@@ -126,7 +126,7 @@ def swept(bench: list[Bench], changes: Tree) -> tuple[RigFile, Record]:
     return rig, record
 
 
-def test_a_sweep_through_the_buffers_of_the_fast_pair_finds_the_mode(bench: list[Bench]) -> None:
+def test_a_buffered_sweep_with_the_fast_instruments_finds_the_mode(bench: list[Bench]) -> None:
     swept(bench, {})
 
 
@@ -143,7 +143,7 @@ def test_a_sweep_finds_the_interval_of_steps_in_parts(bench: list[Bench]) -> Non
     assert 1e-3 * shown.value == pytest.approx(told.shaping_s)
 
 
-def test_bursts_at_1_khz_find_when_a_voltage_acts_and_the_mode(bench: list[Bench]) -> None:
+def test_bursts_at_1_khz_find_the_output_delay_and_the_mode(bench: list[Bench]) -> None:
     rig = at_own_ports(read_rig(DEMO.parent / "kilohertz.toml"), AWAY)
     record, _ = calibrated(rig, bench, "output_timing")
     simulated = rig.simulation

@@ -23,7 +23,7 @@ WORST_PEAK = 1.5
 
 @pytest.mark.parametrize("kind", CLASSES)
 @pytest.mark.parametrize("share", [0.05, 0.15, 0.25])
-def test_a_drawn_arm_has_the_requested_loop(kind: Class, share: float) -> None:
+def test_a_randomly_drawn_arm_has_the_requested_hysteresis_width(kind: Class, share: float) -> None:
     arm, stroke, width = drawn(kind, share, np.random.default_rng(4), far=False)
     assert width == pytest.approx(share, abs=0.01)
     assert stroke > 1.0

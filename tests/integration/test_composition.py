@@ -102,11 +102,11 @@ def alone() -> dict[str, list[Message]]:
 
 
 @pytest.mark.parametrize("composed", partitions(), ids=" and ".join)
-def test_the_bits_are_the_same_in_every_partition(composed: Programs) -> None:
+def test_every_partition_into_programs_gives_identical_bits(composed: Programs) -> None:
     check(Shared(RIG, composed), PROGRAM, alone())
 
 
-def test_the_bits_are_the_same_as_with_four_programs_at_1_khz() -> None:
+def test_at_1_khz_one_program_and_four_programs_give_identical_bits() -> None:
     segments = (
         replace(one, duration_s=SHORTER * (one.duration_s or 0.0)) for one in PROGRAM.segments
     )
@@ -114,7 +114,7 @@ def test_the_bits_are_the_same_as_with_four_programs_at_1_khz() -> None:
     check(Shared(FAST, ()), program, by_kind(ComposedLoop(FAST).play(program)))
 
 
-def test_the_bits_are_the_same_with_steps_in_parts() -> None:
+def test_with_steps_in_parts_every_partition_gives_identical_bits() -> None:
     rig = fast_rig("three writes", NEAR)
     check(Shared(rig, ()), PROGRAM, by_kind(ComposedLoop(rig).play(PROGRAM)))
 
@@ -125,7 +125,7 @@ def alone_with_two_arms() -> dict[str, list[Message]]:
 
 
 @pytest.mark.parametrize("composed", SOME, ids=" and ".join)
-def test_the_bits_are_the_same_with_two_arms(composed: Programs) -> None:
+def test_with_two_arms_every_partition_gives_identical_bits(composed: Programs) -> None:
     check(Shared(PAIR, composed), short_grip(PAIR, 0.4), alone_with_two_arms())
 
 

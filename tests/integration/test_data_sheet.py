@@ -112,7 +112,9 @@ def test_stiffness_and_mode_are_those_of_the_simulated_arm(arm: str) -> None:
 
 
 @pytest.mark.parametrize("arm", ARMS)
-def test_the_force_is_as_true_as_stated_and_the_noise_that_of_the_sensor(arm: str) -> None:
+def test_the_force_error_is_within_its_uncertainty_and_the_noise_equals_that_of_the_sensor(
+    arm: str,
+) -> None:
     run, result = sheet_of(arm)
     held = np.array([phase == "hold" for phase in run.table["phase"]])
     error_mN = series(run.table, "force_mN")[held] - series(run.table, "true_force_mN")[held]
@@ -125,7 +127,7 @@ def test_the_force_is_as_true_as_stated_and_the_noise_that_of_the_sensor(arm: st
     assert run.rig.sensor.noise_um <= noise <= 2.0 * run.rig.sensor.noise_um
 
 
-def test_responses_begin_at_the_reference_and_bounds_are_marked() -> None:
+def test_measured_responses_start_at_the_reference_and_bounds_are_marked() -> None:
     _, result = sheet_of("demo")
     assert result.position_response[0].frequency_hz == 0.5
     assert result.position_response[0].gain == pytest.approx(1.0, abs=0.02)
@@ -136,7 +138,7 @@ def test_responses_begin_at_the_reference_and_bounds_are_marked() -> None:
     assert result.position_bandwidth_hz is None
 
 
-def test_the_sheet_has_a_page_a_print_and_numbers() -> None:
+def test_the_data_sheet_is_available_as_page_print_and_numbers() -> None:
     run, result = sheet_of("demo")
     functions = functions_of(job_kinds()["characterise"])
     picture = functions.plot(run, functions.evaluate(run), "demo · 1")
@@ -149,7 +151,7 @@ def test_the_sheet_has_a_page_a_print_and_numbers() -> None:
     assert "@page { size: A4" in page
 
 
-def test_a_part_that_leaves_no_room_is_refused() -> None:
+def test_a_part_that_leaves_no_room_for_the_stroke_is_refused() -> None:
     near: Tree = {"part": {"contact_um": 6.0}, "simulation": {"bead_contact_um": 6.2}}
     with pytest.raises(FaultyRequestError, match="free motion"):
         plan_job(CharacteriseJobRequest(kind="characterise"), demo_rig(near))

@@ -54,20 +54,20 @@ def test_a_reading_with_the_wrong_sign_trips_while_the_arm_is_free() -> None:
 
 
 @pytest.mark.parametrize("factor", [0.1, 3.0, 6.0])
-def test_a_wrong_gain_is_ended_with_the_force_bounded(factor: float) -> None:
+def test_a_job_with_a_wrong_gain_ends_with_bounded_force(factor: float) -> None:
     check_ended(play(changes={"simulation": {"piezo_um_per_V": factor * GAIN_UM_PER_V}}))
 
 
 @pytest.mark.parametrize("factor", [3.0, 5.0])
 @pytest.mark.parametrize("seq", [APPROACH, LOAD, HOLD], ids=["approach", "load", "hold"])
-def test_hysteresis_far_beyond_the_model_is_ended_with_the_force_bounded(
+def test_a_job_with_far_more_hysteresis_than_the_model_ends_with_bounded_force(
     seq: int, factor: float
 ) -> None:
     check_ended(play(at(seq, "arm", "hysteresis", value=factor)))
 
 
 @pytest.mark.parametrize("seq", [APPROACH, LOAD])
-def test_an_output_that_does_not_move_is_ended(seq: int) -> None:
+def test_a_job_whose_output_does_not_move_is_ended(seq: int) -> None:
     check_ended(play(at(seq, "output", "stuck")))
 
 

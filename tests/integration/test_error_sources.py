@@ -76,7 +76,9 @@ def test_the_expected_true_force_agrees_with_the_actual_one() -> None:
 
 
 @pytest.mark.parametrize(("frequency_hz", "arm"), [(0.5, RELAYS), (5.0, {})])
-def test_the_squares_of_the_causes_add_up(frequency_hz: float, arm: Tree) -> None:
+def test_the_squares_of_the_error_sources_add_up_to_the_squared_error(
+    frequency_hz: float, arm: Tree
+) -> None:
     rig = demo_rig(SLEW | arm, time="lockstep")
     cycles = {0.5: 4, 5.0: 20}[frequency_hz]
     path = TRACK.model_copy(update={"frequency_hz": frequency_hz, "cycles": cycles})
@@ -94,7 +96,7 @@ def test_a_sensor_noisier_than_it_states_is_found() -> None:
     assert found.position_um.noise == pytest.approx(1.15 * 0.06, rel=0.2)
 
 
-def test_a_fast_path_has_a_lag() -> None:
+def test_on_a_fast_path_lag_is_an_error_source() -> None:
     rig = demo_rig(SLEW, time="lockstep")
     fast = TRACK.model_copy(update={"frequency_hz": 5.0, "cycles": 20})
     found = sources(played(fast, rig))
@@ -116,7 +118,7 @@ def test_a_poorly_known_free_response_is_attributed_to_the_response() -> None:
     assert "residual calibration" in found.force_mN.to_do
 
 
-def test_a_part_off_the_contact_line_is_attributed_to_the_line() -> None:
+def test_a_part_of_another_stiffness_is_attributed_to_the_contact_line() -> None:
     softer = SLEW | {"simulation": {"environment_stiffness_mN_per_um": 1.7}}
     found = sources(played(TRACK, demo_rig(softer, time="lockstep"), on_planned_line=True))
     assert found.position_um.largest == found.force_mN.largest == "contact_line"

@@ -22,10 +22,10 @@ def explore(examples: int, steps: int) -> None:
     )
 
 
-def test_no_sequence_of_calls_and_faults_leaves_the_state_table() -> None:
+def test_every_sequence_of_calls_and_faults_follows_the_state_table() -> None:
     explore(20, 30)
 
 
 @pytest.mark.slow
-def test_no_long_sequence_of_calls_and_faults_leaves_the_state_table() -> None:
+def test_every_long_sequence_of_calls_and_faults_follows_the_state_table() -> None:
     explore(100, 50)

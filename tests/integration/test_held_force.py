@@ -246,7 +246,7 @@ def test_references_and_voltage_continue_without_a_jump(stairs: Stairs) -> None:
         assert max(jumps_mN) < 1.5 * per_tick_mN
 
 
-def test_the_age_of_the_zero_continues(stairs: Stairs) -> None:
+def test_the_age_of_the_zero_continues_through_a_change_of_force(stairs: Stairs) -> None:
     ages_s = [[arm.zero_age_s for arm in step.estimates] for _, step in stairs]
     for of_arm_s in zip(*ages_s, strict=True):
         assert None not in of_arm_s

@@ -40,7 +40,7 @@ def idle(ended: VirtualLoop, seed: int) -> VirtualLoop:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_an_idle_rig_samples_seldom_and_stays_on_the_grid(ended: VirtualLoop, seed: int) -> None:
+def test_an_idle_rig_samples_rarely_and_keeps_its_time_grid(ended: VirtualLoop, seed: int) -> None:
     loop = idle(ended, seed)
     found = [(at_s, one) for at_s, one in published(loop, Position) if isinstance(one, Position)]
     seldom = found[-int(IDLE_FOR_S / SAMPLE_S) + 2 :]
@@ -62,7 +62,7 @@ def test_each_sample_has_a_valid_estimate_and_a_reply(ended: VirtualLoop, seed: 
         assert position.seq in answers
 
 
-def test_the_hysteresis_and_creep_of_the_arm_continue_by_the_clock(ended: VirtualLoop) -> None:
+def test_hysteresis_and_creep_of_an_idle_arm_advance_with_elapsed_time(ended: VirtualLoop) -> None:
     seldom, often = idle(ended, 1), ended.fork(1)
     often.run(seldom.now_s)
     (one,), (other,) = (loop.runner("estimator").state.arms for loop in (seldom, often))

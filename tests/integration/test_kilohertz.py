@@ -64,7 +64,7 @@ def test_a_path_of_10_hz_is_followed_in_position_and_force() -> None:
     assert found.force_percent <= 4.0
 
 
-def test_a_healthy_grip_has_no_step_of_the_position(said: list[Message]) -> None:
+def test_a_healthy_grip_reports_no_position_step(said: list[Message]) -> None:
     views = [one for one in said if isinstance(one, Telemetry)]
     assert views[-1].outcome == "gripped"
     assert all(view.step_um is None for view in views)

@@ -131,7 +131,7 @@ def test_corrections_that_have_become_worse_are_not_stored_either() -> None:
     assert told.after_um > told.before_um
 
 
-def test_a_cycle_without_a_whole_number_of_periods_learns_nothing() -> None:
+def test_a_cycle_that_is_not_a_whole_number_of_periods_is_not_used_for_learning() -> None:
     with pytest.raises(FaultyRequestError, match=r"must be a whole number; use 2\.94118 Hz"):
         plan_job(TRACK.model_copy(update={"frequency_hz": 3.0}), rig())
     steps = TrackJobRequest(kind="track", shape="step", levels_mN=[5.0, 10.0], learn=True)

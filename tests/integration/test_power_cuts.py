@@ -50,7 +50,7 @@ def ended(rig: VirtualRig, data: Path) -> str:
 
 
 @pytest.mark.parametrize("lost", [DOCUMENTS[1:], [folder.MANIFEST, folder.SAMPLES]])
-def test_files_of_an_old_record_that_a_cut_has_emptied_are_made_again(
+def test_files_of_an_old_record_emptied_by_a_power_cut_are_rebuilt(
     rig: VirtualRig, tmp_path: Path, lost: Sequence[str]
 ) -> None:
     name = ended(rig, tmp_path)

@@ -18,7 +18,9 @@ def rig() -> RigFile:
     return demo_rig({"simulation": {"hysteresis": None, "relays": relays}}, time="lockstep")
 
 
-def test_a_grip_ends_with_a_force_that_only_the_relays_explain(rig: RigFile) -> None:
+def test_the_true_held_force_depends_on_the_hysteresis_class_of_the_simulated_arm(
+    rig: RigFile,
+) -> None:
     """The model that was taught on the other class still holds the part, with another error."""
 
     def held_mN(of: RigFile) -> float:

@@ -44,7 +44,7 @@ def test_a_glued_part_sticks_after_every_strategy() -> None:
     ("strategies", "wishes"),
     [(["retreat", "wait"], {"wait_s": 20.0}), (["retreat", "dither"], {"dither_um": 4.0})],
 )
-def test_a_later_strategy_releases_a_part_that_the_first_one_has_not(
+def test_a_later_strategy_releases_a_part_that_sticks_after_the_first(
     strategies: list[str], wishes: dict[str, float]
 ) -> None:
     """A bond that withstands the static pull of 27 mN for seconds parts in time or by more."""

@@ -198,7 +198,7 @@ def cover(table: Columns) -> float:
         pytest.param(NOISE, 2.0, id="noise"),
     ],
 )
-def test_a_table_helps_with_u_covering_as_before_or_is_not_stored(
+def test_a_table_is_stored_only_if_it_reduces_the_error_and_u_still_covers_it(
     arm: dict[str, dict[str, object]], frequency_hz: float
 ) -> None:
     """Nobody has stated here when a voltage acts, so that U has no term for the ring."""
@@ -222,7 +222,7 @@ def test_a_table_helps_with_u_covering_as_before_or_is_not_stored(
     assert cover(later) > min(0.9, cover(recorded)) - 0.05
 
 
-def test_a_part_that_is_still_present_ends_the_run_and_nothing_is_stored() -> None:
+def test_if_the_part_is_still_present_the_run_ends_and_nothing_is_stored() -> None:
     desk = Desk(demo_rig(time="lockstep"))
     first = plan_job(TRACK, desk.rig)
     recorded = desk.play(first)

@@ -134,13 +134,13 @@ def require_arm_of_plays(seed: int) -> None:
     assert outcome in {"moved", "overtravel"}
 
 
-def test_an_arm_of_plays_finds_a_part_and_completes_a_free_motion() -> None:
+def test_an_arm_with_play_hysteresis_finds_a_part_and_completes_a_free_motion() -> None:
     require_arm_of_plays(50_002)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [50_005 + 3 * number for number in range(20)])
-def test_twenty_arms_of_plays_find_a_part_and_complete_a_free_motion(seed: int) -> None:
+def test_twenty_arms_with_play_hysteresis_find_a_part_and_complete_a_free_motion(seed: int) -> None:
     require_arm_of_plays(seed)
 
 
@@ -185,6 +185,6 @@ def test_a_free_arm_that_bends_completes_its_motion_if_no_part_is_confirmed() ->
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(70_000, 70_024))
-def test_arms_of_three_classes_find_a_part_that_presses_or_was_denied(seed: int) -> None:
+def test_arms_of_three_classes_find_a_part_that_presses_or_was_reported_absent(seed: int) -> None:
     require_pressing_found(seed)
     require_found_although_confirmed(seed)

@@ -24,7 +24,9 @@ TAIL = Expected(value=1.5, noise=0.2, better="lower")
         (TAIL, float("nan"), False),
     ],
 )
-def test_a_ratio_worse_than_its_noise_fails(one: Expected, found: float, holds: bool) -> None:
+def test_a_ratio_that_is_worse_by_more_than_its_noise_fails(
+    one: Expected, found: float, holds: bool
+) -> None:
     assert one.holds(found) is holds
 
 

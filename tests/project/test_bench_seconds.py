@@ -21,9 +21,7 @@ def second(begin_s: float, end_s: float) -> Second:
         ([(-1.0, -0.5), (-0.2, 0.0)], 3),
     ],
 )
-def test_a_second_without_any_part_of_a_stall_counts(
-    stood: list[tuple[float, float]], kept: int
-) -> None:
+def test_a_second_without_a_stall_is_counted(stood: list[tuple[float, float]], kept: int) -> None:
     seconds = [second(0.0, 1.0), second(1.0, 2.0), second(2.0, 3.0)]
     found = apart_from(stood, seconds)
     assert len(found) == kept

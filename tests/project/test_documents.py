@@ -23,7 +23,7 @@ def every_block() -> list[Block]:
 
 
 @pytest.mark.parametrize("page", SITTINGS)
-def test_the_register_names_blocks_that_exist(page: str) -> None:
+def test_the_list_of_tested_blocks_names_existing_blocks(page: str) -> None:
     assert len(list(named(page, SITTINGS[page]))) == len(SITTINGS[page].blocks)
 
 

@@ -17,7 +17,7 @@ def made_of_text(source: str) -> list[int]:
     ]
 
 
-def test_no_file_of_the_product_runs_text() -> None:
+def test_no_file_of_the_product_executes_text_as_code() -> None:
     assert len(FILES) > 300
     found = {
         str(path.relative_to(ROOT)): lines

@@ -57,7 +57,7 @@ def test_an_operation_has_one_content_type_with_a_schema() -> None:
                     assert (body.get("schema", {}).get("format") == "binary") == binary, path
 
 
-def test_no_union_is_within_a_union() -> None:
+def test_unions_are_not_nested() -> None:
     document = json.loads(openapi_document())
     schemas = document["components"]["schemas"]
     found = list(unions(document))

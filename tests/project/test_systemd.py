@@ -60,7 +60,7 @@ def test_each_target_starts_the_programs_that_up_starts_on_its_host(
     assert wanted(units / "pincette-server.target") == server
 
 
-def test_the_command_is_one_of_the_command_line(units: Path) -> None:
+def test_each_unit_runs_an_existing_command(units: Path) -> None:
     (line,) = settings(units / UNIT)["ExecStart"]
     for target in ("pincette-edge.target", "pincette-server.target"):
         for name in wanted(units / target):

@@ -120,7 +120,7 @@ def texts_read_by_script(source: str) -> list[int]:
     return [source.count("\n", 0, found.start()) + 1 for found in SCRIPT.finditer(source)]
 
 
-def test_no_program_reads_a_text_for_people() -> None:
+def test_no_program_parses_text_meant_for_people() -> None:
     assert len(FILES) > 300
     found = {
         str(path.relative_to(ROOT)): lines
@@ -130,7 +130,7 @@ def test_no_program_reads_a_text_for_people() -> None:
     assert not found, f"use a code instead: {found}"
 
 
-def test_the_page_parses_no_text_for_people() -> None:
+def test_the_page_parses_no_text_meant_for_people() -> None:
     assert len(SCRIPTS) > 10
     found = {
         str(path.relative_to(ROOT)): lines

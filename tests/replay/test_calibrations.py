@@ -30,7 +30,7 @@ SWEPT = "frequency_response"
     ],
     ids=["hands", "press", "sweep", "bursts"],
 )
-def test_a_calibration_is_repeated(path: Path, wishes: dict[str, Any]) -> None:
+def test_replaying_a_calibration_reproduces_it(path: Path, wishes: dict[str, Any]) -> None:
     changes = {} if wishes["calibration"] == "contact_stiffness" else AWAY
     rig = at_own_ports(read_rig(path), {"rig": {"time": "lockstep"}, **changes})
     planned = plan_job(REQUEST.validate_python({"kind": "calibrate", **wishes}), rig)

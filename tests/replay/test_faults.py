@@ -23,7 +23,7 @@ FAULTS: dict[str, Tree] = {
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_a_failed_grip_is_repeated(name: str) -> None:
+def test_replaying_a_failed_grip_reproduces_it(name: str) -> None:
     fault = FAULTS[name]
     played = play(fault)
     of_epoch: list[Message] = [

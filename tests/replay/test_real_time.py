@@ -102,7 +102,7 @@ def messages() -> list[Message]:
     return [item for item in loop.said if not isinstance(item, RequestLog) or item.epoch]
 
 
-def test_every_step_is_repeated_with_the_samples_that_it_had(tmp_path: Path) -> None:
+def test_each_step_is_replayed_with_its_recorded_samples(tmp_path: Path) -> None:
     said = messages()
     degraded = {item.seq for item in said if isinstance(item, Estimate) and item.degraded}
     assert degraded == NO_PARTNER

@@ -108,7 +108,7 @@ def test_the_recorded_jobs_match_their_names() -> None:
         assert any(isinstance(item, Estimate) and item.tripped for item in played()[name])
 
 
-def test_the_state_carried_into_the_epoch_is_used() -> None:
+def test_a_replay_uses_the_state_carried_into_the_epoch() -> None:
     messages = [
         replace(item, state_snapshot=Document("")) if isinstance(item, RequestLog) else item
         for item in played()["after a grip"]
@@ -129,7 +129,7 @@ def test_a_record_without_its_arming_is_reported(tmp_path: Path) -> None:
         assert "its arming is not in the record" in found.stopped
 
 
-def test_a_record_with_a_gap_is_reproduced_up_to_it() -> None:
+def test_a_record_with_a_gap_is_reproduced_up_to_the_gap() -> None:
     messages = [
         item
         for item in played()["grip"]

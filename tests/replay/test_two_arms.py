@@ -52,7 +52,7 @@ def played() -> dict[str, tuple[Message, ...]]:
 
 
 @pytest.mark.parametrize("name", [name for name, _ in JOBS])
-def test_a_record_of_two_arms_is_repeated_bit_for_bit(tmp_path: Path, name: str) -> None:
+def test_a_record_of_two_arms_is_reproduced_bit_for_bit(tmp_path: Path, name: str) -> None:
     epoch = 1 + list(played()).index(name)
     recording = recorded(tmp_path / name, RIG, list(played()[name]), epoch)
     rig = recorded_rig(recording, tmp_path)

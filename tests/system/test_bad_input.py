@@ -18,7 +18,7 @@ def rig(paced: RunningRig) -> RunningRig:
     return paced
 
 
-def test_a_second_rig_on_the_same_file_is_refused(rig: RunningRig, tmp_path: Path) -> None:
+def test_a_second_rig_with_the_same_rig_file_is_refused(rig: RunningRig, tmp_path: Path) -> None:
     done = pincette_here("up", "--rig", rig.path, "--data", tmp_path)
     assert done.returncode == 1
     assert f"router: 127.0.0.1:{rig.rig.bus.port} is in use" in done.stderr

@@ -124,7 +124,7 @@ def assert_is_what_was_played(rows: list[dict[str, str]], played: Played) -> Non
         assert float(row["voltage_V"]) == tick.applied.arms[0].voltage_V
 
 
-def test_csv_has_every_sample_completely(played: Played, tmp_path: Path) -> None:
+def test_csv_contains_every_sample_with_all_columns(played: Played, tmp_path: Path) -> None:
     said = done(listening("csv_export", played, "--count", "60", "--file", "rig.csv"), tmp_path)
     assert said == "60 rows, 0 of them incomplete\n"
     rows = rows_of(tmp_path / "rig.csv")
@@ -134,7 +134,7 @@ def test_csv_has_every_sample_completely(played: Played, tmp_path: Path) -> None
     assert numbers == sorted(set(numbers))
 
 
-def test_csv_ends_with_ctrl_c(played: Played, tmp_path: Path) -> None:
+def test_ctrl_c_ends_the_csv_example(played: Played, tmp_path: Path) -> None:
     path = tmp_path / "rig.csv"
     process = subprocess.Popen(
         listening("csv_export", played, "--file", str(path)),

@@ -185,7 +185,9 @@ class TestWhatIsPublished:
         }
         assert steady <= seen
 
-    def test_keys_are_known_while_idle_latched_and_during_a_job(self, rig: RunningRig) -> None:
+    def test_the_published_bus_keys_are_documented_in_every_state_of_the_rig(
+        self, rig: RunningRig
+    ) -> None:
         make_ready(rig)
         during = self.seen(rig, "succeeded")
         self.compare(during, "job")
@@ -195,7 +197,9 @@ class TestWhatIsPublished:
         sleep(SILENT_S)
         self.compare(self.seen(rig), "latched")
 
-    def test_after_a_job_telemetry_and_ground_truth_match_the_page(self, rig: RunningRig) -> None:
+    def test_after_a_job_the_keys_of_telemetry_and_ground_truth_are_documented(
+        self, rig: RunningRig
+    ) -> None:
         make_ready(rig)
         assert rig.ended(rig.start_grip())["state"] == "succeeded"
         bus = ZenohBus(tool_endpoint(rig.rig), "demo", "tool")

@@ -95,7 +95,7 @@ def reset_when_it_answers(rig: RunningRig) -> None:
     answer.raise_for_status()
 
 
-def test_the_cable_of_the_sensor_may_be_unplugged(
+def test_unplugging_the_sensor_cable_leads_to_a_safe_state_and_recovery(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, figures: list[str]
 ) -> None:
     job = hold(rig, seen)
@@ -119,7 +119,7 @@ def test_the_cable_of_the_sensor_may_be_unplugged(
     within(REACTION_S, reaction.reaction_s, "the reaction")
 
 
-def test_the_cable_of_the_output_may_be_unplugged(
+def test_unplugging_the_output_cable_leads_to_a_safe_state_and_recovery(
     rig: RunningRig, seen: Witness, figures: list[str]
 ) -> None:
     """No ramp arrives any more: the module's own watchdog makes the arm safe."""

@@ -71,7 +71,7 @@ def test_one_process_is_reproducible() -> None:
     ],
     ids=["delayed", "track over mutual TLS"],
 )
-def test_seven_processes_give_the_same_bits(
+def test_seven_processes_give_identical_bits(
     tmp_path: Path, request_: JobRequest, delayed: bool, secured: bool
 ) -> None:
     rig = demo_rig(time="lockstep")

@@ -41,7 +41,7 @@ def with_full_folders(kept: Path) -> list[str]:
     return words
 
 
-def test_the_first_operators_can_stop_the_rig(tmp_path: Path) -> None:
+def test_operators_can_stop_the_rig_without_a_temporary_folder(tmp_path: Path) -> None:
     rig = paced_rig(SHORT)
     (tmp_path / "rig.toml").write_text(rig_toml(rig), encoding="utf-8")
     within = ["--rig", "/mnt/rig.toml", "--data", "/mnt/data"]

@@ -94,7 +94,7 @@ def stood() -> Generator[StallRecorder]:
 
 
 @pytest.mark.parametrize("name", ["supervisor", "recorder"])
-def test_the_supervisor_is_no_later_than_other_programs(rig: RunningRig, name: str) -> None:
+def test_the_supervisor_has_the_priority_of_other_programs(rig: RunningRig, name: str) -> None:
     """At niceness 10 on a busy machine the end of a grip was published up to a minute late."""
     program = rig.fleet.members[name].process.pid
     own = os.getpriority(os.PRIO_PROCESS, os.getpid())

@@ -142,9 +142,7 @@ def test_estop_in_a_hold_latches_until_a_person_resets(
     assert seen.page.locator("#latch").is_hidden()
 
 
-def test_estop_acts_on_press_wherever_the_pointer_moves_afterwards(
-    rig: RunningRig, seen: Visit
-) -> None:
+def test_estop_acts_on_press_even_if_the_pointer_moves_away(rig: RunningRig, seen: Visit) -> None:
     seen.page.hover("#estop")
     seen.page.mouse.down()
     seen.page.mouse.move(5, 500)
@@ -164,7 +162,7 @@ def test_estop_works_while_the_rest_of_the_server_is_slow(rig: RunningRig, seen:
     until_tripped(rig, seen)
 
 
-def test_a_reload_during_a_job_keeps_its_state(rig: RunningRig, seen: Visit) -> None:
+def test_a_page_reload_during_a_job_keeps_the_displayed_state(rig: RunningRig, seen: Visit) -> None:
     name = start_endless(seen)
     seen.page.reload()
     seen.until("#course", "hold")

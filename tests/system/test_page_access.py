@@ -83,7 +83,9 @@ def test_the_banner_of_a_stop_states_who_pressed_and_when(
     seen.until("#latch-cause", "Cause: emergency stop, by Ada, at ", LONG_S)
 
 
-def test_signing_in_and_what_it_allows(bench: Bench, context: BrowserContext) -> None:
+def test_a_signed_in_page_permits_what_its_key_permits(
+    bench: Bench, context: BrowserContext
+) -> None:
     seen = visit(context, bench.address)
     assert seen.page.locator("#sign-in").is_hidden()
     assert seen.page.locator("#who").is_hidden()

@@ -91,7 +91,7 @@ def test_a_discarded_proposal_changes_nothing(rig: RunningRig, seen: Visit) -> N
     )
 
 
-def test_a_motion_is_replayed_without_its_part_as_the_page_requests(
+def test_a_motion_is_repeated_after_the_page_has_asked_to_remove_the_part(
     rig: RunningRig, seen: Visit
 ) -> None:
     body = {"kind": "grip", "autostart": True}

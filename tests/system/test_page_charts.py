@@ -422,7 +422,7 @@ def test_a_camera_picture_is_shown_next_to_the_charts(browser: Browser, tmp_path
     context.close()
 
 
-def test_one_event_causes_one_notice(browser: Browser, desk: Harness) -> None:
+def test_one_event_is_shown_in_one_notice(browser: Browser, desk: Harness) -> None:
     context = browser.new_context()
     with served(desk.app) as address:
         seen = visit(context, address)
@@ -445,7 +445,7 @@ def test_one_event_causes_one_notice(browser: Browser, desk: Harness) -> None:
 
 
 @pytest.mark.parametrize("size", [PHONE, DESK])
-def test_the_labels_of_the_bar_and_the_tabs_are_clear(
+def test_bar_and_tabs_have_plain_labels(
     browser: Browser, desk: Harness, size: ViewportSize
 ) -> None:
     context = browser.new_context(viewport=size)

@@ -21,7 +21,7 @@ def not_confirmed(seen: Visit, why: str) -> None:
         assert way in seen.text("#estop-words")
 
 
-def test_a_press_survives_a_restart_of_the_supervisor(
+def test_a_stop_press_survives_a_restart_of_the_supervisor(
     desk: Harness, context: BrowserContext
 ) -> None:
     port = free_ports(1)
@@ -40,7 +40,7 @@ def test_a_press_survives_a_restart_of_the_supervisor(
     assert len(desk.bus.trips) == stops > 0
 
 
-def test_a_press_survives_a_reload_and_can_be_withdrawn(
+def test_a_stop_press_survives_a_page_reload_and_can_be_withdrawn(
     desk: Harness, context: BrowserContext
 ) -> None:
     with served(desk.app) as address:

@@ -34,7 +34,7 @@ def seen(browser: Browser, tmp_path: Path) -> Generator[Visit]:
 
 
 @pytest.mark.parametrize(("kind", "reader"), [("single", "numberIn"), ("list", "numbersIn")])
-def test_every_text_of_the_common_table_is_read_as_stated(
+def test_every_number_format_of_the_common_table_is_parsed_as_specified(
     seen: Visit, kind: str, reader: str
 ) -> None:
     cases = CASES[kind]

@@ -110,7 +110,9 @@ def test_a_dead_server_is_reported_with_the_age_of_the_displayed_values(
         seen.errors.clear()
 
 
-def test_every_control_is_focused_in_its_visible_order(browser: Browser, rig: RunningRig) -> None:
+def test_keyboard_focus_follows_the_visible_order_of_controls(
+    browser: Browser, rig: RunningRig
+) -> None:
     """Tab goes down each column, and what has the focus is marked."""
     with looked_at(browser, rig.rig) as seen:
         seen.until_true(lambda: seen.page.input_value("#field-force_mN") != "", "no defaults came")

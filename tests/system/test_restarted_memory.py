@@ -42,7 +42,7 @@ def memory(rig: RunningRig) -> str:
     return next(one["value"] for one in rig.view()["checks"] if one["name"] == "estimator.memory")
 
 
-def test_no_force_after_a_restart_is_wrong_beyond_its_uncertainty(tmp_path: Path) -> None:
+def test_force_errors_after_a_restart_stay_within_the_uncertainty(tmp_path: Path) -> None:
     with running_rig(demo_rig(), tmp_path) as rig:
         for before_mN, after_mN in FORCES_MN:
             known = held(rig, before_mN)

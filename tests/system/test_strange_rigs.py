@@ -38,7 +38,7 @@ def played(folder: Path, seeds: Sequence[int]) -> list[Treated]:
     return treated
 
 
-def test_an_unusual_rig_of_each_class_reports_correct_results(tmp_path: Path) -> None:
+def test_an_unusual_rig_of_each_hysteresis_class_reports_correct_results(tmp_path: Path) -> None:
     judge(played(tmp_path, (1, 2)))
 
 

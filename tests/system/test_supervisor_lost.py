@@ -60,7 +60,7 @@ def acknowledged(rig: RunningRig) -> None:
         rig.post(f"/alarms/{row['id']}/actions", {"type": "acknowledge"}).raise_for_status()
 
 
-def test_killed_with_a_free_arm_the_motion_comes_to_rest_and_the_job_is_interrupted(
+def test_if_killed_with_a_free_arm_the_motion_comes_to_rest_and_the_job_is_interrupted(
     rig: RunningRig, seen: Witness, figures: list[str]
 ) -> None:
     acknowledged(rig)
@@ -81,7 +81,7 @@ def test_killed_with_a_free_arm_the_motion_comes_to_rest_and_the_job_is_interrup
     whole_grip(rig, seen)
 
 
-def test_killed_with_a_held_part_it_stays_held_until_the_next_supervisor_releases_it(
+def test_if_killed_with_a_held_part_the_next_supervisor_can_release_it(
     rig: RunningRig, seen: Witness
 ) -> None:
     job = hold(rig, seen)

@@ -20,7 +20,7 @@ PROGRAMS = {"recorder", "router", "rig", *LOOP, "supervisor"}
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
-def test_no_process_outlives_up(tmp_path: Path, number: signal.Signals) -> None:
+def test_no_process_is_left_after_up_has_ended(tmp_path: Path, number: signal.Signals) -> None:
     rig, path, log = demo_rig(), tmp_path / "rig.toml", tmp_path / "up.log"
     path.write_text(rig_toml(rig), encoding="utf-8")
     command = [*PINCETTE, "up", "--rig", str(path), "--data", str(tmp_path / "data")]

@@ -128,7 +128,7 @@ def samples(record: Path) -> dict[str, list[Any]]:
 
 
 @pytest.mark.parametrize("pace", [2.0])
-def test_a_grip_has_the_same_bits_and_messages_while_all_adapters_run(
+def test_running_adapters_do_not_change_a_bit_or_message_of_a_grip(
     tmp_path: Path, pace: float
 ) -> None:
     records: list[Path] = []

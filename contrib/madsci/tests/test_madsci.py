@@ -104,7 +104,7 @@ def driven(python: Path, folder: Path, *words: str) -> Any:
     return json.loads(ran([str(python), str(DRIVE), *words], folder).splitlines()[-1])
 
 
-def test_the_stock_client_grips_and_is_refused(
+def test_the_stock_client_can_grip_and_receives_refusals(
     rig: RunningRig, python: Path, tmp_path: Path
 ) -> None:
     supervisor, process = rig.rig.supervisor.url, rig.fleet.members["supervisor"].process.pid
@@ -140,7 +140,7 @@ def test_the_stock_client_grips_and_is_refused(
     assert said["errored"] is False
 
 
-def test_every_code_passes_the_models_of_madsci(python: Path, tmp_path: Path) -> None:
+def test_results_with_every_code_are_valid_for_madsci(python: Path, tmp_path: Path) -> None:
     jobs: list[dict[str, Any]] = [
         *({"state": "failed", "result": {"outcome": each}} for each in get_args(OutcomeCode)),
         *({"state": "failed", "ending": {**ENDING, "code": each}} for each in get_args(EndingCode)),
@@ -185,7 +185,9 @@ def code_of(action: dict[str, Any], status: str = "failed") -> str:
     return action["errors"][0][0]
 
 
-def test_the_program_of_the_page_grips(rig: RunningRig, python: Path, tmp_path: Path) -> None:
+def test_the_program_shown_on_the_documentation_page_grips(
+    rig: RunningRig, python: Path, tmp_path: Path
+) -> None:
     page = block("docs/how-to/madsci.md", "RestNodeClient").text
     program = page.split("\n", 1)[1].rpartition("PYTHON")[0]
     with node(python, tmp_path, rig.rig.supervisor.url) as (url, _):
@@ -265,7 +267,7 @@ def test_a_client_that_leaves_and_a_killed_node_leave_the_part_held_for_the_next
     assert rig.view()["part"] == "none"
 
 
-def test_an_unreachable_supervisor_is_reported_and_its_successor_releases(
+def test_an_unreachable_supervisor_is_reported_and_a_restarted_one_can_release(
     rig: RunningRig, python: Path, tmp_path: Path
 ) -> None:
     with node(python, tmp_path, rig.rig.supervisor.url) as (url, _):
@@ -326,7 +328,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Generator[SecuredLaboratory
         yield made
 
 
-def test_a_node_is_for_one_rig_and_has_the_right_of_its_key(
+def test_a_node_serves_one_rig_with_the_permissions_of_its_key(
     lab: SecuredLaboratory, python: Path, tmp_path: Path
 ) -> None:
     trusting = {"NODE_RIG": "right", "NODE_SUPERVISOR_AUTHORITY": str(lab.authority)}

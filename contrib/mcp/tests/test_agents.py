@@ -132,7 +132,7 @@ def test_a_token_states_its_plan_and_is_valid_once_after_a_restart_of_the_server
         {"force_mN": FORCE_MN, "hold_s": "2.0"},
     ],
 )
-def test_unknown_arguments_and_texts_for_numbers_are_refused(
+def test_unknown_arguments_and_text_in_place_of_numbers_are_refused(
     rig: RunningRig, arguments: dict[str, Any]
 ) -> None:
     async def drive() -> str:
@@ -246,7 +246,9 @@ def test_after_a_killed_server_the_part_stays_held_and_the_next_server_finds_its
     assert (released["job"], released["part"]) == (job, "none")
 
 
-def test_an_unreachable_supervisor_is_reported_and_its_successor_releases(rig: RunningRig) -> None:
+def test_an_unreachable_supervisor_is_reported_and_a_restarted_one_can_release(
+    rig: RunningRig,
+) -> None:
     async def drive() -> tuple[dict[str, Any], dict[str, Any]]:
         async with agent(rig.rig.supervisor.url, "--move") as client:
             await said(client, "grip", token=await planned(client))

@@ -72,7 +72,7 @@ async def by_python(url: str, key: str) -> dict[str, Any]:
         return held
 
 
-def test_the_sdk_of_python_grips_and_releases(rig: RunningRig, tmp_path: Path) -> None:
+def test_the_python_sdk_grips_and_releases(rig: RunningRig, tmp_path: Path) -> None:
     with served(rig, tmp_path) as url:
         path = tmp_path / "pincette/mcp-key"
         assert stat.S_IMODE(path.stat().st_mode) == 0o600
@@ -82,9 +82,7 @@ def test_the_sdk_of_python_grips_and_releases(rig: RunningRig, tmp_path: Path) -
     assert abs(held["force_held_mN"] - FORCE_MN) < NEAR_MN
 
 
-def test_the_sdk_of_typescript_grips_in_the_session_of_its_plan(
-    rig: RunningRig, tmp_path: Path
-) -> None:
+def test_the_typescript_sdk_plans_and_grips_in_one_session(rig: RunningRig, tmp_path: Path) -> None:
     folder = npm_folder(tmp_path / "node", DRIVE, SDK)
     with served(rig, tmp_path, PINCETTE_MCP_KEY="a key") as url:
         found = node(folder, DRIVE.name, url, "a key", str(FORCE_MN))

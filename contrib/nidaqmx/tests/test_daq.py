@@ -161,7 +161,7 @@ def test_a_waveform_may_be_written_during_its_output_and_stops_at_a_buffer_under
     assert call.refused("WriteAnalogF64", write_array=[0.0, 0.0], **write) == -200290
 
 
-def test_a_buffer_sized_by_the_first_write_accepts_no_second() -> None:
+def test_a_buffer_sized_by_its_first_write_refuses_a_second_write() -> None:
     call = Caller()
     task = call.clocked(OUTPUT, rate_hz=1000.0, mode=FINITE, count=4)
     call("WriteAnalogF64", task=task, data_layout_raw=0, write_array=[0.0, 1.25])
@@ -180,7 +180,7 @@ def read(call: Caller, task: Session, count: int, order: FillMode) -> Any:
     return call("ReadAnalogF64", task=task, array_size_in_samps=100, **fields)
 
 
-def test_a_capture_starts_with_a_sample_at_once_and_delivers_one_per_period() -> None:
+def test_a_capture_delivers_one_sample_immediately_and_then_one_per_period() -> None:
     call = Caller(5.0)
     task = capture(call)
     reply = read(call, task, 1, FillMode.GROUP_BY_CHANNEL)
@@ -264,7 +264,7 @@ def strange(chance: random.Random) -> bytes:
     return body + chance.randbytes(chance.choice((0, 0, 0, 3)))
 
 
-def test_arbitrary_calls_are_survived() -> None:
+def test_the_server_survives_arbitrary_calls() -> None:
     chance = random.Random(SEED)
     call = Caller()
     for task in (call.task(POSITION), call.task(OUTPUT), capture(call)):

@@ -256,7 +256,7 @@ class TestWave:
         assert output.read_V() == 0.0
         output.close()
 
-    def test_a_wave_that_runs_dry_is_an_error(self, reach: Reach) -> None:
+    def test_a_buffer_underrun_of_a_waveform_is_an_error(self, reach: Reach) -> None:
         rig, output = self.opened(reach)
         output.begin_wave([1.25] * 39_999 + [0.0], 20_000.0)
         rig.wave_over = True
@@ -300,7 +300,9 @@ class TestParts:
         assert not rig.voltages_V
         output.close()
 
-    def test_a_write_or_a_wave_ends_the_parts_at_once(self, reach: Reach) -> None:
+    def test_a_write_or_a_waveform_cancels_the_remaining_parts_of_a_step(
+        self, reach: Reach
+    ) -> None:
         rig, output = self.opened(reach)
         output.write_parts([1.25, 2.5, 5.0], 0.001)
         output.write_V(1.25)

@@ -49,7 +49,7 @@ def fast_rig(pace: str, changes: Tree | None = None) -> RigFile:
 
 
 @pytest.mark.parametrize("pace", ["lockstep", "real"])
-def test_each_write_over_the_line_is_a_write_of_the_rig(tmp_path: Path, pace: str) -> None:
+def test_each_write_over_the_line_reaches_the_simulated_rig_once(tmp_path: Path, pace: str) -> None:
     rig = fast_rig(pace)
     told = truths_of_three_writes(
         rig, tmp_path, lambda: open_sensor(rig.sensor), lambda: open_output(rig.output)
@@ -81,7 +81,7 @@ def test_in_lockstep_a_capture_records_the_wave_that_is_played() -> None:
 @pytest.mark.parametrize(
     ("after_s", "held_V"), [(0.0005, 0.25), (0.0015, 0.75), (0.0025, 1.0), (0.5, 1.0)]
 )
-def test_the_output_has_the_current_part_and_a_write_ends_the_rest(
+def test_the_output_holds_the_current_part_of_a_step_and_a_write_cancels_the_rest(
     after_s: float, held_V: float
 ) -> None:
     rig, now_s = fast_rig("real"), [5.0]

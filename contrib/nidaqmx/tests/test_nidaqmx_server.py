@@ -209,7 +209,7 @@ def test_a_link_does_not_support_streams() -> None:
         channel.unary_stream("/service/Events")(b"")
 
 
-def test_drivers_raise_one_kind_of_error_for_every_answer() -> None:
+def test_drivers_raise_the_same_exception_type_for_every_invalid_answer() -> None:
     chance = random.Random(SEED)
     daq = device(HandRig(lambda: 5.0))
     heads = (b"ok\0", b"ok\0", b"ok\0", b"ni-error\0-200077\0", b"status\0", b"")

@@ -38,14 +38,14 @@ OTHERS[NAME] = wire
 
 
 @pytest.mark.parametrize("fate", FATES)
-def test_an_unconfirmed_output_is_never_stepped(fate: Fate) -> None:
+def test_an_output_with_an_unconfirmed_voltage_never_jumps(fate: Fate) -> None:
     for seed in range(SEEDS):
         check(NAME, fate, seed)
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("fate", FATES)
-def test_an_unconfirmed_output_is_never_stepped_in_many_cases(fate: Fate) -> None:
+def test_an_output_with_an_unconfirmed_voltage_never_jumps_in_many_cases(fate: Fate) -> None:
     for seed in range(SEEDS, SEEDS_IN_FULL):
         check(NAME, fate, seed)
 

@@ -34,7 +34,7 @@ def test_the_interoperability_tester_passes(address: str, tmp_path: Path) -> Non
     assert " error" not in said
 
 
-def test_an_agent_can_grip_through_the_bridge(
+def test_an_mcp_agent_can_grip_through_the_sila_bridge(
     rig: RunningRig, address: str, tmp_path: Path
 ) -> None:
     """It knows nothing of pincette but the feature definition that the server gives it."""

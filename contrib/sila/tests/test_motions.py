@@ -26,7 +26,7 @@ def shares_and_samples(command: Any) -> tuple[list[float], list[Any]]:
     return shares, samples
 
 
-def test_a_held_part_is_held_further_and_released(rig: RunningRig, client: Any) -> None:
+def test_a_held_part_can_be_held_further_and_released(rig: RunningRig, client: Any) -> None:
     gripper = client.Microgripper
     grip = responses(gripper.Grip(FORCE_MN, 0.0, ""))
     client.CancelController.CancelAll()  # nothing runs: a grip ends as the part is held
@@ -40,7 +40,7 @@ def test_a_held_part_is_held_further_and_released(rig: RunningRig, client: Any) 
     assert refusal(gripper.Hold()).identifier == "NothingHeld"
 
 
-def test_a_path_of_force_is_followed(rig: RunningRig, client: Any) -> None:
+def test_a_force_path_is_followed(rig: RunningRig, client: Any) -> None:
     track = client.Microgripper.Track("sinusoid", FORCE_MN, 4.0, 1.0, 2, "")
     shares, samples = shares_and_samples(track)
     done = responses(track)
@@ -81,7 +81,7 @@ def test_a_recipe_supplies_omitted_parameters(rig: RunningRig, client: Any) -> N
     assert rig.job(done.Job)["values"]["recipe"]["name"] == "bead"
 
 
-def test_a_path_rests_and_continues(rig: RunningRig, client: Any) -> None:
+def test_a_path_can_be_paused_and_resumed(rig: RunningRig, client: Any) -> None:
     pauses = client.PauseController
     track = client.Microgripper.Track("sinusoid", FORCE_MN, 4.0, 1.0, 4, "")
     execution = str(track.execution_uuid)
@@ -102,7 +102,7 @@ def test_a_path_rests_and_continues(rig: RunningRig, client: Any) -> None:
     assert caught.value.identifier == "InvalidCommandExecutionUUID"
 
 
-def test_a_release_is_not_paused(client: Any) -> None:
+def test_a_release_cannot_be_paused(client: Any) -> None:
     responses(client.Microgripper.Grip(FORCE_MN, 0.0, ""))
     release = client.Microgripper.Release()
     with pytest.raises(DefinedExecutionError) as caught:

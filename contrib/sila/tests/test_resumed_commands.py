@@ -93,7 +93,7 @@ def test_the_state_is_unknown_until_the_commands_of_the_earlier_server_are_known
         assert published(states)[0] != "unknown"
 
 
-def test_a_listing_that_fails_is_a_reason_and_is_repeated() -> None:
+def test_a_failed_listing_is_reported_as_the_reason_and_repeated() -> None:
     execution = uuid4()
     failed = httpx.Response(503, json={"title": "No store", "detail": "the disk is full"})
     replies = [jobs_of(execution), failed]

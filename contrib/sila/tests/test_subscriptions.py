@@ -47,7 +47,7 @@ def distribution() -> Any:
     made.close()
 
 
-def test_a_client_that_disconnects_takes_no_values_from_others(
+def test_a_client_that_disconnects_does_not_affect_the_values_of_others(
     distribution: Distribution,
 ) -> None:
     values, over = [str(number) for number in range(2000)], Event()
@@ -76,7 +76,7 @@ def test_a_client_that_disconnects_takes_no_values_from_others(
     assert distribution.thread.is_alive()
 
 
-def test_a_subscriber_starts_with_the_newest_value_and_misses_no_later_one(
+def test_a_subscriber_gets_the_newest_value_first_and_then_every_later_one(
     distribution: Distribution,
 ) -> None:
     first = distribution.subscribe()[1]
@@ -87,7 +87,7 @@ def test_a_subscriber_starts_with_the_newest_value_and_misses_no_later_one(
     assert [next(second), next(second)] == ["HELD", "NONE"]
 
 
-def test_all_streams_end_with_the_values(distribution: Distribution) -> None:
+def test_all_streams_end_when_the_source_of_values_ends(distribution: Distribution) -> None:
     streams = [distribution.subscribe()[1] for _ in range(2)]
     distribution.queue.put("held")
     distribution.queue.put(StopIteration())

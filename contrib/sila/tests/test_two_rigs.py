@@ -26,7 +26,7 @@ async def held_by_unitelabs(rig: RigFile) -> tuple[str, str, str]:
 
 
 @pytest.mark.parametrize("scope", ["observe", "operate"])
-def test_a_server_is_for_one_rig_and_has_the_right_of_its_key(
+def test_a_server_serves_one_rig_with_the_permissions_of_its_key(
     lab: SecuredLaboratory, scope: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fleet, right = lab.rigs.fleet, lab.rigs.right

@@ -97,7 +97,7 @@ def test_a_rig_without_a_residual_run_is_omitted_from_its_medians_and_reported()
     assert any("4 of 36 tracks had residual runs" in text for text in told.text)
 
 
-def test_grips_are_of_all_classes_by_profile() -> None:
+def test_grip_figures_cover_all_classes_and_are_grouped_by_profile() -> None:
     found = grip_summary(trials().grips)
     assert list(found) == list(PROFILES)
     for values in found.values():

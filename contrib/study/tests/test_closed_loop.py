@@ -36,7 +36,7 @@ def a_record() -> Record:
     )
 
 
-def test_errors_are_of_the_measured_position_and_the_true_force() -> None:
+def test_errors_are_computed_from_the_measured_position_and_the_true_force() -> None:
     found = errors(a_record())
     assert found.position_um == pytest.approx(0.08)
     assert found.position_percent == pytest.approx(1.0)
@@ -47,7 +47,7 @@ def test_errors_are_of_the_measured_position_and_the_true_force() -> None:
     assert found.estimated_force_percent == pytest.approx(2.5)
 
 
-def test_the_largest_error_is_that_of_either_side() -> None:
+def test_the_largest_error_may_have_either_sign() -> None:
     seen = a_record()
     x_um = seen.x_um.copy()
     x_um[7] -= 3.0
@@ -65,7 +65,7 @@ def test_the_rms_value_is_correct() -> None:
 
 
 @pytest.mark.parametrize("stiffness", [None, 2.4])
-def test_a_path_has_the_height_of_the_paper_on_its_planned_line(
+def test_a_force_path_has_the_peak_to_peak_position_of_the_paper(
     stiffness: float | None,
 ) -> None:
     rig = demo_rig(time="lockstep")

@@ -44,13 +44,13 @@ def gain_um_per_V(rig: RigFile) -> float:
     return peak_to_peak(cycle.true_x_um) / peak_to_peak(cycle.voltage_V)
 
 
-def test_the_contact_is_that_of_fig_7() -> None:
+def test_the_contact_has_the_values_of_figure_7() -> None:
     # At the peak 16 mN at 7.45 µm, where 20 mN at 8.45 µm were planned.
     assert pytest.approx(16.0 / 7.45) == CONTACT_STIFFNESS
     assert simulation_of(frozen()).environment_stiffness_mN_per_um == CONTACT_STIFFNESS
 
 
-def test_the_frozen_rig_has_what_the_paper_prints() -> None:
+def test_the_stored_rig_has_the_values_printed_in_the_paper() -> None:
     simulation = simulation_of(frozen())
     omega_n, zeta = simulation.natural_frequency_rad_per_s, simulation.damping_ratio
     assert omega_n**2 == pytest.approx(5.943e6)

@@ -97,21 +97,21 @@ def test_the_report_is_complete(study: Study) -> None:
     assert page.count("<img ") == len(pictures)
 
 
-def test_progress_continues_to_the_end(study: Study) -> None:
+def test_progress_is_reported_up_to_the_end(study: Study) -> None:
     shares = [share for _, share in study.told]
     assert shares == sorted(shares)
     assert (shares[0], shares[-1]) == (0.0, 1.0)
     assert "random rigs: 1 of 1" in [what for what, _ in study.told]
 
 
-def test_the_rig_is_that_of_figs_5_to_8(study: Study) -> None:
+def test_the_rig_has_the_values_of_figures_5_to_8(study: Study) -> None:
     """What the study finds on its rig by experiment is what the rig was made of."""
     assert study.ours("fig5", "ω_n²") == pytest.approx(5.943e6, rel=0.02)
     assert study.ours("fig5", "s_p, by a known weight") == pytest.approx(0.46, rel=0.02)
     assert study.ours("fig8", "slope") == pytest.approx(16.0 / 7.45, rel=0.15)
 
 
-def test_table_1_improves_with_a_smaller_gain(study: Study) -> None:
+def test_a_smaller_gain_improves_the_errors_of_table_1(study: Study) -> None:
     position = study.summary["table1_position_percent"]
     force = study.summary["table1_force_percent"]
     assert list(position) == list(force) == ["5", "2", "1", "0.5"]
@@ -202,7 +202,7 @@ def test_results_beyond_the_paper_are_stated_for_every_class_law_and_frequency(
             assert found["hz_5"]["learned_position_percent"] < 1.2
 
 
-def test_grips_are_timed(study: Study) -> None:
+def test_the_duration_of_grips_is_reported(study: Study) -> None:
     quick, gentle = (study.summary["grip"][profile] for profile in ("quick", "gentle"))
     assert quick["seconds_without_hold"] < 3.5 < gentle["seconds_without_hold"]
     for found in (quick, gentle):
@@ -211,7 +211,7 @@ def test_grips_are_timed(study: Study) -> None:
         assert 0.0 < found["hold_error_percent"] <= found["hold_error_percent_worst"] < 6.0
 
 
-def test_paths_and_grips_at_1_khz_are_also_stated_off_nominal(study: Study) -> None:
+def test_the_study_contains_paths_and_grips_at_1_khz(study: Study) -> None:
     found = study.summary["beyond"]["kilohertz"]
     assert set(found) == {"relays", "grip"}
     path = found["relays"]["fpbsmic"]["hz_10"]
@@ -231,7 +231,7 @@ def test_the_estimator_is_reported_with_its_signals(study: Study) -> None:
     assert all(0.0 < rmse_mN < 1.5 for rmse_mN in by_signal.values())
 
 
-def test_the_stability_map_has_the_paper_s_period_inside_and_1_ms_outside(study: Study) -> None:
+def test_on_the_stability_map_the_papers_period_is_stable_and_1_ms_is_not(study: Study) -> None:
     data = study.section("stability")["data"]
     paper, fast = data["periods_s"].index(0.02), data["periods_s"].index(0.001)
     for scheme in ("PBSMIC", "DSMIFC"):

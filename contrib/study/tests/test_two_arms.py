@@ -78,7 +78,7 @@ def test_a_loop_without_permission_to_move_does_not_move(pair: TaughtPair) -> No
     assert bench.ticks == []
 
 
-def test_the_same_run_gives_the_same_bits(pair: TaughtPair) -> None:
+def test_a_repeated_run_gives_identical_bits(pair: TaughtPair) -> None:
     benches = [PairBench(pair, SLOW, lambda plant: plant) for _ in range(2)]
     for bench in benches:
         prepare(bench)

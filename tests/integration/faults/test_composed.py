@@ -46,7 +46,7 @@ def loop_in(state: str, *programs: str, seed: int = 1) -> VirtualLoop:
 
 @pytest.mark.parametrize("programs", TOGETHER, ids=" and ".join)
 @pytest.mark.parametrize("state", MOVING)
-def test_a_fault_of_a_composed_program_acts_as_that_of_a_service(
+def test_a_fault_of_a_composed_program_has_the_effect_of_the_same_fault_of_a_service(
     state: str, programs: tuple[str, ...]
 ) -> None:
     place = composed_place(state, *programs)

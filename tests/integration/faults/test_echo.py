@@ -82,7 +82,7 @@ def trips_after_lost_echoes(state: str, seed: int) -> bool:
     return False
 
 
-def test_a_cut_echo_trips_in_time_in_any_pattern() -> None:
+def test_a_permanent_loss_of_the_echo_trips_in_time_in_any_pattern() -> None:
     for state in MOVING:
         for seed in range(FEW):
             check_cut(state, seed)
@@ -95,7 +95,7 @@ def test_one_lost_echo_does_not_trip() -> None:
 
 
 @pytest.mark.full
-def test_in_many_patterns_a_cut_trips_in_time_and_a_lost_echo_does_not() -> None:
+def test_in_many_patterns_a_permanent_loss_of_the_echo_trips_and_a_single_loss_does_not() -> None:
     longest_s = max(check_cut(state, seed) for state in MOVING for seed in range(MANY))
     patterns = [(state, seed) for state in MOVING for seed in range(MANY)]
     tripped = [one for one in patterns if trips_after_lost_echoes(*one)]

@@ -132,7 +132,7 @@ def test_the_third_sample_in_a_row_that_is_invalid_trips(
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_either_side_of_the_range_is_named(side: float) -> None:
+def test_a_reading_out_of_range_names_the_side(side: float) -> None:
     played = play(at(HOLD, "sensor", "over_range", value=side))
     fault = fault_text(played.positions[-1].arms[0].fault)
     assert ("above" if side > 0.0 else "below") in fault
@@ -151,7 +151,7 @@ def test_a_stuck_sensor_is_found_within_ten_samples_while_the_voltage_moves(
     assert max(truth.arms[0].force_mN for truth in played.truths) < FORCE_MAX_MN
 
 
-def test_a_stuck_sensor_of_a_quiet_arm_does_not_trip() -> None:
+def test_a_stuck_sensor_does_not_trip_while_the_arm_is_at_rest() -> None:
     # In a hold the law follows the creep: from the eighth sample on the voltage gives it away.
     for seq, count in ((1, 12), (HOLD, 7)):
         played = play(at(seq, "sensor", "stuck", for_s=count * T))
@@ -221,9 +221,7 @@ def test_a_late_answer_is_not_accepted(target: str, seq: int, state: str) -> Non
 @pytest.mark.parametrize("periods", [1, 3, 5])
 @pytest.mark.parametrize("target", ["sensor", "output"])
 @pytest.mark.parametrize("seq", [0, APPROACH, HOLD])
-def test_an_instrument_with_old_values_never_presses_too_hard(
-    target: str, periods: int, seq: int
-) -> None:
+def test_old_readings_never_lead_to_too_much_force(target: str, periods: int, seq: int) -> None:
     """An old reading is not detected by any age limit, but the guards bound its effect."""
     played = play(at(seq, target, "delayed", value=periods * T))
     assert max(truth.arms[0].force_mN for truth in played.truths) < FORCE_MAX_MN
@@ -252,7 +250,7 @@ def test_a_faulty_grip_can_be_repeated_bit_for_bit() -> None:
     assert first.told != CLEAN.told
 
 
-def test_no_number_of_a_faulty_grip_is_infinite() -> None:
+def test_all_numbers_of_a_faulty_grip_are_finite() -> None:
     for what in ("garbage", "over_range", "stuck", "off"):
         played = play(at(LOAD, "sensor", what))
         assert all(

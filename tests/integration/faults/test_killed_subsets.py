@@ -109,12 +109,12 @@ def test_after_many_deaths_only_a_person_can_make_the_rig_idle(state: str) -> No
 
 @pytest.mark.slow
 @pytest.mark.parametrize("state", STATES)
-def test_every_subset_of_killed_programs_in_every_state(state: str) -> None:
+def test_any_subset_of_programs_may_be_killed_in_any_state(state: str) -> None:
     for killed in subsets():
         check(state, killed, AWAY_S[len(killed) % 2])
 
 
-def test_a_rig_without_killed_programs_needs_no_person() -> None:
+def test_a_rig_without_killed_programs_can_be_used_without_a_reset() -> None:
     loop = VirtualLoop(place("idle").loop.rig)
     loop.run(3.0 * T)
     assert VirtualSupervisor(loop, Notes()).before_a_job() is None

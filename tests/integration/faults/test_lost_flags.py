@@ -89,7 +89,7 @@ def estimate_of_zero(loop: LosingLoop, to: str, message: Message) -> bool:
 @pytest.mark.parametrize(
     "loses", [command_with_zero, voltage_with_zero, sample_of_zero, estimate_of_zero]
 )
-def test_a_zero_is_taken_whichever_of_its_messages_is_lost(
+def test_a_zero_is_taken_even_if_any_one_of_its_messages_is_lost(
     loses: Callable[[LosingLoop, str, Message], bool],
 ) -> None:
     loop = played(loses)

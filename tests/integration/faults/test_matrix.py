@@ -60,7 +60,7 @@ def test_an_idle_rig_does_not_trip_and_does_not_move() -> None:
 
 
 @pytest.mark.parametrize("fault", LOST_ONCE, ids=[fault.name for fault in LOST_ONCE])
-def test_one_lost_sample_costs_one_tick(fault: Fault) -> None:
+def test_one_lost_sample_skips_one_tick(fault: Fault) -> None:
     for state in ("approach", "hold"):
         phase, seed = drawn(fault, state)
         assert inject(place(state), fault, phase, seed) is None

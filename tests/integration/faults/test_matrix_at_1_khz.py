@@ -56,7 +56,9 @@ def test_an_idle_rig_does_not_trip_and_does_not_move() -> None:
 
 
 @pytest.mark.parametrize("state", FEW)
-def test_a_fault_of_the_composed_program_acts_as_that_of_a_service(state: str) -> None:
+def test_a_fault_of_the_composed_program_has_the_effect_of_the_same_fault_of_a_service(
+    state: str,
+) -> None:
     whole = composed_place(state, "loop", period_s=SHORT_S)
     faults = [
         *befalling(whole.loop.rig, FAULTS.fatal),

@@ -138,7 +138,7 @@ def voltages(seqs: Sequence[int]) -> list[float]:
 
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(Orders)
-def test_the_estimator_handles_reordered_messages_like_their_ordered_part(
+def test_of_reordered_messages_the_estimator_uses_only_those_in_order(
     orders: list[tuple[int, int]],
 ) -> None:
     seqs = shuffled(orders)
@@ -147,7 +147,7 @@ def test_the_estimator_handles_reordered_messages_like_their_ordered_part(
 
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(Orders)
-def test_the_controller_handles_reordered_messages_like_their_ordered_part(
+def test_of_reordered_messages_the_controller_uses_only_those_in_order(
     orders: list[tuple[int, int]],
 ) -> None:
     seqs = shuffled(orders)
@@ -156,7 +156,7 @@ def test_the_controller_handles_reordered_messages_like_their_ordered_part(
 
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(Orders)
-def test_the_actuator_handles_reordered_messages_like_their_ordered_part(
+def test_of_reordered_messages_the_actuator_uses_only_those_in_order(
     orders: list[tuple[int, int]],
 ) -> None:
     seqs = shuffled(orders)

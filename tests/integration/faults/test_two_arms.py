@@ -181,5 +181,5 @@ def test_both_outputs_release_by_their_watchdogs_if_the_actuator_is_dead(
     assert loop.pair.true.forces_mN == (0.0, 0.0)
 
 
-def test_an_echo_that_is_cut_counts_for_both() -> None:
+def test_a_permanent_loss_of_the_echo_trips_both_arms() -> None:
     assert {fault.late_s for fault in OF_PROGRAMS} <= {0.0, ECHO_LATE_S}

@@ -233,14 +233,16 @@ CASES = [(name, fate) for name in DRIVERS for fate in FATES]
 
 
 @pytest.mark.parametrize(("name", "fate"), CASES)
-def test_an_unconfirmed_output_is_never_stepped(name: str, fate: Fate) -> None:
+def test_an_output_with_an_unconfirmed_voltage_never_jumps(name: str, fate: Fate) -> None:
     for seed in range(SEEDS):
         check(name, fate, seed)
 
 
 @pytest.mark.full
 @pytest.mark.parametrize(("name", "fate"), CASES)
-def test_an_unconfirmed_output_is_never_stepped_in_many_cases(name: str, fate: Fate) -> None:
+def test_an_output_with_an_unconfirmed_voltage_never_jumps_in_many_cases(
+    name: str, fate: Fate
+) -> None:
     for seed in range(SEEDS, SEEDS_IN_FULL):
         check(name, fate, seed)
 

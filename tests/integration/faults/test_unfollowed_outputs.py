@@ -93,7 +93,7 @@ def doubts(loop: VirtualLoop) -> set[FaultCode]:
 
 
 @pytest.mark.parametrize("gone", GONE, ids=lambda gone: gone.__name__)
-def test_the_next_force_is_within_its_stated_uncertainty(
+def test_after_the_fault_the_next_force_is_within_its_stated_uncertainty(
     gone: Callable[[VirtualLoop], None],
 ) -> None:
     loop = a_known_arm()

@@ -99,7 +99,7 @@ def test_an_impossible_safe_voltage_is_refused(safe_V: float) -> None:
         (0.1, 388.0, 15),
     ],
 )
-def test_steps_of_a_ramp_are_odd_half_swings_apart(
+def test_ramp_steps_are_an_odd_number_of_half_oscillation_periods_apart(
     period_s: float, frequency_hz: float, half_swings: int
 ) -> None:
     taken_s = wake_s(period_s, 2.0 * pi * frequency_hz)
@@ -113,9 +113,9 @@ def test_the_service_wakes_as_often_as_its_age_limits_require() -> None:
 
 
 @pytest.mark.parametrize("period_s", [0.001, 0.005])
-def test_a_period_too_short_for_half_swings_is_divided(period_s: float) -> None:
+def test_a_sampling_period_shorter_than_half_an_oscillation_is_divided(period_s: float) -> None:
     assert wake_s(period_s, 2437.8) == pytest.approx(0.2 * period_s, rel=1e-12)
 
 
-def test_one_half_swing_may_use_the_whole_range() -> None:
+def test_a_single_ramp_step_may_cover_the_whole_range() -> None:
     assert wake_s(1.0, 4.0 * pi) == 0.25

@@ -134,7 +134,7 @@ def test_a_trip_states_the_reason_of_the_requester(words: str, faults: tuple[Fau
     assert state.faults == faults
 
 
-def test_in_lockstep_an_idle_part_is_kept_or_released_at_once() -> None:
+def test_in_lockstep_without_ticks_a_part_is_kept_or_released_immediately() -> None:
     state, _, _ = handle(LOCKSTEP, frozen(), Reset(acknowledge=True), 0.1)
     kept, _, outputs = handle(LOCKSTEP, state, Trip(Cause.ESTOP), 0.1)
     assert (kept.mode, kept.arms[0].voltage_V, kept.part_held) == ("latched", 1.0, True)

@@ -24,7 +24,7 @@ TRIPPED = tuple(permutations(("trip", "position", "command")))
 @pytest.mark.parametrize("others", list(product(ORDERS, repeat=2)))
 @pytest.mark.parametrize("order", TRIPPED, ids=" ".join)
 @pytest.mark.parametrize("tripped", TICKS[:-1])
-def test_each_tick_ends_once(
+def test_each_tick_ends_exactly_once(
     tripped: int, order: tuple[str, ...], others: tuple[str, str], *, held: bool
 ) -> None:
     state, left = holding(held=held), list(others)

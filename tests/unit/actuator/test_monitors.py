@@ -159,7 +159,7 @@ def may_kick_watchdog(state: State, now: float) -> bool:
     return SERVICE.may_kick_watchdog(CONFIG, state, now)
 
 
-def test_an_unconfirmed_ramp_is_left_to_the_watchdog() -> None:
+def test_the_watchdog_is_not_fed_during_an_unconfirmed_ramp() -> None:
     fault = Inputs(OFF, None, None)
     state, _ = play(holding(held=False), (fault, 0.01))
     assert (state.mode, state.unconfirmed) == ("ramping", True)

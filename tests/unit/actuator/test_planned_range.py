@@ -52,7 +52,7 @@ def test_a_plan_widens_no_limit_of_the_rig() -> None:
     assert asked(armed(VoltageRange(-9.0, 9.0)), 2.0, 3.9, 5.0)[-1] == (4.0, VOLTAGE_MAX)
 
 
-def test_an_output_outside_the_plan_may_only_move_towards_it() -> None:
+def test_an_output_outside_the_planned_range_may_only_move_towards_it() -> None:
     """An earlier job has left it there; nothing jumps at the arming."""
     state = armed(PLANNED, present_V=3.5)
     assert state.arms[0].voltage_V == 3.5
@@ -90,7 +90,7 @@ def test_limits_are_narrowed_to_the_plan(present_V: float, low_V: float, high_V:
     assert within(ARM.voltage, None, present_V) is ARM.voltage
 
 
-def test_a_voltage_range_includes_its_voltages_the_rest_and_a_margin() -> None:
+def test_a_planned_range_includes_the_voltages_of_the_plan_rest_and_a_margin() -> None:
     found = around([1.0, 3.0], 0.1, 0.2)
     assert (found.min_V, found.max_V) == pytest.approx((-0.5, 3.5))
     with pytest.raises(ValueError, match="must not be empty"):

@@ -55,7 +55,7 @@ def test_a_good_command_is_put_out_before_it_is_published() -> None:
     assert applied.command_age_s == pytest.approx(0.004)
 
 
-def test_a_command_that_overtakes_its_sample_waits_for_it() -> None:
+def test_a_command_that_arrives_before_its_sample_waits_for_it() -> None:
     state, outputs = play(armed(), (command(0), 0.001))
     assert outputs == []
     _, outputs = play(state, (position(0), 0.002))
@@ -63,7 +63,7 @@ def test_a_command_that_overtakes_its_sample_waits_for_it() -> None:
 
 
 @pytest.mark.parametrize("seq", [0, 1])
-def test_a_command_that_waits_for_its_sample_is_not_displaced_by_one_that_is_repeated(
+def test_a_repeated_command_does_not_displace_one_that_waits_for_its_sample(
     seq: int,
 ) -> None:
     before = ((position(0), 0.0), (command(0), 0.004), (command(1, 1.01), 0.020))
@@ -73,7 +73,7 @@ def test_a_command_that_waits_for_its_sample_is_not_displaced_by_one_that_is_rep
     assert outputs[0] == SetVoltage((1.01,))
 
 
-def test_a_controller_that_is_not_armed_yet_is_not_refused_for_empty_commands() -> None:
+def test_empty_commands_of_a_controller_that_is_not_armed_yet_are_not_refused() -> None:
     unarmed = command(7, epoch=EPOCH - 1).command
     assert unarmed is not None
     nothing = Inputs(None, with_arm(unarmed, valid=False), None)

@@ -8,14 +8,14 @@ from pincette_actuator.step import Inputs, start
 from .bench import CONFIG, EPOCH, OWNER, WAKE, T, command, holding, play, position, wakes
 
 
-def test_an_own_standstill_does_not_count_as_age() -> None:
+def test_a_stall_of_the_actuator_does_not_count_as_age() -> None:
     """The machine stood for 40 ms: the command that follows is taken, as it is in time."""
     state, _ = play(holding(held=True), *wakes(0.005, 0.02))
     state, _ = play(state, (WAKE, 0.065), (position(1), 0.066), (command(1, 1.5), 0.068))
     assert (state.mode, state.arms[0].voltage_V, state.standstills) == ("armed", 1.5, 1)
 
 
-def test_after_a_standstill_a_silence_trips_within_its_own_duration() -> None:
+def test_after_a_stall_a_silence_trips_at_its_age_limit() -> None:
     state, _ = play(holding(held=False), *wakes(0.005, 0.02), (WAKE, 0.065))
     assert state.mode == "armed"
     stood_s = 0.065 - 0.02
@@ -23,7 +23,7 @@ def test_after_a_standstill_a_silence_trips_within_its_own_duration() -> None:
     assert state.mode == "ramping"
 
 
-def test_standstills_are_excused_up_to_a_limit() -> None:
+def test_stalls_are_excused_up_to_a_limit() -> None:
     state, now = holding(held=False), 0.004
     for _ in range(20):
         now += 0.045
@@ -31,7 +31,7 @@ def test_standstills_are_excused_up_to_a_limit() -> None:
     assert state.mode != "armed"
 
 
-def test_a_standstill_causes_no_jump_in_the_ramp() -> None:
+def test_a_stall_causes_no_jump_in_the_ramp() -> None:
     state, _ = play(holding(2.0, held=False), *wakes(0.005, 0.065))
     assert state.mode == "ramping"
     before_V = state.arms[0].voltage_V
@@ -39,7 +39,7 @@ def test_a_standstill_causes_no_jump_in_the_ramp() -> None:
     assert before_V - state.arms[0].voltage_V <= 2 * 2.0 * (T / 4) / CONFIG.ramp_s + 1e-9
 
 
-def test_time_used_by_its_own_program_is_not_a_standstill() -> None:
+def test_computing_time_of_its_own_program_is_not_a_stall() -> None:
     """The time is out of an age only where the machine took it."""
     state, _ = play(holding(held=False), *wakes(0.005, 0.02))
     kept = (Inputs(Busy(0.04), None, None), 0.061)
@@ -57,13 +57,13 @@ def test_a_ramp_continues_by_its_clock_while_its_program_waits_for_its_sensor() 
     assert (state.mode, state.arms[0].voltage_V, state.standstills) == ("latched", CONFIG.safe_V, 0)
 
 
-def test_a_simultaneous_standstill_of_the_machine_is_subtracted() -> None:
+def test_a_simultaneous_stall_of_the_machine_is_subtracted() -> None:
     state, _ = play(holding(held=False), *wakes(0.005, 0.02))
     state, _ = play(state, (Inputs(Busy(0.006), None, None), 0.065))
     assert (state.mode, state.standstills) == ("armed", 1)
 
 
-def test_rare_checks_at_rest_are_not_standstills() -> None:
+def test_rare_checks_at_rest_are_not_stalls() -> None:
     """None of them lengthens the first age after an arming."""
     state, _, _ = handle(CONFIG, start(CONFIG), Reset(acknowledge=True), 0.0)
     state, _ = play(state, *((WAKE, 0.05 * look) for look in range(1, 20)))

@@ -73,7 +73,7 @@ def test_both_voltages_are_put_out_and_reported_together() -> None:
     assert applied.arms[0].limits_active == 0
 
 
-def test_a_resting_arm_gives_the_other_none_of_its_slew_time() -> None:
+def test_a_resting_arm_does_not_change_the_slew_of_the_other() -> None:
     state = at(1.0, 1.0)
     state, _ = play(state, (position(1), T), (command(1, 1.0, ArmCommand(1.0)), T + 0.004))
     assert state.moved_s == 0.004
@@ -88,7 +88,7 @@ def test_the_second_arm_slews_by_elapsed_time_too() -> None:
     assert state.arms[1].voltage_V == pytest.approx(1.0 + 2.0 * (T - 0.004) / T)
 
 
-def test_commands_for_one_and_two_arms_are_refused_on_the_other_rig() -> None:
+def test_commands_for_the_wrong_number_of_arms_are_refused() -> None:
     state, _ = play(armed(), (position(0), 0.0), (command(0, 1.0), 0.004))
     assert (state.arms[0].voltage_V, state.arms[1].voltage_V, state.refused) == (0.0, 0.0, 1)
     assert fault_text(state.refusal) == (
@@ -103,7 +103,7 @@ def test_commands_for_one_and_two_arms_are_refused_on_the_other_rig() -> None:
     assert "it is for 2 driven arms, the rig has 1" in fault_text(one.refusal)
 
 
-def test_an_empty_command_needs_no_second_arm() -> None:
+def test_an_empty_command_may_omit_the_second_arm() -> None:
     blind = Command(EPOCH, 0, OWNER, (ArmCommand(0.0),), False, False, False, False)
     state, _ = play(armed(), (position(0), 0.0), (Inputs(None, blind, None), 0.004))
     assert state.refused == 0
@@ -232,7 +232,7 @@ def test_an_output_that_cannot_report_is_assumed_at_its_commanded_voltage() -> N
     assert (state.mode, state.arms[1].voltage_V) == (Mode.RAMPING, 2.0)
 
 
-def test_both_at_the_safe_voltage_are_at_rest_and_a_single_one_is_not() -> None:
+def test_the_rig_is_at_rest_only_if_both_outputs_are_at_the_safe_voltage() -> None:
     state, _ = play(at(1.0, 2.0), (FAILED, 0.01))
     one = found(BOTH, state, (0.0, 2.0), 0.011)
     assert one.mode == Mode.RAMPING
@@ -240,7 +240,7 @@ def test_both_at_the_safe_voltage_are_at_rest_and_a_single_one_is_not() -> None:
     assert both.mode == Mode.LATCHED
 
 
-def test_a_frozen_part_is_left_to_the_watchdogs_if_one_output_is_unknown() -> None:
+def test_the_watchdogs_of_a_frozen_part_are_not_fed_if_one_output_is_unknown() -> None:
     """What is fed no heartbeat lets go: the other must not be left to press alone."""
     state, _ = play(at(1.0, 2.0, held=True), (FAILED, 0.01))
     assert state.mode == Mode.FROZEN

@@ -51,7 +51,7 @@ def test_a_latched_actuator_that_holds_its_voltage_continues_to_feed() -> None:
     assert output.fed >= 9
 
 
-def test_an_unconfirmed_ramp_is_left_to_the_watchdog() -> None:
+def test_the_watchdog_is_not_fed_during_an_unconfirmed_ramp() -> None:
     output = Watched()
     runner = Runner(SERVICE, RIG, output)
     waking(runner, 4, 4)

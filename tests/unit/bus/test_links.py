@@ -36,7 +36,7 @@ def test_every_program_has_a_link_to_the_router() -> None:
         assert ends.mode == "peer"
 
 
-def test_the_pace_is_a_link_in_lockstep_only() -> None:
+def test_the_pace_program_has_links_in_lockstep_only() -> None:
     assert consumers("actuator", SERVICES, lockstep=False) == {"estimator"}
     assert consumers("actuator", SERVICES, lockstep=True) == {"estimator", "sensor"}
 

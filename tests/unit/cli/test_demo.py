@@ -35,7 +35,7 @@ def grip(*answers: httpx.Response) -> tuple[str, list[str]]:
     return job.state, [one.url.path.rpartition("/")[2] for one in supervisor.asked]
 
 
-def test_a_grip_of_an_idle_rig_clears_nothing() -> None:
+def test_the_demo_clears_no_latch_of_an_idle_rig() -> None:
     state, asked = grip(desk.rig(latch=IDLE), RUNNING, GRIPPED)
     assert (state, "reset" in asked) == ("succeeded", False)
 

@@ -43,7 +43,7 @@ def typing(monkeypatch: pytest.MonkeyPatch, answers: Iterator[str]) -> list[str]
     return asked
 
 
-def test_the_rig_file_of_a_real_bench_is_what_it_writes_with_all_defaults(bench: Path) -> None:
+def test_with_all_defaults_init_writes_the_rig_file_of_a_real_bench(bench: Path) -> None:
     assert main(["init", str(bench), "--yes"]) == 0
     written = bench.read_text(encoding="utf-8")
     assert written == (ROOT / "deploy/rigs/real-bench.toml").read_text(encoding="utf-8")
@@ -105,7 +105,7 @@ SWING: dict[str, Any] = {
 }
 
 
-def test_every_limit_that_refuses_the_default_jobs_was_asked_for(
+def test_init_asks_for_every_limit_that_would_refuse_the_default_jobs(
     bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = typing(monkeypatch, iter(()))
@@ -125,7 +125,9 @@ def test_every_limit_that_refuses_the_default_jobs_was_asked_for(
     assert broken(bench, **SWING) == set()
 
 
-def test_an_unreadable_number_is_asked_again(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_init_asks_again_after_an_invalid_number(
+    bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     asked = typing(monkeypatch, iter(["mine", "fast", "0.04"]))
     assert main(["init", str(bench)]) == 0
     assert asked[1] == asked[2]

@@ -53,7 +53,7 @@ def wrong() -> list[Message]:
     ]
 
 
-def test_a_record_is_repeated_bit_for_bit(
+def test_a_record_is_reproduced_bit_for_bit(
     recorded: Recorded, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recorded(job=recording(list(played())))

@@ -53,7 +53,7 @@ def test_times_of_a_command_are_passed_on() -> None:
         ("part place 1 2", "TARGET WHAT VALUE at most"),
     ],
 )
-def test_other_words_are_refused_with_the_possible_ones(words: str, said: str) -> None:
+def test_unknown_words_are_refused_with_the_list_of_valid_ones(words: str, said: str) -> None:
     with pytest.raises(CliError) as raised:
         read(words.split(), 0.0, None)
     assert said in str(raised.value)

@@ -145,7 +145,7 @@ class TestOnTheFly:
         assert after == before
 
     @pytest.mark.parametrize("word", ["up", "demo"])
-    def test_one_flag_makes_the_certificates(self, word: str) -> None:
+    def test_a_single_flag_creates_the_certificates(self, word: str) -> None:
         assert parsed(word, "--secure").params["secure"]
         assert not parsed(word).params["secure"]
 

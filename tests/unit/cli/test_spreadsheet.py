@@ -18,7 +18,7 @@ a,"Müller; 5 µm, new",3,-1.5e-05
 
 
 @pytest.mark.parametrize("name", SEPARATORS)
-def test_a_spreadsheet_finds_every_cell_and_letter(name: str) -> None:
+def test_a_spreadsheet_reads_every_cell_and_every_letter(name: str) -> None:
     found = for_spreadsheet(CONTENT.encode(), name)
     assert found.startswith(codecs.BOM_UTF8)
     assert found.count(codecs.BOM_UTF8) == 1

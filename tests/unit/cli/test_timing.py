@@ -20,7 +20,7 @@ NAME = desk.example(Job)["id"]
 AT = ("--rig-name", "demo")
 
 
-def test_the_punctuality_of_a_loop_is_shown(
+def test_the_timing_statistics_of_a_loop_are_printed(
     at: At, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     told = LoopTiming.model_validate(desk.example(LoopTiming))

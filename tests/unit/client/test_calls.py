@@ -83,7 +83,7 @@ def test_a_decision_is_sent_with_its_place_and_not_repeated() -> None:
     assert len(supervisor.asked) == 2
 
 
-def test_retries_end_with_the_patience() -> None:
+def test_retries_end_when_the_patience_is_used_up() -> None:
     supervisor = Desk(*[REFUSED] * 50)
     with pytest.raises(NoAnswerError, match=r"GET http://supervisor/api/v1/rigs: no answer"):
         supervisor.supervisor(patience_s=5.0).rigs()
@@ -172,7 +172,7 @@ def test_bring_up_shows_the_warnings_of_the_rigs_own_path() -> None:
     assert json.loads(supervisor.asked[0].content)["kind"] == "track"
 
 
-def test_why_a_rig_cannot_start_is_reported() -> None:
+def test_the_reasons_why_a_rig_cannot_start_are_returned() -> None:
     supervisor = Desk(desk.rig(), desk.rig(can_start=False, reasons=["latched: estop"]))
     rig = supervisor.supervisor().rig("demo")
     assert rig.can_start() == []
@@ -207,7 +207,7 @@ def test_a_single_rig_needs_no_name() -> None:
         supervisor.supervisor().rig()
 
 
-def test_the_other_client_sends_the_same_requests() -> None:
+def test_the_asynchronous_client_sends_the_same_requests() -> None:
     supervisor = Desk(LOST, desk.job(), desk.job(state="succeeded"))
 
     async def run() -> str:

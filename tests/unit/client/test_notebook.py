@@ -27,7 +27,7 @@ def grip(**changes: object) -> httpx.Response:
     return desk.job(**{**plain, "ended_at": None, "progress": NOW, **changes})
 
 
-def test_a_job_states_its_force_without_a_request() -> None:
+def test_a_job_shows_its_force_without_another_request() -> None:
     asked = Desk(grip(id="j", state="running"))
     job = asked.supervisor().job("j")
     assert repr(job) == "<job j: grip, running, hold, 15.02 ± 0.31 mN, 15.00 mN>"

@@ -134,7 +134,7 @@ def test_every_error_has_a_code() -> None:
     assert RigLatchedEndError("no", desk.Job.model_validate(job)).code == "rig-latched"
 
 
-def test_the_patience_outlasts_a_restart() -> None:
+def test_the_default_patience_is_longer_than_a_restart() -> None:
     assert Supervisor("http://127.0.0.1:9").transport.patience_s == PATIENCE_S
     supervisor = Desk(*[REFUSED] * 30, desk.rig())
     rig = supervisor.supervisor(patience_s=PATIENCE_S).rig("demo")

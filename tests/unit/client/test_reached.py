@@ -64,7 +64,7 @@ def stopped_with(phase: str, force_mN: float) -> Desk:
         ("unload", 5.0),
     ],
 )
-def test_a_grip_that_is_stopped_is_not_reached(phase: str, force_mN: float) -> None:
+def test_a_stopped_grip_has_not_reached_its_force(phase: str, force_mN: float) -> None:
     job = stopped_with(phase, force_mN).supervisor().job("j")
     with pytest.raises(JobEndedError) as caught:
         list(job.to_hold())
@@ -114,7 +114,7 @@ def test_a_force_that_settles_late_is_reached() -> None:
     assert [now.elapsed_s for now in job.to_hold()] == [9.0, 10.0]
 
 
-def test_a_job_without_a_requested_force_is_held_by_its_phase() -> None:
+def test_whether_a_job_without_a_requested_force_holds_follows_from_its_phase() -> None:
     moments = (progress("approach"), progress("hold", force_mN=None))
     job = following(*moments, kind="hold", values={"hold_s": None}).supervisor().job("j")
     assert [now.phase for now in job.to_hold()] == ["approach", "hold"]
@@ -149,7 +149,7 @@ def test_a_job_succeeds_with_the_requested_force(
 
 
 @pytest.mark.parametrize("released", [True, False])
-def test_another_job_on_the_rig_is_not_a_release(released: bool) -> None:
+def test_another_job_of_the_rig_does_not_count_as_a_release(released: bool) -> None:
     ended: dict[str, Any] = {
         **STOPPED,
         "allowed_actions": [],

@@ -51,7 +51,7 @@ def test_a_finished_job_has_no_more_events() -> None:
     assert [item.number for item in supervisor.supervisor().job("j").events()] == [7]
 
 
-def test_the_other_client_reads_the_same() -> None:
+def test_the_asynchronous_client_reads_the_same_stream() -> None:
     supervisor = answers()
 
     async def run() -> list[int | None]:

@@ -78,7 +78,7 @@ def test_a_key_that_is_used_for_another_request_is_refused(bench: Harness) -> No
         assert refused.value.violations[0]["limit"] == 40.0
 
 
-def test_a_held_part_is_released_by_the_other_client(bench: Harness) -> None:
+def test_a_held_part_is_released_by_the_asynchronous_client(bench: Harness) -> None:
     bench.bus.pause_at = 445
 
     async def run() -> list[str]:

@@ -45,16 +45,16 @@ POSITION = Position(7, 3, 0.06, (ArmPosition(12.5, valid=True),))
 
 
 @given(POSITIONS)
-def test_position_travels_unchanged(position: Position) -> None:
+def test_a_position_is_unchanged_after_encoding_and_decoding(position: Position) -> None:
     assert decode(Position, encode(position)) == position
 
 
 @given(COMMANDS)
-def test_command_travels_unchanged(command: Command) -> None:
+def test_a_command_is_unchanged_after_encoding_and_decoding(command: Command) -> None:
     assert decode(Command, encode(command)) == command
 
 
-def test_nested_program_travels_unchanged() -> None:
+def test_a_nested_program_is_unchanged_after_encoding_and_decoding() -> None:
     assert decode(Load, encode(LOAD)) == LOAD
 
 
@@ -68,7 +68,9 @@ LAWS = st.builds(
 
 
 @given(st.lists(LAWS, max_size=4))
-def test_the_laws_of_a_program_travel_unchanged(laws: list[LawSpec]) -> None:
+def test_the_laws_of_a_program_are_unchanged_after_encoding_and_decoding(
+    laws: list[LawSpec],
+) -> None:
     segments = (Press("load", 1.0, law=len(laws), to_mN=20.0),)
     load = Load(replace(LOAD.program, segments=segments, laws=tuple(laws)))
     assert decode(Load, encode(load)) == load
@@ -170,7 +172,7 @@ def test_the_size_of_a_payload_is_bounded() -> None:
 
 @settings(max_examples=200)
 @given(st.binary(max_size=200))
-def test_noise_never_raises_another_error(noise: bytes) -> None:
+def test_random_bytes_raise_only_the_documented_error(noise: bytes) -> None:
     with pytest.raises(CodecError):
         decode(Command, noise)
 

@@ -56,7 +56,7 @@ def test_a_bad_value_is_not_reported_as_a_version_conflict() -> None:
 
 
 @pytest.mark.parametrize("version", ["", "x", "9" * 5000, "²", "-1", "1.5", "\x1b[2J"])
-def test_an_invalid_version_adds_nothing(version: str) -> None:
+def test_an_invalid_version_is_not_mentioned_in_the_error(version: str) -> None:
     said = refused(OTHER_FIELDS, ENCODING.replace(f"v{WIRE}", f"v{version}"))
     assert said.endswith("colour, t_s")
     assert said.isprintable()

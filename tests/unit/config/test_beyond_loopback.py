@@ -9,12 +9,12 @@ PROVED = {"certificate": "pki/router.crt"}
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "::1", "localhost"])
-def test_on_this_machine_nothing_is_required(host: str) -> None:
+def test_on_loopback_no_certificate_is_required(host: str) -> None:
     assert Sila(host=host).host == Foxglove(host=host).host == host
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.7", "bench"])
-def test_outside_this_machine_a_certificate_is_required(host: str) -> None:
+def test_beyond_loopback_a_certificate_is_required(host: str) -> None:
     for table in (Sila, Foxglove):
         with pytest.raises(ValidationError, match=r"without a certificate: .*state `certificate`"):
             table(host=host)

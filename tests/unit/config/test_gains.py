@@ -70,7 +70,7 @@ def test_an_unstable_law_is_refused_with_its_radius(observer: str) -> None:
     assert "at a period of 1 ms" in found.reason
 
 
-def test_the_part_of_the_rig_file_is_judged(rig: RigFile) -> None:
+def test_the_stability_check_uses_the_part_of_the_rig_file(rig: RigFile) -> None:
     sure = rig_of(part={"stiffness_tolerance": 0.01})
     hard = rig_of(part={"stiffness_mN_per_um": 200.0, "stiffness_tolerance": 0.01})
     law = law_settings(K_P=2.0, K_f=1e5)
@@ -107,7 +107,7 @@ def test_tuned_gains_are_permitted(
     assert all(judged(rig, item.settings).stable for item in found.front)
 
 
-def test_the_same_rig_file_is_tuned_once(rig: RigFile) -> None:
+def test_gains_for_the_same_rig_file_are_computed_once(rig: RigFile) -> None:
     found = tuned(rig, "pbsmic")
     assert tuned(rig.model_copy(), "pbsmic") is found
     # On other ports it is another rig file, whose search begins anew and ends alike.
@@ -130,7 +130,7 @@ def test_an_uncertain_force_reduces_the_weight_of_the_force(rig: RigFile) -> Non
 
 
 @pytest.mark.parametrize("name", TAUGHT)
-def test_a_taught_response_errs_by_its_own_residual(name: str) -> None:
+def test_the_error_of_an_identified_response_is_its_own_residual(name: str) -> None:
     """Not by the hysteresis of a line, with which no force would be fed back at all."""
     table = {**TAUGHT[name], "residual_um": 0.001}
     model: Tree = {"free_response": None, "hysteresis_fraction": 0.2, name: table}

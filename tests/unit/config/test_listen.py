@@ -28,7 +28,7 @@ def test_the_rig_file_can_set_the_address(tmp_path: Path) -> None:
     assert read_rig(path) == read_rig(DEMO).listening("0.0.0.0")
 
 
-def test_the_address_changes_no_digest_and_is_not_published() -> None:
+def test_the_listen_address_changes_no_digest_and_is_not_published() -> None:
     plain = read_rig(DEMO)
     heard = plain.listening("192.0.2.7")
     assert heard.digest() == plain.digest()

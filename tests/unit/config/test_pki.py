@@ -14,7 +14,7 @@ def test_the_folder_is_relative_to_the_rig_file(tmp_path: Path) -> None:
     assert read_rig(path).bus.pki == "/etc/pki"
 
 
-def test_the_folder_changes_no_digest_and_is_not_published(tmp_path: Path) -> None:
+def test_the_certificate_folder_changes_no_digest_and_is_not_published(tmp_path: Path) -> None:
     plain = demo_rig()
     secured = plain.secured(tmp_path)
     assert secured.digest() == plain.digest()

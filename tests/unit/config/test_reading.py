@@ -23,7 +23,7 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def test_a_file_overrides_its_base_value_by_value(folder: Path) -> None:
+def test_a_rig_file_overrides_single_values_of_its_base(folder: Path) -> None:
     text = 'base = "base.toml"\n[rig]\nname = "other"\n[sensor.options]\noutput = 2\n'
     rig, demo = read_rig(written(folder, text)), read_rig(folder / "base.toml")
     assert (rig.rig.name, rig.rig.period_s) == ("other", demo.rig.period_s)
@@ -31,7 +31,7 @@ def test_a_file_overrides_its_base_value_by_value(folder: Path) -> None:
     assert rig.limits == demo.limits
 
 
-def test_another_law_or_driver_inherits_nothing_of_the_base_files_one(folder: Path) -> None:
+def test_a_different_law_or_driver_inherits_no_options_from_the_base_file(folder: Path) -> None:
     text = 'base = "base.toml"\n[law]\nscheme = "dsmifc"\n[sensor]\ndriver = "other"\n'
     rig, demo = read_rig(written(folder, text)), read_rig(folder / "base.toml")
     assert demo.law.scheme == "pbsmic"

@@ -207,7 +207,7 @@ def test_a_press_that_still_lasts_at_the_start_of_the_return_is_not_a_touch() ->
     assert arm.player.outcome == "gripped"
 
 
-def test_a_certain_force_ends_a_program_before_any_zero() -> None:
+def test_a_force_larger_than_its_uncertainty_ends_a_program_before_the_zero() -> None:
     arm = Arm(contact_um=99.0)
     arm.tick()
     unsure = replace(arm.estimate(), force_mN=45.0, force_uncertainty_mN=6.0)

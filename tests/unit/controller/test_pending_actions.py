@@ -107,7 +107,7 @@ def test_stops_that_release_are_reported_as_stops(action: str, phases: list[str]
     assert last.telemetry.outcome == "stopped"
 
 
-def test_keep_hands_the_part_over_at_the_applied_voltage() -> None:
+def test_the_action_keep_holds_the_part_at_the_applied_voltage_for_the_next_job() -> None:
     bench = Bench(program())
     bench.until("hold")
     ask(bench, "stop")

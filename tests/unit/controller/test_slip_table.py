@@ -177,6 +177,6 @@ def test_over_200_loads_a_slipping_part_is_not_pressed_harder(row: Row) -> None:
 
 
 @pytest.mark.parametrize("noise_um", [0.03, 0.15])
-def test_loads_of_a_part_without_slip_are_not_stopped(noise_um: float) -> None:
+def test_loads_without_a_slip_are_not_stopped(noise_um: float) -> None:
     played = loads(1e-9, noise_um, 0, FEW)
     assert {one.slips for one in played} == {0}

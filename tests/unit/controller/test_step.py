@@ -73,7 +73,7 @@ def test_a_program_without_segments_and_an_arming_without_program_are_refused() 
         handle(CONFIG, start(CONFIG), Arm(1, 5, ""), 0.0)
 
 
-def test_loading_does_not_touch_what_plays() -> None:
+def test_loading_a_program_does_not_affect_the_running_one() -> None:
     bench = Bench(program())
     bench.until("approach")
     bench.state, _, _ = handle(CONFIG, bench.state, Load(program(BOTH_LAWS, load=1)), 0.0)
@@ -214,7 +214,9 @@ def test_telemetry_has_the_band_and_the_perturbation_of_the_sample(settings: Law
 @pytest.mark.parametrize(
     ("limits", "frozen"), [(VOLTAGE_MAX, True), (SLEW_DOWN, False), (0, False)]
 )
-def test_limits_freeze_the_integral_outward_only(limits: int, frozen: bool) -> None:
+def test_an_active_limit_stops_the_integral_only_in_its_own_direction(
+    limits: int, frozen: bool
+) -> None:
     """The arm is below its reference: it asks for more."""
     bench = Bench(program())
     bench.until("approach")
@@ -266,7 +268,7 @@ def test_the_memory_of_the_response_follows_the_applied_voltage_and_survives_an_
     assert again.memories[0].followed_seq == -1
 
 
-def test_another_model_is_replayed_through_the_past() -> None:
+def test_a_new_model_is_initialized_with_the_past_voltages() -> None:
     config = configure(DEMO)
     state, _, _ = handle(config, start(config), Load(program()), 0.0)
     state, _, _ = handle(config, state, Arm(1, 5, ""), 0.0)

@@ -235,7 +235,7 @@ def test_the_direction_is_found_and_the_voltage_is_restored() -> None:
     assert bench.output.read_V() == 0.0
 
 
-def test_a_reading_that_falls_is_answered_by_the_other_direction() -> None:
+def test_if_the_reading_falls_the_opposite_direction_is_recommended() -> None:
     bench = Bench(flipped=True)
     finding = direction(RIG, bench.sensor, bench.output, bench.sleep)
     assert finding.mark == "missing"
@@ -320,7 +320,7 @@ def test_readings_close_to_their_timeout_are_noted(slowest_s: float, mark: str) 
     assert "later than 16.0 ms is late" in found.what
 
 
-def test_exchanges_that_are_usually_late_are_missing() -> None:
+def test_exchanges_that_are_usually_late_are_reported_as_missing() -> None:
     took = times_of([0.027] * 40)
     assert took is not None
     assert margin("sensor: readings", took, 0.016).mark == "missing"

@@ -54,7 +54,7 @@ def test_an_older_command_is_left_to_the_actuator() -> None:
         assert joiner.admits(numbered(COMMAND, seq), 101.0)
 
 
-def test_no_sample_is_newer_than_the_grid_could_make_it() -> None:
+def test_a_sample_newer_than_the_time_grid_allows_is_not_used() -> None:
     for sample in (POSITION, ESTIMATE, COMMAND):
         most = AHEAD + 50
         assert not begun().admits(numbered(sample, most + 1), 101.0)
@@ -71,7 +71,7 @@ def test_a_slower_clock_than_the_sensors_is_tolerated_forever() -> None:
         assert joiner.admits(numbered(POSITION, round(now * (1.0 + 2e-4) / T)), now)
 
 
-def test_another_epoch_and_the_idle_loop_are_not_judged() -> None:
+def test_samples_of_another_epoch_or_of_the_idle_loop_are_not_checked() -> None:
     joiner = begun()
     other = replace(POSITION, epoch=4, seq=-7)
     assert joiner.admits(other, 101.0)
@@ -81,7 +81,7 @@ def test_another_epoch_and_the_idle_loop_are_not_judged() -> None:
         assert idle.admits(Position(0, seq, 0.0, (ArmPosition(1.0, valid=True),)), 0.0)
 
 
-def test_an_epoch_starts_without_numbers() -> None:
+def test_a_new_epoch_starts_without_sequence_numbers() -> None:
     joiner = begun()
     assert joiner.admits(numbered(POSITION, 40), 101.0)
     joiner.begin(5, 102.0)

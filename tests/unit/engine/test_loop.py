@@ -288,7 +288,7 @@ def test_a_service_that_fails_ends_the_program_with_its_instrument_at_rest(where
     ("names", "shared"),
     [(LOOP, True), (("sensor", "actuator"), True), (LOOP[:3], False), (LOOP[1:], False)],
 )
-def test_only_beside_an_actuator_a_sensor_has_a_short_wait(
+def test_a_sensor_waits_briefly_only_in_a_program_that_contains_the_actuator(
     names: tuple[str, ...], shared: bool
 ) -> None:
     limit_s = shared_timeout_s(RIG, [SERVICES[name] for name in names])
@@ -304,7 +304,7 @@ def test_a_sensor_too_slow_for_a_composed_loop_is_refused_with_both_times() -> N
         shared_timeout_s(rig, SERVICES.values())
 
 
-def test_a_sensor_that_would_be_just_too_late_each_time_is_refused_too() -> None:
+def test_a_sensor_that_would_always_be_slightly_too_late_is_refused_too() -> None:
     # Of 1.93 ms its line alone takes 1.8, and no answer came in time.
     rig = composing(demo_rig({"rig": {"period_s": 0.01}}), "loop")
     with pytest.raises(ConfigError, match=r"takes 1\.8 ms, limit 1\.5 ms in one program"):

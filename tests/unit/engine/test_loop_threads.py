@@ -155,7 +155,7 @@ def test_a_failure_in_any_thread_ends_the_program(program: Program) -> None:
     assert [number for _, number in program.taken] == [1], "then no more turns are made"
 
 
-def test_a_stop_ends_the_longest_wait(program: Program) -> None:
+def test_a_stop_ends_even_a_long_wait(program: Program) -> None:
     program.start()
     program.end()
     assert program.raised == []

@@ -228,7 +228,7 @@ print(json.dumps({
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the calls are Linux's")
-def test_a_real_request_is_granted_or_refused_by_the_limits() -> None:
+def test_a_real_request_is_granted_or_refused_according_to_the_system_limits() -> None:
     """The applied settings are the reported ones, whatever this machine permits."""
     done = subprocess.run([sys.executable, "-c", TRY], capture_output=True, text=True, check=True)
     told = json.loads(done.stdout)

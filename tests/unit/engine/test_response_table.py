@@ -26,7 +26,7 @@ TOLERANCE_UM = 0.02
 """Of displacement, over two strokes: rounding of the table and of the linear algebra."""
 
 
-def test_the_committed_table_is_what_teaching_finds() -> None:
+def test_teaching_reproduces_the_committed_response_table() -> None:
     rig = read_rig(DEMO)
     committed = rig.model.free_response
     assert committed is not None, f"{DEMO} has no [model.free_response]"

@@ -105,7 +105,7 @@ def test_other_numbers_and_epochs_are_not_joined() -> None:
     assert not runner.ready(1e9)
 
 
-def test_real_time_continues_without_a_partner_after_a_quarter_period() -> None:
+def test_in_real_time_a_missing_partner_is_awaited_for_a_quarter_period() -> None:
     runner = joining(RIG)
     runner.take(position(1), 0.0)
     assert not runner.ready(0.0049)

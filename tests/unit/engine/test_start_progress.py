@@ -103,7 +103,7 @@ def test_a_program_that_dies_at_the_start_is_named_with_status_and_reason(fleet:
     fleet.down()
 
 
-def test_a_standstill_names_the_program(fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stalled_start_names_the_program(fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fleet_module, "LOOK_S", 0.0)
 
     def stalled(_progress: StartProgress) -> str:

@@ -93,7 +93,7 @@ def test_after_a_start_the_snapshot_is_empty() -> None:
         assert restored(service, config, begun, "") == begun
 
 
-def test_carried_fields_replace_the_present_ones() -> None:
+def test_carried_fields_replace_the_fields_of_the_new_state() -> None:
     config = ACTUATOR.configure(demo_rig())
     start = ACTUATOR.start(config)
     arms = (replace(start.arms[0], voltage_V=1.5),)

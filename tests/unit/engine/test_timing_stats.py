@@ -73,7 +73,7 @@ def test_a_sensor_is_late_relative_to_its_own_grid_and_its_duration_is_measured(
     assert told.age.count == 0
 
 
-def test_points_missed_by_a_sensor_are_counted_from_the_arming_on() -> None:
+def test_missed_grid_points_of_a_sensor_are_counted_since_the_arming() -> None:
     runner = Runner(SENSOR, RIG, Laser())
     runner.begin(10.0)
     runner.tick(10.0 + 4 * T)

@@ -57,7 +57,7 @@ def test_the_number_of_samples_of_a_rest_follows_the_period_within_bounds() -> N
         assert configure(rig).arms[0].zero_limits.rest_samples == count
 
 
-def test_the_zero_limits_come_from_the_part() -> None:
+def test_the_limits_of_a_zero_are_computed_from_the_part() -> None:
     limits = configure(a_rig(None)).arms[0].zero_limits
     assert limits.first_touch_um == pytest.approx(27.0)
     assert limits.touch_um == pytest.approx(0.46 * 2.0)

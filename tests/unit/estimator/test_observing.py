@@ -30,7 +30,7 @@ def test_the_force_of_a_free_arm_follows_from_the_ages_of_its_samples(
 
 
 @BOTH
-def test_the_ring_of_a_free_arm_is_not_a_force(config: EstimatorConfig) -> None:
+def test_ringing_of_a_free_arm_is_not_reported_as_force(config: EstimatorConfig) -> None:
     mode = sample_mode(2437.8, 0.0260, 0.001)
     bench = Bench(config)
     bench.rest(0.0, 0.0)

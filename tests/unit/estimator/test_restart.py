@@ -112,14 +112,14 @@ def test_without_a_restart_the_same_stroke_has_a_smaller_error(free: PlantParame
     assert worst[True] > 2.0 * worst[False]
 
 
-def test_the_approach_of_a_new_arm_reveals_that_it_is_new(free: PlantParameters) -> None:
+def test_the_approach_shows_that_an_arm_is_not_the_one_of_the_model(free: PlantParameters) -> None:
     held = {known: FreeArm(free).stroke(1, from_zero=known)[-1] for known in (False, True)}
     assert held[False].arms[0].force_uncertainty_mN > 3.0
     assert abs(held[True].arms[0].force_mN) < held[True].arms[0].force_uncertainty_mN < 1.0
 
 
 @pytest.mark.parametrize("low_V", [0.0, -1.0])
-def test_the_approach_reveals_nothing_if_strokes_are_impossible_or_come_first(
+def test_the_approach_shows_nothing_if_strokes_are_impossible_or_come_first(
     free: PlantParameters, low_V: float
 ) -> None:
     """By its zeros before and after the approach, a quarter of the unknown past was left in U."""
@@ -159,7 +159,7 @@ def test_the_unknown_past_is_reported_until_strokes_have_erased_it(
     assert arm.bench.state.arms[0].unknown.known
 
 
-def test_in_lockstep_a_new_arm_is_not_mistaken_for_that_of_the_model() -> None:
+def test_in_lockstep_the_past_of_a_new_arm_is_unknown() -> None:
     bench = Bench(configure(LOCKSTEP))
     assert [finding.code for finding in bench.state.findings] == [FaultCode.MEMORY_UNKNOWN]
 

@@ -114,7 +114,7 @@ def test_a_part_that_presses_at_rest_is_never_zeroed(config: EstimatorConfig) ->
     assert bench.feed(-pushed_um, 0.0, zero=True).arms[0].zero_age_s == 0.0
 
 
-def test_an_arm_ahead_of_its_zero_starts_there() -> None:
+def test_a_zero_is_accepted_after_a_part_that_was_zeroed_away_is_removed() -> None:
     """A part was zeroed away and then removed: what is read is not a force."""
     bench = Bench(IDENTIFIED)
     bench.rest(-9.0, 0.0)
@@ -136,7 +136,7 @@ def test_the_force_of_a_held_part_outlives_an_arming() -> None:
         assert estimate.arms[0].force_mN == pytest.approx(wanted_mN, abs=0.05)
 
 
-def test_another_model_is_replayed_through_the_past_of_the_arm() -> None:
+def test_a_new_model_is_initialized_with_the_past_voltages_of_the_arm() -> None:
     bench, other = Bench(LINEAR), Bench(IDENTIFIED)
     for one in (bench, other):
         for voltage_V in (0.0, 1.0, 2.0, 1.0):
@@ -211,7 +211,7 @@ def test_a_sample_of_another_epoch_is_counted_and_dropped(config: EstimatorConfi
     assert step(config, state, Inputs(None, APPLIED), 0.0) == (state, ())
 
 
-def test_the_estimator_answers_arming_only() -> None:
+def test_the_estimator_accepts_only_arming_requests() -> None:
     guards = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.5, 1.0)
     with pytest.raises(RefusedError, match="does not answer Load"):
         handle(LINEAR, start(LINEAR), Load(Program((), guards, 2.0)), 0.0)

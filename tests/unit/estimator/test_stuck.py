@@ -38,7 +38,7 @@ def test_a_quiet_arm_is_not_stuck() -> None:
     assert alarm([5.0] * 5000, [1.0 + 0.005 * sin(sample) for sample in range(5000)]) is None
 
 
-def test_a_loop_that_counters_creep_is_not_stuck() -> None:
+def test_a_position_held_against_creep_is_not_reported_as_stuck() -> None:
     voltages = [1.0 - 1e-3 * sample for sample in range(5000)]
     assert voltages[0] - voltages[-1] > 100.0 * MOVED_V
     assert alarm([5.0] * 5000, voltages) is None

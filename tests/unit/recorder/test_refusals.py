@@ -92,7 +92,7 @@ def test_a_job_name_that_is_not_a_folder_name_is_refused(bench: Bench, job: str)
 
 
 @pytest.mark.parametrize("about", ["[]", "{", '{"a": 1}', '{"period_s": "x"}', '{"period_s": "0"}'])
-def test_about_must_be_a_map_of_texts(bench: Bench, about: str) -> None:
+def test_the_field_about_must_be_a_map_of_strings(bench: Bench, about: str) -> None:
     answers: list[Message | str] = []
     bench.writer.begin(Record("j-1", EPOCH, Document(about)), answers.append)
     (answer,) = answers

@@ -11,7 +11,7 @@ def _without(kind: type[Message], *seqs: int) -> list[Message]:
     ]
 
 
-def test_a_complete_record_lacks_nothing() -> None:
+def test_a_complete_record_has_no_losses() -> None:
     assert lost(loop(10)) == {}
 
 

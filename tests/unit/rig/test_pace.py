@@ -19,7 +19,7 @@ class Clock:
 
 
 @pytest.mark.parametrize(("pace", "took_s"), [(1.0, 2.0), (4.0, 0.5)])
-def test_time_passes_at_the_pace(pace: float, took_s: float) -> None:
+def test_simulated_time_passes_at_the_configured_pace(pace: float, took_s: float) -> None:
     clock = Clock()
     paced = Pace(pace, clock, clock.wait)
     for tick in range(101):

@@ -102,7 +102,7 @@ def test_the_certificate_of_a_single_service_is_useless_if_it_is_composed() -> N
     assert program("estimator+controller", NAME).name in access
 
 
-def test_the_longest_composed_name_fits_into_a_certificate() -> None:
+def test_the_longest_name_of_a_composed_program_fits_into_a_certificate() -> None:
     longest = max((name for one in COMPOSED for name in one), key=len)
     assert len(program(longest, "r" * 31).name) <= 64
     assert program(longest, NAME).serves

@@ -50,7 +50,7 @@ def test_slew_and_lag_are_exact_together_for_any_step() -> None:
     assert _followed(amplifier, 1.3, 5e-5, 100)[-1] == pytest.approx(whole, rel=1e-12)
 
 
-def test_a_straight_input_is_followed_with_its_lag() -> None:
+def test_a_ramp_at_the_input_is_followed_with_a_lag() -> None:
     amplifier, slope = AmplifierParameters(lag_s=2e-4), 100.0
     slewed_V = output_V = 0.0
     for first, second in pairwise(slope * 1e-3 * index for index in range(11)):

@@ -12,7 +12,7 @@ from pincette.sim.plant.contact import (
 )
 
 
-def test_hertz_is_25_nm_at_1_mN_for_the_small_ball() -> None:
+def test_the_hertz_contact_of_the_small_ball_is_indented_by_25_nm_at_1_mN() -> None:
     """The project's facts of instruments; E* of glass on glass is 37 GPa, near the 37.95 here."""
     assert hertz_um_per_mN23(25.0, 37.95) == pytest.approx(0.025, rel=1e-4)
     glass_GPa = 70.0 / (2.0 * (1.0 - 0.22**2))

@@ -112,7 +112,7 @@ def test_an_overload_is_reported() -> None:
     assert source.answer(b"OVLD?") == b"OVLD"
 
 
-def test_arbitrary_lines_are_survived() -> None:
+def test_the_simulated_instrument_survives_arbitrary_lines() -> None:
     chance = random.Random(SEED)
     stage = Stage()
     answered = 0

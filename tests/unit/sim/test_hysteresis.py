@@ -29,7 +29,9 @@ def _slope(h_um: float, du_V: float) -> float:
 
 
 @given(LEVELS, MOVES, st.floats(0.0, 1.0))
-def test_a_monotone_piece_may_be_cut_anywhere(h_um: float, du_V: float, share: float) -> None:
+def test_a_monotone_voltage_change_may_be_split_anywhere(
+    h_um: float, du_V: float, share: float
+) -> None:
     whole = advance_hysteresis(SHAPE, h_um, du_V)
     first = advance_hysteresis(SHAPE, h_um, share * du_V)
     assert advance_hysteresis(SHAPE, first, (1.0 - share) * du_V) == pytest.approx(whole, abs=1e-9)

@@ -6,7 +6,7 @@ import pytest
 from pincette.sim.plant.noise import BLOCK, GaussianNoise
 
 
-def test_the_noise_has_its_mean_its_variance_and_no_correlation() -> None:
+def test_the_noise_has_the_specified_mean_and_variance_and_no_correlation() -> None:
     noise = GaussianNoise(1)
     values = [noise.at(index) for index in range(20_000)]
     mean = math.fsum(values) / len(values)

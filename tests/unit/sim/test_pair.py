@@ -87,7 +87,7 @@ def test_a_part_between_both_is_squeezed_by_the_sum_and_placed_by_the_difference
 
 
 @pytest.mark.parametrize("side", [0, 1])
-def test_the_arm_that_is_first_pushes_a_part_as_hard_as_the_ground_holds_it(side: int) -> None:
+def test_the_arm_that_touches_first_pushes_the_part_against_friction(side: int) -> None:
     p = _pair(ground_slip_mN=1.5, ground_mN_per_um=5.0)
     near, far = (30.8, 0.0), (40.0, 0.0)
     turned = (near, far) if side == 0 else ((0.0, near[0]), (0.0, far[0]))

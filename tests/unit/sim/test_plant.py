@@ -51,7 +51,7 @@ def _ring(parameters: PlantParameters, state: PlantState, rest_um: float) -> tup
     return 2.0 * math.pi / period_s / math.sqrt(1.0 - ratio**2), ratio
 
 
-def test_free_decay_has_the_papers_mode(linear: PlantParameters) -> None:
+def test_the_free_decay_has_frequency_and_damping_of_the_paper(linear: PlantParameters) -> None:
     state = plant.set_voltage(linear, plant.start(), 1.0)
     omega, ratio = _ring(linear, state, linear.piezo_um_per_V)
     assert omega / (2.0 * math.pi) == pytest.approx(388.0, rel=2e-3)

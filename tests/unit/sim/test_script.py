@@ -133,7 +133,9 @@ def test_heal_ends_earlier_faults_only() -> None:
         (SimCommand("sensor", "off", for_s=0.0), "for_s = 0.0 s is not a duration"),
     ],
 )
-def test_a_wrong_command_is_refused_with_the_possible_ones(order: SimCommand, words: str) -> None:
+def test_a_wrong_command_is_refused_with_the_list_of_valid_ones(
+    order: SimCommand, words: str
+) -> None:
     bench = stand()
     assert words in bench.script.order(order)
     assert bench.run(2) == [0.0, 1.0]

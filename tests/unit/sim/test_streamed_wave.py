@@ -60,7 +60,9 @@ def test_a_wave_uses_the_clock_of_the_capture(simulation: Simulation) -> None:
     assert rig.wave_over
 
 
-def test_a_wave_that_runs_dry_has_ended_and_accepts_no_more(simulation: Simulation) -> None:
+def test_after_a_buffer_underrun_a_waveform_has_ended_and_accepts_no_more_data(
+    simulation: Simulation,
+) -> None:
     rig = SimulatedRig(simulation, PERIOD_S, True, clock)
     rig.put_out_wave(WAVE_V[:PER_TICK], RATE_HZ)
     assert not rig.wave_over

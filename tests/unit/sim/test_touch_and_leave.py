@@ -115,7 +115,7 @@ def test_the_part_sticks_until_the_pull_off_force(
     assert jump_um == pytest.approx(pull_off_mN * 0.46, abs=0.003)
 
 
-def test_hertz_presses_the_faces_in(simulation: Simulation) -> None:
+def test_the_faces_are_indented_according_to_hertz(simulation: Simulation) -> None:
     part = PartParameters(hertz_um_per_mN23=0.0166)
     p, rigid = bare_arms(simulation, part=part), bare_arms(simulation)
     held, stiff = at_rest(p, 2.2), at_rest(rigid, 2.2)
@@ -130,7 +130,9 @@ def test_hertz_presses_the_faces_in(simulation: Simulation) -> None:
     assert slowly.x_um == pytest.approx(held.x_um, abs=1e-6)
 
 
-def test_a_massless_passive_arm_is_the_plain_one(simulation: Simulation) -> None:
+def test_a_massless_passive_arm_gives_the_same_motion_as_the_simple_model(
+    simulation: Simulation,
+) -> None:
     plain = plant.plant_parameters(simulation)
     spring = replace(plain, part=PartParameters(break_mN=1e6))
     assert spring.elaborate
@@ -171,7 +173,7 @@ def _against_a_stiff_damper(p: PlantParameters, voltage_V: float, time_s: float)
 
 @pytest.mark.parametrize("voltage_V", [1.1, 1.4])
 @pytest.mark.parametrize("time_s", [0.002, 0.006, 0.011])
-def test_bounces_are_those_of_a_brute_integration(
+def test_bounces_agree_with_a_direct_numerical_integration(
     simulation: Simulation, time_s: float, voltage_V: float
 ) -> None:
     p = bare_arms(simulation)

@@ -66,7 +66,7 @@ def made(book: KeyFile, name: str, scope: Scope = "operate", expires_at: str | N
     return key
 
 
-def test_scopes_include_the_lower_ones() -> None:
+def test_a_scope_includes_all_lower_scopes() -> None:
     held = [(has, needed) for has in SCOPES for needed in SCOPES if covers(has, needed)]
     assert held == [
         ("observe", "observe"),
@@ -231,7 +231,7 @@ def test_the_use_of_a_key_is_stored_once_a_minute(
     assert [row.used_at for row in book.read()] == [NOW]
 
 
-def test_a_name_is_used_once(book: KeyFile) -> None:
+def test_the_name_of_a_key_is_unique(book: KeyFile) -> None:
     made(book, "ann")
     book.revoke("ann")
     with pytest.raises(KeyNameTakenError):

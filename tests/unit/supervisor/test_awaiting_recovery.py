@@ -60,7 +60,7 @@ def place(x_um: float) -> dict[str, Any]:
     return {"x_um": x_um, "u_um": 0.5, "measured_at": at, "source": "camera-1"}
 
 
-def test_a_job_that_met_no_part_waits_with_its_decisions(harness: Harness) -> None:
+def test_a_job_that_found_no_part_waits_and_lists_the_possible_decisions(harness: Harness) -> None:
     job = waiting(harness)
     view = harness.get(f"/jobs/{job}")
     assert view["state"] == STATE
@@ -78,7 +78,7 @@ def test_a_job_that_met_no_part_waits_with_its_decisions(harness: Harness) -> No
     assert ended["record_complete"]
 
 
-def test_a_retry_is_a_new_job_that_the_ending_names(harness: Harness) -> None:
+def test_the_ending_of_a_retried_job_names_the_new_job(harness: Harness) -> None:
     job = waiting(harness, sample="B7")
     assert decided(harness, job, "retry").status_code == 202
     ended = harness.get(f"/jobs/{job}", wait="terminal", timeout_s=30)
@@ -117,7 +117,7 @@ def test_a_stop_or_an_abort_ends_the_wait(harness: Harness, action: str, state: 
     assert harness.bus.trips == []
 
 
-def test_nothing_was_held_so_that_the_default_accept_gives_up(harness: Harness) -> None:
+def test_if_nothing_was_held_the_default_accept_gives_up(harness: Harness) -> None:
     harness.bus.edit = failing(1)
     job = str(harness.grip(recovery={"wait_s": 0.05, "default": "accept"})["id"])
     ended = harness.ended(job)
@@ -126,7 +126,7 @@ def test_nothing_was_held_so_that_the_default_accept_gives_up(harness: Harness) 
     assert decided(harness, job, "give_up").status_code == 409
 
 
-def test_a_part_lost_in_the_hold_can_be_accepted(harness: Harness) -> None:
+def test_a_job_whose_part_was_lost_in_the_hold_can_be_accepted(harness: Harness) -> None:
     job = waiting(harness, Outcome.LOST)
     view = harness.get(f"/jobs/{job}")
     assert view["recovery"]["decisions"] == ["retry", "retry_at", "accept", "give_up"]
@@ -176,7 +176,7 @@ def test_the_end_of_the_supervisor_interrupts_a_wait(
     assert after.ended(job)["state"] == "interrupted"
 
 
-def test_a_key_that_may_only_observe_decides_nothing(harness: Harness) -> None:
+def test_a_key_that_may_only_observe_cannot_decide_about_recovery(harness: Harness) -> None:
     job = waiting(harness)
     access = Access(Authenticator())
     harness.app = create_app(harness.rigs, access)
@@ -207,6 +207,6 @@ def waits(harness: Harness) -> str:
     return "" if live is None or live.status.state != STATE else live.id
 
 
-def test_a_job_in_its_hold_takes_no_decision(harness: Harness) -> None:
+def test_a_job_in_its_hold_accepts_no_recovery_decision(harness: Harness) -> None:
     job = harness.playing_to(IN_HOLD, recovery=RECOVERY)
     assert decided(harness, job, "accept").status_code == 409

@@ -201,7 +201,7 @@ def test_an_overdue_calibration_is_the_next_step_again(
     assert noise["gained"]
 
 
-def test_a_calibration_that_would_be_refused_states_it(
+def test_a_calibration_that_would_be_refused_is_marked(
     rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     tight = rig_file.limits.model_copy(update={"position_max_um": 25.0})

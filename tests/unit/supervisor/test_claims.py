@@ -40,7 +40,7 @@ def test_all_clients_see_the_owner_of_a_claim(harness: Harness) -> None:
     assert [event.body["change"] for event in harness.told("claim")] == ["taken"]
 
 
-def test_other_clients_cannot_start_jobs_and_learn_who_holds_the_claim(harness: Harness) -> None:
+def test_other_clients_cannot_start_jobs_and_the_refusal_names_the_holder(harness: Harness) -> None:
     claim(harness)
     for refused in (
         grip(harness),

@@ -171,7 +171,9 @@ def together(harness: Harness, *bodies: dict[str, Any], key: str) -> list[httpx.
 
 
 @pytest.mark.parametrize("queue", [False, True])
-def test_a_key_counts_while_its_first_request_is_planned(harness: Harness, queue: bool) -> None:
+def test_a_repeated_key_is_recognized_while_its_first_request_is_planned(
+    harness: Harness, queue: bool
+) -> None:
     body = {**GRIP, "queue": queue}
     answers = together(harness, *[body] * 6, key="k")
     assert sorted(answer.status_code for answer in answers) == [200] * 5 + [201]
@@ -195,7 +197,7 @@ def test_the_number_of_requests_waiting_for_a_key_is_limited(
     assert all("again in a moment with the same key" in problem["detail"] for problem in late)
 
 
-def test_a_disconnected_caller_starts_nothing(harness: Harness) -> None:
+def test_a_caller_that_has_disconnected_starts_no_job(harness: Harness) -> None:
     """The body comes whole, and the connection is closed while the job is being planned."""
 
     async def send() -> None:

@@ -24,7 +24,7 @@ TABLE = {
 T_S = np.array([0.0, 0.02, 0.04])
 
 
-def test_a_record_has_its_picture_for_print_too(harness: Harness) -> None:
+def test_a_record_also_has_a_picture_for_print(harness: Harness) -> None:
     job = harness.ended(harness.grip(force_tolerance_mN=2.0)["id"])
     path = f"/api/v1/jobs/{job['id']}/artifacts"
     svg = harness.call("GET", f"{path}/grip.svg")

@@ -157,7 +157,7 @@ def test_a_silent_stream_sends_keep_alive_messages(
     asyncio.run(scene())
 
 
-def test_streams_end_with_the_log_and_release_their_places(
+def test_streams_end_when_the_event_log_closes_and_free_their_slots(
     bench: Bench, app: FastAPI, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(event_log, "LISTENERS_MAX", 2)
@@ -222,7 +222,9 @@ def test_unknown_or_unreadable_events_are_refused(app: FastAPI) -> None:
     assert refused.json()["type"].endswith("invalid-request")
 
 
-def test_an_unknown_job_uses_no_place(app: FastAPI, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stream_of_an_unknown_job_occupies_no_slot(
+    app: FastAPI, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(event_log, "LISTENERS_MAX", 1)
     for _ in range(3):
         assert get(app, "/jobs/none/events").status_code == 404

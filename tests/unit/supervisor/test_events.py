@@ -229,7 +229,7 @@ def test_the_number_of_events_is_limited(log: EventLog) -> None:
     played(scene)
 
 
-def test_listeners_end_with_the_log(log: EventLog) -> None:
+def test_listeners_end_when_the_event_log_closes(log: EventLog) -> None:
     async def scene() -> list[int | None]:
         heard: list[Event] = []
 

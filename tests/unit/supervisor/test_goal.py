@@ -50,7 +50,7 @@ def test_an_error_beyond_its_tolerance_misses_it() -> None:
     assert found.force_error_mN == pytest.approx(FORCE_ERROR_MN)
 
 
-def test_errors_while_settling_are_allowed_and_dated() -> None:
+def test_errors_while_settling_are_allowed_and_the_settling_time_is_reported() -> None:
     found = goal(off_at(10, 5.0), force_tolerance_mN=0.3)
     assert found.met
     assert found.settled_s == pytest.approx(11 * PERIOD_S)

@@ -70,7 +70,7 @@ def test_hours_are_read_over_rest_up_to_the_requested_end(harness: Harness) -> N
 
 
 @pytest.mark.parametrize("points", [50, 2000])
-def test_one_job_is_read_over_its_own_time(harness: Harness, points: int) -> None:
+def test_the_samples_of_a_job_cover_its_own_duration(harness: Harness, points: int) -> None:
     job = harness.ended(harness.grip()["id"])
     name = harness.manager.name
     found = harness.get(f"/rigs/{name}/history", job=job["id"], points=points)

@@ -81,7 +81,7 @@ def test_labels_given_afterwards_are_in_job_manifest_and_report(harness: Harness
     assert told.body == {"changed": ["labels", "notes", "sample"], "by": "Ada"}
 
 
-def test_a_running_and_a_queued_job_are_described_and_keep_it(harness: Harness) -> None:
+def test_labels_given_to_running_and_queued_jobs_are_kept(harness: Harness) -> None:
     running = harness.playing_to(IN_HOLD)
     queued = harness.grip(queue=True)["id"]
     assert edited(harness, running, sample="B8")["state"] == "running"

@@ -108,7 +108,7 @@ def test_unreadable_keys_refuse_all_requests_until_they_can_be_read(
 
 
 @pytest.mark.parametrize("number", NUMBERS)
-def test_a_lock_that_fails_names_place_and_remedy_and_changes_nothing(
+def test_a_failed_lock_reports_path_and_remedy_and_changes_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
 ) -> None:
     made(tmp_path)

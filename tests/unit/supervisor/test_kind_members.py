@@ -41,5 +41,5 @@ def test_a_kind_states_what_the_end_of_the_supervisor_does(kinds: dict[str, JobK
 
 
 @pytest.mark.usefixtures("kinds")
-def test_a_kind_states_how_long_its_program_runs_alone(rig_file: RigFile) -> None:
+def test_a_kind_states_how_long_its_program_runs_without_a_renewed_lease(rig_file: RigFile) -> None:
     assert lease_s(MOVE, rig_file) == 2.5 * rig_file.safety.lease_s

@@ -91,7 +91,7 @@ def test_a_real_rig_has_no_true_force() -> None:
     assert found["perturbation_error_mN"].p95 == pytest.approx(0.1)
 
 
-def test_figures_use_the_magnitude_and_the_laws_own_force() -> None:
+def test_figures_use_absolute_values_and_the_force_used_by_the_law() -> None:
     ticks = samples.grip()
     seen = [
         replace(tick, telemetry=replace(tick.telemetry, sliding_um=-0.02, perturbation_mN=-0.2))

@@ -167,7 +167,7 @@ class Bench(RuleBasedStateMachine):
             assert STATES[state].terminal
 
 
-def test_no_sequence_of_calls_leaves_the_state_table() -> None:
+def test_every_sequence_of_calls_follows_the_state_table() -> None:
     run_state_machine_as_test(
         Bench,
         settings=settings(

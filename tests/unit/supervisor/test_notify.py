@@ -120,7 +120,7 @@ def test_a_restart_loses_no_notice_and_sends_none_twice(harness: Harness) -> Non
     assert jobs == [first, second]
 
 
-def test_a_receiver_that_is_gone_gets_no_more_notices(harness: Harness) -> None:
+def test_a_removed_receiver_gets_no_more_notices(harness: Harness) -> None:
     with http_receiver([410]) as received:
         delivery, clock = deliver(harness.store, webhook(received))
         ended(harness)

@@ -158,7 +158,7 @@ def test_a_refusal_names_the_proxy_without_its_password(
 
 
 @pytest.mark.parametrize("names", ["127.0.0.1,0.0.0.0", "0.0.0.0/8"])
-def test_no_proxy_reaches_a_receiver_directly(
+def test_receivers_in_the_no_proxy_variable_are_contacted_directly(
     names: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     # Linux takes 0.0.0.0 for this machine, and it is no loopback address, for which no proxy is
@@ -208,7 +208,9 @@ def test_no_proxy_is_used_for_a_receiver_on_this_machine(
         ("https://127.9.9.9/", "", True),
     ],
 )
-def test_no_proxy_is_read_as_other_programs_read_it(url: str, names: str, direct: bool) -> None:
+def test_the_no_proxy_variable_is_parsed_as_in_other_programs(
+    url: str, names: str, direct: bool
+) -> None:
     proxies = {"HTTPS_PROXY": "http://proxy.lab:3128", "NO_PROXY": names}
     assert (proxy_of(url, proxies) is None) == direct
 

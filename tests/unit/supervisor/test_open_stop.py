@@ -27,7 +27,7 @@ def test_every_client_may_stop(
     assert (entry["who"], entry["action"], entry["status"]) == ("127.0.0.1", f"POST {path}", 200)
 
 
-def test_a_flood_of_stops_shares_trips_and_each_is_confirmed(harness: Harness) -> None:
+def test_concurrent_stops_share_trips_and_each_one_is_confirmed(harness: Harness) -> None:
     """Those who come while the actuator is being asked share the next trip."""
 
     async def flood() -> list[int]:

@@ -25,7 +25,7 @@ NAMES = frozenset({"gripper.lab"})
         "Gripper.Lab:8000",
     ],
 )
-def test_own_names_are_accepted(place: str) -> None:
+def test_host_names_of_this_machine_are_accepted(place: str) -> None:
     assert is_ours(place, NAMES)
 
 

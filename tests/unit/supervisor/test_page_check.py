@@ -53,7 +53,7 @@ def code_of(answer: Any) -> str | None:
 
 
 @pytest.mark.parametrize(("headers", "stop", "order"), CASES)
-def test_the_check_predicts_the_real_outcome(
+def test_the_page_check_predicts_the_outcome_of_real_requests(
     named: Harness, headers: dict[str, str], stop: str | None, order: str | None
 ) -> None:
     found = named.call("POST", PLACE, headers=headers)
@@ -73,14 +73,14 @@ def test_the_check_predicts_the_real_outcome(
     assert code_of(reset) == order
 
 
-def test_a_dropped_host_names_the_line_to_add(named: Harness) -> None:
+def test_a_missing_host_header_is_reported_with_the_proxy_setting_to_add(named: Harness) -> None:
     stop = named.call("POST", PLACE, headers=DROPPED).json()["stop"]
     assert "127.0.0.1:8000" in stop["detail"]
     assert "http://gripper.lab" in stop["detail"]
     assert "proxy_set_header Host $http_host;" in stop["remedy"]
 
 
-def test_the_check_moves_nothing_and_is_not_audited(named: Harness) -> None:
+def test_the_page_check_moves_nothing_and_is_not_audited(named: Harness) -> None:
     key_of_each_scope(named.store, Authenticator())
     assert named.call("POST", PLACE, headers=OWN).status_code == 200
     assert named.told("alarm") == []

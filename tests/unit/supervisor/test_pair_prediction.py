@@ -56,7 +56,7 @@ def test_a_grip_is_predicted_with_force_place_and_uncertainty(
     assert any("arm 2" in words for words in found.assumptions)
 
 
-def test_predicted_paths_agree_with_the_followed_ones() -> None:
+def test_predicted_and_simulated_paths_agree() -> None:
     body = {
         "kind": "track",
         "place": {"pp_um": 8.0, "frequency_hz": 0.5, "cycles": 2},

@@ -67,7 +67,7 @@ def planned_at(rig: RigFile, **place: Any) -> Planned:
         (stated(place="here"), "Extra inputs"),
     ],
 )
-def test_a_place_that_cannot_be_one_is_refused(place: dict[str, Any], words: str) -> None:
+def test_an_invalid_place_is_refused(place: dict[str, Any], words: str) -> None:
     with pytest.raises(ValidationError, match=words):
         PartPlace(**place)
 
@@ -220,7 +220,7 @@ def test_the_sources_of_a_flood_are_bounded(places: Places) -> None:
     assert clock
 
 
-def test_the_bias_of_a_source_is_kept_and_counts_a_job_once(
+def test_the_bias_of_a_source_is_stored_and_includes_each_job_once(
     places: Places, store: Store, rig_file: RigFile
 ) -> None:
     def found(difference_um: float) -> PlaceFound:

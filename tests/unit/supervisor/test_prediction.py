@@ -221,7 +221,7 @@ def test_a_move_starts_at_the_present_position_of_the_arm() -> None:
     assert found.outcome == "moved"
 
 
-def test_the_weights_of_a_calibration_are_hung() -> None:
+def test_the_prediction_of_a_calibration_includes_its_weights() -> None:
     planned = plan(
         straight(), kind="calibrate", calibration="compliance", weights_mN=[0.0, 5.0, 10.0]
     )

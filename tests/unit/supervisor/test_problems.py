@@ -60,7 +60,7 @@ def test_a_problem_has_a_remedy_and_an_instance(
     assert first["instance"] != second["instance"]
 
 
-def test_an_instance_is_found_in_the_log(
+def test_the_instance_of_a_problem_is_written_to_the_log(
     harness: Harness, caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level("INFO"):
@@ -69,7 +69,7 @@ def test_an_instance_is_found_in_the_log(
 
 
 @pytest.mark.parametrize("code", sorted({*get_args(ErrorType)} - OWN_TEXT))
-def test_no_error_is_reported_in_pydantics_words(code: str) -> None:
+def test_no_error_text_comes_from_pydantic(code: str) -> None:
     text = refusal({"type": code, "msg": "Input should be valid", "ctx": {}}, "mN")
     assert text.startswith(("must ", "is ", "cannot "))
     assert not any(word in text for word in PYDANTIC)

@@ -77,7 +77,7 @@ def test_a_queue_is_not_resumed_while_the_rig_is_latched(harness: Harness) -> No
     assert cleared["cause"] == "the queue was cleared"
 
 
-def test_a_queued_job_is_stopped_before_its_turn_and_the_others_move_up(harness: Harness) -> None:
+def test_a_queued_job_can_be_stopped_and_the_others_move_up(harness: Harness) -> None:
     harness.playing_to(IN_HOLD)
     second, third = queued(harness), queued(harness)
     stopped = harness.acted(second["id"], "stop")

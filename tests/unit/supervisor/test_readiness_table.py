@@ -63,7 +63,9 @@ def test_each_table_has_every_state_once() -> None:
 
 
 @pytest.mark.parametrize("state", RIG_STATES)
-def test_whether_a_part_is_held_is_never_more_certain_than_its_report(state: RigState) -> None:
+def test_the_held_state_is_never_more_certain_than_the_report_of_the_actuator(
+    state: RigState,
+) -> None:
     for reported, age in product(("none", "held"), AGES):
         certainty = PART[state][reported][age]
         assert certainty != "known" or age == "known"

@@ -72,7 +72,7 @@ def test_a_recipe_supplies_omitted_values_of_a_request() -> None:
     assert complete(values, kind="track")["frequency_hz"] == 1.0
 
 
-def test_members_that_exclude_each_other_are_the_requests() -> None:
+def test_of_members_that_exclude_each_other_those_of_the_request_are_used() -> None:
     held = complete({"hold_s": 2.0, "force_mN": 8.0}, until_released=True)
     assert "hold_s" not in held
     assert held["force_mN"] == 8.0
@@ -130,7 +130,7 @@ def test_a_recipe_states_position_and_stiffness_of_its_part(rig_file: RigFile) -
     assert max(played_one.samples.x_um) == pytest.approx(28.0, abs=0.1)
 
 
-def test_an_object_farther_than_the_rig_files_part_is_predicted_to_be_gripped(
+def test_a_grip_of_an_object_farther_away_than_the_rig_files_part_is_predicted(
     rig_file: RigFile,
 ) -> None:
     """The estimator zeroes the force as late as the recipe's object allows."""

@@ -61,7 +61,9 @@ def test_samples_state_units_and_their_job(tmp_path: Path, rig_file: RigFile) ->
     assert table.num_rows == len(samples.grip())
 
 
-def test_the_manifest_has_the_sum_of_every_file(tmp_path: Path, rig_file: RigFile) -> None:
+def test_the_manifest_contains_the_checksum_of_every_file(
+    tmp_path: Path, rig_file: RigFile
+) -> None:
     write(tmp_path, rig_file)
     manifest = json.loads((tmp_path / folder.MANIFEST).read_text(encoding="utf-8"))
     files = {entry["name"]: entry["sha256"] for entry in manifest["files"]}

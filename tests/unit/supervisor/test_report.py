@@ -139,7 +139,7 @@ def test_a_calibration_returns_its_values_and_its_statements() -> None:
     assert "calibrate: moved" in page.text
 
 
-def test_the_punctuality_of_the_loop_is_a_table() -> None:
+def test_the_report_has_a_table_of_the_timing_of_the_loop() -> None:
     timing = LoopTiming.model_validate(_example(LoopTiming))
     text = _page(_example(GripResult), timing=timing).text
     begin = text.index("Timing")

@@ -108,7 +108,7 @@ def test_lost_samples_are_counted_and_change_no_figure() -> None:
     assert result.force_error_mN == pytest.approx(samples.FORCE_ERROR_MN)
 
 
-def test_a_grip_that_never_held_has_no_held_force() -> None:
+def test_a_grip_that_did_not_reach_the_hold_has_no_held_force() -> None:
     result = result_of(samples.grip()[:100])
     assert result.outcome == "unfinished"
     assert result.force_held_mN is None

@@ -139,7 +139,9 @@ def hang(harness: Harness, job: str, weights_mN: Sequence[float]) -> None:
 
 
 @pytest.mark.parametrize("read", [0, 1, 3])
-def test_weights_continue_with_the_one_that_was_not_read(real: Harness, read: int) -> None:
+def test_a_resumed_weighing_continues_with_the_first_unread_weight(
+    real: Harness, read: int
+) -> None:
     pauses = [step * STEP_TICKS + samples.HANG_TICKS - 1 for step in range(len(STEPS))]
     real.bus.edit, real.bus.pauses = weighing(0), pauses
     first = begun(real, "compliance", weights_mN=WEIGHTS_MN)

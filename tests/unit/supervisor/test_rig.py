@@ -39,7 +39,7 @@ def test_the_newest_voltage_is_one_that_the_output_has_confirmed(harness: Harnes
     assert harness.get("/rigs/demo")["newest"]["voltage_V"] is None
 
 
-def test_each_program_reports_its_punctuality(harness: Harness) -> None:
+def test_each_program_reports_its_timing_statistics(harness: Harness) -> None:
     harness.bus.silent.add("controller")
     timing = harness.get("/rigs/demo/timing")
     assert [one["program"] for one in timing["programs"]] == ["sensor", "estimator", "actuator"]
@@ -56,7 +56,7 @@ def test_the_boot_latch_is_cleared_once(harness: Harness) -> None:
     assert harness.bus.asked.count("actuator/reset") == 1
 
 
-def test_a_person_can_clear_nothing_on_an_actuator_that_does_not_answer(
+def test_an_actuator_that_does_not_answer_cannot_be_reset(
     harness: Harness,
 ) -> None:
     harness.bus.idle()

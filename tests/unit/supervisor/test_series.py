@@ -129,7 +129,7 @@ def test_a_table_gives_the_members_of_each_job(harness: Harness, table: str) -> 
     }
 
 
-def test_cells_of_a_table_are_those_of_its_author(harness: Harness) -> None:
+def test_quoted_cells_of_a_table_are_read_exactly(harness: Harness) -> None:
     """Line breaks, quotes and separators in a quoted cell, and labels beside ``label.`` columns."""
     table = (
         "sample;notes;label.Träger;labels\r\n"
@@ -355,14 +355,14 @@ def test_the_report_has_the_figure_and_the_verdict_of_each_job(harness: Harness)
     assert plot.content.startswith(b"\x89PNG")
 
 
-def test_an_unknown_series_is_not_found(harness: Harness) -> None:
+def test_a_request_for_an_unknown_series_is_answered_with_404(harness: Harness) -> None:
     for path in ("", "/report", "/plot"):
         assert harness.call("GET", f"/api/v1/series/none{path}").status_code == 404
     assert harness.post("/series/none/actions", {"type": "stop"}).status_code == 404
     assert harness.call("GET", "/api/v1/series?before=none").status_code == 404
 
 
-def test_every_action_of_the_table_leads_to_its_state() -> None:
+def test_every_action_of_a_series_leads_to_the_state_in_the_table() -> None:
     for state, row in SERIES_STATES.items():
         for action, target in row.actions.items():
             assert TARGETS[action] == target

@@ -364,7 +364,7 @@ def test_a_trajectory_belongs_to_the_rig_it_was_planned_for(both: RigsHarness) -
     assert both.ended(started["id"])["state"] == "succeeded"
 
 
-def test_the_page_shows_the_own_rig_or_the_named_one(both: RigsHarness) -> None:
+def test_the_page_shows_its_own_rig_unless_another_is_named(both: RigsHarness) -> None:
     assert 'data-rig="left"' in both.call("GET", "/").text
     assert 'data-rig="right"' in both.call("GET", "/?rig=right").text
     assert both.call("GET", "/?rig=up").status_code == 404

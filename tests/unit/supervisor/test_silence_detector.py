@@ -70,7 +70,7 @@ def test_a_loop_that_answers_is_not_tripped_and_continues(desk: Harness) -> None
     assert desk.ended(job)["state"] == "succeeded"
 
 
-def test_a_cut_line_is_left_to_the_lease(desk: Harness) -> None:
+def test_a_job_on_a_cut_line_is_ended_by_its_lease_only(desk: Harness) -> None:
     job = held(desk)
     desk.bus.silent.update(PROGRAMS)
     sleep(DEAF_S)
@@ -139,7 +139,7 @@ def test_without_a_lease_a_cut_line_ends_the_job(
     assert "actuator: silent" in desk.ended(job)["cause"]
 
 
-def test_a_standstill_of_the_process_is_measured_with_its_activity() -> None:
+def test_a_stall_of_the_process_is_measured_from_its_activity() -> None:
     now_s = 100.0
     process_load = ProcessLoad(lambda: now_s)
     for _ in range(20):

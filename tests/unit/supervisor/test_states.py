@@ -46,12 +46,12 @@ def test_a_state_that_ends_in_ing_has_a_deadline_that_leads_to_an_end(state: Job
     assert next_state(state, "overdue") == ("failed" if state == "aborting" else "aborting")
 
 
-def test_only_states_in_ing_have_deadlines() -> None:
+def test_only_states_whose_names_end_in_ing_have_deadlines() -> None:
     late = {state for state, row in STATES.items() if row.deadline_s is not None}
     assert late == {state for state in STATES if state.endswith("ing")}
 
 
-def test_every_state_leads_to_an_end_and_no_end_is_left() -> None:
+def test_every_state_can_reach_a_final_state_and_final_states_are_never_left() -> None:
     ends = {state for state in STATES if STATES[state].terminal}
     assert ends == {"succeeded", "stopped", "aborted", "failed", "interrupted"}
     for state in STATES:

@@ -140,7 +140,7 @@ def test_a_stop_acts_for_every_spelling_of_its_path(exchange: Exchange, path: st
 
 @pytest.mark.parametrize("head", HEADS.values(), ids=HEADS)
 @pytest.mark.parametrize("path", ["/api/v1/rigs/demo/estop", "/api/v1/estop/"])
-def test_a_stop_acts_for_every_head(exchange: Exchange, path: str, head: str) -> None:
+def test_a_stop_acts_with_any_request_headers(exchange: Exchange, path: str, head: str) -> None:
     end = "" if "\r\n\r\n" in head else "\n" if "\r" not in head else "\r\n"
     status, _, body = exchange(f"POST {path} {head}{end}".encode())
     assert status == 200, body

@@ -80,7 +80,7 @@ def test_the_newest_are_first(store: Store) -> None:
     assert store.get("none") is None
 
 
-def test_the_list_is_narrowed(store: Store) -> None:
+def test_the_list_can_be_filtered(store: Store) -> None:
     store.add(row("a"))
     store.add(replace(row("b"), labels={"cell.line-1": "left", "lot": "7"}))
     store.add(replace(row("c"), kind="track", rig="other"))
@@ -130,7 +130,7 @@ def test_a_key_creates_one_job(tmp_path: Path, store: Store) -> None:
     again.close()
 
 
-def test_a_race_of_equal_keys_creates_one_job(store: Store) -> None:
+def test_concurrent_requests_with_the_same_key_create_one_job(store: Store) -> None:
     gate, losers = threading.Barrier(8), list[str]()
 
     def create(name: str) -> None:
@@ -167,7 +167,7 @@ def test_threads_write_and_read_concurrently(store: Store) -> None:
     assert job.revision == 1 + 8 * 25
 
 
-def test_events_are_numbered_and_narrowed(tmp_path: Path, store: Store) -> None:
+def test_events_are_numbered_and_can_be_filtered(tmp_path: Path, store: Store) -> None:
     assert store.event_span() == (0, 0)
     for rig, job in (("demo", "a"), ("demo", None), ("other", "b"), ("demo", "a")):
         store.add_event(AT, rig, job, "state", {"state": "running"})
@@ -182,7 +182,7 @@ def test_events_are_numbered_and_narrowed(tmp_path: Path, store: Store) -> None:
     again.close()
 
 
-def test_the_oldest_events_are_deleted_in_passing(
+def test_storing_an_event_deletes_the_oldest_ones_beyond_the_limit(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(store_module, "EVENTS_KEPT", 20)

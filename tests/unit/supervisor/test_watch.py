@@ -31,7 +31,7 @@ def watched(clock: Clock, *, lockstep: bool = False) -> Watch:
 
 
 @pytest.mark.parametrize("stood_s", [6.0, 600.0])
-def test_a_standstill_does_not_count_as_job_time(stood_s: float) -> None:
+def test_a_stall_does_not_count_as_job_time(stood_s: float) -> None:
     clock = Clock()
     watch = watched(clock)
     watch.look()
@@ -44,7 +44,7 @@ def test_a_standstill_does_not_count_as_job_time(stood_s: float) -> None:
     assert watch.overdue()
 
 
-def test_frequent_checks_miss_nothing() -> None:
+def test_frequent_checks_do_not_delay_the_deadline() -> None:
     clock = Clock()
     watch = watched(clock)
     while not watch.overdue():

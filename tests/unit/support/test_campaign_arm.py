@@ -9,7 +9,7 @@ KICK_UM_PER_S = 4000.0
 
 
 @pytest.mark.parametrize("stiffness_mN_per_um", [0.7, 2.17, 6.5])
-def test_an_arm_that_bounces_on_a_part_comes_to_rest(stiffness_mN_per_um: float) -> None:
+def test_an_arm_that_bounces_off_a_part_comes_to_rest(stiffness_mN_per_um: float) -> None:
     arm = draw(1041).arm
     for step in range(40):
         arm.put_out(step / 40)

@@ -14,7 +14,7 @@ from pincette.control.arm.plant import (
 PAPER_ARM = consistent_arm(2437.8, 0.0260, 19.0, 0.46)
 
 
-def test_consistent_set_has_the_units_of_mN_and_um() -> None:
+def test_the_consistent_parameter_set_has_units_of_mN_and_um() -> None:
     assert pytest.approx(3.658e-7, rel=1e-3) == PAPER_ARM.m
     assert pytest.approx(4.638e-5, rel=1e-3) == PAPER_ARM.b
     assert pytest.approx(2.1739, rel=1e-4) == PAPER_ARM.k

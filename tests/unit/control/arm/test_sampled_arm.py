@@ -52,7 +52,7 @@ def integrated(case: LoopCase, lag_s: float, start: list[float], after_V: float)
         LoopCase(K_e_mN_per_um=1.5, delay_periods=1.0),
     ],
 )
-def test_a_period_is_exact(case: LoopCase, lag_s: float) -> None:
+def test_one_period_is_integrated_exactly(case: LoopCase, lag_s: float) -> None:
     start = [0.7, -0.4, 0.05 if lag_s > 0.0 else 0.0, 0.03]
     transition, drive = sampled_arms(ARM, PERIOD_S, lag_s, (LoopCase(0.5), case))
     found = transition[1] @ start + drive[1] * -0.02

@@ -43,7 +43,7 @@ def test_a_record_without_gain_is_refused() -> None:
         secant_gain(wave, wave[:-1], 100.0)
 
 
-def test_creep_is_read_per_decade_of_the_step() -> None:
+def test_creep_is_measured_as_a_share_of_the_step_per_decade() -> None:
     t = 0.02 * np.arange(10, 610, dtype=np.float64)
     x = 5.0 + 40.0 + 0.6 * np.log10(t / t[0])
     found = creep_after_step(t, x + np.random.default_rng(2).normal(0.0, 0.03, 600), 5.0)

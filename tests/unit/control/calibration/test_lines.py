@@ -38,7 +38,7 @@ def test_the_stated_uncertainties_are_those_of_many_lines() -> None:
     assert float(np.mean(at_7)) == pytest.approx(2.5 * 7.0 - 1.0, abs=0.02)
 
 
-def test_the_line_of_figure_8_plans_the_papers_pair() -> None:
+def test_the_line_of_figure_8_gives_the_position_and_force_of_the_paper() -> None:
     x_pp_um = [0.9, 4.0, 6.3, 8.45]
     line = stiffness_line(x_pp_um, [2.47 * x - 0.87 for x in x_pp_um])
     assert line.slope == pytest.approx(2.47)

@@ -48,7 +48,7 @@ def test_a_step_wider_than_the_noise_is_the_resolution() -> None:
     assert found.filtered_resolution_um >= 0.1
 
 
-def test_the_share_of_a_fine_step_is_in_the_noise() -> None:
+def test_the_noise_includes_the_quantization_by_a_fine_step() -> None:
     chance = np.random.default_rng(5)
     x = np.round(chance.normal(0.0, 0.03, 20_000) / 0.05) * 0.05
     found = sensor_noise(x, PERIOD_S)

@@ -37,7 +37,7 @@ def the_uncertainty(
     )
 
 
-def test_uncertainty_has_four_parts_and_coverage_two() -> None:
+def test_the_uncertainty_combines_four_parts_with_coverage_factor_two() -> None:
     noise, free, age = (
         the_uncertainty(noise_um=0.03),
         the_uncertainty(free_error_um=0.1),
@@ -50,7 +50,7 @@ def test_uncertainty_has_four_parts_and_coverage_two() -> None:
     assert the_uncertainty(0.03, 0.1, 99.0, 0.7) == pytest.approx(whole)
 
 
-def test_an_error_known_from_few_rehearsals_widens_the_uncertainty_by_its_share() -> None:
+def test_an_error_known_from_few_rehearsals_is_widened_by_student_s_t() -> None:
     """Of 20 000 rigs, whose errors are known from four draws each, 95 % are covered."""
     rng = np.random.default_rng(9)
     for known_um in (0.0, 0.05, 0.2):
@@ -80,7 +80,7 @@ def test_the_low_pass_follows_a_step_by_its_time_constant() -> None:
     assert smoothing(0.02, 0.0) == 1.0
 
 
-def test_noise_is_averaged_in_a_mean_and_nothing_else_is() -> None:
+def test_a_mean_reduces_noise_but_no_other_part_of_the_uncertainty() -> None:
     stated = uncertainty(
         noise_um=0.03,
         free_error_um=0.04,
@@ -110,7 +110,7 @@ def test_a_mean_of_filtered_noise_is_as_uncertain_as_one_of_readings() -> None:
     assert u_mN == pytest.approx(COVERAGE * float(np.std(means_mN)), rel=0.05)
 
 
-def test_creep_beyond_the_course_widens_by_the_share_of_the_stroke() -> None:
+def test_creep_beyond_the_known_time_widens_the_uncertainty_in_proportion_to_the_stroke() -> None:
     def late_um(age_s: float) -> float:
         return late_creep_um(percent_per_decade=1.5, stroke_um=60.0, age_s=age_s, known_to_s=125.0)
 

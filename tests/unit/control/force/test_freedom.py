@@ -22,7 +22,7 @@ def fitted(share: float, *, noise_um: float = 0.03, drift_um_per_s: float = 0.0)
 
 
 @pytest.mark.parametrize("share", [1.0, 0.97, 0.5, 0.1])
-def test_the_share_is_found_despite_noise_and_drift(share: float) -> None:
+def test_the_freedom_of_the_part_is_found_despite_noise_and_drift(share: float) -> None:
     found = fitted(share, drift_um_per_s=0.3)
     assert found.share == pytest.approx(share, abs=found.uncertainty)
     assert found.uncertainty < 0.06

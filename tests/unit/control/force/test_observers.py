@@ -114,7 +114,7 @@ def test_the_printed_term_fits_an_x_1_that_is_a_sample_older_than_x() -> None:
         assert reading_mN == pytest.approx(0.0, abs=1e-12)
 
 
-def test_the_low_pass_is_that_of_its_share() -> None:
+def test_the_low_pass_filter_has_the_configured_smoothing_factor() -> None:
     share = smoothing(PERIOD_S, 0.03)
     observer = QuasiStatic(QuasiStaticParameters(S_P, share)).restart(0.0, 0.0, 0.0)
     wanted_mN = 0.0

@@ -118,7 +118,7 @@ def test_a_reading_that_is_not_a_number_is_refused() -> None:
 
 
 @pytest.mark.parametrize("spread_um", [0.4, 0.6])
-def test_at_its_limit_only_the_spread_decides(spread_um: float) -> None:
+def test_only_the_spread_of_the_readings_decides_about_their_limit(spread_um: float) -> None:
     assert (refusal([0.0, 0.0, spread_um, 0.0, 0.0]) == "") == (spread_um < 0.5)
 
 

@@ -71,7 +71,7 @@ def play(case: Case) -> list[LawOutput]:
 
 
 @PER_CASE
-def test_every_tick_is_that_of_the_transcription(case: Case) -> None:
+def test_every_tick_equals_the_transcription_of_the_paper(case: Case) -> None:
     outputs, rows = play(case), transcribed(case)
     assert len(outputs) == len(rows) == TICKS
     for tick, (output, row) in enumerate(zip(outputs, rows, strict=True)):
@@ -79,7 +79,7 @@ def test_every_tick_is_that_of_the_transcription(case: Case) -> None:
         assert output.x_d_um == pytest.approx(row.x_d, abs=1e-9), tick
 
 
-def test_the_stored_values_are_those_of_the_transcription() -> None:
+def test_the_stored_values_equal_the_transcription_of_the_paper() -> None:
     stored, made = json.loads(GOLDEN.read_text(encoding="utf-8")), golden()
     assert stored.keys() == made.keys()
     for case, ticks in made.items():

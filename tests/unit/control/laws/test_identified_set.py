@@ -79,7 +79,7 @@ def play(case: Case) -> list[LawOutput]:
 
 
 @PER_CASE
-def test_every_tick_is_that_of_the_transcription(case: Case) -> None:
+def test_every_tick_equals_the_transcription_of_the_paper(case: Case) -> None:
     for tick, (output, (voltage_V, row)) in enumerate(
         zip(play(case), transcribed(case), strict=True)
     ):
@@ -91,7 +91,7 @@ def test_every_tick_is_that_of_the_transcription(case: Case) -> None:
             assert output.residual_um == pytest.approx(float(row["residual_um"][0]), abs=1e-9)
 
 
-def test_the_stored_voltages_are_those_of_the_transcription_and_of_the_law() -> None:
+def test_the_stored_voltages_equal_the_transcription_and_the_law() -> None:
     stored = json.loads(GOLDEN.read_text(encoding="utf-8"))
     found = golden()
     assert stored.keys() == found.keys()
@@ -179,7 +179,7 @@ def test_the_identified_set_is_refused_without_a_response() -> None:
         build(law_settings("pbsmic", "identified"), ARM, PERIOD_S, 0.03)
 
 
-def test_without_its_memory_the_law_does_not_step() -> None:
+def test_without_the_memory_of_the_response_the_law_cannot_start() -> None:
     law = identified(CASES[0])
     with pytest.raises(TypeError, match="needs the response's memory"):
         start(law, x_um=0.0, x_r_um=0.0, force_mN=0.0, applied_V=0.0)

@@ -92,7 +92,9 @@ def test_the_set_decides_which_arm_model_is_used(scheme: str) -> None:
 
 
 @pytest.mark.parametrize(("filter_s", "share"), [(0.0, 1.0), (0.03, 1.0 - exp(-2.0 / 3.0))])
-def test_the_share_of_the_low_pass_is_correct(filter_s: float, share: float) -> None:
+def test_the_smoothing_factor_of_the_low_pass_filter_is_correct(
+    filter_s: float, share: float
+) -> None:
     assert law_of(law_settings(), 0.02, filter_s).force == (True, pytest.approx(share, rel=1e-12))
     assert law_of(law_settings(force_age="newest"), 0.02, filter_s).force == (False, 0.0)
 

@@ -83,7 +83,7 @@ def test_a_law_equals_its_transcription(case: Case) -> None:
             assert abs(Decimal(found) - value) <= TOLERANCE * scale, (tick, name, found, value)
 
 
-def test_the_stored_values_are_those_of_the_transcription() -> None:
+def test_the_stored_values_equal_the_transcription_of_the_paper() -> None:
     stored, made = json.loads(GOLDEN.read_text(encoding="utf-8")), golden()
     assert stored.keys() == made.keys()
     for case, ticks in made.items():

@@ -45,5 +45,7 @@ def test_the_band_is_where_a_step_may_not_cross_zero(K_S: float, p: float) -> No
         (-1, 0.0, False),
     ],
 )
-def test_an_integral_is_frozen_outward_only(limited: int, error: float, frozen: bool) -> None:
+def test_an_active_limit_stops_the_integral_only_in_its_own_direction(
+    limited: int, error: float, frozen: bool
+) -> None:
     assert winds_up(limited, error) is frozen

@@ -173,7 +173,7 @@ def test_the_law_outputs_the_band_of_the_last_step(
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_unconditional_claim_fails_inside_the_band(scheme: str) -> None:
+def test_the_unconditional_claim_of_the_paper_fails_inside_the_band(scheme: str) -> None:
     """K_S ≥ |p̃| = 0, and yet |s| grows: (31) and (48) as printed are half of the truth."""
     case = Case(scheme, "consistent", 0.02, 1.0, 1.0, 0.5, SIGN_UM)
     first, second = (output.sliding_um for output in play(case, 0.01, [0.0]))
@@ -205,7 +205,7 @@ def test_the_law_works_with_a_boundary_layer(case: Case, x_um: float, shares: li
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_too_steep_a_layer_oscillates(scheme: str) -> None:
+def test_too_steep_a_boundary_layer_makes_the_loop_oscillate(scheme: str) -> None:
     """Slope 28, as the paper's DSMIFC gains have it with true units: s turns its sign and stays."""
     case = Case(scheme, "consistent", 0.02, 2.0, 1.0, 2.8, 0.1)
     s = [output.sliding_um for output in play(case, 0.05, [0.0] * 30)]

@@ -49,7 +49,7 @@ def _played(case: Case) -> list[Pair]:
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_every_tick_is_that_of_the_transcription(case: Case) -> None:
+def test_every_tick_equals_the_transcription_of_the_paper(case: Case) -> None:
     for mine, other in zip(_played(case), two_arms_case.transcribed(case), strict=True):
         assert mine == pytest.approx(other, abs=1e-9)
 
@@ -137,7 +137,7 @@ def test_errors_of_slope_and_offset_are_corrected_in_both() -> None:
     assert arms.force_mN() == pytest.approx(10.0, abs=1e-6)
 
 
-def test_an_error_of_the_place_is_corrected_by_the_share_of_the_pole() -> None:
+def test_an_error_of_the_place_decays_with_the_pole_of_the_law() -> None:
     arms = Ideal()
     wanted = TwoArmReferences(place_um=0.3, force_mN=12.0)
     for _ in range(100):
@@ -168,7 +168,7 @@ def test_errors_of_arms_that_seek_the_part_are_not_corrected(seeks: bool) -> Non
 
 
 @pytest.mark.parametrize("pressed", [True, False])
-def test_the_first_step_and_a_change_of_contact_keep_the_voltages_at_the_references(
+def test_the_first_step_and_a_change_of_contact_cause_no_jump_at_the_references(
     pressed: bool,
 ) -> None:
     arms = Ideal(offsets_um=(0.4, -0.7))

@@ -37,7 +37,7 @@ def test_a_plan_for_another_stiffness_also_works() -> None:
     assert fitted(x_um, K_E * (x_um - X_E)).K_e_mN_per_um == pytest.approx(K_E)
 
 
-def test_far_from_the_origin_nothing_cancels() -> None:
+def test_a_line_far_from_the_origin_is_fitted_without_loss_of_digits() -> None:
     fit = fitted(1e7 + PLAN / K_E, PLAN)
     assert fit.K_e_mN_per_um == pytest.approx(K_E, rel=1e-7)
     assert fit.x_e_um - 1e7 == pytest.approx(0.0, abs=1e-6)

@@ -107,7 +107,7 @@ def test_strokes_of_an_arm_at_0_V_break_no_limit_whatever_its_reading() -> None:
     assert plan.course.voltage_V[0] == 0.0
 
 
-def test_an_arm_in_front_of_the_part_opens_to_the_same_position() -> None:
+def test_an_arm_that_starts_in_front_of_the_part_opens_to_the_same_position() -> None:
     rig = replace(RIG, stands_um=35.0, free_response=WIDE)
     first, *_, last = plan_grip(REQUEST, rig).program.segments
     assert isinstance(first, Move)

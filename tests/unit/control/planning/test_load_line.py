@@ -28,7 +28,7 @@ def loaded(K_e: float, noise_um: float, count: int, seed: int = 0) -> ContactLin
     return line
 
 
-def test_one_sample_gives_the_line_of_the_hardest_part_through_it() -> None:
+def test_one_sample_gives_the_line_of_the_stiffest_part_through_it() -> None:
     line = ContactLine().add(31.0, 2.2, 2.2)
     found = stiffest_line(line, HARDEST, 0.03, S_P)
     assert found.K_e_mN_per_um == HARDEST

@@ -132,7 +132,7 @@ def test_impossible_moves_are_refused(wishes: dict[str, Any], words: str) -> Non
         moved(**wishes)
 
 
-def test_impossible_cycles_and_times_are_refused() -> None:
+def test_invalid_cycles_and_times_are_refused() -> None:
     with pytest.raises(ValueError, match="range of the cycles"):
         Cycles(low_V=1.0, high_V=1.0, rate_V_per_s=3.0)
     with pytest.raises(ValueError, match="rate of the cycles"):

@@ -108,7 +108,7 @@ def test_a_triangle_keeps_its_acceleration_in_the_blend_too(acceleration: float)
     assert 0.74 * acceleration < peaks(path).acceleration <= acceleration
 
 
-def test_a_triangle_that_cannot_reverse_fast_enough_consists_of_corners() -> None:
+def test_a_triangle_that_cannot_reverse_fast_enough_consists_of_rounded_corners_only() -> None:
     path = triangle("force", 0.0, 2.0, 1.0, 1, 1.0)
     assert path.corner == 0.25
     assert path.at(path.full_from_s + 0.25) == pytest.approx(1.0)

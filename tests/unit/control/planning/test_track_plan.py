@@ -119,6 +119,6 @@ def test_a_voltage_that_rises_too_fast_is_named() -> None:
     assert found(planned(fast)) == [("slew", "/levels_mN")]
 
 
-def test_only_a_path_of_force_is_tracked_in_contact() -> None:
+def test_in_contact_only_force_paths_are_accepted() -> None:
     with pytest.raises(ValueError, match="must be one of force"):
         replace(REQUEST, path=sinusoid("position", 12.0, 20.0, 0.5, 2))

@@ -73,7 +73,9 @@ def followed(*runs_V: list[float]) -> Strokes:
         ((LOW_V, -0.5, LOW_V, -0.5, LOW_V, 0.0), False),
     ],
 )
-def test_whole_strokes_in_a_row_condition(stops_V: tuple[float, ...], *, conditioned: bool) -> None:
+def test_consecutive_full_strokes_condition_the_arm(
+    stops_V: tuple[float, ...], *, conditioned: bool
+) -> None:
     assert followed(voltages(*stops_V)).conditioned is conditioned
 
 
@@ -90,7 +92,7 @@ def test_a_grip_ends_the_conditioned_branch_and_one_stroke_does_not_begin_it_aga
     assert once.added_um == rising.added_um
 
 
-def test_shallow_strokes_are_more_numerous() -> None:
+def test_shallow_strokes_are_repeated_more_often() -> None:
     assert strokes_needed(-2.0, 2.0) == STROKES
     assert strokes_needed(-0.5, 2.5) > strokes_needed(-1.0, 2.5) > STROKES
 
@@ -205,7 +207,7 @@ def test_an_unjudgeable_motion_is_not_compared() -> None:
     assert change_of(conditioned_way(1.03, to_V=0.2)) is None
 
 
-def test_the_motion_from_the_bottom_counts_only_at_the_rest_after_the_strokes() -> None:
+def test_the_change_of_the_stroke_is_evaluated_only_at_the_rest_after_the_strokes() -> None:
     way = conditioned_way(1.04)
     doubt = MeasurementErrors(0.0)
     assert stroke_change(way.response, way.bottom, way.rest, REST, doubt) is None

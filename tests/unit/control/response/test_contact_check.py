@@ -42,7 +42,7 @@ def test_a_table_that_changes_little_is_not_refused_by_chance() -> None:
 
 
 @pytest.mark.parametrize("count", [0, 39])
-def test_few_samples_judge_nothing(count: int) -> None:
+def test_with_too_few_samples_there_is_no_verdict(count: int) -> None:
     assert contact_scatter(X_UM[:count], TRUE_MN[:count], MISSED_MN[:count]) is None
 
 

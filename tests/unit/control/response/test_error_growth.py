@@ -121,7 +121,7 @@ def test_the_error_of_x_1_is_stated_since_its_zero() -> None:
     assert errors == pytest.approx([0.0, 0.05, 0.125, 0.2])
 
 
-def test_no_error_is_below_a_minimum_from_the_first_motion_on() -> None:
+def test_after_the_first_motion_every_error_is_at_least_a_minimum() -> None:
     growth = checked_growth([0.1, 1.0], [0.05, 0.2]).at_least(0.1)
     errors_um = [growth.at(way_V) for way_V in (0.0, 0.05, 0.1, 1.0)]
     assert errors_um == pytest.approx([0.0, 0.05, 0.1, 0.2])

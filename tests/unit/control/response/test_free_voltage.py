@@ -27,7 +27,7 @@ def test_the_voltages_lead_to_the_requested_displacement(displacements_um: list[
         assert displacement_um(MODEL, state) == pytest.approx(wanted_um, abs=1.01 * TOLERANCE_UM)
 
 
-def test_to_hold_against_creep_the_voltage_falls() -> None:
+def test_holding_a_position_against_creep_needs_a_falling_voltage() -> None:
     voltages = free_voltages(MODEL, [20.0] * 500, PERIOD_S)
     assert voltages[0] > voltages[100] > voltages[-1]
 

@@ -96,7 +96,7 @@ def test_the_displacement_rises_with_the_voltage(
     assert displacement_um(model, higher) > displacement_um(model, state)
 
 
-def test_fading_decreases_what_small_loops_sweep_over() -> None:
+def test_fading_decreases_the_displacement_of_small_loops() -> None:
     there = driven(FADING, 2.0, 1.2)
     shaken = driven(FADING, 2.0, *[1.2 + 0.05 * (-1) ** k for k in range(200)], 1.2)
     assert min(abs(1.2 - play) for play in there.plays_V[1:]) > 0.04

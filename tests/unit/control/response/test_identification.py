@@ -232,7 +232,7 @@ def test_the_widest_play_of_a_family_yields_within_the_travel(share: float) -> N
     assert yields * 0.01 == pytest.approx(REACH * 3.0, abs=0.01)
 
 
-def test_times_are_spread_over_the_taught_duration() -> None:
+def test_time_constants_are_spread_over_the_taught_duration() -> None:
     assert spread_creep_times(0.02, 60.0) == pytest.approx((0.1, 0.5, 2.5, 12.5))
     assert spread_creep_times(0.02, 63.0)[-1] == pytest.approx(62.5)
 

@@ -80,7 +80,7 @@ MOVED = drive(2000)
     ],
     ids=["idle last", "idle until the part held out"],
 )
-def test_a_rest_is_not_a_motion_to_learn_from(voltage_V: Column, text: str) -> None:
+def test_a_record_of_rest_only_is_refused(voltage_V: Column, text: str) -> None:
     for unpoled in (True, False):
         with pytest.raises(ValueError, match=text):
             identify_free_response(

@@ -80,7 +80,7 @@ def test_creep_from_the_past_takes_its_time() -> None:
     assert not past.matters(response)
 
 
-def test_the_past_is_replayed_with_the_voltages_since_then() -> None:
+def test_a_known_past_is_continued_with_the_voltages_applied_since_then() -> None:
     memory = VoltageMemory()
     for voltage_V in (0.0, 1.0, 2.0, 1.0, 0.5):
         memory = memory.updated(voltage_V, 0.5)
@@ -90,7 +90,7 @@ def test_the_past_is_replayed_with_the_voltages_since_then() -> None:
     assert past.highest.position_um() == pytest.approx(stepped.highest.position_um())
 
 
-def test_a_line_has_no_memory() -> None:
+def test_a_linear_response_has_no_memory() -> None:
     line = nominal_response(18.0, FreeSample(0.0, 0.0), 0.2)
     assert not unknown_past(line, ENDS_V).matters(line)
 
@@ -101,7 +101,7 @@ def rose(*to_V: float) -> tuple[IdentifiedResponse, UnknownPast]:
     return led(response, past.rezero(response), *to_V)
 
 
-def test_an_arm_that_moves_like_the_model_has_hardly_another_past() -> None:
+def test_motion_that_agrees_with_the_model_narrows_the_possible_past() -> None:
     response, past = rose(0.8)
     told = past.compared(response, residual_um=0.0, standard_um=0.1)
     assert told.error_um(response) == pytest.approx(2.0 * 0.1)
@@ -118,7 +118,7 @@ def test_an_arm_with_an_extreme_past_keeps_it() -> None:
     assert told.shares[0] < 0.2
 
 
-def test_an_excluded_past_stays_excluded() -> None:
+def test_a_past_that_was_excluded_once_stays_excluded() -> None:
     response, past = rose(0.8)
     told = past.compared(response, residual_um=0.0, standard_um=0.1)
     assert told.compared(response, residual_um=0.0, standard_um=10.0).shares == told.shares
@@ -130,7 +130,7 @@ def test_an_arm_that_has_not_moved_gives_no_information() -> None:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_pasts_of_one_turn_stay_within_the_remaining_range(seed: int) -> None:
+def test_pasts_with_one_reversal_stay_within_the_remaining_range(seed: int) -> None:
     draw = random.Random(seed)
     arm = PLAYS.updated(draw.uniform(*ENDS_V), 1.0).updated(0.0, 1.0)
     from_um = arm.displacement_um()

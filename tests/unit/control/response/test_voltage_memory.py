@@ -49,7 +49,7 @@ def test_turning_points_are_stored_except_small_ones() -> None:
     assert [piece.to_V for piece in pieces] == pytest.approx([0.0, 1.0, 0.5, 2.0, 1.0], abs=0.01)
 
 
-def test_another_model_is_replayed_through_the_stored_voltages() -> None:
+def test_a_new_model_is_initialized_with_the_stored_voltages() -> None:
     path = [*ramp(1.5, -0.5, 2.5, 0.4, 1.9, rest=25), *ramp(1.9)]
     path += [1.9 + 0.3 * sin(2.0 * pi * 0.5 * T * count) for count in range(400)]
     live = MODEL

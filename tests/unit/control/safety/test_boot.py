@@ -30,7 +30,7 @@ def test_ending_in_the_latch_of_the_boot_keeps_the_state_of_the_previous_program
     assert ending(booted(FRESH, before)) == before
 
 
-def test_ending_idle_with_a_free_arm_is_a_clean_end() -> None:
+def test_a_program_that_ends_idle_with_a_free_arm_has_ended_cleanly() -> None:
     idle = reset(LIMITS, booted(FRESH, Predecessor.DIED))
     assert ending(idle) == Predecessor.CLEAN
     assert ending(replace(idle, part_held=True)) == Predecessor.DIED
@@ -38,7 +38,7 @@ def test_ending_idle_with_a_free_arm_is_a_clean_end() -> None:
 
 
 @pytest.mark.parametrize("mode", [Mode.ARMED, Mode.FROZEN, Mode.RAMPING])
-def test_ending_during_a_motion_is_not_a_clean_end(mode: Mode) -> None:
+def test_a_program_that_ends_during_a_motion_has_not_ended_cleanly(mode: Mode) -> None:
     assert ending(replace(FRESH, mode=mode, predecessor=Predecessor.CLEAN)) == Predecessor.DIED
 
 

@@ -50,7 +50,7 @@ def test_in_lockstep_nothing_is_read_back() -> None:
     assert not not_located(LOCKSTEP, LOST)
 
 
-def test_until_it_has_replied_the_voltage_stays_and_the_ramp_runs_to_its_end() -> None:
+def test_without_a_confirmation_the_voltage_stays_until_the_end_of_the_ramp() -> None:
     under_way = pass_time(LIMITS, replace(LOST, since_s=1.0), 1.01)
     assert (under_way.mode, under_way.arms[0].voltage_V) == (Mode.RAMPING, 3.0)
     over = pass_time(LIMITS, replace(LOST, since_s=1.0, part_held=True), 1.04)
@@ -101,7 +101,7 @@ def test_the_latch_of_a_boot_keeps_the_voltage(cause: Cause) -> None:
     assert (state.mode, state.arms[0].voltage_V, state.unconfirmed) == (Mode.LATCHED, 2.5, False)
 
 
-def test_an_output_that_is_not_tripped_only_learns_its_voltage() -> None:
+def test_a_read_back_without_a_trip_only_updates_the_voltage() -> None:
     state = found(LIMITS, replace(LOST, mode=Mode.IDLE), (2.5,), 7.0)
     assert (state.mode, state.arms[0].voltage_V) == (Mode.IDLE, 2.5)
 

@@ -41,7 +41,7 @@ def test_an_older_or_equal_sample_changes_nothing(seq: int) -> None:
     assert with_sample(SEEN, seq, 9.0, (9.0,)) is SEEN
 
 
-def test_the_clock_refuses_late_commands() -> None:
+def test_a_late_command_is_refused_by_its_age() -> None:
     sample = SEEN[3]
     assert too_old(AGE, SEEN, sample, sample.at_s + 0.0499) is None
     assert fault_text(too_old(AGE, SEEN, sample, sample.at_s + 0.051)) == "51 ms old, limit 50 ms"
@@ -56,7 +56,7 @@ def test_an_age_at_the_limit_is_not_exceeded() -> None:
     assert too_old(AGE, (Arrival(0, 0.0, (1.0,)),), Arrival(0, 0.0, (1.0,)), 0.05) is None
 
 
-def test_the_numbers_refuse_samples_from_a_queue() -> None:
+def test_a_sample_delayed_in_a_queue_is_refused_by_its_sequence_number() -> None:
     burst = tuple(Arrival(seq, 1.0, (1.0,)) for seq in range(4))
     assert too_old(AGE, burst, burst[1], 1.001) is None
     assert fault_text(too_old(AGE, burst, burst[0], 1.001)) == "3 samples old, limit 2"
@@ -73,7 +73,7 @@ def test_the_numbers_refuse_samples_from_a_queue() -> None:
         (0.105, 0.2, 0.0),
     ],
 )
-def test_a_standstill_is_excused_up_to_a_limit(
+def test_a_stall_is_excused_up_to_a_limit(
     slept_s: float, excused_s: float, standstill: float | None
 ) -> None:
     found = standstill_s(AGE, slept_s, excused_s)

@@ -203,13 +203,13 @@ def test_a_ramp_that_no_tick_will_end_is_ended_by_the_reset() -> None:
     assert (state.mode, state.arms[0].voltage_V, state.part_held) == ("idle", 0.0, False)
 
 
-def test_running_on_time_changes_no_age() -> None:
+def test_a_program_that_runs_on_time_changes_no_age() -> None:
     state = account_for_stall(LIMITS, replace(FREE, ran_s=None), 5.0)
     assert state == replace(FREE, ran_s=5.0)
     assert account_for_stall(LIMITS, state, 5.01) == replace(FREE, ran_s=5.01)
 
 
-def test_a_standstill_is_subtracted_from_every_age() -> None:
+def test_a_stall_is_subtracted_from_every_age() -> None:
     before = replace(HELD, ran_s=1.0, fresh_s=0.98, since_s=0.5, excused_s=0.03)
     after = account_for_stall(LIMITS, before, 1.045)
     assert after.ran_s == 1.045
@@ -219,7 +219,7 @@ def test_a_standstill_is_subtracted_from_every_age() -> None:
     assert after.standstills == 1
 
 
-def test_lockstep_has_no_standstills() -> None:
+def test_stalls_are_not_measured_in_lockstep() -> None:
     assert account_for_stall(LOCKSTEP, replace(HELD, ran_s=1.0), 9.0) == replace(HELD, ran_s=9.0)
 
 

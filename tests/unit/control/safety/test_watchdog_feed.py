@@ -10,7 +10,7 @@ from pincette.control.safety.watchdog_feed import may_kick_watchdog
 from .bench import LIMITS, held, ready, ticked
 
 
-def test_a_loop_that_is_commanded_feeds() -> None:
+def test_the_watchdog_is_fed_while_commands_arrive() -> None:
     state = ticked(ready(), 0)
     assert may_kick_watchdog(LIMITS, state, 0.05)
     assert may_kick_watchdog(LIMITS, state, 0.1)
@@ -20,7 +20,7 @@ def test_an_armed_actuator_that_has_not_tripped_in_time_is_not_trusted() -> None
     assert not may_kick_watchdog(LIMITS, ticked(ready(), 0), 0.1001)
 
 
-def test_before_the_first_command_the_grace_holds() -> None:
+def test_before_the_first_command_the_grace_period_applies() -> None:
     assert may_kick_watchdog(LIMITS, ready(), 1.09)
 
 
@@ -32,7 +32,7 @@ def test_a_freeze_is_kept_by_heartbeats_for_its_time_even_without_a_confirmation
 
 
 @pytest.mark.parametrize("mode", ["ramping", "latched"])
-def test_an_unconfirmed_voltage_is_left_to_the_hardware(mode: str) -> None:
+def test_the_watchdog_is_not_fed_while_the_voltage_is_unconfirmed(mode: str) -> None:
     state = replace(held(), mode=mode, cause=Cause.DEVICE)
     assert may_kick_watchdog(LIMITS, state, 99.0)
     assert not may_kick_watchdog(LIMITS, replace(state, unconfirmed=True), 99.0)

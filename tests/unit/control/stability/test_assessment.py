@@ -107,7 +107,7 @@ def test_a_switching_term_without_effect_is_not_named_as_the_cause() -> None:
     assert "K_S" not in assess(loop, PART).reason
 
 
-def test_an_observer_made_for_a_period_is_not_carried_to_another() -> None:
+def test_an_observer_is_not_reused_for_another_period() -> None:
     observer = inverse_dynamics(OMEGA_N, ZETA, S_P, period_s=0.004, filter_s=1e-3)
     loop = Loop(law_settings(K_P=5.0), ARM, 0.004, 0.03, observer=observer)
     assert "a period of 4 ms" in assess(loop, PART).reason

@@ -59,7 +59,7 @@ def test_the_worst_case_is_within_the_intervals() -> None:
     assert 0.0 <= case.delay_periods <= 0.5
 
 
-def test_five_percent_of_the_resonance_decide() -> None:
+def test_a_resonance_error_of_five_percent_changes_the_verdict() -> None:
     """At 5 ms the default law passes as identified, and fails nearby."""
     loop = Loop(law_settings(), ARM, 0.005, force_filter_s=0.03)
     assert np.max(spectral_radii(loop, PART.middle())) < LIMIT

@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[3]
 RIGS = ROOT / "deploy/rigs"
 
 
-def test_the_entries_of_the_guide_are_understood() -> None:
+def test_the_maintenance_entries_of_the_guide_are_accepted() -> None:
     guide = (ROOT / "docs/how-to/calibrate.md").read_text(encoding="utf-8")
     (entries,) = re.findall(r"^```toml\n(.*?)^```", guide, re.MULTILINE | re.DOTALL)
     own = tomllib.loads((RIGS / "demo.toml").read_text(encoding="utf-8"))
@@ -24,7 +24,9 @@ def test_the_entries_of_the_guide_are_understood() -> None:
 
 
 @pytest.mark.parametrize("name", ["demo", "bring-up", "fast"])
-def test_a_rig_file_states_its_possible_keys(name: str, tmp_path: Path) -> None:
+def test_an_unknown_maintenance_key_is_refused_with_the_valid_ones(
+    name: str, tmp_path: Path
+) -> None:
     text = (RIGS / f"{name}.toml").read_text(encoding="utf-8")
     assert "serial_number" in text
     path = tmp_path / "rig.toml"

@@ -30,6 +30,6 @@ def test_an_aged_arm_is_accepted_as_the_same(gain_um_per_V: float) -> None:
 
 
 @pytest.mark.parametrize("gain_um_per_V", [1.9, 16.6, 190.0])
-def test_nothing_is_concluded_from_an_assumed_value(gain_um_per_V: float) -> None:
+def test_similarity_is_not_judged_from_an_assumed_value(gain_um_per_V: float) -> None:
     require_like_in_use(in_use(None), GAIN, gain_um_per_V)
     require_like_in_use(rig_file_alone(read_rig(DEMO)), GAIN, gain_um_per_V)

@@ -132,7 +132,7 @@ def test_a_verdict_states_what_is_uncertain(members: dict[str, Any], doubt: str)
     assert results.verdict_words(RESULT | members) == ["gripped", doubt]
 
 
-def test_every_brief_figure_is_a_figure_of_its_kind() -> None:
+def test_every_figure_of_a_short_result_is_a_figure_of_its_kind() -> None:
     for kind in job_kinds().values():
         assert set(kind.brief) <= {figure.name for figure in kind.figures}
         for arms in kind.arms:

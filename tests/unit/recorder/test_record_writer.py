@@ -282,7 +282,7 @@ def test_a_message_too_large_for_the_file_is_counted(bench: Bench) -> None:
     assert "1 messages of position could not be stored" in recorded.detail
 
 
-def test_ending_closes_what_is_open(bench: Bench) -> None:
+def test_the_end_of_the_recorder_closes_open_records(bench: Bench) -> None:
     messages = loop(20)[:60]
     bench.begin()
     bench.feed(messages)

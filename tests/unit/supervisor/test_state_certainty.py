@@ -80,7 +80,7 @@ def test_an_actuator_killed_in_a_hold_holds_a_part_until_its_module_may_have_rel
     assert not view["safe_to_move"]["value"]
 
 
-def test_the_state_of_a_hanging_program_is_believed_and_then_unknown(rig: Rig) -> None:
+def test_the_state_of_a_hanging_program_is_trusted_briefly_and_then_unknown(rig: Rig) -> None:
     rig.say()
     rig.harness.bus.silent.add("actuator")
     view = rig.told(HEARD_S + 0.01)
@@ -88,7 +88,7 @@ def test_the_state_of_a_hanging_program_is_believed_and_then_unknown(rig: Rig) -
     assert state_of(rig.told(LETS_GO_S + 0.01)) == ("unknown", "unknown")
 
 
-def test_the_part_at_a_holding_output_is_believed_without_limit(
+def test_a_part_at_an_output_that_holds_its_voltage_is_trusted_without_time_limit(
     real_time: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     output = real_time.output.model_copy(

@@ -36,7 +36,7 @@ class Clocks:
     [(0.9, 0.9, None), (1.4, 0.0, 1.4), (8.0, 0.1, PATIENCE_WAKES), (8.0, 7.0, 7.0)],
     ids=["short", "as long as a sensor is waited for", "a machine that stood still", "hung"],
 )
-def test_the_actuator_is_informed_of_time_that_was_no_standstill(
+def test_the_actuator_learns_of_busy_time_that_was_no_stall(
     where: str,
     looks: float,
     computed_looks: float,

@@ -40,7 +40,7 @@ def sent(supervisor: Desk, place: int = -1) -> Any:
     return json.loads(supervisor.asked[place].content)
 
 
-def test_a_job_is_followed_and_answered_as_json_only(
+def test_with_json_output_a_followed_job_prints_only_json(
     at: At, capsys: pytest.CaptureFixture[str]
 ) -> None:
     supervisor = at(desk.job(kind="calibrate", state="running"), desk.job(**SUCCEEDED))
@@ -91,7 +91,9 @@ def test_a_long_plan_is_not_reported_as_a_missing_supervisor(
     assert supervisor.asked[0].extensions["timeout"]["connect"] <= 10.0
 
 
-def test_a_refusal_in_json_is_the_problem(at: At, capsys: pytest.CaptureFixture[str]) -> None:
+def test_with_json_output_a_refusal_is_printed_as_its_problem_document(
+    at: At, capsys: pytest.CaptureFixture[str]
+) -> None:
     at(desk.problem(422, "limit-violation", violations=[{"message": "too strong"}]))
     assert main(["job", "grip", "--json", *AT]) == Exit.LIMIT
     said = capsys.readouterr()
