@@ -138,13 +138,13 @@ def stop_and_ask_again(rig: RunningRig, driver: Driver, phase: str) -> None:
         if rig.view()["part"] == "none":
             return
     else:
-        told = ""
+        message = ""
         with stopping(rig, phase) as stopped:
             try:
                 driver.reach(FORCE_MN)
             except NotReachedError as error:
-                told = str(error)
-        assert told, "a grip that was stopped is a success"
+                message = str(error)
+        assert message, "a grip that was stopped is a success"
         until(lambda: rig.job(stopped[0])["state"] == "stopped", "the job is not stopped")
         assert rig.view()["part"] == ("held" if phase in KEPT else "none")
         assert abs(driver.reach(FORCE_MN) - FORCE_MN) < NEAR_MN

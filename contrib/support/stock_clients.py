@@ -33,6 +33,6 @@ def on_the_host(block: Block) -> str:
 
 def grip_by_sila() -> None:
     """Grip and release by the stock client of SiLA; raises AssertionError."""
-    said = on_the_host(block("docs/how-to/sila.md", "from sila2.client import"))
-    assert re.search(HELD, said), said
-    assert said.endswith("released\n")
+    output = on_the_host(block("docs/how-to/sila.md", "from sila2.client import"))
+    assert re.search(HELD, output), output
+    assert output.endswith("released\n")

@@ -41,7 +41,7 @@ def main() -> None:
     (uid,) = list(catalog)
     run = catalog[uid]
     stream = run["samples"]
-    told = {
+    values = {
         "start": dict(run.metadata["start"]),
         "stop": dict(run.metadata["stop"]),
         "keys": dict(stream.metadata["data_keys"]),
@@ -50,7 +50,7 @@ def main() -> None:
         "force_mN": [float(one) for one in stream["gripper-force_mN"].read()],
         "phase": [str(one) for one in stream["gripper-phase"].read()],
     }
-    print(json.dumps(told, default=str))
+    print(json.dumps(values, default=str))
 
 
 if __name__ == "__main__":

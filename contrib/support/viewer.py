@@ -49,7 +49,7 @@ class Viewer:
         Their messages are decoded by the schemas that the server has sent.
         """
         self.until(lambda: self.channels.keys() >= set(topics), "a topic is not advertised")
-        asked: list[dict[str, int]] = []
+        requests: list[dict[str, int]] = []
         for number, topic in enumerate(topics):
             channel = self.channels[topic]
             pool = descriptor_pool.DescriptorPool()
@@ -59,8 +59,8 @@ class Viewer:
             kind = pool.FindMessageTypeByName(channel["schemaName"])
             self.seen.setdefault(topic, [])
             self._kinds[number] = topic, message_factory.GetMessageClass(kind)
-            asked.append({"id": number, "channelId": channel["id"]})
-        self._line.send(json.dumps({"op": "subscribe", "subscriptions": asked}))
+            requests.append({"id": number, "channelId": channel["id"]})
+        self._line.send(json.dumps({"op": "subscribe", "subscriptions": requests}))
 
     def call(self, service: str) -> None:
         """Call a service with an empty object."""
@@ -79,17 +79,17 @@ class Viewer:
                 _, _, length = struct.unpack_from("<III", frame, 1)
                 self.answers.append(json.loads(frame[13 + length :]))
             return
-        told = json.loads(frame)
-        if told["op"] == "serverInfo":
-            self.server = told
-        elif told["op"] == "advertise":
-            self.channels |= {one["topic"]: one for one in told["channels"]}
-        elif told["op"] == "advertiseServices":
-            self.services |= {one["name"]: one["id"] for one in told["services"]}
-        elif told["op"] == "status":
-            self.statuses[told["id"]] = told
-        elif told["op"] == "removeStatus":
-            for name in told["statusIds"]:
+        content = json.loads(frame)
+        if content["op"] == "serverInfo":
+            self.server = content
+        elif content["op"] == "advertise":
+            self.channels |= {one["topic"]: one for one in content["channels"]}
+        elif content["op"] == "advertiseServices":
+            self.services |= {one["name"]: one["id"] for one in content["services"]}
+        elif content["op"] == "status":
+            self.statuses[content["id"]] = content
+        elif content["op"] == "removeStatus":
+            for name in content["statusIds"]:
                 self.statuses.pop(name, None)
 
 

@@ -121,8 +121,8 @@ def client_with(extra: str) -> list[str]:
 def test_the_sila_extra_works(rig: RunningRig, python: str, tmp_path: Path) -> None:
     own = environment(tmp_path / "venv", *whole("sila"), python=python)
     with started(own, "sila", rig.path, tmp_path):
-        said = ran([str(own), "-I", "-c", OF_SILA, str(rig.rig.sila.port)], tmp_path)
-    assert said == "True\n"
+        output = ran([str(own), "-I", "-c", OF_SILA, str(rig.rig.sila.port)], tmp_path)
+    assert output == "True\n"
 
 
 def test_the_foxglove_extra_works(rig: RunningRig, python: str, tmp_path: Path) -> None:
@@ -138,8 +138,8 @@ def test_the_foxglove_extra_works(rig: RunningRig, python: str, tmp_path: Path) 
 
 def test_the_bluesky_extra_works(rig: RunningRig, python: str, tmp_path: Path) -> None:
     own = environment(tmp_path / "venv", *client_with("bluesky"), python=python)
-    said = ran([str(own), "-I", "-c", OF_BLUESKY, rig.rig.supervisor.url], tmp_path)
-    assert said in ("none\n", "unknown\n")
+    output = ran([str(own), "-I", "-c", OF_BLUESKY, rig.rig.supervisor.url], tmp_path)
+    assert output in ("none\n", "unknown\n")
 
 
 def test_the_mcp_extra_works(rig: RunningRig, python: str, tmp_path: Path) -> None:
@@ -172,8 +172,8 @@ def test_the_nidaqmx_extra_works(python: str, tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
     path.write_text(rig_toml(fast), encoding="utf-8")
     with started(own, "router", path, tmp_path), started(own, "rig", path, tmp_path):
-        said = ran([str(own), "-I", "-c", OF_NIDAQMX, str(path)], tmp_path)
-    assert fast.sensor.minimum_um <= float(said) <= fast.sensor.maximum_um
+        output = ran([str(own), "-I", "-c", OF_NIDAQMX, str(path)], tmp_path)
+    assert fast.sensor.minimum_um <= float(output) <= fast.sensor.maximum_um
 
 
 def test_the_postgresql_extra_works(python: str, tmp_path: Path) -> None:

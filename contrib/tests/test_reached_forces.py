@@ -93,9 +93,9 @@ class Typed(Rest):
         try:
             return super().reach(force_mN)
         except NotReachedError as error:
-            told, _ = self.watch.communicate(timeout=WAIT_S)
-            assert self.watch.returncode == Exit.FAILED, told
-            raise NotReachedError(told) from error
+            output, _ = self.watch.communicate(timeout=WAIT_S)
+            assert self.watch.returncode == Exit.FAILED, output
+            raise NotReachedError(output) from error
 
     def started(self, force_mN: float) -> str:
         words = ("--force-mN", str(force_mN), "--until-released", "--no-wait")
@@ -143,8 +143,8 @@ class Page(Rest):
     def let_go(self, job: str) -> None:
         before = self.releases(job)
         self.seen.page.click("#act-release", timeout=1000.0 * WAIT_S)
-        asked = "the page has asked for no release"
-        self.seen.until_true(lambda: self.releases(job) > before, asked)
+        requested = "the page has asked for no release"
+        self.seen.until_true(lambda: self.releases(job) > before, requested)
 
     def releases(self, job: str) -> int:
         """Number of releases that a job has been asked for."""

@@ -78,38 +78,38 @@ def heard_of_a_grip(rig: RunningRig, router: str, python: Path) -> tuple[Any, An
         rig.until_phase(job, "hold")
         until(lambda: rig.job(job)["progress"]["force_held_mN"], "the force does not settle")
         held = rig.view()["newest"]
-        said, _ = node.communicate("enough\n", timeout=60.0)
+        output, _ = node.communicate("enough\n", timeout=60.0)
         rig.post(f"/jobs/{job}/actions", {"type": "release"}).raise_for_status()
         rig.ended(job)
-    return json.loads(said), held
+    return json.loads(output), held
 
 
 def test_a_node_receives_a_grip_and_ros_reads_it(
     rig: RunningRig, router: str, tmp_path: Path
 ) -> None:
     begun_s = time.time()
-    said, held = heard_of_a_grip(rig, router, environment(tmp_path / "node", *NODE))
-    assert said["force_mN"][-1] == pytest.approx(held["force_mN"], abs=NEAR_MN)
-    assert said["force_mN"][-1] == pytest.approx(FORCE_MN, abs=NEAR_MN)
-    assert min(said["force_mN"]) < 0.5
-    names, positions_m, efforts_N = said["joint"]
+    stated, held = heard_of_a_grip(rig, router, environment(tmp_path / "node", *NODE))
+    assert stated["force_mN"][-1] == pytest.approx(held["force_mN"], abs=NEAR_MN)
+    assert stated["force_mN"][-1] == pytest.approx(FORCE_MN, abs=NEAR_MN)
+    assert min(stated["force_mN"]) < 0.5
+    names, positions_m, efforts_N = stated["joint"]
     assert names == ["gripper"]
     assert efforts_N == pytest.approx([1e-3 * FORCE_MN], abs=1e-3 * NEAR_MN)
     assert positions_m == pytest.approx([1e-6 * held["x_um"]], abs=0.5e-6)
-    assert {(one["topic"], one["node"], one["same"]) for one in said["publishers"]} == {
+    assert {(one["topic"], one["node"], one["same"]) for one in stated["publishers"]} == {
         ("/pincette/demo/force_mN", "pincette", True),
         ("/pincette/demo/joint_states", "pincette", True),
     }
     python = environment(tmp_path / "kilted", *KILTED)
-    read = read_by_ros(python, said["bytes"], tmp_path)
+    read = read_by_ros(python, stated["bytes"], tmp_path)
     assert [kind for kind, _ in read["hashes"]] == [
         "std_msgs/msg/Float64",
         "sensor_msgs/msg/JointState",
     ]
     pinned = BRIDGE.read_text(encoding="utf-8")
     assert all(digest in pinned for _, digest in read["hashes"])
-    assert read["force_mN"] == said["force_mN"]
-    assert read["joints"][-1] == said["joint"]
+    assert read["force_mN"] == stated["force_mN"]
+    assert read["joints"][-1] == stated["joint"]
     assert {name for names, _, _ in read["joints"] for name in names} == {"gripper"}
     assert read["stamps_s"] == sorted(read["stamps_s"])
     assert begun_s < read["stamps_s"][0] < time.time()

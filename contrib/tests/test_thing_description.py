@@ -54,18 +54,18 @@ def test_the_thing_description_is_valid_by_its_schema(rig: RunningRig, client: P
 
 def test_node_wot_grips_with_the_thing_description(rig: RunningRig, client: Path) -> None:
     url = f"{rig.rig.supervisor.url}/.well-known/wot"
-    said = node(client, DRIVE.name, url, str(FORCE_MN))
-    assert said["title"] == "pincette demo"
-    assert said["feasible"] is False
-    violation = said["violation"]
+    output = node(client, DRIVE.name, url, str(FORCE_MN))
+    assert output["title"] == "pincette demo"
+    assert output["feasible"] is False
+    violation = output["violation"]
     assert (violation["value"], violation["unit"], violation["limit"]) == (500.0, "mN", 40.0)
-    assert said["refused"] is not None
-    assert abs(said["held_mN"] - FORCE_MN) < NEAR_MN
-    assert {"load", "hold"} <= set(said["phases"])
-    assert said["live"] > 10
-    assert (said["state"], said["stopped"]) == ("succeeded", "stopped")
-    assert (said["estop"], said["latch"]) == (True, "latched")
-    assert said["latched"] is not None
+    assert output["refused"] is not None
+    assert abs(output["held_mN"] - FORCE_MN) < NEAR_MN
+    assert {"load", "hold"} <= set(output["phases"])
+    assert output["live"] > 10
+    assert (output["state"], output["stopped"]) == ("succeeded", "stopped")
+    assert (output["estop"], output["latch"]) == (True, "latched")
+    assert output["latched"] is not None
 
 
 def test_the_program_shown_on_the_documentation_page_grips(rig: RunningRig, client: Path) -> None:
@@ -86,10 +86,10 @@ def test_a_cancel_during_the_request_leaves_no_job(rig: RunningRig, client: Path
     make_ready(rig)
     before = len(rig.get("/jobs")["jobs"])
     url, process = f"{rig.rig.supervisor.url}/.well-known/wot", rig.fleet.members["supervisor"]
-    said = node(client, HOLD.name, url, "cancel", str(FORCE_MN), str(process.process.pid))
+    output = node(client, HOLD.name, url, "cancel", str(FORCE_MN), str(process.process.pid))
     until(lambda: rig.view()["active_job"] is None, "the request went on")
     begun = rig.get("/jobs")["jobs"]
-    assert {job["state"] for job in begun[: len(begun) - before]} <= {"stopped"}, said
+    assert {job["state"] for job in begun[: len(begun) - before]} <= {"stopped"}, output
 
 
 def test_a_disconnected_client_and_a_stopped_supervisor_leave_the_part_held(
@@ -109,8 +109,8 @@ def test_a_disconnected_client_and_a_stopped_supervisor_leave_the_part_held(
         return job
 
     job = gripped_and_killed()
-    said = node(client, HOLD.name, url, "release")
-    assert said == {"part": "held", "job": job, "state": "succeeded"}
+    output = node(client, HOLD.name, url, "release")
+    assert output == {"part": "held", "job": job, "state": "succeeded"}
     gripped_and_killed()
     rig.fleet.signal("supervisor", signal.SIGKILL)
     rig.fleet.members["supervisor"].process.wait(5.0)
@@ -126,8 +126,8 @@ def test_a_disconnected_client_and_a_stopped_supervisor_leave_the_part_held(
     assert "ECONNREFUSED" in gone.stderr
     restart(rig, "supervisor")
     until(lambda: rig.view()["part"] == "held", "the part is not held")
-    said = node(client, HOLD.name, url, "release")
-    assert said == {"part": "held", "job": None, "state": "succeeded"}
+    output = node(client, HOLD.name, url, "release")
+    assert output == {"part": "held", "job": None, "state": "succeeded"}
     assert rig.view()["part"] == "none"
 
 

@@ -50,7 +50,7 @@ def main(role: str, url: str, port: int, kind: str = "") -> None:
     link = open_link(url, baud=115200, timeout_s=5.0) if role in REQUESTS else None
     queue: SimpleQueue[int] = SimpleQueue()
     payload = bytes(SIZES[role])
-    said = EXAMPLES[role]
+    stated = EXAMPLES[role]
     publisher = session.declare_publisher(
         hop_key(role),
         congestion_control=zenoh.CongestionControl.BLOCK,
@@ -87,7 +87,7 @@ def main(role: str, url: str, port: int, kind: str = "") -> None:
                 continue
         if link is not None:
             link.exchange(REQUESTS[role])
-        publisher.put(encode(said) if coded else payload)
+        publisher.put(encode(stated) if coded else payload)
     session.close()
 
 

@@ -65,18 +65,18 @@ class BusContract:
         assert got == sent
 
     def test_a_query_is_answered(self, buses: tuple[LatestBus, LatestBus]) -> None:
-        asked: list[Message] = []
+        requests: list[Message] = []
 
         def answer(
             _question: Request, request: Message, reply: Callable[[Message | str], None]
         ) -> None:
-            asked.append(request)
+            requests.append(request)
             reply(Ack(41))
 
         buses[1].serve(TRIP, answer)
         self.settle(buses, lambda: True)
         assert buses[0].call(TRIP, Trip(Cause.ESTOP)) == Ack(41)
-        assert asked == [Trip(Cause.ESTOP)]
+        assert requests == [Trip(Cause.ESTOP)]
 
     def test_a_refusal_states_its_reason(self, buses: tuple[LatestBus, LatestBus]) -> None:
         def refuse(

@@ -110,9 +110,9 @@ def test_a_composed_program_publishes_the_keys_of_its_services_only(site: Site) 
         site.pair.publish(message)
     site.until(lambda: len(site.commands) > before and "estimate" in site.told)
     sleep(QUIET_S)
-    said = {topic.name for topic in TOPICS if topic.message in names}
-    assert {"position", "applied"} <= said, "it has tried to say what others say"
-    assert site.told == said & OWN
+    stated = {topic.name for topic in TOPICS if topic.message in names}
+    assert {"position", "applied"} <= stated, "it has tried to say what others say"
+    assert site.told == stated & OWN
 
 
 def test_a_composed_program_answers_for_its_services_only(site: Site) -> None:

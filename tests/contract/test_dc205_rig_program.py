@@ -17,8 +17,10 @@ pytestmark = pytest.mark.usefixtures("stalls")
 def test_each_write_over_the_line_reaches_the_simulated_rig_once(tmp_path: Path, pace: str) -> None:
     output = Output(driver="srs_dc205", url=str(tmp_path / "output"), timeout_s=0.5)
     rig = demo_rig(time=pace).model_copy(update={"output": output})
-    told = truths_of_three_writes(
+    reported = truths_of_three_writes(
         rig, tmp_path, lambda: open_sensor(rig.sensor), lambda: open_output(rig.output)
     )
-    assert [truth.seq for truth in told] == [0, 1, 2]
-    assert [truth.arms[0].voltage_V for truth in told] == pytest.approx([1.0, 1.0, 0.5], abs=0.0007)
+    assert [truth.seq for truth in reported] == [0, 1, 2]
+    assert [truth.arms[0].voltage_V for truth in reported] == pytest.approx(
+        [1.0, 1.0, 0.5], abs=0.0007
+    )

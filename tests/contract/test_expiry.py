@@ -36,13 +36,13 @@ def test_the_router_closes_a_link_whose_certificate_has_expired_and_a_service_do
     ours = TlsIdentity(folder.credentials(server), client_access(TOOL))
     tool = TlsIdentity(folder.credentials(TOOL), client_access(server))
     heard: list[float] = []
-    with open_session(secured(listening, ours), "server") as told:
+    with open_session(secured(listening, ours), "server") as reported:
         end = datetime.now(UTC) + LASTS
         folder.renew(TOOL, datetime.now(UTC), LASTS / timedelta(days=1))
         with open_session(secured(client_session("127.0.0.1", port), tool), "tool") as hearing:
             hearing.declare_subscriber(key("demo", COMMAND), lambda _: heard.append(monotonic()))
             while datetime.now(UTC) < end + timedelta(seconds=AFTER_S):
-                told.put(key("demo", COMMAND), b"")
+                reported.put(key("demo", COMMAND), b"")
                 sleep(BEAT_S)
             assert len(heard) > 5
             assert (monotonic() - heard[-1] < AFTER_S / 2) == goes_on

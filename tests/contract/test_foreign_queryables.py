@@ -81,7 +81,7 @@ class Site:
 
 @contextmanager
 def running(rig: RigFile) -> Generator[Site]:
-    asked: list[Message] = []
+    requests: list[Message] = []
     with ExitStack() as stack:
         router = stack.enter_context(open_session(router_endpoint(rig), "router"))
         actuator = ZenohBus(loop_endpoint(rig, "actuator", loop_services()), "demo", "actuator")
@@ -92,10 +92,10 @@ def running(rig: RigFile) -> Generator[Site]:
         stack.callback(supervisor.close)
 
         def take(_: Request, request: Message, reply: Reply) -> None:
-            asked.append(request)
-            reply(Ack(len(asked)) if isinstance(request, Trip) else REFUSED)
+            requests.append(request)
+            reply(Ack(len(requests)) if isinstance(request, Trip) else REFUSED)
 
-        site = Site(rig, router, actuator, supervisor, asked)
+        site = Site(rig, router, actuator, supervisor, requests)
 
         def state(_: Request, _request: Message, reply: Reply) -> None:
             if site.mode is not None:

@@ -82,12 +82,12 @@ def test_an_invalid_query_is_answered_with_the_error(
     program: tuple[ZenohBus, zenoh.Session],
 ) -> None:
     bus, stranger = program
-    chance, asked = random.Random(SEED), list[Message]()
+    chance, requested = random.Random(SEED), list[Message]()
 
     def answer(
         _question: Request, request: Message, reply: Callable[[Message | str], None]
     ) -> None:
-        asked.append(request)
+        requested.append(request)
         reply(Ack(1))
 
     bus.serve(TRIP, answer)
@@ -99,12 +99,12 @@ def test_an_invalid_query_is_answered_with_the_error(
 
     until(lambda: put(encode(Trip(Cause.ESTOP))) is not None)
     for _ in range(REQUESTS):
-        payload, before = spoilt(chance, Trip), len(asked)
+        payload, before = spoilt(chance, Trip), len(requested)
         reply = put(payload)
-        assert (reply.ok is not None) == (len(asked) > before) == is_sound(Trip, payload)
+        assert (reply.ok is not None) == (len(requested) > before) == is_sound(Trip, payload)
         if reply.ok is None:
-            said = reply.err.payload.to_bytes().decode()
-            assert said.startswith("Trip") if payload else said == EMPTY
-            assert said.isprintable()
+            stated = reply.err.payload.to_bytes().decode()
+            assert stated.startswith("Trip") if payload else stated == EMPTY
+            assert stated.isprintable()
     for payload in (None, b"", b"\x91" * (MAX_BYTES + 1)):
         assert put(payload).err is not None

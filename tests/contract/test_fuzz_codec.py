@@ -44,23 +44,23 @@ def check(value: Any, name: str = "") -> None:
 
 def fuzzed(frames: int, seed: int) -> Counter[str]:
     """So many frames through the decoders; how many each took, and how many were refused."""
-    chance, kinds, told = random.Random(seed), list(BY_NAME.values()), Counter[str]()
+    chance, kinds, reported = random.Random(seed), list(BY_NAME.values()), Counter[str]()
     for _ in range(frames):
         kind = chance.choice(kinds)
         payload = spoilt(chance, kind)
         try:
             message = decode(kind, payload)
         except CodecError as error:
-            said = str(error)
-            assert said.startswith(kind.__name__)
-            assert said.isprintable()
-            assert len(said) < 1000
-            told["refused"] += 1
+            stated = str(error)
+            assert stated.startswith(kind.__name__)
+            assert stated.isprintable()
+            assert len(stated) < 1000
+            reported["refused"] += 1
             continue
         check(message)
         assert decode(kind, encode(message)) == message
-        told[kind.__name__] += 1
-    return told
+        reported[kind.__name__] += 1
+    return reported
 
 
 @pytest.mark.parametrize("name", BY_NAME)
@@ -73,15 +73,15 @@ def test_valid_frames_are_transferred_unchanged(name: str) -> None:
 
 def test_twenty_thousand_frames_are_accepted_or_refused() -> None:
     print(f"seed {SEED}")
-    told = fuzzed(20_000, SEED)
-    assert set(told) == {"refused", *BY_NAME}, "some of every kind are taken, and some refused"
-    assert 0.3 < told["refused"] / told.total() < 0.95
+    reported = fuzzed(20_000, SEED)
+    assert set(reported) == {"refused", *BY_NAME}, "some of every kind are taken, and some refused"
+    assert 0.3 < reported["refused"] / reported.total() < 0.95
 
 
 @pytest.mark.slow
 def test_a_million_frames_are_accepted_or_refused() -> None:
     seed = random.SystemRandom().randrange(2**32)
     print(f"seed {seed}")
-    told = fuzzed(1_000_000, seed)
-    print(", ".join(f"{name} {count}" for name, count in sorted(told.items())))
-    assert set(told) == {"refused", *BY_NAME}
+    reported = fuzzed(1_000_000, seed)
+    print(", ".join(f"{name} {count}" for name, count in sorted(reported.items())))
+    assert set(reported) == {"refused", *BY_NAME}

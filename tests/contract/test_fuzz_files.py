@@ -57,10 +57,10 @@ def test_a_broken_rig_file_is_refused_with_a_readable_message(
     path.write_bytes(content)
     with pytest.raises(ConfigError) as caught:
         read_rig(path)
-    said = str(caught.value)
-    assert words in said
-    assert len(said) < 20_000
-    assert all(line.isprintable() for line in said.splitlines())
+    message = str(caught.value)
+    assert words in message
+    assert len(message) < 20_000
+    assert all(line.isprintable() for line in message.splitlines())
     assert main(["doctor", "--topics", "--rig", str(path)]) == 1
     printed = capsys.readouterr()
     assert words in printed.err
@@ -74,8 +74,8 @@ def test_no_program_starts_on_a_broken_rig_file(
     path = tmp_path / "broken.toml"
     path.write_text('[rig]\nname = "r"\nperiod_s = "fast"\n', encoding="utf-8")
     assert run_program(name, path, Options(tmp_path)) == 2
-    (said,) = caplog.messages
-    assert "rig.period_s = 'fast'" in said
+    (stated,) = caplog.messages
+    assert "rig.period_s = 'fast'" in stated
     written = capfd.readouterr()
     assert "Traceback" not in caplog.text + written.out + written.err
 
@@ -91,13 +91,13 @@ def test_doctor_names_what_is_broken(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 def refusal(read: Callable[[], object]) -> str:
     """The words with which reading is refused, each line fit for a terminal; empty: it is read."""
-    said = ""
+    message = ""
     try:
         read()
     except ConfigError as error:
-        said = str(error)
-    assert all(line.isprintable() for line in said.splitlines())
-    return said
+        message = str(error)
+    assert all(line.isprintable() for line in message.splitlines())
+    return message
 
 
 def spoilt(chance: random.Random) -> bytes:

@@ -160,8 +160,8 @@ SIEGES = [(name, time) for name in LOOP for time in RIGS]
 @pytest.mark.parametrize(("name", "time"), SIEGES)
 def test_no_frame_causes_an_exception_in_a_service(name: str, time: str) -> None:
     print(f"seed {SEED}")
-    told = besiege(name, time, FRAMES, SEED)
-    assert all(told[what] for what in ("refused", "heard", "answered", "declined"))
+    reported = besiege(name, time, FRAMES, SEED)
+    assert all(reported[what] for what in ("refused", "heard", "answered", "declined"))
 
 
 @pytest.mark.slow
@@ -169,6 +169,6 @@ def test_no_frame_causes_an_exception_in_a_service(name: str, time: str) -> None
 def test_many_frames_cause_no_exception_in_a_service(name: str, time: str) -> None:
     seed = random.SystemRandom().randrange(2**32)
     print(f"seed {seed}")
-    told = besiege(name, time, MANY, seed)
-    print(", ".join(f"{what} {count}" for what, count in sorted(told.items())))
-    assert all(told[what] for what in ("refused", "heard", "answered", "declined"))
+    reported = besiege(name, time, MANY, seed)
+    print(", ".join(f"{what} {count}" for what, count in sorted(reported.items())))
+    assert all(reported[what] for what in ("refused", "heard", "answered", "declined"))

@@ -201,12 +201,12 @@ def test_each_link_is_reported_with_its_peer_and_the_reason_of_its_end(
     while not any(one.startswith("link down") for one in of_the_router()):
         assert monotonic() < deadline
         sleep(0.01)
-    told = of_the_router()
+    reported = of_the_router()
     name = "supervisor" if door.client.tls else "a program"
-    assert re.fullmatch(rf"link up: {name} at 127\.0\.0\.1:\d+", told[0])
+    assert re.fullmatch(rf"link up: {name} at 127\.0\.0\.1:\d+", reported[0])
     down = rf"link down after \d+\.\d s: {name} at 127\.0\.0\.1:\d+: (it hung up|its lease.*)"
-    assert re.fullmatch(down, told[1])
-    assert len(told) == 2
+    assert re.fullmatch(down, reported[1])
+    assert len(reported) == 2
 
 
 def test_silent_connections_are_closed_in_time(door: Door) -> None:
@@ -247,8 +247,10 @@ def test_a_connection_dropped_by_the_guard_ends_quickly() -> None:
     if why := objection():
         pytest.skip(why)
     words = alone([sys.executable, "-m", "tests.support.forgotten_end"])
-    said = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=60, check=True)
-    assert float(said.stdout) < ENDED_S
+    completed = subprocess.run(
+        words, cwd=ROOT, capture_output=True, text=True, timeout=60, check=True
+    )
+    assert float(completed.stdout) < ENDED_S
 
 
 def test_a_port_that_is_in_use_is_reported_with_the_remedy(door: Door) -> None:

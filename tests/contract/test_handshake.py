@@ -61,8 +61,8 @@ def test_a_plain_connection_to_a_tls_port_is_reported(place: str) -> None:
 def test_a_tls_connection_to_a_plain_port_is_reported(folder: Folder) -> None:
     with router(None) as plain:
         assert diagnose_link(plain, None) == ""
-        said = diagnose_link(plain, folder.credentials(TOOL))
-    assert "does not speak TLS" in said
+        diagnosis = diagnose_link(plain, folder.credentials(TOOL))
+    assert "does not speak TLS" in diagnosis
 
 
 def test_a_router_of_another_authority_is_diagnosed(
@@ -72,9 +72,9 @@ def test_a_router_of_another_authority_is_diagnosed(
     assert "not trusted here" in diagnose_link(place, other.credentials(TOOL))
     # One that believes the router, which does not believe it.
     shutil.copy(folder.path / "authority.crt", other.path / "authority.crt")
-    said = diagnose_link(place, other.credentials(TOOL))
-    assert "trusts another authority" in said
-    assert str(other.path / "supervisor.crt") in said
+    diagnosis = diagnose_link(place, other.credentials(TOOL))
+    assert "trusts another authority" in diagnosis
+    assert str(other.path / "supervisor.crt") in diagnosis
 
 
 def test_an_expired_certificate_is_reported(place: str, tmp_path: Path, folder: Folder) -> None:
@@ -84,21 +84,21 @@ def test_an_expired_certificate_is_reported(place: str, tmp_path: Path, folder: 
     assert "has expired" in diagnose_link(place, copy.credentials(TOOL))
     copy.renew(ROUTER, NOW - timedelta(days=10), 1.0)
     with router(copy.credentials(ROUTER)) as ended:
-        said = diagnose_link(ended, folder.credentials(TOOL))
-    assert "not trusted here: certificate has expired" in said
+        diagnosis = diagnose_link(ended, folder.credentials(TOOL))
+    assert "not trusted here: certificate has expired" in diagnosis
 
 
 def test_a_certificate_for_another_host_is_reported(tmp_path: Path) -> None:
     elsewhere = Folder(tmp_path / "elsewhere")
     establish(elsewhere, ["demo"], ["bench"], NOW)
     with router(elsewhere.credentials(ROUTER)) as listening:
-        said = diagnose_link(listening, elsewhere.credentials(TOOL))
-    assert "IP address mismatch" in said
+        diagnosis = diagnose_link(listening, elsewhere.credentials(TOOL))
+    assert "IP address mismatch" in diagnosis
 
 
 def test_a_certificate_of_another_program_is_reported(place: str, folder: Folder) -> None:
-    said = diagnose_link(place, folder.credentials(TOOL), "demo/actuator")
-    assert said == f"{place} sent the certificate of router, not that of demo/actuator"
+    diagnosis = diagnose_link(place, folder.credentials(TOOL), "demo/actuator")
+    assert diagnosis == f"{place} sent the certificate of router, not that of demo/actuator"
 
 
 def test_a_session_that_cannot_be_opened_reports_the_same_reason(

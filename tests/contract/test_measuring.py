@@ -14,14 +14,14 @@ NONE = Scheduling(priority=0, timer_slack_s=0.0)
 
 def test_a_real_machine_is_measured() -> None:
     """How punctual it is, is its own affair: only that it was looked at is asserted."""
-    told: list[str] = []
+    received: list[str] = []
 
     def progress(what: str, part_s: float) -> None:
         assert part_s > 0.0
-        told.append(what)
+        received.append(what)
 
     found = measure((0.002, 0.001), 1.0, NONE, progress, loaded=False)
-    assert told == ["wake-ups each 2 ms", "wake-ups each 1 ms", "hops over the bus"]
+    assert received == ["wake-ups each 2 ms", "wake-ups each 1 ms", "hops over the bus"]
     assert [one.period_s for one in found.wake_ups] == [0.002, 0.001]
     assert all(one.lateness.count > 0 for one in found.wake_ups)
     assert all(one.lateness.max_s > 0.0 for one in found.wake_ups)

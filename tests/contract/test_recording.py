@@ -81,12 +81,12 @@ def test_a_recording_is_replayed(tmp_path: Path) -> None:
     recorder = Recorder(path, "memory://", b"\r", lambda: 0.0)
     link = RecordingLink(MemoryLink(lambda _line: next(replies), b"\x00"), recorder)
     requests = (b"$01M", b"!open", b"\x00", b"")
-    said = [link.exchange(request) for request in requests]
-    assert said == [b"!01", b"!garbled", b"a\tb\\\xff\n", b""]
+    answers = [link.exchange(request) for request in requests]
+    assert answers == [b"!01", b"!garbled", b"a\tb\\\xff\n", b""]
     original = failure(link, b"e")
     link.tell(b"!told")
     played = replay(path)
-    assert [played.exchange(request) for request in requests] == said
+    assert [played.exchange(request) for request in requests] == answers
     again = failure(played, b"e")
     assert (again.code, str(again)) == (original.code, str(original))
     assert not played.ended
@@ -104,14 +104,14 @@ def test_a_driver_plays_its_recording_without_a_change(tmp_path: Path) -> None:
 
     def all_said(settings: Sensor) -> list[float | str]:
         device = keyence_lkg.open_sensor(settings)
-        said = list[float | str]()
+        received = list[float | str]()
         for _ in range(4):
             try:
-                said.append(device.read_um())
+                received.append(device.read_um())
             except InstrumentError as error:
-                said.append(error.code)
+                received.append(error.code)
         device.close()
-        return said
+        return received
 
     with serve(ANY, SimulatedKeyence(lambda: next(positions_um))) as wire:
         live = all_said(sensor(wire.url, path))
@@ -194,24 +194,24 @@ def test_a_reopened_port_replays_the_preparation_of_the_instrument(tmp_path: Pat
         url, baud=9600, timeout_s=1.0, on_open=prepare, record=path, clock=lambda: now_s
     )
     try:
-        said = [link.exchange(b"MS,01")]
+        answers = [link.exchange(b"MS,01")]
         wire.close()
         causes = [failure(link, b"MS,01").code]
         wire = serve(url, SimulatedKeyence(lambda: 2.0))
         causes += [failure(link, b"MS,01").code, failure(link, b"MS,01").code]
         now_s = RETRY_S
-        said.append(link.exchange(b"MS,01"))
+        answers.append(link.exchange(b"MS,01"))
     finally:
         link.close()
         wire.close()
     assert causes == ["hung_up", "refused", "hung_up"]
-    assert said == [b"MS,01,+0001.00", b"MS,01,+0002.00"]
+    assert answers == [b"MS,01,+0001.00", b"MS,01,+0002.00"]
     assert prepared == [b"ER,R0,01", b"ER,R0,01"]
     prepared.clear()
     played = ReplayLink(f"replay:{path}", prepare)
-    assert played.exchange(b"MS,01") == said[0]
+    assert played.exchange(b"MS,01") == answers[0]
     assert [failure(played, b"MS,01").code for _ in causes] == causes
-    assert played.exchange(b"MS,01") == said[1]
+    assert played.exchange(b"MS,01") == answers[1]
     assert prepared == [b"ER,R0,01", b"ER,R0,01"]
     assert played.ended
 

@@ -37,10 +37,12 @@ def test_the_rig_program_offers_both_instruments_until_stopped(tmp_path: Path, p
             seen.append(sensor.read_um())
         sensor.close()
         output.close()
-    told = [message for message in bus.told if isinstance(message, GroundTruth)]
-    assert [truth.seq for truth in told] == [0, 1, 2]
-    assert [truth.arms[0].voltage_V for truth in told] == pytest.approx([1.0, 1.0, 0.5], abs=0.0007)
-    assert [truth.arms[0].x_um for truth in told[1:]] == pytest.approx(seen[:2], abs=0.2)
+    truths = [message for message in bus.told if isinstance(message, GroundTruth)]
+    assert [truth.seq for truth in truths] == [0, 1, 2]
+    assert [truth.arms[0].voltage_V for truth in truths] == pytest.approx(
+        [1.0, 1.0, 0.5], abs=0.0007
+    )
+    assert [truth.arms[0].x_um for truth in truths[1:]] == pytest.approx(seen[:2], abs=0.2)
     assert bus.names == ["rig"]
     assert bus.closed
     assert not (tmp_path / "sensor").is_symlink()

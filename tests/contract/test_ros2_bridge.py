@@ -154,17 +154,19 @@ def test_a_node_receives_topics_and_samples(
     numbers = [struct.unpack_from("<qqB", one) for one in attached]
     assert [(number, size) for number, _, size in numbers] == [(1, 16), (2, 16)]
     assert {len(one) for one in attached} == {33}
-    told: set[str] = set()
+    reported: set[str] = set()
 
     def graph() -> bool:
         replies = node.liveliness().get("@ros2_lv/0/**")
-        told.update(str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
-        return len(told) >= 3
+        reported.update(str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
+        return len(reported) >= 3
 
     until(graph)
     zid = ros.info.zid()
     topic = "%pincette%left_arm%force_mN"
-    assert f"@ros2_lv/0/{zid}/0/0/NN/%/%/pincette" in told
-    assert f"@ros2_lv/0/{zid}/0/1/MP/%/%/pincette/{topic}/{types['FLOAT64']}/::,10:,:,:,," in told
+    assert f"@ros2_lv/0/{zid}/0/0/NN/%/%/pincette" in reported
+    assert (
+        f"@ros2_lv/0/{zid}/0/1/MP/%/%/pincette/{topic}/{types['FLOAT64']}/::,10:,:,:,," in reported
+    )
     watching.undeclare()
     cast("Any", listening).undeclare()

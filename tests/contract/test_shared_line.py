@@ -138,7 +138,7 @@ def test_a_silent_module_is_silent_for_both_arms() -> None:
         "second": {"output": {"url": rig.output.url, "options": {"address": 1, "channel": 1}}},
     }
     off: Tree = {"at_s": 1.0, "target": "second_output", "what": "off"}
-    told, _ = play(off, changes=changes)
-    applied = [item for item in told if isinstance(item, Applied)]
+    reported, _ = play(off, changes=changes)
+    applied = [item for item in reported if isinstance(item, Applied)]
     (fault,) = applied[-1].faults[:1]
     assert fault.number("arm") == 1, "the first is written first, and is silent already"

@@ -189,9 +189,9 @@ def test_the_answer_of_another_program_confirms_nothing(
     with answering(status, body) as other:
         ended = main(["estop", "--url", other.url, "--rig", "/nonexistent", "--json"])
     assert ended == Exit.NO_ANSWER
-    told = json.loads(capsys.readouterr().out)
-    assert told["stopped"] == {}
-    assert told["unconfirmed"]
+    output = json.loads(capsys.readouterr().out)
+    assert output["stopped"] == {}
+    assert output["unconfirmed"]
 
 
 def test_rigs_that_have_not_confirmed_are_named_and_the_exit_status_shows_it(
@@ -206,9 +206,9 @@ def test_rigs_that_have_not_confirmed_are_named_and_the_exit_status_shows_it(
     with answering(503, problem) as supervisor:
         ended = main(["estop", "--url", supervisor.url, "--rig", "/nonexistent", "--json"])
     assert ended == Exit.FAILED
-    told = json.loads(capsys.readouterr().out)
-    assert told["stopped"] == {"left": "through the supervisor"}
-    assert "right" in told["unconfirmed"]
+    output = json.loads(capsys.readouterr().out)
+    assert output["stopped"] == {"left": "through the supervisor"}
+    assert "right" in output["unconfirmed"]
 
 
 def test_one_rig_is_stopped_by_name(capsys: pytest.CaptureFixture[str]) -> None:
@@ -241,34 +241,34 @@ def test_a_key_is_sent_only_if_a_certificate_proves_the_server_and_is_omitted_if
 @pytest.fixture
 def actuator(tmp_path: Path) -> Generator[tuple[RigFile, Path, list[Message]]]:
     """An actuator on the bus that confirms every trip; there is no router and no supervisor."""
-    rig, asked = demo_rig(), list[Message]()
+    rig, requested = demo_rig(), list[Message]()
     path = tmp_path / "rig.toml"
     path.write_text(rig_toml(rig), encoding="utf-8")
     bus = ZenohBus(service_endpoint(rig, "actuator", loop_services()), "demo", "actuator")
 
     def answer(_question: Request, message: Message, reply: Callable[[Any], None]) -> None:
-        asked.append(message)
+        requested.append(message)
         reply(Ack(1))
 
     bus.serve(TRIP, answer)
-    yield rig, path, asked
+    yield rig, path, requested
     bus.close()
 
 
 def test_without_router_and_supervisor_the_actuator_is_stopped_directly(
     actuator: tuple[RigFile, Path, list[Message]], tmp_path: Path
 ) -> None:
-    _, path, asked = actuator
+    _, path, requested = actuator
     begun_s = monotonic()
     done = estop("--rig", str(path), "--json", env={}, cwd=tmp_path)
     took_s = monotonic() - begun_s
     assert done.returncode == Exit.DONE, done.stderr
-    told = json.loads(done.stdout)
-    assert told["stopped"] == {"demo": "at the actuator"}
-    assert len(asked) == 1
+    output = json.loads(done.stdout)
+    assert output["stopped"] == {"demo": "at the actuator"}
+    assert len(requested) == 1
     # The time is counted from the start of the process, which the system states in ticks of 10 ms,
     # and not from the end of its imports.
-    assert 0.4 * took_s < told["elapsed_ms"] / 1e3 < took_s + 0.02
+    assert 0.4 * took_s < output["elapsed_ms"] / 1e3 < took_s + 0.02
 
 
 def test_a_stop_needs_little_more_processor_time_than_python_itself(
@@ -280,25 +280,25 @@ def test_a_stop_needs_little_more_processor_time_than_python_itself(
 def test_an_unrelated_fault_in_the_rig_file_does_not_prevent_a_stop(
     actuator: tuple[RigFile, Path, list[Message]],
 ) -> None:
-    _, path, asked = actuator
+    _, path, requested = actuator
     text = re.sub("(?m)^voltage_max_V = .*", "voltage_max_V = 'high'", path.read_text())
     text = text.replace("[bus]", "[bus]\nfrom_a_later_version = true", 1)
     path.write_text(f"{text}\n[no_such_table]\nx = 1\n", encoding="utf-8")
     done = estop("--rig", str(path), "--json")
     assert done.returncode == Exit.DONE, done.stderr
-    assert len(asked) == 1
+    assert len(requested) == 1
 
 
 def test_a_hanging_supervisor_does_not_delay_the_direct_stop(
     actuator: tuple[RigFile, Path, list[Message]],
 ) -> None:
-    _, path, asked = actuator
+    _, path, requested = actuator
     with socket.create_server(("127.0.0.1", 0)) as silent:
         url = f"http://127.0.0.1:{silent.getsockname()[1]}"
         begun_s = monotonic()
         done = estop("--rig", str(path), "--url", url, "--rig-name", "demo", "--json")
     assert done.returncode == Exit.DONE, done.stderr
-    assert len(asked) == 1
+    assert len(requested) == 1
     assert json.loads(done.stdout)["elapsed_ms"] < 1e3 * (monotonic() - begun_s)
 
 
@@ -308,7 +308,7 @@ def test_a_late_confirmation_is_accepted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """As on a machine under heavy load, where even the rig file is read only after the limit."""
-    _, path, asked = actuator
+    _, path, requested = actuator
     late = Event()
     chosen, written = estop_command.chosen, estop_command.written
 
@@ -324,10 +324,10 @@ def test_a_late_confirmation_is_accepted(
     monkeypatch.setattr(estop_command, "chosen", chosen_late)
     monkeypatch.setattr(estop_command, "written", written_first)
     assert main(["estop", "--rig", str(path), "--json"]) == Exit.DONE
-    said = capsys.readouterr()
-    assert "not confirmed within 0.01 s" in said.err
-    assert json.loads(said.out)["stopped"] == {"demo": "at the actuator"}
-    assert len(asked) >= 1
+    output = capsys.readouterr()
+    assert "not confirmed within 0.01 s" in output.err
+    assert json.loads(output.out)["stopped"] == {"demo": "at the actuator"}
+    assert len(requested) >= 1
 
 
 def _with_supervisor_at(path: Path, port: int) -> None:
@@ -340,13 +340,13 @@ def _with_supervisor_at(path: Path, port: int) -> None:
 def test_an_impostor_at_the_port_of_the_supervisor_does_not_replace_the_actuator(
     actuator: tuple[RigFile, Path, list[Message]],
 ) -> None:
-    _, path, asked = actuator
+    _, path, requested = actuator
     with answering(200, stopped("demo")) as impostor:
         _with_supervisor_at(path, impostor.port)
         done = estop("--rig", str(path), "--json")
     assert done.returncode == Exit.DONE, done.stderr
     assert json.loads(done.stdout)["stopped"] == {"demo": "at the actuator"}
-    assert len(asked) >= 1
+    assert len(requested) >= 1
     assert impostor.posts
 
 
@@ -358,8 +358,8 @@ def test_an_impostor_cannot_confirm_the_stop_of_a_missing_rig(tmp_path: Path) ->
         done = estop("--rig", str(path), "--json")
         by_url = estop("--rig", str(path), "--url", impostor.url.replace("127.0.0.1", "localhost"))
     assert done.returncode == by_url.returncode == Exit.NO_ANSWER
-    told = json.loads(done.stdout)
-    assert (told["stopped"], told["unconfirmed"]) == ({}, ["demo"])
+    output = json.loads(done.stdout)
+    assert (output["stopped"], output["unconfirmed"]) == ({}, ["demo"])
     assert len(impostor.posts) == 2
 
 

@@ -50,10 +50,10 @@ def test_a_direct_stop_is_confirmed_in_time_despite_a_full_queue(
     router: tuple[RigFile, "subprocess.Popen[bytes]"], beside: str
 ) -> None:
     rig, process = router
-    asked: list[Message] = []
+    requests: list[Message] = []
 
     def answer(_: Request, request: Message, reply: Callable[[Message | str], None]) -> None:
-        asked.append(request)
+        requests.append(request)
         reply(Ack(1))
 
     with ExitStack() as stack:
@@ -84,7 +84,7 @@ def test_a_direct_stop_is_confirmed_in_time_despite_a_full_queue(
             end.set()
             process.send_signal(signal.SIGCONT)
             filling.join()
-    assert Trip(Cause.ESTOP) in asked
+    assert Trip(Cause.ESTOP) in requests
 
 
 def _supervisor(rig: RigFile) -> ZenohBus:

@@ -147,6 +147,6 @@ def test_an_external_subscriber_receives_the_rig(tmp_path: Path) -> None:
     log = tmp_path / "subscribe.log"
     command = [str(ROOT / ".venv/bin/python"), str(ROOT / "docs/examples/subscribe.py")]
     with until_interrupted(command, tmp_path, log) as process:
-        said = await_text(log, " V\n", process, 20.0)
-    assert re.search(r"^ *-?\d+\.\d{3} µm +-?\d+\.\d{3} mN\n", said, re.MULTILINE)
-    assert re.search(r"^ *-?\d+\.\d{4} V\n", said, re.MULTILINE)
+        output = await_text(log, " V\n", process, 20.0)
+    assert re.search(r"^ *-?\d+\.\d{3} µm +-?\d+\.\d{3} mN\n", output, re.MULTILINE)
+    assert re.search(r"^ *-?\d+\.\d{4} V\n", output, re.MULTILINE)

@@ -154,7 +154,7 @@ def test_odd_headers_are_refused_or_ignored(
 def test_a_key_appears_nowhere(
     desk: Harness, job: str, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    key, said = "pk-0a1b2c3d4e5f", ""
+    key, stated = "pk-0a1b2c3d4e5f", ""
     headers = [
         *JSON_HEADERS,
         (b"authorization", f"Bearer {key}".encode()),
@@ -172,9 +172,9 @@ def test_a_key_appears_nowhere(
         ):
             answer = send(desk.app, method, path, body, headers)
             shown(answer)
-            said += f"{answer.headers}{answer.body.decode()}"
+            stated += f"{answer.headers}{answer.body.decode()}"
     written = capfd.readouterr()
-    assert key not in said + caplog.text + written.out + written.err
+    assert key not in stated + caplog.text + written.out + written.err
     assert "Traceback" not in caplog.text + written.out + written.err
 
 
@@ -198,8 +198,8 @@ def test_labels_never_enter_a_header_and_are_escaped_on_the_page(desk: Harness, 
     report = send(desk.app, "GET", f"/api/v1/jobs/{job}/artifacts/report.html")
     assert report.status == 200
     assert b"<script" not in report.body
-    told = json.loads(send(desk.app, "GET", f"/api/v1/jobs/{job}").body)
-    assert told["labels"]["part"] == '<script>alert("1")</script>'
+    content = json.loads(send(desk.app, "GET", f"/api/v1/jobs/{job}").body)
+    assert content["labels"]["part"] == '<script>alert("1")</script>'
     page = send(desk.app, "GET", "/?rig=%3Cscript%3E1%3C/script%3E")
     assert refused(page)["status"] == 404
 

@@ -134,13 +134,13 @@ def test_a_sweep_finds_the_interval_of_steps_in_parts(bench: list[Bench]) -> Non
     """The sweep itself has no parts."""
     rig, record = swept(bench, {"output": {"shaping": True}})
     omega_n = value(record, "model.natural_frequency_rad_per_s")
-    told = calibrated_rig(
+    loaded = calibrated_rig(
         rig, Calibration(values={"model.natural_frequency_rad_per_s": omega_n}, sources={})
     )
     ratio = rig.model.compliance_um_per_mN * rig.part.stiffness_mN_per_um
-    assert told.shaping_s == pytest.approx(shaping_interval_s(omega_n, ratio))
+    assert loaded.shaping_s == pytest.approx(shaping_interval_s(omega_n, ratio))
     (shown,) = [one for one in result_of(record).figures if one.name == "shaping interval"]
-    assert 1e-3 * shown.value == pytest.approx(told.shaping_s)
+    assert 1e-3 * shown.value == pytest.approx(loaded.shaping_s)
 
 
 def test_bursts_at_1_khz_find_the_output_delay_and_the_mode(bench: list[Bench]) -> None:
@@ -164,9 +164,9 @@ def test_bursts_at_1_khz_find_the_output_delay_and_the_mode(bench: list[Bench]) 
         sure[quantity] = one.uncertainty
     # Law and estimator get them as every calibrated quantity, with the arming.
     values = {quantity: one.value for quantity, one in found.items()}
-    told = calibrated_rig(rig, Calibration(values=values, sources={}))
+    loaded = calibrated_rig(rig, Calibration(values=values, sources={}))
     delay_s, lag_s = values["model.output_delay_s"], values["model.output_lag_s"]
-    assert told.model.output(rig.rig.period_s) == (delay_s, lag_s)
-    assert configure(told).output == (delay_s, lag_s)
+    assert loaded.model.output(rig.rig.period_s) == (delay_s, lag_s)
+    assert configure(loaded).output == (delay_s, lag_s)
     assert sure["model.output_delay_s"] < 0.2 * rig.rig.period_s
     assert sure["model.natural_frequency_rad_per_s"] < 1.0

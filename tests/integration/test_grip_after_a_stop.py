@@ -73,14 +73,14 @@ class Bench:
         stopped = False
         for _ in range(LONGEST_TICKS):
             self.tick()
-            told = self.virtual.telemetry[-1:]
-            if not told or told[0].epoch != self.epoch:
+            reported = self.virtual.telemetry[-1:]
+            if not reported or reported[0].epoch != self.epoch:
                 continue
-            if not stopped and stop(told[0]):
+            if not stopped and stop(reported[0]):
                 stopped = True
                 self.virtual.call(ACTION, Action(ActionCode.STOP))
-            if not told[0].playing:
-                return told[0].outcome, [phase.phase for phase in planned.plan.phases]
+            if not reported[0].playing:
+                return reported[0].outcome, [phase.phase for phase in planned.plan.phases]
         raise TimeoutError(f"{request} goes on")
 
 

@@ -176,8 +176,8 @@ def test_the_next_supervisor_completes_records_without_documents(
     office = Office(rig, tmp_path)
     names = [office.manager.create(SHORT_GRIP)[0].id]
     office.steps.pass_(400)
-    told = office.manager.index.job(names[0])
-    assert told.state == "succeeded"
+    reported = office.manager.index.job(names[0])
+    assert reported.state == "succeeded"
     if not ended:
         names.append(office.manager.create(GRIP)[0].id)
         office.steps.pass_(HOLD)
@@ -192,8 +192,8 @@ def test_the_next_supervisor_completes_records_without_documents(
     office.kill()
     after = Office(rig, tmp_path)
     job = after.manager.index.job(names[0])
-    assert (job.cause, job.result, job.record_complete) == (told.cause, told.result, True)
-    assert json.loads((where / folder.RESULT).read_text(encoding="utf-8")) == told.result
+    assert (job.cause, job.result, job.record_complete) == (reported.cause, reported.result, True)
+    assert json.loads((where / folder.RESULT).read_text(encoding="utf-8")) == reported.result
     for name in names:
         files = {entry["name"] for entry in manifest(tmp_path / "jobs" / name)["files"]}
         assert {*DOCUMENTS, NAME, folder.SAMPLES} <= files, after.manager.index.job(name)

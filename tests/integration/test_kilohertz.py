@@ -56,9 +56,9 @@ def test_a_grip_is_short_and_its_force_is_held(said: list[Message]) -> None:
 def test_a_path_of_10_hz_is_followed_in_position_and_force() -> None:
     program = tracking_plan(RIG, frequency_hz=10.0, cycles=6).program
     path = next(path for one in program.segments for path in paths_of(one))
-    said = ComposedLoop(RIG).play(program)
-    assert [one for one in said if isinstance(one, Telemetry)][-1].outcome == "tracked"
-    found = errors(tracked(said, path, RIG.rig.period_s))
+    messages = ComposedLoop(RIG).play(program)
+    assert [one for one in messages if isinstance(one, Telemetry)][-1].outcome == "tracked"
+    found = errors(tracked(messages, path, RIG.rig.period_s))
     assert found.position_percent <= 0.6
     # The arm has not been stroked: its first load shows what the model does not know of it.
     assert found.force_percent <= 4.0
@@ -100,9 +100,9 @@ def test_a_part_that_steps_during_the_hold_is_detected_within_15_ms(
 
     loop = ComposedLoop(RIG, set_up)
     loop.bus.subscribe(TELEMETRY, step)
-    said = loop.play(plan_job(GripJobRequest(kind="grip"), RIG).program)
-    true_um = {one.seq: one.arms[0].x_um for one in said if isinstance(one, GroundTruth)}
-    wanted_um = {one.seq: one.arms[0].x_d_um for one in said if isinstance(one, Telemetry)}
+    messages = loop.play(plan_job(GripJobRequest(kind="grip"), RIG).program)
+    true_um = {one.seq: one.arms[0].x_um for one in messages if isinstance(one, GroundTruth)}
+    wanted_um = {one.seq: one.arms[0].x_d_um for one in messages if isinstance(one, Telemetry)}
     (at,) = stepped
     before_um = sum(true_um[seq] - wanted_um[seq] for seq in range(at - 50, at)) / 50.0
     after = range(at + 1, at + 200)

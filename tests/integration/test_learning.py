@@ -73,10 +73,10 @@ def test_the_error_falls_from_cycle_to_cycle() -> None:
 
 def test_the_record_contains_what_the_controller_has_learned() -> None:
     found = learned()
-    told = result_of(found).learned
-    assert told is not None
+    stored = result_of(found).learned
+    assert stored is not None
     assert found.learned is not None
-    assert told.errors_um == pytest.approx(errors_um(found))
+    assert stored.errors_um == pytest.approx(errors_um(found))
     of = rig()
     published = ComposedLoop(of).play(plan_job(TRACK, of).program)
     view = [m for m in published if isinstance(m, Telemetry) and m.correction_um]
@@ -84,25 +84,25 @@ def test_the_record_contains_what_the_controller_has_learned() -> None:
     last = view[-1].segment_tick
     assert last > 0
     largest = max(abs(m.correction_um) for m in view)
-    assert largest == pytest.approx(told.largest_um, abs=0.1)
+    assert largest == pytest.approx(stored.largest_um, abs=0.1)
 
 
 def test_the_next_job_starts_with_what_was_learned() -> None:
     first = learned()
     again = played(TRACK, first.learned)
     assert errors_um(again)[0] < 0.5 * errors_um(first)[0]
-    told = result_of(again).learned
-    assert told is not None
-    assert told.errors_um[: len(errors_um(first))] == pytest.approx(errors_um(first))
+    stored = result_of(again).learned
+    assert stored is not None
+    assert stored.errors_um[: len(errors_um(first))] == pytest.approx(errors_um(first))
 
 
 def test_helpful_corrections_are_stored_with_figures_of_independent_cycles() -> None:
-    told = result_of(learned()).learned
-    assert told is not None
-    assert told.kept
-    assert told.before_um == pytest.approx(errors_um(learned())[0])
-    assert told.after_um is not None
-    assert told.after_um < 0.5 * errors_um(learned())[0]
+    stored = result_of(learned()).learned
+    assert stored is not None
+    assert stored.kept
+    assert stored.before_um == pytest.approx(errors_um(learned())[0])
+    assert stored.after_um is not None
+    assert stored.after_um < 0.5 * errors_um(learned())[0]
 
 
 @pytest.mark.parametrize("cycles", [1, 3])
@@ -110,11 +110,11 @@ def test_useless_corrections_are_not_stored(cycles: int) -> None:
     """By a law with the identified response a slow path is at the noise from its first cycle on."""
     slow = {"frequency_hz": 0.5, "cycles": cycles, "set": None}
     found = played(TRACK.model_copy(update=slow))
-    told = result_of(found).learned
-    assert told is not None
-    assert not told.kept
+    stored = result_of(found).learned
+    assert stored is not None
+    assert not stored.kept
     assert found.learned is None
-    assert (told.after_um is None) == (cycles == 1)
+    assert (stored.after_um is None) == (cycles == 1)
 
 
 def test_corrections_that_have_become_worse_are_not_stored_either() -> None:
@@ -123,12 +123,12 @@ def test_corrections_that_have_become_worse_are_not_stored_either() -> None:
     assert first is not None
     turned = replace(first, values_um=tuple(-value for value in first.values_um), quiet=2)
     found = played(TRACK.model_copy(update={"cycles": 3}), turned)
-    told = result_of(found).learned
-    assert told is not None
-    assert not told.kept
-    assert told.after_um is not None
-    assert told.before_um is not None
-    assert told.after_um > told.before_um
+    stored = result_of(found).learned
+    assert stored is not None
+    assert not stored.kept
+    assert stored.after_um is not None
+    assert stored.before_um is not None
+    assert stored.after_um > stored.before_um
 
 
 def test_a_cycle_that_is_not_a_whole_number_of_periods_is_not_used_for_learning() -> None:

@@ -50,10 +50,10 @@ def played(
 ) -> tuple[Message, ...]:
     """A job under a lease; ``renew`` is called after every tick, of which there are so many."""
     loop = ComposedLoop(RIG)
-    said: list[Message] = []
+    received: list[Message] = []
 
     def take(_topic: Topic, message: Message) -> None:
-        said.append(message)
+        received.append(message)
         if isinstance(message, Applied) and message.seq >= 0:
             renew(loop, message.seq)
 
@@ -64,10 +64,12 @@ def played(
     lease = Lease(EPOCH, length_s, then)
     arm(loop.bus, program, epoch=EPOCH, digest=RIG.digest(), lease=lease)
     while loop.bus.pump():
-        if sum(isinstance(message, Applied) for message in said) > most:
+        if sum(isinstance(message, Applied) for message in received) > most:
             break
     return tuple(
-        item for item in said if not isinstance(item, Sample | RequestLog) or item.epoch == EPOCH
+        item
+        for item in received
+        if not isinstance(item, Sample | RequestLog) or item.epoch == EPOCH
     )
 
 

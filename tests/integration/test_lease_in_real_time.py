@@ -25,8 +25,8 @@ def granted(state: str, phase: float, length_s: float = LENGTH_S) -> VirtualLoop
 
 
 def told(loop: VirtualLoop, since_s: float) -> list[tuple[float, Telemetry]]:
-    said = loop.told or []
-    return [(at, one) for at, one in said if isinstance(one, Telemetry) and at > since_s]
+    messages = loop.told or []
+    return [(at, one) for at, one in messages if isinstance(one, Telemetry) and at > since_s]
 
 
 def asked(loop: VirtualLoop, since_s: float) -> list[tuple[float, RequestLog]]:

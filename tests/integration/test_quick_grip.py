@@ -35,10 +35,10 @@ def gripped(simulation: Tree | None = None, **wishes: object) -> Grip:
     published = ComposedLoop(rig).play(planned.program)
     views = [message for message in published if isinstance(message, Telemetry)]
     true_mN = {m.seq: m.arms[0].force_mN for m in published if isinstance(m, GroundTruth)}
-    told = {m.seq: m for m in published if isinstance(m, Estimate)}
+    by_seq = {m.seq: m for m in published if isinstance(m, Estimate)}
     hold = [view.seq for view in views if view.phase == "hold"]
     within = [
-        abs(told[seq].arms[0].force_mN - true_mN[seq]) <= told[seq].arms[0].force_uncertainty_mN
+        abs(by_seq[seq].arms[0].force_mN - true_mN[seq]) <= by_seq[seq].arms[0].force_uncertainty_mN
         for seq in hold
     ]
     load = [view.seq for view in views if view.phase == "load"]

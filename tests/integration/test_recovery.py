@@ -198,8 +198,8 @@ def test_a_trip_of_the_hold_freezes_again_and_a_grip_follows_the_release() -> No
     assert desk.held
     desk.job(ReleaseJobRequest(kind="release"), 3)
     plain = plan_job(GripJobRequest(kind="grip", hold_s=0.5, load_s=1.0), RIG, desk.present)
-    said = desk.play(plain.program, 4)
-    assert [m.outcome for m in said if isinstance(m, Telemetry)][-1] == "gripped"
+    messages = desk.play(plain.program, 4)
+    assert [m.outcome for m in messages if isinstance(m, Telemetry)][-1] == "gripped"
 
 
 def test_a_pose_is_taught_by_a_move_and_reached_again() -> None:

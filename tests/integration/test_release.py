@@ -75,9 +75,9 @@ def test_a_grip_states_how_its_release_went(part: dict[str, float], verdict: str
     assert found.verdict.verdict == verdict
     assert found.free == (verdict == "released")
     assert (getattr(result, "zero_return", None) is None) == (verdict == "sticks")
-    said = [words for words, _ in confirmations(found.record.tree)]
-    assert ("the part sticks to the arm" in said) == (verdict == "sticks")
-    assert not ("the part sticks to the arm" in said and "zero return" in " ".join(said))
+    reported = [words for words, _ in confirmations(found.record.tree)]
+    assert ("the part sticks to the arm" in reported) == (verdict == "sticks")
+    assert not ("the part sticks to the arm" in reported and "zero return" in " ".join(reported))
 
 
 def test_two_arms_release_a_part_that_lies_between_them() -> None:

@@ -210,8 +210,12 @@ def test_an_arm_with_a_wrong_response_is_reported_during_the_hold_and_in_the_res
     loop.bus.call(RESET, Reset(acknowledge=True))
     arm(loop.bus, planned.program, epoch=1, digest=rig.digest())
     while loop.bus.pump():
-        told = messages[-1]
-        if isinstance(told, Telemetry) and told.phase == "hold" and told.segment_tick == 120:
+        reported = messages[-1]
+        if (
+            isinstance(reported, Telemetry)
+            and reported.phase == "hold"
+            and reported.segment_tick == 120
+        ):
             status = loop.bus.call(STATUS["estimator"], StatusRequest())
             assert isinstance(status, Status)
             found = [one.code for one in status.findings]

@@ -13,10 +13,10 @@ def test_a_block_shorter_than_its_warm_up_is_refused_with_limit_and_remedy(
     with pytest.raises(SystemExit) as ended:
         main(["--ticks", ticks])
     assert ended.value.code == 2
-    said = capsys.readouterr().err
-    assert f"--ticks = {ticks}: the limit is {LEAST_TICKS}" in said
-    assert "give --ticks 2000" in said
-    assert "Traceback" not in said
+    output = capsys.readouterr().err
+    assert f"--ticks = {ticks}: the limit is {LEAST_TICKS}" in output
+    assert "give --ticks 2000" in output
+    assert "Traceback" not in output
 
 
 def test_zero_blocks_are_refused(capsys: pytest.CaptureFixture[str]) -> None:

@@ -78,11 +78,11 @@ def test_health_checks_exist_for_the_programs_of_the_rig_file(
         wanted.setdefault(name, set()).add(str(port))
     router = endpoint(rig.bus.host, rig.bus.port, "router").rpartition(":")[2]
     for name in set(contained()) - {"supervisor"}:
-        asked = services[name]["healthcheck"]["test"]
-        assert asked[:2] == ["CMD", "serves"]
-        place = asked.index("--to") if "--to" in asked else len(asked)
-        assert set(asked[2:place]) == wanted.get(name, set()), name
-        assert asked[place:] == ([] if name == "router" else ["--to", router]), name
+        requested = services[name]["healthcheck"]["test"]
+        assert requested[:2] == ["CMD", "serves"]
+        place = requested.index("--to") if "--to" in requested else len(requested)
+        assert set(requested[2:place]) == wanted.get(name, set()), name
+        assert requested[place:] == ([] if name == "router" else ["--to", router]), name
     assert f":{rig.supervisor.port}/readyz" in services["supervisor"]["healthcheck"]["test"][-1]
 
 

@@ -41,8 +41,8 @@ def test_a_request_member_is_not_also_a_parameter() -> None:
             names = {part.split('"')[0] for part in text.split("#/components/schemas/")[1:]}
             schemas = [document["components"]["schemas"][name] for name in names]
             members = {name for schema in schemas for name in schema.get("properties", {})}
-            asked = {one["name"] for one in operation.get("parameters", ())}
-            assert members.isdisjoint(asked), operation["operationId"]
+            requested = {one["name"] for one in operation.get("parameters", ())}
+            assert members.isdisjoint(requested), operation["operationId"]
 
 
 def test_an_operation_has_one_content_type_with_a_schema() -> None:

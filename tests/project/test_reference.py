@@ -35,21 +35,21 @@ def part(page: str, head: str) -> str:
 def test_every_path_and_model_of_rest_is_listed(root: Path, rest: str) -> None:
     tree = json.loads((root / "deploy/openapi.json").read_text(encoding="utf-8"))
     for path, methods in tree["paths"].items():
-        for method, said in methods.items():
-            told = part(rest, f"### `{method.upper()} {path}`")
-            assert all(f"| `{item['name']}` |" in told for item in said.get("parameters", ()))
-            assert all(status in told for status in said["responses"])
+        for method, stated in methods.items():
+            section = part(rest, f"### `{method.upper()} {path}`")
+            assert all(f"| `{item['name']}` |" in section for item in stated.get("parameters", ()))
+            assert all(status in section for status in stated["responses"])
     for name, schema in tree["components"]["schemas"].items():
-        told = part(rest, f"### {name}")
-        assert all(f"| `{field}` |" in told for field in schema.get("properties", {}))
+        section = part(rest, f"### {name}")
+        assert all(f"| `{field}` |" in section for field in schema.get("properties", {}))
 
 
 def test_a_field_of_rest_has_unit_limits_default_and_meaning(rest: str) -> None:
-    told = part(rest, "### TrackJobRequest")
+    section = part(rest, "### TrackJobRequest")
     meaning = "Height of a swing of the force, peak to peak."
-    assert f"| `force_pp_mN` | number or null | mN |  | > 0, ≤ 1e+15 | {meaning} |" in told
-    assert "| `cycles` | whole number or null |  |  | ≥ 1, ≤ 1000 |" in told
-    assert '| `kind` | `"track"` |  | *required* |' in told
+    assert f"| `force_pp_mN` | number or null | mN |  | > 0, ≤ 1e+15 | {meaning} |" in section
+    assert "| `cycles` | whole number or null |  |  | ≥ 1, ≤ 1000 |" in section
+    assert '| `kind` | `"track"` |  | *required* |' in section
 
 
 @pytest.mark.parametrize("page", ["rest", "configuration"])
@@ -128,6 +128,6 @@ def test_a_schema_is_described_in_words(root: Path) -> None:
             {"type": "null"},
         ]
     }
-    told = words["type_words"](schema, "<{}>".format)
-    assert told == "list of number or map of whole number or <Thing> or null"
+    reported = words["type_words"](schema, "<{}>".format)
+    assert reported == "list of number or map of whole number or <Thing> or null"
     assert words["limit_words"](schema) == "at most 3 entries, each ≥ 2, each < 9"

@@ -15,8 +15,8 @@ def test_every_branch_is_covered_by_unit_tests(root: Path, tmp_path: Path) -> No
     sources = f"--source={','.join(SOURCES)}"
     pytest = ["-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "not slow", *TESTS]
     subprocess.run([*coverage, "run", data, "--branch", sources, *pytest], cwd=root, check=True)
-    told = ["json", data, "--fail-under=0", "-q", "-o", str(report)]
-    subprocess.run([*coverage, *told], cwd=root, check=True)
+    reported = ["json", data, "--fail-under=0", "-q", "-o", str(report)]
+    subprocess.run([*coverage, *reported], cwd=root, check=True)
     files = json.loads(report.read_text(encoding="utf-8"))["files"]
     assert len(files) >= 12
     assert {

@@ -83,11 +83,11 @@ def test_systemd_understands_the_units(units: Path, tmp_path: Path) -> None:
         (tmp_path / path.name).write_text(text, encoding="utf-8")
     (tmp_path / UNIT).rename(tmp_path / "pincette@sensor.service")
     places = [str(path) for path in sorted(tmp_path.glob("pincette*"))]
-    said = subprocess.run(
+    completed = subprocess.run(
         [tool, "verify", "--man=no", *places],
         capture_output=True,
         text=True,
         timeout=TRY_S,
         check=False,
     )
-    assert [line for line in said.stderr.splitlines() if "pincette" in line] == []
+    assert [line for line in completed.stderr.splitlines() if "pincette" in line] == []

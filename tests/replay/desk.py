@@ -57,8 +57,8 @@ class Desk:
         arm(self.loop.bus, program, epoch=epoch, digest=digest, calibration=calibration)
         while self.loop.bus.pump():
             pass
-        told = [item for item in self._said if isinstance(item, Sample | RequestLog)]
-        return [item for item in told if item.epoch == epoch]
+        selected = [item for item in self._said if isinstance(item, Sample | RequestLog)]
+        return [item for item in selected if item.epoch == epoch]
 
     def act(self, action: str) -> None:
         """Ask the controller."""

@@ -38,13 +38,13 @@ def test_replaying_a_calibration_reproduces_it(path: Path, wishes: dict[str, Any
         loop = ComposedLoop(rig)
         Bystander(loop, benches[-1], planned)
         played = loop.play(planned.program)
-    said: list[Message] = [
+    selected: list[Message] = [
         item for item in played if not isinstance(item, RequestLog) or item.epoch
     ]
-    swept = any(isinstance(item, Command) and item.sweep for item in said)
+    swept = any(isinstance(item, Command) and item.sweep for item in selected)
     assert swept == (wishes["calibration"] == SWEPT)
-    assert swept == any(isinstance(item, Burst) for item in said)
+    assert swept == any(isinstance(item, Burst) for item in selected)
     for one in STEPS:
-        found = replay(plugins.load(plugins.SERVICES, one), rig, said)
+        found = replay(plugins.load(plugins.SERVICES, one), rig, selected)
         assert (found.different, found.first, found.stopped) == (0, None, "")
         assert found.identical > 20

@@ -64,9 +64,9 @@ class Loop:
         (self.partner,) = [item for item in self.said if isinstance(item, Applied) and item.epoch]
 
     def _say(self, outputs: Iterable[Message]) -> list[Message]:
-        told = list(outputs)
-        self.said += told
-        return told
+        received = list(outputs)
+        self.said += received
+        return received
 
     def _step(self, name: str, message: Message, now: float) -> list[Message]:
         self.runners[name].take(message, now)
@@ -103,25 +103,25 @@ def messages() -> list[Message]:
 
 
 def test_each_step_is_replayed_with_its_recorded_samples(tmp_path: Path) -> None:
-    said = messages()
-    degraded = {item.seq for item in said if isinstance(item, Estimate) and item.degraded}
+    stated = messages()
+    degraded = {item.seq for item in stated if isinstance(item, Estimate) and item.degraded}
     assert degraded == NO_PARTNER
-    again = recorded_epoch(recorded(tmp_path, RIG, said, 1))
+    again = recorded_epoch(recorded(tmp_path, RIG, stated, 1))
     found = {name: replay(plugins.load(plugins.SERVICES, name), RIG, again) for name in STEPS}
     for one in found.values():
         assert (one.different, one.first, one.stopped) == (0, None, "")
-    ticks = len([item for item in said if isinstance(item, Position)])
+    ticks = len([item for item in stated if isinstance(item, Position)])
     assert found["estimator"].identical == ticks > 300
     assert found["controller"].steps == ticks - len(PASSED_OVER)
-    unanswered = [item for item in said if isinstance(item, Applied) and not item.answered]
+    unanswered = [item for item in stated if isinstance(item, Applied) and not item.answered]
     assert found["actuator"].clocked == len([item for item in unanswered if item.seq >= 0])
     assert found["actuator"].clocked >= len(TWICE | PASSED_OVER | NO_PARTNER)
     assert found["actuator"].identical > ticks // 2
 
 
 def test_a_sample_that_is_lost_completely_ends_the_replay(tmp_path: Path) -> None:
-    said = [item for item in messages() if getattr(item, "seq", -1) not in range(100, 110)]
-    again = recorded_epoch(recorded(tmp_path, RIG, said, 1))
+    selected = [item for item in messages() if getattr(item, "seq", -1) not in range(100, 110)]
+    again = recorded_epoch(recorded(tmp_path, RIG, selected, 1))
     for name in STEPS:
         found = replay(plugins.load(plugins.SERVICES, name), RIG, again)
         assert found.stopped == "position 100 is not in the record"
@@ -130,8 +130,8 @@ def test_a_sample_that_is_lost_completely_ends_the_replay(tmp_path: Path) -> Non
 
 
 def test_a_lost_estimate_is_computed_in_the_replay(tmp_path: Path) -> None:
-    said = [item for item in messages() if not (isinstance(item, Estimate) and item.seq == 100)]
-    again = recorded_epoch(recorded(tmp_path, RIG, said, 1))
+    selected = [item for item in messages() if not (isinstance(item, Estimate) and item.seq == 100)]
+    again = recorded_epoch(recorded(tmp_path, RIG, selected, 1))
     found = replay(plugins.load(plugins.SERVICES, "estimator"), RIG, again)
     assert found.same
     assert found.steps == found.identical + 1

@@ -51,5 +51,5 @@ def test_a_service_is_reproduced_to_the_last_bit(what: str, name: str) -> None:
             run()
     expected = [message for message in recorded(what) if type(message) in kinds]
     assert len(expected) > 400
-    said = [message for message in published if type(message) in kinds]
-    assert said[-len(expected) :] == expected
+    selected = [message for message in published if type(message) in kinds]
+    assert selected[-len(expected) :] == expected

@@ -76,11 +76,11 @@ def test_the_state_that_both_arms_carry_into_an_epoch_is_recorded() -> None:
 def of_second(rig: RigFile) -> tuple[list[float], list[float], list[float]]:
     """Voltages of the second arm: commanded, applied, and used by its estimator."""
     messages, _ = play(changes=rig.model_dump(mode="json", include={"second", "simulation"}))
-    told = {item.seq: item for item in messages if isinstance(item, Applied)}
-    seqs = [seq for seq, item in sorted(told.items()) if item.answered]
+    by_seq = {item.seq: item for item in messages if isinstance(item, Applied)}
+    seqs = [seq for seq, item in sorted(by_seq.items()) if item.answered]
     truths = [item for item in messages if isinstance(item, GroundTruth)]
     estimates = {item.seq: item for item in messages if isinstance(item, Estimate)}
-    applied = [told[seq].arms[1] for seq in seqs]
+    applied = [by_seq[seq].arms[1] for seq in seqs]
     true = [item.arms[1] for item in truths[-len(seqs) :]]
     followed = [estimates[seq + 1].arms[1] for seq in seqs if seq + 1 in estimates]
     return (

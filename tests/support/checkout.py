@@ -121,9 +121,9 @@ def await_text(log: Path, text: str, process: "subprocess.Popen[bytes]", timeout
     """Wait until a command has printed a text, and return all its output."""
     deadline = monotonic() + timeout_s
     while True:
-        said = log.read_text(encoding="utf-8", errors="replace")
-        if text in said:
-            return said
+        stated = log.read_text(encoding="utf-8", errors="replace")
+        if text in stated:
+            return stated
         if process.poll() is not None or monotonic() > deadline:
-            raise TimeoutError(f"never said {text!r}; status {process.poll()}:\n{said[-2000:]}")
+            raise TimeoutError(f"never said {text!r}; status {process.poll()}:\n{stated[-2000:]}")
         sleep(0.05)

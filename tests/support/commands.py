@@ -50,9 +50,9 @@ def processor_ratio(*words: str, status: int | None = 0, rounds: int = 3) -> flo
 def pincette_here(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     """Run a command that starts no program and asks no supervisor, in this process."""
     given = [str(one) for one in arguments]
-    with redirect_stdout(StringIO()) as said, redirect_stderr(StringIO()) as complained:
+    with redirect_stdout(StringIO()) as stated, redirect_stderr(StringIO()) as complained:
         status = main(given)
-    return subprocess.CompletedProcess(given, status, said.getvalue(), complained.getvalue())
+    return subprocess.CompletedProcess(given, status, stated.getvalue(), complained.getvalue())
 
 
 def processes_of(path: Path) -> dict[int, str]:

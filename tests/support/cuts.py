@@ -117,10 +117,10 @@ class Campaign:
         for program in PROGRAMS:
             process = self._rig.fleet.members[program].process.pid
             standing = len(list(links(process, self._ports)))
-            told = self.logged(program, "up") - self.logged(program, "down")
-            if told != standing:
-                said = "\n".join(self.told(program))
-                yield f"{program} tells of {told} links, and has {standing}:\n{said}"
+            reported = self.logged(program, "up") - self.logged(program, "down")
+            if reported != standing:
+                text = "\n".join(self.told(program))
+                yield f"{program} tells of {reported} links, and has {standing}:\n{text}"
 
     def _make_ready(self) -> None:
         """Do what a person does; an actuator that ramps still refuses its reset for a moment."""

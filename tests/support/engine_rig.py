@@ -142,14 +142,14 @@ def reached(project: Project, rig: RigFile, folder: Path) -> Generator[Container
 def until_seen_again(rig: RunningRig, timeout_s: float = 30.0) -> float:
     """Seconds until the supervisor receives messages of every program of the loop again."""
     begun = monotonic()
-    said: list[str] = []
+    reported: list[str] = []
     while monotonic() < begun + timeout_s:
         view = rig.view()
-        said = [program["trouble"] for program in view["programs"] if program["trouble"]]
-        if not said:
+        reported = [program["trouble"] for program in view["programs"] if program["trouble"]]
+        if not reported:
             return monotonic() - begun
         sleep(0.1)
-    raise TimeoutError(f"not seen again within {timeout_s:g} s: {said}")
+    raise TimeoutError(f"not seen again within {timeout_s:g} s: {reported}")
 
 
 def only_root() -> None:

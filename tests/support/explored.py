@@ -55,11 +55,13 @@ class Explored(RuleBasedStateMachine):
 
     @invariant()
     def the_journal_agrees_with_the_table(self) -> None:
-        told, rows = self._events(), self.rows()
-        while (later := self._events()) != told:  # the journal's thread wrote between both reads
-            told, rows = later, self.rows()
-        assert [row.number for row in told] == list(range(1, len(told) + 1))
-        assert {row.id: row.state for row in rows} == states_told(told)
+        reported, rows = self._events(), self.rows()
+        while (
+            later := self._events()
+        ) != reported:  # the journal's thread wrote between both reads
+            reported, rows = later, self.rows()
+        assert [row.number for row in reported] == list(range(1, len(reported) + 1))
+        assert {row.id: row.state for row in rows} == states_told(reported)
 
     def _events(self) -> list[Event]:
         return self.office.store.events_after(0, limit=100_000)
@@ -131,9 +133,9 @@ class Explored(RuleBasedStateMachine):
         """Whether the loop comes to rest: in lockstep one that does not play says nothing."""
         until_s = self.rig.now_s + ENDING_S
         while self.rig.now_s < until_s:
-            said = len(self.rig.applied)
+            stated = len(self.rig.applied)
             self.office.steps.pass_()
-            if len(self.rig.applied) == said:
+            if len(self.rig.applied) == stated:
                 return True
         return False
 

@@ -113,26 +113,28 @@ class Explorer(Explored):
         assert live is not None
         job, held, policy = live.id, live.status.held, kind_of(live.request).stop_of(live.request)
         before, line = self.rig.telemetry[-1], office.line
-        asked, said = len(line.asked), len(self.rig.telemetry)
+        requested, stated = len(line.asked), len(self.rig.telemetry)
         applied = len(self.rig.applied)
         self.ask(self.row(job), "stop")
         self.pass_until_it_ends(job)
         if self.office is not office:  # killed meanwhile
             return
-        acts = [request for request in line.asked[asked:] if isinstance(request, Action)]
+        acts = [request for request in line.asked[requested:] if isinstance(request, Action)]
         stop = Action(ActionCode(lease_end(live.request)))
         assert acts in ([], [stop])
         if self.row(job).state != "stopped":  # a fault has come before it, or in its course
             return
         assert acts == [stop]
-        later = [told for told in self.rig.telemetry[said:] if told.playing]
+        later = [reported for reported in self.rig.telemetry[stated:] if reported.playing]
         moves = {"hold": [], "release": ["unload"], "retract": ["unload", "retreat"]}[policy]
         begun = [move for move in moves if held or move != "unload"]
         if any(action.type == "release" for action in self.row(job).actions):
             begun.append("unload")  # asked for in the pause, it may have begun before the stop
-        assert {told.phase for told in later if not told.paused} <= {*RESTING, *begun}
+        assert {reported.phase for reported in later if not reported.paused} <= {*RESTING, *begun}
         if not begun:
-            references = {(told.arms[0].x_r_um, told.force_r_mN) for told in (before, *later)}
+            references = {
+                (reported.arms[0].x_r_um, reported.force_r_mN) for reported in (before, *later)
+            }
             put_out = {echo.arms[0].voltage_V for echo in self.rig.applied[applied - 1 :]}
             # Without a law x_r is where the arm is, and the voltage itself stays.
             assert len(references) == 1 or len(put_out) == 1

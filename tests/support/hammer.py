@@ -96,8 +96,8 @@ def hammered(rig: RunningRig, clients: int) -> Generator[Json]:
     try:
         yield tally
     finally:
-        said, _ = process.communicate(timeout=2 * WAIT_S)
-    tally.update(cast(Json, json.loads(said)))
+        output, _ = process.communicate(timeout=2 * WAIT_S)
+    tally.update(cast(Json, json.loads(output)))
 
 
 if __name__ == "__main__":

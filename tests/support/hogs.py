@@ -52,18 +52,18 @@ def hog(*words: str | Path) -> Generator[Json]:
     """One of the programs as long as this lasts; then what it said, if anything."""
     command = [sys.executable, "-m", "tests.support.hogs", *map(str, words)]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    told: Json = {}
+    reported: Json = {}
     try:
-        yield told
+        yield reported
     finally:
         try:
-            said, _ = process.communicate(timeout=STOP_S)
+            output, _ = process.communicate(timeout=STOP_S)
         except subprocess.TimeoutExpired:
             process.kill()
             process.communicate()
             raise
-    if said:
-        told.update(cast(Json, json.loads(said)))
+    if output:
+        reported.update(cast(Json, json.loads(output)))
 
 
 def burn(end: threading.Event) -> None:
@@ -157,7 +157,7 @@ def flood(end: threading.Event, endpoint: str, rig: str, rate_hz: float) -> Json
 def main(words: Sequence[str]) -> None:
     """Run one of the programs until standard input closes."""
     end = threading.Event()
-    said: list[Json] = []
+    received: list[Json] = []
     match words:
         case ["cpu"]:
             thread = threading.Thread(target=burn, args=(end,))
@@ -165,7 +165,7 @@ def main(words: Sequence[str]) -> None:
             thread = threading.Thread(target=write, args=(end, Path(folder)))
         case ["flood", endpoint, rig, rate_hz]:
             thread = threading.Thread(
-                target=lambda: said.append(flood(end, endpoint, rig, float(rate_hz)))
+                target=lambda: received.append(flood(end, endpoint, rig, float(rate_hz)))
             )
         case _:
             raise SystemExit(__doc__)
@@ -173,8 +173,8 @@ def main(words: Sequence[str]) -> None:
     sys.stdin.read()
     end.set()
     thread.join()
-    for told in said:
-        print(json.dumps(told))
+    for reported in received:
+        print(json.dumps(reported))
 
 
 if __name__ == "__main__":

@@ -282,8 +282,8 @@ def attacked(
     try:
         yield tally
     finally:
-        said, _ = process.communicate(timeout=2 * WAIT_S)
-    tally.update(cast("dict[str, dict[str, int]]", json.loads(said)))
+        output, _ = process.communicate(timeout=2 * WAIT_S)
+    tally.update(cast("dict[str, dict[str, int]]", json.loads(output)))
 
 
 def main(api: str, clients: int) -> Json:

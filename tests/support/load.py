@@ -212,7 +212,7 @@ async def measure(rig: RunningRig, given: argparse.Namespace, jobs: int) -> Json
     took_s = perf_counter() - begun_s
     shares = {who: (end_s - used_s[who]) / took_s for who, end_s in processor_times_s(rig).items()}
     after = rig.get(f"/rigs/{name}/timing")["programs"]
-    requests = {asked: spread(values) for asked, values in sorted(measured.times_s.items())}
+    requests = {requested: spread(values) for requested, values in sorted(measured.times_s.items())}
     return {
         "clients": given.clients,
         "seconds": given.seconds,

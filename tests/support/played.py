@@ -36,7 +36,7 @@ class Played:
 def played_rig() -> Generator[Played]:
     """A router, and behind it a grip that starts again, in a new epoch, when it ends."""
     port = free_ports(1)
-    end, up, told = threading.Event(), threading.Event(), threading.Event()
+    end, up, reported = threading.Event(), threading.Event(), threading.Event()
 
     def route(_ask: AskRouter) -> None:
         up.set()
@@ -53,7 +53,7 @@ def played_rig() -> Generator[Played]:
                         bus.publish(message)
                     # With the first message of a topic the router is told that there is one.
                     if number == KNOWN_TICKS:
-                        told.set()
+                        reported.set()
         finally:
             bus.close()
 
@@ -63,7 +63,7 @@ def played_rig() -> Generator[Played]:
     assert up.wait(UP_S)
     threads.append(threading.Thread(target=play))
     threads[1].start()
-    assert told.wait(UP_S)
+    assert reported.wait(UP_S)
     try:
         yield Played(port, samples.grip())
     finally:

@@ -62,7 +62,7 @@ async def _sent(
 ) -> Answer:
     raw, _, query = path.partition("?")
     chunks = once(body) if isinstance(body, bytes) else body
-    said = list[dict[str, Any]]()
+    received = list[dict[str, Any]]()
     taken, complete = 0, False
 
     async def receive() -> dict[str, Any]:
@@ -76,7 +76,7 @@ async def _sent(
         return {"type": "http.request", "body": b"", "more_body": False}
 
     async def tell(message: Any) -> None:
-        said.append(message)
+        received.append(message)
 
     scope = {
         "type": "http",
@@ -93,7 +93,7 @@ async def _sent(
         "server": ("127.0.0.1", 8000),
     }
     await app(scope, receive, tell)
-    begun = next(message for message in said if message["type"] == "http.response.start")
-    content = b"".join(m["body"] for m in said if m["type"] == "http.response.body")
+    begun = next(message for message in received if message["type"] == "http.response.start")
+    content = b"".join(m["body"] for m in received if m["type"] == "http.response.body")
     found = {name.decode(): value.decode("latin-1") for name, value in begun["headers"]}
     return Answer(begun["status"], found, content, taken)

@@ -186,6 +186,6 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     terminalreporter.section(f"rerun after a stall of the machine, at most {LIMIT} tests")
     for report in reports:
         lines = report.longreprtext.strip().splitlines() or [""]
-        said = next((line[1:].strip() for line in lines if line.startswith("E ")), lines[-1])
+        stated = next((line[1:].strip() for line in lines if line.startswith("E ")), lines[-1])
         stood = dict(report.sections)[RERUN]
-        terminalreporter.write_line(f"{report.nodeid}: {stood}: {said}")
+        terminalreporter.write_line(f"{report.nodeid}: {stood}: {stated}")

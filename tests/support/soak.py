@@ -89,12 +89,12 @@ class Campaign:
                 one = inject(self._rig, self._seen, self._stalls, fault, self._chance)
             except Failed as error:
                 stood_s = self._stalls.most(begun - SPAN_S)
-                said = f"{what}: {error}"
+                case = f"{what}: {error}"
                 make_ready(self._rig)
                 if stood_s < BLAMED_S:
-                    self.failures.append(said)
+                    self.failures.append(case)
                     return f"FAILED: {error}"
-                self.repeated.append(f"{said} (the machine stood still for {stood_s:.3f} s)")
+                self.repeated.append(f"{case} (the machine stood still for {stood_s:.3f} s)")
             else:
                 self.injected.append(one)
                 reaction_s = one.reaction_s or float("nan")

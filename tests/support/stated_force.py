@@ -87,12 +87,14 @@ def gripped(rig: RigFile, force_mN: float, hold_s: float, rest_s: float = REST_S
     truths = [m for m in published if isinstance(m, GroundTruth)]
     true_mN = {m.seq - truths[0].seq: m.arms[0].force_mN for m in truths}
     phase_of = {m.seq: m.phase for m in published if isinstance(m, Telemetry)}
-    told = [m for m in published if isinstance(m, Estimate) and m.valid and m.seq in true_mN]
+    selected = [m for m in published if isinstance(m, Estimate) and m.valid and m.seq in true_mN]
     found: list[Stated] = []
     reading_mN = rig.sensor.noise_um / rig.model.compliance_um_per_mN
     noise_mN = reading_mN * derived.force_observer(rig).noise_gain
     for phase in PHASES:
-        of = [m for m in told if phase_of.get(m.seq) == phase and m.arms[0].zero_age_s is not None]
+        of = [
+            m for m in selected if phase_of.get(m.seq) == phase and m.arms[0].zero_age_s is not None
+        ]
         error_mN = np.array([m.arms[0].force_mN - true_mN[m.seq] for m in of])
         u_mN = np.array([m.arms[0].force_uncertainty_mN for m in of])
         found.append(

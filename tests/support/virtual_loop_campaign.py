@@ -118,6 +118,6 @@ def write_figures(folder: Path, reactions: Sequence[Reaction], count: int, seed:
         "states": rows_of(reactions, lambda reaction: reaction.state),
         "arms": rows_of(reactions, arm_of),
     }
-    told = {name: [asdict(row) for row in rows] for name, rows in tables.items()}
-    path.write_text(json.dumps({"injections": count, "seed": seed, **told}, indent=1) + "\n")
+    reported = {name: [asdict(row) for row in rows] for name, rows in tables.items()}
+    path.write_text(json.dumps({"injections": count, "seed": seed, **reported}, indent=1) + "\n")
     return path

@@ -117,11 +117,11 @@ def inject(at: Place, fault: Fault, phase: float, seed: int) -> Reaction | None:
     loop = at.loop.fork(seed)
     loop.run(loop.now_s + phase * loop.rig.rig.period_s)
     part_event(loop, fault)
-    said = f"{fault.name} in {at.state}, {phase:.4f} T after a grid point, seed {seed}"
+    case = f"{fault.name} in {at.state}, {phase:.4f} T after a grid point, seed {seed}"
     if fault.must == "carry on" or at.state == "idle":
-        _check_carries_on(loop, at, said)
+        _check_carries_on(loop, at, case)
         return None
-    return _check_trips(loop, at, fault, phase, said)
+    return _check_trips(loop, at, fault, phase, case)
 
 
 def _check_carries_on(loop: VirtualLoop, at: Place, said: str) -> None:

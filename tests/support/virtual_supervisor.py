@@ -58,14 +58,14 @@ class VirtualBus:
     def hear(self) -> None:
         """Receive the newest messages of actuator and sensor."""
         newest = {
-            type(said): said
-            for _, said in self._loop.told or ()
-            if isinstance(said, Applied | Position)
+            type(stated): stated
+            for _, stated in self._loop.told or ()
+            if isinstance(stated, Applied | Position)
         }
-        for said in newest.values():
-            topic = TOPIC_OF[type(said)]
+        for stated in newest.values():
+            topic = TOPIC_OF[type(stated)]
             for sink in self._sinks.get(topic, ()):
-                sink(topic, said)
+                sink(topic, stated)
 
 
 class VirtualSupervisor:

@@ -71,12 +71,12 @@ def test_an_instrument_that_does_not_answer_is_reported(tmp_path: Path) -> None:
     # A rig that is not simulated: nothing listens where its instruments should be. Whose program
     # is the first to give up is chance.
     rig = demo_rig().model_copy(update={"simulation": None})
-    said = cannot_start(rig, tmp_path)
+    output = cannot_start(rig, tmp_path)
     urls = {"sensor": rig.sensor.url, "actuator": rig.output.url}
-    named = [name for name in urls if f"{name} did not start" in said]
+    named = [name for name in urls if f"{name} did not start" in output]
     assert named
-    assert [url for name, url in urls.items() if (name in named) != (url in said)] == []
-    assert "refused" in said
+    assert [url for name, url in urls.items() if (name in named) != (url in output)] == []
+    assert "refused" in output
 
 
 @pytest.mark.parametrize("program", ["router", "actuator", "supervisor"])
@@ -101,6 +101,6 @@ def test_a_missing_supervisor_is_reported() -> None:
 
 def test_a_program_that_fails_to_start_stops_the_others(tmp_path: Path) -> None:
     changes: Tree = {"sensor": {"driver": "no_such_sensor"}}
-    said = cannot_start(demo_rig(changes), tmp_path)
-    assert "no_such_sensor" in said
-    assert "keyence_lkg" in said
+    output = cannot_start(demo_rig(changes), tmp_path)
+    assert "no_such_sensor" in output
+    assert "keyence_lkg" in output

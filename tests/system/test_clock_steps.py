@@ -78,10 +78,10 @@ def test_a_clock_step_of_an_hour_changes_no_timing_and_is_recorded(
     assert ended["state"] == "succeeded", ended["cause"]
     assert ended["record_complete"], ended["record_detail"]
     where = Path(ended["record"])
-    told = json.loads((where / folder.MANIFEST).read_text(encoding="utf-8"))["detail"]
+    content = json.loads((where / folder.MANIFEST).read_text(encoding="utf-8"))["detail"]
     steps = [f"set by {step_s:+.1f} s" for step_s in (HOUR_S, -2.0 * HOUR_S, HOUR_S)]
-    assert [step for step in steps if step in told] == steps
-    assert ended["record_detail"] == told
+    assert [step for step in steps if step in content] == steps
+    assert ended["record_detail"] == content
     # The record's own times go on evenly: no sample lies an hour from its neighbour.
     samples = mcap_reading.read(where / NAME).messages
     assert len([one for one in samples if isinstance(one, Telemetry)]) > ticks

@@ -38,8 +38,8 @@ def test_a_grip_in_real_time_equals_that_of_five_programs(rig: RunningRig, seen:
         assert seen.newest(topic.message), f"{topic.name} is told"
         newest = seen.bus.latest(topic)
         assert type(newest) is topic.message, f"the newest {topic.name} allowed actions"
-    said = pincette("doctor", "--rig", rig.path)
-    assert "the actuator is part of loop" in said.stdout, said.stdout
+    output = pincette("doctor", "--rig", rig.path)
+    assert "the actuator is part of loop" in output.stdout, output.stdout
 
 
 def test_if_the_process_dies_the_module_becomes_safe_and_the_job_names_the_services(

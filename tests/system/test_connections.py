@@ -83,7 +83,7 @@ def test_no_key_appears_in_a_log_or_a_response(
     desk.app = create_app(desk.rigs, access)
     ring = key_of_each_scope(desk.store, access.authenticator)
     key = ring.keys["observe"]
-    said: list[str] = []
+    received: list[str] = []
     with (
         caplog.at_level("DEBUG"),
         served(desk.app) as address,
@@ -99,7 +99,7 @@ def test_no_key_appears_in_a_log_or_a_response(
             ("GET", f"/audit?key={key}", ring.headers("admin")),
         ):
             answer = client.request(method, path, headers=headers)
-            said.append(answer.text + str(answer.headers))
+            received.append(answer.text + str(answer.headers))
     ours = [record.getMessage() for record in caplog.records if "httpx" not in record.name]
-    told = "".join([*said, *ours, *capfd.readouterr()])
-    assert not re.search(re.escape(key.removeprefix("pincette_")), told)
+    output = "".join([*received, *ours, *capfd.readouterr()])
+    assert not re.search(re.escape(key.removeprefix("pincette_")), output)

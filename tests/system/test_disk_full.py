@@ -72,8 +72,8 @@ def test_a_full_disk_during_a_job_stops_nothing_and_is_reported_once_there_is_sp
         assert {(view.phase, view.held) for view in views} == {("hold", True)}
         assert not [echo for echo in echoes if echo.state in TRIPPED]
         # A person is heard although nothing can be written down.
-        asked = rig.post(f"/jobs/{job}/actions", {"type": "release"})
-        assert asked.status_code == 202, asked.text
+        response = rig.post(f"/jobs/{job}/actions", {"type": "release"})
+        assert response.status_code == 202, response.text
         seen.until(Applied, lambda echo: echo.final, begun_s, LAST_S)
         assert rig.fleet.members["supervisor"].process.poll() is None
         refused = rig.post("/jobs", {"kind": "grip", "autostart": True})

@@ -74,9 +74,9 @@ def test_an_example_is_short_and_needs_nothing_of_pincette(name: str) -> None:
 
 
 def test_every_example_is_tested() -> None:
-    told = (ROOT / "docs/how-to/listen.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs/how-to/listen.md").read_text(encoding="utf-8")
     assert {path.stem for path in EXAMPLES.glob("*.py")} - OF_THEIR_OWN == set(FREE_OF_US)
-    assert all(f"examples/{name}.py" in told for name in FREE_OF_US)
+    assert all(f"examples/{name}.py" in text for name in FREE_OF_US)
 
 
 @pytest.mark.parametrize("kind", ["", "store"])
@@ -87,14 +87,14 @@ def test_the_latest_example_prints_every_topic_once(
         if kind:
             tool = stack.enter_context(outsider("client", played.router))
             stack.enter_context(declared(tool, kind))
-        said = done(listening("latest", played), tmp_path)
-    told = said.splitlines()[-1].removeprefix("no message: ").split(", ")
-    assert set(told) == {
+        output = done(listening("latest", played), tmp_path)
+    reported = output.splitlines()[-1].removeprefix("no message: ").split(", ")
+    assert set(reported) == {
         "burst",
         "job",
         *(f"{topic}/{service}" for topic in ("request_log", "timing") for service in LOOP),
     }
-    seen = re.findall(r"^(\w+) +(\w+) +", said, re.MULTILINE)
+    seen = re.findall(r"^(\w+) +(\w+) +", output, re.MULTILINE)
     assert len(seen) == len(set(seen))
     assert {topic for topic, _ in seen} == {
         "position",
@@ -107,7 +107,7 @@ def test_the_latest_example_prints_every_topic_once(
     assert ("estimate", "arm_1_force_uncertainty_mN") in seen
     root = key("demo", POSITION).removesuffix(POSITION.name)
     known = {key("demo", topic, one).removeprefix(root) for topic in TOPICS for one in LOOP}
-    assert set(told) | {topic for topic, _ in seen} == known
+    assert set(reported) | {topic for topic, _ in seen} == known
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:
@@ -125,8 +125,8 @@ def assert_is_what_was_played(rows: list[dict[str, str]], played: Played) -> Non
 
 
 def test_csv_contains_every_sample_with_all_columns(played: Played, tmp_path: Path) -> None:
-    said = done(listening("csv_export", played, "--count", "60", "--file", "rig.csv"), tmp_path)
-    assert said == "60 rows, 0 of them incomplete\n"
+    output = done(listening("csv_export", played, "--count", "60", "--file", "rig.csv"), tmp_path)
+    assert output == "60 rows, 0 of them incomplete\n"
     rows = rows_of(tmp_path / "rig.csv")
     assert len(rows) == 60
     assert_is_what_was_played(rows, played)
@@ -148,11 +148,11 @@ def test_ctrl_c_ends_the_csv_example(played: Played, tmp_path: Path) -> None:
         assert monotonic() < deadline
         sleep(0.05)
     process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 0, said
+    _, output = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0, output
     rows = rows_of(path)
-    ended = re.fullmatch(r"(\d+) rows, (\d+) of them incomplete\n", said)
-    assert ended is not None, said
+    ended = re.fullmatch(r"(\d+) rows, (\d+) of them incomplete\n", output)
+    assert ended is not None, output
     assert (int(ended[1]), int(ended[2]) < 3) == (len(rows), True)
     assert_is_what_was_played(rows[: -int(ended[2]) or None], played)
 
@@ -208,7 +208,7 @@ def test_csv_leaves_invalid_fields_empty_and_keeps_samples_with_a_lost_message(
             text=True,
         )
         publish_until_ended(bus, process, pause_s=0.002)
-        _, said = process.communicate(timeout=PATIENCE_S)
+        _, output = process.communicate(timeout=PATIENCE_S)
     rows = rows_of(tmp_path / "rig.csv")
     # The first arming may be seen from its middle on; the second one begins within 100 rows.
     second = sorted({int(row["epoch"]) for row in rows})[1]
@@ -222,7 +222,7 @@ def test_csv_leaves_invalid_fields_empty_and_keeps_samples_with_a_lost_message(
     assert {seq: filled[seq] for seq in wanted} == wanted
     assert all(all(cells) for seq, cells in filled.items() if seq not in wanted)
     incomplete = sum(row["seq"] == "4" for row in rows)
-    assert said == f"100 rows, {incomplete} of them incomplete\n"
+    assert output == f"100 rows, {incomplete} of them incomplete\n"
 
 
 def test_subscribe_prints_no_unconfirmed_voltage(tmp_path: Path) -> None:
@@ -242,15 +242,15 @@ def test_subscribe_prints_no_unconfirmed_voltage(tmp_path: Path) -> None:
         publisher = threading.Thread(target=publish_until_ended, args=(bus, process))
         publisher.start()
         assert process.stdout is not None
-        said = [process.stdout.readline() for _ in range(400)]
+        output = [process.stdout.readline() for _ in range(400)]
         process.send_signal(signal.SIGINT)
         publisher.join()
         _, errors = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, errors) == (0, "")
-    assert not [line for line in said if f"{UNKNOWN_V:.4f} V" in line]
-    assert sum("not confirmed" in line for line in said) >= 2
-    assert sum("not valid" in line for line in said) >= 2
-    assert sum(line.endswith("1.0000 V\n") for line in said) > 100
+    assert not [line for line in output if f"{UNKNOWN_V:.4f} V" in line]
+    assert sum("not confirmed" in line for line in output) >= 2
+    assert sum("not valid" in line for line in output) >= 2
+    assert sum(line.endswith("1.0000 V\n") for line in output) > 100
 
 
 def test_a_plot_has_a_gap_where_the_voltage_is_not_confirmed_or_a_sample_is_lost(
@@ -307,8 +307,8 @@ def gripped(tmp_path_factory: pytest.TempPathFactory) -> Generator[tuple[Path, s
 
 def test_a_record_is_exported_as_csv(gripped: tuple[Path, str], tmp_path: Path) -> None:
     record, api = gripped
-    said = done(command("record_csv", "--api", api, "--file", "job.csv"), tmp_path)
-    assert said == f"{record.name}: job.csv\n"
+    output = done(command("record_csv", "--api", api, "--file", "job.csv"), tmp_path)
+    assert output == f"{record.name}: job.csv\n"
     table = cast(Any, parquet).read_table(record / "samples.parquet")
     rows = rows_of(tmp_path / "job.csv")
     assert list(rows[0]) == table.column_names

@@ -139,12 +139,12 @@ class TestTokensOfOtherRigs:
 
             def stopped_from_the_command_line() -> bool:  # within 3 s, which a busy machine exceeds
                 found = pincette("estop", "--rig", rig.path, "--json")
-                said = json.loads(found.stdout)
+                output = json.loads(found.stdout)
                 assert found.returncode in (1, 3)
                 assert (
-                    {"hung-a", "hung-b"} <= {*said["unconfirmed"]} <= {"hung-a", "hung-b", "demo"}
+                    {"hung-a", "hung-b"} <= {*output["unconfirmed"]} <= {"hung-a", "hung-b", "demo"}
                 )
-                return "demo" in said["stopped"]
+                return "demo" in output["stopped"]
 
             until(stopped_from_the_command_line, 60.0)
 

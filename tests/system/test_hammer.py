@@ -72,7 +72,7 @@ def test_fifty_clients_do_not_disturb_the_loop(
     for _ in range(old_jobs):
         assert rig.ended(rig.start_grip())["state"] == "succeeded"
     idle = grip(rig, hold_s)
-    with hammered(rig, CLIENTS) as asked:
+    with hammered(rig, CLIENTS) as requested:
         hammered_s = monotonic()
         busy = grip(rig, hold_s)
         rig.until_phase(rig.start_grip(until_released=True), "hold")
@@ -90,14 +90,14 @@ def test_fifty_clients_do_not_disturb_the_loop(
             f"{1e3 * loop.age_p99_s:.2f} ms of {1e3 * AGE_PERIODS * period_s:.2f} ms"
         )
     figures.append(
-        f"{asked['asked']} questions, p50 {1e3 * asked['p50_s']:.0f} ms, p99 "
-        f"{1e3 * asked['p99_s']:.0f} ms, answers {asked['answers']}; {estops} emergency stops "
-        f"answered within {1e3 * p99_s:.0f} ms at p99, the first of them, which trips, within "
-        f"{1e3 * answers_s[0]:.0f} ms; the machine stood still for "
+        f"{requested['asked']} questions, p50 {1e3 * requested['p50_s']:.0f} ms, p99 "
+        f"{1e3 * requested['p99_s']:.0f} ms, answers {requested['answers']}; {estops} emergency "
+        f"stops answered within {1e3 * p99_s:.0f} ms at p99, the first of them, which trips, "
+        f"within {1e3 * answers_s[0]:.0f} ms; the machine stood still for "
         f"{1e3 * stalls.between(begun_s, monotonic()):.0f} ms in all"
     )
-    assert asked["asked"] >= ASKED_PER_S * hammered_s
-    assert asked["answers"].keys() == {"200"}
+    assert requested["asked"] >= ASKED_PER_S * hammered_s
+    assert requested["answers"].keys() == {"200"}
     assert busy.missed <= idle.missed
     assert busy.age_p99_s <= AGE_PERIODS * period_s
     assert p99_s <= ESTOP_S

@@ -118,7 +118,7 @@ def test_no_load_on_the_machine_makes_the_rig_trip(
         for _ in range(os.cpu_count() or 1):
             load.enter_context(hog("cpu"))
         load.enter_context(hog("disk", tmp_path))
-        asked = load.enter_context(hammered(rig, CLIENTS))
+        requested = load.enter_context(hammered(rig, CLIENTS))
         while monotonic() < begun + length_s:
             since = monotonic()
             ended = rig.ended(rig.start_grip(hold_s=HOLD_S), JOB_S)
@@ -133,7 +133,7 @@ def test_no_load_on_the_machine_makes_the_rig_trip(
     figures.append(
         f"{monotonic() - begun:.0f} s under load: {account.grips} grips, {account.ticks} ticks, "
         f"{account.missed} missed, {account.trips} trips, command age p50 {p50:.2f} ms, p99 "
-        f"{p99:.2f} ms, largest {1e3 * max(account.ages_s):.2f} ms; {asked.get('asked', 0)} "
+        f"{p99:.2f} ms, largest {1e3 * max(account.ages_s):.2f} ms; {requested.get('asked', 0)} "
         f"questions over REST; {len(stood_s)} stalls, the longest of "
         f"{1e3 * max(stood_s, default=0.0):.1f} ms"
     )

@@ -154,8 +154,8 @@ def test_a_page_of_another_origin_can_neither_act_nor_read_nor_frame(
     origin = bench.address
     name = bench.desk.manager.name
     page = context.new_page()
-    said: list[str] = []
-    page.on("console", lambda message: said.append(message.text))
+    received: list[str] = []
+    page.on("console", lambda message: received.append(message.text))
     page.goto(foreign)
     read = page.evaluate(
         """async ([origin, rig]) => {
@@ -173,8 +173,8 @@ def test_a_page_of_another_origin_can_neither_act_nor_read_nor_frame(
     )
     assert read is False
     begun_s = monotonic()
-    while not [text for text in said if "frame-ancestors" in text]:
-        assert monotonic() - begun_s < LONG_S, said
+    while not [text for text in received if "frame-ancestors" in text]:
+        assert monotonic() - begun_s < LONG_S, received
         page.wait_for_timeout(50)
     book = AuditRepository(bench.desk.store)
     bench.access.audit_buffer.flush(book, everything=True)

@@ -46,11 +46,11 @@ OVERLAPS = """() => {
 @contextmanager
 def camera() -> Generator[tuple[str, list[str]]]:
     """A camera that sends two pictures as MJPEG; its address, and the paths that were asked."""
-    asked: list[str] = []
+    requests: list[str] = []
 
     class Pictures(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
-            asked.append(self.path)
+            requests.append(self.path)
             self.send_response(200)
             self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=frame")
             self.end_headers()
@@ -69,7 +69,7 @@ def camera() -> Generator[tuple[str, list[str]]]:
     thread = threading.Thread(target=server.serve_forever)
     thread.start()
     try:
-        yield f"http://127.0.0.1:{server.server_port}/stream", asked
+        yield f"http://127.0.0.1:{server.server_port}/stream", requests
     finally:
         server.shutdown()
         server.server_close()
@@ -396,7 +396,7 @@ def test_long_plots_are_drawn_from_the_records(browser: Browser, desk: Harness) 
 
 def test_a_camera_picture_is_shown_next_to_the_charts(browser: Browser, tmp_path: Path) -> None:
     context = browser.new_context()
-    with camera() as (stream, asked):
+    with camera() as (stream, requested):
         desk = Harness(demo_rig({"supervisor": {"camera": stream}}, time="lockstep"), tmp_path)
         with served(desk.app) as address:
             seen = visit(context, address)
@@ -415,7 +415,7 @@ def test_a_camera_picture_is_shown_next_to_the_charts(browser: Browser, tmp_path
             assert picture["x"] >= chart["x"] + chart["width"]
             assert picture["y"] < chart["y"] + chart["height"]
             assert chart["y"] < picture["y"] + picture["height"]
-            assert set(asked) == {"/stream"}
+            assert set(requested) == {"/stream"}
             assert {each for each in seen.foreign() if not each.startswith("data:")} == {stream}
             assert seen.errors == []
         desk.close()
@@ -430,12 +430,12 @@ def test_one_event_is_shown_in_one_notice(browser: Browser, desk: Harness) -> No
         seen.until("#estop-said", "confirmed by the actuator")
         seen.until("#latch", "emergency stop")
         assert seen.page.locator("#reasons").is_hidden()
-        said, latch = (
+        stated, latch = (
             seen.page.locator(place).bounding_box() for place in ("#estop-said", "#latch")
         )
-        assert said is not None
+        assert stated is not None
         assert latch is not None
-        assert said["y"] + said["height"] == pytest.approx(latch["y"], abs=1.0)
+        assert stated["y"] + stated["height"] == pytest.approx(latch["y"], abs=1.0)
         grounds = [
             seen.page.locator(place).evaluate("each => getComputedStyle(each).backgroundColor")
             for place in ("#estop-said", "#latch")

@@ -250,8 +250,8 @@ def test_a_path_of_steps_is_requested_with_the_values_of_the_fields(
     seen.page.click("#more-fields summary")
     seen.page.select_option("#field-on_stop", "retract")
     job = rig.job(press_start(rig, seen))
-    asked = {"shape": "step", "levels_mN": [4, 6], "dwell_s": 0.3, "on_stop": "retract"}
-    assert asked.items() <= job["request"].items()
+    values = {"shape": "step", "levels_mN": [4, 6], "dwell_s": 0.3, "on_stop": "retract"}
+    assert values.items() <= job["request"].items()
     assert job["rig"] == rig.rig.rig.name
 
 

@@ -243,9 +243,9 @@ def test_run_again_fills_the_form_with_the_request_of_the_job(
         with seen.page.expect_request(
             lambda request: request.method == "POST" and request.url.endswith("/jobs"),
             timeout=LONG_MS,
-        ) as asked:
+        ) as requested:
             seen.page.click("#start")
-        body: dict[str, Any] = asked.value.post_data_json or {}
+        body: dict[str, Any] = requested.value.post_data_json or {}
         del wishes["labels"]
         for name, value in {"kind": "grip", "sample": "B7", **wishes}.items():
             assert body[name] == value

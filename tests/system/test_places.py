@@ -40,7 +40,7 @@ def test_a_grip_takes_the_place_that_the_example_publishes(rig: RunningRig) -> N
         url = str(rig.client.base_url).removesuffix("/").removesuffix("/api/v1")
         command = [str(Path(sys.executable).with_name("pincette")), "job", "grip"]
         command += ["--all", "--url", url, "--place", "given_by=bus,source=camera-1,max_age_s=600"]
-        said = subprocess.run(
+        completed = subprocess.run(
             command, env=environment(), capture_output=True, text=True, timeout=PATIENCE_S
         )
         with Supervisor(url) as supervisor:
@@ -52,8 +52,8 @@ def test_a_grip_takes_the_place_that_the_example_publishes(rig: RunningRig) -> N
     found = ended["result"]["place"]
     assert found["difference_um"] == pytest.approx(0.2, abs=0.3)
     assert abs(found["difference_um"]) < found["uncertainty_um"]
-    assert said.returncode == 0, said.stdout + said.stderr
-    assert "place found minus place given" in said.stdout
+    assert completed.returncode == 0, completed.stdout + completed.stderr
+    assert "place found minus place given" in completed.stdout
     (bias,) = places.biases
     assert bias.count == 2
     assert bias.mean_um == pytest.approx(found["difference_um"], abs=0.1)

@@ -124,13 +124,13 @@ def check(cut: Cut, rig_file: RigFile, where: Path) -> float:
         records = rig.data / "jobs"
         found = {job["id"]: job for job in rig.get("/jobs", limit=500)["jobs"]}
         assert found.keys() == cut.jobs.keys()
-        for name, told in cut.jobs.items():
+        for name, reported in cut.jobs.items():
             if name in (cut.running, cut.waiting):
                 continue
             job = rig.ended(name, REPAIRED_S)
-            assert (job["state"], job["result"]) == (told["state"], told["result"]), name
+            assert (job["state"], job["result"]) == (reported["state"], reported["result"]), name
             # The recorder may have been stopped for the copy of an image while a record ended.
-            if told["record_complete"]:
+            if reported["record_complete"]:
                 assert job["record_complete"], job["record_detail"]
                 assert folder.damaged(records / name) == []
         assert found[cut.waiting]["state"] == "queued"

@@ -100,9 +100,9 @@ def test_a_restarted_actuator_moves_nothing_until_a_person_resets_it(
     restart(rig, "actuator")
     started_at = monotonic()
     # None is ever taken; until the new one can be asked, the rig is not ready.
-    while (asked := rig.post("/jobs", {"kind": "grip", "autostart": True})).status_code == 503:
-        assert asked.json()["type"].endswith("rig-not-ready"), asked.text
-        assert monotonic() - started_at < ANSWERS_S, asked.text
+    while (response := rig.post("/jobs", {"kind": "grip", "autostart": True})).status_code == 503:
+        assert response.json()["type"].endswith("rig-not-ready"), response.text
+        assert monotonic() - started_at < ANSWERS_S, response.text
     problem = refused(rig)
     assert problem["type"].endswith("rig-latched")
     assert problem["cause"] in ("boot", "restart")

@@ -52,8 +52,8 @@ def test_a_queued_job_states_when_it_was_requested_started_and_ended(paced: Runn
     assert b["created_at"] == waiting["created_at"]
 
     with Supervisor(url) as supervisor:
-        told = supervisor.job(second).job
-    assert [told.created_at, told.started_at, told.ended_at] == [
+        reported = supervisor.job(second).job
+    assert [reported.created_at, reported.started_at, reported.ended_at] == [
         b[name] for name in ("created_at", "started_at", "ended_at")
     ]
     shown = json.loads(pincette("job", "show", second, "--json", "--url", url).stdout)

@@ -97,8 +97,8 @@ def test_every_block_of_the_readme_works_as_described(folder: Path) -> None:
         script = f"set -eu\n. {state}\n{block}\nset | grep -E '^(API|JOB|PATH)=' > {state} || true"
         done = run(["bash", "-c", script], folder, BLOCK_S)
         answer = folder / "data/job.json"
-        said = answer.read_text(encoding="utf-8")[:500] if answer.exists() else ""
-        assert done.returncode == 0, f"{block}\n{done.stdout}\n{said}"
+        text = answer.read_text(encoding="utf-8")[:500] if answer.exists() else ""
+        assert done.returncode == 0, f"{block}\n{done.stdout}\n{text}"
         for command, words in SAYS.items():
             if command in block:
                 assert words in " ".join(done.stdout.split()), f"{block}\n{done.stdout}"
@@ -116,9 +116,9 @@ def test_another_tool_can_subscribe(folder: Path) -> None:
         started = client.post(f"{API}/jobs", json={"kind": "grip", "autostart": True})
         assert started.is_success, started.text
         await_text(log, " mN\n", process, 20.0)
-        said = await_text(log, " V\n", process, 20.0)
-    assert re.search(r"^ *-?\d+\.\d{3} µm +-?\d+\.\d{3} mN\n", said, re.MULTILINE)
-    assert re.search(r"^ *-?\d+\.\d{4} V\n", said, re.MULTILINE)
+        output = await_text(log, " V\n", process, 20.0)
+    assert re.search(r"^ *-?\d+\.\d{3} µm +-?\d+\.\d{3} mN\n", output, re.MULTILINE)
+    assert re.search(r"^ *-?\d+\.\d{4} V\n", output, re.MULTILINE)
 
 
 def test_the_subscriber_needs_nothing_of_pincette() -> None:

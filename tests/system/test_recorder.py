@@ -217,13 +217,15 @@ def test_a_dead_recorder_does_not_affect_the_job(rig: RunningRig) -> None:
     make_ready(rig)
     files: set[str] = set()
     deadline = monotonic() + 20.0
-    told: dict[str, Any] = {}
+    content: dict[str, Any] = {}
     while not {"job.mcap", "samples.parquet", "result.json"} <= files:
-        assert monotonic() < deadline, told
+        assert monotonic() < deadline, content
         sleep(0.1)
-        told = json.loads((rig.data / "jobs" / job / "manifest.json").read_text(encoding="utf-8"))
-        files = {entry["name"] for entry in told["files"]}
-    assert told["complete"] is False
+        content = json.loads(
+            (rig.data / "jobs" / job / "manifest.json").read_text(encoding="utf-8")
+        )
+        files = {entry["name"] for entry in content["files"]}
+    assert content["complete"] is False
     assert mcap_reading.is_closed(rig.data / "jobs" / job / "job.mcap")
     again = rig.ended(rig.start_grip())
     assert again["state"] == "succeeded", again["cause"]

@@ -67,9 +67,9 @@ def typed(*words: str) -> subprocess.CompletedProcess[str]:
 def replayed(rig: RunningRig, *jobs: str) -> None:
     """Every service repeats the records, one after another, to the last bit."""
     folders = [str(rig.data / "jobs" / job) for job in jobs]
-    told = typed("records", "replay", "--json", *folders)
-    assert told.returncode == 0, told.stdout + told.stderr
-    for found in json.loads(told.stdout):
+    output = typed("records", "replay", "--json", *folders)
+    assert output.returncode == 0, output.stdout + output.stderr
+    for found in json.loads(output.stdout):
         for one in found["services"]:
             assert (one["first"], one["stopped"]) == (None, ""), one
 

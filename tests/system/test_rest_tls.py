@@ -90,8 +90,8 @@ def test_keys_work_over_tls_and_clients_of_another_authority_are_reported(
         assert pincette(*words, "--authority", authority).returncode == Exit.DONE
         assert pincette(*words).returncode == Exit.NO_ANSWER
         plain = address.replace("https", "http")
-        told = httpx.get(f"{plain}/livez", trust_env=False)
-        assert (told.status_code, "https://" in told.text) == (400, True)
+        reported = httpx.get(f"{plain}/livez", trust_env=False)
+        assert (reported.status_code, "https://" in reported.text) == (400, True)
 
 
 @pytest.mark.usefixtures("stalls")
@@ -102,12 +102,12 @@ def test_the_health_check_of_a_container_works_with_and_without_tls(
     composed = yaml.safe_load((ROOT / "docker-compose.yml").read_text(encoding="utf-8"))
     _, _, *words, script = composed["services"]["supervisor"]["healthcheck"]["test"]
     with served(create_app(desk.rigs, Access()), tls=context if secure else None) as address:
-        asked = script.replace("127.0.0.1:8000", address.partition("://")[2])
+        requested = script.replace("127.0.0.1:8000", address.partition("://")[2])
         for ready in (True, False):
             if not ready:
                 desk.bus.silent.add("sensor")
                 desk.health.refresh(force=True)
-            done = subprocess.run([sys.executable, *words, asked], check=False, timeout=30.0)
+            done = subprocess.run([sys.executable, *words, requested], check=False, timeout=30.0)
             assert (done.returncode == 0) == ready
 
 

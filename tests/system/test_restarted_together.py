@@ -91,12 +91,12 @@ def test_any_subset_of_programs_may_be_killed_and_restarted(
     asked; otherwise nobody is. Either way the next grip succeeds."""
     seed = SEED if count == FEW else random.SystemRandom().randrange(2**32)
     chance = random.Random(seed)
-    asked = 0
+    requested = 0
     for number in range(count):
         names = chance.sample(PROGRAMS, chance.randint(1, len(PROGRAMS)))
         state, away_s = chance.choice(list(BEGIN)), chance.choice(AWAY_S)
-        said = f"seed {seed}, {number + 1}: {'+'.join(names)} in {state}, away {away_s:g} s"
-        print(said)
+        case = f"seed {seed}, {number + 1}: {'+'.join(names)} in {state}, away {away_s:g} s"
+        print(case)
         make_ready(rig, READY_S)
         if (begin := BEGIN[state]) is not None:
             begin(rig, seen)
@@ -113,8 +113,10 @@ def test_any_subset_of_programs_may_be_killed_and_restarted(
             restart(rig, "estimator")
         if "actuator" in names or (begin is not None and TRIP & set(names)):
             asks_a_person(rig, seen)
-            asked += 1
+            requested += 1
         else:
             make_ready(rig, READY_S)
             whole_grip(rig, seen)
-    figures.append(f"{count} subsets of killed programs, seed {seed}: a person was asked {asked} x")
+    figures.append(
+        f"{count} subsets of killed programs, seed {seed}: a person was asked {requested} x"
+    )

@@ -170,9 +170,9 @@ def test_an_emergency_stop_of_an_operator_takes_effect(
     if supervised:
         rig.post(f"/rigs/{RIG}/estop").raise_for_status()
     else:
-        said = pincette("estop", "--rig", operators_file(rig, folder), "--url", NOBODY)
-        assert said.returncode == 0, said.stderr
-        assert f"rig {RIG}: stopped at the actuator" in said.stdout
+        output = pincette("estop", "--rig", operators_file(rig, folder), "--url", NOBODY)
+        assert output.returncode == 0, output.stderr
+        assert f"rig {RIG}: stopped at the actuator" in output.stdout
     _, tripped = seen.until_state(("frozen", "ramping", "latched"), begun)
     assert tripped.cause.startswith("estop")
     assert rig.ended(held)["state"] in ENDS

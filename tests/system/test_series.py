@@ -38,8 +38,8 @@ def test_a_series_continues_with_the_next_supervisor(rig: RunningRig, tmp_path: 
     (tmp_path / "beads.csv").write_text(BEADS, encoding="utf-8")
     url = rig.rig.supervisor.url
     words = [sys.executable, "-m", "pincette", "series"]
-    asked = [*words, "run", str(tmp_path / "plan.toml"), "--url", url]
-    with subprocess.Popen(asked, stdout=subprocess.PIPE, text=True) as typed:
+    requested = [*words, "run", str(tmp_path / "plan.toml"), "--url", url]
+    with subprocess.Popen(requested, stdout=subprocess.PIPE, text=True) as typed:
         try:
             deadline_s = monotonic() + LONG_S
             while not (rig.get("/series")["series"] or [{"ended": 0}])[0]["ended"]:
@@ -47,11 +47,11 @@ def test_a_series_continues_with_the_next_supervisor(rig: RunningRig, tmp_path: 
                 sleep(0.1)
             kill(rig, "supervisor")
             restart(rig, "supervisor")
-            said, _ = typed.communicate(timeout=LONG_S)
+            output, _ = typed.communicate(timeout=LONG_S)
         finally:
             typed.kill()
-    assert typed.returncode == 0, said
-    assert "3 of 3 ended" in said
+    assert typed.returncode == 0, output
+    assert "3 of 3 ended" in output
     with Supervisor(url) as supervisor:
         (summary,) = supervisor.series()
         series = supervisor.find_series(summary.id)

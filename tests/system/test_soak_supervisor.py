@@ -125,11 +125,11 @@ def test_repeated_kills_lose_duplicate_or_misreport_no_job(
         assert rig.ended(rig.start_grip(labels={"key": "first"}))["state"] == "succeeded"
         begun_s, arm, killed = monotonic(), Arm(), 0
         url = rig.rig.supervisor.url
-        told = Told(f"{url}/api/v1/rigs/{rig.rig.rig.name}")
+        reported = Told(f"{url}/api/v1/rigs/{rig.rig.rig.name}")
         with Supervisor(url, patience_s=PATIENCE_S) as supervisor:
             handle = supervisor.rig(rig.rig.rig.name)
             for number in range(kills):
-                client = threading.Thread(target=attempt, args=(handle, number, told))
+                client = threading.Thread(target=attempt, args=(handle, number, reported))
                 client.start()
                 if chance.random() < PLAYING_SHARE:
                     until_playing(seen, client)
@@ -140,25 +140,25 @@ def test_repeated_kills_lose_duplicate_or_misreport_no_job(
                 restart(rig, "supervisor")
                 client.join(4.0 * PATIENCE_S)
                 assert not client.is_alive(), f"seed {SEED}, round {number}"
-                assert told.trouble == [], f"seed {SEED}"
+                assert reported.trouble == [], f"seed {SEED}"
                 killed = number + 1
                 arm.follow(seen, begun_s)
                 print(f"{killed} of {kills}, in {dict(moments)}", flush=True)
                 if monotonic() - begun_s > LONGEST_S:
                     break
-        checked = compared(rig, told)
+        checked = compared(rig, reported)
         arm.follow(seen, begun_s)
         playing = arm.played
-    states = Counter(f"{job['kind']} {job['state']}" for job in told.finals.values())
+    states = Counter(f"{job['kind']} {job['state']}" for job in reported.finals.values())
     figures.append(
         f"supervisor killed {killed} times, seed {SEED}, in {dict(moments)}: {dict(states)}, "
         f"{checked} records compared, {len(playing)} programs played, "
-        f"{len(told.bare)} of them without picture and report; "
-        f"refused meanwhile {dict(told.refusals)}"
+        f"{len(reported.bare)} of them without picture and report; "
+        f"refused meanwhile {dict(reported.refusals)}"
     )
-    causes = Counter(job["cause"] for job in told.finals.values() if job["state"] == "failed")
+    causes = Counter(job["cause"] for job in reported.finals.values() if job["state"] == "failed")
     figures.extend(f"failed {count} times: {cause}" for cause, count in causes.most_common(5))
-    begun = [job for job in told.finals.values() if job["record"] is not None]
+    begun = [job for job in reported.finals.values() if job["record"] is not None]
     assert len(playing) <= len(begun), "a program was played twice, or by nobody's job"
 
 

@@ -72,11 +72,11 @@ def test_if_killed_with_a_free_arm_the_motion_comes_to_rest_and_the_job_is_inter
     assert RENEWED * LEASE_S - SLACK_S < took_s < LEASE_S + SLACK_S
     assert never_tripped(seen, killed_s)
     restart(rig, "supervisor")
-    told = rig.job(job)
-    assert told["state"] == "interrupted"
-    assert LEASE in told["cause"]
+    reported = rig.job(job)
+    assert reported["state"] == "interrupted"
+    assert LEASE in reported["cause"]
     (row,) = lease_alarms(rig, job)
-    assert row["words"] in told["cause"]
+    assert row["words"] in reported["cause"]
     # Nothing is latched: the next job begins without a reset.
     whole_grip(rig, seen)
 

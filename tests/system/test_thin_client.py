@@ -56,13 +56,13 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
 def test_the_thin_client_grips(rig: RunningRig, tmp_path: Path, version: str) -> None:
     wanted = (str(wheel("shared")), "pydantic==2.12.0")
     python = environment(tmp_path / "venv", *wanted, python=python_of(version))
-    said = json.loads(ran([str(python), "-I", "-c", GRIP, rig.rig.supervisor.url]))
-    assert said["pydantic"] == "2.12.0"
-    assert said["rest"] == [False, False], "a part of pincette that is not the client's"
-    assert said["feasible"] is False
-    violation, code = said["refused"]
+    content = json.loads(ran([str(python), "-I", "-c", GRIP, rig.rig.supervisor.url]))
+    assert content["pydantic"] == "2.12.0"
+    assert content["rest"] == [False, False], "a part of pincette that is not the client's"
+    assert content["feasible"] is False
+    violation, code = content["refused"]
     assert code == "limit-violation"
     assert (violation["value"], violation["unit"], violation["limit"]) == (500.0, "mN", 40.0)
-    assert said["phases"] == said["recorded"]
-    assert (said["state"], said["outcome"]) == ("succeeded", "gripped")
-    assert abs(said["force_held_mN"] - 9.0) < 1.0
+    assert content["phases"] == content["recorded"]
+    assert (content["state"], content["outcome"]) == ("succeeded", "gripped")
+    assert abs(content["force_held_mN"] - 9.0) < 1.0

@@ -57,8 +57,8 @@ def program(name: str, path: Path, log: Path) -> Generator["subprocess.Popen[str
         "--exit-with-parent",
     ]
     with (
-        log.open("w", encoding="utf-8") as said,
-        subprocess.Popen(words, stdin=subprocess.PIPE, stderr=said, text=True) as process,
+        log.open("w", encoding="utf-8") as stated,
+        subprocess.Popen(words, stdin=subprocess.PIPE, stderr=stated, text=True) as process,
     ):
         try:
             yield process
@@ -95,9 +95,9 @@ def test_the_same_controller_cannot_be_started_twice(
     since = monotonic()
     with program("controller", rig.path, tmp_path / "log") as second:
         assert second.wait(20.0) == 2
-    said = (tmp_path / "log").read_text(encoding="utf-8")
-    assert "in use" in said
-    assert "a second start of this rig" in said
+    text = (tmp_path / "log").read_text(encoding="utf-8")
+    assert "in use" in text
+    assert "a second start of this rig" in text
     check_undisturbed(seen, since)
     release(rig, job)
 
@@ -171,7 +171,7 @@ def test_an_unauthorized_sender_floods_the_key_of_the_controller(
     sleep(FLOOD_S)
     quiet = check_undisturbed(seen, quiet_s)
     quiet_share = (cpu_s(actuator) - spent_s) / (monotonic() - quiet_s)
-    with hog("flood", place, rig.rig.rig.name, str(RATE_HZ)) as told:
+    with hog("flood", place, rig.rig.rig.name, str(RATE_HZ)) as reported:
         sleep(1.0)
         flooded_s, spent_s = monotonic(), cpu_s(actuator)
         sleep(FLOOD_S)
@@ -183,14 +183,14 @@ def test_an_unauthorized_sender_floods_the_key_of_the_controller(
         for some in (quiet, echoes)
     )
     figures.append(
-        f"flood at the actuator: {sum(told['sent'].values()) / told['for_s']:.0f} per s, "
+        f"flood at the actuator: {sum(reported['sent'].values()) / reported['for_s']:.0f} per s, "
         f"{echoes[-1].refused - quiet[-1].refused} refused by the actuator, which took "
         f"{100.0 * share:.0f} % of a processor, {100.0 * quiet_share:.0f} % before; "
         f"{unanswered} of {len(echoes)} ticks without a command; "
         f"command age p99 {1e3 * before:.2f} ms before, {1e3 * after:.2f} ms meanwhile"
     )
-    assert set(told["sent"]) >= {"garbage", "foreign owner", "old epoch", "replay"}
-    assert sum(told["sent"].values()) >= 0.8 * RATE_HZ * FLOOD_S
+    assert set(reported["sent"]) >= {"garbage", "foreign owner", "old epoch", "replay"}
+    assert sum(reported["sent"].values()) >= 0.8 * RATE_HZ * FLOOD_S
     assert max(echo.arms[0].voltage_V for echo in echoes) < 3.0
     assert echoes[-1].refused > quiet[-1].refused
     assert share <= CPU_SHARE

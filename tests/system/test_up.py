@@ -25,11 +25,11 @@ def test_no_process_is_left_after_up_has_ended(tmp_path: Path, number: signal.Si
     path.write_text(rig_toml(rig), encoding="utf-8")
     command = [*PINCETTE, "up", "--rig", str(path), "--data", str(tmp_path / "data")]
     with until_interrupted(command, tmp_path, log) as process:
-        said = await_text(log, "is up at", process, 60.0)
-        shown = dict(re.findall(r"^● (\w+) +(\d+) ", said, re.MULTILINE))
+        output = await_text(log, "is up at", process, 60.0)
+        shown = dict(re.findall(r"^● (\w+) +(\d+) ", output, re.MULTILINE))
         assert shown.keys() == PROGRAMS
         assert {int(one) for one in shown.values()} <= processes_of(path).keys()
-        assert max(len(line) for line in said.splitlines()) <= 80
+        assert max(len(line) for line in output.splitlines()) <= 80
         process.send_signal(number)
         status = process.wait(20.0)
     assert status == (-signal.SIGKILL if number == signal.SIGKILL else 0)
@@ -59,8 +59,8 @@ def test_a_killed_router_is_restarted_and_the_part_stays_held(tmp_path: Path) ->
     path.write_text(rig_toml(rig), encoding="utf-8")
     command = [*PINCETTE, "up", "--rig", str(path), "--data", str(tmp_path / "data")]
     with until_interrupted(command, tmp_path, log) as process:
-        said = await_text(log, "is up at", process, 60.0)
-        pids = dict(re.findall(r"^● (\w+) +(\d+) ", said, re.MULTILINE))
+        output = await_text(log, "is up at", process, 60.0)
+        pids = dict(re.findall(r"^● (\w+) +(\d+) ", output, re.MULTILINE))
         url = f"http://{rig.supervisor.host}:{rig.supervisor.port}"
         with Supervisor(url, timeout_s=60.0, patience_s=60.0) as supervisor:
             desk = supervisor.rig("demo")

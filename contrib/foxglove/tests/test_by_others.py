@@ -32,11 +32,11 @@ def test_the_client_in_typescript_decodes_samples(rig: RunningRig, tmp_path: Pat
     job = rig.start_grip(until_released=True, force_mN=FORCE_MN)
     rig.until_phase(job, "hold")
     address = f"ws://127.0.0.1:{rig.rig.foxglove.port}"
-    said = run_node(folder, SCRIPT.name, address, "estimate", "20")
-    assert said["name"] == "pincette demo"
-    assert said["channels"]["estimate"] == "pincette.Estimate"
-    key = next(name for name in said["seen"][0] if name.replace("_", "").lower() == "forcemn")
-    assert said["seen"][-1][key] == pytest.approx(FORCE_MN, abs=2.0)
+    output = run_node(folder, SCRIPT.name, address, "estimate", "20")
+    assert output["name"] == "pincette demo"
+    assert output["channels"]["estimate"] == "pincette.Estimate"
+    key = next(name for name in output["seen"][0] if name.replace("_", "").lower() == "forcemn")
+    assert output["seen"][-1][key] == pytest.approx(FORCE_MN, abs=2.0)
     rig.post(f"/jobs/{job}/actions", {"type": "release"}).raise_for_status()
     rig.ended(job)
 

@@ -77,17 +77,17 @@ def sila_client(rig: RigFile) -> Generator[list[str]]:
 @contextmanager
 def asking_agent(rig: RigFile) -> Generator[list[dict[str, Any]]]:
     """An agent that asks for the state again and again."""
-    end, told = threading.Event(), list[dict[str, Any]]()
+    end, reported = threading.Event(), list[dict[str, Any]]()
 
     async def ask() -> None:
         async with agent(rig.supervisor.url) as client:
             while not end.is_set():
-                told.append(await said(client, "status"))
+                reported.append(await said(client, "status"))
 
     asker = threading.Thread(target=asyncio.run, args=(ask(),))
     asker.start()
     try:
-        yield told
+        yield reported
     finally:
         end.set()
         asker.join()
@@ -104,14 +104,14 @@ def with_adapters(rig: RunningRig) -> Path:
     with ExitStack() as stack:
         viewer = stack.enter_context(viewing(rig.rig))
         numbers = stack.enter_context(sila_client(rig.rig))
-        asked = stack.enter_context(asking_agent(rig.rig))
+        requested = stack.enter_context(asking_agent(rig.rig))
         viewer.subscribe(*viewer.channels)
         job = rig.start_grip(**GRIP)
         viewer.until(lambda: any(one.state == "succeeded" for one in viewer.seen["job"]), "no end")
         record = Path(rig.ended(job)["record"])
         assert len(viewer.seen["estimate"]) > 200
     assert len(numbers) > 10
-    assert len(asked) > 10
+    assert len(requested) > 10
     return record
 
 

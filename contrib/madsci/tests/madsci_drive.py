@@ -32,7 +32,7 @@ def action(client: RestNodeClient, name: str, **args: Any) -> dict[str, Any]:
 
 def everything(client: RestNodeClient, rest: str, force_mN: float, process: int) -> dict[str, Any]:
     """What came of each call."""
-    said: dict[str, Any] = {"actions": sorted(client.get_info().actions)}
+    values: dict[str, Any] = {"actions": sorted(client.get_info().actions)}
 
     def act(name: str, **args: Any) -> dict[str, Any]:
         return action(client, name, **args)
@@ -82,29 +82,29 @@ def everything(client: RestNodeClient, rest: str, force_mN: float, process: int)
         thread.join()
         return found
 
-    said["plan"] = act("plan", force_mN=force_mN)
-    said["refused"] = act("grip", force_mN=500.0)
-    said["infeasible"] = act("plan", force_mN=500.0)
-    said["grip"] = act("grip", force_mN=force_mN)
-    said["part"] = rig()["part"]
-    said["second"] = act("grip", force_mN=force_mN)
-    said["higher"] = act("grip", force_mN=force_mN + 5.0)
-    said["lower"] = act("grip", force_mN=force_mN)
-    said["release"] = act("release")
-    said["nothing"] = act("release")
+    values["plan"] = act("plan", force_mN=force_mN)
+    values["refused"] = act("grip", force_mN=500.0)
+    values["infeasible"] = act("plan", force_mN=500.0)
+    values["grip"] = act("grip", force_mN=force_mN)
+    values["part"] = rig()["part"]
+    values["second"] = act("grip", force_mN=force_mN)
+    values["higher"] = act("grip", force_mN=force_mN + 5.0)
+    values["lower"] = act("grip", force_mN=force_mN)
+    values["release"] = act("release")
+    values["nothing"] = act("release")
     client.send_admin_command("lock")
-    said["locked"] = act("grip", force_mN=force_mN)["status"]
+    values["locked"] = act("grip", force_mN=force_mN)["status"]
     client.send_admin_command("unlock")
-    said["requested"] = during_the_request()
+    values["requested"] = during_the_request()
     until(lambda view: view["can_start"])
-    said["cancelled"] = during("cancel")
+    values["cancelled"] = during("cancel")
     until(lambda view: view["can_start"])
-    said["stopped"] = during("safety_stop")
+    values["stopped"] = during("safety_stop")
     until(lambda view: view["latch"]["state"] == "latched")
-    said["ready"] = client.get_status().ready
-    said["latched"] = act("grip", force_mN=force_mN)
-    said["errored"] = client.get_status().errored
-    return said
+    values["ready"] = client.get_status().ready
+    values["latched"] = act("grip", force_mN=force_mN)
+    values["errored"] = client.get_status().errored
+    return values
 
 
 if __name__ == "__main__":

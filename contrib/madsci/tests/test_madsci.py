@@ -109,35 +109,35 @@ def test_the_stock_client_can_grip_and_receives_refusals(
 ) -> None:
     supervisor, process = rig.rig.supervisor.url, rig.fleet.members["supervisor"].process.pid
     with node(python, tmp_path, supervisor) as (url, _):
-        said = driven(python, tmp_path, url, "all", supervisor, str(FORCE_MN), str(process))
-    assert said["actions"] == ["grip", "plan", "release"]
-    assert said["plan"]["status"] == "succeeded"
+        output = driven(python, tmp_path, url, "all", supervisor, str(FORCE_MN), str(process))
+    assert output["actions"] == ["grip", "plan", "release"]
+    assert output["plan"]["status"] == "succeeded"
     for refused in ("refused", "infeasible"):
-        (error,) = said[refused]["errors"]
+        (error,) = output[refused]["errors"]
         assert error[0] == "limit-violation"
         assert "force 500.000 mN above the limit 40 mN" in error[1]
-    held = said["grip"]
+    held = output["grip"]
     assert held["status"] == "succeeded"
     assert abs(held["json"]["force_held_mN"] - FORCE_MN) < NEAR_MN
-    assert said["part"] == "held"
-    assert said["second"]["json"]["job"] == held["json"]["job"]
+    assert output["part"] == "held"
+    assert output["second"]["json"]["job"] == held["json"]["job"]
     for name in ("higher", "lower"):
-        assert said[name]["status"] == "succeeded"
-        assert rig.job(said[name]["json"]["job"])["kind"] == "hold"
-    assert abs(said["higher"]["json"]["force_held_mN"] - FORCE_MN - 5.0) < NEAR_MN
-    assert said["release"]["json"]["job"] == said["lower"]["json"]["job"]
-    assert code_of(said["nothing"]) == "nothing-held"
-    assert said["locked"] == "not_ready"
-    assert code_of(said["requested"], "cancelled") in ("key-stopped", "cancelled")
-    assert said["cancelled"]["locked"] is True
-    assert said["cancelled"]["command"] is True
-    assert code_of(said["cancelled"], "cancelled") == "cancelled"
-    assert said["stopped"]["command"] is True
-    assert code_of(said["stopped"]) == "rig-latched"
-    assert said["ready"] is False
-    assert "estop" in said["latched"]["errors"][0][1]
-    assert said["latched"]["status"] == "not_ready"
-    assert said["errored"] is False
+        assert output[name]["status"] == "succeeded"
+        assert rig.job(output[name]["json"]["job"])["kind"] == "hold"
+    assert abs(output["higher"]["json"]["force_held_mN"] - FORCE_MN - 5.0) < NEAR_MN
+    assert output["release"]["json"]["job"] == output["lower"]["json"]["job"]
+    assert code_of(output["nothing"]) == "nothing-held"
+    assert output["locked"] == "not_ready"
+    assert code_of(output["requested"], "cancelled") in ("key-stopped", "cancelled")
+    assert output["cancelled"]["locked"] is True
+    assert output["cancelled"]["command"] is True
+    assert code_of(output["cancelled"], "cancelled") == "cancelled"
+    assert output["stopped"]["command"] is True
+    assert code_of(output["stopped"]) == "rig-latched"
+    assert output["ready"] is False
+    assert "estop" in output["latched"]["errors"][0][1]
+    assert output["latched"]["status"] == "not_ready"
+    assert output["errored"] is False
 
 
 def test_results_with_every_code_are_valid_for_madsci(python: Path, tmp_path: Path) -> None:
@@ -169,13 +169,13 @@ def test_results_with_every_code_are_valid_for_madsci(python: Path, tmp_path: Pa
         check=False,
     )
     assert done.returncode == 0, done.stderr[-3000:]
-    said = json.loads(done.stdout.splitlines()[-1])
-    assert len(said) == len(given)
-    for job, found in zip(jobs, said[: len(jobs)], strict=True):
+    output = json.loads(done.stdout.splitlines()[-1])
+    assert len(output) == len(given)
+    for job, found in zip(jobs, output[: len(jobs)], strict=True):
         assert found["json"]["outcome"] == job.get("result", {}).get("outcome", "")
         ending = job.get("ending")
         assert ending is None or ending.items() <= found["json"]["ending"].items()
-    for problem, found in zip(problems, said[len(jobs) :], strict=True):
+    for problem, found in zip(problems, output[len(jobs) :], strict=True):
         assert found["json"]["violations"] == problem["violations"]
         assert found["json"]["code"] == found["type"] == problem["type"].removeprefix(TYPE)
 
@@ -192,8 +192,8 @@ def test_the_program_shown_on_the_documentation_page_grips(
     program = page.split("\n", 1)[1].rpartition("PYTHON")[0]
     with node(python, tmp_path, rig.rig.supervisor.url) as (url, _):
         assert program.count(PAGE_URL) == 1
-        said = ran([str(python), "-c", program.replace(PAGE_URL, url.rstrip("/"))], tmp_path)
-    assert said.count("SUCCEEDED") == 3, said
+        output = ran([str(python), "-c", program.replace(PAGE_URL, url.rstrip("/"))], tmp_path)
+    assert output.count("SUCCEEDED") == 3, output
     assert rig.view()["part"] == "none"
 
 

@@ -43,10 +43,10 @@ def test_tools_that_move_the_arm_are_offered_only_if_enabled(rig: RunningRig) ->
 
 
 def test_a_grip_uses_the_token_of_a_plan_once(rig: RunningRig) -> None:
-    told: list[tuple[float, float | None, str | None]] = []
+    received: list[tuple[float, float | None, str | None]] = []
 
     async def tell(progress: float, total: float | None, message: str | None) -> None:
-        told.append((progress, total, message))
+        received.append((progress, total, message))
 
     async def drive() -> None:
         async with agent(rig.rig.supervisor.url, "--move") as client:
@@ -68,9 +68,9 @@ def test_a_grip_uses_the_token_of_a_plan_once(rig: RunningRig) -> None:
             assert "nothing-held: " in await refused(client, "release")
 
     asyncio.run(drive())
-    assert any("hold" in (words or "") for _, _, words in told)
-    assert [now for now, _, _ in told] == sorted(now for now, _, _ in told)
-    assert any(total is not None and now < total for now, total, _ in told)
+    assert any("hold" in (words or "") for _, _, words in received)
+    assert [now for now, _, _ in received] == sorted(now for now, _, _ in received)
+    assert any(total is not None and now < total for now, total, _ in received)
 
 
 def test_a_grip_with_a_hold_ends_with_its_job(rig: RunningRig) -> None:

@@ -186,8 +186,8 @@ def test_a_capture_delivers_one_sample_immediately_and_then_one_per_period() -> 
     reply = read(call, task, 1, FillMode.GROUP_BY_CHANNEL)
     assert list(reply.read_array) == [round(0.5 * 65536 / 20.0) * 20.0 / 65536, 0.0]
     call.rig.now_s = 0.003
-    asked = {"task": task, "attribute_raw": AVAILABLE}
-    assert call("GetReadAttributeUInt32", **asked).value == 3
+    values = {"task": task, "attribute_raw": AVAILABLE}
+    assert call("GetReadAttributeUInt32", **values).value == 3
     by_channel = read(call, task, 2, FillMode.GROUP_BY_CHANNEL)
     assert by_channel.samps_per_chan_read == 2
     assert by_channel.read_array[2:] == pytest.approx([0.25, 0.25], abs=2e-4)

@@ -51,12 +51,14 @@ def fast_rig(pace: str, changes: Tree | None = None) -> RigFile:
 @pytest.mark.parametrize("pace", ["lockstep", "real"])
 def test_each_write_over_the_line_reaches_the_simulated_rig_once(tmp_path: Path, pace: str) -> None:
     rig = fast_rig(pace)
-    told = truths_of_three_writes(
+    reported = truths_of_three_writes(
         rig, tmp_path, lambda: open_sensor(rig.sensor), lambda: open_output(rig.output)
     )
-    assert [truth.seq for truth in told] == [0, 1, 2]
+    assert [truth.seq for truth in reported] == [0, 1, 2]
     step_V = 20.0 / 65536
-    assert [truth.arms[0].voltage_V for truth in told] == pytest.approx([1.0, 1.0, 0.5], abs=step_V)
+    assert [truth.arms[0].voltage_V for truth in reported] == pytest.approx(
+        [1.0, 1.0, 0.5], abs=step_V
+    )
 
 
 def test_in_lockstep_a_capture_records_the_wave_that_is_played() -> None:

@@ -28,10 +28,10 @@ def test_the_interoperability_tester_passes(address: str, tmp_path: Path) -> Non
     python = environment(tmp_path / "venv", "sila2-interop-communication-tester==0.10.3")
     # What it has for other features wants a server made for it.
     line = [str(python), "-m", TESTER, "--server-address", address, "sila_service"]
-    said = ran(line, tmp_path)
-    assert " passed" in said
-    assert " failed" not in said
-    assert " error" not in said
+    output = ran(line, tmp_path)
+    assert " passed" in output
+    assert " failed" not in output
+    assert " error" not in output
 
 
 def test_an_mcp_agent_can_grip_through_the_sila_bridge(

@@ -97,8 +97,8 @@ def test_a_motion_needs_a_login_with_a_key_that_may_operate(
         with pytest.raises(DefinedExecutionError) as caught:
             gripper.Plan(FORCE_MN, 0.3, "", metadata=seeing)
         assert caught.value.identifier == "NotPermitted"
-        told = refusal(gripper.Grip(FORCE_MN, 0.3, "", metadata=seeing))
-        assert told.identifier == "NotPermitted"
+        message = refusal(gripper.Grip(FORCE_MN, 0.3, "", metadata=seeing))
+        assert message.identifier == "NotPermitted"
         acting = logged_in(client, "ada", keys["operate"])
         done = responses(gripper.Grip(FORCE_MN, 0.3, "", metadata=acting))
         assert done.Outcome == "gripped"

@@ -28,8 +28,10 @@ def test_a_grip_samples_and_a_release_work(rig: RunningRig) -> None:
             gripper = client.Microgripper
             execution = await gripper.Grip(Force=FORCE_MN, HoldTime=0.0, Recipe="")
             samples = await execution.subscribe_intermediate_responses()
-            told = await execution.subscribe_status()
-            progress = [float(one.progress.value) async for one in told if one.progress is not None]
+            reported = await execution.subscribe_status()
+            progress = [
+                float(one.progress.value) async for one in reported if one.progress is not None
+            ]
             phases = [one.Sample.Phase async for one in samples]
             return await execution.get_responses(), phases, progress, await released(gripper)
 

@@ -93,8 +93,8 @@ def test_a_rig_without_a_residual_run_is_omitted_from_its_medians_and_reported()
     values = summary(missing)["relays"]["dsmifc"]
     assert values["hz_0_5"]["dry_run_force_percent"] == pytest.approx(0.4)
     assert "dry_run_force_percent" not in values["hz_2"]
-    told = section(BeyondTrials(missing, found.grips))
-    assert any("4 of 36 tracks had residual runs" in text for text in told.text)
+    reported = section(BeyondTrials(missing, found.grips))
+    assert any("4 of 36 tracks had residual runs" in text for text in reported.text)
 
 
 def test_grip_figures_cover_all_classes_and_are_grouped_by_profile() -> None:
@@ -110,19 +110,19 @@ def test_grip_figures_cover_all_classes_and_are_grouped_by_profile() -> None:
 
 def test_the_page_shows_every_number_and_four_pictures() -> None:
     found = trials()
-    told, grips = section(found), grip_section(found)
-    assert [picture.name for picture in (*told.pictures, *grips.pictures)] == [
+    reported, grips = section(found), grip_section(found)
+    assert [picture.name for picture in (*reported.pictures, *grips.pictures)] == [
         "beyond",
         "dry_run",
         "learning",
         "grips",
     ]
-    assert all(one.png.startswith(b"\x89PNG") for one in (*told.pictures, *grips.pictures))
+    assert all(one.png.startswith(b"\x89PNG") for one in (*reported.pictures, *grips.pictures))
     # Class, scheme, frequency, preparation, quantity; profile, figure.
-    assert len(told.comparisons) == 2 * 2 * 3 * 3 * 2
+    assert len(reported.comparisons) == 2 * 2 * 3 * 3 * 2
     assert len(grips.comparisons) == 2 * 3
-    assert told.data is not None
-    row = told.data["trials"][-1]
+    assert reported.data is not None
+    row = reported.data["trials"][-1]
     assert row["seed"] == 103
     assert row["prepared"] == "learned"
     assert row["position_percent"] == pytest.approx(0.125)

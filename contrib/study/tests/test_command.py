@@ -49,11 +49,11 @@ def test_progress_and_summary_are_reported(
 
     monkeypatch.setattr("pincette_study.study.run_study", study)
     assert paper.paper(RigOption(DEMO), tmp_path, 3, 2, 4) == 0
-    said = capsys.readouterr().out
-    assert "25 %  stability map" in said
-    assert "random_rigs: 3" in said
-    assert "table1_force_percent: 5 2.81, 2 5.78" in said
-    assert "index.html" in said
+    output = capsys.readouterr().out
+    assert "25 %  stability map" in output
+    assert "random_rigs: 3" in output
+    assert "table1_force_percent: 5 2.81, 2 5.78" in output
+    assert "index.html" in output
 
 
 def test_an_interrupted_study_reports_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

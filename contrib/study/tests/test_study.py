@@ -56,7 +56,7 @@ class Study:
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     folder = tmp_path_factory.mktemp("paper")
-    told: list[tuple[str, float]] = []
+    received: list[tuple[str, float]] = []
     begun = monotonic()
     # Paths as short as they show what they are for.
     monkeypatch = pytest.MonkeyPatch()
@@ -69,13 +69,13 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     monkeypatch.setattr(kilohertz, "OFF_NOMINAL", off)
 
     def tell(what: str, share: float) -> None:
-        told.append((what, share))
+        received.append((what, share))
 
     summary = run_study(demo_rig(), folder, tell, 1, 1, read_rig(FAST_RIG), 1)
     monkeypatch.undo()
     print(f"the study with one random rig took {monotonic() - begun:.1f} s")
     tree = json.loads((folder / "paper.json").read_text(encoding="utf-8"))
-    return Study(folder, tree, summary, told)
+    return Study(folder, tree, summary, received)
 
 
 def falls(values: Sequence[float]) -> bool:

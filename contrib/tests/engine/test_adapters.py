@@ -53,9 +53,9 @@ def test_the_stock_client_of_sila_grips() -> None:
 def test_a_foxglove_client_sees_the_topics(ready: Project) -> None:
     grip = ready.shell("docker compose exec -T supervisor pincette job grip --force-mN 15", 90.0)
     assert grip.returncode == 0, grip.stdout
-    said = on_the_host(block("docs/how-to/foxglove.md", "foxglove.sdk.v1"))
-    assert "estimate pincette.Estimate" in said
-    assert "services: estop" in said
+    output = on_the_host(block("docs/how-to/foxglove.md", "foxglove.sdk.v1"))
+    assert "estimate pincette.Estimate" in output
+    assert "services: estop" in output
 
 
 def test_the_stock_client_of_madsci_grips(ready: Project) -> None:

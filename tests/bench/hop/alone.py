@@ -107,5 +107,5 @@ def recorded_grip() -> dict[str, Alone]:
     """Every service of the loop, with the same grip of the demo rig."""
     rig = demo_rig({"rig": {"name": "bench"}, "simulation": {"truth": False}}, time="lockstep")
     program = plan_job(GripJobRequest(kind="grip"), rig).program
-    said = recording(rig, program)
-    return {name: Alone(name, rig, program, said) for name in LOOP}
+    messages = recording(rig, program)
+    return {name: Alone(name, rig, program, messages) for name in LOOP}

@@ -18,8 +18,8 @@ def composed_over_realtime(rig: RigFile) -> float:
     for _ in range(ROUNDS):
         loop = ComposedLoop(rig)
         begin_s = process_time()
-        said = loop.play(program)
+        messages = loop.play(program)
         spent_s = process_time() - begin_s
-        ticks = sum(isinstance(message, Position) for message in said)
+        ticks = sum(isinstance(message, Position) for message in messages)
         best = max(best, ticks * rig.rig.period_s / spent_s)
     return best

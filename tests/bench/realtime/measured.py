@@ -72,23 +72,23 @@ def measured(rigs: int, listeners: int, seconds: float, own: Tree) -> Measured:
             before, begin_s = _cpu(processes), monotonic()
             sleep(seconds)
             spent, passed_s = _cpu(processes), monotonic() - begin_s
-        told = [rig.timing() for rig in up]
-        for rig, services in zip(up, told, strict=True):
+        reported = [rig.timing() for rig in up]
+        for rig, services in zip(up, reported, strict=True):
             for timing in services.values():
                 each_second.note(rig.file.rig.name, timing)
         undisturbed = each_second.undisturbed(recorder, period_s)
-        whole = merged(one["sensor"].lateness for one in told)
+        whole = merged(one["sensor"].lateness for one in reported)
         return Measured(
             rigs=rigs,
             listeners=listeners,
             rate_hz=1.0 / period_s,
             seconds=passed_s,
-            ticks=sum(one["sensor"].seq + 1 for one in told),
-            missed=sum(timing.missed for one in told for timing in one.values()),
+            ticks=sum(one["sensor"].seq + 1 for one in reported),
+            missed=sum(timing.missed for one in reported for timing in one.values()),
             missed_undisturbed=sum(one.missed for one in undisturbed),
             stalls=sum(length_s > STALL_S for _, length_s in recorder.stalls),
             stolen_s=stolen_s() - stolen,
-            age_ms=_spread(one["actuator"].age for one in told),
+            age_ms=_spread(one["actuator"].age for one in reported),
             lateness_ms=_spread([whole]),
             deviation=_deviation(zip(whole.buckets, whole.counts, strict=True), period_s),
             deviation_undisturbed=_deviation(

@@ -44,8 +44,8 @@ class Rig:
 
     def timing(self) -> dict[str, Timing]:
         """How punctual the services have been since then."""
-        asked = TimingRequest()
-        return {name: cast(Timing, self.bus.call(TIMING_OF[name], asked)) for name in TOLD}
+        settings = TimingRequest()
+        return {name: cast(Timing, self.bus.call(TIMING_OF[name], settings)) for name in TOLD}
 
 
 @contextmanager

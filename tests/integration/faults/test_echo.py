@@ -50,17 +50,17 @@ def check_cut(state: str, seed: int) -> float:
     loop.links.append(LinkFault("lost", "actuator", "estimator", begin_s=cut_s))
     loop.run(cut_s + FREEZE_S + 0.2, lambda: loop.newest.state == "latched")
     tripped = [(at_s, one) for at_s, one in loop.applied if one.state in TRIPPED]
-    said = f"{state}, pattern {seed}"
-    assert tripped, f"{said}: no trip"
+    case = f"{state}, pattern {seed}"
+    assert tripped, f"{case}: no trip"
     reacted_s, first = tripped[0]
-    assert reacted_s - cut_s <= REACTION_S + ECHO_LATE_S, said
+    assert reacted_s - cut_s <= REACTION_S + ECHO_LATE_S, case
     frozen_s = FREEZE_S + T if first.state == "frozen" else 0.0
     safe_s = next(
         at_s
         for at_s, put_V in loop.put_out
         if at_s >= reacted_s and put_V == loop.rig.safety.safe_V
     )
-    assert safe_s - cut_s <= SAFE_S + ECHO_LATE_S + frozen_s, said
+    assert safe_s - cut_s <= SAFE_S + ECHO_LATE_S + frozen_s, case
     return reacted_s - cut_s
 
 
@@ -73,12 +73,12 @@ def trips_after_lost_echoes(state: str, seed: int) -> bool:
         ends_s = begin_s + T - MOST_LATE_S
         loop.links.append(LinkFault("lost", "actuator", "estimator", begin_s=begin_s, end_s=ends_s))
         loop.run(begin_s + SETTLES_S)
-    said = f"{state}, pattern {seed}"
+    case = f"{state}, pattern {seed}"
     if any(one.state in TRIPPED for _, one in loop.applied):
         return True
     taken_s = [at_s for at_s, one in loop.applied if one.answered]
     if loop.newest.state == "armed":
-        assert max(after - before for before, after in pairwise(taken_s)) <= 2.5 * T, said
+        assert max(after - before for before, after in pairwise(taken_s)) <= 2.5 * T, case
     return False
 
 

@@ -36,7 +36,7 @@ def commands(loop: VirtualLoop) -> list[Command]:
 
 def check_obeys(loop: VirtualLoop, owner: int, least_share: float = 0.9) -> None:
     """It follows one owner, tick by tick, and no other sender trips it."""
-    asked = {item.seq: item.arms[0].voltage_V for item in commands(loop) if item.owner == owner}
+    by_seq = {item.seq: item.arms[0].voltage_V for item in commands(loop) if item.owner == owner}
     answered = [echo for echo in echoes(loop) if echo.answered]
     assert {echo.state for echo in echoes(loop)} == {"armed"}
     assert len(answered) >= least_share * WATCHED_S / T
@@ -45,7 +45,7 @@ def check_obeys(loop: VirtualLoop, owner: int, least_share: float = 0.9) -> None
     wrong = [
         echo
         for echo in answered
-        if echo.seq not in asked or abs(echo.arms[0].voltage_V - asked[echo.seq]) > half_V
+        if echo.seq not in by_seq or abs(echo.arms[0].voltage_V - by_seq[echo.seq]) > half_V
     ]
     assert set(map(id, wrong)) <= set(map(id, limited))
 
@@ -66,9 +66,9 @@ def test_the_first_of_two_controllers_keeps_the_rig_and_the_second_is_refused() 
         assert rival != owner
         assert len([item for item in commands(loop) if item.owner == rival and item.valid]) > 40
         check_obeys(loop, owner)
-        told = status(loop)
-        assert told.refused >= 40
-        assert str(rival) in status_text(told), "the alarm names the stranger"
+        reported = status(loop)
+        assert reported.refused >= 40
+        assert str(rival) in status_text(reported), "the alarm names the stranger"
 
 
 def test_a_second_controller_is_refused_the_arming() -> None:

@@ -40,7 +40,7 @@ def drawn(state: str, count: int) -> list[tuple[str, ...]]:
 
 def check(state: str, killed: Sequence[str], away_s: float) -> None:
     """Kill, start again, and try a job three times: the latch stands until a person clears it."""
-    said = f"{'+'.join(killed) or 'nothing'} killed in {state} for {away_s} s"
+    case = f"{'+'.join(killed) or 'nothing'} killed in {state} for {away_s} s"
     loop = place(state).loop.fork(SEED)
     loop.told = []
     notes = Notes()
@@ -61,7 +61,7 @@ def check(state: str, killed: Sequence[str], away_s: float) -> None:
     if {"supervisor", "router"} & set(killed):
         supervisor = VirtualSupervisor(loop, notes)
     loop.run(loop.now_s + FREEZE_S + 0.3)
-    tries(loop, supervisor, "actuator" in killed, hurt_s, said)
+    tries(loop, supervisor, "actuator" in killed, hurt_s, case)
 
 
 def tries(

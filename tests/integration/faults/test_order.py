@@ -98,11 +98,11 @@ def turns_of(service: str, output: Tape | None = None) -> Runner:
 def stepped(runner: Runner, samples: Sequence[Sample], now: float) -> list[Message]:
     for sample in samples:
         runner.take(sample, now)
-    said: list[Message] = []
+    received: list[Message] = []
     for at_s in (now, now + T):
         while (outputs := runner.fire(at_s)) is not None:
-            said += outputs
-    return said
+            received += outputs
+    return received
 
 
 def by_seq(kind: type[Message], seq: int) -> list[Sample]:
@@ -111,18 +111,18 @@ def by_seq(kind: type[Message], seq: int) -> list[Sample]:
 
 def estimates(seqs: Sequence[int]) -> list[Message]:
     runner = turns_of("estimator")
-    said: list[Message] = []
+    received: list[Message] = []
     for seq in seqs:
-        said += stepped(runner, [*by_seq(Applied, seq - 1), *by_seq(Position, seq)], 1.0)
-    return said
+        received += stepped(runner, [*by_seq(Applied, seq - 1), *by_seq(Position, seq)], 1.0)
+    return received
 
 
 def commands(seqs: Sequence[int]) -> list[Message]:
     runner = turns_of("controller")
-    said: list[Message] = []
+    received: list[Message] = []
     for seq in seqs:
-        said += stepped(runner, by_seq(Estimate, seq), 1.0)
-    return [message for message in said if isinstance(message, Command | Telemetry)]
+        received += stepped(runner, by_seq(Estimate, seq), 1.0)
+    return [message for message in received if isinstance(message, Command | Telemetry)]
 
 
 def voltages(seqs: Sequence[int]) -> list[float]:

@@ -73,14 +73,14 @@ def wall_clock_s(loop: VirtualLoop, at_s: float, step_s: float) -> float:
 
 
 def test_a_step_of_the_wall_clock_does_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[list[object]] = []
+    received: list[list[object]] = []
     for step_s in (0.0, 3600.0, -3600.0):
         loop = begun(seed=9)
         monkeypatch.setattr(time, "time", partial(wall_clock_s, loop, loop.now_s + 0.5, step_s))
         loop.run(loop.now_s + 1.5)
-        told.append([message for _, message in loop.told or []])
-    assert len(told[0]) > 200
-    assert told[0] == told[1] == told[2]
+        received.append([message for _, message in loop.told or []])
+    assert len(received[0]) > 200
+    assert received[0] == received[1] == received[2]
 
 
 @pytest.mark.parametrize("periods", [1.2, 3.4])

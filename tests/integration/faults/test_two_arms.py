@@ -87,24 +87,24 @@ def check_force(loop: VirtualPairLoop, said: str) -> None:
 def check_trips(state: str, fault: Fault, phase: float) -> None:
     """The loop trips in time; both arms freeze, and ramp together."""
     loop, began_s = hurt(state, fault, phase)
-    said, held = f"{fault.name} in {state} at {phase:.2f} T", state in HELD
+    stated, held = f"{fault.name} in {state} at {phase:.2f} T", state in HELD
     late_s = fault.late_s
     over_s = began_s + SAFE_S + late_s + (FREEZE_S + 2.0 * T if held else 0.0)
     while loop.newest.state != "latched" and loop.now_s < over_s:
         loop.run(loop.now_s + T)
-        check_force(loop, said)
+        check_force(loop, stated)
     tripped = [(at_s, echo) for at_s, echo in loop.applied if echo.state in TRIPPED]
-    assert tripped, f"no trip by {said}: {loop.newest}"
+    assert tripped, f"no trip by {stated}: {loop.newest}"
     reacted_s = tripped[0][0]
-    within(REACTION_S + late_s, reacted_s - began_s, f"{said}: the reaction")
-    assert loop.newest.state == "latched", f"{said}: {loop.newest}"
+    within(REACTION_S + late_s, reacted_s - began_s, f"{stated}: the reaction")
+    assert loop.newest.state == "latched", f"{stated}: {loop.newest}"
     frozen = [echo for _, echo in tripped if echo.state == "frozen"]
-    assert bool(frozen) == held, said
-    assert len({voltages(echo) for echo in frozen}) <= 1, f"{said}: a frozen voltage moved"
+    assert bool(frozen) == held, stated
+    assert len({voltages(echo) for echo in frozen}) <= 1, f"{stated}: a frozen voltage moved"
     assert voltages(loop.newest) == (0.0, 0.0)
     loop.run(loop.now_s + 0.1)
-    check_together(loop, reacted_s, said)
-    assert not any(echo.answered for at_s, echo in loop.applied if at_s >= reacted_s), said
+    check_together(loop, reacted_s, stated)
+    assert not any(echo.answered for at_s, echo in loop.applied if at_s >= reacted_s), stated
     assert loop.pair.true.forces_mN == (0.0, 0.0)
 
 

@@ -178,20 +178,22 @@ class Stage:
 
 def check_steps(stage: Stage, said: str) -> None:
     before_V = 0.0
-    for at_s, put_V, told in stage.wired.moves:
+    for at_s, put_V, reported in stage.wired.moves:
         step_V = abs(put_V - before_V)
-        assert not told or step_V <= stage.most_step_V(), f"{said}: {step_V:.3f} V at {at_s:.4f} s"
+        assert not reported or step_V <= stage.most_step_V(), (
+            f"{said}: {step_V:.3f} V at {at_s:.4f} s"
+        )
         before_V = put_V
 
 
 def check(name: str, fate: Fate, seed: int) -> None:
     chance = random.Random(f"{name} {fate} {seed}")
-    said = f"{name}, {fate}, seed {seed}"
+    case = f"{name}, {fate}, seed {seed}"
     stage = Stage(name)
     stage.ask(Reset(acknowledge=True))
     stage.arm()
     stage.run(CLIMB_S, chance)
-    assert stage.wired.put_V > 2.5, said
+    assert stage.wired.put_V > 2.5, case
     # A module that has lost its supply does not answer at once; what nobody can miss, nobody sees.
     for_s = chance.choice(
         (0.05, 0.2, 1.0) if fate == "power cycle" else (0.004, 0.02, 0.05, 0.2, 1.0)
@@ -202,21 +204,21 @@ def check(name: str, fate: Fate, seed: int) -> None:
     if not samples:
         stage.run(2.2 * T, chance)
     stage.run(for_s, chance, samples=samples)
-    tells_no_untruth(stage, said)
+    tells_no_untruth(stage, case)
     stage.run(AFTER_S, chance, samples=samples)
-    check_steps(stage, said)
+    check_steps(stage, case)
     echo = stage.echoes[-1][1]
     if echo.state == "armed":
-        assert for_s < 2.5 * T, f"{said}: nothing was noticed"
+        assert for_s < 2.5 * T, f"{case}: nothing was noticed"
         return
-    assert echo.state == "latched", f"{said}: {echo}"
-    assert not echo.unconfirmed, said
-    assert stage.wired.put_V == pytest.approx(0.0, abs=0.002), f"{said}: not safe"
+    assert echo.state == "latched", f"{case}: {echo}"
+    assert not echo.unconfirmed, case
+    assert stage.wired.put_V == pytest.approx(0.0, abs=0.002), f"{case}: not safe"
     assert stage.ask(Reset(acknowledge=True)) is not None
     stage.run(3 * T, chance)
     stage.arm()
     stage.run(CLIMB_S, chance)
-    check_steps(stage, f"{said}, armed again")
+    check_steps(stage, f"{case}, armed again")
 
 
 def tells_no_untruth(stage: Stage, said: str) -> None:

@@ -44,10 +44,10 @@ def held(loop: VirtualLoop) -> list[tuple[float, float]]:
     reach(loop, "hold", LATE_TICKS)
     found: list[tuple[float, float]] = []
     while (view := view_of(loop)) is not None and view.phase == "hold":
-        told = next(one for _, one in reversed(loop.told or []) if isinstance(one, Estimate))
-        assert told.arms[0].zero_age_s is not None, told.arms[0].zero_refusal
-        error_mN = told.arms[0].force_mN - loop.bench.rig.snapshot().force_mN
-        found.append((error_mN, told.arms[0].force_uncertainty_mN))
+        reported = next(one for _, one in reversed(loop.told or []) if isinstance(one, Estimate))
+        assert reported.arms[0].zero_age_s is not None, reported.arms[0].zero_refusal
+        error_mN = reported.arms[0].force_mN - loop.bench.rig.snapshot().force_mN
+        found.append((error_mN, reported.arms[0].force_uncertainty_mN))
         loop.run(loop.now_s + T)
     return found
 

@@ -134,8 +134,8 @@ class Laboratory:
 
     def confirmed(self, body: dict[str, Any]) -> dict[str, Any]:
         """Return a request with the confirmation that it needs, where nothing touches the arm."""
-        asked = REQUEST.validate_python(body)
-        doubted = self.office.manager.context.zero_doubt.blocking(asked)
+        request = REQUEST.validate_python(body)
+        doubted = self.office.manager.context.zero_doubt.blocking(request)
         return body | {"zero_confirmed": bool(doubted) and self.arm.force_mN == 0.0}
 
     def reset(self) -> None:

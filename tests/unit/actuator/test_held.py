@@ -49,12 +49,12 @@ def test_a_reset_while_frozen_keeps_part_and_voltage(lockstep: bool) -> None:
 def test_an_output_that_fails_in_a_freeze_is_reported_once_in_addition_to_the_cause() -> None:
     off = fault(FaultCode.INSTRUMENT_SILENT, "no answer")
     state, outputs = play(frozen(), (Inputs(off, None, None), 0.02))
-    told = (fault(FaultCode.OUTPUT_UNCONFIRMED, "no answer"),)
-    assert (state.mode, state.cause, state.faults) == ("frozen", "estop", told)
+    reported = (fault(FaultCode.OUTPUT_UNCONFIRMED, "no answer"),)
+    assert (state.mode, state.cause, state.faults) == ("frozen", "estop", reported)
     (applied,) = [one for one in outputs if isinstance(one, Applied)]
-    assert (applied.state, applied.faults) == ("frozen", told)
+    assert (applied.state, applied.faults) == ("frozen", reported)
     state, _ = play(state, (Inputs(off, None, None), 0.04))
-    assert state.faults == told
+    assert state.faults == reported
 
 
 @pytest.mark.parametrize(("found_V", "held"), [(1.0, True), (0.97, True), (0.0, False)])

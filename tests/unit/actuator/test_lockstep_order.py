@@ -29,16 +29,16 @@ def test_each_tick_ends_exactly_once(
 ) -> None:
     state, left = holding(held=held), list(others)
     for seq in TICKS:
-        told: list[Message | DeviceCommand] = []
+        received: list[Message | DeviceCommand] = []
         for what in order if seq == tripped else left.pop().split():
             if what == "trip":
                 state, _, outputs = handle(LOCKSTEP, state, Trip(Cause.ABORT), seq * T)
             else:
                 state, outputs = step(LOCKSTEP, state, coming(what, seq, held=held), seq * T)
-            told += outputs
-        echoes = [one for one in told if isinstance(one, Applied)]
+            received += outputs
+        echoes = [one for one in received if isinstance(one, Applied)]
         assert [echo.seq for echo in echoes] == [seq]
-        assert sum(isinstance(one, SetVoltage) for one in told) == 1
+        assert sum(isinstance(one, SetVoltage) for one in received) == 1
         if echoes[0].final:
             break
     assert state.mode in (("frozen",) if held else ("ramping", "latched"))

@@ -74,8 +74,8 @@ def test_each_arm_of_two_has_its_own_range() -> None:
     state, _, _ = handle(two.BOTH, start(two.BOTH), Reset(acknowledge=True), 0.0)
     request = Arm(EPOCH, OWNER, "", voltages=(PLANNED, VoltageRange(0.0, 0.7)))
     state, _, _ = handle(two.BOTH, state, request, 0.0)
-    told = two.command(0, 1.5, ArmCommand(1.5))
-    state, _ = two.play(state, (two.position(0), 0.0), (told, 0.004))
+    sent = two.command(0, 1.5, ArmCommand(1.5))
+    state, _ = two.play(state, (two.position(0), 0.0), (sent, 0.004))
     assert [arm.voltage_V for arm in state.arms] == [1.5, 0.7]
     assert state.arms[1].limits_active & VOLTAGE_MAX
 

@@ -112,13 +112,13 @@ def test_an_invalid_command_answers_its_tick_at_once_and_only_once() -> None:
 
 
 def test_an_accepted_command_is_reported_with_its_age_and_flags() -> None:
-    asked = with_arm(
+    requested = with_arm(
         Command(EPOCH, 1, OWNER, (ArmCommand(1.5),), True, True, True, True),
         x_d_um=1.0,
         force_mN=2.0,
     )
     doubted = replace(holding(held=False), unconfirmed=True)
-    state, outputs = play(doubted, (position(1), 0.02), (Inputs(None, asked, None), 0.024))
+    state, outputs = play(doubted, (position(1), 0.02), (Inputs(None, requested, None), 0.024))
     assert outputs == [
         SetVoltage((1.5,)),
         Applied(

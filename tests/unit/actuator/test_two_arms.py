@@ -191,9 +191,9 @@ def test_a_freeze_that_the_first_arm_has_ended_is_not_ended_again() -> None:
     state, _, _ = handle(BOTH, state, Trip(Cause.ESTOP), 0.01)
     for seq in (1, 2, 3):
         arms = ArmCommand(1.0, force_mN=60.0), ArmCommand(2.0, 60.0)
-        told = Command(EPOCH, seq, OWNER, arms, True, False, False, True)
+        sent = Command(EPOCH, seq, OWNER, arms, True, False, False, True)
         state, _ = play(
-            state, (position(seq), seq * T), (Inputs(None, told, None), seq * T + 0.004)
+            state, (position(seq), seq * T), (Inputs(None, sent, None), seq * T + 0.004)
         )
     assert state.mode == Mode.RAMPING
     assert [one.code for one in state.faults].count(FaultCode.FREEZE_RELEASED) == 1

@@ -43,14 +43,14 @@ def test_run_accepts_the_services_of_a_program_in_any_order(name: str) -> None:
 
 def test_run_lists_the_known_programs(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "sensor+recorder"]) == Exit.USAGE
-    said = capsys.readouterr().err
-    assert "'recorder' is not a service of the loop: must be 'loop', or at least two of" in said
+    output = capsys.readouterr().err
+    assert "'recorder' is not a service of the loop: must be 'loop', or at least two of" in output
     with pytest.raises(SystemExit) as ended:
         run.main(["sensr"])
     assert ended.value.code == Exit.USAGE
-    said = capsys.readouterr().err
-    assert "did you mean sensor?" in said
-    assert "router, supervisor" in said
+    output = capsys.readouterr().err
+    assert "did you mean sensor?" in output
+    assert "router, supervisor" in output
 
 
 def test_temporary_certificates_include_composed_programs(

@@ -36,13 +36,15 @@ def grip(*answers: httpx.Response) -> tuple[str, list[str]]:
 
 
 def test_the_demo_clears_no_latch_of_an_idle_rig() -> None:
-    state, asked = grip(desk.rig(latch=IDLE), RUNNING, GRIPPED)
-    assert (state, "reset" in asked) == ("succeeded", False)
+    state, requested = grip(desk.rig(latch=IDLE), RUNNING, GRIPPED)
+    assert (state, "reset" in requested) == ("succeeded", False)
 
 
 def test_the_latch_of_an_earlier_demo_is_cleared() -> None:
-    state, asked = grip(desk.rig(latch=LATCHED), desk.rig(latch=LATCHED), RESET, RUNNING, GRIPPED)
-    assert (state, asked.count("reset")) == ("succeeded", 1)
+    state, requested = grip(
+        desk.rig(latch=LATCHED), desk.rig(latch=LATCHED), RESET, RUNNING, GRIPPED
+    )
+    assert (state, requested.count("reset")) == ("succeeded", 1)
 
 
 def test_the_record_is_waited_for() -> None:

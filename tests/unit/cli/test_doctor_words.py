@@ -36,5 +36,7 @@ def test_warnings_of_a_driver_are_not_repeated_with_the_findings(
     assert main(["init", str(path), "--yes", "--sensor-url", "socket://127.0.0.1:9"]) == 0
     capsys.readouterr()
     assert main(["doctor", "--rig", str(path), "--data", str(tmp_path)]) == 1
-    said = capsys.readouterr()
-    assert (said.out + said.err).count("keyence_lkg has not been tested with its instrument") == 1
+    output = capsys.readouterr()
+    assert (output.out + output.err).count(
+        "keyence_lkg has not been tested with its instrument"
+    ) == 1

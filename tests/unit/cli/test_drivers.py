@@ -80,12 +80,12 @@ def test_a_driver_without_a_description_is_listed(
     install("drivers-bare", "bare", OPENER)
     assert found("bare") == Driver("bare", "drivers-bare 2.1", None, ())
     assert main(["doctor", "--drivers"]) == 0
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     assert (
         "  bare, from drivers-bare 2.1\n"
         "      does not state whether it was tested with its instrument\n"
         "      options: none\n"
-    ) in said
+    ) in output
 
 
 @pytest.mark.parametrize(
@@ -107,11 +107,11 @@ def test_a_broken_driver_is_listed_and_breaks_nothing(
 ) -> None:
     install(distribution, "a_broken_one", source)
     assert main(["doctor", "--drivers"]) == 0
-    said = capsys.readouterr().out
-    assert f"  a_broken_one, from {distribution} 2.1\n      cannot be used: " in said
-    assert f"cannot be imported: {cause}" in said
+    output = capsys.readouterr().out
+    assert f"  a_broken_one, from {distribution} 2.1\n      cannot be used: " in output
+    assert f"cannot be imported: {cause}" in output
     for whole in ("keyence_lkg", "icpdas_i7024"):
-        assert f"  {whole}, from pincette " in said
+        assert f"  {whole}, from pincette " in output
 
 
 def test_an_extra_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -32,15 +32,15 @@ def bench(tmp_path: Path) -> Path:
 
 def typing(monkeypatch: pytest.MonkeyPatch, answers: Iterator[str]) -> list[str]:
     """Answer each question; returns what was asked."""
-    asked: list[str] = []
+    requests: list[str] = []
 
     def answer(question: str) -> str:
-        asked.append(question)
+        requests.append(question)
         return next(answers, "")
 
     monkeypatch.setattr("sys.stdin", Terminal())
     monkeypatch.setattr("builtins.input", answer)
-    return asked
+    return requests
 
 
 def test_with_all_defaults_init_writes_the_rig_file_of_a_real_bench(bench: Path) -> None:
@@ -78,16 +78,16 @@ def test_options_answer_single_questions(bench: Path) -> None:
 def test_every_question_states_its_unit_its_default_and_where_to_look(
     bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked = typing(monkeypatch, iter(()))
+    requested = typing(monkeypatch, iter(()))
     assert main(["init", str(bench)]) == 0
     for question in NUMBERED:
-        (text,) = [one for one in asked if one.startswith(question.words)]
+        (text,) = [one for one in requested if one.startswith(question.words)]
         assert f"[{question.default}]" in text
         assert f"({question.where})" in text
         assert not question.unit or f" in {question.unit} " in text
-    drivers = next(text for text in asked if "driver of the voltage output" in text)
+    drivers = next(text for text in requested if "driver of the voltage output" in text)
     assert all(name in drivers for name in plugins.names(plugins.VOLTAGE_OUTPUTS))
-    assert any(text.startswith("watchdog_s: ") for text in asked)
+    assert any(text.startswith("watchdog_s: ") for text in requested)
 
 
 def broken(bench: Path, **wish: Any) -> set[str]:
@@ -108,7 +108,7 @@ SWING: dict[str, Any] = {
 def test_init_asks_for_every_limit_that_would_refuse_the_default_jobs(
     bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked = typing(monkeypatch, iter(()))
+    requested = typing(monkeypatch, iter(()))
     assert main(["init", str(bench)]) == 0
     assert broken(bench, kind="grip", force_mN=30.0) == set()
     assert broken(bench, **SWING) <= {"slew", "rate", "acceleration"}
@@ -118,7 +118,7 @@ def test_init_asks_for_every_limit_that_would_refuse_the_default_jobs(
         if one.where.endswith(" at 5 Hz")
     }
     for flag, value in needed.items():
-        assert any(f"{value} at 5 Hz" in text for text in asked), flag
+        assert any(f"{value} at 5 Hz" in text for text in requested), flag
     bench.unlink()
     words = [word for pair in needed.items() for word in pair]
     assert main(["init", str(bench), "--yes", *words]) == 0
@@ -128,9 +128,9 @@ def test_init_asks_for_every_limit_that_would_refuse_the_default_jobs(
 def test_init_asks_again_after_an_invalid_number(
     bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked = typing(monkeypatch, iter(["mine", "fast", "0.04"]))
+    requested = typing(monkeypatch, iter(["mine", "fast", "0.04"]))
     assert main(["init", str(bench)]) == 0
-    assert asked[1] == asked[2]
+    assert requested[1] == requested[2]
     assert read_rig(bench).rig.period_s == 0.04
 
 

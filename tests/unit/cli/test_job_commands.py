@@ -45,9 +45,9 @@ def test_with_json_output_a_followed_job_prints_only_json(
 ) -> None:
     supervisor = at(desk.job(kind="calibrate", state="running"), desk.job(**SUCCEEDED))
     assert main(["job", "calibrate", "noise", "--json", *AT]) == Exit.DONE
-    said = capsys.readouterr()
-    assert json.loads(said.out)["state"] == "succeeded"
-    assert "succeeded" in said.err
+    output = capsys.readouterr()
+    assert json.loads(output.out)["state"] == "succeeded"
+    assert "succeeded" in output.err
     assert sent(supervisor, 0) == {
         "kind": "calibrate",
         "calibration": "noise",
@@ -83,10 +83,10 @@ def test_a_long_plan_is_not_reported_as_a_missing_supervisor(
 ) -> None:
     supervisor = at(httpx.ReadTimeout("timed out"))
     assert main(["plan", "track", "--gains", "tuned", *AT]) == Exit.NO_ANSWER
-    said = capsys.readouterr().err
-    assert "no reply came in time from http://127" in said
-    assert "\n  remedy: try again: the supervisor may be busy" in said
-    assert "no supervisor answers" not in said
+    output = capsys.readouterr().err
+    assert "no reply came in time from http://127" in output
+    assert "\n  remedy: try again: the supervisor may be busy" in output
+    assert "no supervisor answers" not in output
     assert supervisor.asked[0].extensions["timeout"]["read"] >= 180.0
     assert supervisor.asked[0].extensions["timeout"]["connect"] <= 10.0
 
@@ -96,9 +96,9 @@ def test_with_json_output_a_refusal_is_printed_as_its_problem_document(
 ) -> None:
     at(desk.problem(422, "limit-violation", violations=[{"message": "too strong"}]))
     assert main(["job", "grip", "--json", *AT]) == Exit.LIMIT
-    said = capsys.readouterr()
-    assert json.loads(said.out)["violations"] == [{"message": "too strong"}]
-    assert "too strong" in said.err
+    output = capsys.readouterr()
+    assert json.loads(output.out)["violations"] == [{"message": "too strong"}]
+    assert "too strong" in output.err
 
 
 def test_ctrl_c_does_not_affect_the_job(at: At, capsys: pytest.CaptureFixture[str]) -> None:
@@ -132,8 +132,8 @@ def test_the_command_line_prints_the_progress_of_a_job(at: At) -> None:
         "on_stop": "release",
     }
     main(["job", "move", "--by-um", "-2", "--no-zero", "--teach", "home", "--no-wait", *AT])
-    said = {"by_um": -2.0, "zero": False, "teach": "home"}
-    assert sent(supervisor) == {"kind": "move", "rig": "demo", "autostart": True, **said}
+    values = {"by_um": -2.0, "zero": False, "teach": "home"}
+    assert sent(supervisor) == {"kind": "move", "rig": "demo", "autostart": True, **values}
     main(["job", "release", "--release-s", "2", "--no-wait", *AT])
     assert sent(supervisor)["kind"] == "release"
 
@@ -190,9 +190,9 @@ def test_stop_waits_until_the_rig_has_confirmed(at: At, capsys: pytest.CaptureFi
     supervisor = at(desk.rig(active_job=NAME), desk.job(), desk.job(state="stopping"), stopped)
     assert main(["stop", *AT]) == Exit.DONE
     assert supervisor.paths()[-1] == f"GET /api/v1/jobs/{NAME}"
-    said = capsys.readouterr().out
-    assert f"job {NAME} is stopped" in said
-    assert f"`pincette job release {NAME}` releases it" in said
+    output = capsys.readouterr().out
+    assert f"job {NAME} is stopped" in output
+    assert f"`pincette job release {NAME}` releases it" in output
     at(desk.rig(active_job=None))
     assert main(["stop", *AT]) == Exit.DONE
     assert capsys.readouterr().out == "no job runs\n"
@@ -225,10 +225,10 @@ def test_jobs_are_listed_and_shown(at: At, capsys: pytest.CaptureFixture[str]) -
     }
     assert NAME in capsys.readouterr().out
     assert main(["job", "show", NAME]) == Exit.DONE
-    said = capsys.readouterr().out
-    assert "part: b12" in said
-    assert "release by 127.0.0.1, took effect at sample 462" in said
-    assert "allowed actions: pause, stop, abort, release" in said
+    output = capsys.readouterr().out
+    assert "part: b12" in output
+    assert "release by 127.0.0.1, took effect at sample 462" in output
+    assert "allowed actions: pause, stop, abort, release" in output
     assert main(["job", "list", "--json", *AT]) == Exit.DONE
     assert json.loads(capsys.readouterr().out) == []
 
@@ -298,9 +298,9 @@ def test_a_halted_queue_states_why_and_how_to_continue(
         desk.rig(queue=halted), httpx.Response(200, json={"jobs": [waiting]}), desk.rig()
     )
     assert main(["rigs", "demo"]) == Exit.DONE
-    said = capsys.readouterr().out
-    assert "halted: job x failed: lost" in said
-    assert NAME in said
+    output = capsys.readouterr().out
+    assert "halted: job x failed: lost" in output
+    assert NAME in output
     assert main(["queue", "resume", *AT]) == Exit.DONE
     assert sent(supervisor) == {"type": "resume"}
     assert capsys.readouterr().out == "no job waits\n"
@@ -330,8 +330,8 @@ def test_a_watched_rig_prints_one_line_per_event(
     ]
     at(desk.rig(), desk.stream(*events, broken=True), httpx.ConnectError(""), over)
     assert main(["watch", "--json", "--after", "0", *AT]) == Exit.INTERRUPTED
-    told = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert [one["kind"] for one in told] == ["state", "progress", "alarm"]
+    output = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [one["kind"] for one in output] == ["state", "progress", "alarm"]
 
 
 def test_reset_reports_the_cause(at: At, capsys: pytest.CaptureFixture[str]) -> None:

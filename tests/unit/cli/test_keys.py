@@ -55,11 +55,11 @@ def test_a_key_is_shown_once_and_listed_without_its_secret(
     assert "within a second" in made.err
     assert key not in made.err
     assert keys(data, "list", "--json") == Exit.DONE
-    said = capsys.readouterr().out
-    (listed,) = json.loads(said)
+    output = capsys.readouterr().out
+    (listed,) = json.loads(output)
     assert (listed["name"], listed["scope"], listed["usable"]) == ("cell-7", "operate", True)
     assert listed["expires_at"] > listed["made_at"]
-    assert key not in said
+    assert key not in output
     assert "digest" not in listed
     assert keys(data, "revoke", "cell-7") == Exit.DONE
     assert "Valid: none" in capsys.readouterr().out
@@ -143,10 +143,10 @@ def test_a_key_file_that_cannot_be_used_is_reported(
         path.write_text(text)
         path.chmod(mode)
     assert main(["model", "show", "--rig-name", "demo", "--key", f"@{path}"]) == Exit.USAGE
-    said = capsys.readouterr().err
-    assert any(word in said for word in words.split("|")), said
-    assert KEY not in said
-    assert "two words" not in said
+    output = capsys.readouterr().err
+    assert any(word in output for word in words.split("|")), output
+    assert KEY not in output
+    assert "two words" not in output
 
 
 def test_a_key_with_too_few_rights_is_reported_with_the_missing_right(
@@ -163,8 +163,8 @@ def test_the_audit_log_is_listed(at: At, capsys: pytest.CaptureFixture[str]) -> 
     answers = [desk.httpx.Response(200, json={"entries": [entry], "next": None})] * 2
     supervisor = at(*answers)
     assert main(["audit", "--limit", "5", "--before", "13"]) == Exit.DONE
-    said = capsys.readouterr().out
-    assert "cell-7 (Ann)" in said
+    output = capsys.readouterr().out
+    assert "cell-7 (Ann)" in output
     assert dict(supervisor.asked[0].url.params) == {"limit": "5", "before": "13"}
     assert main(["audit", "--json"]) == Exit.DONE
     assert json.loads(capsys.readouterr().out) == [entry]

@@ -54,13 +54,13 @@ def test_the_shortest_period_is_reported(
     machine: Machine, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["latency", "--seconds", "7"]) == Exit.DONE
-    said, told = capsys.readouterr()
-    assert "supported: 5 ms and longer (200 Hz)" in said
-    assert "not 2 ms: p99.9 of the lateness: 0.3 ms, limit 0.1 T = 0.2 ms" in said
-    assert "[rig] period_s = 0.02 with the law pbsmic, as four programs" in said
-    assert "A period T is supported if, of at least 100 wake-ups" in said
-    assert "the machine's host took 0.25 s" in said
-    assert told == "wake-ups: 7.0 s\n"
+    output, output = capsys.readouterr()
+    assert "supported: 5 ms and longer (200 Hz)" in output
+    assert "not 2 ms: p99.9 of the lateness: 0.3 ms, limit 0.1 T = 0.2 ms" in output
+    assert "[rig] period_s = 0.02 with the law pbsmic, as four programs" in output
+    assert "A period T is supported if, of at least 100 wake-ups" in output
+    assert "the machine's host took 0.25 s" in output
+    assert output == "wake-ups: 7.0 s\n"
     ((periods_s, for_s, _, loaded),) = machine.asked
     assert (max(periods_s), min(periods_s), for_s, loaded) == (0.02, 0.001, 7.0, False)
 
@@ -107,8 +107,8 @@ def test_a_measurement_is_stored_and_the_suitable_settings_are_reported(
     words = ["latency", "--rig", "deploy/rigs/demo.toml"]
     assert main(words) == Exit.FAILED
     assert len(machine.kept) == 1
-    said = capsys.readouterr().out
-    assert "suits this machine: [safety] command_age_periods = 4.5 (" in said
+    output = capsys.readouterr().out
+    assert "suits this machine: [safety] command_age_periods = 4.5 (" in output
     assert main([*words, "--json"]) == Exit.FAILED
     (change,) = json.loads(capsys.readouterr().out)["changes"]
     assert (change["key"], change["value"]) == ("[safety] command_age_periods", "4.5")

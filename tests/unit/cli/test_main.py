@@ -98,8 +98,8 @@ def test_run_without_a_rig_file_ends_like_every_command(
     ids=["the loop", "the supervisor", "the help", "a command", "doctor"],
 )
 def test_a_start_does_not_import_what_is_needed_later(script: str, never: tuple[str, ...]) -> None:
-    told = f"import sys\n{script}\nprint('loaded:', *sorted({set(never)!r} & sys.modules.keys()))"
-    line = [sys.executable, "-c", told]
+    case = f"import sys\n{script}\nprint('loaded:', *sorted({set(never)!r} & sys.modules.keys()))"
+    line = [sys.executable, "-c", case]
     last = subprocess.check_output(line, text=True, timeout=60.0).splitlines()[-1]
     assert last.split() == ["loaded:"]
 

@@ -44,9 +44,9 @@ def test_an_invalid_number_is_refused_at_its_option(
     option: str, text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["job", "grip", option, text]) == Exit.USAGE
-    told = capsys.readouterr().err
-    assert option in told
-    assert repr(text) in told
+    output = capsys.readouterr().err
+    assert option in output
+    assert repr(text) in output
 
 
 @pytest.mark.parametrize("text", ["5.0", "2,5", "1_0", "５", "1e1"])
@@ -118,11 +118,11 @@ def test_sent_values_are_shown_with_units() -> None:
         "gains": {"K_P": 0.5},
         "points": [{"t_s": float(at), "force_mN": 5.0} for at in range(30)],
     }
-    told = stated_fields(fields)
-    assert "force_mN = 2.5 mN" in told
-    assert "levels_mN = 0.5 mN; 1 mN" in told
-    assert "gains = (K_P = 0.5)" in told
-    assert "30 entries" in told
+    reported = stated_fields(fields)
+    assert "force_mN = 2.5 mN" in reported
+    assert "levels_mN = 0.5 mN; 1 mN" in reported
+    assert "gains = (K_P = 0.5)" in reported
+    assert "30 entries" in reported
 
 
 @pytest.mark.parametrize(

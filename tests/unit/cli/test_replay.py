@@ -116,6 +116,6 @@ def test_an_impossible_replay_is_reported(
     older: list[Message] = [message for message in played() if not isinstance(message, RequestLog)]
     recorded(job=recording(older))
     assert main(["records", "replay", "job"]) == 1
-    told = capsys.readouterr().out
+    output = capsys.readouterr().out
     for name in ("estimator", "controller", "actuator"):
-        assert f"{name}: replay stopped here: its arming is not in the record" in told
+        assert f"{name}: replay stopped here: its arming is not in the record" in output

@@ -32,10 +32,10 @@ def test_outside_a_checkout_the_alternatives_are_named(
     monkeypatch.delenv("PINCETTE_RIG", raising=False)
     monkeypatch.chdir(tmp_path)
     assert main(["doctor", "--topics"]) == 1
-    said = capsys.readouterr().err
-    assert str(tmp_path) in said
-    assert "--rig FILE" in said
-    assert "PINCETTE_RIG" in said
+    output = capsys.readouterr().err
+    assert str(tmp_path) in output
+    assert "--rig FILE" in output
+    assert "PINCETTE_RIG" in output
 
 
 @pytest.mark.parametrize(

@@ -185,9 +185,9 @@ class TestDoctor:
         folder.credentials(program("sensor", "demo")).certificate.unlink()
         assert any("sensor.crt: No such file" in what for _, what in self.says(rig))
         bus = rig.bus.model_copy(update={"host": "192.0.2.1"})
-        said = self.says(rig.model_copy(update={"bus": bus}))
+        stated = self.says(rig.model_copy(update={"bus": bus}))
         assert ("missing", "192.0.2.1") in {
-            (mark, "192.0.2.1") for mark, what in said if "is reached at 192.0.2.1" in what
+            (mark, "192.0.2.1") for mark, what in stated if "is reached at 192.0.2.1" in what
         }
 
     def test_a_lost_revocation_list_is_reported(self, tmp_path: Path) -> None:

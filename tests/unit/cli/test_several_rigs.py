@@ -60,5 +60,5 @@ def test_without_a_name_the_events_of_all_rigs_are_followed(
     supervisor = at(rigs(*NAMES), desk.stream(*events), over)
     assert main(["watch", "--after", "0"]) == Exit.INTERRUPTED
     assert supervisor.paths()[1] == "GET /api/v1/events"
-    told = capsys.readouterr().out.splitlines()
-    assert [line.split()[1] for line in told] == list(NAMES)
+    output = capsys.readouterr().out.splitlines()
+    assert [line.split()[1] for line in output] == list(NAMES)

@@ -23,8 +23,8 @@ AT = ("--rig-name", "demo")
 def test_the_timing_statistics_of_a_loop_are_printed(
     at: At, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told = LoopTiming.model_validate(desk.example(LoopTiming))
-    at(httpx.Response(200, json=told.model_dump()))
+    settings = LoopTiming.model_validate(desk.example(LoopTiming))
+    at(httpx.Response(200, json=settings.model_dump()))
     assert main(["latency", "--of-rig", *AT]) == Exit.DONE
     shown = capsys.readouterr().out
     assert [line.split() for line in shown.splitlines()[2:]] == [
@@ -36,7 +36,7 @@ def test_the_timing_statistics_of_a_loop_are_printed(
     at(httpx.Response(200, json=silent))
     assert main(["latency", "--of-rig", *AT]) == Exit.FAILED
     assert capsys.readouterr().out == "sensor: in lockstep there is no clock\n"
-    content = told.model_dump_json().encode()
+    content = settings.model_dump_json().encode()
     (tmp_path / "timing.json").write_bytes(content)
     sha256 = hashlib.sha256(content).hexdigest()
     file = desk.example(Artifact, name="timing.json", sha256=sha256)

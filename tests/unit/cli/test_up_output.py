@@ -61,8 +61,8 @@ def test_lines_that_cannot_be_written_are_counted_at_the_end(made: Callable[[], 
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
 def test_every_encoding_is_accepted(encoding: str) -> None:
     reader, writer = os.pipe()
-    said = _said(writer, PYTHONIOENCODING=f"{encoding}:strict", LC_ALL="C")
-    assert said == "still up\n"
+    output = _said(writer, PYTHONIOENCODING=f"{encoding}:strict", LC_ALL="C")
+    assert output == "still up\n"
     shown = os.read(reader, 4096).decode(encoding)
     assert shown.count("rig [/demo] is up\n") == 3
     os.close(reader)
@@ -83,14 +83,14 @@ def test_the_log_of_a_restarted_program_that_does_not_serve_is_shown(tmp_path: P
     log.write_text("2026-01-01 10:00:00,000 supervisor 127.0.0.1:8000 is in use\n")
     member = Child("supervisor", cast("subprocess.Popen[str]", Process(1)), log)
     fleet = cast("Fleet", SimpleNamespace(members={"supervisor": member}))
-    now_s, said = [0.0], list[tuple[str, str]]()
+    now_s, stated = [0.0], list[tuple[str, str]]()
     restarts = up.Restarts(fleet, lambda: now_s[0])
 
     def lines_after(duration_s: float) -> list[tuple[str, str]]:
         now_s[0] += duration_s
-        said.clear()
-        restarts.show(lambda _member, tone, line: said.append((tone, line)))
-        return list(said)
+        stated.clear()
+        restarts.show(lambda _member, tone, line: stated.append((tone, line)))
+        return list(stated)
 
     assert lines_after(100.0) == []
     member.process = cast("subprocess.Popen[str]", Process(2))

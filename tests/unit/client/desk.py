@@ -34,11 +34,11 @@ def problem(status: int, code: str, **members: Any) -> httpx.Response:
 
 def stream(*events: dict[str, Any], broken: bool = False) -> httpx.Response:
     """A stream of events; one that is broken ends in the middle of the next."""
-    told = [
+    reported = [
         f"event: {event['kind']}\n{_identity(event)}data: {json.dumps(event)}\n\n"
         for event in events
     ]
-    text = ": listening\nretry: 1000\n\n" + "".join(told)
+    text = ": listening\nretry: 1000\n\n" + "".join(reported)
 
     return httpx.Response(
         200, headers={"content-type": "text/event-stream"}, stream=Blocks(text, broken=broken)

@@ -28,12 +28,12 @@ def grip(**changes: object) -> httpx.Response:
 
 
 def test_a_job_shows_its_force_without_another_request() -> None:
-    asked = Desk(grip(id="j", state="running"))
-    job = asked.supervisor().job("j")
+    requested = Desk(grip(id="j", state="running"))
+    job = requested.supervisor().job("j")
     assert repr(job) == "<job j: grip, running, hold, 15.02 ± 0.31 mN, 15.00 mN>"
     html = html_of(job)
     assert "<th>force</th><td>15.02 ± 0.31 mN</td>" in html
-    assert len(asked.asked) == 1
+    assert len(requested.asked) == 1
 
 
 @pytest.mark.parametrize("recorded", [True, False])

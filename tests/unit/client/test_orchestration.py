@@ -58,10 +58,10 @@ def test_a_stop_in_a_hold_ends_the_command_as_cancelled(follow: str) -> None:
         event(3, "phase", phase="hold"),
         broken=True,
     )
-    asked = [desk.job(), stream, held_rig(), desk.job(**STOPPED)]
+    requested = [desk.job(), stream, held_rig(), desk.job(**STOPPED)]
     if follow == "to_success":
-        asked.insert(2, desk.job(**STOPPED))
-    job = Desk(*asked).supervisor().job("j")
+        requested.insert(2, desk.job(**STOPPED))
+    job = Desk(*requested).supervisor().job("j")
     with pytest.raises(JobEndedError) as caught:
         list(getattr(job, follow)())
     assert (caught.value.code, caught.value.cancelled) == ("cancelled", True)

@@ -80,9 +80,9 @@ def test_a_missing_part_does_not_end_the_run(run: Run, capsys: pytest.CaptureFix
         words=("--parts", "2"),
     )
     assert status == 1
-    said = capsys.readouterr()
-    assert "no_contact: nothing was met" in said.err
-    assert "released" in said.out
+    output = capsys.readouterr()
+    assert "no_contact: nothing was met" in output.err
+    assert "released" in output.out
 
 
 def test_a_latched_rig_needs_a_person(run: Run, capsys: pytest.CaptureFixture[str]) -> None:
@@ -93,18 +93,18 @@ def test_a_latched_rig_needs_a_person(run: Run, capsys: pytest.CaptureFixture[st
 
 
 def test_an_interrupted_run_leaves_the_part_held(run: Run) -> None:
-    asked: list[bytes] = []
+    requests: list[bytes] = []
 
     def interrupted(_request: httpx.Request) -> httpx.Response:
         raise KeyboardInterrupt
 
     def stopping(request: httpx.Request) -> httpx.Response:
-        asked.append(request.content)
+        requests.append(request.content)
         return desk.job(state="stopping")
 
     status, _ = run(RIGS, desk.job(), interrupted, stopping)
     assert status == 130
-    assert [json.loads(body) for body in asked] == [{"type": "stop"}]
+    assert [json.loads(body) for body in requests] == [{"type": "stop"}]
 
 
 def test_a_part_lost_during_the_motion_is_counted(

@@ -103,9 +103,9 @@ def test_a_number_is_accepted_up_to_its_bound_only(
         assert type(read) is float
         assert (read, math.copysign(1.0, read)) == (value, math.copysign(1.0, value))
     for value in (math.nextafter(bound, math.inf), -1e300, 2**63, -(2**63)):
-        said = refusal(kind, **{name: value})
-        assert said.startswith(f"{kind.__name__}.{place}{name} = ")
-        assert said.endswith(f"beyond ±{bound:g} {unit_of(name)}".rstrip())
+        stated = refusal(kind, **{name: value})
+        assert stated.startswith(f"{kind.__name__}.{place}{name} = ")
+        assert stated.endswith(f"beyond ±{bound:g} {unit_of(name)}".rstrip())
     for value in (math.nan, math.inf, -math.inf):
         assert refusal(kind, **{name: value}).endswith("not a finite number")
 
@@ -145,8 +145,8 @@ def test_the_time_of_the_last_possible_sample_is_within_bounds() -> None:
 
 
 def test_received_texts_are_bounded_and_own_texts_are_truncated() -> None:
-    said = refusal(Timing, service="x" * (MAX_TEXT + 1))
-    assert said.endswith(f"a text of at most {MAX_TEXT} characters, it has {MAX_TEXT + 1}")
+    message = refusal(Timing, service="x" * (MAX_TEXT + 1))
+    assert message.endswith(f"a text of at most {MAX_TEXT} characters, it has {MAX_TEXT + 1}")
     long = decode(Trip, encode(Trip(Cause.ESTOP, words="µ" * 5000)))
     assert long.words == "µ" * MAX_TEXT
 

@@ -45,11 +45,11 @@ def test_a_nested_bomb_is_refused_with_little_work_and_memory(bomb: str) -> None
     for name, kind in BY_NAME.items():
         for payload in (BOMBS[bomb], b"\x81\xa3seq" + BOMBS[bomb]):
             tracemalloc.start()
-            said, calls = refused(kind, payload)
+            message, calls = refused(kind, payload)
             _, peak = tracemalloc.get_traced_memory()
             tracemalloc.stop()
-            assert len(said) < LONGEST_TEXT
-            assert said.startswith(name)
+            assert len(message) < LONGEST_TEXT
+            assert message.startswith(name)
             assert calls < CALLS + CALLS_PER_BYTE * len(payload)
             assert peak < MEMORY_BYTES
 
@@ -57,8 +57,8 @@ def test_a_nested_bomb_is_refused_with_little_work_and_memory(bomb: str) -> None
 def test_a_refusal_costs_work_in_proportion_to_the_items_read() -> None:
     def calls(items: int) -> int:
         x_um = (*[1.0] * items, float("nan"))
-        said, calls = refused(Burst, encode(Burst(3, 0, 1000.0, x_um, x_um)))
-        assert "not a finite number" in said
+        message, calls = refused(Burst, encode(Burst(3, 0, 1000.0, x_um, x_um)))
+        assert "not a finite number" in message
         return calls
 
     base, few, many = calls(0), calls(100) - calls(0), calls(1000) - calls(0)
@@ -121,9 +121,9 @@ def test_a_key_that_is_not_text_is_refused(key: object) -> None:
 def test_an_unknown_field_cannot_inject_text_into_a_log(key: str) -> None:
     with pytest.raises(CodecError) as caught:
         decode(Position, pairs((key, 1)))
-    said = str(caught.value)
-    assert said.isprintable()
-    assert len(said) < 120
+    message = str(caught.value)
+    assert message.isprintable()
+    assert len(message) < 120
 
 
 def test_many_unknown_fields_are_counted() -> None:

@@ -33,21 +33,21 @@ def test_the_message_names_the_older_program_as_the_one_to_update() -> None:
 
 @pytest.mark.parametrize("wire", [0, 1, 17])
 def test_fields_of_another_version_are_recognized(wire: int) -> None:
-    said = refused(OTHER_FIELDS, ENCODING.replace(f"v{WIRE}", f"v{wire}"))
-    assert "fields missing or unknown: colour, t_s" in said
-    assert said.endswith(update_which("sensor", wire))
+    message = refused(OTHER_FIELDS, ENCODING.replace(f"v{WIRE}", f"v{wire}"))
+    assert "fields missing or unknown: colour, t_s" in message
+    assert message.endswith(update_which("sensor", wire))
 
 
 def test_other_fields_of_the_same_version_are_another_build() -> None:
-    said = refused(OTHER_FIELDS, ENCODING)
-    assert "sensor states wire version 2, as this program does" in said
-    assert "the same version of pincette" in said
+    message = refused(OTHER_FIELDS, ENCODING)
+    assert "sensor states wire version 2, as this program does" in message
+    assert "the same version of pincette" in message
 
 
 @pytest.mark.parametrize("encoding", ["zenoh/bytes", "application/msgpack", "", "text/plain"])
 def test_garbage_is_reported_as_foreign(encoding: str) -> None:
-    said = refused(OTHER_FIELDS, encoding)
-    assert f"not {ENCODING}: it was not sent by sensor" in said
+    message = refused(OTHER_FIELDS, encoding)
+    assert f"not {ENCODING}: it was not sent by sensor" in message
 
 
 def test_a_bad_value_is_not_reported_as_a_version_conflict() -> None:
@@ -57,9 +57,9 @@ def test_a_bad_value_is_not_reported_as_a_version_conflict() -> None:
 
 @pytest.mark.parametrize("version", ["", "x", "9" * 5000, "²", "-1", "1.5", "\x1b[2J"])
 def test_an_invalid_version_is_not_mentioned_in_the_error(version: str) -> None:
-    said = refused(OTHER_FIELDS, ENCODING.replace(f"v{WIRE}", f"v{version}"))
-    assert said.endswith("colour, t_s")
-    assert said.isprintable()
+    message = refused(OTHER_FIELDS, ENCODING.replace(f"v{WIRE}", f"v{version}"))
+    assert message.endswith("colour, t_s")
+    assert message.isprintable()
 
 
 def test_tokens_of_other_versions_are_found_and_foreign_ones_ignored() -> None:

@@ -22,8 +22,8 @@ PAGE = (Path(__file__).parents[3] / "docs/explanations/wire.md").read_text(encod
 def test_every_bound_of_a_number_is_on_the_page() -> None:
     (table,) = re.findall(r"\| unit \| largest magnitude \|\n.*\n((?:\|.*\n)+)", PAGE)
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()]
-    told = {"" if unit == "none" else unit: float(bound) for unit, bound in rows}
-    assert told == dict(LARGEST)
+    values = {"" if unit == "none" else unit: float(bound) for unit, bound in rows}
+    assert values == dict(LARGEST)
 
 
 def test_the_wire_page_states_sizes_and_versions() -> None:

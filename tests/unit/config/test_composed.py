@@ -69,8 +69,8 @@ def test_an_impossible_composition_is_named(tmp_path: Path, composed: str, words
 def test_the_composition_is_not_part_of_the_digest() -> None:
     rig = read_rig(DEMO)
     assert composing(rig, "loop").digest() == rig.digest()
-    told = parse_rig_json(composing(rig, "loop").model_dump_json())
-    assert told.programs == ("loop",)
+    loaded = parse_rig_json(composing(rig, "loop").model_dump_json())
+    assert loaded.programs == ("loop",)
 
 
 def test_a_loop_can_be_partitioned_in_fifteen_ways() -> None:
@@ -93,5 +93,5 @@ def test_messages_inside_a_program_are_not_inputs() -> None:
     assert [item.topic.name for item in pair.inputs] == ["position", "applied"]
     whole = CompositeService("loop", tuple(services[name] for name in LOOP))
     assert whole.inputs == ()
-    asked = {question.name for question in pair.requests}
-    assert asked == {"arm", "status", "load", "action", "lease", "timing"}
+    requested = {question.name for question in pair.requests}
+    assert requested == {"arm", "status", "load", "action", "lease", "timing"}

@@ -18,7 +18,7 @@ def test_the_certificate_folder_changes_no_digest_and_is_not_published(tmp_path:
     plain = demo_rig()
     secured = plain.secured(tmp_path)
     assert secured.digest() == plain.digest()
-    told = secured.model_dump_json()
-    assert str(tmp_path) not in told
-    assert parse_rig_json(told) == plain
+    reported = secured.model_dump_json()
+    assert str(tmp_path) not in reported
+    assert parse_rig_json(reported) == plain
     assert "pki" not in rig_toml(secured)

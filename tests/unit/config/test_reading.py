@@ -60,8 +60,8 @@ def test_unusable_values_are_named(folder: Path, text: str, words: str) -> None:
 @pytest.mark.parametrize("name", ["demo", "fast", "kilohertz", "bring-up", "left", "right"])
 def test_a_received_rig_file_equals_the_file_that_was_read(name: str) -> None:
     rig = read_rig(RIGS / f"{name}.toml")
-    told = parse_rig_json(rig.model_dump_json())
-    assert (told, told.digest()) == (rig, rig.digest())
+    loaded = parse_rig_json(rig.model_dump_json())
+    assert (loaded, loaded.digest()) == (rig, rig.digest())
 
 
 def test_an_invalid_received_rig_file_names_the_place() -> None:

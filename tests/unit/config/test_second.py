@@ -103,9 +103,9 @@ def test_both_arms_on_one_channel_are_refused(name: str) -> None:
 def test_a_line_that_both_outputs_share_is_one_line() -> None:
     shared = {"url": RIG.output.url, "options": {"address": 1, "channel": 1}}
     parse_rig(laid_over(tree(), {"second": {"output": shared}}))
-    said = refusal({"second": {"output": {**shared, "timeout_s": 0.2}}})
-    assert "second.output.timeout_s" in said
-    assert "is 0.2 where [output] has 0.1, and both are at 'socket://127.0.0.1:7462'" in said
+    message = refusal({"second": {"output": {**shared, "timeout_s": 0.2}}})
+    assert "second.output.timeout_s" in message
+    assert "is 0.2 where [output] has 0.1, and both are at 'socket://127.0.0.1:7462'" in message
 
 
 def test_tables_of_a_missing_second_arm_are_refused() -> None:

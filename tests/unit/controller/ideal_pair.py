@@ -136,8 +136,10 @@ class IdealPair:
             last = found[-1] if found else None
             into = [t for t in found if last is not None and t.phase == last.phase]
             due = last is not None and last.phase in left and len(into) >= 25
-            command, told = self.tick(left.pop(last.phase) if due and last is not None else None)
-            found.append(told)
+            command, reported = self.tick(
+                left.pop(last.phase) if due and last is not None else None
+            )
+            found.append(reported)
             if command.final:
                 return found
         raise AssertionError("the program does not end")

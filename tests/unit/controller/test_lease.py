@@ -58,10 +58,10 @@ def test_a_free_arm_comes_to_rest_and_the_program_ends() -> None:
     for _ in range(3):
         bench.tock()
     before = len(bench.asked)
-    told: list[Telemetry] = []
+    received: list[Telemetry] = []
     while bench.state.playing:
-        told.append(bench.tock()[1])
-        assert len(told) < 100
+        received.append(bench.tock()[1])
+        assert len(received) < 100
     assert before == 0
     (noted,) = bench.asked
     assert noted.action is not None
@@ -71,10 +71,14 @@ def test_a_free_arm_comes_to_rest_and_the_program_ends() -> None:
         == "lease: nothing received from the supervisor for 0.2 s, limit 0.2 s"
     )
     assert bench.state.found == noted.action.reason
-    assert [sample.acted for sample in told if sample.acted] == [(Acted.LEASE, Acted.STOP)]
-    (acted,) = [sample.seq for sample in told if sample.acted]
+    assert [sample.acted for sample in received if sample.acted] == [(Acted.LEASE, Acted.STOP)]
+    (acted,) = [sample.seq for sample in received if sample.acted]
     assert acted == noted.seq + 1
-    assert (told[-1].phase, told[-1].outcome, told[-1].held) == ("stopping", "stopped", False)
+    assert (received[-1].phase, received[-1].outcome, received[-1].held) == (
+        "stopping",
+        "stopped",
+        False,
+    )
 
 
 def test_a_held_part_keeps_its_force_until_a_person_acts() -> None:
@@ -96,11 +100,11 @@ def test_the_job_decides_about_a_held_part(then: str, last: str) -> None:
     bench = Leased(then)
     bench.reach("hold")
     bench.renew(then)
-    told: list[Telemetry] = []
+    received: list[Telemetry] = []
     while bench.state.playing:
-        told.append(bench.tock()[1])
-        assert len(told) < 500
-    assert (told[-1].phase, told[-1].outcome, told[-1].held) == (last, "stopped", False)
+        received.append(bench.tock()[1])
+        assert len(received) < 500
+    assert (received[-1].phase, received[-1].outcome, received[-1].held) == (last, "stopped", False)
 
 
 def test_nothing_moves_after_a_pause_without_a_lease() -> None:
@@ -181,9 +185,9 @@ def test_the_limit_itself_is_within_the_lease() -> None:
     running = RunningLease(Lease(1, 10.0), 5.0)
     assert lease_end(running, Outcome.NONE, 15.0) is None
     assert lease_end(running, Outcome.STOPPED, 99.0) is None
-    asked = lease_end(running, Outcome.NONE, 15.06)
-    assert asked is not None
+    requested = lease_end(running, Outcome.NONE, 15.06)
+    assert requested is not None
     assert (
-        fault_text(asked.reason)
+        fault_text(requested.reason)
         == "lease: nothing received from the supervisor for 10.1 s, limit 10 s"
     )

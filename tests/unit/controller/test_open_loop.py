@@ -29,12 +29,12 @@ def plays(*segments: Segment) -> Bench:
 def test_a_voltage_path_is_put_out_unchanged() -> None:
     bench = plays(Drive("rise", 0.4, courses=(Follow(ramp(0.3)),)))
     last = bench.until()
-    asked = [tick.command.arms[0].voltage_V for tick in bench.ticks[:-1]]
+    requests = [tick.command.arms[0].voltage_V for tick in bench.ticks[:-1]]
     path = ramp(0.3)
-    assert asked == [path.at((index + 1) * T) for index in range(len(asked))]
+    assert requests == [path.at((index + 1) * T) for index in range(len(requests))]
     assert last.telemetry.outcome == "moved"
     assert last.command.final
-    assert last.command.arms[0].voltage_V == asked[-1] == pytest.approx(0.3)
+    assert last.command.arms[0].voltage_V == requests[-1] == pytest.approx(0.3)
 
 
 def test_a_relative_path_counts_from_where_the_voltage_is() -> None:

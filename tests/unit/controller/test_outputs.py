@@ -126,19 +126,19 @@ def test_a_number_that_no_program_accepts_is_not_sent_and_ends_the_commands() ->
         contact_line="planned",
     )
     state: State = Bench(soft).state
-    said: list[tuple[object, ...]] = []
+    received: list[tuple[object, ...]] = []
     for seq in range(80):
         estimate = with_arm(QUIET, seq=seq, zero_age_s=0.1, force_mN=3.0)
         state, outputs = step(CONFIG, state, Inputs(estimate), 0.0)
         for output in outputs:
             assert isinstance(output, Command | Telemetry)
             assert decode(type(output), encode(output)) == output
-        said.append(outputs)
-    astray = next(outputs for outputs in said if len(outputs) == 1)
+        received.append(outputs)
+    astray = next(outputs for outputs in received if len(outputs) == 1)
     (command,) = astray
     assert isinstance(command, Command)
     assert not command.valid
     assert named_text(command.fault) == "the law: contact_x_um = nan"
     assert command.arms[0].force_mN == 3.0
     assert state.silenced == command.fault
-    assert all(len(outputs) == 1 for outputs in said[said.index(astray) :])
+    assert all(len(outputs) == 1 for outputs in received[received.index(astray) :])

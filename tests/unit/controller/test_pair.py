@@ -57,8 +57,8 @@ def phases(told: list[Telemetry]) -> list[str]:
 
 def test_a_part_is_gripped_held_and_released() -> None:
     pair = IdealPair(grip())
-    told = pair.play()
-    assert phases(told) == [
+    telemetry = pair.play()
+    assert phases(telemetry) == [
         "zero",
         "approach",
         "contact",
@@ -67,18 +67,18 @@ def test_a_part_is_gripped_held_and_released() -> None:
         "unload",
         "retreat",
     ]
-    assert told[-1].outcome == Outcome.GRIPPED
-    assert not told[-1].held
+    assert telemetry[-1].outcome == Outcome.GRIPPED
+    assert not telemetry[-1].held
     assert [u == pytest.approx(0.0, abs=0.01) for u in pair.voltages_V] == [True, True]
 
 
 def test_a_held_part_has_the_planned_force_at_its_original_place() -> None:
     pair = IdealPair(grip())
-    while (told := pair.tick()[1]).phase != "unload":
+    while (telemetry := pair.tick()[1]).phase != "unload":
         pass
     assert pair.forces() == pytest.approx((8.0, 8.0), abs=0.05)
-    assert len(told.arms) == 2
-    assert told.place_um == pytest.approx(told.place_r_um, abs=0.01)
+    assert len(telemetry.arms) == 2
+    assert telemetry.place_um == pytest.approx(telemetry.place_r_um, abs=0.01)
 
 
 def test_place_and_force_follow_independent_paths() -> None:
@@ -92,10 +92,10 @@ def test_place_and_force_follow_independent_paths() -> None:
         return estimate
 
     pair.change = watched
-    told = pair.play()
-    on_path = [each for each in told if each.phase == "track"]
+    telemetry = pair.play()
+    on_path = [each for each in telemetry if each.phase == "track"]
     places = [each.place_um or 0.0 for each in on_path]
-    assert told[-1].outcome == Outcome.TRACKED
+    assert telemetry[-1].outcome == Outcome.TRACKED
     assert max(places) - min(places) == pytest.approx(4.0, abs=0.1)
     assert max(forces) - min(forces) == pytest.approx(4.0, abs=0.1)
     references = [each.place_r_um or 0.0 for each in on_path]
@@ -104,9 +104,9 @@ def test_place_and_force_follow_independent_paths() -> None:
 
 
 def test_a_part_is_found_from_each_side_before_both_close() -> None:
-    told = IdealPair(grip(centred=True)).play()
-    assert told[-1].outcome == Outcome.GRIPPED
-    met = next(each.contact_x_um for each in told if each.phase == "load")
+    telemetry = IdealPair(grip(centred=True)).play()
+    assert telemetry[-1].outcome == Outcome.GRIPPED
+    met = next(each.contact_x_um for each in telemetry if each.phase == "load")
     assert met == pytest.approx(LIES_UM, abs=0.1)
 
 
@@ -129,8 +129,8 @@ def test_a_seeking_arm_presses_little_more_than_its_touch(
 
     pair.change = drifting
     pressed_mN = [0.0, 0.0]
-    while (told := pair.tick()[1]).phase != "contact":
-        if told.phase == "centre":
+    while (telemetry := pair.tick()[1]).phase != "contact":
+        if telemetry.phase == "centre":
             pressed_mN = [max(each) for each in zip(pressed_mN, pair.forces(), strict=True)]
     assert pair.state.player is not None
     assert not pair.state.player.outcome
@@ -158,13 +158,13 @@ def test_a_part_found_too_early_by_an_unconfirmed_zero_is_not_loaded(
         return with_arm(estimate, 1, zero_unconfirmed=estimate.arms[0].zero_age_s is not None)
 
     pair.change = unconfirmed
-    told = pair.play()
-    assert told[-1].outcome == Outcome.CONTACT
-    assert not any(each.held for each in told)
-    assert "load" not in phases(told)
-    assert told[-1].touch_x_um == pytest.approx((NEAR_UM, GAP_UM - NEAR_UM)[arm], abs=0.3)
-    assert told[-1].touch_mN is not None
-    assert told[-1].touch_mN >= request().contact_force_mN
+    telemetry = pair.play()
+    assert telemetry[-1].outcome == Outcome.CONTACT
+    assert not any(each.held for each in telemetry)
+    assert "load" not in phases(telemetry)
+    assert telemetry[-1].touch_x_um == pytest.approx((NEAR_UM, GAP_UM - NEAR_UM)[arm], abs=0.3)
+    assert telemetry[-1].touch_mN is not None
+    assert telemetry[-1].touch_mN >= request().contact_force_mN
 
 
 @pytest.mark.parametrize("centred", [False, True])
@@ -181,24 +181,24 @@ def test_the_approach_continues_until_its_touch_is_detected() -> None:
 
 def test_a_stop_holds_both_references_and_a_release_releases() -> None:
     pair = IdealPair(track())
-    told = pair.play({"track": ActionCode.STOP, "stopped": ActionCode.RELEASE})
-    held = [each for each in told if each.phase == "stopped"]
+    telemetry = pair.play({"track": ActionCode.STOP, "stopped": ActionCode.RELEASE})
+    held = [each for each in telemetry if each.phase == "stopped"]
     assert held
     assert len(held[-1].arms) == 2
     assert held[-1].place_um == pytest.approx(held[-1].place_r_um, abs=0.02)
-    assert told[-1].outcome == Outcome.STOPPED
-    assert not told[-1].held
+    assert telemetry[-1].outcome == Outcome.STOPPED
+    assert not telemetry[-1].held
 
 
 def test_a_retract_releases_and_goes_back() -> None:
-    told = IdealPair(track()).play({"track": ActionCode.RETRACT})
-    assert phases(told)[-2:] == ["unload", "retreat"]
+    telemetry = IdealPair(track()).play({"track": ActionCode.RETRACT})
+    assert phases(telemetry)[-2:] == ["unload", "retreat"]
 
 
 def test_a_kept_part_stays_pressed_by_both_arms() -> None:
     pair = IdealPair(grip(None))
-    told = pair.play({"hold": ActionCode.KEEP})
-    assert told[-1].held
+    telemetry = pair.play({"hold": ActionCode.KEEP})
+    assert telemetry[-1].held
     assert min(pair.forces()) == pytest.approx(8.0, abs=0.1)
 
 
@@ -206,9 +206,9 @@ def test_a_pause_rests_where_the_place_turns_and_a_resume_continues() -> None:
     pair = IdealPair(track())
     while pair.tick()[1].phase != "track":
         pass
-    told = pair.tick(ActionCode.PAUSE)[1]
-    while not told.paused:
-        told = pair.tick()[1]
+    telemetry = pair.tick(ActionCode.PAUSE)[1]
+    while not telemetry.paused:
+        telemetry = pair.tick()[1]
     rests = [pair.tick()[1] for _ in range(20)]
     assert len({each.force_r_mN for each in rests}) == 1
     assert len({each.arms[1] and each.place_r_um for each in rests}) == 1
@@ -221,9 +221,9 @@ def test_a_part_without_a_force_at_one_arm_is_lost_to_both() -> None:
     while pair.tick()[1].phase != "hold":
         pass
     pair.change = lambda estimate: with_arm(estimate, 1, force_mN=0.0)
-    told = [pair.tick()[1] for _ in range(8)]
-    assert told[-1].outcome == Outcome.LOST
-    assert told[-1].phase == "retreat"
+    reported = [pair.tick()[1] for _ in range(8)]
+    assert reported[-1].outcome == Outcome.LOST
+    assert reported[-1].phase == "retreat"
 
 
 @pytest.mark.parametrize("arm", [1, 2])
@@ -235,9 +235,9 @@ def test_too_much_force_of_either_arm_opens_both(arm: int) -> None:
         pair.change = lambda estimate: _pressing(estimate, MOST_MN + 1.0)
     else:
         pair.change = lambda estimate: with_arm(estimate, 1, force_mN=MOST_MN + 1.0)
-    told = pair.tick()[1]
-    assert told.outcome == Outcome.OVERFORCE
-    assert told.phase == "retreat"
+    telemetry = pair.tick()[1]
+    assert telemetry.outcome == Outcome.OVERFORCE
+    assert telemetry.phase == "retreat"
 
 
 def _pressing(estimate: Estimate, force_mN: float) -> Estimate:
@@ -247,9 +247,9 @@ def _pressing(estimate: Estimate, force_mN: float) -> Estimate:
 def test_without_a_part_both_arms_go_back() -> None:
     pair = IdealPair(grip())
     pair.part = False
-    told = pair.play()
-    assert told[-1].outcome == Outcome.NO_CONTACT
-    assert phases(told)[-1] == "retreat"
+    telemetry = pair.play()
+    assert telemetry[-1].outcome == Outcome.NO_CONTACT
+    assert phases(telemetry)[-1] == "retreat"
 
 
 def test_a_touch_of_the_second_arm_in_free_space_reverses_both() -> None:
@@ -259,10 +259,10 @@ def test_a_touch_of_the_second_arm_in_free_space_reverses_both() -> None:
     for _ in range(5):
         pair.tick()
     pair.change = lambda estimate: with_arm(estimate, 1, touch_x_um=1.0, touch_mN=3.0)
-    told = [pair.tick()[1] for _ in range(4)]
-    assert told[-1].outcome == Outcome.CONTACT
-    assert told[-1].touch_x_um == 1.0
-    assert told[-1].phase == "retreat"
+    reported = [pair.tick()[1] for _ in range(4)]
+    assert reported[-1].outcome == Outcome.CONTACT
+    assert reported[-1].touch_x_um == 1.0
+    assert reported[-1].phase == "retreat"
 
 
 @pytest.mark.parametrize("arm", [0, 1])
@@ -277,8 +277,8 @@ def test_if_one_of_two_arms_is_pressed_before_its_strokes_neither_makes_strokes(
         return with_arm(estimate, 1, touch_x_um=1.0, touch_mN=3.0)
 
     pair.change = pressed
-    told = [pair.tick()[1] for _ in range(4)]
-    assert told[-1].outcome == Outcome.CONTACT
+    reported = [pair.tick()[1] for _ in range(4)]
+    assert reported[-1].outcome == Outcome.CONTACT
     assert pair.voltages_V == (0.0, 0.0)
 
 
@@ -309,10 +309,10 @@ def test_after_a_refused_zero_each_arm_with_a_known_zero_is_monitored_on_return(
         return with_arm(estimate, zero_refusal=Fault(FaultCode.ZERO_OFFSET), zero_age_s=None)
 
     pair.change = refused
-    told = pair.tick()[1]
-    while told.phase != "retreat":
-        told = pair.tick()[1]
-    assert told.outcome == Outcome.ZERO_REFUSED
+    telemetry = pair.tick()[1]
+    while telemetry.phase != "retreat":
+        telemetry = pair.tick()[1]
+    assert telemetry.outcome == Outcome.ZERO_REFUSED
     for _ in range(3):
         pair.tick()
     pair.change = lambda estimate: with_arm(
@@ -332,13 +332,13 @@ def test_a_held_part_is_carried_and_stays_held() -> None:
     pair = carry()
     begin = pair.forces()
     first = pair.tick()[1]
-    told = pair.play()
-    assert phases(told) == ["move", "rest"]
-    assert told[-1].outcome == Outcome.MOVED
-    assert told[-1].held
+    telemetry = pair.play()
+    assert phases(telemetry) == ["move", "rest"]
+    assert telemetry[-1].outcome == Outcome.MOVED
+    assert telemetry[-1].held
     assert first.place_um is not None
-    assert told[-1].place_um is not None
-    assert told[-1].place_um - first.place_um == pytest.approx(3.0, abs=0.05)
+    assert telemetry[-1].place_um is not None
+    assert telemetry[-1].place_um - first.place_um == pytest.approx(3.0, abs=0.05)
     assert pair.forces() == pytest.approx(begin, abs=0.3)
 
 
@@ -346,9 +346,9 @@ def test_a_carried_part_can_be_released() -> None:
     pair = carry()
     pair.tick()
     pair.tick(ActionCode.RELEASE)
-    told = pair.play()
-    assert phases(told) == ["unload"]
-    assert not told[-1].held
+    telemetry = pair.play()
+    assert phases(telemetry) == ["unload"]
+    assert not telemetry[-1].held
     assert pair.voltages_V == pytest.approx((0.0, 0.0), abs=1e-6)
 
 

@@ -29,9 +29,9 @@ def until_paused(bench: Bench) -> int:
 def test_a_pause_holds_the_force_and_reports_its_start_and_end() -> None:
     bench = Bench(program())
     bench.until("hold")
-    asked = ask(bench, "pause")
+    requested = ask(bench, "pause")
     began = until_paused(bench)
-    assert asked <= began
+    assert requested <= began
     assert [t.telemetry.seq for t in bench.ticks if t.telemetry.acted == (Acted.PAUSE,)] == [began]
     ticks = [bench.tick() for _ in range(100)]
     assert {tick.telemetry.segment_tick for tick in ticks} == {ticks[0].telemetry.segment_tick}

@@ -95,8 +95,8 @@ class Constant:
 def test_the_demo_has_no_missing_finding(tmp_path: Path) -> None:
     assert missing(rig_findings(RIG)) == []
     assert missing(shared_ports(RIG)) == []
-    said = [finding.what for finding in findings(DEMO, tmp_path)]
-    assert any("with real ones, doctor checks" in what for what in said)
+    reported = [finding.what for finding in findings(DEMO, tmp_path)]
+    assert any("with real ones, doctor checks" in what for what in reported)
 
 
 def test_a_port_conflict_names_both_users() -> None:
@@ -181,9 +181,9 @@ def test_doctor_reports_nothing_missing_for_good_instruments(
     )
     found = list(instruments(RIG))
     assert missing(iter(found)) == []
-    said = "\n".join(finding.what for finding in found)
-    assert "output: stands at +0.000 V" in said
-    assert "sensor: readings differ by 0.0" in said
+    text = "\n".join(finding.what for finding in found)
+    assert "output: stands at +0.000 V" in text
+    assert "sensor: readings differ by 0.0" in text
 
 
 def test_an_instrument_that_cannot_be_opened_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

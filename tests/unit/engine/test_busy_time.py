@@ -43,7 +43,7 @@ def test_the_actuator_learns_of_busy_time_that_was_no_stall(
     busy_looks: float | None,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    clocks, told = Clocks(), list[Slept | Busy]()
+    clocks, reported = Clocks(), list[Slept | Busy]()
     monkeypatch.setattr(engine, "monotonic", lambda: clocks.now_s)
     monkeypatch.setattr(engine, "thread_time", lambda: clocks.computed_s)
     runners = [Runner(SERVICES["controller"], RIG), Runner(SERVICES["actuator"], RIG, Output())]
@@ -56,7 +56,7 @@ def test_the_actuator_learns_of_busy_time_that_was_no_stall(
         return does(*given)
 
     def tell(said: Slept | Busy, _now: float) -> tuple[Message, ...]:
-        told.append(said)
+        reported.append(said)
         return ()
 
     monkeypatch.setattr(runners[0], where, slow)
@@ -64,7 +64,7 @@ def test_the_actuator_learns_of_busy_time_that_was_no_stall(
     loop.deliver(ESTIMATE, clocks.now_s)
     loop.run_once()
     wanted = [] if busy_looks is None else [busy_looks * look_s]
-    assert [one.busy_s for one in told if isinstance(one, Busy)] == pytest.approx(wanted)
+    assert [one.busy_s for one in reported if isinstance(one, Busy)] == pytest.approx(wanted)
 
 
 def test_an_actuator_in_its_own_program_is_not_informed() -> None:

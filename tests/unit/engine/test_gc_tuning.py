@@ -63,5 +63,5 @@ def test_cycles_are_freed_after_a_number_of_turns() -> None:
 
 
 def test_every_program_beside_the_loop_tunes_its_collector_before_it_serves() -> None:
-    told = subprocess.check_output([sys.executable, "-c", A_PROGRAM], text=True, timeout=60.0)
-    assert told.splitlines() == ["ready: here", f"{SWITCH_S} True True"]
+    output = subprocess.check_output([sys.executable, "-c", A_PROGRAM], text=True, timeout=60.0)
+    assert output.splitlines() == ["ready: here", f"{SWITCH_S} True True"]

@@ -59,8 +59,8 @@ def test_an_unread_pipe_delays_no_line_and_the_lost_lines_are_counted(
     log.warning("the end")
     reader.join(PATIENCE_S)
     written = [line for line in found if line.endswith("of the program")]
-    told = [int(line.split()[1]) for line in found if "log lines were dropped" in line]
-    assert sum(told) == lines.dropped
+    reported = [int(line.split()[1]) for line in found if "log lines were dropped" in line]
+    assert sum(reported) == lines.dropped
     assert len(written) + lines.dropped == 5000
 
 

@@ -219,13 +219,13 @@ def test_no_turn_publishes_the_timing_of_two_services() -> None:
     outside = Outside()
     loop = Loop([Runner(SERVICES[name], RIG, devices.get(name)) for name in LOOP], outside)
     loop.begin(monotonic() - 2.0 * PUBLISH_EVERY_S)
-    told: list[str] = []
+    received: list[str] = []
     for _ in LOOP:
         outside.told.clear()
         loop.run_once()
         (timing,) = [one for one in outside.told if isinstance(one, Timing)]
-        told.append(timing.service)
-    assert sorted(told) == sorted(LOOP)
+        received.append(timing.service)
+    assert sorted(received) == sorted(LOOP)
 
 
 @pytest.mark.parametrize("first", [7, 200], ids=["repeated", "ahead"])

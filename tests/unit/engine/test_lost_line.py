@@ -63,9 +63,9 @@ class Bench:
     instrument: Instrument
 
     def put_out(self, voltage_V: float) -> Fault | None:
-        said = self.instrument.put_out(SetVoltage((voltage_V,)))
-        assert said is None or isinstance(said, Fault)
-        return said
+        stated = self.instrument.put_out(SetVoltage((voltage_V,)))
+        assert stated is None or isinstance(stated, Fault)
+        return stated
 
 
 @pytest.fixture

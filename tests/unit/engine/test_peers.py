@@ -9,14 +9,14 @@ def test_every_missing_program_is_named() -> None:
 
 def test_a_known_cause_is_reported() -> None:
     causes = {"actuator": "no program listens at tcp/127.0.0.1:7451", "sensor": ""}
-    said = absent({"sensor", "actuator"}, {}, causes)
-    assert said == "actuator (no program listens at tcp/127.0.0.1:7451), sensor"
+    missing = absent({"sensor", "actuator"}, {}, causes)
+    assert missing == "actuator (no program listens at tcp/127.0.0.1:7451), sensor"
 
 
 def test_another_wire_version_is_the_reported_cause() -> None:
-    said = absent({"actuator"}, {"actuator": 7}, {"actuator": "no program listens"})
-    assert "wire version 7" in said
-    assert "no program listens" not in said
+    missing = absent({"actuator"}, {"actuator": 7}, {"actuator": "no program listens"})
+    assert "wire version 7" in missing
+    assert "no program listens" not in missing
 
 
 def test_a_program_that_has_appeared_meanwhile_is_not_named() -> None:

@@ -132,11 +132,11 @@ def test_an_arm_with_an_unknown_past_is_not_identified_as_unpoled() -> None:
 def test_recorded_branches_replace_the_identified_response(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    recording, asked = record(read_rig(DEMO)), list[RigFile]()
+    recording, requested = record(read_rig(DEMO)), list[RigFile]()
 
     def recorded(rig: RigFile, *, to_limits: bool) -> Recording:
         assert not to_limits
-        asked.append(rig)
+        requested.append(rig)
         return recording
 
     monkeypatch.setattr(teaching, "record", recorded)
@@ -144,7 +144,7 @@ def test_recorded_branches_replace_the_identified_response(
     tables["model"]["recorded_response"] = tomllib.loads(response_tables(DEMO, "recorded"))[
         "model"
     ]["recorded_response"]
-    assert asked == [read_rig(DEMO)]
+    assert requested == [read_rig(DEMO)]
     with pytest.raises(ConfigError, match="are both given"):
         parse_rig(tables)
     del tables["model"]["free_response"]

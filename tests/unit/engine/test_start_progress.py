@@ -39,8 +39,8 @@ def test_a_slow_start_is_waited_for_and_reported() -> None:
         machine.now_s += 1.0
         machine.used_s += 0.05  # a twentieth of a processor
         assert machine.progress.why_given_up() == ""
-        if said := machine.progress.news():
-            news.append(said)
+        if stated := machine.progress.news():
+            news.append(stated)
     assert len(news) == 600.0 / NEWS_S
 
 

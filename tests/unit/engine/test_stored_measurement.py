@@ -62,7 +62,9 @@ def test_up_and_doctor_report_the_measurement_with_suitable_settings(tmp_path: P
     assert len(machine_words(RIG, tmp_path)) == 1
     assert [one.mark for one in measured(RIG, tmp_path)] == ["ok"]
     keep(tmp_path, findings(0.031), AT)
-    told, change = machine_words(RIG, tmp_path)
-    assert told.startswith("this machine wakes up late by 31.0 ms at most, p99.9 0.1 ms, at 20 ms")
+    reported, change = machine_words(RIG, tmp_path)
+    assert reported.startswith(
+        "this machine wakes up late by 31.0 ms at most, p99.9 0.1 ms, at 20 ms"
+    )
     assert change.startswith("suits it: [safety] command_age_periods = 4.5 (")
     assert [one.mark for one in measured(RIG, tmp_path)] == ["ok", "note"]

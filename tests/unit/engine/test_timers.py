@@ -160,10 +160,10 @@ def test_messages_of_another_epoch_displace_no_valid_message() -> None:
     messages = [POSITION, *(replace(POSITION, epoch=9 + n) for n in range(3))]
     for message in messages:
         runner.take(message, 10.0)
-    said: list[Message] = []
+    received: list[Message] = []
     while (outputs := runner.fire(10.0 + T)) is not None:
-        said += outputs
-    assert [message.seq for message in said if isinstance(message, Estimate)] == [0]
+        received += outputs
+    assert [message.seq for message in received if isinstance(message, Estimate)] == [0]
 
 
 def test_streams_that_wait_are_bounded() -> None:

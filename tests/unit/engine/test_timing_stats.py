@@ -50,12 +50,12 @@ def armed(runner: Runner, now: float = 10.0) -> Runner:
 
 
 def fire_all(runner: Runner, now: float, took_s: float = 0.001) -> list[Message]:
-    said: list[Message] = []
+    received: list[Message] = []
     while (outputs := runner.fire(now)) is not None:
-        said += outputs
+        received += outputs
         now += took_s
         runner.settle(now)
-    return said
+    return received
 
 
 def test_a_sensor_is_late_relative_to_its_own_grid_and_its_duration_is_measured() -> None:
@@ -65,12 +65,12 @@ def test_a_sensor_is_late_relative_to_its_own_grid_and_its_duration_is_measured(
         now = 10.0 + tick * T + late_s
         runner.tick(now)
         runner.settle(now + 0.003)
-    told = timing(runner)
-    assert (told.service, told.epoch, told.seq, told.missed) == ("sensor", 1, 2, 0)
-    assert told.lateness.count == told.execution.count == 3
-    assert told.lateness.max_s == pytest.approx(0.004)
-    assert told.execution.max_s == pytest.approx(0.003)
-    assert told.age.count == 0
+    reported = timing(runner)
+    assert (reported.service, reported.epoch, reported.seq, reported.missed) == ("sensor", 1, 2, 0)
+    assert reported.lateness.count == reported.execution.count == 3
+    assert reported.lateness.max_s == pytest.approx(0.004)
+    assert reported.execution.max_s == pytest.approx(0.003)
+    assert reported.age.count == 0
 
 
 def test_missed_grid_points_of_a_sensor_are_counted_since_the_arming() -> None:
@@ -94,12 +94,12 @@ def test_an_estimator_is_as_late_as_its_samples_and_their_wait_is_their_age() ->
         runner.take(replace(POSITION, seq=seq), came_s + 0.0005, came_s)
         runner.take(replace(APPLIED, seq=seq - 1), came_s + wait_s)
         assert fire_all(runner, came_s + wait_s)
-    told = timing(runner)
-    assert told.seq == 2
-    assert told.lateness.count == told.age.count == told.execution.count == 3
-    assert told.lateness.max_s == pytest.approx(0.003)
-    assert told.age.max_s == pytest.approx(0.002)
-    assert told.execution.max_s == pytest.approx(0.001)
+    reported = timing(runner)
+    assert reported.seq == 2
+    assert reported.lateness.count == reported.age.count == reported.execution.count == 3
+    assert reported.lateness.max_s == pytest.approx(0.003)
+    assert reported.age.max_s == pytest.approx(0.002)
+    assert reported.execution.max_s == pytest.approx(0.001)
 
 
 def test_a_controller_counts_estimates() -> None:
@@ -117,12 +117,12 @@ def test_the_age_at_an_actuator_is_that_of_the_command_s_sample() -> None:
     assert timing(runner).age.count == 0
     runner.take(command, 10.004, 10.0035)
     fire_all(runner, 10.004, 0.002)
-    told = timing(runner)
-    assert told.age.count == 1
-    assert told.age.max_s == pytest.approx(0.0035)
-    assert told.execution.count == 2
-    assert told.execution.max_s == pytest.approx(0.002)
-    assert told.lateness.count == 0
+    reported = timing(runner)
+    assert reported.age.count == 1
+    assert reported.age.max_s == pytest.approx(0.0035)
+    assert reported.execution.count == 2
+    assert reported.execution.max_s == pytest.approx(0.002)
+    assert reported.lateness.count == 0
     due_s = runner.due_at
     assert due_s is not None
     runner.tick(due_s + 0.0007)
@@ -134,8 +134,8 @@ def test_messages_of_other_epochs_are_not_counted() -> None:
     runner = armed(Runner(ESTIMATOR, RIG))
     runner.take(replace(POSITION, epoch=5), 10.0)
     fire_all(runner, 10.0 + T)
-    told = timing(runner)
-    assert told.lateness.count == told.age.count == 0
+    reported = timing(runner)
+    assert reported.lateness.count == reported.age.count == 0
 
 
 def test_an_arrival_that_is_long_past_is_not_mistaken_for_that_of_another_number() -> None:
@@ -156,7 +156,7 @@ def test_in_lockstep_no_timing_is_counted() -> None:
 
 def test_timing_is_published_about_once_a_second() -> None:
     runner = armed(Runner(ESTIMATOR, RIG))
-    told = [runner.timing(10.0 + 0.01 * look) for look in range(1000)]
-    at = [look for look, outputs in enumerate(told) if outputs]
+    reported = [runner.timing(10.0 + 0.01 * look) for look in range(1000)]
+    at = [look for look, outputs in enumerate(reported) if outputs]
     assert len(at) == 9
     assert at[0] == pytest.approx(100 * PUBLISH_EVERY_S, abs=1)

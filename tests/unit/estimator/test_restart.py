@@ -147,9 +147,9 @@ def test_the_unknown_past_is_reported_until_strokes_have_erased_it(
     free: PlantParameters,
 ) -> None:
     arm = FreeArm(free)
-    (told,) = arm.bench.state.findings
-    assert told.code is FaultCode.MEMORY_UNKNOWN
-    assert "not known" in faults_text((told,))
+    (reported,) = arm.bench.state.findings
+    assert reported.code is FaultCode.MEMORY_UNKNOWN
+    assert "not known" in faults_text((reported,))
     limits = DEMO.limits
     for to_V in (limits.voltage_min_V, limits.voltage_max_V, 0.0):
         arm.move(to_V)

@@ -63,10 +63,10 @@ def test_a_quantile_is_the_order_statistic_or_a_bucket_above_it(
 
 @given(some.lists(DURATIONS, min_size=1))
 def test_the_longest_duration_is_exact(durations_s: list[float]) -> None:
-    told = counted(durations_s)
-    assert told.max_s == max(durations_s)
-    assert told.quantile_s(1.0) == told.max_s
-    assert told.count == len(durations_s)
+    histogram = counted(durations_s)
+    assert histogram.max_s == max(durations_s)
+    assert histogram.quantile_s(1.0) == histogram.max_s
+    assert histogram.count == len(durations_s)
 
 
 @given(some.lists(MANY, max_size=4))

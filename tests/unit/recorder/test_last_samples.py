@@ -32,8 +32,8 @@ def test_an_ended_arming_has_a_last_sample_even_if_its_number_is_unknown(bench: 
 @pytest.mark.parametrize("ticks", [0, 10])
 def test_an_unknown_last_sample_is_awaited_until_nothing_arrives(bench: Bench, ticks: int) -> None:
     bench.begin()
-    said = loop(ticks)
-    messages = [item for item in said if not (isinstance(item, Applied) and item.final)]
+    stated = loop(ticks)
+    messages = [item for item in stated if not (isinstance(item, Applied) and item.final)]
     bench.feed(messages[:20])
     assert bench.finish(None) is None
     bench.wait(0.2)

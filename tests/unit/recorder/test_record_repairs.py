@@ -64,13 +64,13 @@ def test_an_orphan_is_closed(tmp_path: Path) -> None:
 
 def test_values_in_the_manifest_are_kept(tmp_path: Path) -> None:
     folder = _orphan(tmp_path)
-    told: dict[str, Any] = {
+    values: dict[str, Any] = {
         "model_version": "3",
         "complete": False,
         "detail": "the disk was full",
         "files": [],
     }
-    (folder / "manifest.json").write_text(json.dumps(told), encoding="utf-8")
+    (folder / "manifest.json").write_text(json.dumps(values), encoding="utf-8")
     record_repair.finish_record(folder, record_repair.KILLED)
     manifest = _manifest(folder)
     assert manifest["model_version"] == "3"

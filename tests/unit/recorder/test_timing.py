@@ -14,14 +14,14 @@ def test_the_last_timing_of_each_program_is_a_separate_file(bench: Bench) -> Non
     bench.feed([timing("estimator", 10, 0.001), timing("sensor", 12, 0.003), *loop(30)])
     bench.feed([timing("estimator", 20, 0.001, 0.004)])
     bench.finish(29)
-    told = json.loads((bench.jobs / "j-1" / "timing.json").read_text(encoding="utf-8"))
-    assert [(one["program"], one["seq"]) for one in told["programs"]] == [
+    content = json.loads((bench.jobs / "j-1" / "timing.json").read_text(encoding="utf-8"))
+    assert [(one["program"], one["seq"]) for one in content["programs"]] == [
         ("sensor", 12),
         ("estimator", 20),
     ]
-    late = told["programs"][1]["lateness"]
+    late = content["programs"][1]["lateness"]
     assert (late["count"], late["max_s"]) == (2, 0.004)
-    assert told["programs"][1]["age"]["max_s"] is None
+    assert content["programs"][1]["age"]["max_s"] is None
     manifest = json.loads((bench.jobs / "j-1" / "manifest.json").read_text(encoding="utf-8"))
     files = {file["name"] for file in manifest["files"]}
     assert {"timing.json", "samples.parquet"} <= files

@@ -70,8 +70,8 @@ def test_a_put_on_a_wildcard_is_never_admitted(wildcard: str) -> None:
 def test_only_the_supervisor_may_send_every_request() -> None:
     for who, question in product(EVERYBODY, REQUESTS):
         wanted = request_key("left", question)
-        asked = lets(AT_ROUTER, who, "ingress", "query", wanted)
-        assert asked == may_ask(who.role, question), (who, question)
+        allowed = lets(AT_ROUTER, who, "ingress", "query", wanted)
+        assert allowed == may_ask(who.role, question), (who, question)
     assert {q.name for q in REQUESTS if may_ask("viewer", q)} == {"status", "rig_file"}
     moving = {q.name for q in REQUESTS if may_ask("operator", q)} - {"status", "rig_file"}
     assert moving == {"trip", "sim_command"}
@@ -138,12 +138,12 @@ def test_the_router_and_a_service_agree_on_their_traffic() -> None:
     for name in LOOP:
         access, who = list_of(name), program(name, "left")
         for wanted in PLACES:
-            said = lets(access, ROUTER, "egress", "put", wanted)
-            assert said == lets(AT_ROUTER, who, "ingress", "put", wanted)
+            allowed = lets(access, ROUTER, "egress", "put", wanted)
+            assert allowed == lets(AT_ROUTER, who, "ingress", "put", wanted)
         for question in REQUESTS:
             wanted = request_key("left", question)
-            asked = lets(access, ROUTER, "ingress", "query", wanted)
-            assert asked == lets(AT_ROUTER, who, "egress", "query", wanted)
+            allowed = lets(access, ROUTER, "ingress", "query", wanted)
+            assert allowed == lets(AT_ROUTER, who, "egress", "query", wanted)
 
 
 def test_without_the_router_operators_send_their_requests_and_the_supervisor_trips() -> None:
@@ -152,11 +152,11 @@ def test_without_the_router_operators_send_their_requests_and_the_supervisor_tri
         linked = {f"left/{other}" for other in partners(name, SERVICES, lockstep=False)}
         questions = [one for one in SERVICES[name].requests if may_ask("operator", one)]
         if who == OPERATOR:
-            asked = {one for rule in granted if "query" in rule.messages for one in rule.keys}
-            assert asked == {request_key("left", one) for one in questions}
+            requested = {one for rule in granted if "query" in rule.messages for one in rule.keys}
+            assert requested == {request_key("left", one) for one in questions}
         elif who == SUPERVISOR:
-            asked = {one for rule in granted for one in rule.keys}
-            assert asked == ({request_key("left", TRIP)} if name == "actuator" else set())
+            requested = {one for rule in granted for one in rule.keys}
+            assert requested == ({request_key("left", TRIP)} if name == "actuator" else set())
         elif who.name not in linked:
             assert granted == ()
 

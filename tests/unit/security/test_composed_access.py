@@ -50,9 +50,9 @@ def test_the_router_lets_a_composed_program_publish_for_its_services_only(
             assert lets(at_router, who, "ingress", "put", place) == own
         assert lets(at_router, who, "ingress", "liveliness_token", live_key(NAME, other)) == own
         if other in ARM:
-            asked = request_key(NAME, ARM[other])
-            assert lets(at_router, who, "ingress", "reply", asked) == own
-            assert not lets(at_router, who, "ingress", "query", asked)
+            requested = request_key(NAME, ARM[other])
+            assert lets(at_router, who, "ingress", "reply", requested) == own
+            assert not lets(at_router, who, "ingress", "query", requested)
         assert not lets(at_router, who, "ingress", "put", f"pincette/v2/{NAME}/*")
         assert not lets(at_router, who, "ingress", "put", f"pincette/v2/right/{other}")
 

@@ -18,12 +18,14 @@ def test_the_noise_has_the_specified_mean_and_variance_and_no_correlation() -> N
 
 
 def test_a_number_depends_on_seed_and_index_only() -> None:
-    asked, again = GaussianNoise(7), GaussianNoise(7)
+    requested, again = GaussianNoise(7), GaussianNoise(7)
     places = [0, 5 * BLOCK, 3, BLOCK - 1, BLOCK, 3]
-    assert [asked.at(index) for index in places] == [GaussianNoise(7).at(index) for index in places]
-    assert again.at(3) == asked.at(3)
-    assert GaussianNoise(8).at(3) != asked.at(3)
-    assert asked.at(3) != asked.at(BLOCK + 3)
+    assert [requested.at(index) for index in places] == [
+        GaussianNoise(7).at(index) for index in places
+    ]
+    assert again.at(3) == requested.at(3)
+    assert GaussianNoise(8).at(3) != requested.at(3)
+    assert requested.at(3) != requested.at(BLOCK + 3)
 
 
 def test_each_stream_has_independent_noise() -> None:

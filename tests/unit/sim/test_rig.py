@@ -69,17 +69,17 @@ def test_the_old_voltage_holds_for_the_delay(simulation: Simulation) -> None:
 
 
 def test_the_true_values_pair_the_sample_with_the_write(simulation: Simulation) -> None:
-    told = list[GroundTruth]()
+    received = list[GroundTruth]()
     rig = _lockstep(
         simulation.model_copy(update={"sensor_noise_um": 0.0}),
-        told.append,
+        received.append,
     )
     seen = list[float]()
     for voltage_V in (1.0, 2.4, 2.4, 0.0):
         seen.append(rig.measure_um())
         rig.put_out(voltage_V)
-    assert [truth.seq for truth in told] == [0, 1, 2, 3]
-    arms = [truth.arms[0] for truth in told]
+    assert [truth.seq for truth in received] == [0, 1, 2, 3]
+    arms = [truth.arms[0] for truth in received]
     assert [arm.x_um for arm in arms] == pytest.approx(seen, abs=0.0126)
     assert [arm.voltage_V for arm in arms] == pytest.approx([1.0, 2.4, 2.4, 0.0], abs=0.0007)
     for arm in arms:

@@ -39,12 +39,12 @@ def test_a_part_can_be_placed_and_removed(simulation: Simulation) -> None:
     assert rig.snapshot().force_mN == 0.0
     rig.place_part()
     rig.lose_part()
-    told = rig.events()
-    assert [event.what for event in told] == ["placed", "removed", "placed", "lost"]
-    assert told[0].time_s == pytest.approx(60 * PERIOD_S)
-    assert told[1].time_s == pytest.approx(120 * PERIOD_S)
-    assert "29.000 µm" in told[0].text
-    assert rig.snapshot().events == tuple(told)
+    messages = rig.events()
+    assert [event.what for event in messages] == ["placed", "removed", "placed", "lost"]
+    assert messages[0].time_s == pytest.approx(60 * PERIOD_S)
+    assert messages[1].time_s == pytest.approx(120 * PERIOD_S)
+    assert "29.000 µm" in messages[0].text
+    assert rig.snapshot().events == tuple(messages)
 
 
 def test_a_weight_pushes_the_arm_back(simulation: Simulation) -> None:

@@ -74,16 +74,16 @@ def test_the_old_voltage_holds_for_the_delay(fast: Simulation) -> None:
 
 
 def test_each_tick_has_a_ground_truth(fast: Simulation) -> None:
-    told = list[tuple[int, float]]()
+    received = list[tuple[int, float]]()
 
     def tell(truth: GroundTruth) -> None:
-        told.append((truth.seq, truth.arms[0].voltage_V))
+        received.append((truth.seq, truth.arms[0].voltage_V))
 
     rig = SimulatedRig(fast, PERIOD_S, True, lambda: 0.0, tell)
     rig.put_out_wave([0.1, 0.4], 50.0)
     rig.go_on()
     rig.go_on()
-    assert told == [(0, pytest.approx(0.1)), (1, pytest.approx(0.4)), (2, pytest.approx(0.4))]
+    assert received == [(0, pytest.approx(0.1)), (1, pytest.approx(0.4)), (2, pytest.approx(0.4))]
     assert rig.now_s() == pytest.approx(3 * PERIOD_S)
 
 

@@ -142,14 +142,14 @@ class CannedRig:
         match request:
             case messages.StatusRequest():
                 digest, instance = self.digests[service], self.instances[service]
-                said: dict[str, Any] = {"findings": self.findings.get(service, ())}
-                said["exchanges"] = self.exchanges.get(service, ())
+                values: dict[str, Any] = {"findings": self.findings.get(service, ())}
+                values["exchanges"] = self.exchanges.get(service, ())
                 if service == "actuator":
-                    said |= {"mode": self.mode, "replaces": self.replaces}
-                    said["predecessor"] = Predecessor.NONE
+                    values |= {"mode": self.mode, "replaces": self.replaces}
+                    values["predecessor"] = Predecessor.NONE
                 counts = (self.epoch, 0, self.missed.get(service, 0), 0)
                 return messages.Status(
-                    service, "0.1.0", instance, digest, *counts, self.calibration, **said
+                    service, "0.1.0", instance, digest, *counts, self.calibration, **values
                 )
             case messages.RigFileRequest():
                 return messages.RigFileReply(Document(self.told), self.rig.digest())
@@ -275,8 +275,8 @@ class CannedRig:
     def rest(self) -> None:
         """The references rest: one more sample like the one before, which is paused."""
         last = self.ticks[max(self.place - 1, 0)]
-        said = replace(last.telemetry, acted=(Acted.PAUSE,), paused=True)
-        self.ticks.insert(self.place, replace(last, telemetry=said))
+        stated = replace(last.telemetry, acted=(Acted.PAUSE,), paused=True)
+        self.ticks.insert(self.place, replace(last, telemetry=stated))
         self.ticks[self.place :] = [
             samples.numbered(tick, seq)
             for seq, tick in enumerate(self.ticks[self.place :], self.place)

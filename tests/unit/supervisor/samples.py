@@ -133,8 +133,8 @@ def track(epoch: int = 7) -> list[Tick]:
         before = ("track", 1, CONTACT_UM + force_mN / STIFFNESS, force_mN)
     for _ in range(10):
         ticks.append(_tick(epoch, len(ticks), "unload", 2, CONTACT_UM, 0.0))
-    said = [replace(tick.telemetry, outcome=Outcome.TRACKED) for tick in ticks[-10:]]
-    ticks[-10:] = [replace(t, telemetry=s) for t, s in zip(ticks[-10:], said, strict=True)]
+    reported = [replace(tick.telemetry, outcome=Outcome.TRACKED) for tick in ticks[-10:]]
+    ticks[-10:] = [replace(t, telemetry=s) for t, s in zip(ticks[-10:], reported, strict=True)]
     return _ended(ticks)
 
 

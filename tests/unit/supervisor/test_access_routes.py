@@ -167,13 +167,13 @@ def test_a_page_signs_in_and_out(harness: Harness, ring: ScopeKeys) -> None:
         "signed_in": False,
     }
     answer = signed_in(harness, ring, "operate")
-    said = answer.headers["set-cookie"]
-    assert "HttpOnly" in said
-    assert "SameSite=strict" in said
-    assert "Path=/" in said
-    assert "Secure" not in said
+    header = answer.headers["set-cookie"]
+    assert "HttpOnly" in header
+    assert "SameSite=strict" in header
+    assert "Path=/" in header
+    assert "Secure" not in header
     cookie = {"Cookie": f"{COOKIE}={answer.cookies[COOKIE]}"}
-    assert ring.keys["operate"] not in said
+    assert ring.keys["operate"] not in header
     found = harness.call("GET", "/api/v1/session", headers=cookie).json()
     assert (found["name"], found["scope"], found["signed_in"]) == ("an-operate", "operate", True)
     assert harness.call("GET", "/api/v1/rigs", headers=cookie).status_code == 200

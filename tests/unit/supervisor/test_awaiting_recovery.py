@@ -67,8 +67,8 @@ def test_a_job_that_found_no_part_waits_and_lists_the_possible_decisions(harness
     assert view["recovery"]["case"] == "no_contact"
     assert view["result"]["outcome"] == "no_contact"
     assert view["ending"] is None
-    told = [event.body for event in harness.told("state", job=job)][-1]
-    assert (told["state"], told["case"]) == (STATE, "no_contact")
+    reported = [event.body for event in harness.told("state", job=job)][-1]
+    assert (reported["state"], reported["case"]) == (STATE, "no_contact")
     assert harness.post("/jobs", {"kind": "grip"}).status_code == 409
     assert decided(harness, job, "give_up").status_code == 202
     ended = harness.ended(job)

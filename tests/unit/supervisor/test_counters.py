@@ -47,8 +47,8 @@ def test_a_trip_counts_once_however_long_it_lasts() -> None:
 
 
 def test_every_existing_cause_has_a_counter() -> None:
-    asked = [applied("latched", f"asked: invented {number}") for number in range(50)]
-    counters = fed([state for one in asked for state in (one, applied("idle"))])
+    requests = [applied("latched", f"asked: invented {number}") for number in range(50)]
+    counters = fed([state for one in requests for state in (one, applied("idle"))])
     assert set(counters.trips()) == set(CAUSES)
     assert trips(counters) == {"asked": 50}
 
@@ -123,8 +123,10 @@ def test_numbers_skipped_by_an_idle_loop_are_not_gaps() -> None:
 
 
 def timing(epoch: int, missed: int, lateness_s: list[float], service: str = "sensor") -> Timing:
-    told = counted(lateness_s)
-    return replace(samples.timing(service, 5), epoch=epoch, missed=missed, lateness=told, age=told)
+    histogram = counted(lateness_s)
+    return replace(
+        samples.timing(service, 5), epoch=epoch, missed=missed, lateness=histogram, age=histogram
+    )
 
 
 def test_reported_counts_continue_over_armings_and_restarts() -> None:

@@ -116,8 +116,8 @@ def test_an_action_is_stored_with_its_requester_and_time(harness: Harness) -> No
     (action,) = harness.ended(job)["actions"]
     assert (action["by"], action["seq"]) == ("Ada, cell 4", IN_APPROACH)
     assert action["requested_at"] <= action["applied_at"]
-    asked, applied = harness.told("action", job=job)[-2:]
-    assert (asked.body["by"], asked.body["applied"]) == ("Ada, cell 4", False)
+    events, applied = harness.told("action", job=job)[-2:]
+    assert (events.body["by"], events.body["applied"]) == ("Ada, cell 4", False)
     assert (applied.body["seq"], applied.body["applied"]) == (IN_APPROACH, True)
 
 
@@ -164,8 +164,8 @@ def together(harness: Harness, *bodies: dict[str, Any], key: str) -> list[httpx.
         transport = httpx.ASGITransport(harness.app)
         async with httpx.AsyncClient(transport=transport, base_url=BASE) as client:
             headers = {"Idempotency-Key": key}
-            asked = [client.post("/jobs", json=body, headers=headers) for body in bodies]
-            return await asyncio.gather(*asked)
+            requested = [client.post("/jobs", json=body, headers=headers) for body in bodies]
+            return await asyncio.gather(*requested)
 
     return asyncio.run(send())
 
@@ -244,8 +244,10 @@ def test_without_a_known_revision_a_wait_is_for_the_next_change(harness: Harness
         async with httpx.AsyncClient(
             transport=transport, base_url="http://localhost/api/v1"
         ) as client:
-            asked = client.get(f"/jobs/{ready['id']}", params={"wait": "change", "timeout_s": 20})
-            waiting = asyncio.create_task(asked)
+            response = client.get(
+                f"/jobs/{ready['id']}", params={"wait": "change", "timeout_s": 20}
+            )
+            waiting = asyncio.create_task(response)
             await asyncio.sleep(0.2)
             assert not waiting.done()
             await client.post(f"/jobs/{ready['id']}/actions", json={"type": "stop"})

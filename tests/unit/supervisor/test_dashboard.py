@@ -19,9 +19,12 @@ NAMED = re.compile(r"(pincette_\w+?)(_bucket|_sum|_count)?\{([^}]*)\}")
 
 
 def expressions() -> list[str]:
-    asked = [one["expr"] for panel in TREE["panels"] for one in panel["targets"]]
+    requests = [one["expr"] for panel in TREE["panels"] for one in panel["targets"]]
     (rigs,) = (one for one in TREE["templating"]["list"] if one["name"] == "rig")
-    return [*asked, re.sub(r"label_values\((\w+), (\w+)\)", r'\1{\2=""}', rigs["query"]["query"])]
+    return [
+        *requests,
+        re.sub(r"label_values\((\w+), (\w+)\)", r'\1{\2=""}', rigs["query"]["query"]),
+    ]
 
 
 def test_every_metric_and_label_is_served() -> None:

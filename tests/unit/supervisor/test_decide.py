@@ -109,7 +109,7 @@ def test_every_combination_of_facts_gives_a_suitable_command(state: JobState) ->
     for flag, reason, other in product(flags, reasons, others):
         over, held, paused, interrupted, stop_acts, pause_asked, trip_asked, given_up = flag
         (late, cut_off), lease, lack = reason
-        trip, outcome, asked, on_stop, (unsafe, waited) = other
+        trip, outcome, requested, on_stop, (unsafe, waited) = other
         facts = Facts(
             state=state,
             over=over,
@@ -122,7 +122,7 @@ def test_every_combination_of_facts_gives_a_suitable_command(state: JobState) ->
             cut_off=cut_off,
             lease=lease,
             lack=lack,
-            asked=asked,
+            asked=requested,
             stop_acts=stop_acts,
             pause_asked=pause_asked,
             trip_asked=trip_asked,

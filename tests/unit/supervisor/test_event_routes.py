@@ -234,14 +234,14 @@ def test_the_states_of_a_grip_are_reported_in_their_order(harness: Harness) -> N
     job = harness.grip()["id"]
     stream = harness.call("GET", f"/api/v1/jobs/{job}/events")
     assert harness.get(f"/jobs/{job}")["state"] == "succeeded"
-    told = [
+    reported = [
         json.loads(line.removeprefix("data: "))
         for line in stream.text.split("\n")
         if line.startswith("data: ")
     ]
-    states = [event["body"]["state"] for event in told if event["kind"] == "state"]
+    states = [event["body"]["state"] for event in reported if event["kind"] == "state"]
     assert states == ["queued", "preparing", "ready", "running", "succeeded"]
-    numbers = [event["number"] for event in told if event["number"] is not None]
+    numbers = [event["number"] for event in reported if event["number"] is not None]
     assert numbers == sorted(set(numbers))
     listed = harness.get(f"/jobs/{job}/events/list")["events"]
     assert [event["number"] for event in listed] == numbers

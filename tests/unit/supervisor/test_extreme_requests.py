@@ -87,18 +87,18 @@ def parts(annotation: Any) -> set[type]:
 
 def with_value(base: Mapping[str, Any], path: Path, value: float) -> dict[str, Any]:
     """The request with another value at a path."""
-    asked: Any = {**base}
+    requested: Any = {**base}
     if base["kind"] == "move" and path[0] in TARGETS:
-        asked = {name: each for name, each in asked.items() if name not in TARGETS}
+        requested = {name: each for name, each in requested.items() if name not in TARGETS}
     if path[0] == "settling_s":
-        asked["position_tolerance_um"] = 0.2
-    place: Any = asked
+        requested["position_tolerance_um"] = 0.2
+    place: Any = requested
     for key in path[:-1]:
         inner = place[key]
         place[key] = list(cast("list[Any]", inner)) if isinstance(inner, list) else {**inner}
         place = place[key]
     place[path[-1]] = value
-    return asked
+    return requested
 
 
 def found_in(values: Any, path: Path) -> Any:
@@ -161,9 +161,9 @@ def test_an_extreme_value_is_refused_or_applied_or_reported(base: dict[str, Any]
             with pytest.raises(ValidationError):
                 REQUEST.validate_python(with_value(base, path, value))
         for value in EXTREME:
-            asked = with_value(base, path, value)
+            requested = with_value(base, path, value)
             try:
-                planned = plan_job(REQUEST.validate_python(asked), rig, Present(0.0, 0.0))
+                planned = plan_job(REQUEST.validate_python(requested), rig, Present(0.0, 0.0))
             except ValueError as refusal:
                 if not str(refusal):
                     wrong.append(f"{path} = {value:g}: refused without a reason")

@@ -67,8 +67,8 @@ def matches(job: JobRow, wanted: JobFilter) -> bool:
             for name, value in job.labels.items()
             for part in (name, value, f'"{name}": "{value}"')
         ]
-        said = [job.id, job.cause, job.requested_by or "", job.sample, job.batch, job.operator]
-        places = [*said, job.notes, *labels, '"' * bool(job.labels)]
+        stated = [job.id, job.cause, job.requested_by or "", job.sample, job.batch, job.operator]
+        places = [*stated, job.notes, *labels, '"' * bool(job.labels)]
         return any(folded(wanted.text) in folded(place) for place in places)
     if wanted.label is not None:
         name, value = wanted.label

@@ -77,8 +77,8 @@ def test_labels_given_afterwards_are_in_job_manifest_and_report(harness: Harness
     for file in harness.get(f"/jobs/{job}/artifacts")["artifacts"]:
         if file["name"] != folder.MANIFEST:
             assert file["sha256"] in [entry["sha256"] for entry in stated["files"]]
-    (told,) = harness.told("edit", job=job)
-    assert told.body == {"changed": ["labels", "notes", "sample"], "by": "Ada"}
+    (event,) = harness.told("edit", job=job)
+    assert event.body == {"changed": ["labels", "notes", "sample"], "by": "Ada"}
 
 
 def test_labels_given_to_running_and_queued_jobs_are_kept(harness: Harness) -> None:
@@ -160,10 +160,10 @@ def test_a_record_is_deleted_and_the_job_stays(harness: Harness) -> None:
     headers = {"X-Operator": "Ada"}
     answer = harness.call("DELETE", f"/api/v1/jobs/{job}/record", headers=headers)
     assert answer.status_code == 200, answer.text
-    told = answer.json()
-    assert (told["record"], told["record_complete"]) == (None, None)
-    assert told["record_detail"] == "deleted by Ada"
-    assert told["result"]["outcome"] == "gripped"
+    reply = answer.json()
+    assert (reply["record"], reply["record_complete"]) == (None, None)
+    assert reply["record_detail"] == "deleted by Ada"
+    assert reply["result"]["outcome"] == "gripped"
     assert not record(harness, job).exists()
     assert harness.get(f"/jobs/{job}/artifacts")["artifacts"] == []
     assert harness.call("DELETE", f"/api/v1/jobs/{job}/record").status_code == 404

@@ -88,13 +88,13 @@ def test_a_filter_by_a_sample_and_more_uses_the_index_of_the_sample(store: Store
 
 
 def test_frequent_queries_read_no_job_and_no_event(store: Store) -> None:
-    asked: list[str] = []
+    requests: list[str] = []
 
     def note(_c: Any, _cursor: Any, statement: str, values: Any, *_: Any) -> None:
         for value in values:
             statement = statement.replace("?", repr(value), 1)
         if statement.startswith("SELECT"):
-            asked.append(statement)
+            requests.append(statement)
 
     event.listen(Engine, "before_cursor_execute", note)
     try:
@@ -106,8 +106,8 @@ def test_frequent_queries_read_no_job_and_no_event(store: Store) -> None:
         store.interrupt_unfinished(utc_now())
     finally:
         event.remove(Engine, "before_cursor_execute", note)
-    assert len(asked) >= 6
-    for statement in asked:
+    assert len(requests) >= 6
+    for statement in requests:
         for step in plan(store, statement):
             whole = step.startswith(("SCAN jobs", "SCAN events", "SCAN actions"))
             assert not whole or "COVERING INDEX" in step, (statement, step)

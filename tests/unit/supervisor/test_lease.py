@@ -46,8 +46,8 @@ def test_a_job_in_real_time_plays_under_the_lease_of_its_rig(real_time: RigFile)
     grip = GripJobRequest(kind="grip")
     assert lease_of(real_time, grip, 7) == Lease(7, LENGTH_S, LeaseEnd.STOP)
     for on_stop, then in (("hold", "stop"), ("release", "let_go"), ("retract", "retract")):
-        asked = grip.model_copy(update={"on_stop": on_stop})
-        lease = lease_of(real_time, asked, 7)
+        requested = grip.model_copy(update={"on_stop": on_stop})
+        lease = lease_of(real_time, requested, 7)
         assert lease is not None
         assert lease.then == then
 
@@ -149,9 +149,9 @@ def test_events_without_a_supervisor_are_reported_by_the_next_one(
     after.bus.findings["controller"] = (ENDED,)
     after.health.refresh(force=True)
     after.manager.recover(unfinished)
-    told = after.get(f"/jobs/{job}")
-    assert told["state"] == "interrupted"
-    assert told["cause"].endswith(WORDS)
+    reported = after.get(f"/jobs/{job}")
+    assert reported["state"] == "interrupted"
+    assert reported["cause"].endswith(WORDS)
     (row,) = after.get("/alarms")["alarms"]
     assert row["words"] == WORDS
 

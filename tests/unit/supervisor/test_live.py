@@ -189,8 +189,8 @@ def test_a_sample_without_telemetry_is_published_late_with_the_phase(
     listener = scene.live.open()
     ticks = samples.grip()[: 6 + LATE_TICKS]
     for tick in ticks:
-        said = [m for m in tick.messages() if not (isinstance(m, Telemetry) and m.seq == 3)]
-        scene.say(said)
+        selected = [m for m in tick.messages() if not (isinstance(m, Telemetry) and m.seq == 3)]
+        scene.say(selected)
     batches = heard(listener)
     assert seqs(batches) == sorted(seqs(batches))
     assert [batch.phase for batch in batches] == ["zero"]

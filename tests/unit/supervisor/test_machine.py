@@ -62,14 +62,14 @@ class Bench(RuleBasedStateMachine):
     def act(self, action: ActionType, which: int) -> None:
         job = self.jobs[-1 - which % len(self.jobs)]
         before = self.harness.get(f"/jobs/{job}")
-        asked = len(self.harness.bus.acts)
+        requested = len(self.harness.bus.acts)
         response = self.harness.act(job, action)
         assert response.status_code in (200, 202, 409), response.text
         if action not in before["allowed_actions"]:
             assert response.status_code in (200, 409)
         if (before["state"], action, response.status_code) == ("paused", "stop", 202):
-            self.harness.until(lambda: len(self.harness.bus.acts) > asked)
-            assert self.harness.bus.acts[asked:] == ["stop"]
+            self.harness.until(lambda: len(self.harness.bus.acts) > requested)
+            assert self.harness.bus.acts[requested:] == ["stop"]
 
     @rule(ticks=st.sampled_from((10, 200, 700)))
     def play(self, ticks: int) -> None:

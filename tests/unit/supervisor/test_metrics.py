@@ -104,13 +104,13 @@ def test_published_timing_is_exported(
     real_time: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     harness = open_harness(real_time)
-    told = replace(samples.timing("sensor", 4), lateness=counted([0.001, 0.03]), missed=3)
-    harness.bus.publish(told)
+    timing = replace(samples.timing("sensor", 4), lateness=counted([0.001, 0.03]), missed=3)
+    harness.bus.publish(timing)
     assert value(harness, "pincette_lateness_seconds_bucket", service="sensor", le="0.02") == 1.0
     assert value(harness, "pincette_lateness_seconds_bucket", service="sensor", le="+Inf") == 2.0
     assert value(harness, "pincette_lateness_seconds_count", service="sensor") == 2.0
     assert value(harness, "pincette_missed_ticks_total", service="sensor") == 3.0
-    again = replace(told, epoch=told.epoch + 1, lateness=counted([0.002]), missed=0)
+    again = replace(timing, epoch=timing.epoch + 1, lateness=counted([0.002]), missed=0)
     harness.bus.publish(again)
     assert value(harness, "pincette_lateness_seconds_count", service="sensor") == 3.0
     assert value(harness, "pincette_missed_ticks_total", service="sensor") == 3.0

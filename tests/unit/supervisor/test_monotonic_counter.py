@@ -19,8 +19,8 @@ DURATIONS_S = st.lists(st.floats(0.0, 3.0), max_size=30)
 
 def test_a_count_continues_after_a_restart() -> None:
     count = MonotonicCounter()
-    for told, start in ((3, 1), (5, 1), (0, 2), (2, 2), (1, 2)):
-        count.update(told, start)
+    for reported, start in ((3, 1), (5, 1), (0, 2), (2, 2), (1, 2)):
+        count.update(reported, start)
     assert count.total == 5 + 2 + 1
 
 

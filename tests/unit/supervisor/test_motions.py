@@ -64,8 +64,8 @@ def test_a_holding_job_states_what_happens_to_its_part(kind: str) -> None:
     plain = REQUEST.validate_python({"kind": kind})
     assert getattr(plain, "on_stop", None) == "hold"
     assert getattr(plain, "on_abort", None) == "freeze"
-    said = REQUEST.validate_python({"kind": kind, "on_stop": "retract", "on_abort": "ramp"})
-    assert getattr(said, "on_stop", None) == "retract"
+    request = REQUEST.validate_python({"kind": kind, "on_stop": "retract", "on_abort": "ramp"})
+    assert getattr(request, "on_stop", None) == "retract"
     with pytest.raises(ValidationError, match="'hold', 'release' or 'retract'"):
         REQUEST.validate_python({"kind": kind, "on_stop": "drop"})
 

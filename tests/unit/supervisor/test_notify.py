@@ -74,13 +74,13 @@ def test_the_end_of_a_job_is_posted_and_its_signature_holds(harness: Harness) ->
         job = ended(harness)
         delivery.work()
     ((headers, body),) = received.posts
-    told = json.loads(body)
-    assert (told["type"], told["data"]["job"], told["data"]["state"]) == (
+    content = json.loads(body)
+    assert (content["type"], content["data"]["job"], content["data"]["state"]) == (
         "job.ended",
         job,
         "succeeded",
     )
-    assert told["data"]["sample"] == "B7 Größe"
+    assert content["data"]["sample"] == "B7 Größe"
     # As the standard says it, and not as the product computes it.
     signed = f"{headers['webhook-id']}.{headers['webhook-timestamp']}.".encode() + body
     mac = hmac.new(RAW, signed, hashlib.sha256).digest()
@@ -142,8 +142,8 @@ def test_an_alarm_is_notified_once_and_its_end_if_required(harness: Harness) -> 
         alarms.clear("disk", "there is room")
         usual.work()
         every.work()
-    (told,) = [json.loads(body) for _, body in received.posts]
-    assert (told["type"], told["data"]["cause"]) == ("alarm.raised", "disk")
+    (reported,) = [json.loads(body) for _, body in received.posts]
+    assert (reported["type"], reported["data"]["cause"]) == ("alarm.raised", "disk")
     types = [json.loads(body)["type"] for _, body in all_of_it.posts]
     assert types == ["alarm.raised", "alarm.cleared"]
 
@@ -170,8 +170,8 @@ def test_the_supervisor_sends_notices_by_itself(harness: Harness) -> None:
     with http_receiver() as received:
         outbox = Outbox(harness.store, [webhook(received)])
         EventLog(harness.store, "demo").append("queue", action="clear")
-        told = f"told {webhook(received).name}"
-        harness.until(lambda: harness.store.get_note(told) is not None)
+        case = f"told {webhook(received).name}"
+        harness.until(lambda: harness.store.get_note(case) is not None)
         job = ended(harness)
         harness.until(lambda: len(received.posts) == 1)
         outbox.close()

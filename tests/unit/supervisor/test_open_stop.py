@@ -33,8 +33,8 @@ def test_concurrent_stops_share_trips_and_each_one_is_confirmed(harness: Harness
     async def flood() -> list[int]:
         transport = httpx.ASGITransport(harness.app)
         async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
-            asked = [client.post("/api/v1/rigs/demo/estop") for _ in range(300)]
-            return [answer.status_code for answer in await asyncio.gather(*asked)]
+            requested = [client.post("/api/v1/rigs/demo/estop") for _ in range(300)]
+            return [answer.status_code for answer in await asyncio.gather(*requested)]
 
     assert set(asyncio.run(flood())) == {200}
     assert 1 <= len(harness.bus.trips) <= 100

@@ -130,13 +130,13 @@ def test_the_supervisors_page_can_start_a_grip(harness: Harness) -> None:
 
 
 def test_cors_permits_nothing_to_a_page_of_another_origin(harness: Harness) -> None:
-    asked: dict[str, Any] = {
+    values: dict[str, Any] = {
         "Origin": "http://evil.example",
         "Access-Control-Request-Method": "POST",
         "Access-Control-Request-Headers": "content-type",
     }
     for method in ("OPTIONS", "GET"):
-        answer = harness.call(method, "/api/v1/jobs", headers=asked)
+        answer = harness.call(method, "/api/v1/jobs", headers=values)
         assert not [name for name in answer.headers if name.startswith("access-control")]
 
 

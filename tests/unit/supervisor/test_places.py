@@ -150,17 +150,17 @@ def test_a_job_takes_the_newest_place_of_the_bus(harness: Harness) -> None:
     seen = harness.get("/rigs/demo/places")
     assert [one["x_um"] for one in seen["newest"]] == [31.0]
     assert seen["key"] == KEY
-    asked = {"given_by": "bus", "max_age_s": 600}
-    plan = harness.post("/jobs", {"kind": "grip", "place": asked, "dry_run": True}).json()
+    values = {"given_by": "bus", "max_age_s": 600}
+    plan = harness.post("/jobs", {"kind": "grip", "place": values, "dry_run": True}).json()
     assert plan["place"]["x_um"] == 31.0
-    job = harness.ended(harness.grip(place=asked)["id"])
-    assert job["request"]["place"] == asked
+    job = harness.ended(harness.grip(place=values)["id"])
+    assert job["request"]["place"] == values
     assert job["values"]["place"]["source"] == "camera-1"
-    told = job["result"]["place"]
-    assert told["given_um"] == 31.0
-    assert told["difference_um"] == pytest.approx(job["result"]["contact_x_um"] - 31.0)
-    assert told["uncertainty_um"] >= 0.5
-    assert told["bias"]["count"] == 1
+    reported = job["result"]["place"]
+    assert reported["given_um"] == 31.0
+    assert reported["difference_um"] == pytest.approx(job["result"]["contact_x_um"] - 31.0)
+    assert reported["uncertainty_um"] >= 0.5
+    assert reported["bias"]["count"] == 1
     harness.bus.publish(sent(source="camera-2"))
     assert refused(harness, given_by="bus")["sources"] == ["camera-1", "camera-2"]
 
@@ -230,18 +230,18 @@ def test_the_bias_of_a_source_is_stored_and_includes_each_job_once(
         )  # fmt: skip
 
     for job, difference_um in (("a", 0.2), ("b", 0.4), ("b", 0.4)):
-        told = places.with_bias(job, found(difference_um)).bias
-    assert told is not None
-    assert (told.count, told.mean_um) == (2, pytest.approx(0.3))
-    assert told.deviation_um == pytest.approx(0.1414, abs=1e-3)
+        bias = places.with_bias(job, found(difference_um)).bias
+    assert bias is not None
+    assert (bias.count, bias.mean_um) == (2, pytest.approx(0.3))
+    assert bias.deviation_um == pytest.approx(0.1414, abs=1e-3)
     nothing = found(0.0).model_copy(update={"difference_um": None})
     assert places.with_bias("c", nothing).bias is None
     again = Places("demo", store, WriteQueue(), CannedRig(rig_file).refused)
-    assert again.view().biases == [told]
+    assert again.view().biases == [bias]
     for job in range(150):
-        told = again.with_bias(str(job), found(1.0)).bias
-    assert told is not None
-    assert (told.count, told.mean_um) == (100, 1.0)
+        bias = again.with_bias(str(job), found(1.0)).bias
+    assert bias is not None
+    assert (bias.count, bias.mean_um) == (100, 1.0)
 
 
 def test_a_trajectory_cannot_contain_a_place(harness: Harness) -> None:

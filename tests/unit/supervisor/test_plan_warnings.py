@@ -208,11 +208,11 @@ PLACES = {
 def test_points_between_two_samples_are_named(
     rig: RigFile, wish: dict[str, Any], numbers: tuple[str, ...]
 ) -> None:
-    told = warnings(rig, **wish)
-    assert all(number in told for number in numbers), told
+    lines = warnings(rig, **wish)
+    assert all(number in lines for number in numbers), lines
 
 
 def test_points_a_period_apart_cause_no_warning() -> None:
     for gap_s in (RIG.rig.period_s, 0.1):
-        told = warnings(kind="track", shape="waypoints", points=points(gap_s))
-        assert "period" not in told
+        lines = warnings(kind="track", shape="waypoints", points=points(gap_s))
+        assert "period" not in lines

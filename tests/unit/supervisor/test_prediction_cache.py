@@ -64,19 +64,19 @@ def test_a_missing_prediction_does_not_refuse_a_job() -> None:
 
 
 def test_the_same_plan_is_predicted_once() -> None:
-    asked: list[float] = []
+    requests: list[float] = []
 
     def count(planned: Planned) -> DryRun:
-        asked.append(planned.plan.duration_s)
+        requests.append(planned.plan.duration_s)
         return nothing()
 
     teller, first = PredictionCache(count), plan(straight(), kind="grip")
     assert teller.dry_run(first) is teller.dry_run(plan(straight(), kind="grip"))
     teller.dry_run(plan(straight(), kind="grip", hold_s=1.0))
-    assert len(asked) == 2
-    assert asked[0] > asked[1]
+    assert len(requests) == 2
+    assert requests[0] > requests[1]
     teller.dry_run(plan(demo_rig(time="lockstep"), kind="grip"))
-    assert len(asked) == 3
+    assert len(requests) == 3
 
 
 def test_requests_that_would_wait_too_long_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

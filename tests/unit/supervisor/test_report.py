@@ -68,8 +68,8 @@ def test_the_page_loads_no_other_files(model: type[GripResult]) -> None:
 
 def test_the_report_starts_with_a_verdict_in_one_line() -> None:
     kind = job_kinds()["grip"]
-    told = verdict(kind, {"outcome": "gripped", "force_held_mN": 20.0123})
-    assert told == f"{OUTCOMES['gripped']}; force held 20.01 mN"
+    words = verdict(kind, {"outcome": "gripped", "force_held_mN": 20.0123})
+    assert words == f"{OUTCOMES['gripped']}; force held 20.01 mN"
     spread = {"outcome": "lost", "force_held_mN": 20.0, "force_uncertainty_mN": 0.4123}
     assert verdict(kind, spread) == f"{OUTCOMES['lost']}; force held 20.00 ± 0.41 mN"
     assert verdict(kind, {"outcome": "no_contact", "force_held_mN": None}) == OUTCOMES["no_contact"]

@@ -83,8 +83,8 @@ def test_a_changed_stroke_marks_the_result(change: float | None, *, mismatch: bo
     assert result.model_mismatch is mismatch
     percent = None if change is None else pytest.approx(100.0 * change)
     assert result.stroke_change_percent == percent
-    told = verdict(job_kinds()["grip"], result.model_dump())
-    assert ("differs from its model" in told) is mismatch
+    words = verdict(job_kinds()["grip"], result.model_dump())
+    assert ("differs from its model" in words) is mismatch
 
 
 def test_phases_follow_one_another_without_gaps() -> None:

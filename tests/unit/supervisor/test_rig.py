@@ -96,19 +96,19 @@ def test_earlier_messages_of_a_restarted_program_are_not_shown(harness: Harness)
 
 
 def test_a_reply_that_arrives_after_a_later_one_is_dropped(harness: Harness) -> None:
-    call, asked, go_on = harness.bus.call, threading.Event(), threading.Event()
+    call, requested, go_on = harness.bus.call, threading.Event(), threading.Event()
 
     def slow(question: Request, request: Message, timeout_s: float = 2.0) -> Message:
         answer = call(question, request, timeout_s)
-        if question.service == "recorder" and not asked.is_set():
-            asked.set()
+        if question.service == "recorder" and not requested.is_set():
+            requested.set()
             assert go_on.wait(PATIENCE_S)
         return answer
 
     with patch.object(harness.bus, "call", slow):
         earlier = threading.Thread(target=harness.health.refresh, kwargs={"force": True})
         earlier.start()
-        assert asked.wait(PATIENCE_S)
+        assert requested.wait(PATIENCE_S)
         harness.bus.instances["actuator"] = 2
         harness.health.refresh(force=True)
         go_on.set()
@@ -140,9 +140,9 @@ def test_the_requesters_of_stop_and_reset_are_reported(harness: Harness) -> None
     harness.until(lambda: bool(harness.told("alarm")))
     reset = {"json": {"acknowledge": True}, "headers": who}
     assert harness.call("POST", "/api/v1/rigs/demo/reset", **reset).status_code == 200
-    (alarm, told) = harness.told("alarm", "rig")
+    (alarm, events) = harness.told("alarm", "rig")
     assert (alarm.body["cause"], alarm.body["by"]) == ("estop", "Ada")
-    assert (told.body["reset"], told.body["by"]) == ("estop", "Ada")
+    assert (events.body["reset"], events.body["by"]) == ("estop", "Ada")
 
 
 def test_an_unconfirmed_emergency_stop_states_a_remedy(harness: Harness) -> None:

@@ -17,8 +17,8 @@ from .samples import Tick
 def untold(ticks: list[Tick]) -> list[Tick]:
     """Ticks whose end is not reported."""
     earlier = [replace(tick.telemetry, outcome=Outcome.NONE) for tick in ticks[:-1]]
-    said = [*earlier, earlier[-1]]
-    return [replace(tick, telemetry=view) for tick, view in zip(ticks, said, strict=True)]
+    stated = [*earlier, earlier[-1]]
+    return [replace(tick, telemetry=view) for tick, view in zip(ticks, stated, strict=True)]
 
 
 def test_a_late_last_message_is_awaited(harness: Harness) -> None:

@@ -72,9 +72,9 @@ def test_all_jobs_of_a_series_run_in_their_order(harness: Harness) -> None:
     assert [job["id"] for job in jobs[::-1]] == [one["job"] for one in found["jobs"]]
     assert [job["labels"]["series_job"] for job in jobs[::-1]] == ["1", "2", "3", "4"]
     assert [job["values"]["force_mN"] for job in jobs[::-1]] == [8.0, 12.0, 8.0, 12.0]
-    told = harness.told("series")
-    assert [event.body["number"] for event in told if event.body["number"]] == [1, 2, 3, 4]
-    assert told[-1].body["state"] == "completed"
+    events = harness.told("series")
+    assert [event.body["number"] for event in events if event.body["number"]] == [1, 2, 3, 4]
+    assert events[-1].body["state"] == "completed"
     table = harness.call("GET", f"/api/v1/jobs/export.csv?label=series={made['id']}").text
     assert table.count("\n") == 5
     (listed,) = harness.get("/series")["series"]

@@ -69,12 +69,12 @@ def test_pages_with_and_without_tls_have_separate_cookies(harness: Harness) -> N
     values: dict[str, str] = {}
     for scheme, full in (("http", name), ("https", f"__Host-{name}")):
         headers = {**ring.headers("observe"), "Origin": f"{scheme}://localhost"}
-        said = harness.call("POST", SESSION, headers=headers).headers["set-cookie"]
-        assert said.startswith(f"{full}=")
-        assert ("Secure" in said) == (scheme == "https")
-        assert "Path=/" in said
-        assert "Domain" not in said
-        values[full] = said.partition("=")[2].partition(";")[0]
+        stated = harness.call("POST", SESSION, headers=headers).headers["set-cookie"]
+        assert stated.startswith(f"{full}=")
+        assert ("Secure" in stated) == (scheme == "https")
+        assert "Path=/" in stated
+        assert "Domain" not in stated
+        values[full] = stated.partition("=")[2].partition(";")[0]
     cookies = "; ".join(f"{one}={value}" for one, value in values.items())
     for one, value in values.items():
         found = harness.call("GET", SESSION, headers={"Cookie": f"{one}={value}"})
@@ -92,8 +92,8 @@ def test_pages_with_and_without_tls_have_separate_cookies(harness: Harness) -> N
 
 def test_a_cookie_of_another_supervisor_gives_no_access(harness: Harness) -> None:
     ring = keyed(harness)
-    said = harness.call("POST", SESSION, headers=ring.headers("observe")).headers["set-cookie"]
-    value = said.partition("=")[2].partition(";")[0]
+    stated = harness.call("POST", SESSION, headers=ring.headers("observe")).headers["set-cookie"]
+    value = stated.partition("=")[2].partition(";")[0]
     for name in ("pincette_session", "pincette_session_0123456789abcdef"):
         found = harness.call("GET", SESSION, headers={"Cookie": f"{name}={value}"})
         assert found.json()["signed_in"] is False

@@ -155,13 +155,13 @@ def test_metrics_export_the_state_too(rig: Rig) -> None:
 
     rig.say()
     rig.harness.bus.kill("actuator")
-    for after_s, told in ((0.0, ("held", "known")), (1.0, ("unknown", "unknown"))):
+    for after_s, reported in ((0.0, ("held", "known")), (1.0, ("unknown", "unknown"))):
         rig.now_s = T0_S + after_s
         metrics = served()
         ((_, heard_s),) = metrics["pincette_actuator_heard_age_seconds"]
         assert heard_s == pytest.approx(after_s)
         shown = [labels for labels, value in metrics["pincette_part"] if value]
-        assert [(one["part"], one["certainty"]) for one in shown] == [told]
+        assert [(one["part"], one["certainty"]) for one in shown] == [reported]
 
 
 @pytest.mark.parametrize(

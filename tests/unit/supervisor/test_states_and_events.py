@@ -49,14 +49,14 @@ class Witness:
         self.looks += 1
         # The later one first: a state that another thread writes meanwhile has its event.
         rows = store.newest(100)
-        told = store.events_after(0, limit=10_000)
+        reported = store.events_after(0, limit=10_000)
         for row in rows:
-            mine = [event for event in told if event.job == row.id]
+            mine = [event for event in reported if event.job == row.id]
             states = [event.body["state"] for event in mine if event.kind == "state"]
             if row.state not in states:
                 self.odd.append(f"nothing told that {row.id} is {row.state}")
-            asked = sum(event.kind == "action" and "by" in event.body for event in mine)
-            if len(row.actions) > asked:
+            requested = sum(event.kind == "action" and "by" in event.body for event in mine)
+            if len(row.actions) > requested:
                 self.odd.append(f"an action on {row.id} was not told")
 
 

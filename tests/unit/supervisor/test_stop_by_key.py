@@ -37,11 +37,11 @@ def test_a_request_stopped_while_being_planned_creates_no_job(
 
     monkeypatch.setattr(JobManager, "resolve", slowly)
     with ThreadPoolExecutor(1) as pool:
-        asked = pool.submit(create, harness, "execution 7")
+        requested = pool.submit(create, harness, "execution 7")
         assert planning.wait(20.0)
         assert stop(harness, "execution 7") is None
         go_on.set()
-        answer = asked.result(20.0)
+        answer = requested.result(20.0)
     assert answer.status_code == 409
     problem = answer.json()
     assert problem["type"].endswith("key-stopped")

@@ -47,16 +47,16 @@ def port(heard: list[str]) -> Generator[int]:
 
 def answer(port: int, data: bytes) -> bytes:
     """All that comes until the server closes the connection, or is silent."""
-    said = b""
+    stated = b""
     with socket.create_connection(("127.0.0.1", port), 5.0) as client:
         client.settimeout(2.0)
         client.sendall(data)
         try:
             while more := client.recv(4096):
-                said += more
+                stated += more
         except TimeoutError:
-            said += b"(still open)"
-    return said
+            stated += b"(still open)"
+    return stated
 
 
 def head(*lines: bytes) -> bytes:
@@ -68,10 +68,10 @@ def test_a_request_with_two_body_lengths_is_refused_and_not_read_further(
     port: int, heard: list[str], length: bytes
 ) -> None:
     both = head(b"Content-Length: " + length, b"Transfer-Encoding: chunked")
-    said = answer(port, both + BODY + SMUGGLED)
-    assert said.startswith(b"HTTP/1.1 400 ")
-    assert b"still open" not in said
-    assert said.count(b"HTTP/1.1") == 1
+    output = answer(port, both + BODY + SMUGGLED)
+    assert output.startswith(b"HTTP/1.1 400 ")
+    assert b"still open" not in output
+    assert output.count(b"HTTP/1.1") == 1
     assert heard == []
 
 

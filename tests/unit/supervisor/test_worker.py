@@ -71,11 +71,11 @@ def test_an_unused_worker_ends_and_is_started_again_on_demand(
 def test_the_worker_ends_with_a_killed_supervisor(tmp_path: Path) -> None:
     script = tmp_path / "killed.py"
     script.write_text(KILLED, encoding="utf-8")
-    said = subprocess.run(
+    output = subprocess.run(
         [sys.executable, script], stdout=subprocess.PIPE, text=True, timeout=WAIT_S, check=False
     )
-    assert said.returncode == -signal.SIGKILL
-    pid, deadline = int(said.stdout.split()[-1]), monotonic() + WAIT_S
+    assert output.returncode == -signal.SIGKILL
+    pid, deadline = int(output.stdout.split()[-1]), monotonic() + WAIT_S
     while Path(f"/proc/{pid}").exists():
         assert monotonic() < deadline
         sleep(0.01)

@@ -159,8 +159,8 @@ def test_a_touch_and_its_loss_do_not_change_the_voltage(pressed_mN: float) -> No
     state = control_law.start(law, x_um=x, x_r_um=x, force_mN=0.0, applied_V=(x - 2.0) / D_P)
     volts = [(x - 2.0) / D_P]
     for tick in range(120):
-        told = 40 <= tick < 80
-        K_e, x_e = (2.1, x - pressed_mN / 2.1) if told else (0.0, 0.0)
+        reported = 40 <= tick < 80
+        K_e, x_e = (2.1, x - pressed_mN / 2.1) if reported else (0.0, 0.0)
         if tick in (40, 80):
             at: dict[str, Any] = {"x_um": x, "x_r_um": x, "force_mN": 0.0, "force_r_mN": 0.0}
             state = control_law.rebase(law, state, **at)

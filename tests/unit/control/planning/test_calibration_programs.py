@@ -196,7 +196,7 @@ def test_levels_beyond_the_limits_are_refused_or_lowered() -> None:
         contact_stiffness_program(REQUEST, RIG)
     levels = levels_within(REQUEST, RIG)
     assert 1.2 < levels[-1] < 1.6
-    ratios = [found / asked for found, asked in zip(levels, LEVELS_V, strict=True)]
+    ratios = [found / requested for found, requested in zip(levels, LEVELS_V, strict=True)]
     assert ratios == pytest.approx([ratios[0]] * 4, rel=5e-3)
     assert contact_stiffness_program(REQUEST, RIG, levels).segments
     wider = tuple([level_V * (levels[-1] + STEP_V) / levels[-1] for level_V in levels])

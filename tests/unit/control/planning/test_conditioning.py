@@ -125,9 +125,9 @@ def test_a_rig_without_voltages_below_rest_cannot_be_conditioned_and_reports_it(
     assert plan.violations == []
     assert plan.phases[0].phase == "zero"
     past_mN = past_uncertainty_mN(rig, 20.0)
-    (said,) = [warning for warning in plan.warnings if "the arm's past is not known" in warning]
-    assert "voltage_min_V = 0 V leaves no room for conditioning strokes" in said
-    assert f"±{past_mN:.2g} mN" in said
+    (selected,) = [warning for warning in plan.warnings if "the arm's past is not known" in warning]
+    assert "voltage_min_V = 0 V leaves no room for conditioning strokes" in selected
+    assert f"±{past_mN:.2g} mN" in selected
     assert past_mN > 0.0
     for share in (0.5, 2.0):
         goal = GripJobRequest(kind="grip", force_tolerance_mN=share * past_mN)

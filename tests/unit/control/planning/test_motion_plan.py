@@ -29,8 +29,8 @@ POINTERS = {
 
 
 def moved(stand: StartPosition = REST, **wishes: Any) -> MotionPlan:
-    said: dict[str, Any] = {"speed_um_per_s": 20.0, "contact_force_mN": 2.0, **wishes}
-    return plan_move(MoveRequest(**said), RIG, stand, POINTERS)
+    values: dict[str, Any] = {"speed_um_per_s": 20.0, "contact_force_mN": 2.0, **wishes}
+    return plan_move(MoveRequest(**values), RIG, stand, POINTERS)
 
 
 def test_a_move_to_a_position_is_smooth_and_ends_at_rest() -> None:

@@ -311,7 +311,7 @@ def test_an_awkward_record_gives_a_good_model_or_an_error_message(
     x = np.full(len(u), 3.0)
     if not still and len(u):
         x = simulate(MODEL, u, period_s) + noise(len(u))
-    said = ""
+    stated = ""
     try:
         found = identify_free_response(
             u.tolist(), x.tolist(), period_s, unpoled=unpoled, candidates=candidates
@@ -319,9 +319,9 @@ def test_an_awkward_record_gives_a_good_model_or_an_error_message(
     except np.linalg.LinAlgError:
         raise
     except ValueError as error:
-        said, found = str(error), None
+        stated, found = str(error), None
     if found is None:
-        assert any(unit in said for unit in (" V", "samples", "µm/V")), said
+        assert any(unit in stated for unit in (" V", "samples", "µm/V")), stated
         return
     assert not still
     left_um = x - simulate(found.model, u, period_s)

@@ -66,10 +66,10 @@ def test_creep_is_bounded_by_its_remainder(seed: int) -> None:
 
 
 def test_an_arm_that_agrees_with_the_model_narrows_a_short_hold() -> None:
-    _, response, told = stroked(MODEL, TURNS_V, standard_um=0.02)
+    _, response, reported = stroked(MODEL, TURNS_V, standard_um=0.02)
     _, _, uninformed = stroked(MODEL, (3.5, -0.5), standard_um=10.0)
     response = response.updated(2.0, 2.0)
-    told_um = told.updated(2.0, 2.0).error_um(response)
+    told_um = reported.updated(2.0, 2.0).error_um(response)
     assert told_um < 0.5 * uninformed.updated(2.0, 2.0).error_um(response)
 
 

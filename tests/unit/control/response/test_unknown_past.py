@@ -103,9 +103,9 @@ def rose(*to_V: float) -> tuple[IdentifiedResponse, UnknownPast]:
 
 def test_motion_that_agrees_with_the_model_narrows_the_possible_past() -> None:
     response, past = rose(0.8)
-    told = past.compared(response, residual_um=0.0, standard_um=0.1)
-    assert told.error_um(response) == pytest.approx(2.0 * 0.1)
-    assert told.worst_um(response) < 0.3 * past.worst_um(response)
+    compared = past.compared(response, residual_um=0.0, standard_um=0.1)
+    assert compared.error_um(response) == pytest.approx(2.0 * 0.1)
+    assert compared.worst_um(response) < 0.3 * past.worst_um(response)
 
 
 def test_an_arm_with_an_extreme_past_keeps_it() -> None:
@@ -113,15 +113,15 @@ def test_an_arm_with_an_extreme_past_keeps_it() -> None:
     at_um = past.highest.sample(0.0).displacement_um - response.displacement_um()
     parted_um = at_um - past.at_zero_um[1]
     assert parted_um < -1.0
-    told = past.compared(response, parted_um, standard_um=0.1)
-    assert told.shares[1] == 1.0
-    assert told.shares[0] < 0.2
+    compared = past.compared(response, parted_um, standard_um=0.1)
+    assert compared.shares[1] == 1.0
+    assert compared.shares[0] < 0.2
 
 
 def test_a_past_that_was_excluded_once_stays_excluded() -> None:
     response, past = rose(0.8)
-    told = past.compared(response, residual_um=0.0, standard_um=0.1)
-    assert told.compared(response, residual_um=0.0, standard_um=10.0).shares == told.shares
+    compared = past.compared(response, residual_um=0.0, standard_um=0.1)
+    assert compared.compared(response, residual_um=0.0, standard_um=10.0).shares == compared.shares
 
 
 def test_an_arm_that_has_not_moved_gives_no_information() -> None:

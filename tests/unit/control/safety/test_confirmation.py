@@ -26,9 +26,9 @@ LOST = failed(SafetyState(mode=Mode.RAMPING, cause=Cause.DEVICE, arms=(ArmOutput
 def test_a_failed_output_is_read_back_at_once_and_then_once_per_period() -> None:
     assert waits_for_read_back(LIMITS, LOST)
     assert read_back_due(LIMITS, LOST, 1.0)
-    asked = replace(LOST, asked_s=1.0)
-    assert not read_back_due(LIMITS, asked, 1.0 + 0.9 * T)
-    assert read_back_due(LIMITS, asked, 1.0 + T)
+    requested = replace(LOST, asked_s=1.0)
+    assert not read_back_due(LIMITS, requested, 1.0 + 0.9 * T)
+    assert read_back_due(LIMITS, requested, 1.0 + T)
 
 
 @pytest.mark.parametrize(

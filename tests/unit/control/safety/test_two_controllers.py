@@ -28,7 +28,7 @@ def first(chance: random.Random) -> list[Event]:
     events: list[Event] = []
     for seq in range(TICKS):
         events.append((seq * T, None, seq))
-        told = command(
+        sent = command(
             seq=seq - chance.choice((0, 0, 0, 0, 1)),
             voltage_V=chance.choice((0.25, 0.5, 9.0, -0.5)),
             part_held=chance.random() < 0.5,
@@ -37,7 +37,7 @@ def first(chance: random.Random) -> list[Event]:
             x_d_um=chance.choice((None, 1.0, 9.0)),
         )
         if chance.random() < 0.9:
-            events.append((seq * T + chance.choice((0.004, 0.019)), told, seq))
+            events.append((seq * T + chance.choice((0.004, 0.019)), sent, seq))
     return events
 
 
@@ -63,10 +63,10 @@ def second(chance: random.Random) -> CommandFacts:
 
 
 def befallen(state: SafetyState, event: Event) -> SafetyState:
-    at_s, told, seq = event
-    if told is None:
+    at_s, reported, seq = event
+    if reported is None:
         return sampled(LIMITS, state, seq, (1.0,), at_s)
-    return offered(state, told, at_s)
+    return offered(state, reported, at_s)
 
 
 def ending(state: SafetyState) -> SafetyState:

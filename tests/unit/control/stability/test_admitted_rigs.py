@@ -99,28 +99,28 @@ def furthest_um(loop: Loop, rig: Rig, seed: int) -> float:
     x0 = X_E_UM - 40.0 * FREE_S
     z = np.array([x0, 0.0, 0.0, x0 / gain])
     state = control_law.start(law, x_um=x0, x_r_um=x0, force_mN=0.0, applied_V=z[3])
-    told, gone, waited, off_um = False, False, 0, 0.0
+    reported, gone, waited, off_um = False, False, 0, 0.0
     for tick in range(round((FREE_S + PRESSED_S + AWAY_S) / T)):
         x = float(z[0])
         x_r, v, a, _ = reference((tick + 1) * T)
         touched = x > X_E_UM
         # The touch in the samples in a row, its loss from where the plan has let go.
-        met = touched if not told else tick * T > FREE_S + PRESSED_S
+        met = touched if not reported else tick * T > FREE_S + PRESSED_S
         waited = waited + 1 if met else 0
         if waited > rig.late_ticks and not gone:
-            told, gone, waited = not told, told, 0
+            reported, gone, waited = not reported, reported, 0
             at: dict[str, Any] = {"x_um": x, "x_r_um": x_r, "force_mN": 0.0, "force_r_mN": 0.0}
             state = control_law.rebase(law, state, **at)
         seen = x + NOISE_UM * float(chance.standard_normal())
         # The estimator's force by its own slope, quasi-static.
-        F = (ARM.d / ARM.k * z[3] - seen) * ARM.k if told else 0.0
-        F_r = K_E * (x_r - X_E_UM) if told else 0.0
+        F = (ARM.d / ARM.k * z[3] - seen) * ARM.k if reported else 0.0
+        F_r = K_E * (x_r - X_E_UM) if reported else 0.0
         state, output = step_at(
             law,
             state,
             (seen, F, float(z[3])),
             (x_r, F_r),
-            plan=PlannedMotion(v, a, K_E if told else 0.0, X_E_UM if told else 0.0),
+            plan=PlannedMotion(v, a, K_E if reported else 0.0, X_E_UM if reported else 0.0),
         )
         old_V = float(z[3])
         for piece in range(PIECES):

@@ -28,8 +28,8 @@ def loop_of(period_s: float, **gains: float) -> Loop:
     """FPBSMIC as it runs, with the observer that belongs to it."""
     observer = QuasiStatic(QuasiStaticParameters(0.46, older=held_age(0.65)))
     law = FPBSMIC.settings("identified").with_gains(**gains)
-    told = OutputTiming(0.65 * period_s)
-    return Loop(law, ARM, period_s, 0.03, assumed_timing=told, observer=observer)
+    settings = OutputTiming(0.65 * period_s)
+    return Loop(law, ARM, period_s, 0.03, assumed_timing=settings, observer=observer)
 
 
 def from_the_closed_loop(loop: Loop, case: LoopCase) -> float:
@@ -139,9 +139,9 @@ def test_contacts_unknown_to_the_law_are_checked_too() -> None:
     """n = 1 at 10 Hz is stable with each contact that it knows, and with no unknown one."""
     law: LawSettings = loop_of(0.001, n=1.0, f_w=8.0).law
     loop, wide = replace(loop_of(0.001), law=law), widened(loop_of(0.001), PART)
-    told = LoopCase(0.0, 0.8, 0.3, 1.2, 0.77, 0.0)
-    lost = replace(told, assumed_mN_per_um=2.17)
-    radii = np.abs(np.linalg.eigvals(loop_matrices(loop, (told, lost)))).max(axis=1)
+    settings = LoopCase(0.0, 0.8, 0.3, 1.2, 0.77, 0.0)
+    lost = replace(settings, assumed_mN_per_um=2.17)
+    radii = np.abs(np.linalg.eigvals(loop_matrices(loop, (settings, lost)))).max(axis=1)
     assert radii[1] > radii[0]
     assert assess(loop, PART).radius >= radii[1] * (1.0 - 1e-12)
     case, peak = worst_sensitivity(loop, wide)
