@@ -8,15 +8,15 @@ if the message was lost.
 
 import argparse
 import csv
+import signal
 import sys
+import threading
 
 import msgpack
 import zenoh
 
 FIELDS = ("epoch", "seq", "t_s", "x_um", "force_mN", "force_uncertainty_mN", "voltage_V")
-WAITING = 50
-"""Number of samples that may wait for a message; a sample that waits longer is written without it.
-"""
+WAITING = 50  # number of samples that may wait for a message before they are written without it
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--router", default="tcp/127.0.0.1:7447")
@@ -52,28 +52,28 @@ config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{gi
 table = csv.DictWriter(given.file, FIELDS)
 table.writeheader()
 waiting, counts = {}, {"rows": 0, "incomplete": 0}
+interrupted = threading.Event()
+signal.signal(signal.SIGINT, lambda *_: interrupted.set())  # so that a row is never cut off
 with zenoh.open(config) as session, given.file:
     samples = session.declare_subscriber(f"pincette/v2/{given.rig}/*")
     begun = None
-    try:
-        for sample in samples:
-            topic = str(sample.key_expr).rsplit("/", 1)[1]
-            if topic not in TOPICS:
-                continue
-            message = msgpack.unpackb(sample.payload.to_bytes())
-            number = message["epoch"], message["seq"]
-            begun = begun or number  # whose other messages may have passed already
-            if number <= begun:
-                continue
-            waiting.setdefault(number, {})[topic] = cells(topic, message)
-            while waiting and counts["rows"] != given.count:
-                oldest, found = next(iter(waiting.items()))
-                if len(found) < len(TOPICS) and len(waiting) <= WAITING:
-                    break
-                write(oldest, waiting.pop(oldest))
-            if counts["rows"] == given.count:
+    while not interrupted.is_set() and counts["rows"] != given.count:
+        sample = samples.try_recv()
+        if sample is None:
+            interrupted.wait(0.01)
+        if sample is None or (topic := str(sample.key_expr).rsplit("/", 1)[1]) not in TOPICS:
+            continue
+        message = msgpack.unpackb(sample.payload.to_bytes())
+        number = message["epoch"], message["seq"]
+        begun = begun or number  # whose other messages may have passed already
+        if number <= begun:
+            continue
+        waiting.setdefault(number, {})[topic] = cells(topic, message)
+        while waiting and counts["rows"] != given.count:
+            oldest, found = next(iter(waiting.items()))
+            if len(found) < len(TOPICS) and len(waiting) <= WAITING:
                 break
-    except KeyboardInterrupt:
-        for number, found in waiting.items():
-            write(number, found)
+            write(oldest, waiting.pop(oldest))
+    for number, found in waiting.items() if interrupted.is_set() else ():
+        write(number, found)
 print(f"{counts['rows']} rows, {counts['incomplete']} of them incomplete", file=sys.stderr)

@@ -9,6 +9,7 @@ only the supervisor may.
 # pyright: reportUnknownMemberType=false
 
 import random
+import re
 from collections.abc import Generator
 from itertools import product
 from pathlib import Path
@@ -172,7 +173,8 @@ def test_an_emergency_stop_of_an_operator_takes_effect(
     else:
         output = pincette("estop", "--rig", operators_file(rig, folder), "--url", NOBODY)
         assert output.returncode == 0, output.stderr
-        assert f"rig {RIG}: stopped at the actuator" in output.stdout
+        # Neither way needs the supervisor; on a busy machine the second confirms first.
+        assert re.search(f"rig {RIG}: stopped (at the actuator|through the router)", output.stdout)
     _, tripped = seen.until_state(("frozen", "ramping", "latched"), begun)
     assert tripped.cause.startswith("estop")
     assert rig.ended(held)["state"] in ENDS

@@ -1,5 +1,6 @@
 """What a person can do to a job that moves: stop it, abort it, stop everything; T = 20 ms."""
 
+import re
 import signal
 from time import monotonic, sleep
 
@@ -86,7 +87,8 @@ def test_an_emergency_stop_works_without_the_supervisor(
     rig.fleet.signal("supervisor", signal.SIGKILL)
     stopped = command("estop", "--rig", str(rig.path))
     assert stopped.returncode == 0, stopped.stderr
-    assert "stopped at the actuator" in stopped.stdout
+    # Neither way needs the supervisor; on a busy machine the second confirms first.
+    assert re.search("stopped (at the actuator|through the router)", stopped.stdout)
     # The actuator says in the same step that it was asked, and moves at its next.
     asked_at, echo = seen.until_state(("frozen", "ramping"), killed_at)
     assert echo.cause == "estop"

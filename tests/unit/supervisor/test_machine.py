@@ -10,6 +10,7 @@ import hypothesis.strategies as st
 from hypothesis import HealthCheck, settings
 from hypothesis.stateful import (
     RuleBasedStateMachine,
+    initialize,
     invariant,
     precondition,
     rule,
@@ -18,20 +19,17 @@ from hypothesis.stateful import (
 
 from pincette.api.states import STATES, ActionType, JobState
 from pincette.config import parse_rig
+from pincette.core.faults import Outcome
 from tests.support.told_states import states_told
 
-from .conftest import DEMO
+from .conftest import DEMO, blank
 from .harness import Harness
+from .test_awaiting_recovery import RECOVERY, ending_with, place
 
 ACTIONS: tuple[ActionType, ...] = get_args(ActionType)
 BEGIN = 40
 """Tick up to which a job plays without an action."""
 PICTURE = "pincette_supervisor.results.archive.picture"
-
-
-def _no_picture(*_given: object, **_named: object) -> bytes:
-    """Drawing takes longer than all the rest."""
-    return b""
 
 
 class Bench(RuleBasedStateMachine):
@@ -44,14 +42,20 @@ class Bench(RuleBasedStateMachine):
         tables["rig"]["time"] = "lockstep"
         self.harness = Harness(parse_rig(tables), Path(self.folder.name), guard_s=1e6)
         self.harness.bus.pause_at, self.harness.bus.freezes = BEGIN, True
-        self.drawing = patch(PICTURE, _no_picture)
+        # Drawing takes longer than all the rest.
+        self.drawing = patch(PICTURE, blank)
         self.drawing.start()
         self.jobs: list[str] = []
 
-    @rule(queue=st.booleans(), autostart=st.booleans())
-    def create(self, queue: bool, autostart: bool) -> None:
+    @initialize(finds=st.booleans())
+    def begin(self, finds: bool) -> None:
+        self.create(queue=False, autostart=True, finds=finds)
+
+    @rule(queue=st.booleans(), autostart=st.booleans(), finds=st.booleans())
+    def create(self, queue: bool, autostart: bool, finds: bool) -> None:
         self.harness.bus.pause_at = BEGIN
-        body = {"kind": "grip", "autostart": autostart, "queue": queue}
+        self.harness.bus.edit = ending_with(Outcome.NONE if finds else Outcome.NO_CONTACT)
+        body = {"kind": "grip", "autostart": autostart, "queue": queue, "recovery": RECOVERY}
         response = self.harness.post("/jobs", body)
         assert response.status_code in (201, 409, 503), response.text
         if response.status_code == 201:
@@ -63,7 +67,10 @@ class Bench(RuleBasedStateMachine):
         job = self.jobs[-1 - which % len(self.jobs)]
         before = self.harness.get(f"/jobs/{job}")
         requested = len(self.harness.bus.acts)
-        response = self.harness.act(job, action)
+        body: dict[str, object] = {"type": action}
+        if action == "retry_at":
+            body["place"] = place(20.0)
+        response = self.harness.post(f"/jobs/{job}/actions", body)
         assert response.status_code in (200, 202, 409), response.text
         if action not in before["allowed_actions"]:
             assert response.status_code in (200, 409)
@@ -71,7 +78,7 @@ class Bench(RuleBasedStateMachine):
             self.harness.until(lambda: len(self.harness.bus.acts) > requested)
             assert self.harness.bus.acts[requested:] == ["stop"]
 
-    @rule(ticks=st.sampled_from((10, 200, 700)))
+    @rule(ticks=st.sampled_from((10, 700, 5000)))
     def play(self, ticks: int) -> None:
         bus = self.harness.bus
         with bus.turn:
@@ -144,6 +151,7 @@ class Bench(RuleBasedStateMachine):
             and bus.place < len(bus.ticks),
             "pausing": not bus.rests,
             "paused": bus.paused,
+            "awaiting_recovery": True,
             "aborting": bus.frozen,
         }
         return quiet.get(live.status.state, False)
@@ -171,7 +179,7 @@ def test_every_sequence_of_calls_follows_the_state_table() -> None:
     run_state_machine_as_test(
         Bench,
         settings=settings(
-            max_examples=10,
+            max_examples=12,
             stateful_step_count=12,
             deadline=None,
             derandomize=True,
