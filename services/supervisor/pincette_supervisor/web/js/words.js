@@ -50,12 +50,19 @@ export function setNow(date) {
 /** The server's time in seconds since 1970. */
 export const now_s = () => (Date.now() + ahead_ms) / 1000;
 
-/** A UTC time in the words of the place where it is read. */
+/** Whether the clocks change on the local day of a time, so that an hour may occur twice. */
+function clocksChange(time) {
+  const [from, to] = [0, 1].map((days) => new Date(time.getFullYear(), time.getMonth(), time.getDate() + days));
+  return from.getTimezoneOffset() !== to.getTimezoneOffset();
+}
+
+/** A UTC time as local time; with the offset from UTC on a day on which the clocks change. */
 export function clock(text) {
   if (!text) return NONE;
   const time = new Date(text);
   const today = new Date(1000 * now_s()).toDateString() === time.toDateString();
   const options = { hour: "2-digit", minute: "2-digit", second: "2-digit", hour12: false };
+  if (clocksChange(time)) options.timeZoneName = "shortOffset";
   const day = today ? "" : `${time.toLocaleDateString("en-GB", { day: "numeric", month: "short" })} `;
   return day + time.toLocaleTimeString("en-GB", options);
 }
