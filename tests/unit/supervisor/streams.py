@@ -96,7 +96,7 @@ class Stream:
             self.status = message["status"]
             self.headers = {name.decode(): value.decode() for name, value in message["headers"]}
         elif message["body"]:
-            await self._chunks.put(message["body"].decode())
+            await self._chunks.put(message["body"].decode(errors="backslashreplace"))
         if not message.get("more_body", True):
             await self._chunks.put(None)
 

@@ -4,6 +4,7 @@ import asyncio
 import csv
 import io
 import json
+import threading
 import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -29,6 +30,8 @@ PAGE = 25
 """Jobs read at once in these tests; a supervisor reads ten times as many."""
 FEW, MANY = 2 * PAGE, 8 * PAGE
 
+LONG_S = 60.0
+NUMBERS = "export.numbers.csv"
 FORMS = [job_table.csv_of, job_table.numbers_of, job_table.parquet_of]
 
 
@@ -171,17 +174,55 @@ def test_the_first_bytes_do_not_wait_for_the_journal(
     assert read == []
 
 
+@pytest.mark.parametrize(
+    ("pages", "paths"),
+    [
+        (1, ["export.csv", NUMBERS, "export.parquet", f"{NUMBERS}-metadata.json"]),
+        (MANY // PAGE + 2, ["export.csv", NUMBERS, "export.parquet"]),
+    ],
+    ids=["while the columns are searched", "while the rows are sent"],
+)
 def test_a_disconnected_client_ends_the_export(
-    journal: Harness, monkeypatch: pytest.MonkeyPatch
+    journal: Harness, monkeypatch: pytest.MonkeyPatch, pages: int, paths: list[str]
 ) -> None:
-    read = counted_pages(journal, monkeypatch)
+    table_pages = journal.store.table_pages
+    for path in paths:
+        with monkeypatch.context() as patched:
+            reader = HeldReader(table_pages, pages)
+            patched.setattr(journal.store, "table_pages", reader.table_pages)
+            asyncio.run(disconnect(journal, path, reader))
+        assert reader.unfinished == 0, path
+        assert reader.read < pages + 2, path
 
-    async def scene() -> None:
-        async with Stream(journal.app, "/api/v1/jobs/export.csv") as stream:
-            assert await stream.chunk() == ",".join(job_table.FIXED)
 
-    asyncio.run(scene())
-    assert len(read) < MANY / PAGE, "it has read all jobs once"
+class HeldReader:
+    """Reader of the journal that waits with one of the pages."""
+
+    def __init__(
+        self, table_pages: Callable[[JobFilter, int | None], Iterator[list[TableRow]]], held: int
+    ) -> None:
+        self._table_pages, self._held = table_pages, held
+        self.read = self.unfinished = 0
+        self.reached, self.released = threading.Event(), threading.Event()
+
+    def table_pages(self, found: JobFilter, limit: int | None) -> Iterator[list[TableRow]]:
+        self.unfinished += 1
+        try:
+            for page in self._table_pages(found, limit):
+                self.read += 1
+                if self.read == self._held:
+                    self.reached.set()
+                    assert self.released.wait(LONG_S)
+                yield page
+        finally:
+            self.unfinished -= 1
+
+
+async def disconnect(journal: Harness, path: str, reader: HeldReader) -> None:
+    """Disconnect from an export while its reader waits."""
+    async with Stream(journal.app, f"/api/v1/jobs/{path}"):
+        assert await asyncio.to_thread(reader.reached.wait, LONG_S)
+        asyncio.get_running_loop().call_later(0.0, reader.released.set)
 
 
 @pytest.mark.parametrize("form", FORMS)

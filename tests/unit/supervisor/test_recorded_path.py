@@ -119,6 +119,26 @@ def test_a_parquet_file_with_other_values_is_refused(t_s: list[Any], x_um: list[
         number_file.rows(parquet_file(t_s, x_um), ["t_s", "x_um"], "F")
 
 
+@pytest.mark.parametrize("names", [("t_ms", "x_um"), ("t_s", "x_nm"), ("t_s", "force_mN")])
+def test_a_parquet_file_in_other_units_is_refused(names: tuple[str, str]) -> None:
+    file = BytesIO()
+    files.write_table(arrow.table(dict.fromkeys(names, [0.0, 1.0])), file)
+    with pytest.raises(FileError):
+        number_file.rows(file.getvalue(), ["t_s", "x_um"], "F")
+
+
+@pytest.mark.parametrize("t_s", [[0.0, 2.0, 1.0], [1.0, 0.5, 0.0], [0.0, 1.0, 1.0]])
+def test_a_file_whose_times_do_not_rise_is_no_path(harness: Harness, t_s: list[float]) -> None:
+    columns = ["t_s", "force_mN"]
+    table = "".join(f"{at};{10.0 + 0.1 * row}\n" for row, at in enumerate(t_s))
+    points = number_file.rows(table.encode(), columns, "F")
+    wish = {"kind": "track", "shape": "waypoints", "points": points}
+    answer = harness.post("/jobs", wish, dry_run="true", predict="false")
+    assert answer.status_code == 422, answer.text
+    assert [error["pointer"] for error in answer.json()["errors"]] == ["/points"]
+    assert harness.post("/trajectories", wish).status_code == 422
+
+
 def test_two_paths_with_the_maximum_of_points_fit_in_one_message() -> None:
     force = {"shape": "waypoints", "points": rows(POINTS_MAX, "force_mN", 8.0, 9.0)}
     place = {"shape": "waypoints", "points": rows(POINTS_MAX, "place_um", 0.0, 0.5)}

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, Response
-from fastapi.responses import FileResponse, StreamingResponse
+from fastapi.responses import FileResponse
 from pydantic import AwareDatetime
 
 from pincette.api.jobs import Artifact, ArtifactList, Job, JobEdit, JobList
@@ -36,6 +36,7 @@ from pincette_supervisor.rest.dependencies import (
     PageSize,
     etag,
 )
+from pincette_supervisor.rest.download import Download
 from pincette_supervisor.rest.limits import LARGE
 from pincette_supervisor.rest.strict_route import JSON, StrictRoute
 from pincette_supervisor.results import job_table
@@ -213,8 +214,7 @@ def export_metadata(rigs: AllRigs, wanted: Wanted, limit: MostJobs = None) -> Re
 
 def _attached(parts: Iterator[bytes], content: Content, name: str) -> Response:
     (media_type,) = content
-    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
-    return StreamingResponse(parts, media_type=media_type, headers=headers)
+    return Download(parts, media_type, name)
 
 
 @router.patch(
@@ -274,8 +274,7 @@ def artifact(job: str, name: str, rigs: AllRigs) -> Response:
     if name in MADE and made[name].is_file():
         _, make, media_type = MADE[name]
         shown = f"{known.id}.csv" if name == SAMPLES_CSV else name
-        attached = {"Content-Disposition": f'attachment; filename="{shown}"'}
-        return StreamingResponse(make(made[name]), media_type=media_type, headers=attached)
+        return Download(make(made[name]), media_type, shown)
     media_type = folder.media_type(name)
     if media_type is None or not path.is_file():
         there = [entry["name"] for entry in folder.artifacts(path.parent)]
