@@ -122,7 +122,7 @@ def test_a_parquet_file_with_other_values_is_refused(t_s: list[Any], x_um: list[
 @pytest.mark.parametrize("names", [("t_ms", "x_um"), ("t_s", "x_nm"), ("t_s", "force_mN")])
 def test_a_parquet_file_in_other_units_is_refused(names: tuple[str, str]) -> None:
     file = BytesIO()
-    files.write_table(arrow.table(dict.fromkeys(names, [0.0, 1.0])), file)
+    files.write_table(arrow.table({name: [0.0, 1.0] for name in names}), file)
     with pytest.raises(FileError):
         number_file.rows(file.getvalue(), ["t_s", "x_um"], "F")
 
