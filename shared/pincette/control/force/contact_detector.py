@@ -1,14 +1,14 @@
-"""Detection of the kink in the position of a closing arm where it meets something.
+"""Detection of the kink in the position of a closing arm at first contact.
 
 Along one branch of rising voltage the position of a free arm rises with d_p·u, at a slope that
-hysteresis changes gradually. Where the arm touches a spring K_e the slope drops at once, by the
-share s_p·K_e/(1 + s_p·K_e) of its value.
+hysteresis changes gradually. Where the arm meets a spring K_e, the slope drops at once by the
+fraction s_p·K_e/(1 + s_p·K_e) of its value.
 
 Two straight lines are fitted to adjacent windows of the branch, the later one up to the newest
-position. A kink is where the later slope is lower by half of that share or more and the later
-positions lie below the earlier line by ``SURE`` standard uncertainties. Windows of several lengths
-are tried: short ones find a kink soon where the sensor is quiet and the branch bends, and long
-ones average noise.
+position. A kink is found where the later slope is lower by at least half of that fraction and the
+later positions lie below the earlier line by ``SURE`` standard uncertainties. Windows of several
+lengths are tried: short windows find a kink early if the sensor noise is low, even on a curved
+branch; long windows average more noise.
 """
 
 from dataclasses import dataclass
@@ -22,35 +22,37 @@ from pincette.control.record import FrozenRecord
 
 LEAST_STEP_UM = 1.0
 STEP_OVER_NOISE = 6.0
-"""Least size of the fall of ``KinkLimits`` over a step, in standard deviations of the noise."""
+"""Smallest drop of the position over a step of ``KinkLimits``, in standard deviations of the
+noise."""
 SURE = 5.0
-"""Least distance of the positions after a kink below the extrapolated line, in standard
-uncertainties."""
+"""Smallest distance by which the positions after a kink lie below the extrapolated line, in
+standard uncertainties."""
 REFUTED = 3.0
-"""Number of standard deviations of the noise by which a position refutes a kink."""
+"""Deviation of a position that disproves a kink, in standard deviations of the noise."""
 BIN_UM = 0.25
-"""Travel of d_p·u over which positions are summed."""
+"""Width of a bin, the travel of d_p·u over which positions are summed, in µm."""
 KEPT_BINS = 80
-"""Number of sums that are kept, which covers the two longest windows."""
+"""Number of bins that are kept. They cover the two longest windows."""
 WINDOWS_UM = ((2.0, 1.5), (3.0, 2.5), (4.5, 4.0), (6.0, 5.0), (8.0, 6.0), (11.0, 8.0))
-"""Lengths of the windows before and after a kink, as travels of d_p·u."""
+"""Lengths of the windows before and after a kink, as travel of d_p·u, in µm."""
 SHORT_UM, LONG_STEPS = 5.0, 1.5
-"""Length beyond which a window after a kink is used only where noise requires it, in µm and in
-steps of ``KinkLimits``: over 10 µm the slope of a free arm that saturates falls by a fifth."""
+"""Length beyond which a window after a kink is used only if the noise requires it, in µm and in
+steps of ``KinkLimits``. The slope of a free arm that saturates falls by a fifth over 10 µm."""
 LEAST_BEFORE, LEAST_AFTER = 3, 2
-"""Least number of sums in a window before and after a kink."""
+"""Smallest number of bins in a window before and after a kink."""
 FILLED_BEFORE, FILLED_AFTER = 0.6, 0.5
-"""Least share of its length that a window before and after a kink covers."""
+"""Smallest fraction of the nominal window length for which samples must exist before and after a
+kink."""
 
 
 @dataclass(frozen=True, slots=True)
 class KinkLimits:
-    """Limits beyond which a fall of the slope counts as a kink."""
+    """Limits that a decrease of the slope must exceed to count as a kink."""
 
     step_um: float
-    """Travel of d_p·u over which noise cannot change the slope by ``drop``, in µm."""
+    """Travel of d_p·u, in µm, over which noise cannot change the measured slope by ``drop``."""
     drop: float
-    """Fall of the slope dx/(d_p·du), as a share of the slope before."""
+    """Decrease of the slope dx/(d_p·du), as a fraction of the slope before the kink."""
     noise_um: float = 0.0
     """Standard deviation of the sensor's noise, in µm."""
 
@@ -58,7 +60,9 @@ class KinkLimits:
 def kink_limits(
     softest_mN_per_um: float, compliance_um_per_mN: float, noise_um: float
 ) -> KinkLimits:
-    """Return limits for half the drop of the softest part, over a step that noise cannot bend.
+    """Return the limits: half the slope change that the softest part causes, and a safe step.
+
+    The step is long enough that noise cannot cause such a change of the slope.
 
     Raises
     ------
@@ -74,17 +78,17 @@ def kink_limits(
 
 
 class DetectedContact(FrozenRecord, frozen=True):
-    """Place at which the arm met something, and its motion up to there."""
+    """Position at which the arm met something, and its motion up to there."""
 
     x_um: float
     nominal_um: float
     slope: float
     on_new_ground: bool = False
-    """True where the arm had not been as far before; at earlier places a kink may come from the
-    arm's own hysteresis."""
+    """True if the arm had not been this far before. At earlier positions its own hysteresis may
+    cause a kink."""
 
     def pushed_back_um(self, x_um: float, nominal_um: float) -> float:
-        """Return the distance of the arm from where it would be without the touch."""
+        """Return the distance in µm by which the contact has held the arm back."""
         return self.x_um + self.slope * (nominal_um - self.nominal_um) - x_um
 
 
@@ -126,7 +130,7 @@ class Line(NamedTuple):
 
 
 def fitted(later: Sums, earlier: Sums) -> Line | None:
-    """Return the line fitted to the samples between two sums, or None where d_p·u does not vary."""
+    """Return the line fitted to the samples between two sums, or None if d_p·u does not vary."""
     count = later.samples - earlier.samples
     nominal, x = later.nominal - earlier.nominal, later.x - earlier.x
     spread = later.nominal2 - earlier.nominal2 - nominal * nominal / count
@@ -137,10 +141,10 @@ def fitted(later: Sums, earlier: Sums) -> Line | None:
 
 
 class ContactDetector(FrozenRecord, frozen=True):
-    """Positions along the newest branch, and a touch found on it.
+    """Search for a contact along the newest branch of the motion.
 
-    It counts along d_p·u and not along x_1, since a model of the hysteresis that is made of plays
-    has kinks of its own.
+    Positions are counted along d_p·u and not along x_1, because x_1 of a model made of play
+    operators has kinks of its own.
     """
 
     nominal_um: float
@@ -149,9 +153,9 @@ class ContactDetector(FrozenRecord, frozen=True):
     """Position at the start of the branch, in µm."""
     touch: DetectedContact | None = None
     free_to_um: float = -inf
-    """Furthest position before this branch and before the touch, in µm."""
+    """Furthest position before this branch and before the contact, in µm."""
     reached_um: float = -inf
-    """Furthest position on this branch before the touch, in µm."""
+    """Furthest position on this branch before the contact, in µm."""
     begun_um: float = 0.0
     """Value of d_p·u at which the open bin begins, relative to the start of the branch, in µm."""
     open_bin: Sums = Sums()
@@ -162,7 +166,7 @@ class ContactDetector(FrozenRecord, frozen=True):
     """Sums up to the end of each bin; the first one ends where the oldest bin begins."""
 
     def restarted(self, x_um: float, nominal_um: float) -> "ContactDetector":
-        """Return a detector for a new branch that keeps the range known to be free."""
+        """Return a detector for a new branch. The range known to be free is kept."""
         return ContactDetector(nominal_um, x_um, free_to_um=max(self.free_to_um, self.reached_um))
 
     def updated(self, limits: KinkLimits, x_um: float, nominal_um: float) -> "ContactDetector":
@@ -188,7 +192,7 @@ class ContactDetector(FrozenRecord, frozen=True):
         return closed._judged(limits)
 
     def _judged(self, limits: KinkLimits) -> "ContactDetector":
-        """Return the detector after a search for a kink before the newest closed bin."""
+        """Return the detector after a search for a kink before the newest complete bin."""
         last, before = self.bins[-1], self.bins[-2]
         x_um = self.x_um + (last.x - before.x) / (last.samples - before.samples)
         touch = self.touch
@@ -198,7 +202,7 @@ class ContactDetector(FrozenRecord, frozen=True):
             if x_um <= least_um + REFUTED * limits.noise_um:
                 return self
             touch = None
-        # A kink on known ground does not hide one on new ground.
+        # A kink in a range known to be free does not hide one beyond that range.
         met = self._kink(limits)
         if met is not None and (touch is None or met.on_new_ground):
             touch = met
@@ -207,7 +211,7 @@ class ContactDetector(FrozenRecord, frozen=True):
         return replace(self, touch=touch, reached_um=max(self.reached_um, x_um))
 
     def _kink(self, limits: KinkLimits) -> DetectedContact | None:
-        """Return the kink that the shortest windows show, or None."""
+        """Return the kink that the shortest conclusive windows show, or None."""
         ends_um, bins = self.ends_um, self.bins
         last = len(bins) - 1
         middle = first = last
@@ -240,7 +244,7 @@ class ContactDetector(FrozenRecord, frozen=True):
     def _met(
         self, limits: KinkLimits, before: Line, after: Line, within_um: tuple[float, float]
     ) -> DetectedContact:
-        """Return the touch where the two lines cross."""
+        """Return the contact at the intersection of the two lines."""
         low_um, high_um = within_um
         crossing_um = (after.at(0.0) - before.at(0.0)) / (before.slope - after.slope)
         at_um = min(max(crossing_um, low_um), high_um)

@@ -1,7 +1,7 @@
-"""Contact force (53), quasi-static and with matched ages, and its uncertainty.
+"""Contact force (53), quasi-static and with samples of matched ages, and its uncertainty.
 
-Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013. F > 0 is compressive, the grip on
-the object; (53) as printed gives the opposite sign.
+Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013. F > 0 is compressive: the arm grips the
+object. (53) as printed has the opposite sign.
 """
 
 from collections.abc import Sequence
@@ -12,24 +12,25 @@ from pincette.control.response.error_growth import COVERAGE, coverage
 
 
 def force(x_um: float, free_um: float, compliance_um_per_mN: float) -> float:
-    """Return the contact force in mN from x_k and the free response x_1 of the voltage of k-1.
+    """Return the contact force in mN from x_k and the free response x_1 to the voltage of k-1.
 
         F̂ = -(x - x_1)/s_p                                                               (53)
 
-    G⁻¹ ≈ 1 holds if the period is long against the resonance's. x_k responds to the voltage applied
-    at k-1, hence x_1 is that of this voltage. The printed term d_p/s_p·[u(t) - u(t - T)] is then
-    left out: it belongs to an x_1 of another age, and on a moving free arm it would read as force.
+    G⁻¹ ≈ 1 holds if the sampling period is much longer than the period of the resonance. x_k
+    responds to the voltage applied at k-1, so x_1 is computed from this voltage. The printed term
+    d_p/s_p·[u(t) - u(t - T)] is then left out. It belongs to an x_1 of another age and would be
+    read as a force while a free arm moves.
     """
     return (free_um - x_um) / compliance_um_per_mN
 
 
 def smoothing(period_s: float, time_constant_s: float) -> float:
-    """Return the share 1 - e^(-T/τ) by which a first-order low-pass follows each sample.
+    """Return 1 - e^(-T/τ), the weight of each new sample in a first-order low-pass.
 
     It is 1 for τ = 0.
 
-    The sensor's noise is amplified by 1/s_p into F̂, and by the law into small swings of the
-    voltage, which erase the memory of the hysteresis.
+    The low-pass is needed because F̂ contains the sensor's noise amplified by 1/s_p. The control
+    law turns it into small swings of the voltage, which erase the memory of the hysteresis.
     """
     return 1.0 - exp(-period_s / time_constant_s) if time_constant_s > 0.0 else 1.0
 
@@ -47,21 +48,23 @@ def uncertainty(
 ) -> float:
     """Return the expanded uncertainty of the force in mN: root sum of squares, times ``COVERAGE``.
 
-    Its parts, each a standard uncertainty: the r.m.s. noise of the sensor and the error of the free
-    response since the zero, both divided by s_p; creep that x_1 does not contain, which grows with
-    log10(1 + age/1 s) of the zero; and the memory that the actuator has lost and x_1 has not.
+    Its contributions are standard uncertainties: the r.m.s. noise of the sensor and the error of
+    the free response since the zero, both divided by s_p; creep that x_1 does not contain, which
+    grows with log10(1 + age/1 s), where the age is that of the zero; and the memory that the
+    actuator has lost and x_1 has not.
 
-    Where a part is known from few rehearsals, all but the noise is covered by Student's t of the
-    effective degrees of freedom (B. L. Welch and F. E. Satterthwaite, JCGM 100:2008, G.4):
+    If a contribution is known from few rehearsals, all contributions except the noise are
+    multiplied by Student's t for the effective degrees of freedom (B. L. Welch and F. E.
+    Satterthwaite, JCGM 100:2008, G.4):
 
         n·(u/u_few)⁴
 
     Parameters
     ----------
     few_um
-        Part of ``free_error_um`` that was found by ``rehearsals``.
+        Portion of ``free_error_um`` that was determined by ``rehearsals``.
     rehearsals
-        Number n of those rehearsals; 0: enough.
+        Number n of those rehearsals; 0: so many that the number does not matter.
     """
     s_p = compliance_um_per_mN
     creep_mN = creep_mN_per_decade * log10(1.0 + max(0.0, zero_age_s))
@@ -74,12 +77,13 @@ def uncertainty(
 def late_creep_um(
     *, percent_per_decade: float, stroke_um: float, age_s: float, known_to_s: float
 ) -> float:
-    """Return the standard error of creep slower than any that x_1 contains, in µm.
+    """Return the standard error from creep slower than any creep that x_1 contains, in µm.
 
         p/100·|stroke|·log10(age/known_to)/COVERAGE
 
-    beyond ``known_to_s``, 0 before: creep times are fitted to a course of a minute, and a hold may
-    last for hours. ``percent_per_decade`` of the whole stroke bounds the remaining creep.
+    for ages beyond ``known_to_s``, 0 before. The creep times are fitted to a motion of about a
+    minute, but a hold may last for hours. The remaining creep is at most ``percent_per_decade`` of
+    the whole stroke per decade.
     """
     if age_s <= known_to_s:
         return 0.0
@@ -91,18 +95,18 @@ def uncertainty_of_mean(stated_mN: Sequence[float], *, noise_mN: float, reading_
 
         U = ⟨√(U_k² - (2·σ_F)² + (2·σ)²/n)⟩
 
-    The errors of the force from the free response, creep and forgetting are common to all samples;
-    only noise is averaged.
+    The errors from the free response, creep and lost memory are common to all samples. Only the
+    noise is averaged.
 
     Parameters
     ----------
     stated_mN
-        U_k, by ``uncertainty``; n of them, at least 1.
+        U_k of the n samples, as ``uncertainty`` returns it; n is at least 1.
     noise_mN
         Standard deviation σ_F of the noise in U_k.
     reading_mN
-        Standard deviation σ of a single reading, over s_p: a low-pass makes σ_F smaller, but not
-        that of the mean.
+        Standard deviation σ of a single reading, divided by s_p. A low-pass makes σ_F smaller, but
+        not the standard deviation of the mean.
     """
     noise_mN2 = (COVERAGE * noise_mN) ** 2
     mean_mN2 = (COVERAGE * reading_mN) ** 2 / len(stated_mN)

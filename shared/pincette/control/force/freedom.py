@@ -1,18 +1,20 @@
-"""Whether an arm moves as freely as without a part, from its own position and voltage.
+"""Check whether an arm moves as freely as without a part, from its position and voltage.
 
-With x_1 the free place, an arm at rest against a part of stiffness K, pressed or pulled, has
+With the free position x_1, an arm at rest that presses or pulls a part of stiffness K has
 
     x = (x_1 + s_p·K·x_e)/(1 + s_p·K),    so that    Δx = r·Δx_1,    r = 1/(1 + s_p·K)
 
-and a free arm has r = 1. The share r needs no zero of the force. It is fitted over a small motion,
-with a drift in time where the arm goes there and back, so that creep does not count:
+and a free arm has r = 1. The ratio r does not depend on the zero of the force. It is fitted over a
+small motion. If the arm moves forth and back, a drift in time is fitted too, so that creep does not
+affect r:
 
     x - x_1 = a + (r - 1)·x_1 + b·t
 
 Its uncertainty U comes from the residuals, but at least from the sensor's noise, and from the error
-of x_1 over the way. The arm can be free where 1 is within r ± U, and held where r - U is at most
-the share of the softest part. If it can be exactly one of both, that is the verdict. A motion in
-which the part comes off is no line, and leaves a U above the difference of both shares.
+of x_1 over the motion. The arm may be free if 1 is within r ± U, and held if r - U is at most the r
+of the softest part. If exactly one of the two is possible, it is the verdict. If the part comes off
+during the motion, the samples do not lie on a line, and U exceeds the difference between both
+ratios.
 """
 
 from math import sqrt
@@ -25,12 +27,12 @@ from pincette.control.record import FrozenRecord
 
 Verdict = Literal["released", "sticks", "unknown"]
 LEAST_SHARE = 0.02
-"""Least share of the free motion, which bounds the stiffness that is stated."""
+"""Smallest ratio r that is used; it bounds the stiffness that is reported."""
 LEAST_SAMPLES = 8
 
 
 class FreeArm(FrozenRecord, frozen=True):
-    """What is known of an arm by which its freedom is judged.
+    """Properties of an arm that are needed to decide whether it is free.
 
     Raises
     ------
@@ -40,9 +42,9 @@ class FreeArm(FrozenRecord, frozen=True):
 
     compliance_um_per_mN: MicrometrePerMillinewton
     held_share: Number
-    """Share r of an arm that the softest part holds."""
+    """Ratio r of an arm that holds the softest part."""
     share_error: Number
-    """Standard error of r from the error of x_1 over the way of the check."""
+    """Standard error of r that the error of x_1 over the motion of the check causes."""
     noise_um: Micrometre
     """R.m.s. noise of one reading of the sensor."""
 
@@ -54,13 +56,13 @@ class FreeArm(FrozenRecord, frozen=True):
 
 
 class Freedom(NamedTuple):
-    """Share of the free motion that an arm makes, with its expanded uncertainty."""
+    """Ratio r of an arm's motion to its free motion, with the expanded uncertainty."""
 
     share: float
     uncertainty: float
 
     def verdict(self, arm: FreeArm) -> Verdict:
-        """Return what the share says about the part."""
+        """Return whether the ratio shows a free arm, a held part, or neither."""
         if self.uncertainty > 1.0 - arm.held_share:
             return "unknown"
         free = abs(self.share - 1.0) <= self.uncertainty
@@ -76,7 +78,7 @@ class Freedom(NamedTuple):
 
 
 class FreedomFit(FrozenRecord, frozen=True):
-    """Sums over the samples of a motion, from which r is fitted; they count from the first one."""
+    """Sums over the samples of a motion, from which r is fitted, relative to the first sample."""
 
     count: int = 0
     begin: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -96,12 +98,12 @@ class FreedomFit(FrozenRecord, frozen=True):
         return FreedomFit(self.count + 1, begin, (st + t, sf + f, se + e), products)
 
     def freedom(self, arm: FreeArm, *, drifts: bool) -> Freedom | None:
-        """Return r and U; None for too few samples, or a motion that does not determine r.
+        """Return r and U, or None for too few samples or a motion that does not determine r.
 
         Parameters
         ----------
         drifts
-            True to fit a drift in time, for a motion there and back.
+            True to fit a drift in time, for a motion forth and back.
         """
         n = self.count
         if n < LEAST_SAMPLES:

@@ -1,4 +1,4 @@
-"""Force observer for short periods that inverts the mode: (53) with its G⁻¹(s).
+"""Force observer for short sampling periods. It inverts the mode: (53) with its G⁻¹(s).
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
@@ -11,7 +11,7 @@ from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.record import FrozenRecord
 
 NOISE_GAIN_MAX = 5.0
-"""Largest amplification of the sensor's noise with which the inverse is accepted."""
+"""Largest amplification of the sensor's noise for which the inverse is accepted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,24 +34,24 @@ class InverseDynamics(FrozenRecord, frozen=True):
 
         F̂ = (1/s_p)·G⁻¹(s)/(τs + 1)²·(G·x_1 - x),   G⁻¹ = (s² + 2ζω_n s + ω_n²)/ω_n²     (53)
 
-    ``free_um``, the x_1 of the voltage without the mode, is held over a period, so that G·x_1, the
-    printed x_1(t), is followed exactly and a free arm reads nothing, at any period. The inverse
-    is discretised by matched zeros and poles,
+    ``free_um`` is the x_1 of the voltage without the mode. It is constant over a period, so that
+    G·x_1, the printed x_1(t), is computed exactly and the force of a free arm is 0 for any period.
+    The inverse is discretised by matched zeros and poles,
 
         F̂ = (g/s_p)·(1 - 2e^(-σT)cos(ω_d T) z⁻¹ + e^(-2σT) z⁻²)/(1 - e^(-T/τ) z⁻¹)²·(G·x_1 - x)
 
-    with g for unity at low frequencies. Its zeros are the poles of the sampled mode: whatever ring
-    is left in G·x_1 - x is taken out within two samples, whether the mode lies below half the
-    sampling rate or is aliased. Tustin's rule, even warped to ω_n, needs T < π/ω_n and misses the
-    damping; the exact inverse for a held force has a zero near z = -1, thus a ringing pole. The
-    price is a lag of about one sample, and 2τ.
+    where g makes the gain 1 at low frequencies. Its zeros are the poles of the sampled mode, so
+    that ringing left in G·x_1 - x vanishes within two samples, whether the mode lies below half the
+    sampling rate or is aliased. Tustin's method, even prewarped to ω_n, needs T < π/ω_n and gives a
+    wrong damping. The exact inverse for a piecewise constant force has a ringing pole near z = -1.
+    The disadvantage of matched zeros and poles is a lag of about one sample plus 2τ.
     """
 
     parameters: InverseParameters
     mode_um: float = 0.0
-    """Free response behind the mode, G·x_1, in µm."""
+    """Output G·x_1 of the mode, in µm."""
     speed_um_per_s: float = 0.0
-    """Speed behind the mode, in µm/s."""
+    """Rate of change of the mode's output, in µm/s."""
     error_1_um: float = 0.0
     """Difference G·x_1 - x of the previous sample, in µm."""
     error_2_um: float = 0.0
@@ -61,13 +61,13 @@ class InverseDynamics(FrozenRecord, frozen=True):
 
     @property
     def noise_gain(self) -> float:
-        """Return the noise gain of the inverse and its filter."""
+        """Return the noise gain of the inverse with its filter."""
         return self.parameters.noise_gain
 
     def observe(
         self, x_um: float, free_um: float, _voltage_V: float, /
     ) -> tuple["InverseDynamics", float]:
-        """Advance the mode by x_1 and return the force from the difference to the position."""
+        """Advance the mode by x_1 and return the force from G·x_1 minus the position."""
         p, mode = self.parameters, self.parameters.mode
         offset_um, speed = self.mode_um - free_um, self.speed_um_per_s
         mode_um = free_um + mode.xx * offset_um + mode.xv * speed
@@ -109,13 +109,14 @@ def inverse_dynamics(
     natural_frequency_rad_per_s, damping_ratio
         ω_n and ζ of (54).
     filter_s
-        τ; 0 leaves the filter out, which the sampled inverse does not need.
+        Time constant τ. 0 omits the filter, without which the sampled inverse is realisable too.
 
     Raises
     ------
     ValueError
-        If a value is out of range, or the period is so close to a multiple of the mode's that
-        a sampled ring looks like a constant: the inverse would amplify noise without bound.
+        If a value is out of range, or the period is so close to a multiple of the mode's period
+        that a sampled oscillation looks like a constant: the inverse would then amplify noise
+        without bound.
     """
     mode = sample_mode(natural_frequency_rad_per_s, damping_ratio, period_s)
     s_p = require_positive("compliance", compliance_um_per_mN, "µm/mN")
@@ -139,7 +140,7 @@ def _noise_gain(gain: float, zero_1: float, zero_2: float, pole: float) -> float
     """Return the root of the sum of squares of the impulse response."""
     inputs = [1.0, -zero_1, zero_2]
     squares = before = before_2 = 0.0
-    # The response falls as k·p^k; its rest after the end is below 1e-12 of it.
+    # The response falls as k·p^k; its sum after the end is below 1e-12 of the whole.
     for index in range(100_000):
         put_in = inputs[index] if index < len(inputs) else 0.0
         now = gain * put_in + pole * (2.0 * before - pole * before_2)

@@ -1,7 +1,7 @@
-"""Force observer that weighs the mode against sensor noise: an augmented Kalman filter.
+"""Force observer that weights the mode against sensor noise: an augmented Kalman filter.
 
-Source: R. E. Kalman, Journal of Basic Engineering 82, 1960, with the force as a further state, as
-disturbance observers have it.
+Source: R. E. Kalman, Journal of Basic Engineering 82, 1960, with the force as an additional state,
+as in disturbance observers.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ Row = tuple[float, float, float]
 Matrix = tuple[Row, Row, Row]
 ITERATIONS_MAX = 100_000
 CONVERGED = 1e-12
-"""Relative change of the gain between iterations at which the recursion ends."""
+"""Relative change of the gain between iterations below which the recursion ends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,13 +34,13 @@ class KalmanParameters:
 class AugmentedKalman(FrozenRecord, frozen=True):
     """Position, speed and force of the pressed arm, estimated from its position.
 
-        x - q ← e^(AT)(x - q),   q = x_1 - s_p·F        the exact mode, x_1 held
-        F ← F + w                                       a random walk, straight within a period
-        y = x + v                                       v white, of the sensor's r.m.s.
+        x - q ← e^(AT)(x - q),   q = x_1 - s_p·F        the exact mode, x_1 held F ← F + w
+        a random walk, linear within a period y = x + v                                       v
+        white, of the sensor's r.m.s.
 
-    F moves straight from sample to sample and not in a step, as the force of a spring does, so that
-    F̂ has the age of x. If the period is long against the mode, F̂ becomes (x_1 - x)/s_p minus the
-    rest of the ring.
+    F changes linearly from sample to sample and not in a step, as the force of a spring does, so
+    that F̂ has the age of x. If the sampling period is much longer than that of the mode, F̂
+    becomes (x_1 - x)/s_p minus the remaining ringing.
     """
 
     parameters: KalmanParameters
@@ -50,7 +50,7 @@ class AugmentedKalman(FrozenRecord, frozen=True):
 
     @property
     def noise_gain(self) -> float:
-        """Return the standard error of F̂ by the filter's own model, over noise/s_p."""
+        """Return the standard error of F̂ by the filter's own model, relative to noise/s_p."""
         return self.parameters.noise_gain
 
     def observe(
@@ -90,7 +90,7 @@ def augmented_kalman(
 
         P⁻ = A P Aᵀ + (rate·T)² g gᵀ,   K = P⁻cᵀ/(c P⁻ cᵀ + noise²),   P = P⁻ - K c P⁻
 
-    It is written out in floats, so that a gain is the same to the last bit everywhere.
+    It is computed in plain floats, so that the gain is the same to the last bit on every machine.
 
     Parameters
     ----------

@@ -14,21 +14,22 @@ from pincette.control.force.estimation import force
 from pincette.control.record import FrozenRecord, field_names, replace
 
 SHORTEST_PERIODS = 2.0
-"""Least sampling period that counts as long, in periods of the mode."""
+"""Shortest sampling period that counts as long, in periods of the mode."""
 
 
 class ForceObserver(Protocol):
-    """Observer that estimates F from x_k and x_1 once a period; F > 0 is compressive."""
+    """Observer that estimates F from x_k and x_1 once per period; F > 0 is compressive."""
 
     @property
     def noise_gain(self) -> float:
-        """Return the standard deviation of the force times s_p, over that of white noise in x."""
+        """Return the noise gain: the standard deviation of s_p·F̂ over that of white noise in x."""
         ...
 
     def observe(self, x_um: float, free_um: float, voltage_V: float, /) -> tuple[Self, float]:
         """Return the observer updated by x_k, x_1 and u_{k-1}, and its force F̂ in mN.
 
-        ``free_um`` is x_1 without the mode: where u_{k-1}, held since k-1, would let the arm rest.
+        ``free_um`` is x_1 without the mode: the position at which the free arm would rest under
+        u_{k-1}.
         """
         ...
 
@@ -46,7 +47,7 @@ def state_of(observer: ForceObserver) -> tuple[float, ...]:
 
 
 def with_state(observer: AnyObserver, state: tuple[float, ...]) -> AnyObserver:
-    """Return the observer with another state; raises ValueError for another length."""
+    """Return the observer with another state; raises ValueError if its length is wrong."""
     return replace(observer, **dict(zip(_names(observer), state, strict=True)))
 
 
@@ -55,23 +56,23 @@ def _names(observer: Any) -> list[str]:
 
 
 def least_period_s(natural_frequency_rad_per_s: float) -> float:
-    """Return the shortest period in s at which G⁻¹ ≈ 1 may be assumed, two of the mode's."""
+    """Return the shortest period in s for which G⁻¹ ≈ 1 may be assumed: two periods of the mode."""
     omega_n = require_positive("natural frequency", natural_frequency_rad_per_s, "rad/s")
     return SHORTEST_PERIODS * 2.0 * pi / omega_n
 
 
 def held_age(delay_periods: float) -> float:
-    """Return φ, by how many periods x_k is older than x_1 of the voltage of k-1.
+    """Return φ, the age difference in periods between x_k and x_1 of the voltage of k-1.
 
-    A voltage that comes δ periods after its sample and is held for one acts on average at δ + 1/2,
-    if the mode is slow against the period and averages the steps; x_k is measured at 1. If δ is
-    below 1/2, no older x_1 is mixed in. The result is at most 1.
+    A voltage that is applied δ periods after its sample and held for one period acts on average at
+    time δ + 1/2 if the mode is slow compared with the period and averages the steps; x_k is
+    measured at time 1. Hence φ = δ - 1/2, limited to between 0 and 1.
     """
     return min(1.0, max(0.0, delay_periods - 0.5))
 
 
 def kept(period_s: float, lag_s: float) -> float:
-    """Return e^(-T/τ), the share of its state that a first-order lag keeps over a period.
+    """Return e^(-T/τ), the fraction of its state that a first-order lag retains over a period.
 
     It is 0 without a lag.
     """
@@ -85,21 +86,23 @@ class QuasiStaticParameters:
     Raises
     ------
     ValueError
-        If s_p is not positive, d_p negative, or the share not within (0, 1].
+        If s_p is not positive, d_p negative, or ``share`` not within (0, 1].
     """
 
     compliance_um_per_mN: float
     """Compliance s_p of the arm, in µm/mN."""
     share: float = 1.0
-    """Share by which the force follows each reading; 1 without a low-pass. See ``smoothing``."""
+    """Weight of each new reading in the low-pass of the force; 1 without a low-pass. See
+    ``smoothing``."""
     newest_voltage: bool = False
-    """Take x_1 for x_k from the voltage put out at k instead of the one applied at k-1."""
+    """Whether x_k is paired with x_1 of the voltage output at k instead of that applied at k-1."""
     printed_um_per_V: float = 0.0
-    """Coefficient d_p of the printed term, in µm/V; 0 leaves it out."""
+    """Coefficient d_p of the printed term, in µm/V; 0 omits the term."""
     older: float = 0.0
-    """Share of the previous x_1 in the one that is paired with x_k; see ``held_age``."""
+    """Weight of the previous x_1 in the x_1 that is paired with x_k; see ``held_age``."""
     lag: float = 0.0
-    """e^(-T/τ) of a first-order lag τ between output and arm, through which x_1 goes; 0: none."""
+    """Factor e^(-T/τ) of a first-order lag between output and arm, which is applied to x_1; 0: no
+    lag."""
 
     def __post_init__(self) -> None:
         require_positive("compliance", self.compliance_um_per_mN, "µm/mN")
@@ -113,22 +116,22 @@ class QuasiStaticParameters:
 
     @property
     def bare(self) -> bool:
-        """Return True if the force needs no earlier sample."""
+        """Return True if the force does not depend on an earlier sample."""
         plain = self.share == 1.0 and self.older == 0.0 and self.lag == 0.0
         return plain and not self.newest_voltage and self.printed_um_per_V == 0.0
 
 
 class QuasiStatic(FrozenRecord, frozen=True):
-    """(53) with G⁻¹ ≈ 1, for periods long against the mode's.
+    """Observer (53) with G⁻¹ ≈ 1, for sampling periods much longer than that of the mode.
 
         F̂ = (x_1 - x)/s_p  [+ d_p/s_p·(u(t) - u(t - T))]                                 (53)
 
-    with the signs of F > 0 compressive. Matched ages pair x_k with x_1 of u_{k-1}, which it
-    answers to. As printed, x, x_1 and u are those of one instant t, and x_1(t) is excited by the
-    voltage that is output at t only after x(t) was measured: then x is held back by a sample,
-    since x_1 of u_k is known at k+1, and a moving free arm reads d_p/s_p·[u(t) - u(t - T)]. The
-    printed term has the sign that doubles it. It would cancel the reading of an x_1 that is one
-    sample older than x.
+    with signs such that F > 0 is compressive. With matched ages x_k is paired with x_1 of u_{k-1},
+    the voltage to which x_k responds. As printed, x, x_1 and u belong to one instant t, but x_1(t)
+    follows from a voltage that is output only after x(t) was measured. x must then be delayed by
+    one sample, since x_1 of u_k is known at k+1, and a moving free arm gives the false force
+    d_p/s_p·[u(t) - u(t - T)]. The printed term has the sign that doubles it; it would cancel the
+    false force if x_1 were one sample older than x.
     """
 
     parameters: QuasiStaticParameters
@@ -141,7 +144,7 @@ class QuasiStatic(FrozenRecord, frozen=True):
     free_um: float = 0.0
     """Free response x_1 of the previous sample, in µm."""
     lagging_um: float = 0.0
-    """Free response x_1 of the previous sample behind the lag, in µm."""
+    """Lagged free response x_1 of the previous sample, in µm."""
 
     @property
     def noise_gain(self) -> float:
@@ -152,7 +155,7 @@ class QuasiStatic(FrozenRecord, frozen=True):
     def observe(
         self, x_um: float, free_um: float, voltage_V: float, /
     ) -> tuple["QuasiStatic", float]:
-        """Return the force (53) behind the low-pass."""
+        """Return the low-pass filtered force (53)."""
         p = self.parameters
         if p.bare:
             return self, force(x_um, free_um, p.compliance_um_per_mN)

@@ -1,32 +1,33 @@
 """Detection of position steps that the voltage does not explain: slips and sensor jumps.
 
-A pressed arm rests where the free arm and the part balance. With x_1 the free place and
-kappa = s_p·K_e,
+A pressed arm rests where the free arm and the part balance. With the free position x_1 and kappa =
+s_p·K_e,
 
     x = (x_1 + kappa·x_e)/(1 + kappa),    so that    Δx = Δx_1/(1 + kappa)
 
-while the part stays where it is. If its face gives way by δ at constant voltage, or if the sensor
-jumps by J, the position changes by
+while the part does not move. If the face of the part recedes by δ at constant voltage, or if the
+sensor jumps by J, the position changes by
 
     slip:    Δx = δ·kappa/(1 + kappa),    ΔF = -K_e·δ/(1 + kappa) = -Δx/s_p
     jump:    Δx = J,                      ΔF = 0, while the estimate changes by -J/s_p
 
-so that a slip only ever moves the arm forwards. The unexplained step of a sample is compared with
-the noise: with r.m.s. noise sigma of one reading and the mean over m samples before,
+so that a slip can only move the arm forwards. The unexplained step of a sample relative to the mean
+of the m samples before is compared with the r.m.s. noise sigma of one reading:
 
     r = Δx - Δx_1/(1 + kappa),    |r| > 5.5·sigma·√(1 + 1/m) + 0.02 µm + 0.1·|Δx_1|
 
 is an alarm. The last term allows for an error of kappa. While kappa is not known, as in the first
-samples of a load, only a step forwards can be judged, with the softest possible part:
+samples of a load, only a step forwards can be detected, with the kappa of the softest possible
+part:
 
     r = Δx - max(0, Δx_1)/(1 + least kappa) > 5.5·sigma·√(1 + 1/m) + 0.02 µm
 
-A falling force under a rising position is no criterion: noise moves both against each other in
-almost every load.
+A force that falls while the position rises is no criterion, because noise moves the two in opposite
+directions in almost every load.
 
-Along a path the mode rings with each step of the voltage. Its contribution to the position is
-proportional to the speed of the samples before, so that it exceeds the threshold most where the
-path turns:
+While a path is followed, each step of the voltage excites the mode. The contribution of its ringing
+to the position is proportional to the speed at the samples before, so that it exceeds the threshold
+most where the path turns. The threshold is therefore raised to
 
     |r| > 5.5·sigma·√(1 + 1/m) + 0.02 µm + 0.1·|Δx_1| + 0.2·max|Δx_1|
 
@@ -46,25 +47,26 @@ from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.record import FrozenRecord
 
 SIGMAS = 5.5
-"""Standard deviations of an alarm: one false alarm in 10^7 samples of normal noise."""
+"""Threshold in standard deviations: one false alarm in 10^7 samples of normal noise."""
 SLACK_UM = 0.02
-"""Part of the threshold that does not depend on the noise, in µm: resolution of the sensor."""
+"""Constant term of the threshold, in µm, for the resolution of the sensor."""
 EXPLAINED = 0.1
-"""Share of a step of the free arm that an error of kappa may leave unexplained."""
+"""Fraction of a step of the free arm that an error of kappa may leave unexplained."""
 RINGING = 0.2
-"""Share of the fastest step of the free place that the ring of the mode may leave unexplained along
-a path: it was 0.13 at 5 Hz without an output lag, less than 0.09 at 2 Hz, and less than 0.05 with a
-lag of 3.3 ms, of arms with relays and of Bouc-Wen arms, noise included."""
+"""Fraction of the fastest step of the free position that the ringing of the mode may leave
+unexplained along a path. With noise it was 0.13 at 5 Hz without an output lag, less than 0.09 at 2
+Hz, and less than 0.05 with a lag of 3.3 ms, for relay and Bouc-Wen hysteresis."""
 SPAN_S = 0.006
-"""Time over which a step is measured where the period is shorter, in s: the ring of the mode and
-the lag of the output take this long."""
+"""Time over which a step is measured if the period is shorter, in s. The ringing of the mode and
+the lag of the output last this long."""
 SHORT_MEAN, REST_MEAN = 3, 8
-"""Number of samples in the mean before a step, at short periods and where enough samples exist."""
+"""Number of samples in the mean before a step: the first for short periods, the second if enough
+samples exist."""
 
 
 @dataclass(frozen=True, slots=True)
 class StepLimits:
-    """Limits of a rig by which a position step is judged.
+    """Limits by which position steps of a rig are detected.
 
     Raises
     ------
@@ -79,17 +81,16 @@ class StepLimits:
     period_s: float
 
     span: int = field(init=False)
-    """Periods from the samples before a step to the sample that is judged."""
+    """Number of periods between the samples before a step and the sample that is checked."""
     mean_of: int = field(init=False)
-    """Number of samples before a step from whose mean it is measured."""
+    """Number of samples in the mean relative to which a step is measured."""
     limit_um: float = field(init=False)
-    """Part of the threshold from noise and resolution, in µm, for a mean of ``mean_of`` samples."""
+    """Threshold term of noise and resolution, in µm, for a mean of ``mean_of`` samples."""
     rest_limit_um: float = field(init=False)
-    """Part of the threshold from noise and resolution, in µm, for a mean of ``REST_MEAN`` samples.
-    """
+    """Threshold term of noise and resolution, in µm, for a mean of ``REST_MEAN`` samples."""
     resting_um: float = field(init=False)
-    """Way of the free place up to which the longer mean is used, in µm: an error of kappa then
-    explains at most a quarter of its threshold."""
+    """Travel of the free position up to which the longer mean is used, in µm. An error of kappa
+    then causes at most a quarter of its threshold."""
 
     def __post_init__(self) -> None:
         noise_um = require_not_negative("noise", self.noise_um, "µm")
@@ -108,19 +109,19 @@ class StepLimits:
         return self.compliance_um_per_mN * stiffness_mN_per_um
 
     def with_noise(self, noise_um: float) -> "StepLimits":
-        """Return the limits for a sensor that is noisier than its rig file states."""
+        """Return the limits for a sensor whose noise exceeds that in its rig file."""
         return replace(self, noise_um=noise_um) if noise_um > self.noise_um else self
 
 
 class Kappa(FrozenRecord, frozen=True):
-    """Product s_p·K_e for the part that is pressed."""
+    """Product s_p·K_e for the gripped part."""
 
     value: float
     known: bool = True
-    """False where ``value`` is a lower bound."""
+    """False if ``value`` is a lower bound."""
 
     def explained_um(self, free_um: float) -> float:
-        """Return the largest motion of the arm that a step of the free place explains."""
+        """Return the largest motion of the arm that a step of the free position explains, in µm."""
         return (free_um if self.known else max(0.0, free_um)) / (1.0 + self.value)
 
 
@@ -132,7 +133,7 @@ class Step(NamedTuple):
     before_x_um: float
     """Mean position before the step, in µm."""
     before_free_um: float
-    """Mean free place x_1 before the step, in µm."""
+    """Mean free position x_1 before the step, in µm."""
 
     @property
     def forwards(self) -> bool:
@@ -141,7 +142,7 @@ class Step(NamedTuple):
 
 
 class StepWatch(FrozenRecord, frozen=True):
-    """The newest positions and free places of a pressed arm, oldest first."""
+    """The newest positions and free positions of a pressed arm, oldest first."""
 
     x_um: tuple[float, ...] = ()
     free_um: tuple[float, ...] = ()
@@ -152,10 +153,10 @@ class StepWatch(FrozenRecord, frozen=True):
         return StepWatch((*self.x_um[-kept:], x_um), (*self.free_um[-kept:], free_um))
 
     def step(self, limits: StepLimits, kappa: Kappa, *, along_path: bool = False) -> Step | None:
-        """Return the unexplained step of the newest sample; None where the voltage explains it.
+        """Return the unexplained step of the newest sample, or None if the voltage explains it.
 
-        Along a path the threshold allows for the ring of the mode, by the largest step of the
-        newest samples.
+        Along a path the threshold allows for ringing of the mode, in proportion to the largest step
+        of the newest samples.
         """
         end = len(self.x_um) - limits.span
         if end < limits.mean_of:
@@ -172,14 +173,14 @@ class StepWatch(FrozenRecord, frozen=True):
         return found
 
     def _fastest_um(self) -> float:
-        """Return the largest step of the free place from one kept sample to the next."""
+        """Return the largest step of the free position from one kept sample to the next, in µm."""
         return max((abs(after - before) for before, after in pairwise(self.free_um)), default=0.0)
 
     def _at_rest(self, begin: int, limits: StepLimits) -> bool:
-        """Return whether the free place has moved by less than the threshold since a sample.
+        """Return whether the free position has moved by less than the threshold since a sample.
 
-        A long mean of a moving arm lies several samples back, and an error of kappa then acts on
-        the way over all of them.
+        If the arm moves, a long mean lies several samples back, and an error of kappa acts on the
+        travel over all of them.
         """
         way_um = max(self.free_um[begin:]) - min(self.free_um[begin:])
         return way_um <= limits.resting_um
@@ -206,7 +207,7 @@ def unexplained_um(step: Step, x_um: float, free_um: float, kappa: Kappa) -> flo
 
 
 def slip_um(step_um: float, kappa: float) -> float:
-    """Return the way δ by which the face of a part gave way: r·(1 + 1/κ) for a step r.
+    """Return the distance δ by which the face of a part receded: r·(1 + 1/κ) for a step r.
 
     Raises
     ------
@@ -217,10 +218,10 @@ def slip_um(step_um: float, kappa: float) -> float:
 
 
 class RestNoise(FrozenRecord, frozen=True):
-    """R.m.s. noise of the sensor from differences of neighbouring samples at rest.
+    """R.m.s. noise of the sensor, from differences of successive samples at rest.
 
-    Creep moves neighbouring samples by the same way, so that sigma² = ⟨(x_k - x_(k-1))²⟩/2 leaves
-    it out.
+    Creep shifts successive samples almost equally, so that sigma² = ⟨(x_k - x_(k-1))²⟩/2 does not
+    contain it.
     """
 
     last_um: float | None = None

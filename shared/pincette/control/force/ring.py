@@ -1,19 +1,20 @@
-"""Uncertainty of the position from the ring of the mode after steps of the voltage.
+"""Uncertainty of the position that ringing of the mode causes after steps of the voltage.
 
-A step of the voltage that moves the free place by Δx_1, put out δ after a sample, rings the mode
-until the next sample and beyond. A quasi-static observer takes the ring for a force. By the next
-sample a standard uncertainty of
+A voltage step that moves the free position by Δx_1 and is output δ after a sample excites ringing
+of the mode, which lasts beyond the next sample. A quasi-static observer interprets it as a force.
+At the next sample it causes a standard uncertainty of
 
     A · e^(-ζω_n(T - δ))/√2 / √(1 + (ω·τ)²),    A² ← Δx_1² + e^(-2ζω_n·T)·A²
 
-remains, with the lag τ of the output. A pressed part makes the mode stiffer, ω = ω_n·√(1 + kappa)
-with kappa = s_p·K_e, and the ring of the position smaller, e/(1 + kappa) in place of e. But the
-force rings too, opposite to the observer's reading: -e/(s_p·(1 + kappa)) is read while
-K_e·e/(1 + kappa) is true. They differ by e/s_p, as for a free arm. Because of the lag itself the
-share e^(-(T - δ)/τ) of the step is still missing then. A adds the earlier steps by their squares,
-since the phase of the ring is not used: an error of δ by 1 ms is 0.4 of a cycle at 388 Hz. The ring
-of the free arm differs from that of the pressed arm, so that a correction measured on the free arm
-does not apply in contact. A step in three parts rings by a share of that (``control.arm.shaping``).
+where τ is the lag of the output. A pressed part makes the mode stiffer, ω = ω_n·√(1 + kappa) with
+kappa = s_p·K_e, and the ringing of the position smaller, e/(1 + kappa) instead of e. But the force
+rings too, with a sign opposite to that of the estimated force: -e/(s_p·(1 + kappa)) is estimated
+while K_e·e/(1 + kappa) is true. They differ by e/s_p, as for a free arm. Because of the lag, the
+fraction e^(-(T - δ)/τ) of the step is still missing at that sample. A² sums the squares of the
+earlier steps, since the phase of the ringing is not used: an error of δ by 1 ms is 0.4 of a cycle
+at 388 Hz. The ringing of a free arm differs from that of a pressed arm, so that a correction
+measured on the free arm does not apply in contact. A shaped step in three parts causes only a
+fraction of this ringing (``control.arm.shaping``).
 Units: µm, V, s, rad/s.
 """
 
@@ -33,7 +34,7 @@ def ring_share(
     period_s: float,
     stiffness_ratio: float = 0.0,
 ) -> float:
-    """Return the standard uncertainty of x_1 after a step, as a share of A.
+    """Return the standard uncertainty of x_1 after a step, as a fraction of A.
 
     Parameters
     ----------
@@ -52,29 +53,30 @@ def ring_share(
 
 
 def ring_kept(natural_frequency_rad_per_s: float, damping_ratio: float, period_s: float) -> float:
-    """Return the share e^(-ζω_n·T) of a ring that remains after a period."""
+    """Return e^(-ζω_n·T), the fraction of the ringing that remains after a period."""
     return exp(-damping_ratio * natural_frequency_rad_per_s * period_s)
 
 
 def lag_share(output: OutputTiming, period_s: float) -> float:
-    """Return the share of a step that is missing at the next sample because of the lag."""
+    """Return the fraction of a step that is missing at the next sample because of the lag."""
     left_s = max(0.0, period_s - output.delay_s)
     return exp(-left_s / output.lag_s) if output.lag_s > 0.0 else 0.0
 
 
 FREQUENCY_TOLERANCE = 0.03
-"""Relative tolerance of the mode's frequency, within which a shaped step is judged."""
+"""Relative tolerance of the mode's frequency for which the ringing of a shaped step is computed."""
 
 
 class RingShares(NamedTuple):
     """Contribution of the ringing after voltage steps to the uncertainty of a position."""
 
     free: float = 0.0
-    """Standard uncertainty of x_1, as the force has it, of a free arm; a share of A."""
+    """Standard uncertainty of x_1 of a free arm, as a fraction of A."""
     pressed: float = 0.0
-    """Standard uncertainty of x_1, as the force has it, of a pressed arm; a share of A."""
+    """Standard uncertainty of x_1 of a pressed arm, as far as it enters the force, as a fraction of
+    A."""
     kept: float = 0.0
-    """Share of A that remains after a period."""
+    """Fraction of A that remains after a period."""
 
 
 def shares_of_ring(
@@ -87,12 +89,12 @@ def shares_of_ring(
     stiffness_tolerance: float,
     shaping_s: float | None = None,
 ) -> RingShares:
-    """Return the shares of a rig.
+    """Return the fractions of A for a rig.
 
     Parameters
     ----------
     output
-        When a step of the voltage acts; of one in parts, when its middle part does.
+        Time at which a step of the voltage acts; for a step in parts, that of the middle part.
     stiffness_ratio, stiffness_tolerance
         s_p·K_e of the part, and its relative tolerance.
     shaping_s
@@ -112,7 +114,7 @@ def shares_of_ring(
 
 
 def _shaped(omega: float, factors: tuple[float, float], interval_s: float) -> float:
-    """Return the r.m.s. of a shaped step's ring over frequencies between two factors of ω_n."""
+    """Return the r.m.s. ringing of a shaped step over frequencies between two multiples of ω_n."""
     low, high = factors
     shares = [
         shaped_ring(omega * (low + (high - low) * place), interval_s) for place in (0.0, 0.5, 1.0)
@@ -122,7 +124,7 @@ def _shaped(omega: float, factors: tuple[float, float], interval_s: float) -> fl
 
 
 def ring_amplitudes_um(steps_um: Sequence[float], kept: float) -> list[float]:
-    """Return A after each step of the free place: A² ← Δx_1² + kept²·A²."""
+    """Return A after each step of the free position: A² ← Δx_1² + kept²·A²."""
     found, amplitude_um = list[float](), 0.0
     for step_um in steps_um:
         amplitude_um = hypot(step_um, kept * amplitude_um)

@@ -1,15 +1,14 @@
-"""Detection of the ring of a pressed arm after a step of its position, which a slip causes.
+"""Detection of ringing of a pressed arm after a step of its position, which indicates a slip.
 
-A part that gives way leaves the arm off its new balance, so that the pressed mode rings down from
-there; a sensor that jumps leaves the arm at rest. With the voltage kept, the samples after the step
-are
+When a part slips, the arm is away from its new equilibrium and rings until it has settled. When the
+sensor jumps, the arm stays at rest. At constant voltage the samples after the step are
 
     x_k = x_rest + e^(-d·k·T)·(A·cos(w·k·T) + B·sin(w·k·T)) + noise,
     w = w_n·√(1 + kappa),  d = zeta·w_n,  kappa = s_p·K_e
 
-with any A and B, since the step falls anywhere between two samples. The share of the samples'
-squares that the best A and B explain is compared with the share that noise alone explains. The
-absence of a ring proves nothing: friction may damp a slip.
+with any A and B, since the step may occur at any time between two samples. The sum of squares that
+the best A and B explain is compared with the sum that noise alone would explain. The absence of
+ringing proves nothing: friction may damp a slip.
 
 Units: µm, s, rad/s.
 """
@@ -26,15 +25,15 @@ FREQUENCY_ERROR = 0.02
 TRIED = 9
 """Number of frequencies that are tried in this range."""
 DECAYS = 4.0
-"""Number of decay time constants in which a ring is searched."""
+"""Number of decay time constants during which ringing is searched for."""
 SAMPLES = (4, 48)
-"""Least and largest number of samples in which a ring is searched."""
+"""Smallest and largest number of samples in which ringing is searched for."""
 RESTED = 8
-"""Number of samples after those whose mean is the rest."""
+"""Number of subsequent samples whose mean is the rest position."""
 SURE = 18.0
-"""Least ratio of the explained squares to the variance of the noise that counts as a ring. With two
-amplitudes and the frequencies that are tried, noise alone exceeds it in less than one step of a
-thousand."""
+"""Smallest ratio of the explained sum of squares to the variance of the noise that counts as
+ringing. With two amplitudes and several frequencies, noise alone exceeds it after less than one
+step in a thousand."""
 
 
 def ring_samples(decay_per_s: float, period_s: float) -> int:
@@ -46,7 +45,7 @@ def ring_samples(decay_per_s: float, period_s: float) -> int:
 def rings(
     x_um: Column, *, mode_rad_per_s: float, decay_per_s: float, period_s: float, noise_um: float
 ) -> bool | None:
-    """Return whether the samples after a step show a ring, or None where there are too few.
+    """Return whether the samples after a step show ringing, or None if there are too few.
 
     Parameters
     ----------
@@ -70,5 +69,5 @@ def rings(
         basis = np.column_stack((fall * np.cos(turn), fall * np.sin(turn)))
         fitted = basis @ np.linalg.lstsq(basis, ringing_um, rcond=None)[0]
         explained = max(explained, float(fitted @ fitted))
-    # The mean of the rest is uncertain too.
+    # The mean of the rest position is uncertain too.
     return explained > SURE * noise_um**2 * (1.0 + count / RESTED * 0.25)

@@ -1,7 +1,7 @@
-"""Conditions under which the force may be zeroed: only where the arm is known to be free.
+"""Conditions under which the force may be zeroed: only if the arm is known to be free.
 
-A zero declares the force at a rest to be none. In contact it would hide the force for as long as it
-holds, so each doubt is a reason to refuse it.
+Zeroing declares the force of a resting arm to be 0. A zero set in contact would hide the contact
+force for as long as it is used, so any doubt is a reason to refuse it.
 """
 
 from collections.abc import Sequence
@@ -14,36 +14,36 @@ from pincette.control.force.contact_detector import DetectedContact
 from pincette.control.response.free_response import FreeResponse, FreeSample, rest_mean
 
 NOISE_REFUSES = 1e-6
-"""Largest share of settled rests that noise alone may refuse."""
+"""Largest fraction of settled rests that may be refused because of noise alone."""
 
 
 @dataclass(frozen=True, slots=True)
 class ZeroLimits:
-    """Conditions of a rest on which the force may be zeroed."""
+    """Conditions that a rest must meet before the force is zeroed."""
 
     rest_samples: int = 10
     spread_um: float = 0.5
-    """Largest spread (maximum minus minimum) of x and of x - x_1 over the rest, without noise, in
+    """Largest spread (maximum minus minimum) of x and of x - x_1 during the rest, without noise, in
     µm."""
     noise_um: float = 0.0
     """Standard deviation of the sensor's noise, in µm."""
     offset_um: float = 5.0
-    """Largest change of the offset without travel, where the memory of the arm is unknown, in µm.
-    """
+    """Largest change of the offset without travel if the history of the arm is unknown, in µm."""
     offset_fraction: float = 0.4
-    """Share of d_p·|u - u_zero| by which the offset may change: the whole hysteresis and an error
-    of d_p."""
+    """Fraction of d_p·|u - u_zero| by which the offset may change. It allows for the whole
+    hysteresis and an error of d_p."""
     first_touch_um: float = inf
-    """Position from which on the arm may touch the part, in µm."""
+    """Smallest position at which the arm may be in contact with the part, in µm."""
     touch_um: float = inf
-    """Distance by which a touch may have pushed the arm back: the contact force times s_p, in µm.
-    """
+    """Distance by which a contact may have pushed the arm back: the contact force times s_p, in
+    µm."""
 
     def settled_um(self) -> float:
         """Return the largest spread of a settled rest, in µm.
 
         Noise alone spreads over r·σ or more with a probability of at most n(n-1)·Φ(-r/√2), where n
-        is the number of samples. The limit has room for the r at which that is ``NOISE_REFUSES``.
+        is the number of samples. The limit includes r·σ for the r at which this probability is
+        ``NOISE_REFUSES``.
         """
         pairs = self.rest_samples * (self.rest_samples - 1)
         if not pairs or not self.noise_um:
@@ -52,18 +52,18 @@ class ZeroLimits:
         return max(self.spread_um, r * self.noise_um)
 
     def change_um(self, model: FreeResponse, creep_um: float, memory_known: bool) -> float:
-        """Return the largest change of the offset of x_1 by a zero at the last voltage, in µm.
+        """Return how far a zero at the last voltage may move the offset of x_1, in µm.
 
         Parameters
         ----------
         model
-            Free response with the zero that holds at present.
+            Free response with the present zero.
         creep_um
-            How far creep and an unknown past may have moved the arm since that zero.
+            Distance by which creep and an unknown history may have moved the arm since that zero.
         memory_known
-            True where the model has followed the arm beyond this voltage before. Where it has not,
-            it may miss a part of the hysteresis that came about before its time, and its own
-            tolerance would block an arm that is free.
+            True if the model has followed the arm beyond this voltage before. Otherwise it may lack
+            hysteresis from before the model was started, and the tolerance of the model would
+            refuse the zero of a free arm.
         """
         limit_um = model.zero_tolerance_um(creep_um)
         if memory_known:
@@ -84,26 +84,27 @@ def zero_refusal(
     kept: bool = False,
     memory_known: bool = True,
 ) -> Fault | None:
-    """Return why the force must not be zeroed at the end of ``samples``, or None.
+    """Return the reason why the force must not be zeroed at the end of ``samples``, or None.
 
-    It is refused while a part is held, before there are enough samples, if the arm has not settled,
-    if it is beyond the planned first touch, if it has met something on the way and been pushed back
-    since, and if x_1 would move by more than hysteresis, an error of the model and creep explain.
+    The zero is refused while a part is held, before there are enough samples, if the arm has not
+    settled, if it is beyond the planned first contact, if a contact was detected and has pushed the
+    arm back since, and if x_1 would change by more than hysteresis, model error and creep explain.
 
     Parameters
     ----------
     samples
         Oldest first, with the voltages and positions up to the present.
     creep_um
-        How far creep may have moved the arm since the last zero.
+        Distance by which creep may have moved the arm since the last zero.
     touch
-        Touch of the arm since the last zero.
+        Contact detected since the last zero.
     zeroed
-        True if there was a zero since the arming; without one the offset that is judged is that
-        of where the arm was found, and has a separate code.
+        True if the force was zeroed since the arming. Otherwise the offset is compared with the
+        position in which the arm was found, and the refusal has a separate code.
     kept
-        True if the zero in use is of an earlier arming. An arm ahead of it is then no reason to
-        refuse: no part in front pulls it there, so a part pressed it at that zero and is gone.
+        True if the zero in use is from an earlier arming. An arm ahead of its zero position is then
+        no reason to refuse: no part in front can pull it forwards, so a part that pressed it at
+        that zero is gone.
     memory_known
         As for ``ZeroLimits.change_um``.
     """
