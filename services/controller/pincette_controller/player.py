@@ -6,13 +6,18 @@ at which the references are at rest: in a rest, between two segments that end at
 turning point of a path. There the law goes on regulating, and the guards go on watching.
 """
 
-from math import inf
-
 from msgspec.structs import replace
 
 from pincette.control.force.freedom import FreeArm, FreedomFit
 from pincette.control.force.position_steps import StepLimits
 from pincette.control.planning import conditioning
+from pincette.control.planning.load_line import (
+    LEAST_COUNT,
+    STANDARD_ERRORS,
+    errors_off,
+    line_through_mean,
+    stiffness_bounds,
+)
 from pincette.control.planning.pair_plan import CARRIED
 from pincette.control.planning.program import Program
 from pincette.control.planning.segments import Entry, LetGo, Move, Reference, Seek, Track
@@ -30,7 +35,7 @@ from pincette_controller.player_state import (
     with_line,
     with_watch,
 )
-from pincette_controller.slipping import admissible, within_plan
+from pincette_controller.slipping import within_plan
 from pincette_controller.taking_over import settle_held, take_over
 
 CARRY = "move"
@@ -98,7 +103,8 @@ def advance(
         player = replace(player, pause=replace(player.pause, over=False))
     player = _pause_at_rest(player, period_s)
     while not player.ended and not player.pause.active and is_over(player, period_s):
-        player = _pause_at_rest(_next(program, player, arms, x_um), period_s)
+        player = _next(program, player, arms, x_um, limits)
+        player = _pause_at_rest(player, period_s)
     if player.ended or player.pause.active:
         return player
     ticks, entry = player.ticks + 1, player.entry
@@ -168,7 +174,9 @@ def _at_rest(player: Player, period_s: float) -> bool:
     )
 
 
-def _next(program: Program, player: Player, arms: Arms, x_um: float) -> Player:
+def _next(
+    program: Program, player: Player, arms: Arms, x_um: float, limits: StepLimits | None
+) -> Player:
     """Leave a segment whose duration has passed."""
     segment = player.segment
     if segment.zeroes:
@@ -181,7 +189,7 @@ def _next(program: Program, player: Player, arms: Arms, x_um: float) -> Player:
     if settles and program.begins_held:
         player = settle_held(program, player)
     elif settles and player.felt is None:
-        player = _settle_contact(program, player, arms[0])
+        player = _settle_contact(program, player, arms[0], limits)
         if player.outcome:
             return jump(program, player, Phase.UNLOAD, x_um)
     if not player.outcome:
@@ -208,28 +216,38 @@ def _outcome(program: Program, player: Player) -> Outcome:
     return Outcome.MOVED if moves else Outcome.NONE
 
 
-def _settle_contact(program: Program, player: Player, estimate: ArmEstimate) -> Player:
+def _settle_contact(
+    program: Program, player: Player, estimate: ArmEstimate, limits: StepLimits | None
+) -> Player:
     """Adopt the contact line fitted over the load, so that x_r and F_r agree from here on.
 
     K_e counts as wrong only if it is inadmissible for every force within F ± U, since it has the
-    same relative error. A fit that no part can have leaves the planned K_e, through the newest
-    sample, for the way back. So does a load whose highest force is not above U, where the fit is
-    meaningless.
+    same relative error, and if noise does not explain it: over the short load of a small force, the
+    fit of a noisy sensor scatters by more than the tolerance of the part. Where noise explains it,
+    the line has the nearest permitted stiffness.
+
+    A wrong stiffness that no part can have leaves the planned K_e, through the newest sample, for
+    the way back. So does a load whose highest force is not above U, where the fit is meaningless.
     """
     fit, guards = player.line.fit(), program.guards
     highest_mN = max(abs(estimate.force_mN), player.entry.ref.force_mN)
     if is_uncertain(estimate, highest_mN):
         player = replace(player, outcome=Outcome.UNCERTAIN_FORCE)
         return with_planned_line(program, player, estimate)
-    if fit is None or not admissible(program, fit.K_e_mN_per_um):
-        player = replace(player, outcome=Outcome.WRONG_STIFFNESS)
-        return with_planned_line(program, player, estimate)
-    K_e = fit.K_e_mN_per_um
-    player = with_line(player, fit.x_e_um, K_e)
     F, U = abs(estimate.force_mN), estimate.force_uncertainty_mN
     share = U / F if F > U else 1.0
-    softest = guards.stiffness_min_mN_per_um / (1.0 + share)
-    hardest = guards.stiffness_max_mN_per_um / (1.0 - share) if share < 1.0 else inf
-    if not softest <= K_e <= hardest:
-        return replace(player, outcome=Outcome.WRONG_STIFFNESS)
-    return player
+    least, most = stiffness_bounds(program.contact_stiffness_mN_per_um, guards)
+    softest = max(least, guards.stiffness_min_mN_per_um / (1.0 + share))
+    hardest = most if share == 1.0 else min(most, guards.stiffness_max_mN_per_um / (1.0 - share))
+    if fit is not None and softest <= fit.K_e_mN_per_um <= hardest:
+        return with_line(player, fit.x_e_um, fit.K_e_mN_per_um)
+    if limits is not None and player.line.count >= LEAST_COUNT:
+        noise_um = limits.with_noise(player.slip.noise_um).noise_um
+        s_p, load = limits.compliance_um_per_mN, player.line
+        off, nearest = min((errors_off(load, K, noise_um, s_p), K) for K in (softest, hardest))
+        if off <= STANDARD_ERRORS:
+            return with_line(player, *line_through_mean(load, nearest))
+    player = replace(player, outcome=Outcome.WRONG_STIFFNESS)
+    if fit is None or not least <= fit.K_e_mN_per_um <= most:
+        return with_planned_line(program, player, estimate)
+    return with_line(player, fit.x_e_um, fit.K_e_mN_per_um)

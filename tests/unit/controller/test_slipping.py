@@ -27,14 +27,22 @@ class Sensed(Arm):
     and takes force away.
     """
 
-    def __init__(self, program: Program = PROGRAM) -> None:
-        super().__init__(program=program)
-        self.random = Random(SEED)
+    def __init__(
+        self,
+        program: Program = PROGRAM,
+        *,
+        stiffness: float = K_E,
+        noise_um: float = NOISE_UM,
+        seed: int = SEED,
+    ) -> None:
+        super().__init__(stiffness=stiffness, program=program)
+        self.random, self.noise_um = Random(seed), noise_um
+        self.limits = StepLimits(noise_um, S_P, T)
         self.jump_um = 0.0
         self.free_um = 0.0
 
     def estimate(self) -> ArmEstimate:
-        plain, noise_um = super().estimate(), self.random.gauss(0.0, NOISE_UM)
+        plain, noise_um = super().estimate(), self.random.gauss(0.0, self.noise_um)
         x_um, force_mN = plain.x_um, plain.force_mN
         off_um = self.jump_um + noise_um
         self.free_um = x_um + S_P * force_mN
@@ -44,7 +52,7 @@ class Sensed(Arm):
 
     def tick(self) -> None:
         estimate = self.estimate()
-        self.player = advance(self.program, self.player, (estimate,), T, LIMITS)
+        self.player = advance(self.program, self.player, (estimate,), T, self.limits)
         self.seq += 1
         if self.player.zero:
             self.zeroed = self.seq
@@ -183,3 +191,42 @@ def test_an_impossible_stiffness_is_never_used(share: float) -> None:
         assert K_e is not None
         assert 0.3 * K_E <= K_e <= MOST_STIFFNESS * K_E
     assert arm.player.ref.x_um < 40.0
+
+
+def small_load(force_mN: float) -> Program:
+    """Return a grip with a short load to a small force; the part may differ by 30 %."""
+    zero, approach, contact, load, hold, *others = PROGRAM.segments
+    contact = replace(contact, duration_s=2.0, to_um=(18.0,))
+    pressing = (replace(load, duration_s=0.2, to_mN=force_mN), replace(hold, to_mN=force_mN))
+    guards = replace(
+        PROGRAM.guards, stiffness_min_mN_per_um=0.7 * K_E, stiffness_max_mN_per_um=1.3 * K_E
+    )
+    return replace(PROGRAM, segments=(zero, approach, contact, *pressing, *others), guards=guards)
+
+
+@pytest.mark.parametrize(("force_mN", "noise_um"), [(6.6, 0.128), (5.0, 0.15), (10.0, 0.15)])
+def test_noise_over_a_small_load_is_not_a_wrong_stiffness(force_mN: float, noise_um: float) -> None:
+    program, lines = small_load(force_mN), list[float]()
+    for seed in range(40):
+        arm = Sensed(program, noise_um=noise_um, seed=seed)
+        arm.until("hold")
+        assert arm.player.outcome == ""
+        lines.append(line_of(arm.player).K_e_mN_per_um)
+        arm.until()
+        assert arm.player.outcome == "gripped"
+    assert min(lines) >= 0.65 * K_E
+    assert max(lines) <= 1.35 * K_E
+
+
+@pytest.mark.parametrize(
+    ("share", "force_mN", "noise_um"),
+    [(1.6, 6.6, 0.03), (0.5, 6.6, 0.03), (3.0, 10.0, 0.05), (0.4, 15.0, 0.128)],
+)
+def test_a_wrong_stiffness_beyond_noise_is_released(
+    share: float, force_mN: float, noise_um: float
+) -> None:
+    program = small_load(force_mN)
+    for seed in range(10):
+        arm = Sensed(program, stiffness=share * K_E, noise_um=noise_um, seed=seed)
+        arm.until()
+        assert arm.player.outcome == "wrong_stiffness"

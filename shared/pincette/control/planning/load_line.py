@@ -16,7 +16,7 @@ line across an unnoticed slip is not straight: its stiffness is not used.
 Both numbers approach these with a time constant of 20 ms, so that no reference jumps.
 """
 
-from math import exp, isfinite, sqrt
+from math import exp, inf, isfinite, sqrt
 
 from pincette.control.planning.contact_line import ContactFit, ContactLine, LoadLine
 from pincette.control.planning.program import Guards
@@ -29,6 +29,8 @@ STANDARD_ERRORS = 2.0
 """Number of standard errors by which the references stay on the stiff side of the fitted line."""
 LEAST_SPREAD_UM = 0.02
 """Standard deviation of the position below which no stiffness is fitted, in µm."""
+LEAST_COUNT = 3
+"""Fewest samples of a load from which its stiffness is judged."""
 STRAIGHT_SIGMAS, STRAIGHT_UM = 1.4, 0.05
 """Scatter of a straight contact line: multiples of the sensor's noise, and the error of the free
 response, in µm."""
@@ -99,6 +101,38 @@ def stiffest_line(
         if rises and is_straight(fit, noise_um, compliance_um_per_mN):
             error = stiffness_error(line, fit, noise_um, compliance_um_per_mN)
             K_e = min(K_e, fit.K_e_mN_per_um * (1.0 + STANDARD_ERRORS * error))
+    return line_through_mean(line, K_e)
+
+
+def line_through_mean(line: ContactLine, K_e_mN_per_um: float) -> LoadLine:
+    """Return the line of a given stiffness through the mean of one sample or more."""
     x_um = line.first_x_um + line.sum_x / line.count
     force_mN = line.first_force_mN + line.sum_F / line.count
-    return LoadLine(x_um - force_mN / K_e, K_e)
+    return LoadLine(x_um - force_mN / K_e_mN_per_um, K_e_mN_per_um)
+
+
+def errors_off(
+    line: ContactLine, K_e_mN_per_um: float, noise_um: float, compliance_um_per_mN: float
+) -> float:
+    """Return by how many standard errors a load differs from that of a part of stiffness K.
+
+        |cov(F, F_r) - K·cov(x, F_r)|·√n/(σ(F_r)·sigma·(K + 1/s_p))
+
+    Noise of the sensor enters F - K·x with the factor K + 1/s_p. Unlike the standard error of a
+    fitted K, this stays right where x hardly moves (T. W. Anderson and H. Rubin, Annals of
+    Mathematical Statistics 20, 1949).
+
+    Parameters
+    ----------
+    line
+        Sums over one sample or more.
+    noise_um
+        R.m.s. noise of one reading; with 0 any difference counts as infinite.
+    """
+    n = line.count
+    x, F, z = line.sum_x / n, line.sum_F / n, line.sum_z / n
+    cov_Fz, cov_xz = line.sum_Fz / n - F * z, line.sum_xz / n - x * z
+    off_mN2 = abs(cov_Fz - K_e_mN_per_um * cov_xz) * sqrt(n)
+    spread_mN = sqrt(max(0.0, line.sum_zz / n - z * z))
+    one_mN2 = spread_mN * noise_um * (K_e_mN_per_um + 1.0 / compliance_um_per_mN)
+    return off_mN2 / one_mN2 if one_mN2 > 0.0 else inf
