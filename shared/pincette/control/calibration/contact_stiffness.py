@@ -75,6 +75,8 @@ class ContactStiffness:
     levels: tuple[Level, ...]
     line: Line
     """F_pp over x_pp with an offset, by which a plan finds the force that goes with a motion."""
+    lost_V: tuple[float, ...] = ()
+    """Levels, in V peak to peak, that are left out because the contact was lost at their trough."""
 
 
 def with_press_gain(
@@ -97,6 +99,9 @@ def contact_stiffness(
 ) -> ContactStiffness:
     """Return the line of Fig. 8 and its stiffness.
 
+    A level at which the contact was lost is left out, since its force is no longer proportional to
+    its position. The smaller levels swing about the same mean and keep the contact.
+
     Parameters
     ----------
     compliance_um_per_mN
@@ -109,8 +114,8 @@ def contact_stiffness(
     Raises
     ------
     ValueError
-        If there are fewer than ``LEAST_LEVELS``, the contact was lost at one, or a fit or the
-        line is impossible.
+        If there are fewer than ``LEAST_LEVELS`` at which the contact was kept, or a fit or the line
+        is impossible.
     """
     s_p = require_positive("compliance", compliance_um_per_mN, "µm/mN")
     u_s_p = require_not_negative(
@@ -122,7 +127,18 @@ def contact_stiffness(
         require_not_negative("error of the free response", error_um, "µm")
     if len(swings) < LEAST_LEVELS:
         raise ValueError(f"{len(swings)} levels of voltage: must be at least {LEAST_LEVELS}")
-    motions = [_motion(swing, samples_per_cycle, least_force_mN) for swing in swings]
+    every = [_motion(swing, samples_per_cycle) for swing in swings]
+    kept = [place for place, (_, force) in enumerate(every) if force.lowest > least_force_mN]
+    lost_V = tuple(swing.level_V for place, swing in enumerate(swings) if place not in kept)
+    if len(kept) < LEAST_LEVELS:
+        worst, (_, force) = min(zip(swings, every, strict=True), key=lambda one: one[1][1].lowest)
+        raise ValueError(
+            f"force falls to {force.lowest:.3f} mN at {worst.level_V:g} V peak to peak, must stay "
+            f"above {least_force_mN:g} mN: the contact is lost at {len(lost_V)} of {len(swings)} "
+            "levels; press further, or swing less"
+        )
+    swings, motions = [swings[place] for place in kept], [every[place] for place in kept]
+    free_errors_um = [free_errors_um[place] for place in kept] if free_errors_um else ()
     x_pp = np.array([x.peak_to_peak for x, _ in motions])
     force_pp = np.array([force.peak_to_peak for _, force in motions])
     line = stiffness_line(x_pp.tolist(), force_pp.tolist())
@@ -152,17 +168,11 @@ def contact_stiffness(
         scatter_mN_per_um=scatter,
         levels=levels,
         line=line,
+        lost_V=lost_V,
     )
 
 
-def _motion(swing: Swing, samples_per_cycle: float, least_mN: float) -> tuple[Periodic, Periodic]:
+def _motion(swing: Swing, samples_per_cycle: float) -> tuple[Periodic, Periodic]:
     if len(swing.x_um) != len(swing.force_mN):
         raise ValueError(f"{len(swing.x_um)} positions for {len(swing.force_mN)} forces")
-    x = periodic(swing.x_um, samples_per_cycle)
-    force = periodic(swing.force_mN, samples_per_cycle)
-    if not force.lowest > least_mN:
-        raise ValueError(
-            f"force falls to {force.lowest:.3f} mN at {swing.level_V:g} V peak to peak, must stay "
-            f"above {least_mN:g} mN: the contact is lost; press further, or swing less"
-        )
-    return x, force
+    return periodic(swing.x_um, samples_per_cycle), periodic(swing.force_mN, samples_per_cycle)

@@ -126,9 +126,28 @@ def test_errors_of_the_free_response_are_shared_by_the_levels() -> None:
         stiffness_of(made, free_errors_um=far_um[:3])
 
 
-def test_a_contact_that_is_lost_is_refused() -> None:
-    made = swings()
-    made[3] = replace(made[3], force_mN=np.maximum(0.0, np.asarray(made[3].force_mN) - 20.0))
+def lost(made: list[Swing], *levels: int) -> list[Swing]:
+    """Return swings of which some lose the contact at their trough."""
+    low = [np.maximum(0.0, np.asarray(swing.force_mN) - 20.0) for swing in made]
+    return [
+        replace(swing, force_mN=low[place]) if place in levels else swing
+        for place, swing in enumerate(made)
+    ]
+
+
+def test_a_level_that_loses_the_contact_is_left_out() -> None:
+    errors_um = [0.1, 0.2, 0.3, 5.0]
+    found = stiffness_of(lost(swings(), 3), least_force_mN=1.0, free_errors_um=errors_um)
+    assert found.lost_V == (2.0,)
+    assert found.stiffness_mN_per_um == pytest.approx(K_E, rel=1e-9)
+    assert [level.level_V for level in found.levels] == [0.3, 1.0, 1.5]
+    kept = stiffness_of(swings()[:3], free_errors_um=errors_um[:3])
+    assert found.uncertainty_mN_per_um == pytest.approx(kept.uncertainty_mN_per_um)
+    assert kept.lost_V == ()
+
+
+def test_a_contact_that_is_lost_at_two_of_four_levels_is_refused() -> None:
+    made = lost(swings(), 2, 3)
     with pytest.raises(ValueError, match="at 2 V peak to peak, must stay above 1 mN"):
         stiffness_of(made, least_force_mN=1.0)
 

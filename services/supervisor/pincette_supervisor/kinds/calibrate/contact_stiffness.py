@@ -133,6 +133,15 @@ def analyse(run: Run) -> Analysis:
                 "mN/µm",
                 "from the few µm after the touch; far less certain",
             ),
+            *(
+                figure(
+                    f"level {place} left out",
+                    level_V,
+                    "V",
+                    "peak to peak; the contact was lost at its trough",
+                )
+                for place, level_V in enumerate(found.lost_V, start=1)
+            ),
         ),
         residuals=residuals("force, peak to peak", "mN", left),
         statement=sure(
