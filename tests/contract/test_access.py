@@ -46,7 +46,7 @@ from tests.bench.shape import EXAMPLES
 from tests.support.certificates import NOW, Intruder, ask, folder_for, seen_as, stranger
 from tests.support.rigs import demo_rig
 
-WAIT_S = 5.0
+WAIT_S = 30.0
 QUIET_S = 0.3
 """Within which a put that is let through has long arrived."""
 FORGED = Command(

@@ -30,7 +30,7 @@ from tests.support.certificates import NOW, Intruder, folder_for
 from tests.support.partitions import composing
 from tests.support.rigs import demo_rig
 
-WAIT_S = 5.0
+WAIT_S = 30.0
 QUIET_S = 0.3
 """Within which a put that is let through has long arrived."""
 PAIR = "estimator+controller"

@@ -24,7 +24,7 @@ from pincette.security.identity import person, program
 from tests.support.certificates import Intruder, folder_for
 from tests.support.rigs import demo_rig
 
-WAIT_S = 5.0
+WAIT_S = 30.0
 QUIET_S = 0.3
 
 

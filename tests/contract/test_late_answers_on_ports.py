@@ -28,6 +28,8 @@ from tests.support.example_lds import SimulatedLDS
 pytestmark = pytest.mark.usefixtures("stalls")
 
 TIMEOUT_S = 0.02
+OPENING_S = 10.0
+"""Timeout while a driver opens its instrument, which is not what is measured here."""
 WRAP_S = 9.0
 UNCERTAIN_S = 0.002
 """Resolution of what an instrument states, in s, and of what is measured here."""
@@ -64,7 +66,7 @@ def stated_s() -> float:
 def laser(url: str, delays: Delays) -> Generator[Callable[[], float]]:
     instrument = Delayed(SimulatedKeyence(lambda: 100.0 * stated_s()), constant(0.0))
     with serve(url, instrument) as wire:
-        settings = sensor_settings("keyence_lkg", 0.5).model_copy(update={"url": wire.url})
+        settings = sensor_settings("keyence_lkg", OPENING_S).model_copy(update={"url": wire.url})
         sensor = keyence_lkg.open_sensor(settings)
         shorten(sensor.link, TIMEOUT_S)
         instrument.delays = delays
@@ -84,7 +86,7 @@ def module(url: str, delays: Delays) -> Generator[Callable[[], float]]:
 
     instrument = Clocked(behind, constant(0.0))
     with serve(url, instrument) as wire:
-        settings = output_settings("icpdas_i7024", 0.5, watchdog_s=0.0)
+        settings = output_settings("icpdas_i7024", OPENING_S, watchdog_s=0.0)
         output = icpdas_i7024.open_output(settings.model_copy(update={"url": wire.url}))
         shorten(vars(output)["_link"], TIMEOUT_S)
         instrument.delays = delays
@@ -102,7 +104,7 @@ def module_write(url: str, delays: Delays) -> Generator[Callable[[], float]]:
 
     instrument = Delayed(SimulatedI7024(put_out, time.monotonic), constant(0.0))
     with serve(url, instrument) as wire:
-        settings = output_settings("icpdas_i7024", 0.5, watchdog_s=0.0)
+        settings = output_settings("icpdas_i7024", OPENING_S, watchdog_s=0.0)
         output = icpdas_i7024.open_output(settings.model_copy(update={"url": wire.url}))
         shorten(vars(output)["_link"], TIMEOUT_S)
         yield from written(output.write_V, reached_s, instrument, delays)
@@ -121,7 +123,7 @@ def source_write(url: str, delays: Delays) -> Generator[Callable[[], float]]:
     source.answer(b"RNGE RANGE10;SOUT 1")
     instrument = Delayed(source, constant(0.0), dc205.TERMINATOR)
     with serve(url, instrument, terminator=dc205.TERMINATOR) as wire:
-        settings = output_settings("srs_dc205", 0.5)
+        settings = output_settings("srs_dc205", OPENING_S)
         output = srs_dc205.open_output(settings.model_copy(update={"url": wire.url}))
         shorten(vars(output)["_link"], TIMEOUT_S)
         yield from written(output.write_V, reached_s, instrument, delays)
@@ -142,7 +144,7 @@ def source_read(url: str, delays: Delays) -> Generator[Callable[[], float]]:
 
     instrument = Clocked(source, constant(0.0), dc205.TERMINATOR)
     with serve(url, instrument, terminator=dc205.TERMINATOR) as wire:
-        settings = output_settings("srs_dc205", 0.5)
+        settings = output_settings("srs_dc205", OPENING_S)
         output = srs_dc205.open_output(settings.model_copy(update={"url": wire.url}))
         shorten(vars(output)["_link"], TIMEOUT_S)
         instrument.delays = delays
@@ -155,7 +157,7 @@ def third_party(url: str, delays: Delays) -> Generator[Callable[[], float]]:
     """Read the sensor of the example of a driver."""
     instrument = Delayed(SimulatedLDS(lambda: 100.0 * stated_s()), constant(0.0))
     with serve(url, instrument) as wire:
-        settings = sensor_settings("example_lds", 0.5).model_copy(update={"url": wire.url})
+        settings = sensor_settings("example_lds", OPENING_S).model_copy(update={"url": wire.url})
         sensor: Any = open_sensor(settings, None)
         shorten(sensor.link, TIMEOUT_S)
         instrument.delays = delays

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.usefixtures("stalls")
 
 RIG = "contract"
 ASK_S = 0.2
-WAIT_S = 5.0
+WAIT_S = 30.0
 
 
 @pytest.fixture

@@ -31,7 +31,7 @@ from pincette.bus.topology import router_session
 serve_router(router_session("127.0.0.1", int(sys.argv[1])), "demo", lambda _ask: sys.stdin.read())
 """
 NOTICE = JobNotice("j" * 300, "grip", 1, "running", "hold", "c" * 300, held=True, at="t" * 300)
-WAITED_S = 5.0
+WAITED_S = 30.0
 SLACK_S = 1.0
 
 

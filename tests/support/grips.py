@@ -39,7 +39,8 @@ FAR_V, AWAY_V, AWAY_UM_PER_S = -0.25, -0.6, 18.0
 """Of a move that is still under way when the fault comes, with a voltage that takes a whole ramp:
 where the arm stands at 0 V depends on how it has moved before."""
 TRIES = 4
-WAIT_S = 10.0
+WAIT_S = 60.0
+"""Longest wait for a phase of a grip; a busy machine only makes it longer."""
 LOOK_S = 0.002
 BEFORE_S = 0.1
 """Of what is told of a trip: the age limit and two periods."""

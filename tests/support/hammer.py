@@ -96,7 +96,7 @@ def hammered(rig: RunningRig, clients: int) -> Generator[Json]:
     try:
         yield tally
     finally:
-        output, _ = process.communicate(timeout=2 * WAIT_S)
+        output, _ = process.communicate(timeout=10 * WAIT_S)
     tally.update(cast(Json, json.loads(output)))
 
 

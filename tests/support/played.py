@@ -14,7 +14,7 @@ from tests.unit.supervisor import samples
 
 RIG = "played"
 TICK_S = 0.005
-UP_S = 5.0
+UP_S = 30.0
 KNOWN_TICKS = 10
 """After which a router knows every topic."""
 

@@ -9,7 +9,7 @@ from pincette.bus.session import AskRouter, serve_router
 from pincette.bus.topology import SessionConfig, client_session, router_session
 from tests.support.rigs import free_ports
 
-WAIT_S = 5.0
+WAIT_S = 30.0
 
 
 @contextmanager
