@@ -1,1 +1,1 @@
-"""The free response: the position of the arm by the voltage alone, and its identification."""
+"""The free response, the position of the arm by the voltage alone, and its identification."""

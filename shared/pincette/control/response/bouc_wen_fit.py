@@ -1,8 +1,9 @@
-"""Rates of one play that never yields, after Bouc and Wen, fitted to a recorded free motion.
+"""Rates of one Bouc-Wen play, which has no yield threshold, fitted to a recorded free motion.
 
 Weights and creep are linear or nearly so, and ``separable_fit`` finds them for given rates. The
-residual then depends on the two rates alone. Gauss-Newton steps minimise it in their logarithms.
-The derivatives are differences of residuals, so that a step allows for the change of the weights.
+residual then depends on the two rates alone. Gauss-Newton iterations over the logarithms of the
+rates minimise it. The derivatives are finite differences of the residual, so that each iteration
+allows for the change of the weights.
 """
 
 from math import exp, log
@@ -20,18 +21,19 @@ from pincette.control.response.separable_fit import separable_fit
 
 RIDGE = 1e-6
 COEFFICIENTS = 6
-"""Number of coefficients: two rates, three weights and the offset; the creep adds its own."""
+"""Number of coefficients: two rates, three weights and the offset. The coefficients of the creep
+are added to it."""
 RETURNING = (0.5, 1.0, 2.0)
-"""Ratios of the rate on the way back to that on the way out, from which the search begins."""
+"""Start values of the search for the ratio of the unloading rate to the loading rate."""
 STARTS = 4.0
-"""Rate on the way out from which the search begins, as a multiple of 1/travel."""
+"""Start value of the search for the loading rate, as a multiple of 1/travel."""
 DIFFERENCE = 1e-2
-"""Change of a logarithm over which derivatives are computed."""
+"""Change of a logarithm over which the finite differences are computed."""
 LONGEST, SHORTEST = 0.7, 0.05
-"""Longest step of a logarithm, and shortest share of a step to try."""
+"""Longest step of a logarithm, and smallest fraction of a step that is tried."""
 ROUNDS = 12
 WORTH_A_ROUND = 1e-3
-"""Relative decrease of the residual below which the rounds end."""
+"""Relative decrease of the residual below which the iteration ends."""
 
 
 def fitted_rates(record: Record, until: int, begin: Rates | None = None) -> Rates:
@@ -40,7 +42,7 @@ def fitted_rates(record: Record, until: int, begin: Rates | None = None) -> Rate
     Parameters
     ----------
     begin
-        Rates from which the search begins; None: the best of ``RETURNING``.
+        Start values of the search. None: the best of the ratios ``RETURNING``.
 
     Raises
     ------
@@ -85,7 +87,7 @@ def _rates(log_fading: float, log_returning: float) -> Rates:
 
 
 def _left(record: Record, until: int, rates: Rates) -> Column:
-    """Return the residual of the best weights and creep over the known samples, about its mean."""
+    """Return the residual of the best weights and creep over the known samples, minus its mean."""
     fading, returning = rates
     plays = play_columns((0.0, 1.0 / fading), (0.0, fading), record.u, (0.0, returning))
     columns = np.column_stack([plays, record.u**2])

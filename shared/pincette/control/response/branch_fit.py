@@ -1,7 +1,8 @@
 """The rising branch of a conditioned arm, measured as a correction of the identified model.
 
-Each way begins with conditioning strokes. Stairs give the table. Grips that are rehearsed without a
-part, which the table is not made from, give its error and the repeatability of the way.
+Each recorded motion begins with conditioning strokes. Staircases of rests give the table of the
+correction. Grips rehearsed without a part are not used for the table; they give its error and the
+repeatability of the motion.
 """
 
 from collections.abc import Sequence
@@ -25,32 +26,32 @@ from pincette.control.response.model_errors import (
 )
 
 SETTLED = 0.5
-"""Share of a rest, at its end, over which its position is averaged."""
+"""Fraction of a rest, at its end, over which the position is averaged."""
 LEAST_S = 0.1
 """Shortest rest that is evaluated, in s."""
 LEAST_WAY_UM = 2.0
-"""Shortest way whose repeatability is judged, in µm."""
+"""Shortest motion whose repeatability is evaluated, in µm."""
 APART_V = 0.01
-"""Least distance of two voltages of the table, in V."""
+"""Smallest difference between two voltages of the table, in V."""
 
 
 class ConditionedWay(NamedTuple):
-    """Samples of a way that begins with conditioning strokes."""
+    """Samples of a motion that begins with conditioning strokes."""
 
     strokes: slice
     """Strokes and the rest after them."""
     stairs: slice | None
-    """Rests up the rising branch; None for a rehearsed grip."""
+    """Rests on the rising branch; None for a rehearsed grip."""
     grip: RehearsedGrip | None
-    """Rehearsed grip; None for stairs."""
+    """Rehearsed grip; None for a staircase."""
 
 
 class MeasuredBranch(NamedTuple):
-    """The rising branch of a conditioned arm, and the error on the way back from it."""
+    """The rising branch of a conditioned arm, and the error of the model when the arm returns."""
 
     branch: ConditionedBranch
     return_error_um: float | None
-    """Error of x_1 at the place of the zero on the way back, in µm; see ``return_error``."""
+    """Error of x_1 in µm when the arm returns to the position of its zero; see ``return_error``."""
 
 
 class Rest(NamedTuple):
@@ -70,17 +71,17 @@ def measured_branch(
     period_s: float,
     ways: Sequence[ConditionedWay],
 ) -> MeasuredBranch | None:
-    """Return the rising branch; None without stairs or without rehearsed grips.
+    """Return the rising branch, or None without staircases or without rehearsed grips.
 
-    After the strokes the plays of the model are those of a poled arm, whatever came before, as the
-    estimator's are. Creep goes on.
+    After the strokes the plays of the model are set to those of a poled arm, whatever came before,
+    as in the estimator. The creep states continue.
 
     Parameters
     ----------
     voltage_V, x_um
         N samples of matched ages.
     ways
-        Ways that begin with conditioning strokes.
+        Motions that begin with conditioning strokes.
     """
     if not ways:
         return None
@@ -111,7 +112,7 @@ def measured_branch(
     spread = _way_spread(stairs, noise_um)
     strokes = _arrivals(voltage_V[grips[0][0].strokes], voltages_V[0])
     nothing_um = (0.0,) * len(added_um)
-    # The table is kept only if it improves grips that it is not made from.
+    # The table is kept only if it improves grips that it was not made from.
     judged = [
         _judged(
             ConditionedBranch(
@@ -137,7 +138,7 @@ def measured_branch(
 
 
 def _with_rests(branch: ConditionedBranch, ways: Sequence[tuple[Rest, Rest]]) -> ConditionedBranch:
-    """Return the branch with the measured way from the bottom to the rest after the strokes."""
+    """Return the branch with the measured motion from the bottom to the rest after the strokes."""
     ratios = [
         _apart_um(bottom, rest) / (rest.model_um - bottom.model_um + branch.at(rest.voltage_V))
         for bottom, rest in ways
@@ -154,9 +155,9 @@ def _judged(
     grips: Sequence[tuple[ConditionedWay, RehearsedGrip, Rest, Rest]],
     uneven_um: float,
 ) -> MeasuredBranch:
-    """Return the branch with its errors, and the ratios of its ways, from rehearsed grips.
+    """Return the branch with its errors and motion ratios, determined from rehearsed grips.
 
-    The error is at least ``uneven_um``.
+    No error is below ``uneven_um``.
     """
     voltage_V, x_um, left_um = columns
     model_um = x_um - left_um
@@ -194,10 +195,11 @@ def _judged(
 
 
 def _uneven_um(stairs: Sequence[Sequence[Rest]], noise_um: float) -> float:
-    """Return the standard error of the position between two rests of the stairs, in µm.
+    """Return the standard error of the position between two rests of a staircase, in µm.
 
-    It is that of each rest against the line through its two neighbours: arms of few large relays
-    move in jumps, which a table of some rests does not follow.
+    It is computed from the deviation of each rest from the line through its two neighbours. Arms
+    whose hysteresis consists of few large relays move in jumps, which a table of a few rests does
+    not reproduce.
     """
     rows = [[(rest.voltage_V, rest.left_um) for rest in one] for one in stairs]
     off2_um2 = [
@@ -212,9 +214,9 @@ def _uneven_um(stairs: Sequence[Sequence[Rest]], noise_um: float) -> float:
 
 
 def _way_spread(stairs: Sequence[Sequence[Rest]], noise_um: float) -> float:
-    """Return the standard deviation between repetitions of a conditioned way, as a share of it.
+    """Return the relative standard deviation between repetitions of a conditioned motion.
 
-    The ways begin at the rest after the strokes, the second one of each staircase.
+    The motions begin at the rest after the strokes, which is the second rest of each staircase.
     """
     ratios2: list[float] = []
     for (_, base, *one), (_, other_base, *other) in pairwise(stairs):
@@ -234,7 +236,7 @@ def _apart_um(begin: Rest, end: Rest) -> float:
 def _modelled_um(
     model: HysteresisModel, voltage_V: Column, period_s: float, ways: Sequence[ConditionedWay]
 ) -> Column:
-    """Return the displacement of the model, in µm, conditioned by the strokes of each way."""
+    """Return the model's displacement in µm, conditioned by the strokes of each motion."""
     strokes = voltage_V[ways[0].strokes]
     low_V, high_V = float(np.min(strokes)), float(np.max(voltage_V))
     nothing = ConditionedBranch(
@@ -252,13 +254,13 @@ def _modelled_um(
 
 
 def _arrivals(voltage_V: Column, low_V: float) -> int:
-    """Return how often the voltage arrives at the lowest one."""
+    """Return how often the voltage reaches its lowest value."""
     low = np.concatenate([[False], voltage_V <= 0.95 * low_V])
     return int(np.sum(~low[:-1] & low[1:]))
 
 
 def _table(stairs: Sequence[Sequence[Rest]]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the mean table of several staircases, at the rests of the first one."""
+    """Return the mean table of several staircases, at the voltages of the first one."""
     voltages_V = [rest.voltage_V for rest in stairs[0]]
     each = [
         np.interp(voltages_V, [rest.voltage_V for rest in one], [rest.left_um for rest in one])
@@ -280,7 +282,7 @@ def _bottom(u: Column, left: Column, model: Column, period_s: float, way: Condit
 
 
 def _rests(u: Column, left: Column, model: Column, period_s: float, samples: slice) -> list[Rest]:
-    """Return the end of each rest of the voltage within some samples."""
+    """Return the mean values at the end of each rest of the voltage within some samples."""
     still = np.concatenate([[False], np.diff(u[samples]) == 0.0])
     edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
     found: list[Rest] = []

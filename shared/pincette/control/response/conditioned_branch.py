@@ -1,12 +1,13 @@
-"""Deviation of a conditioned arm from the model, a table over the rising branch's voltage.
+"""Correction of the model for a conditioned arm, as a table over the voltage of the rising branch.
 
-After strokes to a low voltage an arm repeats its free way to 0.01 mN in the median, whatever
-its class of hysteresis. The identified model repeats it worse. ``free_response`` therefore ends
-with ways that begin with the strokes, and keeps
+After strokes to a low voltage an arm repeats its free motion to 0.01 mN in the median, whatever its
+class of hysteresis. The identified model is less accurate. The calibration ``free_response``
+therefore ends with motions that begin with such strokes, and stores
 
     a(u) = [x - H](u) - [x - H](u_low)
 
-at rests of the rising branch. The free response adds it in each grip that begins with the strokes.
+at rests of the rising branch. The free response adds a(u) in each grip that begins with such
+strokes.
 """
 
 from bisect import bisect_right
@@ -19,59 +20,62 @@ from pincette.control.record import FrozenRecord
 from pincette.control.response.error_growth import ErrorGrowth, widening
 
 STROKES, MOST_STROKES = 3, 20
-"""Fewest and most strokes of one conditioning."""
+"""Smallest and largest number of strokes of one conditioning."""
 WAY_SHARE = 2.0
-"""Way of all strokes, down and up, as a share of the range that the model was identified over. Arms
-of the Bouc-Wen class forget by the length of the way, so that shallow strokes must be more
-numerous."""
+"""Voltage travel of all strokes, down and up, as a multiple of the range that the model was
+identified over. The memory of Bouc-Wen hysteresis decays with the distance travelled, so that more
+strokes are needed if they are shallow."""
 FRESH_V = 0.1
-"""Fall below the highest voltage since the strokes, in V, up to which the branch still counts as
+"""Decrease from the highest voltage since the strokes, in V, up to which the branch still counts as
 rising."""
 NEAR = 0.02
 NEAR_V = 0.01
-"""Distance from the bottom at which a stroke counts as complete, as a share of its depth and in V.
-"""
+"""Distance from the bottom at which a stroke counts as complete: a fraction of its depth, plus a
+voltage in V."""
 RISE = 0.1
-"""Share of the depth below 0 V to which the voltage must rise between two strokes."""
+"""Fraction of the stroke depth, below 0 V, above which the voltage must rise between two
+strokes."""
 AWAY_V = 0.05
-"""Distance from a measured place, in V, beyond which it says nothing about an arm that moves in
-jumps."""
+"""Distance from a measured voltage, in V, beyond which the measurement does not apply to an arm
+that moves in jumps."""
 OVER = 0.05
-"""Share of the depth above 0 V beyond which a way no longer counts as a stroke."""
+"""Fraction of the stroke depth, above 0 V, beyond which a motion no longer counts as a stroke."""
 PAST_CREEP = ((2.0, 0.13), (10.0, 0.07), (60.0, 0.03))
-"""Creep from before the strokes: time since them in s, expanded uncertainty (95 %) in mN."""
+"""Uncertainty from creep that began before the strokes: time since the strokes in s, expanded
+uncertainty (95 %) in mN."""
 
 
 class ConditionedBranch(FrozenRecord, frozen=True):
-    """The rising branch of a conditioned arm as a correction of the model; raises ValueError."""
+    """Correction of the model on the rising branch of a conditioned arm; raises ValueError."""
 
     voltages_V: tuple[float, ...]
-    """Voltages that rise from the bottom of the strokes, in V."""
+    """Rising sequence of voltages, in V; the first is the bottom of the strokes."""
     added_um: tuple[float, ...]
-    """Position minus model at these voltages, in µm; 0 at the bottom, linear in between, constant
-    beyond."""
+    """Position minus model at these voltages, in µm. It is 0 at the bottom, interpolated linearly
+    and constant beyond the ends."""
     errors: ErrorGrowth
-    """Standard error of x_1 over the way of the voltage since the zero of a conditioned grip."""
+    """Standard error of x_1 as a function of the voltage travel since the zero of a conditioned
+    grip."""
     places_V: tuple[float, ...] = ()
-    """Rising voltages of the places to which the way from the rest after the strokes was measured,
-    in V."""
+    """Rising sequence of voltages up to which the motion from the rest after the strokes was
+    measured, in V."""
     way_ratios: tuple[float, ...] = ()
-    """Ratio of the measured way to each of these places to the way by model and table."""
+    """Ratio of the measured motion to that of model and table, for each of ``places_V``."""
     way_spread: float = 0.0
-    """Standard deviation of such a ratio between conditioned ways, without noise."""
+    """Standard deviation of such a ratio between conditioned motions, without noise."""
     way_uneven: float = 0.0
-    """Standard deviation of the ratio at a place that is ``AWAY_V`` or further from the measured
-    ones, since arms of few large relays move in jumps."""
+    """Standard deviation of the ratio at a voltage that is ``AWAY_V`` or further from the measured
+    ones. Arms with few large relays move in jumps."""
     strokes: int = STROKES
     """Number of strokes before the measurement of the branch."""
     rest_ratio: float = 1.0
-    """Ratio of the measured way from the bottom to the rest after the strokes to that by model and
-    table."""
+    """Ratio of the measured motion from the bottom to the rest after the strokes to that of model
+    and table."""
     rest_spread: float = 0.0
-    """Standard deviation of that ratio between conditioned ways."""
+    """Standard deviation of ``rest_ratio`` between conditioned motions."""
     rehearsals: int = 0
-    """Number of rehearsed grips that ``errors`` come from; 0: so many that the number does not
-    matter, or the errors are widened for it."""
+    """Number of rehearsed grips from which ``errors`` were determined. 0: so many that the number
+    does not matter, or the errors are already widened for it."""
 
     def __post_init__(self) -> None:
         if len(self.voltages_V) != len(self.added_um) or len(self.voltages_V) < 2:
@@ -96,7 +100,7 @@ class ConditionedBranch(FrozenRecord, frozen=True):
     def at_least(self, error_um: float) -> "ConditionedBranch":
         """Return the branch with every error raised to a lower bound, in µm.
 
-        A bound that no rehearsal could exceed replaces what the few rehearsals have shown.
+        A bound above all errors of the few rehearsals replaces these errors.
         """
         errors, factor = self.errors, widening(self.rehearsals)
         if error_um < factor * max(errors.errors_um):
@@ -105,11 +109,12 @@ class ConditionedBranch(FrozenRecord, frozen=True):
         return replace(self, errors=widened.at_least(error_um), rehearsals=0)
 
     def way_at(self, voltage_V: float) -> tuple[float, float]:
-        """Return the ratio of the way to a place, and the standard deviation of that ratio.
+        """Return the ratio for the motion to a voltage, and the standard deviation of that ratio.
 
-        Between two measured places the ratio is interpolated. Its deviation grows with the distance
-        from the nearer one: up to half of their difference, and up to ``way_uneven``. Beyond the
-        outermost places it grows up to the full difference of the ratios.
+        Between two measured voltages the ratio is interpolated. Its standard deviation grows with
+        the distance from the nearer one, by up to half of the difference of the two ratios and up
+        to ``way_uneven``. Beyond the outermost voltages it grows by up to the full difference of
+        the ratios.
         """
         places_V, ratios = self.places_V, self.way_ratios
         if not places_V:
@@ -143,10 +148,10 @@ class ConditionedBranch(FrozenRecord, frozen=True):
 
 
 class Strokes(FrozenRecord, frozen=True):
-    """Conditioning strokes that the voltage has made, and its path since."""
+    """Conditioning strokes of the voltage, and its path since then."""
 
     count: int = 0
-    """Number of arrivals at the bottom since the voltage was last far above 0 V."""
+    """Number of times the voltage has reached the bottom since it was last far above 0 V."""
     down: bool = False
     """True from the bottom of a stroke until the voltage is near 0 V again."""
     bottom: bool = False
@@ -154,7 +159,7 @@ class Strokes(FrozenRecord, frozen=True):
     top_V: float = 0.0
     """Highest voltage since the last bottom of a conditioning, in V."""
     fell_V: float = 0.0
-    """Furthest fall of the voltage below ``top_V`` since then, in V."""
+    """Largest decrease of the voltage below ``top_V`` since then, in V."""
     since_s: float = 0.0
     """Time since that bottom, in s."""
     added_um: float = 0.0
@@ -174,7 +179,7 @@ class Strokes(FrozenRecord, frozen=True):
         return self.conditioned and self.fell_V <= FRESH_V
 
     def updated(self, branch: ConditionedBranch, voltage_V: float, dt_s: float) -> "Strokes":
-        """Update the strokes by a voltage that has been applied for a time."""
+        """Update the strokes by a voltage that has been applied for ``dt_s``."""
         low_V = branch.low_V
         if voltage_V <= low_V * (1.0 - NEAR) + NEAR_V:
             return self._at_bottom(branch, voltage_V)
@@ -197,7 +202,7 @@ class Strokes(FrozenRecord, frozen=True):
     def _at_bottom(self, branch: ConditionedBranch, voltage_V: float) -> "Strokes":
         count = self.count
         if not self.down:
-            # After a grip the first stroke of the next conditioning begins.
+            # The first stroke after a grip belongs to the next conditioning.
             risen = self.conditioned and self.top_V > -OVER * branch.low_V
             count = 1 if risen else count + 1
         if count < branch.strokes:
@@ -213,19 +218,19 @@ class Strokes(FrozenRecord, frozen=True):
 
 
 def strokes_needed(low_V: float, high_V: float) -> int:
-    """Return the number of strokes to a low voltage that condition an arm.
+    """Return the number of strokes to a low voltage that are needed to condition an arm.
 
     Parameters
     ----------
     low_V, high_V
-        Voltages that the model was identified between; ``low_V`` is the bottom of the strokes.
+        Range of voltage that the model was identified over. ``low_V`` is the bottom of the strokes.
     """
     wanted = ceil(WAY_SHARE * (high_V - low_V) / (2.0 * abs(low_V)))
     return min(max(STROKES, wanted), MOST_STROKES)
 
 
 def past_creep_mN(since_s: float) -> float:
-    """Return the expanded uncertainty in mN (95 %) of creep from before the strokes.
+    """Return the expanded uncertainty in mN (95 %) from creep that began before the strokes.
 
     It was found on simulated arms of three classes and does not depend on the force.
     """

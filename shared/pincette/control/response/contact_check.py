@@ -1,8 +1,8 @@
-"""Check of a residual table against a pressed part that it was not made from.
+"""Check of a residual table with a pressed part that was not used to make the table.
 
-Where a part is pressed, its force is a smooth function of the position. The estimate of the force
-scatters about that function by the error of the free response, so a valid table makes the scatter
-smaller. An error in proportion to the position cannot be detected: it looks like another stiffness.
+The force of a pressed part is a smooth function of the position. The estimated force scatters about
+that function because of errors of the free response, so a valid table reduces the scatter. An error
+proportional to the position cannot be detected: it has the same effect as another stiffness.
 """
 
 from math import sqrt
@@ -12,27 +12,29 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 DEGREE = 2
-"""Degree of the polynomial for the force over the position: a round face becomes stiffer."""
+"""Degree of the polynomial that represents the force over the position. The stiffness of a round
+face increases with the force."""
 LEAST_SAMPLES = 40
-"""Fewest samples that allow a judgement."""
+"""Smallest number of samples for the check."""
 LEAST_SWING_MN = 2.0
-"""Least swing of the force, in mN: a part that is held at rest shows no function."""
+"""Smallest swing of the force, in mN. A part held at a constant force does not show how the force
+depends on the position."""
 CHANCE = 2.0
-"""Increase of a mean square that chance explains, in standard deviations."""
+"""Increase of a mean square that chance may cause, in standard deviations."""
 
 
 class ContactScatter(NamedTuple):
-    """R.m.s. of the force about a smooth function of the position, in mN."""
+    """R.m.s. deviation of the force from a smooth function of the position, in mN."""
 
     without_mN: float
-    """Scatter of the force as estimated without the table, in mN."""
+    """Scatter of the force estimated without the table, in mN."""
     with_mN: float
-    """Scatter of the force as corrected by the table, in mN."""
+    """Scatter of the force corrected by the table, in mN."""
     samples: int
 
     @property
     def worse(self) -> bool:
-        """Return whether the table increases the scatter by more than chance explains."""
+        """Return whether the table increases the scatter by more than chance may cause."""
         allowed = 1.0 + CHANCE * sqrt(2.0 / self.samples)
         return self.with_mN**2 > allowed * self.without_mN**2
 

@@ -1,14 +1,14 @@
-"""A kink in a free motion, as caused by a part in the way.
+"""Detection of a kink in a free motion that a part in the path of the arm causes.
 
-Beyond x_c, where the arm meets a part of stiffness K, it does not come to its free place f:
+Beyond x_c, where the arm meets a part of stiffness K, it does not reach its free position f:
 
     x = f - c·max(0, x - x_c),    c = s_p·K
 
-so its slope falls to 1/(1 + c) of the slope below x_c. It does so at one position, on the way up
-and on the way down, while hysteresis makes f arrive there at different voltages. Both facts are
-used: f is composed of columns of the voltage (plays, creep, u²) and of x² and x³, with which
-branches may bend freely, but not break. The residual of x is then explained by a break at each of
-many positions, of which the best is evaluated.
+so the slope beyond x_c is 1/(1 + c) of the slope below it. The kink lies at the same position while
+the arm moves up and down, although hysteresis makes f reach it at different voltages. Both facts
+are used: f is a linear combination of functions of the voltage (plays, creep, u²) and of x² and x³,
+which can represent any smooth curvature of the branches but no kink. A kink is then fitted to the
+residual of x at each of many positions, and the best fit is evaluated.
 """
 
 from typing import NamedTuple
@@ -26,15 +26,15 @@ from pincette.control.response.play_fit import (
 )
 
 PLACES = 60
-"""Number of positions at which a break is tried, evenly over the range without its edges."""
+"""Number of positions at which a kink is tried, evenly spaced over the range without its ends."""
 EDGE = 0.03
-"""Share of the range at each end in which no break is tried."""
+"""Fraction of the range at each end in which no kink is tried."""
 RIDGE = 1e-6
 LEAST_SOFTENING = 0.07
-"""Least softening c; at 2.17 µm/mN a part of 0.03 mN/µm."""
+"""Smallest softening c. At 2.17 µm/mN it corresponds to a part of 0.03 mN/µm."""
 LEAST_EXPLAINED = 1.12
-"""Least ratio of the residual's r.m.s. without the break to that with it. Without a part a break
-lowers it by up to 5 %, whatever the class of the hysteresis; with one by 18 % and more."""
+"""Smallest ratio of the residual's r.m.s. without the kink to that with it. Without a part a kink
+reduces it by up to 5 %, whatever the class of hysteresis; with a part by at least 18 %."""
 
 
 class ContactKink(NamedTuple):
@@ -43,7 +43,7 @@ class ContactKink(NamedTuple):
     x_um: float
     """Position x_c of the kink, in µm."""
     voltage_V: float
-    """Mean voltage at which the arm arrives there on its ways up, in V."""
+    """Mean voltage at which the arm reaches that position while it moves up, in V."""
     softening: float
     """Softening c = s_p·K, without unit."""
 
@@ -56,14 +56,15 @@ class ContactKink(NamedTuple):
 def contact_kink(
     voltage_V: Column, x_um: Column, period_s: float, course: slice | None = None
 ) -> ContactKink | None:
-    """Find the break of a motion of matched ages; None if there is no significant one.
+    """Find the kink in a motion recorded with matched ages; None if none is significant.
 
     Parameters
     ----------
     voltage_V, x_um
         N samples in V and µm, finite.
     course
-        Part of it whose travel the plays are spread over; from its full travel on they are known.
+        Samples over whose travel the thresholds of the plays are spread. Once the voltage has
+        covered this travel, the plays are known.
     """
     course = course or slice(len(voltage_V))
     columns, known = _columns(voltage_V, x_um, period_s, course)
@@ -91,7 +92,7 @@ def contact_kink(
 def _columns(
     u: Column, x: Column, period_s: float, course: slice
 ) -> tuple[NDArray[np.float64], int]:
-    """Return the columns of f, and the first sample from which every play is known."""
+    """Return the columns that represent f, and the first sample from which every play is known."""
     thresholds, fadings = [0.0], [0.0]
     travel_V = float(np.ptp(u[course]))
     for share in (0.0, YIELDING):
@@ -115,6 +116,6 @@ def _ridged(columns: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _projected(across: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the part of columns outside the space of f; the ridge's rows are below them."""
+    """Return the component of columns orthogonal to those of f; the last rows are the ridge's."""
     padded = np.vstack([values, np.zeros((len(across) - len(values), values.shape[1]))])
     return padded - across @ (across.T @ padded)

@@ -1,10 +1,11 @@
-"""Growth of a free response model's error with the way of the voltage since a zero.
+"""Growth of a free response model's error with the voltage travel since a zero.
 
-A zero removes the error that the model has there; its later error is a difference of two errors,
+A zero removes the error that the model has at that moment. The later error is a difference of two
+errors,
 
     E(w) = √⟨[r(t) - r(t_0)]²⟩,    |u(t) - u(t_0)| = w,    r = x - x_1
 
-over grips that are rehearsed without a part, with t_0 the time at which they would be zeroed.
+as a mean over grips rehearsed without a part, where t_0 is the time at which they would be zeroed.
 ``model_errors.rehearsed_errors`` computes it, the estimator uses it.
 """
 
@@ -15,19 +16,21 @@ from typing import NamedTuple
 from pincette.control.checks import require_as_many
 
 COVERAGE = 2.0
-"""Coverage factor of an uncertainty: about 95 % where its parts are normal and well known."""
+"""Coverage factor of an uncertainty: about 95 % if its contributions are normally distributed and
+well known."""
 NORMAL_95 = 1.96
-"""Deviation of a normal quantity that is exceeded in 5 %, in standard deviations."""
+"""Deviation of a normally distributed quantity that is exceeded in 5 % of cases, in standard
+deviations."""
 TURN_V = 0.2
-"""Fall of the voltage, in V, over which the slope after a turn is measured: twice the change that
-creep causes in the voltage of a hold of some seconds."""
+"""Decrease of the voltage, in V, over which the slope after a turning point is measured. It is
+twice the change that creep causes in the voltage during a hold of some seconds."""
 
 
 def coverage(freedom: float) -> float:
-    """Return the coverage factor for 95 % by Student's t of so many degrees of freedom, above 1.
+    """Return the coverage factor for 95 % by Student's t, for more than 1 degree of freedom.
 
-    By the series of R. A. Fisher and E. A. Cornish, which is off by 0.3 % at 4; at least
-    ``COVERAGE``.
+    It is computed by the series of R. A. Fisher and E. A. Cornish, whose error is 0.3 % for 4
+    degrees of freedom, and is at least ``COVERAGE``.
     """
     z = NORMAL_95
     terms = (
@@ -40,7 +43,7 @@ def coverage(freedom: float) -> float:
 
 
 def widening(rehearsals: int) -> float:
-    """Return the factor by which ``COVERAGE`` covers an error that so few rehearsals have shown.
+    """Return the factor to multiply ``COVERAGE`` by for an error known from so few rehearsals.
 
     0 stands for so many rehearsals that their number does not matter.
     """
@@ -48,27 +51,27 @@ def widening(rehearsals: int) -> float:
 
 
 class ShownError(NamedTuple):
-    """Standard error of x_1 as rehearsals have shown it."""
+    """Standard error of x_1 as observed in rehearsals."""
 
     error_um: float
     rehearsals: int = 0
-    """Number of those rehearsals; 0: enough."""
+    """Number of those rehearsals; 0: so many that the number does not matter."""
     until_s: float = 0.0
-    """As in ``ErrorGrowth``."""
+    """Age of the zero up to which the error holds, in s; see ``ErrorGrowth``."""
 
 
 class ErrorGrowth(NamedTuple):
-    """E(w) at some ways w; straight lines in between, from 0 at 0, constant beyond the last."""
+    """E(w) for some values of w; linear in between, 0 at 0 and constant beyond the last value."""
 
     ways_V: tuple[float, ...]
-    """Ways of the voltage, in V; they rise from above 0."""
+    """Values of the voltage travel w, in V; rising, the first above 0."""
     errors_um: tuple[float, ...]
-    """Standard error at each way, in µm; they never fall."""
+    """Standard error for each voltage travel, in µm; it never decreases."""
     until_s: float = 0.0
-    """Age of the zero up to which the errors hold, in s; creep adds to them from there on."""
+    """Age of the zero up to which the errors hold, in s. Afterwards creep is added."""
 
     def at(self, way_V: float) -> float:
-        """Return the standard error of x_1 at that distance from the zero, in µm."""
+        """Return the standard error of x_1 at a voltage travel since the zero, in µm."""
         from_V = from_um = 0.0
         for to_V, to_um in zip(self.ways_V, self.errors_um, strict=True):
             if way_V <= to_V:
@@ -89,7 +92,8 @@ def checked_growth(
     Raises
     ------
     ValueError
-        If lengths disagree, there are none, ways do not rise from above 0, or errors fall.
+        If the lengths differ or are 0, the voltage travel is not positive and rising, or the errors
+        decrease.
     """
     require_as_many("ways of the voltage", ways_V, "errors", errors_um)
     if not ways_V:

@@ -1,8 +1,9 @@
 """Calibration of the free response: measured gain, loop and creep, and the identified model.
 
-The model is identified from the course alone. The settled cycles, which it was not fitted to, give
-the gain d_p, of the arm and of the model. A motion that breaks as if a part were in the way is
-refused, unless an operator has confirmed that there is none.
+The model is identified from the first part of the record, the course. The settled cycles are not
+used for the fit; they give the gain d_p of the arm and of the model. A motion with a kink, as a
+part in the path of the arm causes it, is refused unless an operator has confirmed that there is no
+part.
 """
 
 from collections.abc import Sequence
@@ -41,14 +42,14 @@ from pincette.control.response.model_errors import (
 )
 
 CREEP_FROM_S = 0.1
-"""Time since the end of the step, in s, from which creep is fitted; before it the arm still swings.
-"""
+"""Time since the end of the step, in s, from which creep is fitted. Before it the arm still
+rings."""
 BEFORE_S = 0.5
-"""End of the rest before the step, in s, over which the arm's position is averaged."""
+"""Time before the step, in s, over which the arm's position is averaged."""
 
 LARGEST_RESIDUAL = 0.02
-"""Largest residual of a model in addition to noise, as a share of the range; actuators of any class
-of hysteresis leave 0.1 to 1 %."""
+"""Largest residual of a model in addition to noise, as a fraction of the range. Typical residuals
+are 0.1 to 1 % for all classes of hysteresis."""
 NOISES = 3.0
 
 Column = NDArray[np.float64]
@@ -58,8 +59,9 @@ Column = NDArray[np.float64]
 class FreeMotion:
     """One record of a free arm, N samples of matched ages: ``voltage_V[k]`` led to ``x_um[k]``.
 
-    It begins with the course that the model is identified from. Its slices are the cycles and the
-    presses at full amplitude, the rest before the step, the rest after it, and the rehearsed grips.
+    It begins with the course, the samples from which the model is identified. The slices select the
+    cycles and the presses at full amplitude, the rest before the step, the rest after it, and the
+    rehearsed grips.
     """
 
     voltage_V: Sequence[float] | Column
@@ -76,43 +78,44 @@ class FreeMotion:
 
 @dataclass(frozen=True, slots=True)
 class FreeCalibration:
-    """Results of the free motion."""
+    """Results of the calibration from a free motion."""
 
     gain: SecantGain
     """Gain d_p of the arm."""
     creep: Creep
     model: HysteresisModel
     model_residual_um: float
-    """R.m.s. error over the part of the course that the model was not fitted to, in µm."""
+    """R.m.s. error in µm over the samples of the course that were not used for the fit."""
     model_gain: SecantGain
-    """Gain of the model in the same cycles, which may reach beyond the course's voltages."""
+    """Gain of the model in the same cycles, whose voltages may exceed those of the course."""
     press_gain: float
-    """Ratio of the measured stroke of the presses to that of the model."""
+    """Ratio of the measured stroke of the presses to the stroke of the model."""
     cycles_residual_um: float
-    """R.m.s. of the cycles about the model, without its mean, in µm."""
+    """R.m.s. deviation of the cycles from the model, without its mean, in µm."""
     line_error: Value
-    """Error of a straight line in place of the model, as a share of the travel."""
+    """Error of a straight line used instead of the model, as a fraction of the travel."""
     forgetting: Forgetting
-    """Error of the model under a small to-and-fro motion."""
+    """Error of the model after a small alternating motion."""
     rehearsed: Rehearsed
-    """Errors of the model since a zero."""
+    """Errors of the model after a zero, from rehearsed grips."""
     return_error_um: float | None
-    """Error of the model at the place of the zero on the way back, in µm: the larger one of grips
-    with and without strokes; see ``return_error``."""
+    """Error of the model, in µm, when the arm returns to the position of its zero: the larger one
+    of grips with and without strokes; see ``return_error``."""
     turn_error_um_per_V: float | None
-    """Error of the slope of the model just after a turn, in µm/V; see ``turn_error``."""
+    """Error of the model's slope just after a turning point, in µm/V; see ``turn_error``."""
     branch: ConditionedBranch | None
     """Rising branch after conditioning strokes; None without strokes."""
     unpoled: bool
-    """True if the model was fitted to an actuator that began without a memory."""
+    """True if the model was fitted under the assumption that the actuator had no memory at the
+    start."""
     t_s: Column
     voltage_V: Column
     x_um: Column
     model_um: Column
-    """Positions of the model over the whole record, in µm, with the mean of ``x_um`` over the
-    course."""
+    """Positions of the model over the whole record, in µm; their mean over the course is that of
+    ``x_um``."""
     kink: ContactKink | None = None
-    """Break of the motion, if an operator has confirmed that no part was there."""
+    """Kink in the motion, if an operator has confirmed that there was no part."""
 
 
 def calibrate_free_response(
@@ -122,24 +125,25 @@ def calibrate_free_response(
     unpoled: bool | None = None,
     no_part: bool = False,
 ) -> FreeCalibration:
-    """Return gain, loop, creep and model of a free motion.
+    """Return gain, hysteresis loop, creep and model of a free motion.
 
     Parameters
     ----------
     unpoled
-        True if the actuator began at 0 V without a memory, as one that has not moved since it was
-        switched on. None selects the case with the smaller residual over motion that the model was
-        not fitted to.
+        True if the actuator began at 0 V without a memory, because it has not moved since it was
+        switched on. None selects the assumption with the smaller residual over samples that were
+        not used for the fit.
     no_part
-        True if an operator has confirmed that no part is in the gripper. A break of the motion,
-        which free arms of some classes of hysteresis show too, is then returned as ``kink``.
+        True if an operator has confirmed that no part is in the gripper. A kink in the motion,
+        which free arms with some classes of hysteresis show too, is then returned as ``kink``.
 
     Raises
     ------
     ValueError
-        As ``identify_free_response``, ``secant_gain`` and ``creep_after_step``; if the motion
-        breaks at one position as if a part were in the way and ``no_part`` is false, or the
-        residual of the model exceeds noise and ``LARGEST_RESIDUAL``.
+        For the reasons given in ``identify_free_response``, ``secant_gain`` and
+        ``creep_after_step``; if the motion has a kink at one position, as a part causes it, and
+        ``no_part`` is false; or if the residual of the model exceeds noise and
+        ``LARGEST_RESIDUAL``.
     """
     u = np.asarray(motion.voltage_V, dtype=np.float64)
     x = np.asarray(motion.x_um, dtype=np.float64)
@@ -205,7 +209,7 @@ def calibrate_free_response(
 
 
 def kink_text(kink: ContactKink) -> str:
-    """Describe the break of a free motion in words."""
+    """Describe the kink of a free motion in words."""
     return (
         f"the motion changes its slope at {kink.x_um:.1f} µm ({kink.voltage_V:.2f} V on the "
         "way up), on each way up and down: beyond it the arm moves by "
@@ -214,7 +218,7 @@ def kink_text(kink: ContactKink) -> str:
 
 
 def _noise_um(creep: Creep) -> float:
-    """Return the noise between neighbouring samples, in µm; slow vibration does not count."""
+    """Return the noise from differences of successive samples, without slow vibration, in µm."""
     return float(np.std(np.diff(creep.line.residuals))) / sqrt(2.0)
 
 
@@ -243,7 +247,7 @@ def _identified(
 
 
 def _creep(u: Column, x: Column, motion: FreeMotion) -> Creep:
-    """Return the creep since the middle of the step; each part creeps from its own time on."""
+    """Return the creep since the middle of the step; each creep time counts from that moment."""
     step_from, step_to = motion.before_step.stop, motion.after_step.start
     step = slice(step_from - 1, step_to + 1)
     made = np.abs(np.diff(u[step]))

@@ -1,8 +1,8 @@
 """The free response x_1, the position of the arm by the voltage alone, and its linear model.
 
 The linear model is a straight line through the last zero, with the slope of the branch of the
-hysteresis loop on which the arm arrived there. Its error grows as the branch bends and the arm
-creeps, and it becomes wrong where the voltage reverses; ``error_um`` states that.
+hysteresis loop on which the arm arrived there. Its error grows as the branch curves and the arm
+creeps, and the model becomes wrong when the voltage reverses. ``error_um`` includes these errors.
 """
 
 from abc import abstractmethod
@@ -17,29 +17,28 @@ from pincette.control.record import FrozenRecord
 
 TOLERANCE_UM = 5.0
 TOLERANCE_FRACTION = 0.4
-"""Largest change of the line's offset by a zero: without travel in µm, and as a share of the
-travel."""
+"""Largest change of the line's offset by a zero: a value in µm without travel, and a fraction of
+the travel."""
 MIN_TRAVEL_V = 0.1
-"""Least travel, in V, over which the slope to a zero is measured."""
+"""Smallest travel, in V, over which the slope before a zero is measured."""
 GAIN_TOLERANCE = 0.4
-"""Largest deviation of that slope from d_p, as a share of d_p."""
+"""Largest deviation of that slope from d_p, as a fraction of d_p."""
 GROWTH_V = 0.5
-"""Travel since the zero, in V, over which the error of a model with a memory grows to its full
+"""Travel since the zero, in V, over which the error of a model with memory grows to its full
 size."""
 LEAST_TOLERANCE_UM = 0.5
 ERRORS_TOLERATED = 5.0
-"""Change of such a model's offset by a zero that is tolerated in addition to creep, in standard
+"""Largest tolerated change of such a model's offset by a zero, in addition to creep, in standard
 errors."""
 
 
 class FreeSample(NamedTuple):
-    """A position of the arm free of contact, and the voltage that led to it (of k-1, for x_k)."""
+    """A position of the arm free of contact, and the voltage that caused it (of k-1 for x_k)."""
 
     voltage_V: float
     x_um: float
     displacement_um: float = 0.0
-    """Displacement of a model with a memory along the path to the voltage, without offset, in µm.
-    """
+    """Displacement of a model with memory along the path to the voltage, without offset, in µm."""
 
 
 class FreeResponse(Protocol):
@@ -69,7 +68,7 @@ class FreeResponse(Protocol):
         ...
 
     def displacement_um(self) -> float:
-        """Return a memory's displacement at the newest voltage, without offset, in µm."""
+        """Return the displacement of a model with memory, without offset, in µm."""
         ...
 
     def error_um(self) -> float:
@@ -82,26 +81,26 @@ class FreeResponse(Protocol):
 
     @property
     def remembers(self) -> bool:
-        """Return whether the model follows every branch, so that its error is known on each."""
+        """Return whether the model represents every branch, so that its error is known on each."""
         ...
 
     def residual_um(self, sample: FreeSample) -> float:
-        """Return x - x_1 of a sample, from the present zero."""
+        """Return x - x_1 of a sample, relative to the present zero."""
         ...
 
     def begin(self, x_um: float) -> Self:
-        """Put x_1 at ``x_um`` until the first zero; the memory of the model stays."""
+        """Set x_1 to ``x_um`` until the first zero. The memory of the model is kept."""
         ...
 
     def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> Self:
-        """Set the offset of x_1 so that it equals the rest at the end of ``samples``."""
+        """Set the offset so that x_1 equals the mean position at the end of ``samples``."""
         ...
 
     def zero_tolerance_um(self, creep_um: float) -> float:
-        """Return how far a zero here may move the offset by hysteresis and creep alone.
+        """Return by how much hysteresis and creep alone may change the offset in a zero here.
 
-        A larger change must have another cause, such as a part that presses. ``creep_um`` is the
-        largest possible motion of the arm since the last zero by creep that x_1 does not follow.
+        A larger change must have another cause, such as a part in contact. ``creep_um`` is the
+        largest possible motion of the arm since the last zero by creep that x_1 does not contain.
         """
         ...
 
@@ -113,23 +112,24 @@ class LinearResponse(FrozenRecord, frozen=True):
     gain_um_per_V: float
     zero_V: float
     nominal_um_per_V: float
-    """Nominal gain d_p, in µm/V: used if no gain could be measured, and the reference for a
-    measured one."""
+    """Nominal gain d_p, in µm/V. It is used if no gain could be measured, and a measured gain is
+    compared with it."""
     hysteresis_fraction: float = 0.0
-    """Standard error of the line, as a share of the furthest travel since the zero."""
+    """Standard error of the line, as a fraction of the largest travel since the zero."""
     voltage_V: float = 0.0
     """Newest voltage, in V."""
     reach_V: float = 0.0
-    """Largest distance of the voltage from that of the last zero, in V, kept over a new start."""
+    """Largest distance of the voltage from that of the last zero, in V; kept when the line begins
+    again."""
 
     def updated(self, voltage_V: float, _dt_s: float, /) -> "LinearResponse":
-        """Update the line by the voltage; time does not matter to it."""
+        """Update the line by the voltage; the line does not depend on time."""
         reach_V = max(self.reach_V, abs(voltage_V - self.zero_V))
         return replace(self, voltage_V=voltage_V, reach_V=reach_V)
 
     @property
     def remembers(self) -> bool:
-        """Return False: on the way back and on a short way its error is unknown."""
+        """Return False: the error of the line is unknown after a reversal or a short travel."""
         return False
 
     def position_um(self) -> float:
@@ -137,11 +137,11 @@ class LinearResponse(FrozenRecord, frozen=True):
         return free_position(self, self.voltage_V)
 
     def displacement_um(self) -> float:
-        """Return 0: a line remembers no path."""
+        """Return 0: a line has no memory."""
         return 0.0
 
     def error_um(self) -> float:
-        """Return a share of gain·max|u - u_zero|: the way back has a separate branch."""
+        """Return a fraction of gain·max|u - u_zero|: after a reversal the branch differs."""
         return self.hysteresis_fraction * self.gain_um_per_V * self.reach_V
 
     def sample(self, x_um: float) -> FreeSample:
@@ -155,8 +155,8 @@ class LinearResponse(FrozenRecord, frozen=True):
     def begin(self, x_um: float) -> "LinearResponse":
         """Return the line of slope d_p through ``x_um`` at the newest voltage.
 
-        The furthest travel stays: an arm with remanence may begin far from where it was before that
-        travel, and its error on the way back is as large.
+        The largest travel is kept. An arm with remanence may begin far from its position before
+        that travel, and its error while it returns is as large.
         """
         return replace(
             self,
@@ -168,8 +168,8 @@ class LinearResponse(FrozenRecord, frozen=True):
     def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> "LinearResponse":
         """Return the line through the rest that ends ``samples``, with the gain of the last branch.
 
-        The gain is the slope from the rest to the mean of those samples of the last branch that lie
-        between one and two ``MIN_TRAVEL_V`` away. A gain that differs from d_p by more than
+        The gain is the slope between the rest and the mean of those samples of the last branch that
+        lie one to two ``MIN_TRAVEL_V`` away from it. A gain that differs from d_p by more than
         ``GAIN_TOLERANCE``, or that could not be measured, is replaced by d_p.
 
         Parameters
@@ -201,14 +201,14 @@ class LinearResponse(FrozenRecord, frozen=True):
 class MemoryResponse(FrozenRecord, frozen=True, kw_only=True):
     """x_1 = offset + displacement of a model that remembers the path of the voltage.
 
-    A zero moves the offset alone. Creep bends the branch that leads to it, so that a gain measured
-    there misses the slope of the next stroke by more than the model does.
+    A zero changes the offset only. Creep distorts the branch before the zero, so that a gain
+    measured there would be less accurate for the next stroke than the model.
     """
 
     nominal_um_per_V: float
     """Nominal gain d_p, in µm/V."""
     model_error_um: float
-    """R.m.s. error of the model over free motion that it was not fitted to, in µm."""
+    """R.m.s. error of the model over free motion that was not used for the fit, in µm."""
     offset_um: float = 0.0
     zero_V: float = 0.0
 
@@ -247,17 +247,17 @@ class MemoryResponse(FrozenRecord, frozen=True, kw_only=True):
         return sample.x_um - self.offset_um - sample.displacement_um
 
     def begin(self, x_um: float) -> Self:
-        """Move the offset so that x_1 is ``x_um``."""
+        """Change the offset so that x_1 is ``x_um``."""
         return replace(self, offset_um=x_um - self.displacement_um(), zero_V=self._voltage_V())
 
     def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> Self:
-        """Move the offset so that x_1 goes through the rest; raises ValueError without one."""
+        """Set the offset so that x_1 equals the rest; raises ValueError without a rest."""
         rest = rest_mean(samples, rest_samples)
         offset_um = rest.x_um - rest.displacement_um
         return replace(self, offset_um=offset_um, zero_V=rest.voltage_V)
 
     def zero_tolerance_um(self, creep_um: float) -> float:
-        """Return five standard errors plus creep, at least 0.5 µm."""
+        """Return five standard errors plus creep, but at least 0.5 µm."""
         return max(LEAST_TOLERANCE_UM, ERRORS_TOLERATED * self.error_um() + creep_um)
 
 
@@ -270,12 +270,12 @@ def nominal_response(
 
 
 def free_position(model: LinearResponse, voltage_V: float) -> float:
-    """Return the displacement x_1 by the voltage alone, in µm."""
+    """Return the displacement x_1 that the voltage alone causes, in µm."""
     return model.offset_um + model.gain_um_per_V * (voltage_V - model.zero_V)
 
 
 def rest_mean(samples: Sequence[FreeSample], rest_samples: int) -> FreeSample:
-    """Return the mean of the last ``rest_samples``.
+    """Return the mean of the last ``rest_samples`` samples.
 
     Raises ValueError if there are fewer samples.
     """
@@ -290,14 +290,14 @@ def rest_mean(samples: Sequence[FreeSample], rest_samples: int) -> FreeSample:
 
 
 def _branch_gain(samples: Sequence[FreeSample], end: int, rest: FreeSample) -> float | None:
-    """Return the slope over the branch that leads to the rest, in µm/V; None if it is too short."""
+    """Return the slope of the branch that leads to the rest, in µm/V; None if it is too short."""
     furthest_V = voltage_V = x_um = 0.0
     count = 0
     for index in range(end - 1, -1, -1):
         sample = samples[index]
         travel_V = abs(sample.voltage_V - rest.voltage_V)
         furthest_V = max(furthest_V, travel_V)
-        # Back in time the travel grows until the last reversal; a fifth allows for noise.
+        # Backwards in time the travel grows until the last reversal; a fifth allows for noise.
         if travel_V > 2.0 * MIN_TRAVEL_V or travel_V < furthest_V - 0.2 * MIN_TRAVEL_V:
             break
         if travel_V >= MIN_TRAVEL_V:

@@ -1,24 +1,23 @@
 """Hysteresis and creep of a piezoelectric arm: Prandtl-Ishlinskii operator and linear creep.
 
-With u in V, the displacement in µm, and thresholds r_i, over a piece of voltage that rises or
-falls throughout by |Δu|:
+With u in V, the displacement in µm, and thresholds r_i, while the voltage rises or falls
+monotonically by |Δu|:
 
     play           z_i = u - y_i;   dz_i/du = 1 - λ_i·z_i·sign(du)  within  |z_i| ≤ r_i,
                    and  dz_i/du = 1 - μ_i·z_i·sign(du)  while |z_i| falls
-    static         y = q·u² + Σ [w_i·y_i + g_i(y_i)],  r_0 = 0 being the linear part
-    bend           g_i(y) = a_i·y² + b_i·y³ between two voltages, going on straight beyond them
-    creep          τ_j·ċ_j = y - c_j
-    displacement   y + Σ κ_j·c_j
+    static         y = q·u² + Σ [w_i·y_i + g_i(y_i)],  r_0 = 0 being the linear part bend
+    g_i(y) = a_i·y² + b_i·y³ between two voltages, straight beyond them creep          τ_j·ċ_j = y -
+    c_j displacement   y + Σ κ_j·c_j
 
-Without fading, λ_i = 0, these are the plays of Prandtl and Ishlinskii, y_i ← max(u - r_i,
-min(u + r_i, y_i)), which return from a small loop to where they were. With fading a play that does
-not yield loses its memory as the voltage travels, by e^(-λ_i·|Δu|), so that small loops erase the
-memory of large ones, and each starts with its own slope (accommodation). A play with r_i·λ_i ≥ 1
-never yields: its z tends to 1/λ_i. Such a play is the operator of Dahl, and with a separate rate
-μ_i on the way back to z = 0 that of Bouc and Wen, whose b and g are (λ + μ)/2 and (λ - μ)/2. The
-curvature q bends rising and falling branches equally. Loops of plays without bends are equally wide
-at every voltage; with bends they are not: a Preisach operator of any density is a sum of functions
-g_i of plays.
+Without fading, λ_i = 0, these are the play operators of Prandtl and Ishlinskii, y_i ← max(u - r_i,
+min(u + r_i, y_i)), which return to their previous state after a small loop. With fading, a play
+that does not yield loses its memory by e^(-λ_i·|Δu|) as the voltage changes, so that small loops
+erase the memory of large ones, and each loop begins with a different slope (accommodation). A play
+with r_i·λ_i ≥ 1 never yields: its z tends to 1/λ_i. Such a play is the Dahl operator; with a
+separate rate μ_i while z returns to 0 it is the Bouc-Wen operator, whose b and g are (λ + μ)/2 and
+(λ - μ)/2. The curvature q has the same effect on rising and falling branches. Loops of plays
+without the functions g_i, the bends, are equally wide at every voltage. With them the width depends
+on the voltage: a Preisach operator of any density is a sum of functions g_i of plays.
 
 The plays depend on the path of the voltage alone, not on its speed; the creep states are linear.
 Sources: M. Brokate and J. Sprekels, Hysteresis and Phase Transitions, Springer 1996, chapter 2;
@@ -39,14 +38,15 @@ from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.record import FrozenRecord
 
 ROUNDED = 1e-2
-"""Share by which r·λ of a play that never yields may be below 1, for rounded numbers in a file."""
+"""Fraction by which r·λ of a play that never yields may be below 1, for rounded numbers in a
+file."""
 
 
 @dataclass(frozen=True, slots=True)
 class HysteresisModel:
-    """Coefficients of the operator; the first threshold is 0 and makes the linear part.
+    """Coefficients of the operator. The first threshold is 0 and belongs to the linear part.
 
-    Plays of one threshold may differ in their fading.
+    Plays with equal thresholds may differ in their fading.
 
     Raises
     ------
@@ -64,10 +64,10 @@ class HysteresisModel:
     creep_times_s: tuple[float, ...] = ()
     """Time constant τ_j of each creep state, in s."""
     creep_fractions: tuple[float, ...] = ()
-    """Fraction κ_j of each creep state, as a share of the static displacement."""
+    """Amplitude κ_j of each creep state, as a fraction of the static displacement."""
     fadings_per_V: tuple[float, ...] = ()
-    """Fading λ_i of each play, in 1/V; empty if none fades. That of the linear part, which has no
-    memory, is 0."""
+    """Fading λ_i of each play, in 1/V; empty if no play fades. The fading of the linear part, which
+    has no memory, is 0."""
     curvature_um_per_V2: float = 0.0
     """Curvature q, in µm/V²."""
     squares_um_per_V2: tuple[float, ...] = ()
@@ -75,7 +75,8 @@ class HysteresisModel:
     cubes_um_per_V3: tuple[float, ...] = ()
     """Coefficient b_i of each bend, in µm/V³; empty without bends."""
     bent_V: tuple[float, float] = (0.0, 0.0)
-    """Lowest and highest value of a play between which the bends hold, in V."""
+    """Range of a play's value in which the bends are polynomials, in V; they are straight beyond
+    it."""
     return_fadings_per_V: tuple[float, ...] = ()
     """Fading μ_i of each play while |z_i| falls, in 1/V; empty if it equals λ_i."""
 
@@ -127,9 +128,9 @@ def start(model: HysteresisModel) -> HysteresisState:
 def step(
     model: HysteresisModel, state: HysteresisState, voltage_V: float, dt_s: float
 ) -> HysteresisState:
-    """Return the memory after the voltage went straight to ``voltage_V`` and stayed for ``dt_s``.
+    """Return the memory after a monotonic change to ``voltage_V``, held for ``dt_s``.
 
-    A change du of the voltage between the thresholds, in however many parts, changes z to
+    A change du of the voltage between the thresholds, in one or several parts, changes z to
 
         z·e^(-λ·|du|) + sign(du)·(1 - e^(-λ·|du|))/λ
 
@@ -146,7 +147,7 @@ def step(
 def _yielded(
     model: HysteresisModel, state: HysteresisState, u: float
 ) -> tuple[Sequence[float], float]:
-    """Return the plays after the voltage went straight to u, and their static displacement."""
+    """Return the plays after a monotonic change to u, and their static displacement."""
     plays, before = state.plays_V, state.voltage_V
     if u == before:
         return plays, state.static_um
@@ -156,12 +157,12 @@ def _yielded(
     static_um = model.curvature_um_per_V2 * u * u
     fadings = model.fadings_per_V or repeat(0.0)
     returns = model.return_fadings_per_V or fadings
-    # Most of a tick is spent here: few names, few calls. Not strict: without fading the zeros
-    # have no end.
+    # Most time of a tick is spent here: few names, few calls. Not strict: without fading the zeros
+    # are an endless iterator.
     for place, r, w, y, fading, returning in zip(
         count(), model.thresholds_V, model.weights_um_per_V, plays, fadings, returns, strict=False
     ):
-        if y == before + sign * r:  # it yields already, and does so from here on
+        if y == before + sign * r:  # The play yields already, and continues to do so.
             play = u + sign * r
         elif fading:
             z, way_V = before - y, back_V
@@ -188,7 +189,7 @@ def _yielded(
 
 
 def _returned(z_V: float, returning_per_V: float, back_V: float) -> tuple[float, float]:
-    """Return z after a way that makes |z| fall, and the remaining way; both ways are negative.
+    """Return z after a voltage change that reduces |z|, and the rest of the change; both negative.
 
     d|z| = -(1 + μ·|z|)·|du| as far as z = 0.
     """
@@ -213,7 +214,7 @@ def _bends_um(model: HysteresisModel, plays_V: Sequence[float]) -> float:
 
 
 def bend_um(square: float, cube: float, low_V: float, high_V: float, y: float) -> float:
-    """Return g(y) = a·y² + b·y³ in µm between two voltages, continued straight beyond them."""
+    """Return g(y) = a·y² + b·y³ in µm between two voltages, and its tangent beyond them."""
     within = y if y < high_V else high_V
     within = within if within > low_V else low_V
     bent = (square + cube * within) * within * within
@@ -225,7 +226,7 @@ def bend_um(square: float, cube: float, low_V: float, high_V: float, y: float) -
 def displacements_after(
     model: HysteresisModel, state: HysteresisState, dt_s: float
 ) -> Callable[[float], float]:
-    """Return a function from voltage to the displacement in µm that ``step`` would give."""
+    """Return a function from voltage to the displacement in µm after a ``step`` to that voltage."""
     factors = creep_factors(model.creep_times_s, dt_s)
     creep = list(zip(model.creep_fractions, state.creep_um, factors, strict=True))
 
@@ -254,7 +255,7 @@ def creep_factors(creep_times_s: tuple[float, ...], dt_s: float) -> tuple[float,
 
 
 class _Play(NamedTuple):
-    """Coefficients of one play, by which plays are sorted."""
+    """Coefficients of one play, in the order used for sorting."""
 
     threshold_V: float
     fading_per_V: float
@@ -263,7 +264,7 @@ class _Play(NamedTuple):
 
 
 def _require_possible(plays: list[_Play]) -> None:
-    """Check that an actuator with these plays is possible; raises ValueError."""
+    """Check that an actuator with these plays is physically possible; raises ValueError."""
     linear = plays[0]
     for name, fading in (
         ("fading", linear.fading_per_V),
@@ -283,13 +284,13 @@ def _require_possible(plays: list[_Play]) -> None:
             raise ValueError(
                 f"threshold {play.threshold_V} V with fading {play.fading_per_V} per V occurs twice"
             )
-    # A branch that has passed r_i moves all plays up to it, so its slope is their sum.
+    # A rising voltage that has passed r_i moves all plays up to r_i, so its slope is their sum.
     slope = 0.0
     for play in ascending:
         slope += play.weight_um_per_V
         require_positive(f"slope up to {play.threshold_V} V", slope, "µm/V")
-    # At a turn all plays are at their thresholds, and their fading acts the other way.
-    # Plays that never yield are left out: an arm of Bouc-Wen hysteresis with a wide loop goes on
+    # At a turning point all plays are at their thresholds, and their fading acts in reverse.
+    # Plays that never yield are left out: an arm with a wide Bouc-Wen loop continues to move
     # for a moment when its voltage turns.
     slope = linear.weight_um_per_V
     for threshold, fading, returning, weight in plays:

@@ -1,4 +1,4 @@
-"""Hysteresis and creep over a whole recorded motion: ``hysteresis.step`` in columns."""
+"""Hysteresis and creep over a whole recorded motion: ``hysteresis.step`` for arrays."""
 
 from collections.abc import Sequence
 from math import copysign
@@ -11,7 +11,7 @@ from pincette.control.response.hysteresis import HysteresisModel, creep_factors
 Column = NDArray[np.float64]
 
 YIELDS_WITHIN = 1e-12
-"""Share of its threshold within which a play counts as yielding, to allow for rounding."""
+"""Fraction of its threshold within which a play counts as yielding, to allow for rounding."""
 
 
 def simulate(model: HysteresisModel, voltage_V: Column, period_s: float) -> Column:
@@ -44,8 +44,8 @@ def play_columns(
 ) -> NDArray[np.float64]:
     """Return plays y_i in V, N × thresholds, of an actuator that starts unpoled.
 
-    Without ``fadings_per_V`` none fades; without ``return_fadings_per_V`` these equal
-    ``fadings_per_V``.
+    Without ``fadings_per_V`` no play fades. Without ``return_fadings_per_V`` the rates in both
+    directions equal ``fadings_per_V``.
     """
     fadings = tuple(fadings_per_V) or (0.0,) * len(thresholds_V)
     returning = tuple(return_fadings_per_V) or fadings
@@ -59,11 +59,11 @@ def play_columns(
     return rows
 
 
-# One play after the other in plain floats: arrays of a few plays cost ten times as much a sample.
+# Plain floats, one play after the other: arrays of a few plays cost ten times as much per sample.
 
 
 def _play(r: float, voltage_V: Column) -> list[float]:
-    """Return the states of a play that forgets nothing, of threshold ``r`` in V."""
+    """Return the states of a play without fading, with threshold ``r`` in V."""
     play, states = 0.0, list[float]()
     for u in voltage_V.tolist():
         if play > u + r:
@@ -75,9 +75,9 @@ def _play(r: float, voltage_V: Column) -> list[float]:
 
 
 def _fading_play(r: float, rate: float, returning: float | None, voltage_V: Column) -> list[float]:
-    """Return the states of a play that forgets, of threshold ``r`` in V and rates in 1/V.
+    """Return the states of a play with fading, with threshold ``r`` in V and rates in 1/V.
 
-    ``returning`` is the rate on the part of a way on which |z| falls, None for the same rate.
+    ``returning`` is the rate while |z| decreases; None for the same rate.
     """
     steps = np.diff(voltage_V, prepend=0.0)
     ways = np.abs(steps)
@@ -110,7 +110,7 @@ def _fading_play(r: float, rate: float, returning: float | None, voltage_V: Colu
 def bend_columns(
     plays_V: NDArray[np.float64], bent_V: tuple[float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return y² and y³ of plays y between two voltages, continued straight beyond them."""
+    """Return y² and y³ of plays y between two voltages, and their tangents beyond them."""
     within = np.clip(plays_V, *bent_V)
     beyond = plays_V - within
     return within * (within + 2.0 * beyond), within**2 * (within + 3.0 * beyond)
@@ -119,10 +119,10 @@ def bend_columns(
 def slopes_um_per_V(
     model: HysteresisModel, plays_V: NDArray[np.float64], voltage_V: Column
 ) -> NDArray[np.float64]:
-    """Return slopes of the static displacement in µm/V, N × 2: continuing upwards and downwards.
+    """Return slopes of the static displacement in µm/V, N × 2: for rising and for falling voltage.
 
     They belong to the states from ``play_columns``: dy/du = 2q·u + Σ (w_i + g_i')·(1 - dz_i/du),
-    where a play that yields adds its whole weight.
+    where a yielding play contributes its whole weight.
     """
     weights = np.asarray(model.weights_um_per_V)
     if model.squares_um_per_V2:
@@ -153,7 +153,7 @@ def low_passed(
 ) -> NDArray[np.float64]:
     """Return N × n columns through first-order low-passes that start at 0, J × N × n for J times.
 
-    Each value holds for the period before it: c_k = y_k + (c_(k-1) - y_k)·e^(-T/τ).
+    Each value is applied during the period before it: c_k = y_k + (c_(k-1) - y_k)·e^(-T/τ).
     """
     factors = creep_factors(tuple(times_s), period_s)
     passed = np.empty((len(factors), *columns.shape))

@@ -1,17 +1,18 @@
 """Identification of the free response from a recorded free motion, by least squares.
 
-The plays p_i(u) are known, and the displacement is linear in their weights. The creep is that of
-the static output given by the weights, so weights and creep are found together:
+The plays p_i(u) are known functions, and the displacement is linear in their weights. The creep
+follows the static output, which depends on the weights, so weights and creep are fitted together:
 
     x_k ≈ y_k + Σ κ_j·c_j(y)_k + offset,    y = q·u² + Σ (w_i·p_i + a_i·p_i² + b_i·p_i³)
 
 Neighbouring plays are nearly collinear, so a ridge regularises the solution. Weights may be
-negative, so that a branch may bend either way. The necessary condition, a displacement that rises
-with the voltage, is checked for the resulting model. The residual is that of this model, simulated.
+negative, so that a branch may have either sign of curvature. The necessary condition, a
+displacement that rises with the voltage, is checked for the resulting model. The residual is that
+of this model, simulated.
 
 The settings that least squares cannot give (the families of plays, the rates of a play that never
-yields, curvature, bends and ridge) are chosen by motion that the coefficients were not fitted to.
-Motion that was not used for the choice either gives the residual.
+yields, curvature, bends and ridge) are chosen on samples that were not used to fit the
+coefficients. The residual is computed from further samples that were used for neither.
 """
 
 from collections.abc import Callable, Sequence
@@ -40,31 +41,32 @@ from pincette.control.response.play_fit import (
 )
 
 LEAST_SHARE = 0.1
-"""Smallest travel of the test part, as a share of the record's travel; a rest there would show
-nothing."""
+"""Smallest travel in the test samples, as a fraction of the record's travel. Samples of a rest
+would not test the model."""
 SHARE_OF_CHOICE = 0.25
-"""Share of the record before the test part by which families, curvature and ridge are chosen."""
+"""Fraction of the record, before the test samples, on which families, curvature and ridge are
+chosen."""
 HELD_OUT = 0.25
-"""Share of the record, at its end, that the coefficients are not fitted to."""
+"""Fraction of the record, at its end, that is not used to fit the coefficients."""
 PARTS = 3
-"""Number of parts of the fitted samples by which bends are chosen."""
+"""Number of parts into which the fitted samples are divided for the choice of bends."""
 POOR = 2.0
-"""Multiple of the noise above which plays do not describe an arm, so that a play that never yields
-is tried. The residual contains the noise once."""
+"""Residual, as a multiple of the noise, above which plays do not describe an arm, so that a play
+that never yields is tried. The residual contains the noise once."""
 WORTH = 0.9
-"""Largest ratio of another candidate's residual to the present one's at which it is preferred; two
-spans of one record differ by a few per cent anyway."""
+"""Ratio to the present residual that another candidate must fall below to be preferred. Two spans
+of one record differ by a few per cent anyway."""
 
 
 class Identification(NamedTuple):
-    """A model, and its r.m.s. error in µm over motion that it was not fitted to."""
+    """A model, and its r.m.s. error in µm over motion that was not used for the fit."""
 
     model: HysteresisModel
     residual_um: float
 
 
 class Candidates(NamedTuple):
-    """Candidates for the settings that least squares cannot give; simple ones first."""
+    """Candidates for the settings that least squares cannot give, the simplest first."""
 
     families: tuple[tuple[float, ...], ...] = (
         (0.0,),
@@ -72,16 +74,17 @@ class Candidates(NamedTuple):
         (YIELDING,),
         (YIELDING, 0.6, 0.5),
     )
-    """r·λ of each family of plays; several families blend several rates of forgetting."""
+    """Values of r·λ for each family of plays. A choice of several families combines several rates
+    of fading."""
     curved: tuple[bool, ...] = (False, True)
     bent: tuple[bool, ...] = (False, True)
-    """Settings of the bends to try: true if plays that forget nothing are bent, with the curvature.
-    """
+    """Settings to try for the bends: true if plays without fading have bends, with the
+    curvature."""
     ridges: tuple[float, ...] = (1e-6, 1e-4)
     """Ridge as a share of the columns' mean square; 1e-6 bounds the condition number by
     1e3·√columns."""
     beside: tuple[tuple[float, ...], ...] = ((), (0.0,))
-    """Families of plays in addition to one that never yields; empty: no such play is tried."""
+    """Families of plays combined with a play that never yields; empty: no such play is tried."""
 
 
 ALL = Candidates()
@@ -98,28 +101,28 @@ def identify_free_response(
     unpoled: bool = True,
     held_out: float = HELD_OUT,
 ) -> Identification:
-    """Fit weights and creep fractions to a free motion; state the residual of a simulation.
+    """Fit weights and creep fractions to a free motion, and compute the residual of a simulation.
 
     Parameters
     ----------
     voltage_V, x_um
-        N samples in V and µm, of matched ages: ``voltage_V[k]`` led to ``x_um[k]``, so it is the
-        one applied at k-1. The offset of x does not matter.
+        N samples in V and µm, of matched ages: ``voltage_V[k]``, the voltage applied at k-1, led to
+        ``x_um[k]``. The offset of x does not matter.
     period_s
-        From one sample to the next.
+        Time from one sample to the next.
     thresholds_V, creep_times_s
-        The linear part's 0 and the thresholds of each family; creep times. None for those of
-        ``spread_thresholds`` and ``spread_creep_times`` for travel and duration.
+        Thresholds of each family, after the 0 of the linear part, and creep times. None: values of
+        ``spread_thresholds`` and ``spread_creep_times`` for the travel and duration of the motion.
     candidates
-        Families, curvature and ridge to choose from.
+        Families, curvature and ridge from which the best are chosen.
     unpoled
-        True if the actuator begins at 0 V without a memory. Otherwise samples count from where
-        the voltage has travelled twice the largest threshold, after which it determines every
-        play, or nearly so if they fade; remaining creep from before is attributed to the
-        identified creep.
+        True if the actuator begins at 0 V without a memory. Otherwise samples are used once the
+        voltage has travelled twice the largest threshold. From then on the voltage determines every
+        play, or nearly so if plays fade. Remaining creep from before the record is attributed to
+        the identified creep.
     held_out
-        Share of the samples, at the end, from which the residual is computed. Their mean is
-        subtracted, as a zero of the estimator would do.
+        Fraction of the samples, at the end, from which the residual is computed. The mean of the
+        residual is subtracted, as a zero of the estimator would do.
 
     Raises
     ------
@@ -159,9 +162,9 @@ def _require_usable(u: Column, x: Column, threshold_V: float) -> None:
 
 
 def _choose(record: Record, fitted: int, candidates: Candidates) -> Choice:
-    """Return the best choice by its residual in the middle of the record.
+    """Return the choice with the smallest residual in the middle of the record.
 
-    A choice with more coefficients must leave clearly less.
+    A choice with more coefficients must have a clearly smaller residual.
     """
     until = int(fitted - SHARE_OF_CHOICE * len(record.u))
     choices = [Choice(*values) for values in product(*candidates[:4])]
@@ -175,20 +178,20 @@ def _choose(record: Record, fitted: int, candidates: Candidates) -> Choice:
     best = _best(plain, left)
     if candidates.beside and any(left(choice) > POOR * _noise_um(record) for choice in best):
         best = _best([*best, *_unyielding(record, until, candidates)], left)
-    # Bends have so many coefficients that they are judged over all parts of the record.
+    # Bends have so many coefficients that they are compared over all parts of the record.
     found = _best([*best, *bent], lambda choice: _left_in_turn(record, fitted, choice))[0]
     if found.rates is None:
         return found
     try:
         return found._replace(rates=fitted_rates(record, fitted, found.rates))
     except ValueError:
-        return found  # more samples do not converge: the rates of the first part stay
+        return found  # more samples do not converge: keep the rates from the first samples
 
 
 def _unyielding(record: Record, until: int, candidates: Candidates) -> list[Choice]:
     """Return the candidates with a play that never yields, its rates fitted to the first samples.
 
-    Such a play forgets by the length of the way and is never wiped out.
+    The memory of such a play decays with the distance travelled and is never erased completely.
     """
     try:
         rates = fitted_rates(record, until)
@@ -201,12 +204,12 @@ def _unyielding(record: Record, until: int, candidates: Candidates) -> list[Choi
 
 
 def _noise_um(record: Record) -> float:
-    """Return the standard deviation of the noise of a sample, by second differences."""
+    """Return the standard deviation of a sample's noise, from second differences."""
     return float(np.median(np.abs(np.diff(record.x, 2)))) / (0.6745 * sqrt(6.0))
 
 
 def _best(choices: Sequence[Choice], left: Callable[[Choice], float]) -> Sequence[Choice]:
-    """Return the choice with the least residual; a later one must leave less than ``WORTH`` of it.
+    """Return the choice with the least residual; a later one must be below ``WORTH`` of it.
 
     The result is empty if there is no choice.
     """
@@ -221,7 +224,7 @@ def _best(choices: Sequence[Choice], left: Callable[[Choice], float]) -> Sequenc
 
 
 def _left_in_turn(record: Record, end: int, choice: Choice) -> float:
-    """Return the r.m.s. residual of each part of the known samples, fitted to the others."""
+    """Return the r.m.s. residual of each part of the known samples for a fit to the others."""
     edges = np.linspace(record.known, end, PARTS + 1).astype(int)
     found: list[float] = []
     for since, until in pairwise(edges.tolist()):

@@ -1,7 +1,7 @@
-"""The free response x_1 by an identified model of hysteresis and creep.
+"""The free response x_1 from an identified model of hysteresis and creep.
 
-Its memory follows every voltage, whether the arm is free, pressed or idle, as that of an actuator
-does.
+The memory of the model is updated with every voltage, whether the arm is free, pressed or idle,
+since that of the actuator changes too.
 """
 
 from collections.abc import Sequence
@@ -29,20 +29,21 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
     model: HysteresisModel
     memory: HysteresisState
     growth: ErrorGrowth | None = None
-    """Error over the way since the zero, as identified; None for an error from the residual."""
+    """Identified error as a function of the voltage travel since the zero; None: the error is
+    derived from the residual."""
     reach_V: float = 0.0
-    """Largest distance of the voltage from that of the zero since then, in V."""
+    """Largest distance of the voltage from that of the last zero, in V."""
     branch: ConditionedBranch | None = None
-    """Rising branch of the conditioned arm; None if it is not known, so that strokes have no
+    """Rising branch of the conditioned arm. None if it is not known; strokes then have no
     effect."""
     stroked: HysteresisState | None = None
-    """Memory at the bottom of the last stroke, which the measurement of ``branch`` refers to."""
+    """Memory at the bottom of the last stroke, for which ``branch`` was measured."""
     strokes: Strokes = Strokes()
-    """Conditioning strokes that the voltage has made."""
+    """Conditioning strokes of the voltage."""
     conditioned: bool = False
     """True if the last zero was on the rising branch after conditioning strokes."""
     factor: float = 1.0
-    """Ratio of the arm's stroke to that of its calibration, by the last conditioned way."""
+    """Ratio of the arm's stroke to that of its calibration, from the last conditioned motion."""
 
     @property
     def voltage_V(self) -> float:
@@ -56,17 +57,17 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
         if self.branch is not None:
             strokes = strokes.updated(self.branch, voltage_V, dt_s)
             if strokes.complete and not self.strokes.complete and self.stroked is not None:
-                # The strokes have wiped out the past of the plays, but not that of the creep.
+                # The strokes have erased the memory of the plays, but not that of the creep.
                 memory = replace(self.stroked, creep_um=memory.creep_um)
         memory = step(self.model, memory, voltage_V, dt_s)
         return replace(self, memory=memory, reach_V=reach_V, strokes=strokes)
 
     def begin(self, x_um: float) -> Self:
-        """Move the offset so that x_1 is ``x_um``."""
+        """Change the offset so that x_1 is ``x_um``."""
         return replace(super().begin(x_um), reach_V=0.0)
 
     def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> Self:
-        """Move the offset so that x_1 goes through the rest; raises ValueError without one."""
+        """Set the offset so that x_1 equals the rest; raises ValueError without a rest."""
         moved = super().rezero(samples, rest_samples)
         reach_V = abs(self.memory.voltage_V - moved.zero_V)
         return replace(moved, reach_V=reach_V, conditioned=self.strokes.fresh)
@@ -74,7 +75,7 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
     def with_factor(self, factor: float) -> "IdentifiedResponse":
         """Return the response of an arm whose stroke is a multiple of the calibrated one.
 
-        x_1 stays where it is at the present voltage.
+        x_1 at the present voltage does not change.
         """
         at_um, changed = self.position_um(), replace(self, factor=factor)
         return replace(changed, offset_um=at_um - changed.displacement_um())
@@ -87,19 +88,19 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
         return self.factor * self.calibrated_um()
 
     def calibrated_um(self) -> float:
-        """Return the displacement with the stroke of the calibration, in µm."""
+        """Return the displacement with the stroke of the calibration, without ``factor``, in µm."""
         return displacement_um(self.model, self.memory) + self.strokes.added_um
 
     def error_um(self) -> float:
-        """Return E(max|u - u_zero|) as identified, else the error from the residual, in µm.
+        """Return E(max|u - u_zero|) as identified, or else the error from the residual, in µm.
 
-        An error of the memory on the way there remains on the way back.
+        The maximum is used because an error of the memory remains when the voltage returns.
         """
         shown = self.rehearsed()
         return widening(shown.rehearsals) * shown.error_um
 
     def rehearsed(self) -> ShownError:
-        """Return that error as rehearsals have shown it, not widened for their number."""
+        """Return that error as observed in rehearsals, not widened for their number."""
         growth, rehearsals = self.growth, 0
         if self.conditioned and self.branch is not None:
             growth, rehearsals = self.branch.errors, self.branch.rehearsals
@@ -119,7 +120,7 @@ def identified_response(
     memory: HysteresisState | None = None,
     branch: ConditionedBranch | None = None,
 ) -> IdentifiedResponse:
-    """Return the response of an actuator with a memory, at 0 V and 0 µm; None: unpoled.
+    """Return the response of an actuator with a memory, at 0 V and 0 µm; memory None: unpoled.
 
     Raises ValueError for an impossible d_p or error.
     """

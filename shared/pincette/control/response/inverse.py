@@ -19,17 +19,17 @@ from pincette.control.response.hysteresis import (
 )
 
 TOLERANCE_UM = 1e-4
-"""Tolerance of the displacement at the voltage that is found, in µm."""
+"""Tolerance of the displacement for the resulting voltage, in µm."""
 ROUNDS = 60
 REACH_V = 100.0
-"""Bound of the voltages that are searched, in V: no displacement that needs more is possible."""
+"""Bound of the voltages that are searched, in V. Displacements that need more are impossible."""
 MOST = 16
-"""Number of evaluations after which the last voltage is accepted as it is."""
+"""Number of evaluations after which the last voltage is accepted."""
 EXTRAPOLATED = 3
-"""Number of evaluations on one side after which the next one goes twice as far, to enclose the
-voltage."""
+"""Number of evaluations on one side after which the next step is doubled, to enclose the
+solution."""
 LEAST_SLOPE = 0.25
-"""Smallest slope of H that an extrapolation assumes, as a share of the mean slope."""
+"""Smallest slope of H that an extrapolation assumes, as a fraction of the mean slope."""
 
 
 def voltage_for(
@@ -40,25 +40,25 @@ def voltage_for(
     um_per_V: float,
     period_s: float,
 ) -> float:
-    """Return the voltage in V that leads from a memory to a displacement in µm a period later.
+    """Return the voltage in V that leads to a displacement in µm one period later.
 
     Parameters
     ----------
     um_per_V
-        Mean slope of the response, above 0, from which the search begins.
+        Mean slope of the response, above 0, with which the search begins.
     """
     displacement_at = displacements_after(model, memory, period_s)
     found_V = other_V = memory.voltage_V
     other_um = displacement_at(other_V) - wanted_um
     if abs(other_um) <= TOLERANCE_UM:
         return other_V
-    # Two tried voltages, each with H minus the displacement; ``other_V`` is the newer one.
+    # Two tried voltages, each with H minus the wanted displacement; ``other_V`` is the newer one.
     one_V, one_um = other_V, other_um
     next_V = other_V - other_um / um_per_V
     for tried in range(1, MOST + 1):
         found_V, found_um = next_V, displacement_at(next_V) - wanted_um
         if one_um * other_um < 0.0 and not found_um * other_um < 0.0:
-            # An end that stays counts half, which ends the crawl of plain false position.
+            # The residual of an end that stays is halved, which speeds up plain false position.
             one_um *= 0.5
         else:
             one_V, one_um = other_V, other_um
@@ -82,11 +82,12 @@ def free_voltages(
 ) -> list[float]:
     """Return voltages in V, held for a period each, that move an arm to displacements in µm.
 
-    ``begins`` is its memory, from whose displacement the others count; None for an unpoled arm.
+    ``begins`` is the memory of the arm. Displacements are relative to that of this memory. None:
+    the arm is unpoled.
 
     The displacement is continuous in the voltage, and rises over the states that a model was
     identified from. Each voltage is found by false position (Illinois) between two that enclose it,
-    to ``TOLERANCE_UM``. If the displacement did not rise, one of several solutions would be found.
+    to ``TOLERANCE_UM``. If the displacement does not rise there, one of several solutions is found.
     """
     state, voltages = start(model) if begins is None else begins, list[float]()
     from_um = displacement_um(model, state)
@@ -99,12 +100,12 @@ def free_voltages(
 def _reach(
     model: HysteresisModel, state: HysteresisState, wanted_um: float, period_s: float
 ) -> HysteresisState:
-    """Return the state one period after the voltage of a displacement is applied."""
+    """Return the state one period after applying the voltage that gives a displacement."""
     low = high = step(model, state, state.voltage_V, period_s)
     low_um = high_um = displacement_um(model, low) - wanted_um
     if abs(low_um) <= TOLERANCE_UM:
         return low
-    # Enclose it: from the present voltage outwards, in strides that double.
+    # Enclose the solution: from the present voltage outwards, in steps that double.
     stride_V = -0.05 if low_um > 0.0 else 0.05
     while low_um * high_um > 0.0:
         low, low_um = high, high_um
@@ -125,7 +126,7 @@ def _reach(
         if found_um * high_um < 0.0:
             low, low_um = high, high_um
         else:
-            # An end that stays counts half, which ends the crawl of plain false position.
+            # The residual of an end that stays is halved, which speeds up plain false position.
             low_um *= 0.5
         high, high_um = found, found_um
     return found

@@ -1,9 +1,10 @@
-"""Errors of an identified free response, from motion it was not fitted to.
+"""Errors of an identified free response, from motion that was not used for the fit.
 
-Four errors are distinguished, in the terms of the estimator's uncertainty: that of the straight
-line which replaces x_1 if nothing is identified, as a share of the travel; that of creep unknown to
-x_1, per decade of the age of a zero; that of the memory which the actuator loses under a small
-to-and-fro, by its way; and that of x_1 itself, as it grows with the voltage's way since a zero.
+Four errors are distinguished, as contributions to the estimator's uncertainty: the error of a
+straight line that replaces x_1 if no model is identified, as a fraction of the travel; the error
+from creep that x_1 does not contain, per decade of the age of a zero; the error from memory that
+the actuator loses during a small alternating motion, as a function of its total travel; and the
+error of x_1 itself, as a function of the voltage travel since a zero.
 """
 
 from collections.abc import Sequence
@@ -19,29 +20,29 @@ from pincette.control.response.hysteresis_motion import Column
 from pincette.control.response.reversal_memory import ReversalMemory
 
 REST_S = 0.2
-"""Duration of the end of a rest over which its position is averaged, in s."""
+"""Time at the end of a rest over which the position is averaged, in s."""
 BLOCK_S = 0.4
-"""Duration before small swings over which noise is averaged, in s."""
+"""Time before small swings over which noise is averaged, in s."""
 PASSING = 3
-"""Number of samples before and after a place over which the position there is averaged in passing.
-"""
+"""Number of samples averaged before and after the moving arm passes a position."""
 SCALES_V = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
 """Voltage changes V_s to try, in V; each is twice the one before."""
 SCALES_ALIKE = 1.05
-"""Ratio of sums of squares up to which two ways V_s fit equally well."""
+"""Ratio of the sums of squares up to which two candidate values of V_s count as equally good
+fits."""
 
 
 class RehearsedGrip(NamedTuple):
     """Samples of a grip without a part."""
 
     approach: slice
-    """Samples from the rest to the expected contact, with a rest at both ends."""
+    """Samples from the rest to the expected contact; there is a rest at both ends."""
     press: slice
-    """Samples after the approach, with a rest at the end."""
+    """Samples after the approach; there is a rest at the end."""
     swings: slice | None = None
     """Small swings after the press; None without swings."""
     let_go: slice | None = None
-    """Way back to the rest; None if it was not rehearsed."""
+    """Samples of the return to the rest; None if the return was not rehearsed."""
 
 
 class Value(NamedTuple):
@@ -52,12 +53,11 @@ class Value(NamedTuple):
 
 
 def line_error(loops: Sequence[SecantGain]) -> Value:
-    """Return the r.m.s. error of a straight line through settled loops, as a share of the travel.
+    """Return the relative r.m.s. error of a straight line through settled loops.
 
-    It is that of x - d·(u - u_0) over d·(u - u_0), with u_0 the lowest voltage of the loops.
-
-    A straight line through a zero there misses both branches; the difference between the loops is
-    the uncertainty. Raises ValueError without a settled loop.
+    It is the r.m.s. of x - d·(u - u_0) relative to d·(u - u_0), where u_0 is the lowest voltage of
+    the loops. A straight line through a zero there deviates from both branches. The uncertainty is
+    the difference between the loops. Raises ValueError without a settled loop.
     """
     shares: list[float] = []
     for loop in loops:
@@ -70,12 +70,12 @@ def line_error(loops: Sequence[SecantGain]) -> Value:
 
 
 class Forgetting(NamedTuple):
-    """Memory that the actuator loses under small swings and the model does not, or the reverse."""
+    """Difference between the memory that the actuator and the model lose during small swings."""
 
     full_um: Value
     """Standard error that x_1 approaches, in µm."""
     scale_V: Value
-    """Way to and fro, in V, at which 63 % of it is reached."""
+    """Total voltage travel of the swings, in V, at which 63 % of ``full_um`` is reached."""
 
 
 def unknown_forgetting(
@@ -83,20 +83,20 @@ def unknown_forgetting(
 ) -> Forgetting:
     """Fit r = r(0) + c·(1 - e^(-V/V_s)) to the residual of x_1 under several small swings.
 
-    V is the way to and fro, r(0) the mean over the last ``BLOCK_S`` before the swings. All swings
-    share one V_s, and the root mean square of c is the standard error.
+    V is the total voltage travel of the swings, and r(0) the mean over the last ``BLOCK_S`` before
+    them. V_s is the same for all swings, and the root mean square of c is the standard error.
 
     Parameters
     ----------
     voltage_V, left_um
         N samples of matched ages; position minus x_1.
     swings
-        The samples of each; before them the voltage rests.
+        Samples of each swing motion. The voltage rests before it.
 
     Raises
     ------
     ValueError
-        If there are none, or the voltage rests in one.
+        If there are no swings, or the voltage does not move in one of them.
     """
     count = max(1, round(BLOCK_S / period_s))
     ways: list[Column] = []
@@ -113,7 +113,7 @@ def unknown_forgetting(
     fits = [_fitted(ways, moved, scale_V) for scale_V in SCALES_V]
     errors_um, _ = min(fits, key=lambda fit: fit[1])
     lefts = np.array([left for _, left in fits])
-    # Scales with nearly the best residual, and those between them, fit equally well.
+    # Values of V_s with nearly the best residual, and those between them, fit equally well.
     like = np.array(SCALES_V)[lefts <= SCALES_ALIKE * lefts.min()]
     between_V = (float(like[-1]) * sqrt(2.0) - float(like[0]) / sqrt(2.0)) / sqrt(12.0)
     scale = Value(SCALES_V[int(np.argmin(lefts))], between_V)
@@ -126,7 +126,7 @@ def unknown_forgetting(
 def _fitted(
     ways: Sequence[Column], moved: Sequence[Column], scale_V: float
 ) -> tuple[list[float], float]:
-    """Return c of each swing, and the sum of squared residuals of all."""
+    """Return c of each swing motion, and the sum of squared residuals of all."""
     errors_um: list[float] = []
     left = 0.0
     for way_V, d_um in zip(ways, moved, strict=True):
@@ -137,12 +137,12 @@ def _fitted(
 
 
 class Rehearsed(NamedTuple):
-    """Errors of x_1 from grips that were rehearsed without a part."""
+    """Errors of x_1 from grips rehearsed without a part."""
 
     growth: ErrorGrowth
-    """Growth of the error with the way of the voltage since a zero."""
+    """Growth of the error with the voltage travel since a zero."""
     creep_um: Value
-    """Growth of the error per decade of the zero's age, beyond that of ``growth``, in µm."""
+    """Growth of the error per decade of the zero's age, in addition to ``growth``, in µm."""
 
 
 def rehearsed_errors(
@@ -153,32 +153,32 @@ def rehearsed_errors(
     *,
     through_hold: bool = False,
 ) -> Rehearsed:
-    """Return the growth of the error of x_1 with the way since a zero, and with its age.
+    """Return the growth of the error of x_1 with the voltage travel since a zero, and with its age.
 
     Let r be the position minus x_1. Each grip gives two differences of r between rests: from before
     the approach to the contact, and from the contact to the start of the hold, once the arm is at
-    rest. Their root mean squares apply to their mean ways. On a shorter way the error is that of a
-    random walk, √w, for which one more point is given. The hold gives creep, the slope of r over
-    log10(1 + t/1 s), with t the age of the zero.
+    rest. Their root mean squares are assigned to their mean voltage travel. For a shorter travel w
+    the error is assumed to grow as a random walk, √w, for which one more point is added. The hold
+    gives the creep: the slope of r over log10(1 + t/1 s), where t is the age of the zero.
 
-    A grip has the noise of its zero, and that of its force is stated separately: the noise of one
-    of the two rests does not count, and none in the slope. No error is below what the noise of all
-    grips together hides.
+    The noise of one of the two rests and the noise of the slope are subtracted, because the noise
+    of the force is a separate contribution to its uncertainty; the noise of the zero remains. No
+    error is smaller than the noise of all grips together allows to detect.
 
     Parameters
     ----------
     voltage_V, left_um
         N samples of matched ages; position minus x_1.
     grips
-        Samples of each grip's approach, with a rest at both ends, and of its press.
+        Samples of each grip: its approach, with a rest at both ends, and its press.
     through_hold
-        True if the error of the press is to hold until the end of the hold: it is then the larger
-        one of begin and end, and creep adds from there on.
+        True if the error of the press must be valid until the end of the hold. It is then the
+        larger one of the errors at its start and end, and creep is added from its end.
 
     Raises
     ------
     ValueError
-        If there are none, or the voltage does not move.
+        If there are no grips, or the voltage does not move.
     """
     if not grips:
         raise ValueError("no rehearsed grips, at least one is needed")
@@ -217,7 +217,7 @@ def rehearsed_errors(
     points = [(0.25 * way_V, 0.5 * error_um), (way_V, error_um)]
     if further_V > way_V:
         points.append((further_V, max(error_um, further_um)))
-    # The standard error of a root mean square of so many draws, and of its noise.
+    # The standard error of an r.m.s. value of that many draws, and of its noise.
     creep = Value(creep_um, hypot(creep_um / sqrt(2.0 * len(rows)), least_um))
     return Rehearsed(
         ErrorGrowth(
@@ -230,7 +230,7 @@ def rehearsed_errors(
 
 
 def _squared_slope(held_um: Column, begin_s: float, period_s: float) -> tuple[float, float]:
-    """Return the square of the slope over log10(1 + t/1 s) in a hold, and the part of its noise.
+    """Return the square of the slope over log10(1 + t/1 s) in a hold, and its noise contribution.
 
     ``begin_s`` is t of the first sample.
     """
@@ -247,14 +247,14 @@ def _squared_slope(held_um: Column, begin_s: float, period_s: float) -> tuple[fl
 def return_error(
     x_um: Column, left_um: Column, period_s: float, grips: Sequence[RehearsedGrip]
 ) -> float | None:
-    """Return the error of x_1 at the place of the zero on the way back, r.m.s. of all grips.
+    """Return the error of x_1 when an arm returns to the position of its zero, r.m.s. of all grips.
 
     Parameters
     ----------
     x_um, left_um
         N positions, and positions minus x_1.
     grips
-        Rehearsals; the result is None if no way back passes the place of its zero.
+        Rehearsed grips. The result is None if no return passes the position of its zero.
     """
     count, squares = max(1, round(REST_S / period_s)), list[float]()
     for grip in grips:
@@ -271,17 +271,17 @@ def return_error(
 def turn_error(
     voltage_V: Column, left_um: Column, period_s: float, grips: Sequence[RehearsedGrip]
 ) -> float | None:
-    """Return the error of the slope of x_1 just after a turn, r.m.s. of all grips, in µm/V.
+    """Return the error of the slope of x_1 just after a turning point, r.m.s. in µm/V.
 
-    It is that of the first ``TURN_V`` of the way back from a press, without its noise. It is at
-    least the noise of all grips together, below which nothing is known.
+    It is computed over the first ``TURN_V`` of the return from each press, without noise. It is at
+    least the noise of all grips together, below which no error can be detected.
 
     Parameters
     ----------
     voltage_V, left_um
         N samples of matched ages; position minus x_1.
     grips
-        Rehearsals; the result is None without a way back.
+        Rehearsed grips. The result is None if none of them includes a return.
     """
     count, squares, noises = max(1, round(REST_S / period_s)), list[float](), list[float]()
     for grip in grips:
@@ -305,7 +305,7 @@ def turn_error(
 
 
 def passing(x_um: Column, place_um: float) -> slice | None:
-    """Return the samples around the first at which falling positions reach a place."""
+    """Return the samples around the first one at which falling positions reach ``place_um``."""
     below = np.flatnonzero(x_um <= place_um)
     if not len(below) or below[0] == 0:
         return None
@@ -314,7 +314,7 @@ def passing(x_um: Column, place_um: float) -> slice | None:
 
 
 def at_end(voltage_V: Column, samples: slice) -> slice:
-    """Return the end of some samples, during which the voltage rests."""
+    """Return the end of a range of samples, during which the voltage rests."""
     moved = np.flatnonzero(np.diff(voltage_V[samples]))
     return slice(samples.start + (int(moved[-1]) + 1 if len(moved) else 0), samples.stop)
 

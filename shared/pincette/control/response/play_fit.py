@@ -3,9 +3,10 @@
     x_k ≈ y_k + Σ κ_j·c_j(y)_k + offset,    y = q·u² + Σ (w_i·p_i + a_i·p_i² + b_i·p_i³)
 
 A family of plays has thresholds r_i spread over the travel, and fadings λ_i = c/r_i: each of its
-plays yields at the same share c of the level 1/λ_i that it would tend to without yielding. The
-family of c = 0 forgets nothing. Beside the families there may be one play that never yields, whose
-two rates of forgetting are given. Turned at its threshold a play yields again after a travel of
+plays yields at the same fraction c of the level 1/λ_i that it would tend to without yielding. The
+family with c = 0 does not fade. In addition to the families there may be one play that never
+yields, with two given fading rates. After a reversal at its threshold a play yields again after a
+voltage travel of
 
     r·ln[(1 + c)/(1 - c)]/c,    2·r where c = 0
 """
@@ -30,45 +31,47 @@ from pincette.control.response.separable_fit import separable_fit
 
 PLAYS_PER_FAMILY = 9
 PLAYS = 18
-"""Largest number of plays of all families together, besides the linear part."""
+"""Largest number of plays of all families together, in addition to the linear part."""
 REACH = 0.95
-"""Share of the travel after which the widest play, turned at its threshold, yields again."""
+"""Fraction of the voltage travel after which the widest play yields again when it is reversed at
+its threshold."""
 YIELDING = 0.7
-"""Largest r_i·λ_i of a family. At 1 a play never yields; one such play is fitted by its rates."""
+"""Largest r_i·λ_i of a family. With 1 a play never yields; one such play is described by its
+rates."""
 CREEP_STEP = 5.0
-"""Ratio of neighbouring creep times; the first is as many periods."""
+"""Ratio of successive creep times. The first one is this number of periods."""
 MIN_SAMPLES_PER_COEFFICIENT = 20
 LEAST_TRAVEL_V = 0.1
 
 
 class Rates(NamedTuple):
-    """Rates of forgetting of a play that never yields: the operator of Bouc and Wen."""
+    """Fading rates of a play that never yields: the Bouc-Wen operator."""
 
     fading_per_V: float
     """Rate λ = b + g, in 1/V."""
     return_fading_per_V: float
-    """Rate μ = b - g on the way back, in 1/V."""
+    """Rate μ = b - g while |z| decreases, in 1/V."""
 
 
 class Choice(NamedTuple):
-    """Parameters that least squares cannot give."""
+    """Settings that least squares cannot determine."""
 
     families: tuple[float, ...]
     curved: bool
     bent: bool
     ridge: float
     rates: Rates | None = None
-    """Rates of one more play, which never yields; None without such a play."""
+    """Rates of an additional play that never yields; None without such a play."""
 
     @property
     def possible(self) -> bool:
-        """Return whether the model exists: bends need curvature and plays that keep memory."""
+        """Return whether the model exists: bends need curvature and plays without fading."""
         keeps = not any(self.families) and self.rates is None
         return not self.bent or (self.curved and keeps)
 
 
 class Record(NamedTuple):
-    """A free motion of N samples, and its plays as far as they were computed."""
+    """A free motion of N samples, and its plays as far as they have been computed."""
 
     u: Column
     x: Column
@@ -78,7 +81,7 @@ class Record(NamedTuple):
     known: int
     """First sample from which the voltage alone determines every play."""
     plays: dict[tuple[tuple[float, ...], Rates | None], "Plays"]
-    """Plays by the families and rates that have been requested."""
+    """Cache of plays by families and rates."""
 
 
 class Plays(NamedTuple):
@@ -88,13 +91,13 @@ class Plays(NamedTuple):
     fadings_per_V: tuple[float, ...]
     return_fadings_per_V: tuple[float, ...]
     columns: NDArray[np.float64]
-    """Columns p_i, then u²; and, where nothing fades, the squares of p_i, i > 0, and all cubes."""
+    """Columns p_i, then u²; if no play fades, also the squares of p_i, i > 0, and all cubes."""
     passed: NDArray[np.float64]
     """Creep states of each column."""
 
 
 def spread_thresholds(travel_V: float, share: float, plays: int) -> tuple[float, ...]:
-    """Return evenly spaced thresholds of a family in V, up to ``REACH``; ``share`` is r·λ."""
+    """Return evenly spaced thresholds of a family in V, up to ``REACH``; ``share`` is c = r·λ."""
     ways = log((1.0 + share) / (1.0 - share)) / share if share > 0.0 else 2.0
     widest_V = REACH * travel_V / ways
     return tuple([widest_V * (index + 1) / plays for index in range(plays)])
@@ -113,7 +116,7 @@ def spread_creep_times(period_s: float, duration_s: float) -> tuple[float, ...]:
 def require_travel(
     use: str, record: Record, samples: slice | NDArray[np.int_], wanted_V: float
 ) -> None:
-    """Check that the voltage moves enough in some samples; raises ValueError."""
+    """Check that the voltage moves far enough in some samples; raises ValueError."""
     u = record.u[samples]
     travel_V = float(np.ptp(u)) if len(u) else 0.0
     if not travel_V >= wanted_V:
@@ -140,7 +143,7 @@ def first_known(u: Column, threshold_V: float) -> int:
 
 
 def missed_um(record: Record, model: HysteresisModel, choice: Choice, part: slice) -> float:
-    """Return the r.m.s. residual of a model over a part of the record, about its mean, in µm."""
+    """Return the r.m.s. residual of a model over some samples, without its mean, in µm."""
     plays = _plays(record, choice)
     motion = moved_um(model, plays.columns[:, : len(plays.thresholds_V)], record.u, record.period_s)
     return float(np.std((record.x - motion)[part]))
@@ -158,7 +161,7 @@ def fitted_to(record: Record, known: NDArray[np.int_], choice: Choice) -> Hyster
     Raises
     ------
     ValueError
-        If they are too few, the voltage rests in them, or the model would be impossible.
+        If there are too few samples, the voltage rests in them, or the model would be impossible.
     """
     plays = _plays(record, choice)
     count = len(plays.thresholds_V)
@@ -186,10 +189,10 @@ def fitted_to(record: Record, known: NDArray[np.int_], choice: Choice) -> Hyster
         bent_V=_range_V(record) if choice.bent else (0.0, 0.0),
         return_fadings_per_V=plays.return_fadings_per_V,
     )
-    # The model's own check covers neither its curvature nor its families together.
+    # The model's own check covers neither its curvature nor the families in combination.
     slopes = slopes_um_per_V(model, plays.columns[:, :count], record.u)
     if choice.rates is not None:
-        # An arm with a wide loop of this class goes on for a moment when its voltage turns.
+        # With a wide loop of this class the arm continues to move when its voltage turns.
         z = record.u - plays.columns[:, count - 1]
         goes_on = float(found.weights[count - 1]) * choice.rates.return_fading_per_V * np.abs(z)
         slopes[:, 0] += np.where(z < 0.0, goes_on, 0.0)

@@ -1,8 +1,8 @@
-"""The memory of a poled arm: one that has been at both ends of its range, then rested at 0 V.
+"""Memory of a poled arm, which has been at both ends of its range and then rested at 0 V.
 
-A program that starts does not know the arm's past. An arm that has been identified was moved over
-its whole range then, and has been above its rest ever since: its remanence is that of a poled
-actuator. Only a new arm, or one that was depolarised, begins with the memory of
+A program that starts does not know the arm's history. But during identification the arm was moved
+over its whole range, and since then its voltage has not been below that of the rest: its remanence
+is that of a poled actuator. Only a new arm, or one that was depolarised, begins with the memory of
 ``hysteresis.start``.
 """
 
@@ -15,7 +15,8 @@ from pincette.control.response.conditioned_branch import ConditionedBranch
 from pincette.control.response.hysteresis import HysteresisModel, HysteresisState, start, step
 
 STRIDE_V = 0.05
-"""Longest step in which the model follows the voltage, in V; fading depends on the way alone."""
+"""Longest step in which the model follows the voltage, in V. Fading depends on the voltage travel
+only."""
 STRIDE_S = 0.01
 REST_S = 86_400.0
 """Duration of a rest after which creep is over, in s."""
@@ -29,11 +30,11 @@ def poled(
     Parameters
     ----------
     taught_V
-        Least and largest voltage that the model was identified from.
+        Lowest and highest voltage of the motion that the model was identified from.
     from_above
-        True where the arm came to its rest from above, as after a grip. Conditioning strokes wipe
-        out the plays of that past, but its creep goes on. Remanence lifts such a rest.
-        How much of it the creep follows is not known: the memory has the mean of both rests.
+        True if the arm came to its rest from above, as after a grip. Conditioning strokes erase the
+        memory of the plays, but creep continues. Remanence raises the displacement at such a rest.
+        It is not known how much of it the creep follows, so the memory uses the mean of both rests.
     """
     low_V, high_V = taught_V
     state = _moved(model, start(model), (high_V, low_V, 0.0))

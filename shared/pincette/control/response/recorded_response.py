@@ -1,13 +1,14 @@
-"""The free response x_1 by a recorded stroke up and down, and Madelung's rules.
+"""The free response x_1 from a recorded stroke up and down, by Madelung's rules.
 
-The two branches are kept as shapes: the share of the way in x over the share of the way in u. From
-a turning point (u_r, x_r) the arm goes towards the turning point before, (u_p, x_p), by
+The two branches are stored as normalised shapes: the fraction of the travel in x as a function of
+the fraction of the travel in u. From a turning point (u_r, x_r) the arm moves towards the previous
+turning point (u_p, x_p) by
 
     x = x_r + (x_p - x_r)·shape((u - u_r)/(u_p - u_r))
 
-with the shape of the branch that runs in that direction. Once it has passed (u_p, x_p), the loop
-between the two is forgotten and the branch before it goes on (return-point memory). Source: E.
-Madelung, Annalen der Physik 322(10), 1905. Creep is not modelled, and adds to the error.
+with the shape of the branch in that direction. Once it has passed (u_p, x_p), the loop between the
+two is erased and the branch before it continues (return-point memory). Source: E. Madelung, Annalen
+der Physik 322(10), 1905. Creep is not modelled, and adds to the error.
 """
 
 from dataclasses import dataclass
@@ -22,7 +23,7 @@ from pincette.control.response.free_response import MemoryResponse
 MOST_TURNS = 16
 """Largest number of turning points kept; with more, the smallest loop is discarded."""
 IGNORED_V = 0.01
-"""Largest reversal that is taken for the noise of a law and returns on the same branch, in V."""
+"""Largest reversal, in V, that is attributed to noise and returns on the same branch."""
 
 
 class Turn(NamedTuple):
@@ -34,7 +35,7 @@ class Turn(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class RecordedBranches:
-    """The outermost loop, and the shapes of its branches at even shares of the voltage's way.
+    """The outermost loop, and its branches at evenly spaced fractions of the voltage travel.
 
     Raises
     ------
@@ -45,9 +46,9 @@ class RecordedBranches:
     bottom: Turn
     top: Turn
     ascending: tuple[float, ...]
-    """Shares of the way in x from bottom to top."""
+    """Fractions of the travel in x from bottom to top."""
     descending: tuple[float, ...]
-    """Shares of the way in x from top to bottom."""
+    """Fractions of the travel in x from top to bottom."""
 
     def __post_init__(self) -> None:
         require_positive("voltage of the stroke", self.top.voltage_V - self.bottom.voltage_V, "V")
@@ -64,8 +65,8 @@ class RecordedResponse(MemoryResponse, frozen=True):
 
     branches: RecordedBranches
     turns: tuple[Turn, ...]
-    """Turning points, oldest first, at least two; the arm goes from the last towards the one
-    before."""
+    """Turning points, oldest first, at least two. The arm moves from the last one towards the one
+    before it."""
     furthest_V: float
     """Furthest voltage since the last turn, in V."""
     voltage_V: float
@@ -96,7 +97,8 @@ def recorded_response(
 ) -> RecordedResponse:
     """Return the response at 0 V on the ascending branch; raises ValueError for impossible numbers.
 
-    The past of the arm is unknown; the first stroke to an end of the recorded range determines it.
+    The history of the arm is unknown. The first stroke to an end of the recorded range makes it
+    irrelevant.
     """
     turns = _passed(branches, (branches.top, branches.bottom), 0.0)
     if branches.bottom.voltage_V > 0.0:
@@ -119,7 +121,7 @@ def _turned(branches: RecordedBranches, turns: tuple[Turn, ...], at_V: float) ->
     turns = (*turns, here)
     if len(turns) <= MOST_TURNS:
         return turns
-    # The loop between two neighbours, neither outermost nor on the branch in use.
+    # The loop between two successive turns, neither outermost nor on the branch in use.
     smallest = min(
         range(1, len(turns) - 3),
         key=lambda index: abs(turns[index + 1].voltage_V - turns[index].voltage_V),
@@ -135,13 +137,13 @@ def _passed(branches: RecordedBranches, turns: tuple[Turn, ...], at_V: float) ->
         if at_V == target.voltage_V or (at_V < target.voltage_V) == rising:
             return turns
         if len(turns) == 2:
-            # Beyond the recorded range the branch continues straight.
+            # Beyond the recorded range the branch continues as a straight line.
             return _on_line(branches, target, at_V), origin
         turns = (turns[1], turns[0]) if len(turns) == 3 else turns[:-2]
 
 
 def _on_line(branches: RecordedBranches, end: Turn, at_V: float) -> Turn:
-    """Return a point on the straight line through a loop's end, with the loop's mean slope."""
+    """Return a point on the line through a loop's end that has the loop's mean slope."""
     bottom, top = branches.bottom, branches.top
     slope = (top.x_um - bottom.x_um) / (top.voltage_V - bottom.voltage_V)
     return Turn(at_V, end.x_um + slope * (at_V - end.voltage_V))

@@ -1,4 +1,4 @@
-"""A recorded free response from a free motion: its branches and their error."""
+"""Branches of the free response, recorded in a free motion, and their error."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -12,24 +12,25 @@ from pincette.control.response.recorded_response import RecordedBranches, Turn, 
 
 CELLS = 24
 HELD_OUT = 0.25
-"""Share of the samples, at the end, from which the residual is computed, about its mean."""
+"""Fraction of the samples, at the end, from which the residual is computed; its mean is
+subtracted."""
 END = 0.03
-"""Share of the voltage's travel within which a stroke counts as complete, and by which it may
-reverse on its way."""
+"""Fraction of the voltage range within which a stroke counts as complete, and by which it may
+reverse."""
 MIN_SAMPLES_PER_CELL = 2
 LEAST_RISE = 1e-3
-"""Smallest rise of a cell, as a share of its width; noise would otherwise make it fall."""
+"""Smallest rise of a cell, as a fraction of its width; otherwise noise could make it fall."""
 
 
 class Recording(NamedTuple):
-    """Branches, and their r.m.s. error in µm over motion they were not taken from."""
+    """Branches, and their r.m.s. error in µm over samples that were not used for them."""
 
     branches: RecordedBranches
     residual_um: float
 
 
 def record_free_response(voltage_V: Sequence[float], x_um: Sequence[float]) -> Recording:
-    """Return branches from the strokes over the whole range of voltage in a free motion.
+    """Return the branches from those strokes of a free motion that cover the whole voltage range.
 
     Parameters
     ----------
@@ -39,8 +40,8 @@ def record_free_response(voltage_V: Sequence[float], x_um: Sequence[float]) -> R
     Raises
     ------
     ValueError
-        If lengths disagree, a sample is not finite, the motion before the part held out has
-        no stroke up or none down over the range, or it has too few samples.
+        If the lengths differ, a sample is not finite, the samples that are used contain no stroke
+        up or no stroke down over the whole range, or they are too few.
     """
     u, x = np.asarray(voltage_V, dtype=float), np.asarray(x_um, dtype=float)
     require_as_many("voltages", u, "positions", x)
@@ -56,7 +57,7 @@ def record_free_response(voltage_V: Sequence[float], x_um: Sequence[float]) -> R
 
 
 def recorded_branches(voltage_V: Column, x_um: Column) -> RecordedBranches:
-    """Return the mean branches of all strokes from end to end; raises ValueError without one."""
+    """Return the mean branches of all complete strokes; raises ValueError without a stroke."""
     if len(voltage_V) < 2 or not float(np.ptp(voltage_V)) > 0.0:
         raise ValueError(f"{len(voltage_V)} samples of a voltage at rest, a stroke is needed")
     shapes: list[tuple[float, ...]] = []
@@ -93,7 +94,7 @@ def _strokes(u: Column) -> list[tuple[int, int]]:
     furthest = low
     for index, value in enumerate(u.tolist()):
         if value <= low + margin:
-            # The deepest sample of a stay at the bottom, the last of several.
+            # The lowest sample of a rest at the bottom; the last one of several.
             if begun is None or ended is not None or value <= u[begun]:
                 begun, ended = index, None
             furthest = value
@@ -113,14 +114,14 @@ def _strokes(u: Column) -> list[tuple[int, int]]:
 
 
 def _knots(way: Column, x: Column) -> Column:
-    """Return the best-fitting broken line's values at equal shares of the way."""
+    """Return the values of the best-fitting piecewise linear function at evenly spaced knots."""
     place = np.clip(way, 0.0, 1.0) * CELLS
     cell = np.minimum(place.astype(int), CELLS - 1)
     hats = np.zeros((len(way), CELLS + 1))
     rows = np.arange(len(way))
     hats[rows, cell] = 1.0 - (place - cell)
     hats[rows, cell + 1] = place - cell
-    # The knot of a cell without samples lies on the line between its neighbours.
+    # The knot of a cell without samples is interpolated between its neighbours.
     bend = 1e-3 * np.diff(np.eye(CELLS + 1), n=2, axis=0)
     stacked = np.vstack([hats, bend])
     target = np.concatenate([x, np.zeros(CELLS - 1)])
@@ -129,7 +130,7 @@ def _knots(way: Column, x: Column) -> Column:
 
 
 def _rising(shape: Column) -> tuple[float, ...]:
-    """Return a shape from 0 to 1 that rises throughout."""
+    """Return a strictly rising shape from 0 to 1."""
     rises = np.maximum(np.diff(shape), LEAST_RISE / CELLS)
     values = np.concatenate([[0.0], np.cumsum(rises)]) / np.sum(rises)
     return (0.0, *values[1:-1].tolist(), 1.0)

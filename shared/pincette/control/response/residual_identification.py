@@ -1,9 +1,9 @@
-"""The residual table from runs of a program's voltages without the part.
+"""Identification of the residual table from runs of a program's voltages without the part.
 
-Runs of the same voltages differ by the sensor's noise and by the part of the motion that the arm
-does not repeat. They determine the smoothing: the width of the Gaussian is chosen so that all runs
-but one, smoothed, predict that one best (leave-one-out cross-validation; M. Stone, Journal of the
-Royal Statistical Society B 36(2), 1974).
+Runs with the same voltages differ by the sensor's noise and by motion that the arm does not repeat.
+These differences determine the smoothing: the width of the Gaussian is chosen so that the smoothed
+mean of all runs except one predicts that run best (leave-one-out cross-validation; M. Stone,
+Journal of the Royal Statistical Society B 36(2), 1974).
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from pincette.control.response.residual_table import MOST_KNOTS, ResidualTable
 WIDTHS = (0.0, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 """Standard deviations of the Gaussian to try, in ticks; 0 for no smoothing."""
 REACH = 3.0
-"""Reach of the Gaussian, in standard deviations."""
+"""Distance at which the Gaussian is truncated, in standard deviations."""
 
 Column = NDArray[np.float64]
 
@@ -39,23 +39,23 @@ class IdentifiedResidual(NamedTuple):
     residual_um: Column
     """Smoothed mean of the runs, in µm."""
     error_um: float
-    """Standard error in a later run, in µm: the r.m.s. prediction error of a run without the
-    sensor's noise, its square multiplied by (n + 1)/(n - 1) for n runs."""
+    """Standard error in a later run, in µm: the r.m.s. prediction error for a run, without the
+    sensor's noise; its square is multiplied by (n + 1)/(n - 1) for n runs."""
 
 
 def identify_residual(
     places: Sequence[Place], runs_um: Sequence[Column], noise_um: float
 ) -> IdentifiedResidual:
-    """Make a table from N ticks in the order in which they were played.
+    """Return the table from N ticks in the order in which they were played.
 
     Parameters
     ----------
     places
         Places of the N ticks.
     runs_um
-        Residual of each run, N each; at least two runs.
+        Residuals of each run, N values per run; at least two runs.
     noise_um
-        R.m.s. of the sensor's noise, which is no error of the table.
+        R.m.s. noise of the sensor, which is not an error of the table.
 
     Raises
     ------
@@ -69,8 +69,8 @@ def identify_residual(
         ((width, _missed_um(runs, width)) for width in WIDTHS), key=lambda pair: pair[1]
     )
     mean_um = smoothed(np.mean(runs, axis=0), width)
-    # A later run has the error of the table and its own deviation. The prediction above used one
-    # run fewer. A small number of runs determines the deviation poorly.
+    # A later run has the error of the table and its own deviation. The prediction above used
+    # one run fewer. A small number of runs determines the deviation poorly.
     few = (len(runs) + 1) / (len(runs) - 1)
     error_um = sqrt(few * max(0.0, missed_um**2 - noise_um**2))
     stride = _stride(width, places)
@@ -79,7 +79,7 @@ def identify_residual(
 
 
 def _missed_um(runs: Column, width: float) -> float:
-    """Return the r.m.s. difference between each run and the smoothed others."""
+    """Return the r.m.s. difference between each run and the smoothed mean of the others."""
     missed = [
         run - smoothed(np.mean(np.delete(runs, number, axis=0), axis=0), width)
         for number, run in enumerate(runs)
@@ -98,7 +98,7 @@ def smoothed(values: Column, width_ticks: float) -> Column:
 
 
 def _stride(width: float, places: Sequence[Place]) -> int:
-    """Return a stride of half the width; coarser if the table would be too long to send."""
+    """Return a stride of half the width; a larger one if the table would be too long to send."""
     segments = 2 * len({place.segment for place in places})
     least = -(-len(places) // max(1, MOST_KNOTS - segments))
     return max(1, int(0.5 * width), least)
@@ -123,6 +123,6 @@ def _knots(
         means = np.bincount(index, residual_um[here]) / np.bincount(index)
         last = -(-int(played[-1]) // stride) * stride
         at = np.arange(0, last + 1, stride)
-        # In steps of 0.1 nm: a short text, and far below the sensor's noise.
+        # Rounded to 0.1 nm: a short text, and far below the sensor's noise.
         found.append(tuple(np.round(np.interp(at, played, means), 4).tolist()))
     return tuple(found)

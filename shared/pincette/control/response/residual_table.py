@@ -2,8 +2,8 @@
 
     r_k = (x_k - H_k) - mean over the last zero
 
-with the position x of the free arm and the displacement H of the model, k a tick of the program's
-own voltages. Since the program repeats, so does most of r: with it F̂ = (offset + H + r - x)/s_p.
+with the position x of the free arm, the displacement H of the model, and a tick k of the program.
+Since the program repeats the same voltages, most of r repeats too: F̂ = (offset + H + r - x)/s_p.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from typing import NamedTuple
 from pincette.control.checks import require_not_negative
 
 MOST_KNOTS = 2400
-"""Largest number of knots of a table, which is sent with an arming in addition to the model."""
+"""Largest number of knots of a table, which is sent with the model when the rig is armed."""
 
 
 class Residual(NamedTuple):
@@ -20,7 +20,7 @@ class Residual(NamedTuple):
 
     value_um: float
     beyond: int
-    """Number of ticks past the played end of the segment, where the last value stays."""
+    """Number of ticks past the last played tick of the segment, where the last value is used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +36,8 @@ class ResidualTable:
     stride: int
     """Number of ticks from one knot to the next."""
     knots_um: tuple[tuple[float, ...], ...]
-    """Knots by segment of the program, in µm; the first knot of a segment is at its tick 0. A
-    segment that was not played has none."""
+    """Knots of each segment of the program, in µm. The first knot of a segment is at its tick 0. A
+    segment that was not played has no knots."""
     error_um: float
     """Standard error of r in a later run, in µm."""
 

@@ -1,14 +1,14 @@
-"""Weights and creep fractions of a displacement by separable least squares.
+"""Separable least-squares fit of the weights and creep fractions of a displacement.
 
-With P the static columns, L_j their low-passed copies, a_j the share of the displacement that
-creeps in with τ_j and v the weights of the displacement once all creep is over:
+With the static columns P, their low-passed copies L_j, the fraction a_j of the displacement that
+follows with time constant τ_j, and the weights v of the displacement after all creep:
 
     x ≈ (1 - Σa)·P·v + Σ a_j·L_j·v + offset,    a_j ≥ 0,  Σa ≤ MOST_CREEP
 
-For given shares a this is linear in v and offset: a ridge regression. The remaining problem in the
-few a_j is solved by Gauss-Newton steps: the derivatives (L_j - P)·v are projected off the columns
-in use, so that a step allows for the change of v. In the model's own terms w = (1 - Σa)·v and
-κ_j = a_j/(1 - Σa).
+For given fractions a this is linear in v and offset: a ridge regression. The remaining problem in
+the few a_j is solved by Gauss-Newton steps. The derivatives (L_j - P)·v are projected orthogonally
+to the columns in use, so that a step allows for the change of v. With the coefficients of
+``HysteresisModel``, w = (1 - Σa)·v and κ_j = a_j/(1 - Σa).
 
 Sources: G. Golub and V. Pereyra, SIAM Journal on Numerical Analysis 10(2), 1973 (variable
 projection); L. Kaufman, BIT 15(1), 1975 (the derivative that is used).
@@ -20,10 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST_CREEP = 0.9
-"""Largest sum of creep fractions; at least the rest of the displacement follows the voltage at
-once."""
+"""Largest sum of creep fractions; the rest of the displacement follows the voltage at once."""
 WORTH_A_ROUND = 1e-5
-"""Relative decrease of the cost below which the rounds end."""
+"""Relative decrease of the cost below which the iteration ends."""
 ROUNDS = 30
 SHORTEST_STEP = 1e-3
 
@@ -35,13 +34,13 @@ class SeparableFit(NamedTuple):
     """Coefficients of the static columns, and of their creep states."""
 
     weights: Vector
-    """Weights w, one for each static column."""
+    """Weight w of each static column."""
     fractions: Vector
-    """Creep fractions κ ≥ 0, one for each creep time."""
+    """Creep fraction κ ≥ 0 of each creep time."""
 
 
 class _Problem(NamedTuple):
-    """Columns and target about their means, so that no offset is needed."""
+    """Columns and target minus their means, so that no offset is needed."""
 
     static: Matrix
     passed: NDArray[np.float64]
@@ -54,28 +53,28 @@ class _Solved(NamedTuple):
     weights: Vector
     """Weights v of the displacement after all creep."""
     left: Vector
-    """Residual of the target, followed by that of the penalty."""
+    """Residual of the target, followed by the residual of the penalty."""
     cost: float
 
 
 def separable_fit(
     static: Matrix, passed: NDArray[np.float64], target: Vector, ridge: float
 ) -> SeparableFit:
-    """Minimise |x - offset - M(a)·v|² + N·ridge·|scale·v|², scale the r.m.s. of each column.
+    """Minimise |x - offset - M(a)·v|² + N·ridge·|scale·v|²; scale is the r.m.s. of each column.
 
     Parameters
     ----------
     static, passed
-        P, N × n, and L, J × N × n.
+        P with shape N × n, and L with shape J × N × n.
     target
         x, N.
     ridge
-        Positive; it bounds the condition number by n/ridge.
+        Ridge, positive; it bounds the condition number by n/ridge.
 
     Raises
     ------
     ValueError
-        If the shares have not come to rest after ``ROUNDS`` rounds.
+        If the fractions have not converged after ``ROUNDS`` iterations.
     """
     scale = np.sqrt(np.mean(static**2, axis=0))
     scale[scale == 0.0] = 1.0
@@ -106,7 +105,7 @@ def _shares(problem: _Problem) -> Vector:
 
 
 def _mixed(problem: _Problem, shares: Vector) -> Matrix:
-    """Return the mixed columns M(a)."""
+    """Return the columns M(a), which combine static and low-passed columns."""
     at_once = 1.0 - float(np.sum(shares))
     return at_once * problem.static + np.tensordot(shares, problem.passed, axes=1)
 
@@ -122,7 +121,7 @@ def _solve(problem: _Problem, shares: Vector) -> _Solved:
 
 
 def _step(problem: _Problem, shares: Vector, now: _Solved) -> Vector:
-    """Return the change of the shares to the minimum of the linearised problem, none below 0."""
+    """Return the change of the fractions to the minimum of the linearised problem, none below 0."""
     mixed = np.vstack([_mixed(problem, shares), np.diag(problem.penalty)])
     moved = np.zeros((len(mixed), len(shares)))
     moved[: len(problem.target)] = ((problem.passed - problem.static) @ now.weights).T
@@ -143,7 +142,7 @@ def _step(problem: _Problem, shares: Vector, now: _Solved) -> Vector:
 def _shortened(
     problem: _Problem, shares: Vector, step: Vector, now: _Solved
 ) -> tuple[Vector, _Solved] | None:
-    """Return the shares after the longest allowed step that lowers the cost, or None."""
+    """Return the fractions after the longest allowed step that lowers the cost, or None."""
     rise, room = float(np.sum(step)), MOST_CREEP - float(np.sum(shares))
     length = min(1.0, room / rise) if rise > room else 1.0
     while length >= SHORTEST_STEP:

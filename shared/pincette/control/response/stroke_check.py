@@ -1,17 +1,19 @@
 """Comparison of the stroke of a conditioned arm with its calibration.
 
 Two motions are compared. The first one, from the bottom of the last conditioning stroke to the rest
-after the strokes, is short, and creep of the past affects it most: it shows only large changes. The
-second one, from this rest to the place of the next zero, repeats to 0.13 % on an arm whose stroke
-has not changed. A factor of sensor, amplifier or temperature changes both, and position and voltage
-alone do not show which of them it is. A change is explained up to
+after the strokes, is short and most affected by earlier creep, so that it shows only large changes.
+The second one, from this rest to the position of the next zero, repeats to 0.13 % if the stroke of
+the arm has not changed. A gain change of the sensor or amplifier and a change of temperature affect
+both motions; position and voltage alone do not show which of them occurred. A change is attributed
+to measurement error up to
 
     3·sqrt(s^2 + (4·sigma^2/n + c^2)/L^2) + (drift + p)/L,    s = 0.13 %, or what was calibrated
 
-with the noise sigma of a sample, n samples of the shorter rest, the way L in um, the standard
-uncertainty c of creep from before the strokes, and the largest drift of the sensor in between. The
-creep of an unknown past may differ from the model's; p is the largest difference, and counts for
-the way from the bottom. Where the limit is above ``LARGEST_CHANGE``, nothing is compared.
+with the noise sigma of a sample, the number n of samples in the shorter rest, the length L of the
+motion in um, the standard uncertainty c of creep from before the strokes, and the largest drift of
+the sensor during the motion. The creep of an unknown history may differ from the model's by up to
+p, which is used for the motion from the bottom. If the limit exceeds ``LARGEST_CHANGE``, nothing is
+compared.
 """
 
 from math import hypot, sqrt
@@ -22,28 +24,28 @@ from pincette.control.response.free_response import FreeSample
 from pincette.control.response.identified_response import IdentifiedResponse
 
 REPEATS = 0.0013
-"""Least standard deviation of the ratio of two conditioned ways, without noise."""
+"""Smallest standard deviation of the ratio of two conditioned motions, without noise."""
 SIGMAS = 3.0
 SETTLE_SAMPLES = 3
-"""Number of first samples at the bottom that are left out, since the arm still moves."""
+"""Number of first samples at the bottom that are omitted, since the arm still moves."""
 LEAST_WAY_UM = 2.0
-"""Shortest distance from the bottom that is compared, in µm."""
+"""Shortest motion from the bottom that is compared, in µm."""
 LEAST_RISE_UM = 10.0
-"""Shortest distance from the rest after the strokes that is compared, in µm."""
+"""Shortest motion from the rest after the strokes that is compared, in µm."""
 LARGEST_CHANGE = 0.05
-"""Largest relative change of the stroke with which a force is zeroed."""
+"""Largest relative change of the stroke for which the force may be zeroed."""
 
 
 REST_V = 0.1
-"""Largest distance from 0 V of the rest to which the way from the bottom was calibrated, in V."""
+"""Largest distance from 0 V, in V, of the rest that ended the calibrated motion from the bottom."""
 
 
 class Base(FrozenRecord, frozen=True):
-    """Place of a conditioned arm at which a way begins: mean values over a rest."""
+    """Position of a conditioned arm at which a motion begins: mean values over a rest."""
 
     x_um: float
     calibrated_um: float
-    """Displacement with the stroke of the calibration, in µm."""
+    """Displacement of the model with the stroke of the calibration, in µm."""
     samples: int
     since_s: float
     """Time from the bottom of the last stroke to this rest, in s."""
@@ -55,14 +57,14 @@ class Bottom(FrozenRecord, frozen=True):
     """Mean values over the rest at the bottom of the last conditioning stroke."""
 
     seen: int = 0
-    """Number of samples at the bottom, including those left out."""
+    """Number of samples at the bottom, including the omitted ones."""
     voltage_V: float = 0.0
     x_um: float = 0.0
     calibrated_um: float = 0.0
-    """Displacement with the stroke of the calibration, in µm."""
+    """Displacement of the model with the stroke of the calibration, in µm."""
     apart_um: tuple[float, float] = (0.0, 0.0)
-    """Displacements of the outermost unknown pasts minus the model's, at the newest sample, in µm.
-    """
+    """Displacements for the two extreme unknown histories minus that of the model, at the newest
+    sample, in µm."""
 
     @property
     def samples(self) -> int:
@@ -71,7 +73,7 @@ class Bottom(FrozenRecord, frozen=True):
 
     @property
     def base(self) -> Base:
-        """Return the bottom as the place where a way begins."""
+        """Return the bottom as the start of a motion."""
         return Base(self.x_um, self.calibrated_um, self.samples, 0.0, rested=False)
 
     def updated(
@@ -88,7 +90,7 @@ class Bottom(FrozenRecord, frozen=True):
             return self
         if not self.seen or response.voltage_V < self.voltage_V:
             return Bottom(1, response.voltage_V)
-        if response.voltage_V > self.voltage_V:  # on its way up again
+        if response.voltage_V > self.voltage_V:  # The arm moves up again.
             return self
         seen = self.seen + 1
         count = seen - SETTLE_SAMPLES
@@ -105,44 +107,44 @@ class Bottom(FrozenRecord, frozen=True):
 
 
 class MeasurementErrors(NamedTuple):
-    """Influences on the measurement of a way, other than the stroke."""
+    """Measurement errors of a motion, other than a change of the stroke."""
 
     noise_um: float
     """Standard deviation of one sample, in µm."""
     drift_um_per_s: float = 0.0
     """Largest drift of the sensor, in µm/s."""
     past_um: float = 0.0
-    """Standard uncertainty of creep from before the strokes, in µm."""
+    """Standard uncertainty from creep that began before the strokes, in µm."""
     unknown_um: float = 0.0
-    """Largest difference between an unknown past's creep and the model's since the bottom, in µm.
-    """
+    """Largest difference in creep between an unknown history and the model since the bottom, in
+    µm."""
 
 
 class StrokeChange(FrozenRecord, frozen=True):
-    """Change of the stroke since the calibration, measured over a conditioned way."""
+    """Change of the stroke since the calibration, measured over a conditioned motion."""
 
     change: float
     """Relative change of the stroke: its factor minus 1."""
     limit: float
-    """Largest change that noise and repeatability explain."""
+    """Largest change that noise and limited repeatability may cause."""
     way_um: float = 0.0
-    """Length of the way in the calibration, in µm."""
+    """Length of the motion in the calibration, in µm."""
     rested: bool = True
-    """True for the way from the rest after the strokes; False for that from the bottom."""
+    """True for the motion from the rest after the strokes; False for the motion from the bottom."""
 
     @property
     def significant(self) -> bool:
-        """Return whether noise and repeatability do not explain the change."""
+        """Return whether the change exceeds what noise and limited repeatability may cause."""
         return abs(self.change) > self.limit
 
     @property
     def refused(self) -> bool:
-        """Return whether the change is too large for a force to be stated."""
+        """Return whether the change is so large that no force may be reported."""
         return self.significant and abs(self.change) > LARGEST_CHANGE
 
 
 def rest_base(response: IdentifiedResponse, rest: FreeSample, samples: int) -> Base | None:
-    """Return a rest as the place where a way begins; None if the arm is not on its branch."""
+    """Return a rest as the start of a motion; None if the arm is not on its rising branch."""
     if response.branch is None or not response.strokes.fresh:
         return None
     calibrated_um = rest.displacement_um / response.factor
@@ -156,15 +158,15 @@ def stroke_change(
     samples: int,
     doubt: MeasurementErrors,
 ) -> StrokeChange | None:
-    """Compare the way from a base to a rest with that of the calibration.
+    """Compare the motion from a base to a rest with that of the calibration.
 
-    Returns None if the arm is not on the rising branch after strokes, the way is too short, or its
-    limit exceeds ``LARGEST_CHANGE``.
+    Returns None if the arm is not on the rising branch after strokes, the motion is too short, or
+    its limit exceeds ``LARGEST_CHANGE``.
 
     Parameters
     ----------
     rest
-        Mean of the rest, by this response.
+        Mean values of the rest, evaluated with this response.
     samples
         Number of samples of that mean.
     """
@@ -193,9 +195,9 @@ def stroke_change(
 
 
 def corrected(response: IdentifiedResponse, found: StrokeChange) -> IdentifiedResponse:
-    """Return the response with the stroke measured over a conditioned way.
+    """Return the response with the stroke measured over a conditioned motion.
 
-    An earlier stroke stays if the new measurement agrees with it.
+    An earlier measured stroke is kept if the new measurement agrees with it.
     """
     if abs(found.change - (response.factor - 1.0)) <= found.limit:
         return response

@@ -1,15 +1,16 @@
-"""Unknown creep of an arm after its turning points are known, and its bounds from free motion.
+"""Unknown creep of an arm whose turning points are known, and bounds on it from free motion.
 
-Pasts whose plays have reached the same places differ by creep alone, and each difference decays
-separately, with the time of its creep state, whatever the voltage does:
+Histories after which the plays have the same states differ by creep alone. Each difference decays
+separately, with the time constant of its creep state, whatever the voltage does:
 
     D_j(t) = κ_j·[c_j(t) - c_j,model(t)] = D_j(0)·e^(-t/τ_j),    low_j ≤ D_j ≤ high_j
 
-A free arm that is found at rest twice has left the model by Σ_j [D_j(t_2) - D_j(t_1)], within the
-error of x_1. That bounds the effect of the same D_j on x_1 after a zero: the extremes of one sum of
-D_j where another is bounded, a linear program in a box with one row, which is solved by taking the
-D_j in the order of their ratios (G. B. Dantzig, Operations Research 5(2), 1957). Creep times are
-treated separately, since a quick creep that is over shows nothing of a slow one.
+Between two rests, a free arm deviates from the model by Σ_j [D_j(t_2) - D_j(t_1)], within the error
+of x_1. This measurement bounds the effect of the same D_j on x_1 after a zero. The extremes of one
+sum of the D_j, subject to bounds on another sum, are a linear program with box constraints and one
+row, which is solved by taking the D_j in the order of their ratios (G. B. Dantzig, Operations
+Research 5(2), 1957). Creep times are treated separately, since fast creep that has ended gives no
+information about slow creep.
 """
 
 from collections.abc import Sequence
@@ -19,17 +20,18 @@ from pincette.control.response.free_response import FreeResponse
 from pincette.control.response.identified_response import IdentifiedResponse
 
 TOGETHER_UM = 0.02
-"""Largest difference of displacement, in µm, at which the plays of two pasts count as equal."""
+"""Largest difference of displacement, in µm, for which the plays of two histories count as
+equal."""
 
 
 class Spread(FrozenRecord, frozen=True):
-    """Bounds of each D_j, in µm; empty if they are not known."""
+    """Bounds of each D_j, in µm; empty if the bounds are not known."""
 
     low_um: tuple[float, ...] = ()
     high_um: tuple[float, ...] = ()
 
     def since(self, before: "Spread") -> "Spread":
-        """Return how far each D_j has decayed; both its bounds decay by the same share."""
+        """Return how far each D_j has decayed; its two bounds decay by the same factor."""
         return Spread(
             tuple([b - a for a, b in zip(self.low_um, before.low_um, strict=True)]),
             tuple([b - a for a, b in zip(self.high_um, before.high_um, strict=True)]),
@@ -37,7 +39,7 @@ class Spread(FrozenRecord, frozen=True):
 
 
 class FreePlace(FrozenRecord, frozen=True):
-    """Place at which an arm was found free and at rest."""
+    """Position at which an arm was found free and at rest."""
 
     off_um: float = 0.0
     """Position minus the model's displacement, in µm."""
@@ -45,7 +47,7 @@ class FreePlace(FrozenRecord, frozen=True):
 
 
 class Fallen(FrozenRecord, frozen=True):
-    """Decay of the D_j between two free rests, of each and of their sum."""
+    """Decay between two free rests, of each D_j and of their sum."""
 
     each: Spread = Spread()
     least_um: float = 0.0
@@ -53,7 +55,7 @@ class Fallen(FrozenRecord, frozen=True):
     most_um: float = 0.0
 
     def extremes_um(self, since_zero: Spread) -> tuple[float, float]:
-        """Return the least and largest sum by which the same D_j have decayed since a zero."""
+        """Return the smallest and largest sum by which the same D_j have decayed since a zero."""
         rows = [
             (min(a, b), abs(b - a), min(c, d), abs(d - c))
             for a, b, c, d in zip(
@@ -88,7 +90,7 @@ def _ratio(span: tuple[float, float]) -> float:
 
 
 def spread_of(response: FreeResponse, lowest: FreeResponse, highest: FreeResponse) -> Spread:
-    """Return the limits of D_j by the two outermost pasts; empty if their plays still differ."""
+    """Return the bounds of D_j by the two extreme histories; empty if their plays still differ."""
     if not (
         isinstance(response, IdentifiedResponse)
         and isinstance(lowest, IdentifiedResponse)
@@ -110,7 +112,7 @@ def spread_of(response: FreeResponse, lowest: FreeResponse, highest: FreeRespons
 
 
 def widest_V(response: FreeResponse) -> float:
-    """Return the way that turns every play over, in V; 0 without plays."""
+    """Return the voltage travel that reverses every play, in V; 0 without plays."""
     if not isinstance(response, IdentifiedResponse):
         return 0.0
     return 2.0 * max(response.model.thresholds_V)

@@ -1,17 +1,17 @@
-"""Range of the free response x_1 for a past that no program has followed.
+"""Range of the free response x_1 for an unknown history of the voltage before the program's start.
 
 A newly started program knows neither the turning points of the voltage nor the creep of the arm. It
-only knows the range that the voltage cannot have left. Play operators with one input keep their
-order (M. Brokate and J. Sprekels, Hysteresis and Phase Transitions, Springer 1996, chapter 2), so
-the pasts that come straight from either end of the range enclose all others, provided that the
-weights are not negative. Each follows the same voltages as the model in use. The difference that
-arises between the two after a zero bounds the error of x_1; a stroke that wipes the past out ends
-it.
+only knows a range that the voltage cannot have left. Play operators with one input preserve the
+order of their states (M. Brokate and J. Sprekels, Hysteresis and Phase Transitions, Springer 1996,
+chapter 2), so the two histories that come directly from either end of the range enclose all others,
+provided that the weights are not negative. Both are updated with the same voltages as the model in
+use. The change of their differences from the model after a zero bounds the error of x_1. A stroke
+that erases the memory ends it.
 
-The motion of a free arm between two zeros shows how far its past is from the model's: an outermost
-past would have moved the arm away from x_1 by a known amount, and the actual amount is measured. In
-proportion, the pasts that remain possible reach up to a share of the outermost one. Once the
-turning points are wiped out, only creep remains, which ``unknown_creep`` bounds by its times.
+The motion of a free arm between two zeros narrows the range. An extreme history would have moved
+the arm away from x_1 by a known amount, and the actual amount is measured. Their ratio is the
+fraction of the distance to the extreme history up to which histories remain possible. Once the
+turning points are erased, only creep remains; ``unknown_creep`` bounds it for each creep time.
 """
 
 from math import sqrt
@@ -30,44 +30,47 @@ from pincette.control.response.unknown_creep import (
 from pincette.control.response.voltage_memory import VoltageMemory
 
 RESTED_S = 86400.0
-"""Duration of a rest after which creep is over, in s: creep then differs most from the model's."""
+"""Duration of a rest after which creep has ended, in s. Creep then differs most from the
+model's."""
 ROOT_3 = sqrt(3.0)
 SURE = 2.0
-"""Allowance in a comparison, as a multiple of the standard uncertainty."""
+"""Tolerance of a comparison, as a multiple of the standard uncertainty."""
 
 
 class UnknownPast(FrozenRecord, frozen=True):
-    """The free responses of the outermost pasts, followed while they matter."""
+    """Free responses of the two extreme histories, updated while they matter."""
 
     lowest: FreeResponse
-    """Free response of a past that rested at the lowest voltage."""
+    """Free response for a history that rested at the lowest voltage."""
     highest: FreeResponse
-    """Free response of a past that rested at the highest voltage."""
+    """Free response for a history that rested at the highest voltage."""
     ends_V: tuple[float, float]
     """Range that the voltage has not left, in V."""
     known: bool = False
-    """True once the past has been wiped out, or if there was none; nothing is followed then."""
+    """True once the memory of the unknown history has been erased, or if there was none; the free
+    responses are then no longer updated."""
     at_zero_um: tuple[float, float] = (0.0, 0.0)
-    """Displacement of each past minus the model's, at the last zero, in µm."""
+    """Displacement for each extreme history minus that of the model, at the last zero, in µm."""
     shares: tuple[float, float] = (1.0, 1.0)
-    """Bounds of the true past, as shares of the distance from the model's past to each outermost
-    one."""
+    """Bounds of the true history, as fractions of the distance from the model's history to each
+    extreme history."""
     agreed_V: float | None = None
-    """Voltage at which the free arm first rested with the plays of all pasts equal, in V; None
+    """Voltage at which the free arm first rested with equal plays for all histories, in V; None
     before."""
     met: FreePlace = FreePlace()
-    """First rest after that with all plays turned over: of the past only creep remains."""
+    """First rest after ``agreed_V`` with all plays reversed. From then on only creep remains of the
+    unknown history."""
     creep_at_zero: Spread = Spread()
     fallen: Fallen = Fallen()
-    """Decay of the creep that the arm has shown since ``met``."""
+    """Decay of creep that was measured since ``met``."""
 
     @property
     def awaits_rest(self) -> bool:
-        """True if a rest of the free arm may still determine its position, except for creep."""
+        """Return whether a rest of the free arm may still determine its state, except for creep."""
         return not self.known and not self.met.spread.low_um
 
     def updated(self, voltage_V: float, dt_s: float) -> "UnknownPast":
-        """Update both pasts by a voltage that has been applied for ``dt_s``."""
+        """Update both histories by a voltage that has been applied for ``dt_s``."""
         if self.known:
             return self
         return replace(
@@ -77,24 +80,25 @@ class UnknownPast(FrozenRecord, frozen=True):
         )
 
     def replayed(self, memory: VoltageMemory) -> "UnknownPast":
-        """Return the pasts after all voltages since the start."""
+        """Return both histories after all voltages since the start."""
         lowest, highest = memory.replayed(self.lowest), memory.replayed(self.highest)
         return replace(self, lowest=lowest, highest=highest)
 
     def rezero(self, response: FreeResponse) -> "UnknownPast":
-        """Count errors from here on, at a zero: x_1 of the model in use equals the position."""
+        """Begin to count errors from a zero here, at which x_1 of the model equals the position."""
         if self.known:
             return self
         at_um, spread = self.apart_um(response), self._spread(response)
         return replace(self, at_zero_um=at_um, creep_at_zero=spread)
 
     def rested(self, response: FreeResponse, rest: FreeSample, standard_um: float) -> "UnknownPast":
-        """Evaluate a rest of the free arm, once the pasts differ by creep alone.
+        """Evaluate a rest of the free arm, once the histories differ by creep alone.
 
-        The first such place is kept, and each later one is compared with it, with an allowance of
-        ``SURE`` standard uncertainties ``standard_um`` of x_1 between both. Plays agree before an
-        arm of another class of hysteresis has lost its turning points; a way that turns over the
-        widest play takes it round its whole loop.
+        The first such rest is kept, and each later one is compared with it, with a tolerance of
+        ``SURE`` standard uncertainties ``standard_um`` of x_1 between the two. The plays may agree
+        before an arm with another class of hysteresis has lost its turning points. Therefore the
+        voltage must first travel far enough to reverse the widest play, which takes the arm round
+        its whole loop.
         """
         spread = Spread() if self.known else self._spread(response)
         if not spread.low_um:
@@ -113,7 +117,7 @@ class UnknownPast(FrozenRecord, frozen=True):
     def compared(
         self, response: FreeResponse, residual_um: float, standard_um: float
     ) -> "UnknownPast":
-        """Return the pasts narrowed by a free resting arm's deviation from x_1 since the zero.
+        """Return the histories that agree with a resting free arm's deviation from x_1.
 
         Parameters
         ----------
@@ -122,7 +126,8 @@ class UnknownPast(FrozenRecord, frozen=True):
         residual_um
             x - x_1.
         standard_um
-            Standard uncertainty of x_1 without the past; the allowance is ``SURE`` times it.
+            Standard uncertainty of x_1 for a known history. The tolerance is ``SURE`` times this
+            value.
         """
         if self.known:
             return self
@@ -137,8 +142,8 @@ class UnknownPast(FrozenRecord, frozen=True):
 
             max_m a_m·|[y_m - y] - [y_m - y]_zero|
 
-        with the displacement y of the model in use, y_m of each outermost past, and a_m its share;
-        or the largest effect of creep, if that is less.
+        with the displacement y of the model in use, y_m of each extreme history, and its fraction
+        a_m; or the largest effect of creep, if that is less.
         """
         if self.known:
             return 0.0
@@ -163,31 +168,31 @@ class UnknownPast(FrozenRecord, frozen=True):
         return worst_um
 
     def matters(self, response: FreeResponse) -> bool:
-        """Return whether the past may exceed the stated error of x_1 over a whole stroke."""
+        """Return whether the history may exceed the stated error of x_1 over a whole stroke."""
         low_V, high_V = self.ends_V
         stroke = response.updated(low_V, 0.0).begin(0.0).updated(high_V, 0.0)
         return not self.known and self.worst_um(response) > stroke.error_um()
 
     def judged(self, response: FreeResponse) -> "UnknownPast":
-        """Stop following the past once it no longer matters."""
+        """Stop updating the histories once they no longer matter."""
         return self if self.matters(response) else replace(self, known=True)
 
     def _spread(self, response: FreeResponse) -> Spread:
         return spread_of(response, self.lowest, self.highest)
 
     def _parted_um(self, response: FreeResponse) -> tuple[float, float]:
-        """Return how far each past has departed from the model since the zero, in µm."""
+        """Return how far each extreme history has departed from the model since the zero, in µm."""
         lowest_um, highest_um = self.apart_um(response)
         return lowest_um - self.at_zero_um[0], highest_um - self.at_zero_um[1]
 
     def apart_um(self, response: FreeResponse) -> tuple[float, float]:
-        """Return the displacement of each outermost past minus that of the model, in µm."""
+        """Return the displacement for each extreme history minus that of the model, in µm."""
         at_um = response.displacement_um()
         return self.lowest.displacement_um() - at_um, self.highest.displacement_um() - at_um
 
 
 def unknown_past(response: FreeResponse, ends_V: tuple[float, float]) -> UnknownPast:
-    """Return the pasts that rested at either end of a range.
+    """Return the histories that rested at either end of a range.
 
     The next voltage is approached directly.
     """
@@ -196,12 +201,12 @@ def unknown_past(response: FreeResponse, ends_V: tuple[float, float]) -> Unknown
 
 
 def _share(parted_um: float, residual_um: float, allowed_um: float) -> float:
-    """Return the largest share of ``parted_um`` within the residual and the allowance."""
+    """Return the largest fraction of ``parted_um`` that residual and tolerance allow."""
     towards_um = residual_um if parted_um > 0.0 else -residual_um
     reach_um = max(0.0, towards_um) + allowed_um
     return 1.0 if reach_um >= abs(parted_um) else reach_um / abs(parted_um)
 
 
 def standard_uncertainty_um(error_um: float) -> float:
-    """Return the standard uncertainty if only a largest error is known (JCGM 100:2008, 4.3.7)."""
+    """Return the standard uncertainty of a quantity with a known bound (JCGM 100:2008, 4.3.7)."""
     return error_um / ROOT_3

@@ -1,7 +1,8 @@
-"""Voltages of an arm's past in few pieces, so that another model can follow them.
+"""Compressed history of an arm's voltage, with which another model can be brought up to date.
 
-A hysteresis without rate depends on the turning points of the voltage alone, creep on the duration
-of its rests. Between turning points nothing has to be stored. A small to-and-fro is omitted.
+Rate-independent hysteresis depends only on the turning points of the voltage, and creep on the
+duration of its rests. Nothing has to be stored between turning points. Small alternating motion is
+omitted.
 """
 
 from math import ceil
@@ -11,17 +12,17 @@ from pincette.control.record import FrozenRecord
 from pincette.control.response.free_response import FreeResponse
 
 SMALL_V = 0.01
-"""Largest change that begins no piece, in V: some steps of the output, and the effect of sensor
+"""Largest change that does not begin a new piece, in V: some output steps and the effect of sensor
 noise."""
 STRIDE_V = 0.05
-"""Longest step in which a model follows the pieces, in V."""
+"""Largest voltage step with which a model follows the pieces, in V."""
 MOST_PIECES = 512
-"""Largest number of pieces; beyond it the oldest are discarded, most of which later and wider
-swings have wiped out."""
+"""Largest number of pieces. Beyond it the oldest are discarded, whose effect later and wider swings
+have mostly erased."""
 
 
 class Piece(NamedTuple):
-    """A move to a voltage in some time, and a rest there."""
+    """A monotonic move to a voltage in a given time, and a rest there."""
 
     to_V: float
     move_s: float
@@ -32,9 +33,9 @@ class VoltageMemory(FrozenRecord, frozen=True):
     """Pieces of the voltage since the arm was unpoled at 0 V."""
 
     pieces: tuple[Piece, ...] = ()
-    """Pieces except the newest, oldest first; most voltages leave them unchanged."""
+    """Pieces except the newest, oldest first. Most updates do not change them."""
     newest: tuple[Piece, ...] = ()
-    """Newest piece, kept separately; empty if it is still among ``pieces``."""
+    """Newest piece, stored separately; empty if the newest piece is among ``pieces``."""
 
     @property
     def path(self) -> tuple[Piece, ...]:
@@ -42,7 +43,7 @@ class VoltageMemory(FrozenRecord, frozen=True):
         return (*self.pieces, *self.newest)
 
     def updated(self, voltage_V: float, dt_s: float) -> "VoltageMemory":
-        """Add a voltage that has held for ``dt_s``."""
+        """Add a voltage that has been applied for ``dt_s``."""
         pieces, newest = self.pieces, self.newest
         if not newest:
             if not pieces:
@@ -60,7 +61,7 @@ class VoltageMemory(FrozenRecord, frozen=True):
         return VoltageMemory(kept, (Piece(voltage_V, dt_s, 0.0),))
 
     def replayed(self, response: FreeResponse) -> FreeResponse:
-        """Return a model after all pieces, from its present voltage."""
+        """Return a model updated with all pieces, from its present voltage."""
         at_V = response.voltage_V
         for to_V, move_s, rest_s in self.path:
             strides = max(1, ceil(abs(to_V - at_V) / STRIDE_V))
