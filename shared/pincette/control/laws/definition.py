@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 else:
-    Array = Any  # a command and a program of the loop start without NumPy
+    Array = Any  # Commands and control programs start without importing NumPy.
 
 
 class BuildLaw(Protocol):
@@ -33,10 +33,10 @@ class BuildLaw(Protocol):
 
 
 class StartLaw(Protocol):
-    """Function that begins a segment without a bump, before the step with the same ``x_um``.
+    """Function that returns the state for a bumpless start, before the step with the same ``x_um``.
 
-    The returned state is a frozen dataclass of floats and of such dataclasses; its field
-    ``history`` is the given ``History``.
+    The returned state is a frozen dataclass of floats and of such dataclasses; the field
+    ``history`` contains the given ``History``.
     """
 
     def __call__(
@@ -56,7 +56,7 @@ class StartLaw(Protocol):
 class StepLaw(Protocol):
     """Function that computes u_k; for the ages of its arguments see ``pbsmic.step``.
 
-    A law that ``previews`` gets a further argument ``plan``, a ``PlannedMotion``.
+    A law with ``previews`` receives the additional argument ``plan``, a ``PlannedMotion``.
     """
 
     def __call__(
@@ -81,33 +81,36 @@ class LawDefinition:
     """A law: its name, its gains, and its functions."""
 
     name: str
-    """Name of the law, equal to the one in its registration."""
+    """Name of the law, equal to that of its registration."""
     title: str
     summary: str
-    """One line that distinguishes it from the others."""
+    """One line that distinguishes the law from the others."""
     parameters: tuple[LawParameter, ...]
     build: BuildLaw
     start: StartLaw
     step: StepLaw | Callable[..., tuple[Any, LawOutput]]
     impedance: Callable[[Mapping[str, float]], ImpedanceParameters]
-    """Function that returns the impedance (10) of the law, whose K and K_f give the steady errors.
-    """
+    """Function that returns the impedance (10) of the law. K and K_f of the impedance give the
+    steady errors."""
     linearise: Callable[[Any], Array] | None = None
-    """Function that returns the matrix of a step of the built ``Law``; None: it is computed from
-    the step. See ``loop_matrix.law_matrix``."""
+    """Function that returns the matrix of one step of the built ``Law``; None: the matrix is
+    computed from the step. See ``loop_matrix.law_matrix``."""
     search: tuple[tuple[str, tuple[float, ...]], ...] = ()
-    """Gains that a search for balanced gains varies, each with its values; empty: no search."""
+    """Gains, with their values, that are varied in the search for balanced gains; empty: no
+    search."""
     switching: str = ""
-    """Name of the gain of a switching term, which 0 switches off; "" without such a term."""
+    """Name of the gain of the switching term, which the value 0 switches off; "" without such a
+    term."""
     remedies: Callable[[Mapping[str, float]], Sequence[tuple[str, Sequence[float]]]] | None = None
-    """Other gains that a refusal may propose, each with its values, the gentlest first."""
+    """Function that returns other gains for a refusal to propose, each with its values, the
+    smallest change first."""
     previews: bool = False
-    """True if ``step`` receives the planned motion and the contact. Such a law gets the force error
-    as estimated, without the rig's low-pass, and keeps its state over the start of a segment, since
-    the plan contains the touch."""
+    """True if ``step`` receives the planned motion and the contact. Such a law receives the force
+    error as estimated, without the rig's low-pass, and keeps its state at the start of a segment,
+    since the plan contains the contact."""
     rebase: Callable[[Any], Any] | None = None
-    """For a law that previews, function that returns its state after a contact has begun or ended
-    in the plan; None: the state stays."""
+    """Function that returns the state of a law with ``previews`` after the contact begins or ends
+    in the plan; None: the state is kept."""
     arms: int = 1
     """Number of arms that the law drives."""
 
@@ -120,13 +123,14 @@ class LawDefinition:
     ) -> "LawSettings":
         """Return complete gains, with the defaults of a parameter set.
 
-        ``force_age`` None is ``newest`` for the printed set, as in the paper, else ``planned``.
-        A law of the identified set is built with the free response; see ``law.build``.
+        ``force_age`` None means ``newest`` for the printed set, as in the paper, and ``planned``
+        for the others. To build a law with the identified set, the free response is needed; see
+        ``law.build``.
 
         Raises
         ------
         ValueError
-            If the law has no such gain, or cannot take its value.
+            If the law has no such gain, or does not accept its value.
         """
         values = {each.name: each.value(parameter_set) for each in self.parameters}
         found = LawSettings(
@@ -138,7 +142,7 @@ class LawDefinition:
         return found.with_gains(**gains)
 
     def resolve(self, spec: LawSpec) -> "LawSettings":
-        """Return the complete law that a motion program names.
+        """Return the complete law for the law named in a motion program.
 
         Raises ValueError as ``settings`` does.
         """
@@ -153,7 +157,7 @@ class LawSettings:
     Raises
     ------
     ValueError
-        If the law cannot take a gain.
+        If the law does not accept a gain.
     """
 
     definition: LawDefinition
@@ -179,7 +183,7 @@ class LawSettings:
 
     @property
     def switches(self) -> bool:
-        """Return True if a switching term acts."""
+        """Return True if the switching term is on."""
         name = self.definition.switching
         return bool(name) and self.gains[name] > 0.0
 
@@ -194,6 +198,6 @@ class LawSettings:
         return replace(self, values=tuple((values | gains).values()))
 
     def spec(self) -> LawSpec:
-        """Return the settings as a motion program carries them."""
+        """Return the settings in the form used in a motion program."""
         gains = tuple(Gain(name, value) for name, value in self.gains.items())
         return LawSpec(self.scheme, self.set, self.force_age, gains)

@@ -1,7 +1,7 @@
 """Discrete-time sliding mode impedance force control (DSMIFC), (33) to (45).
 
-Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013. Forces are compressive: F > 0 is
-the force of the grip on the object. Where (39) and (44) print K_I, K̃_I is meant.
+Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013. Forces are compressive: F > 0 is the
+force of the grip on the object. K_I in (39) and (44) as printed stands for K̃_I.
 """
 
 from pincette.control.laws.definition import LawDefinition
@@ -48,11 +48,11 @@ def start(
     x_r_um: float,
     force_error_mN: float,
 ) -> DsmifcState:
-    """Begin a segment without a bump, just before the step that gets the same ``x_um``.
+    """Return the state for a bumpless start, just before the step with the same ``x_um``.
 
-    ζ = 0, and the arm counts as having rested where it is. The step that follows keeps the voltage
-    of a resting arm where x_{r,k} = x and F_k = F_{r,k} = F_{k-1}. If an error ε is left at this
-    moment, each step keeps the share K̃_P/(K̃_P + K̃_I) of it.
+    ζ is 0, and the arm is assumed to have rested at its position. The next step does not change the
+    voltage of a resting arm if x_{r,k} = x and F_k = F_{r,k} = F_{k-1}. If there is an error ε at
+    this moment, each step multiplies it by K̃_P/(K̃_P + K̃_I).
     """
     error_um = x_um - x_r_um
     return DsmifcState(
@@ -76,16 +76,17 @@ def step(
     force_r_mN: float,
     limited: int,
 ) -> tuple[DsmifcState, LawOutput]:
-    """Compute u_k (42) with sat (32) in place of sgn; arguments and their ages as in PBSMIC.
+    """Compute u_k (42) with sat (32) instead of sgn; the arguments and their ages are as in PBSMIC.
 
-    With x̂_k the position (17) predicts for an unchanged voltage and p̃_k = 0, and x*_k the position
-    at which ε_k of (36) vanishes, (42) reads
+    Let x̂_k be the position that (17) predicts for an unchanged voltage and p̃_k = 0, and x*_k the
+    position at which ε_k of (36) vanishes. Then (42) is
 
         u_k = u_{k-1} + (k̄/d̄)[x*_k + K̃_P ε_{k-1}/(K̄ (K̃_P + K̃_I)) - x̂_k]
                       - (K̃_S/d̄) sat(s_{k-1}/δ̃)
         x*_k = x_{r,k} - [M̄ ẽ_{k-2} + B̄ ẽ_{k-1} + K̄_f (F_k - F_{r,k})]/K̄
 
-    since s_{k-1} - K̃_I ζ_{k-1} = K̃_P ε_{k-1}: ζ moves the voltage through the switching term alone.
+    since s_{k-1} - K̃_I ζ_{k-1} = K̃_P ε_{k-1}: ζ affects the voltage through the switching term
+    only.
     """
     impedance = parameters.impedance
     seen = look(parameters.plant, state.history, x_um=x_um, force_mN=force_mN, applied_V=applied_V)
@@ -134,9 +135,10 @@ def impedance_residual(
     error_2_um: float,
     force_error_mN: float,
 ) -> float:
-    """Return the residual of the target impedance (12) in mN, from ẽ = x - x_r of three samples.
+    """Return the impedance measure error (33) in mN, from ẽ = x - x_r of three samples.
 
-    M̄ ẽ_{k-2} + B̄ ẽ_{k-1} + K̄ ẽ_k + K̄_f (F_k - F_{r,k}), the impedance measure error (33).
+    It is the residual M̄ ẽ_{k-2} + B̄ ẽ_{k-1} + K̄ ẽ_k + K̄_f (F_k - F_{r,k}) of the impedance
+    (12).
     """
     return (
         impedance.M_bar * error_2_um

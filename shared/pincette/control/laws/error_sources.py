@@ -1,32 +1,32 @@
-"""Causes of the error of a path or of a hold: five parts, each an r.m.s.
+"""Causes of the error of a path or of a hold: five contributions, each an r.m.s. value.
 
 With the measured position x, the references x_r and F_r, the target x_d of the impedance (10), the
 learned correction l of the reference, and the estimate F̂ of every sample,
 
     x - x_r = d + g,    g = x_d - x_r - l,    d = x - x_d + l
 
-g is the part by which the impedance gives way because F̂ and x do not lie on the contact line of
-the references; d is the error of the law itself. d is divided further:
+g is the deviation that the impedance commands because F̂ and x do not lie on the contact line of
+the references; d is the error of the law itself. d is decomposed further:
 
     d = τ·ẋ_r + c·ẍ_r + r + n
 
-The first two, by least squares, are proportional to speed and acceleration of the reference: lag.
-Of the remainder, the part that repeats in each cycle (or, where nothing swings, the slow part) is
-the response r that the model of the free arm lacks. In g, the part proportional to ẋ_r is lag too,
-of the estimate, since no line depends on the speed; the rest of its repeating part belongs to the
-contact line. The remainder of both is noise. Samples at which a limit acted, and those just after,
-count for the limits alone.
+The first two terms, fitted by least squares, are proportional to speed and acceleration of the
+reference: they are the lag. The component of the remainder that repeats in each cycle (in a hold,
+the slow component) is the response r that the model of the free arm lacks. In g, the component
+proportional to ẋ_r is the lag of the estimate, since no contact line depends on the speed. The rest
+of the repeating component of g is attributed to the contact line. The remainders of d and g are
+noise. Samples at which a limit acted, and those just after, are attributed to the limits only.
 
-Of the true force, which no instrument shows, the causes are
+No instrument measures the true force. The causes of its error are
 
     noise         K_e·√(n² - σ²): what the arm moves; the sensor's own noise σ moves nothing
     response      u: by how much F̂ may be off, as the estimator states it
     contact line  F̂ - F_r - K_e·d, what comes back of it and does not go with ẋ_r
     lag           K_e times that of the position
 
-The causes count over all N samples, so that their squares can be added up. Each repeating cause of
-the position has the share N⁻¹·Σ c·(r + g + lag) of the square of their sum, at least 0: a wrong
-estimate makes the impedance give way and the law deviate by the same amount, which is no error.
+Each cause is an r.m.s. over all N samples, so that the squares can be added. Each repeating cause c
+of the position contributes N⁻¹·Σ c·(r + g + lag), at least 0, to the square of their sum: a wrong
+estimate makes the impedance and the law deviate by opposite amounts, which is no error.
 """
 
 from collections.abc import Mapping
@@ -45,27 +45,27 @@ CAUSES: tuple[Cause, ...] = ("noise", "response", "contact_line", "lag", "limits
 AFTER_LIMIT = 10
 """Number of samples after a limit acted that still count as limited."""
 SLOW_TICKS = 25
-"""Number of ticks over which slow errors are averaged where nothing swings."""
+"""Number of ticks over which slow errors are averaged if the references do not swing."""
 LEAST = 10
-"""Least number of samples for a statement."""
+"""Smallest number of samples that is evaluated."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tracked:
-    """N samples of a path at full amplitude or of a hold; every column N long, without gaps.
+    """N samples of a path at full amplitude or of a hold; each column has length N and no gaps.
 
     Raises
     ------
     ValueError
-        If columns differ in length, samples are fewer than ``LEAST``, cycles are not whole, or a
-        constant is impossible.
+        If columns differ in length, there are fewer than ``LEAST`` samples or no whole number of
+        cycles, or a constant is impossible.
     """
 
     x_um: Series
     x_r_um: Series
     x_d_um: Series
     learned_um: Series
-    """Correction l that learning adds to the reference; zeros without learning."""
+    """Correction l that learning adds to the reference; zero without learning."""
     force_mN: Series
     """Estimated force F̂."""
     force_r_mN: Series
@@ -74,7 +74,7 @@ class Tracked:
     limited: NDArray[np.bool_]
     """True for samples in which a limit acted."""
     cycle_ticks: int
-    """Number of samples of a cycle; 0 where nothing swings."""
+    """Number of samples in a cycle; 0 if the references do not swing."""
     stiffness_mN_per_um: float
     """Stiffness K_e of the contact line of the references, in mN/µm."""
     noise_um: float
@@ -103,11 +103,11 @@ class Tracked:
 
 @dataclass(frozen=True, slots=True)
 class Sources:
-    """R.m.s. parts of an error by cause, in µm or mN."""
+    """R.m.s. contributions to an error, by cause, in µm or mN."""
 
     total: float
-    """Total error: that of the measured position, or for the force the root of the sum of squares.
-    """
+    """Total error: for the position the measured r.m.s., for the force the root of the sum of
+    squares."""
     by_cause: Mapping[Cause, float]
 
     @property
@@ -117,7 +117,7 @@ class Sources:
 
 
 def error_sources(seen: Tracked) -> tuple[Sources, Sources]:
-    """Return the errors of position, in µm, and of the true force, in mN, by cause."""
+    """Return the position errors in µm and the errors of the true force in mN, by cause."""
     K_e, limited = seen.stiffness_mN_per_um, _spread(seen.limited)
     error_um = seen.x_um - seen.x_r_um
     gives_um = seen.x_d_um - seen.x_r_um - seen.learned_um
@@ -125,16 +125,16 @@ def error_sources(seen: Tracked) -> tuple[Sources, Sources]:
     free = ~limited
     own_lag_um = _with_speed(own_um, seen.x_r_um, free)
     rest_um = own_um - own_lag_um
-    # No contact line depends on the speed, but a late estimate does.
+    # No contact line depends on the speed, but the error of a delayed estimate does.
     late_um = _with_speed(gives_um, seen.x_r_um, free, derivatives=1)
     gives_um = gives_um - late_um
     lag_um = own_lag_um + late_um
     repeats_um, scatter = _repeating(rest_um, free, seen.cycle_ticks)
     off_um, _ = _repeating(gives_um, free, seen.cycle_ticks)
-    # The noise of the estimate moves the target, and the law follows: both parts have a share.
+    # The noise of the estimate moves the target, and the law follows: both contribute.
     noise_um = scatter * _rms(rest_um - repeats_um + gives_um - off_um, free)
     returns_um = repeats_um + off_um + lag_um
-    # A mean over few cycles still has its share of the noise.
+    # A mean over few cycles still contains some of the noise.
     shared_um2 = noise_um**2 * (1.0 - scatter**-2.0)
     position: dict[Cause, float] = {
         "noise": noise_um,
@@ -161,12 +161,12 @@ def error_sources(seen: Tracked) -> tuple[Sources, Sources]:
 
 
 def _product(one: Series, other: Series, there: NDArray[np.bool_]) -> float:
-    """Return the sum of the products over selected samples, over the number of all samples."""
+    """Return the sum of products over selected samples, divided by the number of all samples."""
     return float(one[there] @ other[there]) / len(one)
 
 
 def _rms(values: Series, there: NDArray[np.bool_]) -> float:
-    """Return the root of the sum of squares over selected samples, over the number of all."""
+    """Return the r.m.s. value over selected samples, for the number of all samples."""
     return sqrt(_product(values, values, there))
 
 
@@ -180,10 +180,10 @@ def _spread(limited: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def _with_speed(
     error: Series, x_r_um: Series, there: NDArray[np.bool_], *, derivatives: int = 2
 ) -> Series:
-    """Return the part of an error proportional to speed and acceleration of the reference."""
+    """Return the component of an error proportional to speed and acceleration of the reference."""
     speed = np.gradient(x_r_um)
     moving = np.column_stack((speed, np.gradient(speed))[:derivatives])
-    # A reference at rest, or with hardly any second derivative, shows no such part.
+    # A reference at rest, or with almost no second derivative, has no such component.
     moving = moving[:, np.ptp(moving, axis=0) > 1e-6]
     if not moving.shape[1] or there.sum() <= moving.shape[1]:
         return np.zeros_like(error)
@@ -193,7 +193,7 @@ def _with_speed(
 
 
 def _repeating(error: Series, there: NDArray[np.bool_], cycle_ticks: int) -> tuple[Series, float]:
-    """Return the part that is slow or repeats in each cycle, and √(n/(n - 1)) for n cycles."""
+    """Return the slow component, or that repeated in n cycles, and the factor √(n/(n - 1))."""
     masked = np.where(there, error, np.nan)
     cycles = len(error) // cycle_ticks if cycle_ticks else 0
     if cycles > 1:

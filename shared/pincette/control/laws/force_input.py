@@ -4,13 +4,13 @@ from typing import NamedTuple
 
 
 class ForceInput(NamedTuple):
-    """Rule by which F_k is made from the newest estimate."""
+    """Rule for computing F_k from the newest estimate."""
 
     planned: bool
-    """True if the planned change of F_r carries the estimate on to sample k; else it is used as it
-    is."""
+    """True if the planned change of F_r extrapolates the estimate to sample k; False if the
+    estimate is used unchanged."""
     share: float
-    """Share by which F - F_r follows each estimate, where the estimate is carried on."""
+    """Weight of each new estimate in the low-pass of F - F_r, if the estimate is extrapolated."""
 
 
 def input_force(
@@ -18,9 +18,9 @@ def input_force(
 ) -> tuple[float, float]:
     """Return F_k and the low-passed F - F_r, in mN.
 
-    The estimate F̂ belongs to the newest sample, that is to k-1, while F_{r,k} holds for k. If F̂
-    is used unchanged, the law sees a moving F_r as an error of one period. If it is carried on, F_k
-    is
+    The estimate F̂ belongs to the newest sample, k-1, while F_{r,k} belongs to k. If F̂ is used
+    unchanged, the change of F_r during one period appears as an error to the law. If the estimate
+    is extrapolated,
 
         F_k = F_{r,k} + δ_k,  δ_k = δ_{k-1} + share·(F̂ - F_{r,k-1} - δ_{k-1})
 
@@ -29,7 +29,7 @@ def input_force(
     Parameters
     ----------
     before_r_mN, before_error_mN
-        F_{r,k-1}, and F - F_r low-passed as the last tick left it.
+        F_{r,k-1}, and the low-passed F - F_r of the last tick.
     """
     error_mN = force_mN - before_r_mN
     if k.planned:

@@ -1,10 +1,11 @@
 """PBSMIC with a filtered perturbation: a law for periods of a few ms or less.
 
-At a short period the one-sample-late p̂_k = p_{k-1} of PBSMIC takes up all of the arm's mode, and
-backward differences of x are noise. Here the perturbation passes a filter of n equal poles, the
-prediction is quasi-static, and the planned motion goes through the model ahead of time. With the
-displacement H of the free response, S = 1 + κ_e and κ_e = s_p·K_e of the contact in the plan (0 if
-free), φ = max(0, δ - 1/2), and δT from a sample until its voltage is output:
+At a short period the p̂_k = p_{k-1} of PBSMIC, which is one sample late, contains the whole
+vibration of the mode, and backward differences of x are mostly noise. Here the perturbation is
+filtered by n equal poles, the prediction is quasi-static, and the planned motion passes through the
+model in advance. Symbols: displacement H of the free response; S = 1 + κ_e with κ_e = s_p·K_e of
+the contact in the plan (0 if free); φ = max(0, δ - 1/2), where δT is the time from a sample to the
+output of its voltage.
 
     x̄_1,k  = (1-φ)·H_k + φ·H_{k-1}              of the age of x_k: delay and half a hold        F2
     l(t)   = 2ζ/ω_n·ẋ_r + ẍ_r/ω_n²              by which x_1 leads x, from the plan
@@ -14,14 +15,14 @@ free), φ = max(0, δ - 1/2), and δT from a sample until its voltage is output:
     u_k    = H⁻¹[ S·x_ff - κ_e·x_e - Ŵ_k ]                                                      F6
     F̂ - F_r = F(z)[ (x̄_1 - x - l)/s_p - F_r ]   x_d by (16), of this error low-passed at f_F    F7
 
-W is S times the w of a perturbation in the position: a better K_e changes no state. When the plan
-states a touch or its loss, F4 may already contain the force: its stages are moved so that H(u)
-continues by T·ẋ_r. Through a lag τ between output and arm x̄_1 is filtered as well, and F5 leads by
-τ·ẋ_r more.
+W is S times the perturbation w of the position, so that a better K_e changes no state. When a
+contact begins or ends in the plan, F4 may already contain the force. Its stages are then shifted so
+that H(u) continues with the change T·ẋ_r. If a lag τ acts between output and arm, x̄_1 is filtered
+by it too, and F5 leads by a further τ·ẋ_r.
 
-As a sliding mode: with n = 1, s_k = p·e_k + (1-p)·Σe is W_k/S minus its start, and
-p = K_P/(K_P + K_I) makes it the reaching law of PBSMIC; with n > 1 the sliding motion is that of
-F(z). Equation numbers without F are those of Q. Xu, IEEE T-ASE 10(3), 2013.
+Relation to sliding modes: for n = 1, s_k = p·e_k + (1-p)·Σe is W_k/S minus its initial value, and p
+= K_P/(K_P + K_I) gives the reaching law of PBSMIC. For n > 1 the sliding motion is that of F(z).
+Equation numbers without F are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
 
 from collections.abc import Mapping, Sequence
@@ -45,8 +46,8 @@ from pincette.control.laws.sliding import LawOutput
 from pincette.control.record import FrozenRecord, replace
 
 MOST_POLES, LATEST = 4, 1.5
-"""Largest number of poles, and the longest delay in periods: a later answer is not seen in the next
-sample but one."""
+"""Largest number of poles, and longest delay in periods. A voltage with a longer delay has no
+effect on the next sample but one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,22 +64,22 @@ class FpbsmicParameters:
     lead_s2: float
     """Coefficient 1/ω_n² of the lead l, in s²."""
     older: float
-    """Share φ of the older free response."""
+    """Weight φ of the previous free response."""
     ahead_s: float
     """Time φT from the next sample to the instant for which u_k is chosen, in s."""
     lag_s: float
     """Time constant τ of a lag between output and arm, in s."""
     lag_kept: float
-    """Share e^(-T/τ) that the lag keeps over a period; 0 without a lag."""
+    """Factor e^(-T/τ) of the lag over one period; 0 without a lag."""
     poles: "Cascade"
     """Pole p of each stage of F(z); 0 for stages beyond n."""
     force_share: float
-    """Share of the low-pass of the force error."""
+    """Weight of each new sample in the low-pass of the force error."""
     impedance: DiscreteImpedance
 
 
 class Cascade(FrozenRecord, frozen=True):
-    """One number for each stage of F(z)."""
+    """One number for each stage of the filter F(z)."""
 
     one: float
     two: float
@@ -91,21 +92,21 @@ class FpbsmicState(FrozenRecord, frozen=True):
 
     history: History
     fresh: float
-    """1 before the first step, which takes the perturbation without filtering it."""
+    """1 before the first step, in which the perturbation is not filtered; otherwise 0."""
     rebased: float
-    """1 before a step with a changed contact; see ``rebase``."""
+    """1 before a step with a changed contact, otherwise 0; see ``rebase``."""
     x_d_um: float
     """Desired position x_{d,k} of the newest sample, in µm."""
     deviation_1_um: float
     """Deviation x_d - x_r of the newest sample, in µm."""
     deviation_2_um: float
-    """Deviation x_d - x_r of the sample before, in µm."""
+    """Deviation x_d - x_r of the previous sample, in µm."""
     lead_um: float
     """Lead l_k in µm."""
     lagging_um: float
-    """Free response x̄_1 of the sample before, behind the lag, in µm."""
+    """Lagged free response x̄_1 of the previous sample, in µm."""
     begun_um: float
-    """Perturbation W at the start, from which the sliding function counts, in µm."""
+    """Initial perturbation W, from which the sliding function is counted, in µm."""
     perturbation_um: Cascade
     """Stages of the filter F4; the last one is Ŵ_{k-1}."""
     force_error_mN: Cascade
@@ -155,7 +156,7 @@ def start(
     x_r_um: float,
     force_error_mN: float,  # noqa: ARG001  the filter takes it up from 0
 ) -> FpbsmicState:
-    """Begin without a bump: the next step keeps the voltage where x_r = x."""
+    """Return the state for a bumpless start: the next step keeps the voltage if x_r = x."""
     zero = Cascade(0.0, 0.0, 0.0, 0.0)
     return FpbsmicState(
         history=history,
@@ -174,17 +175,17 @@ def start(
 
 
 def rebase(state: FpbsmicState) -> FpbsmicState:
-    """Mark that the contact begins or ends: the voltage continues as it was."""
+    """Mark that the contact begins or ends, so that the next step avoids a jump of the voltage."""
     return replace(state, rebased=1.0)
 
 
 def moved(state: Cascade, by: float) -> Cascade:
-    """Return every stage moved by the same distance."""
+    """Return all stages shifted by the same distance."""
     return Cascade(state.one + by, state.two + by, state.three + by, state.four + by)
 
 
 def passed(poles: Cascade, state: Cascade, value: float) -> Cascade:
-    """Return F(z) of a sample: each stage s ← p·s + (1-p)·(the stage before it)."""
+    """Return the stages of F(z) after a sample: s ← p·s + (1-p)·(the previous stage)."""
     one = poles.one * state.one + (1.0 - poles.one) * value
     two = poles.two * state.two + (1.0 - poles.two) * one
     three = poles.three * state.three + (1.0 - poles.three) * two
@@ -204,7 +205,7 @@ def step(
     limited: int,  # noqa: ARG001  the model follows the applied voltage: nothing winds up
     plan: PlannedMotion,
 ) -> tuple[FpbsmicState, LawOutput]:
-    """Compute u_k; arguments as ``pbsmic.step``, ``plan`` belongs to ``x_r_um``."""
+    """Compute u_k; the arguments are as in ``pbsmic.step``, ``plan`` belongs to ``x_r_um``."""
     k = parameters
     kappa = k.compliance_um_per_mN * plan.K_e_mN_per_um
     stiffer, touch_um = 1.0 + kappa, kappa * plan.x_e_um
@@ -272,7 +273,7 @@ def step(
 
 
 def remedies(gains: Mapping[str, float]) -> Sequence[tuple[str, Sequence[float]]]:
-    """Return gains that may make a loop stable, the gentlest change first."""
+    """Return gains that may make a loop stable, the smallest change first."""
     poles = gains["n"]
     return (
         ("f_w", [gains["f_w"] * factor for factor in (0.7, 0.5, 0.25, 0.1)]),

@@ -1,4 +1,4 @@
-"""Past of the arm that both laws keep, and its evaluation by (17).
+"""History of the arm that PBSMIC and DSMIFC store, and its evaluation by (17).
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
@@ -8,7 +8,7 @@ from pincette.control.record import FrozenRecord
 
 
 class History(FrozenRecord, frozen=True):
-    """Past of the arm before the tick that computes u_k."""
+    """History of the arm before the tick that computes u_k."""
 
     x_2_um: float
     """Position x_{k-2} in µm."""
@@ -26,8 +26,7 @@ class Outlook(FrozenRecord, frozen=True):
     """Residual and perturbation at the newest sample, and the next position by (17)."""
 
     coasting_um: float
-    """Position x_k that (17) predicts for an unchanged voltage u_k = u_{k-1} and p̃_k = 0, in µm.
-    """
+    """Position x_k predicted by (17) for an unchanged voltage u_k = u_{k-1} and p̃_k = 0, in µm."""
     residual_um: float
     """Difference between x_{k-1} and its prediction by (17) for the applied voltage, in µm."""
     perturbation_mN: float
@@ -46,7 +45,7 @@ def rest(*, x_um: float, force_mN: float, applied_V: float) -> History:
 def look(
     plant: DifferenceEquation, past: History, *, x_um: float, force_mN: float, applied_V: float
 ) -> Outlook:
-    """Compare the newest sample x_{k-1}, F_k and u_{k-1} with the past."""
+    """Compare the newest sample x_{k-1}, F_k and u_{k-1} with the prediction from the history."""
     coasting_um = predict_position(
         plant,
         voltage_step_V=0.0,

@@ -1,4 +1,4 @@
-"""The generalized impedance (10), which ties position error and force error together.
+"""The generalised impedance (10), which relates the position error to the force error.
 
     M(x'' - x_r'') + B(x' - x_r') + K(x - x_r) = -K_f (F - F_r)                          (10)
 
@@ -17,7 +17,9 @@ IMPEDANCE_GAINS = (
     LawParameter("K", "mN/µm", "stiffness of the generalized impedance (10)", 1.9901e4, True),
     LawParameter("K_f", "mN/mN", "gain of the force error in (10)", 5000.0, identified=2000.0),
 )
-"""Gains of a law that renders (10), with the paper's values of section VI.C.2.
+"""Gains of a law that realises (10), with the paper's values of section VI.C.2. If the law uses the
+free response, K_f need not counteract hysteresis, and with a smaller K_f less of the force
+estimate's error enters the position.
 
 If the law knows the free response, K_f need not counteract hysteresis, and a smaller K_f passes
 less of the force estimate's error to the position.
@@ -28,8 +30,8 @@ less of the force estimate's error to the position.
 class ImpedanceParameters:
     """Parameters of (10), in µm, mN and s.
 
-    K is in mN/µm: only then does the paper's K_f = 5000 trade 1 µm for K/K_f = 4 mN. With the
-    printed K = 1.9901e7 N/m taken as a bare number, K_f has no effect.
+    K is in mN/µm: only in this unit does the paper's K_f = 5000 make 1 µm equivalent to K/K_f = 4
+    mN. If the number of the printed K = 1.9901e7 N/m is used, K_f has no effect.
     """
 
     M: float
@@ -39,7 +41,7 @@ class ImpedanceParameters:
     K: float
     """Stiffness, mN/µm."""
     K_f: float
-    """Force gain, mN/mN; 0 makes x_d follow x_r alone."""
+    """Force gain, mN/mN; with 0, x_d follows x_r only."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +55,7 @@ class DiscreteImpedance:
 
 
 def discretize_impedance(parameters: ImpedanceParameters, period_s: float) -> DiscreteImpedance:
-    """Turn (10) into (12) by backward Euler.
+    """Convert (10) to (12) by backward Euler.
 
         M̄ = M/T²,  B̄ = -2M/T² - B/T,  K̄ = M/T² + B/T + K,  K̄_f = K_f                   (13)
 
@@ -103,14 +105,14 @@ def desired_position(
 
 
 def impedance_of(gains: Mapping[str, float]) -> ImpedanceParameters:
-    """Return the impedance from the gains of a law that has ``IMPEDANCE_GAINS``."""
+    """Return the impedance for the gains of a law that has ``IMPEDANCE_GAINS``."""
     return ImpedanceParameters(M=gains["M"], B=gains["B"], K=gains["K"], K_f=gains["K_f"])
 
 
 def discrete_impedance_of(gains: Mapping[str, float], period_s: float) -> DiscreteImpedance:
     """Return the discretized ``impedance_of``.
 
-    Raises ValueError where M/T² or B/T is not finite.
+    Raises ValueError if M/T² or B/T is not finite.
     """
     impedance = discretize_impedance(impedance_of(gains), period_s)
     require_positive("impedance K̄", impedance.K_bar, "mN/µm")

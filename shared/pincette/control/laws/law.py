@@ -1,14 +1,14 @@
-"""A law as it runs: its step, the force used as F_k, and the free response.
+"""A law in operation: its step, the force used as F_k, and the free response.
 
-With the identified set the free response H takes the place of d·u in (1), (4) and (17): the scheme
-works with the voltage v = (k/d)·H(u), of which its model d·v is k·H(u), and
+With the identified set, the free response H replaces d·u in (1), (4) and (17): the scheme works
+with the equivalent voltage v = (k/d)·H(u), for which its model gives d·v = k·H(u), and
 
     u_k = H_{k-1}⁻¹[ H_{k-1}(u_{k-1}) + (d/k)·(v_k - v_{k-1}) ],    d/k = d_p
 
 where H_{k-1}(u_{k-1}) is H at the newest sample, and H_{k-1}⁻¹ is that of ``response.inverse``, one
-period ahead. Only differences of H enter, so that zeros have no effect. The p of (6) is then k
-times the error of H, and everything else, including the theorems, holds as printed. If H is the
-line d_p·u, v is u.
+period ahead. Only differences of H are used, so that zeros have no effect. The p of (6) is then k
+times the error of H, and everything else, including the theorems, is valid as printed. If H is the
+line d_p·u, v equals u.
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
@@ -44,10 +44,10 @@ from pincette.control.response.inverse import voltage_for
 
 @dataclass(frozen=True, slots=True)
 class FreeResponseInput:
-    """Use of the free response by a law."""
+    """Data of the free response that a law uses."""
 
     model: HysteresisModel
-    """Free response H, whose memory each step advances by the applied voltage."""
+    """Free response H. Each step updates its memory with the applied voltage."""
     um_per_V: float
     """Mean slope d/k = d_p of H, in µm/V."""
     period_s: float
@@ -66,7 +66,7 @@ class Law:
     state_type: type
     """Type of ``LawState.law``."""
     free: FreeResponseInput | None = None
-    """Free response that takes the place of d·u; None: the straight line d·u."""
+    """Free response that replaces d·u; None: the straight line d·u."""
 
 
 class LawState(FrozenRecord, frozen=True):
@@ -88,7 +88,7 @@ def model_of(
     period_s: float,
     output: OutputTiming = PROMPT,
 ) -> DifferenceEquation:
-    """Return the arm model of a law: that of the rig, or for the printed set its own."""
+    """Return the arm model that a law uses: the rig's, or the paper's for the printed set."""
     return discretize(printed_arm() if parameter_set == "printed" else arm, period_s, output)
 
 
@@ -105,18 +105,18 @@ def build(
     Parameters
     ----------
     arm
-        The rig's m, b, k, d; the printed set replaces them with its own.
+        The rig's m, b, k, d; not used with the printed set, which has its own.
     force_filter_s
         Time constant of the low-pass over F - F_r, in s; 0 for none.
     response
         The identified free response, for the identified set.
     output
-        Delay and lag with which a voltage acts on the arm, for laws that look ahead.
+        Delay and lag with which a voltage acts on the arm, for laws with ``previews``.
 
     Raises
     ------
     ValueError
-        If the period is not positive, the law cannot be made of its gains, or its set is the
+        If the period is not positive, the gains are not possible for the law, or the set is the
         identified one and there is no response.
     """
     definition = settings.definition
@@ -168,19 +168,19 @@ def rebase(
     force_r_mN: float,
     seen_V: float | None = None,
 ) -> LawState:
-    """Begin another segment or law without a bump, before the step with ``x_um``.
+    """Return the state for a bumpless start of a segment or law, before the step with ``x_um``.
 
-    Measured and applied values stay; F_k - F_{k-1} counts from ``force_mN``, so that a force which
-    the law was not given before does not act as a step. The step that follows keeps the voltage of
-    a resting arm where x_{r,k} = x and F_k = F_{r,k}.
+    Measured and applied values are kept. F_k - F_{k-1} is computed relative to ``force_mN``, so
+    that a force that the law has not used before does not act as a step. The next step does not
+    change the voltage of a resting arm if x_{r,k} = x and F_k = F_{r,k}.
 
-    ``x_r_um`` and ``force_r_mN`` are x_{r,k-1} and F_{r,k-1}, those of the sample ``x_um``, if the
-    references go on. A change of law in motion then does not show in the voltage as far as the
-    model holds. If the references start again, there are none of k-1, and those of k take their
-    place.
+    If the references continue, ``x_r_um`` and ``force_r_mN`` are x_{r,k-1} and F_{r,k-1}, which
+    belong to the sample ``x_um``. A change of law in motion then does not affect the voltage,
+    provided that the model is accurate. If the references start again, those of k are used, since
+    none exist for k-1.
 
-    ``seen_V`` is given if the law before had another equivalent of the voltage: v of
-    ``equivalent_voltage_V``. The residual of the step that follows is then 0.
+    ``seen_V`` is the v of ``equivalent_voltage_V``, given if it differs from that of the previous
+    law. The residual of the next step is then 0.
     """
     history = replace(state.law.history, force_mN=force_mN)
     if seen_V is not None:
@@ -224,20 +224,20 @@ def step(
 ) -> tuple[LawState, LawOutput]:
     """Compute u_k with the force F_k of ``input_force``.
 
-    Arguments are those of ``pbsmic.step``, but ``force_mN`` is the newest estimate.
+    The arguments are those of ``pbsmic.step``, except that ``force_mN`` is the newest estimate.
 
     Parameters
     ----------
     memory
-        Memory of the free response at the newest sample, last updated by u_{k-1} for a period. A
-        law with the straight line does not use it.
+        Memory of the free response at the newest sample, last updated by u_{k-1} for a period. Not
+        used by a law with the straight line.
     plan
-        Motion that the references belong to, for a law that ``previews``.
+        Motion that the references belong to, for a law with ``previews``.
 
     Raises
     ------
     TypeError
-        If the state belongs to another law, or the law needs a memory that is not given.
+        If the state belongs to another law, or a memory that the law needs is not given.
     """
     if type(state.law) is not law.state_type:
         raise TypeError("the state belongs to another law: rebase it first")
@@ -270,12 +270,12 @@ def step(
 def equivalent_voltage_V(
     law: Law, before: Law, applied_V: float, memory: HysteresisState | None
 ) -> float | None:
-    """Return the voltage as ``law`` sees it in V, or None where both laws see the same."""
+    """Return the equivalent voltage v of ``law`` in V, or None if it equals that of ``before``."""
     return None if law.free == before.free else _equivalent_V(law, applied_V, memory)
 
 
 def _equivalent_V(law: Law, applied_V: float, memory: HysteresisState | None) -> float:
-    """Return the voltage v of the present free response, or the applied voltage without one."""
+    """Return the voltage v for the present free response, or the applied voltage without one."""
     if law.free is None:
         return applied_V
     if memory is None:

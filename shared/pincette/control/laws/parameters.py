@@ -13,7 +13,7 @@ from pincette.control.vocabulary import ForceAge, ParameterSet
 
 @dataclass(frozen=True, slots=True)
 class LawParameter:
-    """A gain of a law: a finite number of at least 0."""
+    """A gain of a law: a finite number ≥ 0."""
 
     name: str
     unit: str
@@ -22,7 +22,7 @@ class LawParameter:
     positive: bool = False
     """True if 0 is refused."""
     printed: float | None = None
-    """Value of the paper, used with the printed set; None: the default."""
+    """Value in the paper, used with the printed set; None: the default."""
     identified: float | None = None
     """Value with the identified set, whose law includes hysteresis and creep; None: the default."""
 
@@ -32,27 +32,28 @@ class LawParameter:
         return self.default if of_set is None else of_set
 
     def check(self, value: float) -> float:
-        """Return ``value``; raise ValueError where the law does not accept it."""
+        """Return ``value``; raise ValueError if the law does not accept it."""
         require = require_positive if self.positive else require_not_negative
         return require(self.name, value, self.unit)
 
 
 class Gain(FrozenRecord, frozen=True):
-    """A gain by name; its unit is that of the law's parameter."""
+    """Name and value of a gain; its unit is that of the law's parameter."""
 
     name: Text
     value: Number
 
 
 class LawSpec(FrozenRecord, frozen=True):
-    """A law as a motion program names it; the controller looks up the scheme and builds it."""
+    """A law as named in a motion program; the controller looks up the scheme and builds the law."""
 
     scheme: Text
     """Name under which the law is registered."""
     set: ParameterSet = "consistent"
     """Parameter set of the law: m, b, k, d of the rig (consistent) or of the paper (printed), or
-    those of the rig with the identified free response in place of the line d·u."""
+    those of the rig with the identified free response instead of the line d·u (identified)."""
     force_age: ForceAge = "planned"
-    """F_k: the newest estimate as it is, or carried on to k by the change of F_r."""
+    """Estimate used as F_k: the newest one unchanged, or extrapolated to k by the planned change of
+    F_r."""
     gains: Items[Gain] = ()
-    """Gains; the law's defaults replace those that are left out."""
+    """Gains; the defaults of the law are used for those not given."""

@@ -45,12 +45,12 @@ def start(
     x_r_um: float,
     force_error_mN: float,  # noqa: ARG001  as every law; the impedance takes the error up
 ) -> PbsmicState:
-    """Begin a segment without a bump, just before the step with the same ``x_um``.
+    """Return the state for a bumpless start, just before the step with the same ``x_um``.
 
-    x_d starts from ``x_um`` and ε = 0. The step that follows keeps the voltage of a resting arm
-    where x_{r,k} = x and F_k = F_{r,k} = F_{k-1}; a distance x_r - x or a force error left at this
-    moment is reduced with the impedance (14). By (15), x_d(0) = x_r(0), it would be an error e
-    instead; both are the same if the reference starts from the arm.
+    x_d starts at ``x_um``, and ε at 0. The next step does not change the voltage of a resting arm
+    if x_{r,k} = x and F_k = F_{r,k} = F_{k-1}. A difference x_r - x or a force error at this moment
+    decays with the impedance (14). With x_d(0) = x_r(0), as in (15), it would be an error e
+    instead. Both are equal if the reference starts at the arm's position.
     """
     deviation_um = x_um - x_r_um
     return PbsmicState(
@@ -73,10 +73,10 @@ def step(
     force_r_mN: float,
     limited: int,
 ) -> tuple[PbsmicState, LawOutput]:
-    """Compute u_k (25) with sat (32) in place of sgn.
+    """Compute u_k (25) with sat (32) instead of sgn.
 
     Sample indices: (4) is backward Euler, so x_k is the position *after* u_k has acted. At the tick
-    that computes u_k the newest measurement is therefore x_{k-1}, while the newest force serves as
+    that computes u_k the newest measurement is therefore x_{k-1}, while the newest force is used as
     F_k:
 
     ==================  ============  ====================================================
@@ -87,12 +87,12 @@ def step(
     ``force_r_mN``      F_{r,k}       reference for after u_k has acted
     ==================  ============  ====================================================
 
-    With x̂_k the position (17) predicts for an unchanged voltage and p̃_k = 0, (25) reads
+    With the position x̂_k that (17) predicts for an unchanged voltage and p̃_k = 0, (25) is
 
         u_k = u_{k-1} + (k̄/d̄)[x_{d,k} + K_P e_{k-1}/(K_P + K_I) - x̂_k] - (K_S/d̄) sat(s_{k-1}/δ)
 
-    since s_{k-1} - K_I ε_{k-1} = K_P e_{k-1}: ε moves the voltage through the switching term alone.
-    ``limited`` is that of ``winds_up``; an error that winds up is not added to ε.
+    since s_{k-1} - K_I ε_{k-1} = K_P e_{k-1}: ε affects the voltage through the switching term
+    only. For ``limited`` see ``winds_up``; an error that winds up is not added to ε.
     """
     seen = look(parameters.plant, state.history, x_um=x_um, force_mN=force_mN, applied_V=applied_V)
     x_d_um = desired_position(

@@ -1,4 +1,4 @@
-"""Planned motion for a law that looks ahead, in addition to the next references."""
+"""Planned motion, which a law that looks ahead uses in addition to the next references."""
 
 from pincette.control.record import FrozenRecord
 
@@ -7,13 +7,13 @@ class PlannedMotion(FrozenRecord, frozen=True):
     """Derivatives of x_r at the next sample, and the contact line of the references."""
 
     speed_um_per_s: float = 0.0
-    """Speed ẋ_r where the references are analytic, in µm/s; 0 at rest."""
+    """Speed ẋ_r of analytic references, in µm/s; 0 at rest."""
     acceleration_um_per_s2: float = 0.0
-    """Acceleration ẍ_r where the references are analytic; 0 at rest."""
+    """Acceleration ẍ_r of analytic references, in µm/s²; 0 at rest."""
     K_e_mN_per_um: float = 0.0
-    """Stiffness of the part that is pressed, in mN/µm; 0: the arm is free."""
+    """Stiffness of the pressed part, in mN/µm; 0: the arm is free."""
     x_e_um: float = 0.0
-    """Position x_e at which the part is touched, in µm: F = K_e·(x - x_e)."""
+    """Position x_e of first contact with the part, in µm: F = K_e·(x - x_e)."""
 
 
 RESTING = PlannedMotion()

@@ -1,4 +1,4 @@
-"""Common parts of both sliding mode laws: gains, boundary layer, band, integral, voltage.
+"""Parts that both sliding mode laws share: gains, boundary layer, band, integral, voltage.
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
@@ -20,7 +20,8 @@ SEARCH = (
     ("K_P", (0.1, 0.2, 0.35, 0.5, 1.0, 2.0)),
     ("K_f", (0.0, 1000.0, 2000.0, 3500.0, 5000.0, 7500.0, 10000.0, 15000.0)),
 )
-"""Grid of a search for gains. K_I stays 1: without switching only K_I/(K_P + K_I) acts."""
+"""Grid of a search for gains. K_I stays 1: without the switching term only K_I/(K_P + K_I)
+matters."""
 SWITCHING = "K_S"
 
 
@@ -32,11 +33,11 @@ class SlidingParameters:
     impedance: DiscreteImpedance
     K_P: float
     K_I: float
-    """K_P and K_I without unit; K_P ≥ 0, K_I > 0. Where the model holds, each sample takes the
-    share K_I/(K_P + K_I) off the error e, or off the impedance measure error of DSMIFC."""
+    """K_P and K_I without unit; K_P ≥ 0, K_I > 0. If the model is exact, each sample reduces the
+    error e, in DSMIFC the impedance measure error, by the fraction K_I/(K_P + K_I)."""
     K_S: float
-    """Switching gain in mN; 0 switches it off. The slope (K_P + K_I)·K_S/(k̄·δ), in DSMIFC times
-    K̄, inside the boundary layer belongs between 0 and 1."""
+    """Switching gain in mN; 0 switches the term off. The slope (K_P + K_I)·K_S/(k̄·δ) inside the
+    boundary layer, in DSMIFC times K̄, should lie between 0 and 1."""
     delta: float
     """Half width δ of the boundary layer, in the unit of the sliding function: µm or mN."""
 
@@ -44,7 +45,7 @@ class SlidingParameters:
 def build(
     plant: DifferenceEquation, gains: Mapping[str, float], period_s: float
 ) -> SlidingParameters:
-    """Discretize the impedance; the gains are used unchanged; raises ValueError."""
+    """Discretise the impedance, and use the gains unchanged; raises ValueError."""
     return SlidingParameters(
         plant=plant,
         impedance=discrete_impedance_of(gains, period_s),
@@ -58,15 +59,15 @@ def build(
 def sliding_parameters(
     delta_unit: str, *, delta: float, K_P: float, K_S: float
 ) -> tuple[LawParameter, ...]:
-    """Return the gains that a sliding mode law takes.
+    """Return the definitions of the gains of a sliding mode law.
 
     Parameters
     ----------
     delta_unit, delta
         Unit of the sliding function, and half width of its boundary layer.
     K_P, K_S
-        The paper's, section VI.D. By default K_P is 1 and the switching term is off, since no
-        printed K_S carries over to the consistent set.
+        Values of the paper, section VI.D. By default K_P is 1 and the switching term is off, since
+        no printed K_S is applicable to the consistent set.
     """
     return (
         LawParameter("K_P", "", "proportional gain of the sliding function", 1.0, False, K_P),
@@ -87,16 +88,16 @@ def remedies(gains: Mapping[str, float]) -> Sequence[tuple[str, Sequence[float]]
 
 
 class LawOutput(FrozenRecord, frozen=True):
-    """The voltage for tick k, and how the law sees the arm.
+    """The voltage for tick k, and intermediate results of the law.
 
-    Lengths are PBSMIC's own; DSMIFC, whose sliding function is a force, gives them over K̄. A law
-    without a sliding function leaves its fields 0.
+    Lengths are as in PBSMIC. DSMIFC, whose sliding function is a force, divides it by K̄. For a law
+    without a sliding function the corresponding fields are 0.
     """
 
     voltage_V: float
-    """Voltage u_k before any limit, in V."""
+    """Voltage u_k before limiting, in V."""
     x_d_um: float
-    """Position that the impedance requests at k, in µm: (16), in DSMIFC with x in place of x_d."""
+    """Position that the impedance requests at k, in µm: (16), in DSMIFC with x instead of x_d."""
     error_um: float
     """Error e_{k-1} = x_{k-1} - x_{d,k-1}, in µm; DSMIFC: ε_{k-1}/K̄ (33)."""
     integral_um: float
@@ -108,14 +109,14 @@ class LawOutput(FrozenRecord, frozen=True):
     residual_um: float
     """Measured x_{k-1} minus the prediction of (17) for the voltage applied, in µm."""
     perturbation_mN: float
-    """Perturbation p̂_k = p_{k-1} (6), with the law's own F, in mN."""
+    """Perturbation p̂_k = p_{k-1} (6), computed with the F that the law uses, in mN."""
     perturbation_error_mN: float
-    """Perturbation error p̃_{k-1} = p_{k-2} - p_{k-1} (8), with the law's own F, in mN: -k̄ times
-    the residual."""
+    """Perturbation error p̃_{k-1} = p_{k-2} - p_{k-1} (8), computed with the F that the law uses,
+    in mN: -k̄ times the residual."""
 
 
 def saturation(s: float, delta: float) -> float:
-    """Return the saturation that takes the place of sgn(s) in (25) and (42).
+    """Return the saturation function that replaces sgn(s) in (25) and (42).
 
         sat(s) = sgn(s) where |s| > δ,  s/δ where |s| ≤ δ                                (32)
 
@@ -129,14 +130,13 @@ def saturation(s: float, delta: float) -> float:
 
 
 def sliding_band(per_mN: float, K_S_mN: float, perturbation_error_mN: float) -> float:
-    """Return the half width of the band outside which a step of the law does not let |s| grow.
+    """Return the half width of the band outside which a step of the law does not increase |s|.
 
     With a the factor of p̃ in (28) or (45), s_k = s_{k-1} - a(K_S sgn(s_{k-1}) + p̃_k), so that
 
         |s_k| ≤ |s_{k-1}|  where  |s_{k-1}| ≥ a (K_S + |p̃_k|)/2  and  K_S ≥ |p̃_k|
 
-    which the paper's (31) and (48) state without the band. ``per_mN`` is a, the result is in the
-    unit of s.
+    (31) and (48) of the paper omit the band. ``per_mN`` is a; the result has the unit of s.
     """
     return 0.5 * per_mN * (K_S_mN + abs(perturbation_error_mN))
 
@@ -161,7 +161,7 @@ def sliding_output(
     limited: int,
     per_um: float,
 ) -> tuple[float, LawOutput]:
-    """Return the sum of errors up to k-1, and u_k of (25) or (42) with sat (32) in place of sgn.
+    """Return the sum of errors up to k-1, and u_k of (25) or (42) with sat (32) instead of sgn.
 
         u_k = u_{k-1} + (k̄/d̄)[x_d + K_P·error/(c·(K_P + K_I)) - x̂_k] - (K_S/d̄) sat(s_{k-1}/δ)
         s_{k-1} = K_P·error + K_I·Σ error
@@ -173,7 +173,7 @@ def sliding_output(
     error, integral
         e_{k-1} or ε_{k-1}, and their sum up to k-2; an error that ``winds_up`` is not added.
     per_um
-        c: number of units of the error in 1 µm; 1 in PBSMIC, K̄ in DSMIFC.
+        c: number of units of the error that 1 µm corresponds to; 1 in PBSMIC, K̄ in DSMIFC.
     """
     plant, K_P, K_I = parameters.plant, parameters.K_P, parameters.K_I
     if not winds_up(limited, error):

@@ -1,4 +1,4 @@
-"""Steady errors of the impedance in contact, which come mostly from planning errors.
+"""Steady errors of the impedance in contact, which mainly result from planning errors.
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
@@ -17,13 +17,13 @@ def steady_state_errors(
     K: float,
     K_f: float,
 ) -> tuple[float, float]:
-    """Return the errors E_x = x - x_r in µm and E_f = F - F_r in mN, on F = K_e·(x - x_e).
+    """Return E_x = x - x_r in µm and E_f = F - F_r in mN for the contact F = K_e·(x - x_e).
 
         E_x = [F_r + K_e (x_e - x_r)] / (K_e + K/K_f)                                    (51)
         E_f = -(K/K_f) E_x                                                               (52)
 
-    K_e and K in mN/µm, K > 0. Written with K_f multiplied through, so that K_f = 0 is the
-    position loop. Both vanish for F_r = K_e·(x_r - x_e).
+    K_e and K in mN/µm, K > 0. The implementation is multiplied by K_f, so that K_f = 0 gives the
+    position loop. Both errors vanish for F_r = K_e·(x_r - x_e).
     """
     mismatch_mN = force_r_mN + K_e * (x_e_um - x_r_um)
     scale = mismatch_mN / (K_f * K_e + K)
@@ -50,20 +50,20 @@ def steady_error_ranges(
     K: float,
     K_f: float,
 ) -> SteadyErrors:
-    """Return the ranges of (51) and (52) where the rig differs from the plan within tolerances.
+    """Return the ranges of (51) and (52) if the rig differs from the plan within tolerances.
 
-    The plan is consistent for its own contact, x_r = x_e + F_r/K_e. The errors are linear in F_r
-    and in the true x_e and monotone in the true stiffness, so that their extremes lie where all
-    three are at an end.
+    The references are consistent with the planned contact, x_r = x_e + F_r/K_e. The errors are
+    linear in F_r and the true x_e and monotonic in the true stiffness, so that their extremes occur
+    at the ends of the three ranges.
 
     Parameters
     ----------
     forces_r_mN
         Lowest and highest F_r.
     x_e_um, K_e
-        Contact that the plan assumes.
+        Position and stiffness of the contact that the plan assumes.
     x_e_tolerance_um, K_e_tolerance
-        Largest deviation of the true contact; that of K_e as a share of it, below 1.
+        Largest deviation of the true contact; that of K_e as a fraction of K_e, below 1.
     K, K_f
         Gains of the impedance (10), in mN/µm and mN/mN.
 

@@ -9,7 +9,7 @@ from pincette.control.laws.two_arms import PARAMETERS, default_gains
 
 @dataclass(frozen=True, slots=True)
 class TwoArmLaw:
-    """Law of rigs with ``[second]``. There is only one, since its step is that of ``two_arms``."""
+    """Law of rigs with ``[second]``, the only one, because its step is ``two_arms.step``."""
 
     name: str
     title: str
@@ -22,7 +22,7 @@ class TwoArmLaw:
     def gains(
         self, spec: LawSpec, arms: tuple[ArmParameters, ArmParameters], period_s: float
     ) -> dict[str, float]:
-        """Return all gains of a motion program's law; raises ValueError for an unknown one."""
+        """Return all gains of a motion program's law; raises ValueError for an unknown gain."""
         if spec.scheme != self.name:
             raise ValueError(f"law {spec.scheme!r} drives one arm, this rig has two: {self.name}")
         first, _ = arms
@@ -37,7 +37,7 @@ class TwoArmLaw:
         return values
 
     def spec(self, gains: dict[str, float]) -> LawSpec:
-        """Return the law as a motion program carries it."""
+        """Return the law in the form used in a motion program."""
         named = tuple(Gain(name, value) for name, value in gains.items())
         return LawSpec(self.name, gains=named)
 

@@ -1,14 +1,14 @@
-"""Law of two driven arms on one part, for its place and the force on it, separately.
+"""Law of two driven arms that hold one part. It controls position and force separately.
 
-Both arms count towards the part. With the displacements X_i that the arms would have if they were
-free, the motion decouples into the place q of the part's middle and the force F:
+The coordinate of each arm is positive towards the part. With the displacements X_i that the arms
+would have if they were free, the motion decouples into the position q of the part's middle and the
+force F:
 
     q = (x_1 - x_2)/2,   x_i = X_i - s_i·F,   x_1 + x_2 = g + c·F                       (1), (53)
     a = (X_1 - X_2)/2 = q + (s_1 - s_2)/2·F,   b = X_1 + X_2 = g + S·F,   S = s_1 + s_2 + c
 
-c is the compliance of part and faces together. The error of the model is filtered over time,
-separately for each of both; δT is from a sample until its voltages are put out, φ = max(0,
-δ - 1/2):
+c is the compliance of part and faces together. The model errors of q and F are filtered separately;
+δT is the time from a sample to the output of its voltages, and φ = max(0, δ - 1/2):
 
     x̄_i,k = (1-φ)·H_i,k + φ·H_i,k-1            of the age of x_i,k
     l_i   = 2ζ_i/ω_i·q̇_r + q̈_r/ω_i²           by which X_i leads q along the plan
@@ -19,12 +19,12 @@ separately for each of both; δT is from a sample until its voltages are put out
     b_k   = S·F_r + l_1 - l_2 - Ŵ_b  pressed,   d_r - Ŵ_b  free
     X_1   = b_k/2 + a_k,   X_2 = b_k/2 - a_k,   u_i = H_i⁻¹[X_i]
 
-at t = (k + δ + 1/2)T, further ahead by T·κ/(1 - κ) where an output lags, with F(z) as in
-``fpbsmic``; d_r is the sum x_1 + x_2 that free arms follow. Arms that look for the part keep Ŵ, so
-that a touch meets their own compliance and no law that compensates its force. The offset between
-x_i and H_i, and g, are part of W. With n = 1 and p = K_P/(K_P + K_I) each of both is the reaching
-law of PBSMIC. They are independent: no line connects place and force, and no gain trades one for
-the other.
+at t = (k + δ + 1/2)T, later by T·κ/(1 - κ) if an output lags, with F(z) as in ``fpbsmic``; d_r is
+the reference of x_1 + x_2 for free arms. Ŵ is constant while arms search for the part, so that the
+law does not compensate the force of the contact and only the compliance of the arms acts. W
+contains g and the offset between x_i and H_i. With n = 1 and p = K_P/(K_P + K_I) each of the two
+loops has the reaching law of PBSMIC. The loops are independent: no contact line couples position
+and force, and no gain trades one for the other.
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013, which names two arms as future work.
 """
@@ -48,9 +48,10 @@ PARAMETERS = (
     LawParameter("f_q", "Hz", "corner frequency of each pole of the place's filter", 60.0, True),
     LawParameter("f_F", "Hz", "corner frequency of each pole of the force's filter", 10.0, True),
 )
-"""Gains, with defaults for periods that are short compared with the mode; see ``default_gains``."""
+"""Gains, with defaults for periods that are short compared with that of the mode; see
+``default_gains``."""
 LONG = {"n": 1.0, "f_q": 5.5, "f_F": 3.0}
-"""Defaults at long periods: at 20 ms, a sample corrects 0.5 and 0.31 of the errors."""
+"""Defaults for long periods: with 20 ms, each sample corrects 0.5 and 0.31 of the errors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,15 +65,15 @@ class TwoArmParameters:
     leads_s2: Pair
     """Coefficients 1/ω_i² of the leads, in s²."""
     joint_um_per_mN: float
-    """Compliance S of arms and part together, in µm/mN."""
+    """Compliance S of the two arms and the part together, in µm/mN."""
     older: float
-    """Share φ of the older free displacement."""
+    """Weight φ of the previous free displacement."""
     ahead_s: float
     """Time φT from the next sample to the instant for which the voltages are chosen, in s."""
     lag_kept: float
-    """Share κ = e^(-T/τ) that a lag between output and arm keeps over a period; 0 without a lag."""
+    """Factor κ = e^(-T/τ) of a lag between output and arm over one period; 0 without a lag."""
     lag_ahead_s: float
-    """Time T·κ/(1 - κ) by which x̄ lags behind a steady motion, in s."""
+    """Time T·κ/(1 - κ) by which x̄ lags behind a motion at constant speed, in s."""
     place_poles: Cascade
     force_poles: Cascade
 
@@ -81,31 +82,31 @@ class TwoArmReferences(FrozenRecord, frozen=True):
     """References of part and arms at the next sample, with their derivatives."""
 
     place_um: float
-    """Reference q_r of the place, in µm."""
+    """Reference q_r of the part's position, in µm."""
     force_mN: float = 0.0
     """Reference F_r of the force on a part that both arms press, in mN."""
     opening_um: float = 0.0
-    """Reference d_r = x_1 + x_2 of the opening of arms that do not press, in µm."""
+    """Reference d_r of x_1 + x_2 for arms that do not press, in µm."""
     pressed: bool = True
     place_speed_um_per_s: float = 0.0
     place_acceleration_um_per_s2: float = 0.0
     force_rate_mN_per_s: float = 0.0
     opening_speed_um_per_s: float = 0.0
     seeks: bool = False
-    """True while free arms search for the part; a position error then is its force, and is not
-    corrected."""
+    """True while free arms search for the part. A position error is then attributed to a force and
+    not corrected."""
 
 
 class TwoArmState(FrozenRecord, frozen=True):
     """State of the law before the tick that computes both voltages."""
 
     fresh: bool
-    """True before the first step, which takes the perturbation without filtering it."""
+    """True before the first step, in which the perturbation is not filtered."""
     pressed: bool
     older_um: Pair
-    """Free displacements H_i of the sample before, in µm."""
+    """Free displacements H_i of the previous sample, in µm."""
     lagging_um: Pair
-    """Free displacements x̄_i of the sample before, behind the lag, in µm."""
+    """Lagged free displacements x̄_i of the previous sample, in µm."""
     leads_um: Pair
     """Leads l_i of the newest sample, in µm."""
     force_r_mN: float
@@ -117,16 +118,17 @@ class TwoArmState(FrozenRecord, frozen=True):
 
 
 class TwoArmOutput(FrozenRecord, frozen=True):
-    """Voltages of the law, and the errors of its last target."""
+    """Voltages of the law, and the errors relative to its last target."""
 
     free_um: Pair
     """Free displacements X_i one period ahead, in µm: u_i = H_i⁻¹[X_i]."""
     place_um: float
-    """Place q of the newest sample, in µm."""
+    """Position q of the part at the newest sample, in µm."""
     force_mN: float
-    """Force F̂ of the newest sample, in mN, without the part that the plan explains."""
+    """Force F̂ of the newest sample, in mN, without the contribution of the planned acceleration
+    and speed."""
     disagreement_mN: float
-    """Difference F̂_1 - F̂_2, in mN; 0 for a part that nothing else holds."""
+    """Difference F̂_1 - F̂_2, in mN; 0 if nothing else touches the part."""
     place_missed_um: float
     """Error W_q - Ŵ_q before this sample, in µm."""
     sum_missed_um: float
@@ -134,7 +136,7 @@ class TwoArmOutput(FrozenRecord, frozen=True):
 
 
 def default_gains(omega_n_rad_per_s: float, period_s: float) -> dict[str, float]:
-    """Return the default gains, depending on whether the period is short against the mode."""
+    """Return the default gains, which depend on the ratio of the period to that of the mode."""
     if period_s < SHORTEST_PERIODS * 2.0 * pi / omega_n_rad_per_s:
         return {each.name: each.value("consistent") for each in PARAMETERS}
     return dict(LONG)
@@ -154,12 +156,12 @@ def build(
     arms
         m, b, k of each arm as identified.
     part_um_per_mN
-        Compliance c of part and faces, which are stiff against the arms.
+        Compliance c of part and faces together, which is small compared with that of the arms.
 
     Raises
     ------
     ValueError
-        For an impossible number or order, or too long a delay.
+        If a number or the order is impossible, or the delay is too long.
     """
     T = require_positive("period", period_s, "s")
     c = require_not_negative("compliance of the part", part_um_per_mN, "µm/mN")
@@ -196,7 +198,7 @@ def build(
 
 
 def start() -> TwoArmState:
-    """Begin without a bump: the next step keeps the voltages where the references are met."""
+    """Return the state for a bumpless start: the next step keeps the voltages if errors are 0."""
     nothing = Cascade(0.0, 0.0, 0.0, 0.0)
     return TwoArmState(
         fresh=True,
@@ -224,14 +226,14 @@ def step(
     Parameters
     ----------
     tips_um
-        x_i,k, towards the part.
+        x_i,k, positive towards the part.
     free_um
         H_i,k: free response of each arm at the sample, after u_i of k-1.
     forces_mN
-        F̂_i,k of each arm's own estimator, not filtered.
+        F̂_i,k from the estimator of each arm, not filtered.
     references
-        References of the coming sample. Where ``pressed`` changes, the sum of both arms begins
-        without a bump: at F_r = F̂ after a touch, at d_r = x_1 + x_2 after a loss of contact.
+        References of the next sample. When ``pressed`` changes, the loop of the sum starts
+        bumplessly: at F_r = F̂ after a contact, at d_r = x_1 + x_2 after a loss of contact.
     """
     k, r = parameters, references
     s_1, s_2 = k.compliances_um_per_mN
@@ -281,7 +283,7 @@ def step(
 
 
 def aged(k: TwoArmParameters, state: TwoArmState, free_um: Pair) -> Pair:
-    """Return the free displacements x̄_i at the age of the sample."""
+    """Return the free displacements x̄_i with the age of the sample."""
     if state.fresh:
         return free_um
     older = k.older
@@ -293,7 +295,7 @@ def aged(k: TwoArmParameters, state: TwoArmState, free_um: Pair) -> Pair:
 
 
 def _leads(k: TwoArmParameters, speed: float, acceleration: float) -> Pair:
-    """Return the leads l_1 and l_2 for a motion of the place."""
+    """Return the leads l_1 and l_2 for a motion of the part's position."""
     one, two = (
         of_speed * speed + of_acceleration * acceleration
         for of_speed, of_acceleration in zip(k.leads_s, k.leads_s2, strict=True)
