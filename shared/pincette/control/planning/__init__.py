@@ -1,1 +1,1 @@
-"""Planning of references of position and force, and of the motion programs that carry them."""
+"""Planning of position and force references, and of the motion programs that contain them."""

@@ -1,8 +1,8 @@
 """Open-loop motions that calibrate a rig: noise, compliance, frequency response, timing.
 
 The programs of the free response and of the contact are in ``free_response_program`` and
-``contact_stiffness_program``. A motion that a limit of the rig forbids is refused when it is
-planned, before anything has moved. The motion of the arm is predicted by nominal values.
+``contact_stiffness_program``. A motion that would exceed a limit of the rig is refused when it is
+planned, before anything has moved. The motion of the arm is predicted with nominal values.
 """
 
 from collections.abc import Sequence
@@ -19,22 +19,22 @@ from pincette.control.planning.sweep import Sweep
 
 NOISE_S = 8.0
 SETTLE_S, MEASURE_S = 1.5, 1.0
-"""Times at a weight, in s: to settle after it was hung up, and to measure."""
+"""Times for each weight, in s: to settle after the weight was attached, and to measure."""
 SWEEP_FROM_HZ, SWEEP_TO_HZ, SWEEP_S = 5.0, 800.0, 25.0
 SWEEP_REST_S = 1.0
 """Rest before and after a sweep, in s, so that the record begins and ends at rest."""
 LEAST_CAPTURE_HZ = 10_000.0
 
 FEEL_SWINGS, FEEL_UM_PER_S = 2.0, 20.0
-"""Range of the slow motion before a sweep, in nominal swings at resonance (for half the damping),
-and its speed."""
+"""Range of the slow motion before a sweep, as a multiple of the predicted swing at resonance (for
+half the damping), and its speed in µm/s."""
 
 BURSTS, BURST_S, RINGS_OUT_S = 8, 0.4, 0.05
-"""Number of bursts for delay and lag, their duration, and the time of observation after each, in s.
-"""
+"""Number of bursts for delay and lag, their duration, and the observation time after each, in s."""
 BURST_REST_S = 0.3
 TAPS = (14, 15)
-"""Taps of the shift register for the signs of a burst, which repeat after 2¹⁵ - 1 ticks."""
+"""Taps of the shift register that generates the signs of a burst. The signs repeat after 2¹⁵ - 1
+ticks."""
 
 FREE = Guards(
     contact_force_mN=1.0,
@@ -46,11 +46,11 @@ FREE = Guards(
     stiffness_max_mN_per_um=1.0,
     zero_wait_s=1.0,
 )
-"""Guards without a touch; the planner of a rig adds the forces that end the motion program."""
+"""Guards for a free arm. The planner of a rig adds the forces that end the motion program."""
 
 
 def noise_program(duration_s: float = NOISE_S) -> Program:
-    """Return a program that holds the voltage and measures the noise; phase ``noise``."""
+    """Return a program that keeps the voltage constant to measure the noise; phase ``noise``."""
     require_positive("duration of the noise", duration_s, "s")
     return free_program(Drive("noise", duration_s))
 
@@ -61,7 +61,7 @@ def there_and_back(weight_mN: Sequence[float]) -> tuple[float, ...]:
     Raises
     ------
     ValueError
-        If there are fewer than two, the first is not 0 mN, or they do not ascend.
+        If there are fewer than two weights, the first is not 0 mN, or they do not ascend.
     """
     weights = tuple(weight_mN)
     if len(weights) < 2 or weights[0] != 0.0:
@@ -84,7 +84,7 @@ def compliance_program(rig: PlannedRig, weight_mN: Sequence[float]) -> Program:
     Raises
     ------
     ValueError
-        If the weights do not ascend from 0 mN, or the heaviest would bend the arm out of its
+        If the weights do not ascend from 0 mN, or the heaviest would deflect the arm beyond its
         limits of force or position.
     """
     steps = there_and_back(weight_mN)
@@ -118,10 +118,11 @@ def frequency_response_program(
     to_hz: float = SWEEP_TO_HZ,
     duration_s: float = SWEEP_S,
 ) -> Program:
-    """Return a swept sine about the resting voltage, recorded with its drive; phase ``sweep``.
+    """Return a swept sine about the rest voltage, captured with its drive; phase ``sweep``.
 
-    No sample of the loop shows a swing at resonance, and so nothing stops it. Therefore the arm
-    first moves slowly through twice as much of its way, phase ``feel``, where a part stops it.
+    The samples of the control loop do not resolve a swing at resonance, so no guard can stop it.
+    Therefore the arm first moves slowly through twice the predicted range, phase ``feel``, where
+    contact with a part ends the program.
 
     Raises
     ------
@@ -148,7 +149,7 @@ def frequency_response_program(
 def _require_swing(
     rig: PlannedRig, what: str, rest_V: float, amplitude_V: float, swing_um: float
 ) -> None:
-    """Raise ValueError where a voltage, or the arm's swing at resonance, would leave its limits."""
+    """Raise ValueError if a voltage, or the arm's swing at resonance, would exceed its limits."""
     limits = rig.limits
     for sign in (1.0, -1.0):
         require_voltage(rig, what, rest_V + sign * amplitude_V)
@@ -162,7 +163,7 @@ def _require_swing(
 
 
 def _feel(rig: PlannedRig, swing_um: float, rest_V: float) -> Path:
-    """Return segments that move slowly through the later range of the arm, and back."""
+    """Return segments that move slowly through the later range of the arm and back."""
     limits = rig.limits
     most_V = (limits.position_max_um - rig.x_start_um) / rig.piezo_um_per_V
     feel_V = min(FEEL_SWINGS * swing_um / rig.piezo_um_per_V, most_V, limits.voltage_max_V - rest_V)
@@ -176,13 +177,14 @@ def output_timing_program(
 ) -> Program:
     """Return bursts of random voltage steps at each tick, phases ``burst 1``, ``burst 2``, …
 
-    Each voltage is an amplitude above the resting one or below it. Such a burst rings the mode, and
-    shows when a voltage acts. As before a sweep, the arm first moves slowly through its way.
+    Each voltage is one amplitude above or below the rest voltage. Such a burst excites the mode and
+    shows when a voltage takes effect. As before a sweep, the arm first moves slowly through its
+    range.
 
     Raises
     ------
     ValueError
-        If it would leave the limits of voltage or position, or need more than the slew limit.
+        If it would exceed the limits of voltage, position or slew rate.
     """
     zeta = require_positive("damping ratio", damping_ratio, "")
     require_positive("amplitude of the bursts", amplitude_V, "V")
@@ -210,7 +212,7 @@ def output_timing_program(
         segments.append(Drive(f"burst {number + 1}", duration_s, courses=courses))
     segments.append(Drive("rest", BURST_REST_S))
     made = free_program(*segments)
-    # A sample cannot distinguish a ring from a touch; the way was found free before.
+    # A sample cannot distinguish ringing from a contact; the range was found free before.
     felt = tuple(replace(one, guarded=not one.phase.startswith("burst")) for one in made.segments)
     return replace(made, segments=felt)
 
@@ -226,7 +228,7 @@ def _signs(count: int) -> list[float]:
 
 
 def free_program(*segments: Segment, capture_hz: float = 0.0) -> Program:
-    """Return a program of a free arm, which ends when it meets something, except within a sweep."""
+    """Return a program for a free arm, which ends at a contact, except within a sweep."""
     watched = tuple(
         replace(segment, guarded=not isinstance(segment, PlayedSweep)) for segment in segments
     )
@@ -239,7 +241,7 @@ def full_cycles(path: Path, period_s: float, last: int) -> slice:
     Raises
     ------
     ValueError
-        If the path has fewer.
+        If the path has fewer whole cycles.
     """
     if not 1 <= last <= path.cycles:
         raise ValueError(f"{last} cycles of {path.cycles} at full amplitude, must be 1 to all")
@@ -248,7 +250,7 @@ def full_cycles(path: Path, period_s: float, last: int) -> slice:
 
 
 def require_voltage(rig: PlannedRig, what: str, voltage_V: float) -> float:
-    """Return the voltage; raises ValueError beyond the rig's limits."""
+    """Return the voltage; raises ValueError if it exceeds the rig's limits."""
     limits = rig.limits
     return require_within(
         f"voltage of the {what}", voltage_V, "V", limits.voltage_min_V, limits.voltage_max_V

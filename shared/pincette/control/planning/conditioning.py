@@ -1,12 +1,13 @@
 """Conditioning strokes, which bring the hysteresis of an arm to a known state before a grip.
 
-A voltage stroke to a low end wipes out the turning points of an unknown past, as far as they lie
-above that end. Arms of the Bouc-Wen class have no wiping-out and forget with the length of the way
-instead, so one stroke to -1 V leaves up to 1.5 mN of 20 mN there and three leave 0.2 mN; shallower
-strokes must be more numerous. Creep of the old past remains: 0.13 mN (95 %) after a rest of 2 s.
+A stroke to a low voltage erases the turning points of an unknown history, as far as they lie above
+that voltage. Bouc-Wen hysteresis has no wiping-out property; its memory decays with the distance
+travelled. There one stroke to -1 V leaves an error of up to 1.5 mN at 20 mN, and three strokes
+leave 0.2 mN. Shallower strokes must be more numerous. Creep that began before the strokes remains:
+0.13 mN (95 %) after a rest of 2 s.
 
-The strokes move away from the part, and no lower than the voltages that the free response was
-identified from. Below them the model is not known, and strokes there make a grip worse.
+The strokes move away from the part. Their voltage is not below the range that the free response was
+identified from, because the model is not known there and deeper strokes make a grip less accurate.
 """
 
 from pincette.control.planning.contact_request import MARGIN_UM
@@ -18,28 +19,29 @@ from pincette.control.response.conditioned_branch import STROKES
 REST_S = 2.0
 """Rest after the strokes, in s, in which the creep that they cause decays."""
 BOTTOM_S = 0.4
-"""Rest at the bottom of the last stroke, in s, before the way to the place of the zero."""
+"""Rest at the bottom of the last stroke, in s, before the motion to the position of the zero."""
 WATCH_S = 0.1
 """Time for which the resting arm is observed before the strokes, in s."""
 RATE_SHARE = 0.9
-"""Peak rate of a stroke as a share of the slew limit."""
+"""Peak rate of a stroke, as a fraction of the slew limit."""
 LEAST_DEPTH = 0.05
-"""Depth below 0 V that strokes need, as a share of the highest voltage identified."""
+"""Depth below 0 V that strokes need, as a fraction of the highest voltage identified."""
 WAY_SHARE = 0.3
-"""Peak rate of the move to 0 V before the strokes, as a share of the slew limit. It leads towards a
-part that may press the arm already, whose force then rises by 1 mN a period."""
+"""Peak rate of the move to 0 V before the strokes, as a fraction of the slew limit. If the arm
+already presses a part, this move raises the force by 1 mN per period."""
 PHASE = "condition"
 
 
 def stroke_depth_V(taught_V: tuple[float, float] | None, voltage_min_V: float) -> float | None:
-    """Return the lowest voltage of the strokes, or None where the arm cannot be conditioned.
+    """Return the lowest voltage of the strokes, or None if the arm cannot be conditioned.
 
     Parameters
     ----------
     taught_V
-        Least and largest voltage that the free response was identified from; None: not known.
+        Lowest and highest voltage that the free response was identified from; None: not known.
     voltage_min_V
-        Limit of the rig. An arm whose limit is at its rest, 0 V, cannot be conditioned.
+        Lower voltage limit of the rig. An arm with the limit 0 V, its rest voltage, cannot be
+        conditioned.
     """
     if taught_V is None:
         return None
@@ -50,11 +52,11 @@ def stroke_depth_V(taught_V: tuple[float, float] | None, voltage_min_V: float) -
 def conditioning(
     low_V: float, slew_V_per_s: float, away_um: float, d_p: float, strokes: int = STROKES
 ) -> list[Drive]:
-    """Return the segments of a conditioning: a watch, a move to 0 V, the strokes, and a rest.
+    """Return the segments of a conditioning: a rest, a move to 0 V, the strokes, and a rest.
 
-    The strokes end at 0 V, which may be nearer to the part than the arm's present place. A part
-    that already presses the arm there is found by the last zero: before the voltage changes, or on
-    the way to 0 V if it presses too lightly for that.
+    The strokes begin and end at 0 V, where the arm may be nearer to the part than at present. If a
+    part already presses the arm, the force relative to the last zero shows it: before the voltage
+    changes, or during the move to 0 V if the force is small.
 
     Parameters
     ----------
@@ -63,7 +65,7 @@ def conditioning(
     slew_V_per_s
         Slew limit of the rig.
     away_um
-        Distance of the arm from its rest position as they begin.
+        Distance of the arm from its rest position at the start.
     d_p
         Gain in µm/V.
     strokes
@@ -86,7 +88,7 @@ def conditioning(
 def stroke_stops(
     low_V: float, slew_V_per_s: float, strokes: int
 ) -> list[tuple[float, float, float]]:
-    """Return the stops of the strokes for ``voltage_moves``; the first and the last are at 0 V.
+    """Return the stops of the strokes for ``voltage_moves``; the first and the last one are at 0 V.
 
     A grip and its calibration make the same strokes.
     """

@@ -1,14 +1,15 @@
 """Contact line F = K_e·(x - x_e), identified while the force on a part increases.
 
-The estimated force is computed from the measured position, so that noise enters both at once. Least
-squares of F on x then gives a K_e that is wrong by noise²/spread², times 1 + 1/(s_p·K_e). The
-planned force F_r, by which both move and which has no noise, serves as the instrument instead:
+The estimated force is computed from the measured position, so that the same noise enters both. A
+least-squares fit of F over x then gives a K_e with a relative error of noise²/spread², times 1 +
+1/(s_p·K_e). Therefore the planned force F_r, which drives both and has no noise, is used as the
+instrumental variable:
 
     K_e = cov(F, F_r)/cov(x, F_r),    x_e = mean x - mean F/K_e
 
-A force that lags behind the position by τ leaves K_e as it is where F_r moves symmetrically in
-time, and moves x_e by τ times the mean speed. Source: T. Söderström and P. Stoica, Instrumental
-Variable Methods for System Identification, Springer 1983, chapter 3.
+If the force lags behind the position by τ, K_e is not affected provided that F_r moves
+symmetrically in time; x_e changes by τ times the mean speed. Source: T. Söderström and P. Stoica,
+Instrumental Variable Methods for System Identification, Springer 1983, chapter 3.
 """
 
 from math import sqrt
@@ -25,9 +26,9 @@ class LoadLine(NamedTuple):
 
 
 class ContactFit(NamedTuple):
-    """Position of first touch x_e and contact stiffness K_e, with their standard errors.
+    """Position of first contact x_e and contact stiffness K_e, with their standard errors.
 
-    The errors are those of white noise about the line.
+    The standard errors assume white noise about the line.
     """
 
     x_e_um: float
@@ -35,11 +36,11 @@ class ContactFit(NamedTuple):
     x_e_error_um: float
     K_e_error_mN_per_um: float
     scatter_mN: float
-    """Standard deviation of F about the line, in mN."""
+    """Standard deviation of F from the line, in mN."""
 
 
 class ContactLine(FrozenRecord, frozen=True):
-    """Running sums of x, F and F_r, counted from the first sample so that nothing cancels."""
+    """Running sums of x, F and F_r, relative to the first sample to avoid rounding errors."""
 
     count: int = 0
     first_x_um: float = 0.0
@@ -56,7 +57,7 @@ class ContactLine(FrozenRecord, frozen=True):
     sum_FF: float = 0.0
 
     def add(self, x_um: float, force_mN: float, force_r_mN: float) -> "ContactLine":
-        """Return the line with one more sample: x, F̂ and the F_r that belongs to them."""
+        """Return the line with one more sample: x, F̂ and the corresponding F_r."""
         if self.count == 0:
             return ContactLine(1, x_um, force_mN, force_r_mN)
         x = x_um - self.first_x_um
@@ -102,7 +103,7 @@ class ContactLine(FrozenRecord, frozen=True):
             return None
         K_e = cov_Fz / cov_xz
         x_e = self.first_x_um + x - (self.first_force_mN + F) / K_e
-        # Mean square deviation of F from the line, by the means of squares and products.
+        # Mean square deviation of F from the line, from the means of squares and products.
         var_F, var_x = self.sum_FF / n - F * F, self.sum_xx / n - x * x
         off = var_F - 2.0 * K_e * (self.sum_xF / n - x * F) + K_e * K_e * var_x
         sigma = sqrt(max(0.0, off) / (n - 2))

@@ -1,4 +1,4 @@
-"""Common parts of plans that meet a part: the way there and back, the course, the limits.
+"""Common parts of plans that meet a part: approach and return, predicted course, limits.
 
 Throughout the contact F_r = K_e·(x_r - x_e), so that the steady errors (51) and (52) of Q. Xu, IEEE
 T-ASE 10(3), 2013, vanish.
@@ -44,15 +44,15 @@ from pincette.control.response.hysteresis import HysteresisModel, HysteresisStat
 from pincette.control.voltage_range import VoltageRange, around
 
 RUN_UP_PERIODS = 5
-"""Number of periods in which a seek that does not stop at the touch reaches its speed."""
+"""Number of periods in which a seek that does not stop at the contact accelerates to its speed."""
 LOST_FRACTION = 0.3
 LOST_SAMPLES = 5
 ZERO_WAIT_S = 1.0
 RANGE_SHARE, UNKNOWN_SHARE, RANGE_V = 0.1, 0.5, 0.1
-"""Margin of voltage beyond the predicted range, as a share of that range and in V; the share is
-larger where no free response has been identified."""
+"""Margin of voltage beyond the predicted range, as a fraction of that range plus a value in V. The
+second fraction is used if no free response has been identified."""
 DRIFT_UM = 5.0
-"""Way back beyond the rest position that drift of the sensor may require, in µm."""
+"""Distance beyond the rest position that the return may require because of sensor drift, in µm."""
 RANGE_STEPS = 50
 
 
@@ -66,35 +66,36 @@ class PlannedRig:
     compliance_um_per_mN: float
     """Compliance s_p of the arm, in µm/mN."""
     period_s: float
-    """Control period, in s, at which the limits are checked."""
+    """Control period, in s. The limits are checked at each period."""
     x_start_um: float = 0.0
     """Position of the arm at rest at zero voltage, in µm."""
     stands_um: float | None = None
     """Position of the arm at the beginning of the plan, in µm; None: ``x_start_um``."""
     rest_um: float | None = None
-    """Reading of the arm at rest at 0 V as the plan begins, in µm; None if unknown."""
+    """Position reading of the arm at rest at 0 V at the start of the plan, in µm; None if
+    unknown."""
     free_response: HysteresisModel | None = None
     """Identified free response; None: a straight line of slope d_p."""
     taught_V: tuple[float, float] | None = None
     """Range of voltages for which the free response was identified; None if unknown."""
     memory: HysteresisState | None = None
-    """Memory of the free response as a plan begins; None: that of an unpoled arm."""
+    """Memory of the free response at the start of a plan; None: that of an unpoled arm."""
     condition_V: float | None = None
     """Lowest voltage of the conditioning strokes at the start of a plan, in V; None without
     strokes."""
     strokes: int = STROKES
-    """Number of those strokes."""
+    """Number of conditioning strokes."""
 
 
 @dataclass(frozen=True, slots=True)
 class MotionPlan:
-    """A motion program, its predicted course, and every limit that it breaks (none: play it)."""
+    """A motion program, its predicted course, and every limit that it exceeds (none: play it)."""
 
     program: Program
     phases: tuple[PlannedPhase, ...]
-    """Phases in order; one without end is drawn ``SHORTEST_MOVE_S`` long."""
+    """Phases in order. A phase without an end is drawn with a duration of ``SHORTEST_MOVE_S``."""
     course: Course
-    """Predicted course in steps of the period."""
+    """Predicted course, sampled once per period."""
     violations: tuple[Violation, ...]
 
     @property
@@ -123,25 +124,26 @@ def plan_contact(
 ) -> ContactPlan:
     """Plan zero, approach, zero, contact, the pressed part, and the retreat.
 
-    An arm that is where it may touch the part, as after a stop on the way or a move, first goes
-    back home, since no force could be zeroed there. Conditioning strokes, if the rig requires them,
-    come first and begin with that way back.
+    If the arm may already be in contact with the part, as after an interrupted approach or a move,
+    it first returns home, since the force cannot be zeroed there. Conditioning strokes, if the rig
+    requires them, come first and begin with that return.
 
     Parameters
     ----------
     pressing
-        From the load to the unload.
+        Segments from the load to the unload.
     pointers
-        The member of the request that leads beyond a limit, by the phase in which it does.
+        Request member responsible for an exceeded limit, by phase.
     flying
-        True if the load begins at the touch without a stop, after an approach that watches for one.
+        True if the load begins at the contact without a stop. The approach before it then detects
+        contacts too.
     free
-        Motion of the free arm before everything else, from where the arm is to its start.
+        Motion of the free arm before everything else, from its present position to its start.
 
     Raises
     ------
     ValueError
-        If d_p, s_p or the period is not finite and positive, or it takes too long.
+        If d_p, s_p or the period is not finite and positive, or the plan takes too long.
     """
     arm = PlannedArm(
         x_start_um=rig.x_start_um,
@@ -152,7 +154,7 @@ def plan_contact(
         free_response=rig.free_response,
         memory=rig.memory,
     )
-    # A quick retreat may begin after a missed or lost part, and must not be too fast then.
+    # A quick retreat may begin after a missed or lost part, and must not be too fast for that.
     from_um = request.furthest_um if flying else request.contact_um
     retreat_s = move_duration(from_um - arm.x_start_um, request.approach_um_per_s)
     highest_mN = max(_highest_mN(segment) for segment in pressing)
@@ -168,7 +170,7 @@ def plan_contact(
     begin_um, way_out = _way_out(request, arm, rig.stands_um, back_um)
     strokes: Sequence[Segment] = ()
     if rig.condition_V is not None:
-        # At 0 V the arm is at its start, whatever remanence and drift do to the reading.
+        # At 0 V the arm is at its start position, even if remanence and drift change the reading.
         stands_um = arm.x_start_um
         if rig.stands_um is not None and rig.rest_um is None:
             stands_um = rig.stands_um
@@ -207,7 +209,7 @@ def plan_contact(
 
 
 def _highest_mN(segment: Segment) -> float:
-    """Return the highest force that a segment goes to."""
+    """Return the highest force reference of a segment."""
     if isinstance(segment, Track) and segment.force is not None:
         return peaks(segment.force).highest
     return (segment.to_mN or 0.0) if isinstance(segment, Press) else 0.0
@@ -216,27 +218,27 @@ def _highest_mN(segment: Segment) -> float:
 def _way_out(
     request: ContactRequest, arm: PlannedArm, stands_um: float | None, back_um: float
 ) -> tuple[float, tuple[Segment, ...]]:
-    """Return the state in which the plan begins, and a way back if the arm may touch the part."""
-    # Half of the margin is left to noise and creep until the zero.
+    """Return the state at the start, and a return home if the arm may touch the part."""
+    # Half of the margin is reserved for noise and creep until the zero.
     free_um = max(arm.x_start_um, request.stand_off_um + 0.5 * MARGIN_UM)
     if stands_um is None or stands_um <= free_um:
         return arm.x_start_um, ()
     back_s = move_duration(stands_um - arm.x_start_um, request.approach_um_per_s)
-    # Unguarded: a force that acts at its start is not known yet, and its decrease is no touch.
+    # Unguarded: a force that acts at its start is not known yet, and its decrease is no contact.
     return stands_um, (Move("open", back_s, to_um=(back_um,)),)
 
 
 def _way_there(
     request: ContactRequest, arm: PlannedArm, flying_s: float | None
 ) -> tuple[Segment, ...]:
-    """Return the way to the part.
+    """Return the segments of the approach to the part.
 
-    ``flying_s`` is the period if the arm does not stop at the touch.
+    ``flying_s`` is the period if the arm does not stop at the contact.
     """
     stand_off_um = request.stand_off_um
     seek_to_um, up_s = request.furthest_um, 0.0
     if flying_s is not None:
-        # At speed the arm moves on during the samples of the guard.
+        # The arm continues to move while the guard collects its samples.
         seek_to_um += CONTACT_SAMPLES * flying_s * request.seek_um_per_s
         up_s = RUN_UP_PERIODS * flying_s
     seek_s = (seek_to_um - stand_off_um) / request.seek_um_per_s + 0.5 * up_s
@@ -266,10 +268,11 @@ def _guards(request: ContactRequest, limits: PlanLimits) -> Guards:
 def _range(
     request: ContactRequest, arm: PlannedArm, course: Course, rig: PlannedRig
 ) -> PlannedRange:
-    """Return the range of positions and voltages with the softest permitted part, touched last.
+    """Return the ranges of position and voltage for the softest part at its furthest position.
 
-    The voltage is that of the free response, or of d_p, plus ``RANGE_SHARE`` of it and ``RANGE_V``,
-    for creep, hysteresis and the motion of the law. Away from the part it includes ``DRIFT_UM``.
+    The voltage range is computed by the free response or by d_p, and widened by ``RANGE_SHARE`` of
+    it plus ``RANGE_V`` for creep, hysteresis and control action. Away from the part it includes
+    ``DRIFT_UM``.
     """
     force_mN = max(course.force_r_mN)
     x_um = max(request.furthest_um + force_mN / request.softest_mN_per_um, *course.x_r_um)
@@ -287,9 +290,9 @@ def _range(
 
 
 def voltage_range(voltages_V: Sequence[float], rig: PlannedRig) -> VoltageRange:
-    """Return the range of voltages that a plan states, from those that its course needs.
+    """Return the range of voltages that a plan states, from the voltages of its course.
 
-    Limits of the rig are not part of it: exceeding them is a violation of the plan.
+    The range is not clipped to the rig's limits: exceeding them is a violation of the plan.
     """
     share = UNKNOWN_SHARE if rig.free_response is None else RANGE_SHARE
     found = around(voltages_V, share, RANGE_V)
@@ -310,7 +313,7 @@ def _touch(
 
 
 def hasty(request: ContactRequest, rig: PlannedRig, force_mN: float) -> tuple[Violation, ...]:
-    """Return the violations of a load from rest that is too short, or of a touch that is too fast.
+    """Return the violations of too short a load from rest, and of too fast a contact.
 
     Parameters
     ----------
@@ -326,7 +329,7 @@ def hasty(request: ContactRequest, rig: PlannedRig, force_mN: float) -> tuple[Vi
 
 
 def safe_touch(request: ContactRequest, rig: PlannedRig, force_mN: float) -> SafeTouch:
-    """Return the bounds of the speeds of a plan with this highest force."""
+    """Return the limits of the approach and seek speeds for a plan with this highest force."""
     return SafeTouch(
         force_mN,
         request.contact_force_mN,
@@ -351,7 +354,7 @@ def _early_contact(request: ContactRequest, x_start_um: float) -> list[Violation
 def _untaught(
     course: Course, taught_V: tuple[float, float] | None, pointers: Mapping[str, str]
 ) -> Iterator[Violation]:
-    """Return violations where a course leaves the voltages with a known free response."""
+    """Return violations where a course leaves the voltage range of the identified free response."""
     if taught_V is None:
         return
     least_V, largest_V = taught_V
@@ -369,7 +372,7 @@ def _untaught(
 
 
 def _violation(excursion: Excursion, pointers: Mapping[str, str]) -> Violation:
-    """Return a violation with the member of the request that causes it."""
+    """Return a violation that names the responsible member of the request."""
     pointer = pointers.get(excursion.phase, "")
     if excursion.phase == "contact":
         pointer = "/contact_force_mN" if excursion.quantity == "force" else "/contact_um"

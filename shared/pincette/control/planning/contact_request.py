@@ -1,18 +1,18 @@
-"""Request for a motion that meets a part: where and how it is met."""
+"""Request for a motion that meets a part: expected position and stiffness, and speeds."""
 
 from dataclasses import dataclass, fields
 
 from pincette.control.checks import require_positive
 
 MARGIN_UM = 1.0
-"""Margin beyond the contact's tolerance on both sides, in µm, for tracking lag and the samples of
-the guard."""
+"""Margin beyond the tolerance of the contact position on both sides, in µm, for tracking lag and
+the samples that the guard needs."""
 CONTACT_SAMPLES = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactRequest:
-    """Parameters with which a part is met, loaded and left.
+    """Parameters for the approach to a part, its load and its release.
 
     All are positive except ``contact_um``.
     """
@@ -23,12 +23,12 @@ class ContactRequest:
     contact_force_mN: float
     zero_s: float
     contact_um: float
-    """Position x_e of the arm at the first touch, in µm."""
+    """Position x_e of the arm at first contact, in µm."""
     contact_tolerance_um: float
     stiffness_mN_per_um: float
     """Stiffness K_e of the contact, in mN/µm."""
     stiffness_tolerance: float
-    """Share of K_e by which the part may differ; below 1."""
+    """Largest deviation of the part's stiffness, as a fraction of K_e; below 1."""
 
     @property
     def stand_off_um(self) -> float:
@@ -47,7 +47,7 @@ class ContactRequest:
 
     @property
     def furthest_um(self) -> float:
-        """Return the position of the contact force for the softest part at the furthest place."""
+        """Return the position for the contact force on the softest and furthest part."""
         return (
             self.contact_um
             + self.contact_tolerance_um
@@ -68,6 +68,6 @@ def check_contact(request: ContactRequest) -> None:
 def force_at_touch_mN(
     contact_force_mN: float, K_e: float, compliance_um_per_mN: float, v: float, period_s: float
 ) -> float:
-    """Return the force at which a touch at the speed v in µm/s is detected: F + K_e/S·v·n·T."""
+    """Return the force when a contact at speed v in µm/s is detected: F + K_e/S·v·n·T."""
     series = 1.0 / (1.0 / K_e + compliance_um_per_mN)
     return contact_force_mN + series * v * CONTACT_SAMPLES * period_s

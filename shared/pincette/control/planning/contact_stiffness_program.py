@@ -1,12 +1,12 @@
-"""The press in voltage of Fig. 8: the way to a part as in a grip, then four levels about a mean.
+"""The press in voltage of Fig. 8: an approach as in a grip, then four levels about a mean.
 
-The arm is zeroed, seeks the part, and presses under the law, first lightly, which identifies the
-contact line, then up to the force at the crest of the widest level. From the voltage reached there
-the law is off. The voltage falls by half the widest level, to its mean, and swings about it, the
-widest level first. So no crest exceeds the force that was reached under the law, except for creep
-and for a shift by hysteresis from cycle to cycle, on whichever branch it is; after the widest swing
-the others shift it no more. The trough is planned to stay in contact with the stiffest admitted
-part. Figure numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
+The force is zeroed, the arm seeks the part, and presses it under the law, first lightly to identify
+the contact line, then up to the force at the crest of the widest level. From there on the law is
+off. The voltage decreases by half the widest level to its mean and swings about it, the widest
+level first. So no crest exceeds the force reached under the law, except for creep and for
+hysteresis that shifts the force from cycle to cycle, whichever branch it is on; after the widest
+swing the narrower ones cause no further shift. The trough is planned so that the arm stays in
+contact with the stiffest permitted part. Figure numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
 
 from bisect import bisect_left
@@ -32,23 +32,24 @@ SETTLE_S = 2.0
 TROUGH_MN = 3.0
 """Force that remains at the lowest trough."""
 SHIFT = 0.15
-"""Share of the highest force by which creep and hysteresis may increase it."""
+"""Fraction of the highest force by which creep and hysteresis may increase it."""
 FIRST_LOAD = 0.25
-"""Share of the highest force up to which the line of the contact is identified."""
+"""Fraction of the highest force up to which the contact line is identified."""
 LEAST_LOADS = 3.0
-"""Least value of that force as a multiple of the contact force."""
+"""Smallest value of that force, as a multiple of the contact force."""
 WIDE = 4.0
-"""Factor by which the stiffness may differ from the planned one, since it is to be measured."""
+"""Factor by which the stiffness, which is to be measured, may differ from the planned one."""
 LEAST_WIDEST_V = 0.5
-"""Peak-to-peak voltage of the widest level below which noise and an error of x_1 hide the line."""
+"""Smallest peak-to-peak voltage of the widest level. Below it noise and the error of x_1 are too
+large for a line fit."""
 CREST_ROUNDS = 2
-"""Number of rounds in which the crest and the way back from it are computed from each other."""
+"""Number of iterations in which the crest and the swing below it are computed from each other."""
 STEP_V = 0.05
-"""Step by which the widest level is lowered until it is within the limits."""
+"""Step by which the widest level is reduced until it is within the limits, in V."""
 
 
 def level_phase(number: int) -> str:
-    """Return the name of a level's phase, from 1."""
+    """Return the name of the phase of a level; ``number`` counts from 1."""
     return f"level {number}"
 
 
@@ -58,7 +59,7 @@ def contact_stiffness_program(
     """Return phases of a grip until ``contact``; ``load``, ``press``, ``mean``, levels, ``unload``.
 
     Level n, from 1, has phase ``level n``, in the order of ``levels_V``; they are played from the
-    widest to the narrowest. The limits are those of a plan that presses as far.
+    widest to the narrowest. The limits are those of a plan that presses with the same force.
 
     Raises
     ------
@@ -100,7 +101,7 @@ def contact_stiffness_program(
         stiffness_min_mN_per_um=request.stiffness_mN_per_um / WIDE,
         stiffness_max_mN_per_um=request.stiffness_mN_per_um * WIDE,
     )
-    # The stiffness is unknown, so only the rig's own limits hold.
+    # The stiffness is unknown, so only the rig's own limits apply.
     return replace(plan.program, segments=segments, guards=guards, planned_range=None)
 
 
@@ -119,7 +120,7 @@ def levels_within(request: ContactRequest, rig: PlannedRig) -> tuple[float, ...]
     def pressed(step: int) -> ContactPlan:
         return _pressed(request, rig, widest_V - step * STEP_V)
 
-    # A smaller level presses and swings less, so that the limits hold from some step on.
+    # A narrower level presses and swings less, so that the limits are met after some steps.
     first = 0
     if pressed(0).violations:
         first = bisect_left(range(steps + 1), x=True, key=lambda n: not pressed(n).violations)
@@ -131,10 +132,11 @@ def levels_within(request: ContactRequest, rig: PlannedRig) -> tuple[float, ...]
 
 
 def crest_force_mN(request: ContactRequest, rig: PlannedRig, widest_V: float) -> float:
-    """Return the force at the crest of the widest level that leaves ``TROUGH_MN`` at its trough.
+    """Return the crest force of the widest level that leaves ``TROUGH_MN`` at its trough, in mN.
 
-    It is F_trough + Δ/(s_p + 1/K_e) for the stiffest part, with Δ the way that the free arm comes
-    back in the swings: by d_p, or by the identified free response if that is further.
+    It is F_trough + Δ/(s_p + 1/K_e) for the stiffest part, where Δ is the distance by which the
+    free arm would move back in the swings, by d_p or by the identified free response, whichever is
+    larger.
     """
     series_um_per_mN = rig.compliance_um_per_mN + 1.0 / request.hardest_mN_per_um
     crest_mN = TROUGH_MN + rig.piezo_um_per_V * widest_V / series_um_per_mN
@@ -156,7 +158,7 @@ def crest_force_mN(request: ContactRequest, rig: PlannedRig, widest_V: float) ->
 
 
 def _pressed(request: ContactRequest, rig: PlannedRig, widest_V: float) -> ContactPlan:
-    """Return the plan of a press as far as the widest level may go, and its shift beyond."""
+    """Return the plan of a press to the crest of the widest level, and the allowed shift."""
     crest_mN, load_s = crest_force_mN(request, rig, widest_V), request.load_s
     first_mN = min(crest_mN, max(LEAST_LOADS * request.contact_force_mN, FIRST_LOAD * crest_mN))
     highest_mN = (1.0 + SHIFT) * crest_mN

@@ -1,8 +1,8 @@
-"""Feasibility of a planned course: every limit that it breaks, by how much, where and when.
+"""Feasibility of a planned course: every limit that it exceeds, by how much, where and when.
 
-The period is that of the course, on which the arm is driven. The rate of the voltage is its change
-from one period to the next. The acceleration of x_r is its second difference; it is bounded so
-that the mode, were it to set in at once, rings by less than ``RING_UM``: a < RING_UM·ω_n².
+The course is sampled at the control period. The rate of the voltage is its change from one period
+to the next. The acceleration of x_r is its second difference. It is limited so that the mode rings
+by less than ``RING_UM`` even if the acceleration begins suddenly: a < RING_UM·ω_n².
 """
 
 from collections.abc import Sequence
@@ -32,11 +32,11 @@ class PlanLimits:
 
 @dataclass(frozen=True, slots=True)
 class Excursion:
-    """A place in which a course exceeds one limit within one phase."""
+    """An interval of one phase in which a course exceeds one limit."""
 
     quantity: LimitedQuantity
     value: float
-    """Furthest value beyond the limit."""
+    """Value that exceeds the limit most."""
     limit: float
     unit: str
     at_s: float
@@ -44,15 +44,15 @@ class Excursion:
     phase: str
     """Phase in which the excursion begins."""
     times: int = 1
-    """Number of times that the course exceeds the limit and returns."""
+    """Number of separate intervals in which the course exceeds the limit."""
 
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """A broken limit: the request's member, the excess, and where it begins."""
+    """An exceeded limit: the request member, the excess, and where it begins."""
 
     pointer: str
-    """JSON pointer into the request; "" where the cause is not in the request."""
+    """JSON pointer into the request; "" if the cause is not in the request."""
     quantity: LimitedQuantity
     value: float
     limit: float
@@ -67,13 +67,13 @@ class Violation:
 
 
 def acceleration_limit(natural_frequency_rad_per_s: float) -> float:
-    """Return the acceleration of x_r in µm/s² with a ringing of ``RING_UM``: RING_UM·ω_n²."""
+    """Return the acceleration of x_r in µm/s² that causes ringing of ``RING_UM``: RING_UM·ω_n²."""
     omega_n = require_positive("natural frequency", natural_frequency_rad_per_s, "rad/s")
     return RING_UM * omega_n * omega_n
 
 
 def excursions(course: Course, limits: PlanLimits) -> tuple[Excursion, ...]:
-    """Return every phase of a course that exceeds a limit, ordered by limit and time."""
+    """Return an excursion for every phase of a course that exceeds a limit, by limit and time."""
     voltage, position, t_s = course.voltage_V, course.x_r_um, course.t_s
     period_s = t_s[1] - t_s[0] if len(t_s) > 1 else 1.0
     slew = _differences(voltage, period_s)
@@ -100,7 +100,7 @@ def beyond(
     values: list[float],
     range_: tuple[float, float],
 ) -> tuple[Excursion, ...]:
-    """Return every phase in which values leave a range, above first."""
+    """Return an excursion for every phase in which values leave a range, those above it first."""
     low, high = range_
     return (
         *_beyond(course, quantity, unit, values, high, 1.0),
@@ -109,7 +109,7 @@ def beyond(
 
 
 def named_violation(excursion: Excursion, pointer: str) -> Violation:
-    """Return an excursion in words, with the member of the request that causes it."""
+    """Return an excursion as a violation in words, with the responsible request member."""
     side = "above" if excursion.value > excursion.limit else "below"
     again = "" if excursion.times == 1 else f", {excursion.times} times"
     return Violation(
@@ -128,7 +128,7 @@ def named_violation(excursion: Excursion, pointer: str) -> Violation:
 
 
 def _differences(values: Sequence[float], period_s: float) -> list[float]:
-    """Return the rate from each value to the next, with as many values as were given."""
+    """Return the rate from each value to the next; the result has as many values as the input."""
     rates = [0.0]
     for index in range(1, len(values)):
         rates.append((values[index] - values[index - 1]) / period_s)
@@ -147,7 +147,7 @@ def _beyond(
     found: list[Excursion] = []
     begin: int | None = None
     for index in range(len(values) + 1):
-        # A value at the limit is within it, rounding included.
+        # A value at the limit is permitted, with a tolerance for rounding.
         outside = index < len(values) and side * (values[index] - limit) > 1e-9
         if outside and begin is None:
             begin = index

@@ -1,9 +1,9 @@
-"""Free motion in voltage from which free response, gain, loop and creep are identified.
+"""Free motion in voltage for the identification of free response, gain, loop and creep.
 
-The course of ``teaching``, in voltage and without a law; then cycles of 2 V peak to peak and 0.5
-Hz, the paper's largest drive, until they are settled; then a step with a rest after it; then grips
-rehearsed without a part, by which the model's error in a grip is judged. The part is removed, so
-that nothing is touched.
+The program consists of the course of ``teaching``, in voltage and without a law; then cycles of 2 V
+peak to peak at 0.5 Hz, the paper's largest drive, until they have settled; then a step followed by
+a rest; then grips rehearsed without a part, which give the model's error in a grip. The part must
+be removed before, so that the arm stays free.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,37 +27,40 @@ from pincette.control.response.conditioned_branch import strokes_needed
 from pincette.control.response.model_errors import RehearsedGrip
 
 GAIN_PP_V, GAIN_HZ = 2.0, 0.5
-"""Drive at which d_p is stated: section VI.B of the paper."""
+"""Drive for which d_p is reported: section VI.B of the paper."""
 SETTLING_CYCLES, GAIN_CYCLES = 3, 5
 """Number of cycles before the measured ones, and number of measured cycles."""
 PRESS_LOW, PRESS_HIGH = 0.51, 0.96
-"""Range of presses, as shares of the full range; the model is judged in it."""
+"""Range of the presses, as fractions of the full range. The error of the model is determined
+there."""
 PRESS_CYCLES = 4
 """Number of measured cycles after the settling ones."""
 CREEP_BEFORE_S, CREEP_S = 6.0, 12.0
-"""Rests before and after the step, in s; the first is long, so that older creep is slow."""
+"""Rests before and after the step, in s. The first is long, so that the remaining creep is slow."""
 REHEARSED = ((0.50, 0.62), (0.55, 0.88), (0.60, 0.75), (0.52, 0.95), (0.57, 0.70), (0.50, 0.82))
-"""Shares of the range at which a rehearsed grip meets its part, and to which it presses."""
+"""Position of the contact and end of the press of each rehearsed grip, as fractions of the
+range."""
 BEFORE_S, ZERO_S, HELD_S = 0.4, 0.4, 5.0
-"""Rests of a rehearsal before and after it, at the zero of a grip, and pressed, in s."""
+"""Rests of a rehearsal, in s: before and after it, at the zero, and while pressing."""
 CONDITIONED = ((0.50, 0.95), (0.57, 0.82), (0.30, 0.60), (0.52, 0.70))
-"""Such shares for grips that begin with conditioning strokes."""
+"""As ``REHEARSED``, for grips that begin with conditioning strokes."""
 CONDITIONED_HELD_S = 2.0
 BEYOND = 0.01
-"""Overshoot of the approach as a share of the range. The law of a grip takes back as much while the
-arm creeps at the zero, and arms of the Bouc-Wen class remember that."""
+"""Overshoot of the approach, as a fraction of the range. In a grip the law moves back by as much
+while the arm creeps at the zero, and Bouc-Wen hysteresis retains a memory of this reversal."""
 STAIRCASES = 2
 STAIRS, STAIR_S = 16, 0.25
-"""Number of rests on the rising branch after conditioning strokes, and duration of each in s."""
+"""Number of rests on the rising branch after conditioning strokes, and duration of each rest in
+s."""
 SWINGS_EVERY = 3
-"""Interval, in rehearsals, at which a hold goes on with small swings as noise and a law cause them.
-"""
+"""Number of rehearsals after which one continues its hold with small swings, as noise and a law
+cause them."""
 SMALL_PP_V, SMALL_HZ, SMALL_S = 0.02, 12.5, 4.0
-"""Peak-to-peak voltage, frequency and duration of the small swings: a total way of 1 V, as in a
-hold of some 30 s. They are little wider than those of noise, since relays distinguish swings by
-their width."""
+"""Peak-to-peak voltage, frequency and duration of the small swings: a total voltage travel of 1 V,
+as in a hold of about 30 s. Their width is little above that of noise, since relays respond
+according to the width."""
 SMALL_SAMPLES = 4.0
-"""Least number of samples in a small swing."""
+"""Smallest number of samples in a period of the small swings."""
 
 
 def free_response_program(
@@ -75,7 +78,7 @@ def free_response_program(
     Its phases are ``teach``, ``before presses``, ``presses``, ``after presses``, ``cycles``,
     ``before step``, ``step``, ``creep`` and ``return``. Rehearsal N, from 1 on, has ``approach N``,
     ``press N``, ``let go N`` and sometimes ``small swings N``. Where strokes are possible,
-    conditioned way N has ``strokes N``, then ``stairs N`` or both ``conditioned approach N`` and
+    conditioned motion N has ``strokes N``, then ``stairs N`` or both ``conditioned approach N`` and
     ``conditioned press N``, and ``go back N``.
 
     Parameters
@@ -85,18 +88,18 @@ def free_response_program(
     rate_V_per_s
         Peak rate of the fastest moves of the course.
     grip_V_per_s
-        Peak rate of the rehearsed grips; None: as the course.
+        Peak rate of the rehearsed grips; None: that of the course.
     rest_V
-        Voltage at which it begins and ends.
+        Voltage at which the program begins and ends.
     lowest_V
-        Lowest voltage of the course; None: ``from_V``. Conditioning strokes may go as low as the
-        course has gone, since the model is not known below it.
+        Lowest voltage of the course; None: ``from_V``. Conditioning strokes reach at most the
+        lowest voltage of the course, since the model is not known below it.
 
     Raises
     ------
     ValueError
-        If the range, with ``rest_V``, or the rate lies beyond a limit of the rig, position by
-        nominal gain included, or the range of voltage is narrower than the 2 V of the cycles.
+        If the range, including ``rest_V``, or the rate exceeds a limit of the rig (for the
+        position, by the nominal gain), or the voltage range is narrower than the 2 V of the cycles.
     """
     if not (isfinite(from_V) and isfinite(to_V)):
         raise ValueError(f"voltages from {from_V} V to {to_V} V, must be finite")
@@ -126,7 +129,7 @@ def free_response_program(
     teach = voltage_moves([(rest_V, rate_V_per_s, 0.0), *course, (mean_V, rate_V_per_s, 0.0)])
     cycles = sinusoid("voltage", mean_V, GAIN_PP_V, GAIN_HZ, SETTLING_CYCLES + GAIN_CYCLES)
     press_V = from_V + 0.5 * (PRESS_LOW + PRESS_HIGH) * way_V
-    # The voltage arrives from above, as after the first press on a part.
+    # The voltage is reached from above, as after the first press on a part.
     crest_V = from_V + PRESS_HIGH * way_V
     lead = voltage_moves(
         [(mean_V, rate_V_per_s, 0.0), (crest_V, rate_V_per_s, 0.5), (press_V, rate_V_per_s, 0.5)]
@@ -137,7 +140,7 @@ def free_response_program(
     require_within("rate of the free motion", fastest, "V/s", 0.0, rig.limits.slew_V_per_s)
     follow = voltage_moves([(press_V, rate_V_per_s, 0.0), (mean_V, rate_V_per_s, 0.5)])
     before = voltage_moves([(mean_V, rate_V_per_s, 0.0), (from_V, rate_V_per_s, CREEP_BEFORE_S)])
-    # The step is as fast as possible, since creep counts from its middle.
+    # The step is as fast as possible, since the time of the creep counts from its middle.
     step = voltage_moves([(from_V, 0.0, 0.0), (to_V, rig.limits.slew_V_per_s, 0.0)])
     back = voltage_moves([(to_V, rate_V_per_s, 0.0), (rest_V, rate_V_per_s, 0.5)])
     quick_V_per_s = grip_V_per_s or rate_V_per_s
@@ -167,7 +170,7 @@ def free_response_program(
 
 
 def slow_on_new_ground(course: Sequence[Leg]) -> list[Leg]:
-    """Return a course that moves slowly wherever it is higher than before: a part may be there."""
+    """Return a course that moves slowly above all earlier positions: a part may be there."""
     found, highest = list[Leg](), 0.0
     for leg in course:
         found.append(leg._replace(pace=min(leg.pace, SLOW)) if leg.to > highest else leg)
@@ -178,7 +181,7 @@ def slow_on_new_ground(course: Sequence[Leg]) -> list[Leg]:
 def _conditioned(
     rig: PlannedRig, voltages_V: tuple[float, float, float, float], rate_V_per_s: float
 ) -> list[Drive]:
-    """Return ways that begin with conditioning strokes: stairs, then rehearsed grips."""
+    """Return motions that begin with conditioning strokes: staircases, then rehearsed grips."""
     low_V, rest_V, from_V, to_V = voltages_V
     way_V, count = to_V - from_V, strokes_needed(low_V, to_V)
     stairs = [(step / STAIRS * to_V, rate_V_per_s, STAIR_S) for step in range(1, STAIRS + 1)]
@@ -217,7 +220,7 @@ def _conditioned(
 def conditioned_ways(
     samples_of: Callable[[str], slice], program: Program
 ) -> tuple[ConditionedWay, ...]:
-    """Return the samples of the conditioned ways of such a program, or None without such ways."""
+    """Return the samples of a program's conditioned motions, or None if it has no such motions."""
     phases = {segment.phase for segment in program.segments}
     found: list[ConditionedWay] = []
     for number in range(1, STAIRCASES + len(CONDITIONED) + 1):
@@ -239,7 +242,7 @@ def conditioned_ways(
 def _rehearsal(
     rig: PlannedRig, number: int, voltages_V: tuple[float, float, float], rate_V_per_s: float
 ) -> list[Drive]:
-    """Return a grip without a part, from rest to contact to press and back."""
+    """Return a grip without a part: from the rest to the contact, the press, and back."""
     rest_V, contact_V, press_V = voltages_V
     approach = voltage_moves([(rest_V, 0.0, BEFORE_S), (contact_V, rate_V_per_s, ZERO_S)])
     press = voltage_moves([(contact_V, 0.0, 0.0), (press_V, rate_V_per_s, HELD_S)])
@@ -255,7 +258,7 @@ def _rehearsal(
 def rehearsed_grips(
     samples_of: Callable[[str], slice], program: Program
 ) -> tuple[RehearsedGrip, ...]:
-    """Return the samples of the rehearsals of such a program, each of one phase."""
+    """Return the samples of the rehearsals of such a program, one slice per phase."""
     phases = {segment.phase for segment in program.segments}
     return tuple(
         RehearsedGrip(

@@ -24,11 +24,11 @@ class GripRequest(ContactRequest):
 
     force_mN: float
     hold_s: float | None
-    """Duration of the hold, in s; None: until an action ends it."""
+    """Duration of the hold, in s; None: the hold lasts until an action ends it."""
     unload_s: float | None = None
-    """Duration of the unload, in s; None: equal to the load."""
+    """Duration of the unload, in s; None: that of the load."""
     quick: bool = False
-    """True if the load begins at the touch without a stop, and follows the contact line."""
+    """True if the load begins at the contact without a stop, and follows the contact line."""
 
     def __post_init__(self) -> None:
         check_contact(self)
@@ -40,7 +40,7 @@ class GripRequest(ContactRequest):
 
 
 def plan_grip(request: GripRequest, rig: PlannedRig) -> ContactPlan:
-    """Plan a grip; raises as ``plan_contact`` does."""
+    """Return the plan of a grip; raises ValueError as ``plan_contact`` does."""
     force_mN, load_s, hold_s = request.force_mN, request.load_s, request.hold_s
     settle_s = SHORTEST_MOVE_S if hold_s is None else min(SHORTEST_MOVE_S, hold_s)
     pressing = (

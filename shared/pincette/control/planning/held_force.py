@@ -1,10 +1,10 @@
 """Change of the force on a held part: a load or unload to it, a hold, and the release.
 
-The references begin where the arms are, with the force that acts. Those of one arm move along the
-contact line; two arms keep the place of the part.
-The voltage is predicted from the one applied: by the identified free response from a memory that
-came to that voltage from below, else by d_p. The range of voltages also covers a memory that came
-to it from above, as after a higher force.
+The references begin at the present positions and the present force. The reference of one arm moves
+along the contact line; two arms keep the position of the part. The voltage is predicted from the
+voltage applied: by the identified free response, with a memory that reached that voltage from
+below, or else by d_p. The range of voltages also covers a memory that reached it from above, as
+after a higher force.
 """
 
 from collections.abc import Mapping, Sequence
@@ -47,7 +47,7 @@ from pincette.control.response.inverse import free_voltages
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeldForceRequest:
-    """Force to which a held part is loaded or unloaded, and its timing.
+    """Request to change the force on a held part, and its timing.
 
     Raises
     ------
@@ -57,15 +57,15 @@ class HeldForceRequest:
 
     force_mN: float
     load_s: float
-    """Duration of the way to the force, up or down, in s."""
+    """Duration of the change of the force, up or down, in s."""
     hold_s: float | None
-    """Duration of the hold, in s; None: until an action ends it."""
+    """Duration of the hold, in s; None: the hold lasts until an action ends it."""
     release_s: float
     contact_force_mN: float
     stiffness_mN_per_um: float
     """Planned stiffness K_e, in mN/µm."""
     stiffness_tolerance: float
-    """Share of K_e by which the part may differ; below 1."""
+    """Largest deviation of the part's stiffness, as a fraction of K_e; below 1."""
 
     def __post_init__(self) -> None:
         for name in ("force_mN", "load_s", "release_s", "contact_force_mN", "stiffness_mN_per_um"):
@@ -90,17 +90,17 @@ def plan_held_force(
     safe_V: float,
     pointers: Mapping[str, str],
 ) -> MotionPlan:
-    """Plan the way to a new force; phases ``load``, ``hold`` and ``unload``.
+    """Return the plan for a new force; phases ``load``, ``hold`` and ``unload``.
 
     Parameters
     ----------
     pointers
-        The member of the request that leads beyond a limit, by ``phase`` or ``phase quantity``.
+        Request member responsible for an exceeded limit, by ``phase`` or ``phase quantity``.
 
     Raises
     ------
     ValueError
-        If d_p, s_p or the period is not finite and positive, or it takes too long.
+        If d_p, s_p or the period is not finite and positive, or the plan takes too long.
     """
     d_p = require_positive("piezoelectric constant", rig.piezo_um_per_V, "µm/V")
     s_p = require_positive("compliance", rig.compliance_um_per_mN, "µm/mN")
@@ -113,7 +113,7 @@ def plan_held_force(
 
     def follow(segment: Segment, entry: Entry, ref: Reference) -> Reference:
         if segment.open_loop:
-            # The part keeps the arm from following its voltage: use the gain of the way to rest.
+            # The part keeps the arm from following its voltage: use the gain of the motion to rest.
             begin, (begin_V,) = entry.ref, entry.ref.voltages_V
             way_V = begin_V - safe_V
             gain = d_p if not way_V else (begin.x_um - rig.x_start_um - d_p * safe_V) / way_V
@@ -151,7 +151,7 @@ def plan_held_force(
 def held_force_segments(
     request: HeldForceRequest, safe_V: float, *, arms: int
 ) -> tuple[Segment, ...]:
-    """Return the way to the force, the hold and the release."""
+    """Return the segments of the load or unload, the hold and the release."""
     force_mN, hold_s = request.force_mN, request.hold_s
     settle_s = SHORTEST_MOVE_S if hold_s is None else min(SHORTEST_MOVE_S, hold_s)
     return (
@@ -164,7 +164,7 @@ def held_force_segments(
 def unheld_forces(
     request: HeldForceRequest, uncertainty_mN: float, period_s: float
 ) -> list[Violation]:
-    """Return why the force cannot be held: it is too small, too uncertain, or its way too short."""
+    """Return violations of a force that is too small, too uncertain, or reached too quickly."""
     force_mN = request.force_mN
     return [
         *weak_force(force_mN, request.contact_force_mN, "/force_mN", 0.0),
@@ -174,7 +174,7 @@ def unheld_forces(
 
 
 def held_guards(request: HeldForceRequest, limits: PlanLimits) -> Guards:
-    """Return the guards of a part that is held, and of its release."""
+    """Return the guards for a held part and its release."""
     K_e, tolerance = request.stiffness_mN_per_um, request.stiffness_tolerance
     return Guards(
         contact_force_mN=request.contact_force_mN,
@@ -191,7 +191,7 @@ def held_guards(request: HeldForceRequest, limits: PlanLimits) -> Guards:
 
 
 def _voltages_V(rig: PlannedRig, from_V: float, way_um: float) -> list[list[float]]:
-    """Return the voltages along a way of the free arm, for both possible memories."""
+    """Return the voltages for a displacement of the free arm, for both possible memories."""
     ways_um = [way_um * step / SWEPT_STEPS for step in range(SWEPT_STEPS + 1)]
     model = rig.free_response
     if model is None:
@@ -203,14 +203,14 @@ def _voltages_V(rig: PlannedRig, from_V: float, way_um: float) -> list[list[floa
         for to_V in stops_V:
             memory = swept(model, memory, to_V)[-1]
         voltages_V = free_voltages(model, ways_um, SWEPT_STEP_S, memory)
-        # A creeping model finds another voltage for its present place.
+        # With creep the model finds another voltage for its present position.
         shift_V = from_V - voltages_V[0]
         found.append([one + shift_V for one in voltages_V])
     return found
 
 
 def _at_share(values_V: Sequence[float], share: float) -> float:
-    """Return the value at a share of even steps, which the ends bound."""
+    """Return the interpolated value at a fraction of evenly spaced values, clamped to the ends."""
     place = min(max(share, 0.0), 1.0) * (len(values_V) - 1)
     index = min(int(place), len(values_V) - 2)
     low_V, high_V = values_V[index], values_V[index + 1]

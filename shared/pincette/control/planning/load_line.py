@@ -1,19 +1,20 @@
-"""Contact line that the references of a load follow while it is identified.
+"""Contact line that the references of a load follow while the line is identified.
 
-A load moves F_r and x_r together along F_r = K_e·(x_r - x_e). A part that is harder than the line
-is pressed with too much force: at twice the planned stiffness, by up to twice the force. So a load
-begins on the line of the hardest part that may be there, and goes on with the stiffest line that
-its samples admit:
+A load moves F_r and x_r together along F_r = K_e·(x_r - x_e). The force on a part that is harder
+than the line is too high: for twice the planned stiffness, up to twice the force. Therefore a load
+begins on the line of the hardest permitted part, and continues with the stiffest line that agrees
+with its samples:
 
     K = min(hardest, K_fit·(1 + 2·e)),    x_e = mean x - mean F/K
     e = max((1 + 1/kappa)·sigma/(s·√n), standard error of K_fit/K_fit),    kappa = s_p·K_fit
 
 for n samples whose position has the standard deviation s, and the r.m.s. noise sigma of one
-reading, which enters x and F at once. The error e falls along the load, so that the references end
-on the fitted line. Meanwhile a softer part is pressed with less force than F_r, never with more. A
-line across an unnoticed slip is not straight: its stiffness is not used.
+reading, which affects both x and F. The error e decreases during the load, so that the references
+end on the fitted line. Until then the force on a softer part is below F_r, never above it. The
+samples before and after an undetected slip do not lie on a straight line, and their stiffness is
+not used.
 
-Both numbers approach these with a time constant of 20 ms, so that no reference jumps.
+K and x_e approach these values with a time constant of 20 ms, so that no reference jumps.
 """
 
 from math import exp, inf, isfinite, sqrt
@@ -22,15 +23,16 @@ from pincette.control.planning.contact_line import ContactFit, ContactLine, Load
 from pincette.control.planning.program import Guards
 
 LEAST_STIFFNESS, MOST_STIFFNESS = 0.3, 3.0
-"""Bounds of a usable contact stiffness, as shares of the planned one."""
+"""Bounds of a usable contact stiffness, as multiples of the planned one."""
 LINE_S = 0.02
 """Time constant with which the references follow the line, in s."""
 STANDARD_ERRORS = 2.0
-"""Number of standard errors by which the references stay on the stiff side of the fitted line."""
+"""Number of standard errors by which the line of the references is stiffer than the fitted line."""
 LEAST_SPREAD_UM = 0.02
 """Standard deviation of the position below which no stiffness is fitted, in µm."""
 LEAST_COUNT = 3
-"""Fewest samples of a load from which its stiffness is judged."""
+"""Largest scatter about a straight contact line: multiple of the sensor's noise, and error of the
+free response in µm."""
 STRAIGHT_SIGMAS, STRAIGHT_UM = 1.4, 0.05
 """Scatter of a straight contact line: multiples of the sensor's noise, and the error of the free
 response, in µm."""
@@ -38,11 +40,11 @@ fit_line, spread_um = ContactLine.fit, ContactLine.spread_um
 
 
 def stiffness_bounds(planned_mN_per_um: float, guards: Guards) -> tuple[float, float]:
-    """Return the least and the largest contact stiffness that may be used, in mN/µm.
+    """Return the smallest and the largest contact stiffness that may be used, in mN/µm.
 
-    They are 0.3 and 3 times the planned one. A program that looks for the stiffness itself has
-    guards with wider bounds, which hold instead. Guards without an upper bound give none, since a
-    load cannot begin on a line of infinite stiffness.
+    They are 0.3 and 3 times the planned one. The guards of a program that measures the stiffness
+    contain wider bounds, which are used instead. An infinite upper bound of the guards is not used,
+    since a load cannot begin on a line of infinite stiffness.
     """
     least = min(LEAST_STIFFNESS * planned_mN_per_um, guards.stiffness_min_mN_per_um)
     most = MOST_STIFFNESS * planned_mN_per_um
@@ -52,17 +54,17 @@ def stiffness_bounds(planned_mN_per_um: float, guards: Guards) -> tuple[float, f
 
 
 def line_share(period_s: float) -> float:
-    """Return the share of its distance by which the references' line moves in a period."""
+    """Return the fraction of its distance by which the references' line moves in a period."""
     return 1.0 - exp(-period_s / LINE_S)
 
 
 def is_straight(fit: ContactFit, noise_um: float, compliance_um_per_mN: float) -> bool:
-    """Return whether the samples scatter about a line by no more than a straight line allows.
+    """Return whether the scatter of the samples is small enough for a straight line.
 
     Parameters
     ----------
     noise_um
-        R.m.s. noise of one reading, which enters x and F at once.
+        R.m.s. noise of one reading, which affects both x and F.
     """
     mN_per_um = fit.K_e_mN_per_um + 1.0 / compliance_um_per_mN
     return fit.scatter_mN <= (STRAIGHT_SIGMAS * noise_um + STRAIGHT_UM) * mN_per_um
@@ -73,8 +75,8 @@ def stiffness_error(
 ) -> float:
     """Return the relative standard error of a fitted stiffness.
 
-    It is the larger of the errors from noise and from the scatter: a few samples may show too
-    little scatter.
+    It is the larger one of the errors computed from the noise and from the scatter: the scatter of
+    a few samples may be too small by chance.
     """
     K_e = fit.K_e_mN_per_um
     readings = spread_um(line) * sqrt(line.count)
@@ -85,14 +87,14 @@ def stiffness_error(
 def stiffest_line(
     line: ContactLine, hardest_mN_per_um: float, noise_um: float, compliance_um_per_mN: float
 ) -> LoadLine:
-    """Return the stiffest line through the mean that the samples of a load allow.
+    """Return the stiffest line through the mean that agrees with the samples of a load.
 
     Parameters
     ----------
     line
-        Sums over one sample or more.
+        Sums over at least one sample.
     hardest_mN_per_um
-        Stiffness of the hardest part that may be there.
+        Stiffness of the hardest permitted part.
     """
     K_e = hardest_mN_per_um
     fit = fit_line(line, LEAST_SPREAD_UM)

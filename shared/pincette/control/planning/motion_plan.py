@@ -1,9 +1,9 @@
-"""Motions without a part, and those that hold or release a part.
+"""Motions without a part, and motions that hold or release a part.
 
-A move may begin with cycles of voltage: to warm the arm up, and then to bring its hysteresis into a
-known state, at the lowest voltage, from which it is approached upwards. A move to a position is
-under the law, one to a voltage without a law. A hold and a release only know that a part is there:
-the voltage alone keeps it, and moves smoothly to rest at its release.
+A move may begin with cycles of the voltage, which warm the arm up and then bring its hysteresis to
+a known state at the lowest voltage. From there the goal is approached upwards. A move to a position
+is controlled by the law, a move to a voltage is open-loop. A hold and a release do not use the
+force: a constant voltage holds the part, and moves smoothly to rest to release it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -47,17 +47,17 @@ from pincette.control.voltage_range import VoltageRange, around
 REST_S = 0.5
 """Rest after a move, in s, in which the arm settles."""
 CHECK_S, CHECK_REST_S = 1.2, 0.3
-"""Duration of the check of whether an arm is free, there and back, and of the rest before it, in s.
-"""
+"""Durations, in s, of the check of whether an arm is free, forth and back, and of the rest before
+it."""
 FAST_SHARE = 0.95
-"""Share of the slew limit at which the voltage of a fast way back falls."""
+"""Fraction of the slew limit at which the voltage decreases in a fast return."""
 OPEN_V = 0.1
-"""Margin of voltage for a motion without a law, since it begins at a measured voltage."""
+"""Margin of voltage for an open-loop motion, which begins at a measured voltage."""
 
 
 @dataclass(frozen=True, slots=True)
 class StartPosition:
-    """Position of the arm at the beginning of the motion."""
+    """Position of the arm at the start of the motion."""
 
     x_um: float
     voltage_V: float
@@ -74,7 +74,7 @@ class Cycles:
     count: int = 0
     """Number of cycles from the lowest to the highest voltage and back."""
     warm_up_s: float = 0.0
-    """Duration of the swing between both before the cycles, in s."""
+    """Duration of the warm-up swing between both voltages before the cycles, in s."""
 
     def __post_init__(self) -> None:
         require_positive("range of the cycles", self.high_V - self.low_V, "V")
@@ -93,13 +93,14 @@ class MoveRequest:
     """
 
     speed_um_per_s: float
-    """Peak speed, in µm/s; for a voltage by the nominal gain."""
+    """Peak speed, in µm/s; converted to a voltage rate by the nominal gain."""
     contact_force_mN: float
     to_um: float | None = None
     to_V: float | None = None
     by_V: float | None = None
     zero_s: float | None = None
-    """Rest before cycles and move on which the force is zeroed, in s; None: no zero."""
+    """Duration of the rests before the cycles and before the move at which the force is zeroed, in
+    s; None: no zero."""
     cycles: Cycles | None = None
     rest_s: float = REST_S
     """Rest after the move, in s."""
@@ -119,7 +120,7 @@ def plan_move(
     Parameters
     ----------
     pointers
-        The member of the request that leads beyond a limit, by ``phase`` or ``phase quantity``.
+        Request member responsible for an exceeded limit, by ``phase`` or ``phase quantity``.
 
     Raises
     ------
@@ -157,7 +158,7 @@ def plan_hold(
     safe_V: float,
     pointers: Mapping[str, str],
 ) -> MotionPlan:
-    """Plan to hold a part, without end for None, and to release it; phases ``hold``, ``unload``.
+    """Return a plan to hold a part (None: without end) and release it; phases ``hold``, ``unload``.
 
     Raises
     ------
@@ -177,31 +178,31 @@ def plan_release(
     safe_V: float,
     pointers: Mapping[str, str],
 ) -> MotionPlan:
-    """Plan the release of a held part; phase ``unload``. Raises as ``plan_hold`` does."""
+    """Return a plan to release a held part; phase ``unload``. Raises as ``plan_hold`` does."""
     segments = [_unload(release_s, safe_V)]
     return _plan(segments, _free_guards(rig), rig, stand, pointers, held_to_V=safe_V)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LettingGo:
-    """Strategies by which a held part is let go, in order; raises ValueError for bad numbers.
+    """Strategies to release a part that sticks, in order; raises ValueError for bad numbers.
 
-    Each one ends at the safe voltage with a check of whether the arm is free, and the next one is
-    played only if it is not.
+    Each strategy ends at the safe voltage with a check of whether the arm is free. The next
+    strategy is played only if the arm is not free.
     """
 
     strategies: tuple[ReleaseStrategy, ...]
     release_s: float
-    """Duration of a slow way back, in s."""
+    """Duration of a slow return, in s."""
     dither_um: float
-    """Amplitude of the swing about the safe voltage, in µm of the free arm."""
+    """Amplitude of the oscillation about the safe voltage, in µm of the free arm."""
     dither_hz: float
     dither_s: float
     wait_s: float
     check_um: float
-    """Way of the check, in µm; negative where it leads away from the part."""
+    """Distance of the motion in the check, in µm; negative if it leads away from the part."""
     checks: tuple[FreeArm, ...]
-    """What each arm is judged by."""
+    """Properties by which the check decides whether each arm is free."""
 
     def __post_init__(self) -> None:
         for name in ("release_s", "dither_um", "dither_hz", "dither_s", "wait_s"):
@@ -217,10 +218,11 @@ def plan_letting_go(
     safe_V: float,
     pointers: Mapping[str, str],
 ) -> MotionPlan:
-    """Plan to let a held part go by strategies; phases ``unload``, their names, and ``check``.
+    """Return a plan to release a part by strategies; phases ``unload``, their names, and ``check``.
 
-    The first way back is fast if ``fast`` is the first strategy. A later way back begins half way
-    to the voltage that has held the part, which presses it no more than before.
+    The first return is fast if ``fast`` is the first strategy. A later return begins half way to
+    the voltage that has held the part, so that the force on the part does not exceed the earlier
+    force.
     """
     d_p = require_positive("piezoelectric constant", rig.piezo_um_per_V, "µm/V")
     way_V, fastest = abs(stand.voltage_V - safe_V), FAST_SHARE * rig.limits.slew_V_per_s
@@ -279,7 +281,7 @@ def _entry(stand: StartPosition, rig: PlannedRig) -> Entry:
 
 
 def _closed_loop_move(request: MoveRequest, at: StartPosition, to_um: float) -> list[Segment]:
-    """Return the segments of a move to a position by the law."""
+    """Return the segments of a move to a position under the law."""
     move_s = move_duration(to_um - at.x_um, request.speed_um_per_s)
     return [
         Move(phase, duration_s, guarded=True, to_um=(to_um,))
@@ -290,14 +292,14 @@ def _closed_loop_move(request: MoveRequest, at: StartPosition, to_um: float) -> 
 def _driven(
     request: MoveRequest, d_p: float, stand: StartPosition, at: StartPosition
 ) -> list[Segment]:
-    """Return the segments of a move to or by a voltage; the plan begins at ``stand``."""
+    """Return the segments of a move to or by a voltage, in a plan that begins at ``stand``."""
     by_V, to_V = request.by_V, request.to_V
     end_V = to_V if to_V is not None else stand.voltage_V + (by_V or 0.0)
     rate = request.speed_um_per_s / d_p
     duration_s = move_duration(end_V - at.voltage_V, rate)
     course: VoltageCourse = Ramp(end_V)
     if by_V is not None and request.cycles is None:
-        # The path counts from the voltage at the start of the motion.
+        # The path is relative to the voltage at the start of the motion.
         path = voltage_moves([(0.0, rate, 0.0), (by_V, rate, 0.0)], relative=True)
         course = Follow(path)
     return [
@@ -307,7 +309,7 @@ def _driven(
 
 
 def _cycled(cycles: Cycles, stand: StartPosition) -> list[Segment]:
-    """Return a warm-up about the mean, then the way to the lowest voltage and whole cycles."""
+    """Return a warm-up about the mean, then the move to the lowest voltage and whole cycles."""
     low_V, high_V, rate = cycles.low_V, cycles.high_V, cycles.rate_V_per_s
     mean_V, segments = 0.5 * (low_V + high_V), list[Segment]()
 
@@ -321,7 +323,7 @@ def _cycled(cycles: Cycles, stand: StartPosition) -> list[Segment]:
     at_V = stand.voltage_V
     if cycles.warm_up_s > 0.0:
         cycle_s = pi * (high_V - low_V) / rate
-        # The swing grows and fades over one cycle each.
+        # The amplitude grows and decays during one cycle each.
         whole = max(1, ceil(cycles.warm_up_s / cycle_s) - 2)
         swing = Path(
             "voltage",
@@ -359,16 +361,16 @@ def _plan(
     *,
     held_to_V: float | None = None,
 ) -> MotionPlan:
-    """Predict the segments by the nominal gain, and name the limits that they break.
+    """Predict the segments by the nominal gain, and determine the limits that they exceed.
 
     Parameters
     ----------
     held_to_V
-        Voltage at which a part that is held is let go; None: no part is held.
+        Voltage at which a held part is released; None: no part is held.
     """
     gain = require_positive("piezoelectric constant", rig.piezo_um_per_V, "µm/V")
     if held_to_V is not None and held_to_V != stand.voltage_V:
-        # The part keeps the arm from following its voltage: the gain is that of the way to rest.
+        # The part keeps the arm from following its voltage: use the gain of the motion to rest.
         rest_um = rig.x_start_um + gain * held_to_V
         gain = (stand.x_um - rest_um) / (stand.voltage_V - held_to_V)
     pieces = predict(segments, _entry(stand, rig), partial(nominal, gain))
@@ -393,12 +395,12 @@ def _plan(
 def _voltages(
     segments: Sequence[Segment], voltages_V: Sequence[float], rig: PlannedRig
 ) -> VoltageRange:
-    """Return the voltages of a motion: as planned, or as predicted for a position."""
+    """Return the voltages of a motion: as planned, or predicted if a position is planned."""
     if all(segment.open_loop for segment in segments):
         return around(voltages_V, 0.0, OPEN_V)
     return voltage_range(voltages_V, rig)
 
 
 def named_pointer(found: Excursion, pointers: Mapping[str, str]) -> str:
-    """Return the member of the request behind a violation, by ``phase quantity`` or ``phase``."""
+    """Return the request member that causes a violation, by ``phase quantity`` or ``phase``."""
     return pointers.get(f"{found.phase} {found.quantity}", pointers.get(found.phase, ""))

@@ -1,8 +1,8 @@
-"""Motions of two arms that meet a part (grip, track, centre) or carry a held one.
+"""Motions of two arms that meet a part (grip, track, centre) or move a held one.
 
-Both arms close about the place where the part lies, each from its own stand-off at which both
-forces are zeroed. ``centre`` first looks for the part with one arm after the other, and closes
-about the place that both have found.
+Both arms close symmetrically about the position of the part, from their stand-off positions, where
+both forces are zeroed. ``centre`` first searches for the part with one arm after the other, and
+closes about the position that the two contacts give.
 """
 
 from collections.abc import Sequence
@@ -27,11 +27,11 @@ from pincette.control.planning.segments import (
 )
 
 BACK_UM = 3.0
-"""Distance from its touch to which an arm steps back, in µm."""
+"""Distance by which an arm moves back after its contact, in µm."""
 SETTLE_S = 0.8
-"""Time from the end of the load to the start of a path, in s."""
+"""Time between the end of the load and the start of a path, in s."""
 CARRIED = "rest"
-"""Phase in which a motion program of a pressed part ends with the part held."""
+"""Last phase of a motion program that moves a held part and ends with the part held."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,20 +49,21 @@ class PairRequest:
     approach_um_per_s: float
     """Peak speed of each arm, in µm/s."""
     seek_um_per_s: float
-    """Speed of the sum of both arms that close on the part, in µm/s; one that searches alone moves
-    half as fast, so that no arm meets it faster than when both close."""
+    """Speed of the sum of both positions while the arms close on the part, in µm/s. An arm that
+    searches alone moves at half this speed, so that the contact speed of an arm is the same in both
+    cases."""
     contact_force_mN: float
-    """Force of each arm at which its touch is detected, in mN."""
+    """Force of each arm at which its contact is detected, in mN."""
     zero_s: float
     contacts_um: Pair
-    """Tips of both arms at the first touch, for the expected place of the part."""
+    """Tip positions of both arms at first contact, for the expected position of the part."""
     contact_tolerance_um: float
     stiffness_mN_per_um: float
     """Stiffness 1/c of part and faces together, in mN/µm."""
     centred: bool = False
-    """True if each arm first searches for the part from its side."""
+    """True if each arm first searches for the part from its own side."""
     compliances_um_per_mN: Pair = (0.0, 0.0)
-    """Compliances s_i, by which a touch keeps an arm behind its free motion."""
+    """Compliances s_i, by which a contact force holds an arm back from its free motion."""
 
     def __post_init__(self) -> None:
         for name in (
@@ -79,13 +80,13 @@ class PairRequest:
 
     @property
     def stand_offs_um(self) -> Pair:
-        """Return the positions of both zeros, where the arms cannot touch the part."""
+        """Return the positions of both arms for the zero, where they cannot touch the part."""
         back_um = self.contact_tolerance_um + MARGIN_UM
         return self.contacts_um[0] - back_um, self.contacts_um[1] - back_um
 
     @property
     def furthest_um(self) -> Pair:
-        """Return the longest way of each arm to find the part."""
+        """Return the furthest position to which each arm moves in search of the part."""
         on_um = self.contact_tolerance_um + MARGIN_UM
         on_um += self.contact_force_mN / self.stiffness_mN_per_um
         first, second = (s * self.contact_force_mN + on_um for s in self.compliances_um_per_mN)
@@ -93,25 +94,25 @@ class PairRequest:
 
     @property
     def place_um(self) -> float:
-        """Return the expected place q of the part."""
+        """Return the expected position q of the part."""
         return 0.5 * (self.contacts_um[0] - self.contacts_um[1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairHold:
-    """A force to hold, and the place where it is held."""
+    """A force to hold, and the position at which the part is held."""
 
     hold_s: float | None
-    """Duration of the hold, in s; None: until an action ends it."""
+    """Duration of the hold, in s; None: the hold lasts until an action ends it."""
     place_to_um: float | None = None
-    """Place to which the part is carried first, in µm; None: where it was met."""
+    """Position to which the part is moved first, in µm; None: the part stays where it was met."""
     carry_um_per_s: float = 20.0
-    """Peak speed of the place on the way there, in µm/s."""
+    """Peak speed of that motion of the part, in µm/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairPaths:
-    """Paths of force and place; a quantity without a path stays constant."""
+    """Paths of force and position; a quantity without a path stays constant."""
 
     force: Path | None
     place: Path | None
@@ -125,7 +126,7 @@ class PairPaths:
 
     @property
     def duration_s(self) -> float:
-        """Return the duration of the longer path; the other rests at its end until then."""
+        """Return the duration of the longer path; the other one rests at its end until then."""
         return max(path.duration_s for path in (self.force, self.place) if path is not None)
 
 
@@ -136,16 +137,16 @@ def grip_program(
     most_mN: float,
     homes_um: Pair | None = None,
 ) -> Program:
-    """Return a program that grips, carries, holds and releases a part.
+    """Return a program that grips a part, moves it, holds it and releases it.
 
     Parameters
     ----------
     starts_um
         Positions at which both arms rest.
     most_mN
-        Force of either arm that ends it.
+        Force of either arm at which the program ends.
     homes_um
-        Positions to which both arms go back; None: ``starts_um``.
+        Positions to which both arms return; None: ``starts_um``.
     """
     force_mN = request.force_mN
     settle_s = SHORTEST_MOVE_S if hold.hold_s is None else min(SHORTEST_MOVE_S, hold.hold_s)
@@ -165,7 +166,7 @@ def track_program(
     most_mN: float,
     homes_um: Pair | None = None,
 ) -> Program:
-    """Return a program that grips a part, follows paths of place and force, and releases it."""
+    """Return a program that grips a part, follows paths of force and position, and releases it."""
     force, place = paths.force, paths.place
     begin_mN = request.force_mN if force is None else force.start
     begin_um = request.place_um if place is None else place.start
@@ -187,10 +188,10 @@ def track_program(
 def carry_program(
     by_um: float, speed_um_per_s: float, guards: Guards, *, release_s: float, safe_V: float
 ) -> Program:
-    """Return a program that carries a held part at its present force, and keeps it held.
+    """Return a program that moves a held part at its present force, and keeps it held.
 
-    Without a zero that force is not known: the arms keep it as it is. The unload after the end is
-    for an action, or a guard, that releases the part.
+    Without a zero that force is not known; the arms keep it unchanged. The final unload is played
+    only if an action or a guard releases the part.
     """
     segments = (
         Press("move", move_duration(by_um, speed_um_per_s), place_um=by_um, relative=True),
@@ -224,7 +225,7 @@ def _program(
     most_mN: float,
     homes_um: Pair,
 ) -> Program:
-    """Return zero, approach, zero, contact, the pressed part, and the way back."""
+    """Return zero, approach, zero, contact, the pressed part, and the return."""
     first_um, second_um = request.stand_offs_um
     back_um = max(at - start for at, start in zip(request.furthest_um, starts_um, strict=True))
     approach_s = move_duration(
@@ -248,10 +249,10 @@ def _program(
 
 
 def _closing(request: PairRequest) -> Seek:
-    """Return a motion of both arms that close at the same speed about the place."""
+    """Return a motion in which both arms close on the part at the same speed."""
     stand, furthest = request.stand_offs_um, request.furthest_um
     if request.centred:
-        # Each arm moves from ``BACK_UM`` off to as far beyond, since the found place is inexact.
+        # Each arm moves from ``BACK_UM`` before to as far beyond: the found position is inexact.
         on_um = BACK_UM + request.contact_force_mN / request.stiffness_mN_per_um
         goals_um, way_um = (on_um, on_um), 2.0 * (BACK_UM + on_um)
     else:
@@ -266,7 +267,7 @@ def _closing(request: PairRequest) -> Seek:
 
 
 def _looked_for(request: PairRequest) -> Sequence[Segment]:
-    """Return segments that search for the part with each arm in turn, and step back after each."""
+    """Return segments in which each arm in turn searches for the part and moves back."""
     stand, furthest = request.stand_offs_um, request.furthest_um
     step_s = move_duration(BACK_UM, request.approach_um_per_s)
 
@@ -283,5 +284,5 @@ def _looked_for(request: PairRequest) -> Sequence[Segment]:
 
 
 def _of(arm: int, goal_um: float) -> tuple[float | None, float | None]:
-    """Return the goals of both tips where one arm moves and the other rests."""
+    """Return the goals of both tips if one arm moves and the other rests."""
     return (goal_um, None) if arm == 0 else (None, goal_um)

@@ -1,14 +1,14 @@
-"""Predicted course of two arms: tips, force and both voltages in time, and broken limits.
+"""Predicted course of two arms: tip positions, force and voltages over time, and exceeded limits.
 
-With c the compliance of part and faces, and g the sum of both tips at first touch,
+With the compliance c of part and faces, and the sum g of both tip positions at first contact,
 
     x_1 + x_2 = g + c·F,   x_1 - x_2 = 2q,   X_i = x_i + s_i·F
 
-where a part is held; each voltage is that which brings X_i by the arm's own free response.
+while a part is held. Each voltage is computed from X_i by the free response of the arm.
 
-Conditioning strokes come first: both arms make them at the same time, each away from the part, as
-deep and as often as its own free response allows. The arm that is done first rests; one that cannot
-be conditioned keeps its voltage.
+Conditioning strokes come first. Both arms make them at the same time and away from the part, with
+the depth and number that their free responses allow. The arm that finishes first rests. An arm that
+cannot be conditioned keeps its voltage.
 """
 
 from collections.abc import Iterator, Sequence
@@ -54,7 +54,7 @@ class PairStrokes(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PairCourse:
-    """Predicted course of both arms on the grid of the period."""
+    """Predicted course of both arms, sampled once per period."""
 
     phases: tuple[PlannedPhase, ...]
     """Phases with position and voltage of the first arm."""
@@ -69,10 +69,10 @@ class PairCourse:
 
 @dataclass(frozen=True, slots=True)
 class PlannedPair:
-    """Both arms and the part between them, as a plan assumes them."""
+    """Both arms and the part between them, with the assumptions of a plan."""
 
     contacts_um: Pair
-    """Both tips at first touch."""
+    """Tip positions of both arms at first contact."""
     joint_um_per_mN: float
     """Compliance c of part and faces, in µm/mN."""
 
@@ -85,7 +85,7 @@ class PlannedPair:
         return ref._replace(opening_um=opening_um)
 
     def touch(self, seek: Seek, entry: Entry) -> tuple[float, Entry]:
-        """Return when the last side that is searched has touched, and the state then."""
+        """Return the time at which the last searching arm has met the part, and the state then."""
         duration_s = SHORTEST_MOVE_S if seek.duration_s is None else seek.duration_s
         begin_um, end_um = tips(entry.ref), tips(seek.reference(duration_s, entry))
         until_s, found_um = 0.0, list(entry.found_um)
@@ -104,23 +104,23 @@ class PlannedPair:
 
 
 def tips(ref: Reference) -> Pair:
-    """Return both tips for references of place and opening: x_1 = d/2 + q, x_2 = d/2 - q."""
+    """Return both tip positions from the references q and d: x_1 = d/2 + q, x_2 = d/2 - q."""
     half_um = 0.5 * ref.opening_um
     return half_um + ref.x_um, half_um - ref.x_um
 
 
 @dataclass(frozen=True, slots=True)
 class HeldPair:
-    """State of two arms that hold a part as a program begins."""
+    """State of two arms that hold a part at the start of a program."""
 
     tips_um: Pair
     force_mN: float = 0.0
-    """Force on the part, in mN; 0 where it is unknown."""
+    """Force on the part, in mN; 0 if it is unknown."""
     voltages_V: Pair | None = None
-    """Applied voltages; None: those of the free responses."""
+    """Applied voltages, in V; None: those of the free responses."""
 
     def touch_um(self, joint_um_per_mN: float) -> Pair:
-        """Return both tips at the first touch, from the compliance of part and faces."""
+        """Return both tip positions at first contact, from the compliance of part and faces."""
         half_um = 0.5 * joint_um_per_mN * self.force_mN
         return self.tips_um[0] - half_um, self.tips_um[1] - half_um
 
@@ -132,12 +132,12 @@ def predict_pair(
     contacts_um: Pair,
     force_mN: float = 0.0,
 ) -> PairCourse:
-    """Predict a program whose part is where it is expected; raises ValueError for a long one.
+    """Predict a program for a part at its expected position; raises ValueError if too long.
 
     Parameters
     ----------
     force_mN
-        Force that acts on the part as the program begins.
+        Force on the part at the start of the program.
     """
     period_s = rigs[0].period_s
     pair = PlannedPair(contacts_um, 1.0 / program.contact_stiffness_mN_per_um)
@@ -171,12 +171,12 @@ def predict_pair(
 def predict_held_pair(
     program: Program, rigs: tuple[PlannedRig, PlannedRig], held: HeldPair
 ) -> PairCourse:
-    """Predict a program that begins with a held part; raises ValueError for a long one."""
+    """Predict a program that begins with a held part; raises ValueError if it is too long."""
     touch_um = held.touch_um(1.0 / program.contact_stiffness_mN_per_um)
     course = predict_pair(program, rigs, held.tips_um, touch_um, held.force_mN)
     if held.voltages_V is None:
         return course
-    # The memory of a held arm is not known: its voltages continue from those applied.
+    # The memory of a held arm is not known: its voltages continue from the applied ones.
     first, second = (
         replace(arm, voltage_V=[one - arm.voltage_V[0] + from_V for one in arm.voltage_V])
         for arm, from_V in zip(course.arms, held.voltages_V, strict=True)
@@ -187,7 +187,7 @@ def predict_held_pair(
 
 
 def after_strokes(course: PairCourse, strokes: PairStrokes) -> PairCourse:
-    """Return the course with conditioning strokes before it."""
+    """Return the course preceded by the conditioning strokes."""
     begin_s = strokes.duration_s
     first, second = (
         _joined(before, arm, begin_s)
@@ -199,7 +199,7 @@ def after_strokes(course: PairCourse, strokes: PairStrokes) -> PairCourse:
 
 
 def _joined(before: Course, after: Course, begin_s: float) -> Course:
-    """Return both courses joined; the last sample of the first is the first one of the second."""
+    """Return both courses joined; the last sample of the first one is the first of the second."""
     return Course(
         before.t_s[:-1] + [begin_s + t_s for t_s in after.t_s],
         before.phase[:-1] + after.phase,
@@ -212,7 +212,7 @@ def _joined(before: Course, after: Course, begin_s: float) -> Course:
 def broken_limits(
     course: PairCourse, rigs: tuple[PlannedRig, PlannedRig]
 ) -> Iterator[tuple[int, Excursion]]:
-    """Return each limit that an arm breaks, with the number of the arm."""
+    """Return each limit that an arm exceeds, with the number of the arm."""
     for number, (arm, rig) in enumerate(zip(course.arms, rigs, strict=True), start=1):
         for found in excursions(arm, rig.limits):
             yield number, found
@@ -229,9 +229,9 @@ def _course(
 
 
 def pair_conditioning(rigs: tuple[PlannedRig, PlannedRig]) -> PairStrokes | None:
-    """Return the strokes of both arms, or None where neither rig has a ``condition_V``.
+    """Return the strokes of both arms, or None if neither rig has a ``condition_V``.
 
-    The nominal gain gives the voltages of the arms' present places.
+    The voltages at the present positions are computed with the nominal gain.
     """
     each = [_strokes(rig) for rig in rigs]
     if not any(each):

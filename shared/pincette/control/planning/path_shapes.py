@@ -1,4 +1,4 @@
-"""Paths of each shape, and the extremes of a path and of its derivatives."""
+"""Construction of paths of each shape, and the extremes of a path and of its derivatives."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,18 +14,18 @@ KNOTS_MAX = MAX_ITEMS
 CLOSEST_S = 1e-6
 """Shortest time between two points of a path, in s."""
 CORNER_SHARE = 0.75
-"""Share of its permitted acceleration that a triangle uses at its corners."""
+"""Fraction of the permitted acceleration that a triangle uses at its corners."""
 PIECE_POINTS, CYCLE_POINTS = 64, 512
-"""Number of points at which a piece and a cycle are sampled for their peaks."""
+"""Number of points at which a piece and a cycle are sampled to find their peaks."""
 PATH_POINTS = 16_384
-"""Number of points at which a path of many pieces is sampled, shared among its pieces."""
+"""Number of points at which a path of many pieces is sampled, divided among its pieces."""
 
 
 @dataclass(frozen=True, slots=True)
 class Peaks:
-    """Extremes of a path and its derivatives, and when they are first reached.
+    """Extremes of a path and its derivatives, and the times at which they are first reached.
 
-    They are sampled at many points, hence too low by at most 1e-3 of the value.
+    They are determined by sampling, and are too low by at most 1e-3 of the value.
     """
 
     lowest: float
@@ -41,7 +41,7 @@ def sinusoid(
 ) -> Path:
     """Return a sine about a mean, from the mean upwards.
 
-    Raises ValueError unless all are positive.
+    Raises ValueError unless all arguments are positive.
     """
     return Path(
         quantity,
@@ -61,11 +61,11 @@ def triangle(
     cycles: int,
     acceleration: float,
 ) -> Path:
-    """Return a triangle about a mean, from the mean upwards, whose corners reach the peaks.
+    """Return a triangle about a mean, from the mean upwards, with rounded corners.
 
-    A corner turns with ``CORNER_SHARE`` of the acceleration given, so that the blend, which adds to
-    it, stays within it too. If even a triangle of corners alone, two parabolas, needs more, that
-    one is returned.
+    The rounded corners reach the peak values. A corner uses ``CORNER_SHARE`` of the given
+    acceleration, so that the acceleration stays within its limit when that of the blend is added.
+    If even a triangle that consists of two parabolic corners needs more, this triangle is returned.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def triangle(
 def steps(
     quantity: Quantity, levels: Sequence[float], dwell_s: float, rate: float, acceleration: float
 ) -> Path:
-    """Return rests at each level; quintic moves between, as fast as rate and acceleration allow.
+    """Return rests at each level, with quintic moves as fast as rate and acceleration allow.
 
     Raises
     ------
@@ -116,13 +116,14 @@ def steps(
 def waypoints(quantity: Quantity, points: Sequence[tuple[float, float]]) -> Path:
     """Return a path through values at times, smooth and without overshoot; at rest at both ends.
 
-    The rate at a point is the harmonic mean of the mean rates before and after it, 0 where they
-    differ in sign; so it is at most twice either, and each quintic piece stays between its ends.
+    The rate at a point is the harmonic mean of the mean rates before and after it, or 0 if they
+    differ in sign. It is at most twice either of them, so that each quintic piece stays between its
+    ends.
 
     Parameters
     ----------
     points
-        Times in s, ascending from 0, and values.
+        Pairs of a time in s, ascending from 0, and a value.
 
     Raises
     ------
@@ -184,10 +185,10 @@ def peaks(path: Path) -> Peaks:
 
 
 def ring_um(acceleration_um_per_s2: float, natural_frequency_rad_per_s: float) -> float:
-    """Return the amplitude a/ω_n² in µm of the ringing after a sudden acceleration.
+    """Return the amplitude a/ω_n² in µm of the ringing after a sudden acceleration a.
 
-    It is the quasi-static deflection of the mode under that acceleration, which no law at T ≫
-    2π/ω_n can remove. The staircase of the voltage is not included.
+    It is the quasi-static deflection of the mode under that acceleration. No law with T ≫ 2π/ω_n
+    can suppress it. The effect of the stepwise voltage is not included.
     """
     a = require_not_negative("acceleration", acceleration_um_per_s2, "µm/s²")
     omega_n = require_positive("natural frequency", natural_frequency_rad_per_s, "rad/s")
@@ -195,15 +196,15 @@ def ring_um(acceleration_um_per_s2: float, natural_frequency_rad_per_s: float) -
 
 
 def voltage_moves(stops: Sequence[tuple[float, float, float]], *, relative: bool = False) -> Path:
-    """Return the path of a voltage from stop to stop, each move smooth.
+    """Return a voltage path that moves smoothly from stop to stop.
 
     Parameters
     ----------
     stops
-        Voltage of each stop in V, peak rate of the move there in V/s, and rest after it in s. The
-        path begins at the first one, whose rate is not used.
+        Voltage of each stop in V, peak rate of the move to it in V/s, and rest after it in s. The
+        path begins at the first stop, whose rate is not used.
     relative
-        True if the voltages count from the one at which the path begins.
+        True if the voltages are relative to the voltage at the start of the path.
     """
     first_V, _, rest_s = stops[0]
     knots = [Knot(0.0, first_V, 0.0)]

@@ -1,12 +1,12 @@
-"""Paths of one reference in time, from rest to rest, in the unit of its quantity.
+"""Paths of one reference over time, from rest to rest, in the unit of the reference.
 
 A sinusoid and a triangle swing about a mean, and blend in and out over whole cycles:
 
     value(t) = mean + amplitude·w(t)·c(t/cycle)
 
 with c odd, of period and amplitude 1, and w the quintic from 0 to 1 and back. Steps and waypoints
-are quintic pieces between knots. A path depends only on the time since its start, so that it has
-the same bits wherever it is computed.
+are quintic pieces between knots. A path depends only on the time since its start, so that it is
+bitwise equal wherever it is computed.
 """
 
 from math import cos, isfinite, pi, sin
@@ -30,7 +30,7 @@ class Knot(FrozenRecord, frozen=True):
 
 
 class Point(NamedTuple):
-    """Value of a path, and its first and second derivative in time."""
+    """Value of a path, and its first and second time derivatives."""
 
     value: float
     rate: float
@@ -45,7 +45,7 @@ class Path(FrozenRecord, frozen=True):
     Raises
     ------
     ValueError
-        If the numbers make no path.
+        If the numbers do not describe a path.
     """
 
     quantity: Quantity
@@ -56,9 +56,9 @@ class Path(FrozenRecord, frozen=True):
     cycles: Whole = 0
     """Number of cycles at full amplitude."""
     blend_cycles: Whole = 1
-    """Number of cycles in which the amplitude grows, and in which it fades."""
+    """Number of cycles in which the amplitude grows, and in which it decays."""
     corner: Number = 0.0
-    """Half the duration of a triangle's corner as a share of its cycle, up to 1/4."""
+    """Half the duration of a triangle's corner, as a fraction of the cycle; at most 1/4."""
     knots: Items[Knot] = ()
     relative: bool = False
     """True for a voltage that is relative to the one at the start of the path."""
@@ -86,12 +86,12 @@ class Path(FrozenRecord, frozen=True):
 
     @property
     def full_from_s(self) -> float:
-        """Return the start of the part at full amplitude; between knots that of the path."""
+        """Return the start of the cycles at full amplitude; for knots, the start of the path."""
         return 0.0 if self.knots else self.blend_cycles * self.cycle_s
 
     @property
     def full_to_s(self) -> float:
-        """Return the end of the part at full amplitude."""
+        """Return the end of the cycles at full amplitude."""
         return self.duration_s - self.full_from_s
 
     @property
@@ -100,7 +100,7 @@ class Path(FrozenRecord, frozen=True):
         return self.knots[0].value if self.knots else self.mean
 
     def share(self, t_s: float) -> float:
-        """Return the share w of the full amplitude at a time since the start; 1 between knots."""
+        """Return the factor w of the amplitude at a time since the start; 1 for knots."""
         if self.knots:
             return 1.0
         left_s = min(t_s, self.duration_s - t_s)
@@ -111,7 +111,7 @@ class Path(FrozenRecord, frozen=True):
         return self.point(t_s).value
 
     def point(self, t_s: float) -> Point:
-        """Return value, rate and acceleration at a time since the start; at rest outside."""
+        """Return value, rate and acceleration at a time since the start; outside it is at rest."""
         if self.knots:
             return _between(self.knots, t_s)
         return self._swing(min(max(t_s, 0.0), self.duration_s))
@@ -123,7 +123,7 @@ class Path(FrozenRecord, frozen=True):
         blend_s = self.blend_cycles * self.cycle_s
         left_s = self.duration_s - t_s
         w, w_1, w_2 = _blend(min(t_s, left_s) / blend_s)
-        # Rates per cycle and per blend become rates per second.
+        # Convert rates per cycle and per blend to rates per second.
         c_1, c_2 = c_1 / self.cycle_s, c_2 / (self.cycle_s * self.cycle_s)
         w_1 = (w_1 if t_s < left_s else -w_1) / blend_s
         w_2 = w_2 / (blend_s * blend_s)
@@ -165,7 +165,7 @@ def _between(knots: tuple[Knot, ...], t_s: float) -> Point:
 
 
 def _blend(s: float) -> Point:
-    """Return a quintic from 0 to 1 over s, with derivatives by s; see ``profiles.quintic``."""
+    """Return a quintic from 0 to 1 over s, with its derivatives by s; see ``profiles.quintic``."""
     if s >= 1.0:
         return Point(1.0, 0.0, 0.0)
     left = 1.0 - s
@@ -183,7 +183,7 @@ def _sine(share: float) -> Point:
 
 
 def _triangle(share: float, corner: float) -> Point:
-    """Return a triangle whose corners are parabolas that reach 1, by the share of a cycle."""
+    """Return a triangle with parabolic corners that reach 1, as a function of the cycle's phase."""
     slope = 1.0 / (0.25 - 0.5 * corner)
     side, half = (1.0, share) if share < 0.5 else (-1.0, share - 0.5)
     past = half - 0.25

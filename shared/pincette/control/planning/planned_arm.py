@@ -1,7 +1,7 @@
 """One arm and the part that it meets, with the assumptions of a plan.
 
-The voltage is that which brings the free displacement x - x_start + s_p·F: by the identified free
-response where there is one, else
+The voltage is computed from the free displacement x - x_start + s_p·F, by the identified free
+response if there is one, otherwise by
 
     u = (x - x_start + s_p·F)/d_p,  in contact F = K_e·(x - x_e)
 
@@ -24,14 +24,14 @@ from pincette.control.response.hysteresis import step as state_after
 from pincette.control.response.inverse import free_voltages
 
 HOME_SHARE = 0.5
-"""Share of the voltages below 0 V that the way back may use; the rest covers errors of the model
-and unseen drift."""
+"""Fraction of the voltages below 0 V that the return may use. The rest is reserved for errors of
+the model and undetected drift."""
 SWEPT_STEPS, SWEPT_STEP_S = 50, 0.04
-"""Number of steps, and duration of each in s, in which a model is moved to a position or voltage.
-"""
+"""Number of steps, and duration of each in s, by which a model is moved to a position or
+voltage."""
 SHAKEN_V, SHAKES = 0.02, 25
-"""Peak-to-peak voltage and number of small swings that the law makes from noise while the arm
-presses."""
+"""Peak-to-peak voltage and number of the small swings that the law makes because of noise while the
+arm presses."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,13 +45,13 @@ class PlannedArm:
     compliance_um_per_mN: float
     """Compliance s_p of the arm, in µm/mN."""
     contact_um: float
-    """Position x_e of first touch, in µm."""
+    """Position x_e of first contact, in µm."""
     stiffness_mN_per_um: float
     """Contact stiffness K_e, in mN/µm."""
     free_response: HysteresisModel | None = None
     """Identified free response; None: a straight line of slope d_p."""
     memory: HysteresisState | None = None
-    """Memory of the free response as the law begins; None: the arm is unpoled."""
+    """Memory of the free response at the start; None: the arm is unpoled."""
 
     def pressed_um(self, force_mN: float) -> float:
         """Return the position x = x_e + F/K_e at which the contact bears a force."""
@@ -60,7 +60,7 @@ class PlannedArm:
     def voltages_V(
         self, x_um: Sequence[float], force_mN: Sequence[float], period_s: float
     ) -> list[float]:
-        """Return the voltages that drive the arm along positions against forces, one a period."""
+        """Return the voltages for the given positions and forces, one per period."""
         free_um = [
             x - self.x_start_um + self.compliance_um_per_mN * force
             for x, force in zip(x_um, force_mN, strict=True)
@@ -72,9 +72,10 @@ class PlannedArm:
     def _way_back_um(
         self, x_um: float, force_mN: float, voltages_V: Sequence[float]
     ) -> list[float]:
-        """Return where the free arm is at falling voltages, after a position against a force.
+        """Return the positions of the free arm at falling voltages after a press.
 
-        Remanence keeps an arm with an identified free response above the place where it was before.
+        Because of remanence, an arm with an identified free response stays above its earlier
+        position.
         """
         model = self.free_response
         if model is None:
@@ -97,21 +98,21 @@ class PlannedArm:
     ) -> float:
         """Return the position to which the arm returns after it has pressed a part.
 
-        It is ``x_start_um`` where the arm surely reaches it, else where the arm rests at 0 V.
-        Remanence keeps an arm above the place where it rested before, by 7 µm and more where relays
-        are far from saturation, and the reading of that place drifts. A way back to ``x_start_um``
-        could then need a voltage below the limits, which ends as a following error.
+        It is ``x_start_um`` if the arm is certain to reach it, otherwise the position at which the
+        arm rests at 0 V. Because of remanence an arm stays above its earlier rest position, by 7 µm
+        and more if relays are far from saturation, and the sensor reading drifts. A return to
+        ``x_start_um`` could then need a voltage below the limits and end with a following error.
 
         Parameters
         ----------
         furthest_um, highest_mN
             Furthest position and highest force of the plan.
         stand_off_um
-            Position in front of the part beyond which home never lies.
+            Position in front of the part; home is never beyond it.
         voltage_min_V
             Lower limit of the voltage.
         rest_um
-            Reading of the arm at rest at 0 V as the plan begins; None: not known.
+            Position reading at rest at 0 V at the start of the plan; None: not known.
         """
         low_V = min(0.0, HOME_SHARE * voltage_min_V)
         at_rest_um, lowest_um = self._way_back_um(furthest_um, highest_mN, (0.0, low_V))
@@ -123,19 +124,20 @@ class PlannedArm:
         return max(self.x_start_um, min(at_rest_um, stand_off_um))
 
     def swing_um(self, x_um: float, force_mN: float, swing_V: float, cycles: int) -> float:
-        """Return how far the free arm moves back during small swings of the voltage.
+        """Return how far the free arm moves back during small swings of the voltage, in µm.
 
-        Before them the law turns the sensor's noise into small reversals of the voltage. An arm
-        that forgets by the length of the way comes back further after those.
+        Before the swings, the law converts the sensor's noise to small reversals of the voltage. An
+        arm whose memory decays with the distance travelled moves back further after these
+        reversals.
 
         Parameters
         ----------
         x_um, force_mN
-            Position against a force from which the swings begin. The voltage there is their crest.
+            Position and force at which the swings begin. The voltage there is their crest.
         swing_V
             Peak-to-peak voltage of the swings.
         cycles
-            Number of swings. Many actuators settle to another loop only after some of them.
+            Number of swings. Many actuators settle to a new loop only after several swings.
         """
         model = self.free_response
         if model is None:
@@ -164,7 +166,7 @@ class PlannedArm:
         return begins, memory
 
     def entry(self, x_um: float, period_s: float) -> Entry:
-        """Return the state in which a plan begins with the arm at rest at a position."""
+        """Return the state for a plan that begins with the arm at rest at a position."""
         begin_V = (x_um - self.x_start_um) / self.piezo_um_per_V
         return Entry(Reference(x_um, voltages_V=(begin_V,)), period_s)
 
@@ -176,7 +178,7 @@ class PlannedArm:
         return entry._replace(ref=ref, line=LoadLine(self.contact_um, self.stiffness_mN_per_um))
 
     def follow(self, segment: Segment, entry: Entry, ref: Reference) -> Reference:
-        """Return complete references of a sample: force of a seek, position without a law."""
+        """Return complete references of a sample: force during a seek, position without a law."""
         if isinstance(segment, Seek):
             pressed_um = ref.x_um - self.contact_um
             return ref._replace(force_mN=max(0.0, self.stiffness_mN_per_um * pressed_um))
@@ -185,7 +187,7 @@ class PlannedArm:
     def course(self, pieces: Sequence[Piece], period_s: float) -> Course:
         """Return the course of a plan; raises ValueError where the period is not positive.
 
-        Where a law drives the arm, its voltages are those of the free response.
+        While a law drives the arm, the voltages are computed by the free response.
         """
         course = sample_course(pieces, period_s)
         law_s = next(piece.start_s for piece in pieces if not piece.segment.open_loop)
@@ -206,7 +208,7 @@ def _shaken(model: HysteresisModel, memory: HysteresisState) -> HysteresisState:
 
 
 def swept(model: HysteresisModel, memory: HysteresisState, to_V: float) -> list[HysteresisState]:
-    """Return the memories along the way to a voltage."""
+    """Return the memories during a motion to a voltage."""
     from_V, states = memory.voltage_V, list[HysteresisState]()
     for step in range(1, SWEPT_STEPS + 1):
         voltage_V = from_V + (to_V - from_V) * step / SWEPT_STEPS

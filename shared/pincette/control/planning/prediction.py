@@ -1,6 +1,6 @@
-"""Predicted course of a plan: references of its segments in time, and broken limits.
+"""Predicted course of a plan: references of its segments over time, and exceeded limits.
 
-Where plan and rig agree, the arms follow the references of the segments. Two functions state a
+If plan and rig agree, the arms follow the references of the segments. Two functions contain a
 plan's assumptions about the arms: ``Follow`` completes the references of a sample, and ``Touch``
 determines when a seek meets the part.
 """
@@ -15,7 +15,7 @@ from pincette.control.planning.profiles import SHORTEST_MOVE_S
 from pincette.control.planning.segments import Entry, Reference, Seek, Segment
 
 LONGEST_S = 10_800.0
-"""Longest duration of a plan, in s: a hold or a path of one hour, a warm-up, and a reserve."""
+"""Longest duration of a plan, in s: a hold or a path of one hour, a warm-up, and a margin."""
 
 Follow = Callable[[Segment, Entry, Reference], Reference]
 """Function that completes the references of a sample, from the segment and its entry state."""
@@ -29,7 +29,8 @@ class Piece(NamedTuple):
     segment: Segment
     start_s: float
     duration_s: float
-    """Predicted duration, in s; a segment without end is drawn ``SHORTEST_MOVE_S`` long."""
+    """Predicted duration, in s. A segment without an end is drawn with a duration of
+    ``SHORTEST_MOVE_S``."""
     entry: Entry
     """State in which the segment begins."""
     end: Reference
@@ -48,7 +49,7 @@ class Piece(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PlannedPhase:
-    """Phase of a plan; position, force and voltage are those at its end."""
+    """Phase of a plan, with position, force and voltage at its end."""
 
     phase: str
     start_s: float
@@ -67,7 +68,7 @@ class PlannedPhase:
 class Course:
     """A predicted course of one arm on a regular grid; all lists have the same length.
 
-    While the arm seeks, ``force_r_mN`` is the force expected of the contact.
+    During a seek, ``force_r_mN`` is the expected contact force.
     """
 
     t_s: list[float]
@@ -80,14 +81,14 @@ class Course:
 def predict(
     segments: Sequence[Segment], entry: Entry, follow: Follow, touch: Touch | None = None
 ) -> list[Piece]:
-    """Return the pieces of a plan in time.
+    """Return the pieces of a plan in order of time.
 
     Parameters
     ----------
     entry
         State in which the plan begins.
     touch
-        None for segments that seek nothing.
+        None for segments without a seek.
     """
     pieces: list[Piece] = []
     start_s, pressed = 0.0, False
@@ -117,7 +118,7 @@ def sample(pieces: Sequence[Piece], period_s: float) -> Iterator[tuple[float, Se
     """
     require_positive("period", period_s, "s")
     place = 0
-    # The last tick may lie a rounding error beyond the end.
+    # The last tick may lie beyond the end by a rounding error.
     for tick in range(int(pieces[-1].end_s / period_s + 1e-6) + 1):
         t_s = tick * period_s
         while place + 1 < len(pieces) and t_s >= pieces[place + 1].start_s:
@@ -154,15 +155,16 @@ def planned_phases(pieces: Sequence[Piece], ends_V: Sequence[float]) -> tuple[Pl
 
 
 def near_end(pieces: Sequence[Piece], values: Sequence[float], period_s: float) -> list[float]:
-    """Return the value of a course at the sample nearest to the end of each piece."""
+    """Return the value of a predicted course at the sample nearest to the end of each piece."""
     last = len(values) - 1
     return [values[min(last, int(piece.end_s / period_s + 0.5))] for piece in pieces]
 
 
 def nominal(um_per_V: float, segment: Segment, entry: Entry, ref: Reference) -> Reference:
-    """Return complete references by x - x_0 = d_p·(u - u_0) since the segment began.
+    """Return complete references by x - x_0 = d_p·(u - u_0), relative to the segment's start.
 
-    Without a law the position follows the voltage, else the voltage follows the position.
+    Without a law the position is computed from the voltage, otherwise the voltage from the
+    position.
     """
     begin, (begin_V,) = entry.ref, entry.ref.voltages_V
     if segment.open_loop:
@@ -171,12 +173,12 @@ def nominal(um_per_V: float, segment: Segment, entry: Entry, ref: Reference) -> 
 
 
 def require_bounded(phases: Sequence[tuple[str, float]]) -> None:
-    """Raise ValueError for phases whose total duration is too long.
+    """Raise ValueError if the total duration of the phases is too long.
 
     Raises
     ------
     ValueError
-        With the time they take, the limit, and the longest of them.
+        The message gives the duration, the limit, and the longest phase.
     """
     total_s = fsum(duration_s for _, duration_s in phases)
     if not total_s <= LONGEST_S:

@@ -1,4 +1,4 @@
-"""Smooth moves of a reference, in position or in force: the unit is the caller's."""
+"""Smooth moves of a reference, in position or in force; the caller chooses the unit."""
 
 from math import sqrt
 
@@ -14,7 +14,7 @@ SHORTEST_MOVE_S = 0.3
 
 
 def quintic(s: float) -> float:
-    """Return the share of a move done at the share ``s`` of its time: q = 10s³ - 15s⁴ + 6s⁵.
+    """Return the completed fraction of a move at the fraction ``s`` of its time: 10s³ - 15s⁴ + 6s⁵.
 
     It is 0 before and 1 after; speed and acceleration vanish at both ends.
     """
@@ -28,7 +28,7 @@ def quintic(s: float) -> float:
 class Quintic(FrozenRecord, frozen=True):
     """Polynomial x(t) = x_0 + v_0 t + c_3 s³ + c_4 s⁴ + c_5 s⁵, s = t/duration.
 
-    Acceleration vanishes at both ends. Before and after, x rests at its end points.
+    The acceleration is 0 at both ends. Before the start and after the end x rests.
     """
 
     start: float
@@ -54,7 +54,7 @@ class Quintic(FrozenRecord, frozen=True):
         )
 
     def speed(self, t_s: float) -> float:
-        """Return the speed at ``t_s``; outside the move the boundary speeds."""
+        """Return the speed at ``t_s``; outside the move the speed at its nearer end."""
         if t_s <= 0.0:
             return self.start_speed
         if t_s >= self.duration_s:
@@ -75,7 +75,7 @@ class Quintic(FrozenRecord, frozen=True):
 def move(
     start: float, start_speed: float, end: float, end_speed: float, duration_s: float
 ) -> Quintic:
-    """Plan a move between two positions, with given speeds and no acceleration at both.
+    """Plan a move between two positions with given speeds, and acceleration 0, at both ends.
 
     Raises
     ------
@@ -97,10 +97,10 @@ def move(
 
 
 def run_up(distance: float, duration_s: float, up_s: float, t_s: float) -> tuple[float, float]:
-    """Return way and speed at ``t_s`` of a motion that smoothly reaches a constant speed.
+    """Return distance and speed at ``t_s`` of a smooth acceleration to a constant speed.
 
     With v = distance/(duration - up/2) and s = t/up the speed is v·(3s² - 2s³) until s = 1, so that
-    the acceleration vanishes at both ends, and v from there. Without ``up_s`` it is v at once.
+    the acceleration is 0 at both ends, and then v. If ``up_s`` is 0, the speed is v from the start.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def run_up_acceleration(distance: float, duration_s: float, up_s: float, t_s: fl
 def minimum_duration(distance: float, speed: float, acceleration: float | None = None) -> float:
     """Return the shortest time in s of a move from rest to rest within speed and acceleration.
 
-    It is the larger of (15/8)·|distance|/speed and √((10/√3)·|distance|/acceleration).
+    It is the larger one of (15/8)·|distance|/speed and √((10/√3)·|distance|/acceleration).
 
     Raises
     ------

@@ -21,55 +21,57 @@ from pincette.control.record import FrozenRecord
 from pincette.control.voltage_range import VoltageRange
 
 RETREATS = ("unload", "retreat")
-"""Names of the phases of the way back."""
+"""Names of the phases in which the arm returns."""
 
 
 class Guards(FrozenRecord, frozen=True):
-    """Conditions that end a segment early; compressive forces in mN are positive."""
+    """Conditions that end a segment early; compressive forces are positive, in mN."""
 
     contact_force_mN: Millinewton
     """Estimated force above which a contact is detected."""
     contact_samples: Whole
     """Number of consecutive samples above the contact force."""
     force_max_mN: Millinewton
-    """Estimated force that ends the grip as ``overforce``."""
+    """Estimated force at which the program ends with ``overforce``."""
     lost_fraction: Number
-    """Share of F_r below which a held part counts as lost; along a path only where F_r is at least
-    twice the contact force."""
+    """Fraction of F_r below which a held part counts as lost; along a path only while F_r is at
+    least twice the contact force."""
     lost_samples: Whole
     stiffness_min_mN_per_um: MillinewtonPerMicrometre
     stiffness_max_mN_per_um: MillinewtonPerMicrometre
     zero_wait_s: Second
-    """Time for which the controller waits for the estimator to confirm a zero."""
+    """Longest time for which the controller waits for the estimator to confirm a zero, in s."""
     position_min_um: Micrometre | None = None
     position_max_um: Micrometre | None = None
-    """Measured position beyond which motion without a law ends as ``overtravel``; None: none."""
+    """Measured position beyond which motion without a law ends with ``overtravel``; None: no
+    limit."""
     zero_needed: bool = True
-    """True if a refused zero ends the program; else it continues without a zero."""
+    """True if a refused zero ends the program; False if the program continues without a zero."""
     contacts_from_um: Items[Micrometre] = ()
-    """Least place of contact that the plan admits, one for each arm. A search that finds the part
-    before it goes back where the zero of the force is not confirmed; empty: any place is
-    admitted."""
+    """Smallest contact position that the plan permits, one for each arm. A search that finds the
+    part before it returns if the zero of the force is not confirmed. Empty: any position is
+    permitted."""
     bend_mN_per_um: MillinewtonPerMicrometre = 0.0
-    """Stiffness below which a kink beyond the place where the program began counts as a bend of the
-    free arm itself, up to ten times the contact force; 0: each kink counts as a touch."""
+    """Stiffness, in mN/µm, below which a kink beyond the start position of the program is
+    attributed to the free arm itself, up to ten times the contact force; 0: each kink counts as a
+    contact."""
 
 
 class PlannedRange(FrozenRecord, frozen=True):
-    """References and voltages that a plan has stated, for every part that it admits.
+    """Range of references and voltages that a plan needs, for every part that it permits.
 
-    The controller keeps the references of a pressed part within it; the actuator keeps the voltage
-    within it from the arming on.
+    The controller keeps the references of a pressed part within the range. The actuator keeps the
+    voltage within it from the arming on.
     """
 
     voltages: Arms[VoltageRange]
-    """Voltages of each arm, the first arm first; none are stated for an arm that is left out."""
+    """Voltage range of each arm, the first arm first; an arm that is left out has none."""
     position_min_um: Micrometre | None = None
-    """Lowest position reference of a pressed part; None: none is stated."""
+    """Lowest position reference of a pressed part; None: no limit."""
     position_max_um: Micrometre | None = None
-    """Highest position reference of a pressed part; None: none is stated."""
+    """Highest position reference of a pressed part; None: no limit."""
     force_max_mN: Millinewton | None = None
-    """Highest force reference; None: none is stated."""
+    """Highest force reference; None: no limit."""
 
 
 class Program(FrozenRecord, frozen=True):
@@ -78,8 +80,8 @@ class Program(FrozenRecord, frozen=True):
     Raises
     ------
     ValueError
-        If it cannot be played: K_e or a duration is impossible, or a search has no segment
-        after it.
+        If the program cannot be played: K_e or a duration is impossible, or no segment follows a
+        search.
     """
 
     segments: Items[Segment]
@@ -89,21 +91,21 @@ class Program(FrozenRecord, frozen=True):
     """Laws of the program; None: that of the rig file."""
     contact_line: Literal["identified", "planned"] = "identified"
     """Source of K_e and x_e: identified during the load, or K_e as planned and x_e from the first
-    touch."""
+    contact."""
     capture_hz: Hertz = 0.0
     """Rate of acquisition in addition to the loop's samples, in Hz; 0 for no capture."""
     begins_held: bool = False
     """True if a part is held when the program begins."""
     corrections: Corrections | None = None
-    """Initial corrections for the cycles of its path; None: no learning."""
+    """Initial corrections for the cycles of the program's path; None: no learning."""
     planned_range: PlannedRange | None = None
-    """Range that no reference and no voltage may leave; None: the rig's limits."""
+    """Range that references and voltages must not leave; None: the rig's limits."""
     slip_retries: Whole = 0
-    """Number of slips after which a load goes on from where the part has stopped."""
+    """Number of slips after which a load continues from the new position of the part."""
 
     @property
     def takes_force_over(self) -> bool:
-        """True if the program begins by loading or unloading a held part to a force."""
+        """Return whether the program begins by loading or unloading a held part to a force."""
         first = self.segments[0] if self.segments else None
         return self.begins_held and isinstance(first, Press) and first.to_mN is not None
 
@@ -120,7 +122,7 @@ class Program(FrozenRecord, frozen=True):
 
 
 def _check_search(name: str, segment: Seek, *, last: bool) -> None:
-    """Validate that a search goes to the next segment if it finds the part, else to the retreat."""
+    """Check that a search leads to the next segment if it finds the part, else to the retreat."""
     if last:
         raise ValueError(f"{name} seeks a part, but nothing follows it")
     if segment.phase in RETREATS:

@@ -1,17 +1,17 @@
-"""Speeds of a quick grip, whose load begins at the touch without a stop.
+"""Speeds of a quick grip, in which the load begins at the contact without a stop.
 
-The touch is accepted after n samples above the contact force. Until then the voltage goes on, and
-the force rises by the stiffness K_e/S of part and arm in series:
+The contact is detected after n samples above the contact force. Until then the voltage continues to
+rise, and the force rises with the stiffness K_e/S of part and arm in series:
 
     F = F_touch + K_e/S·v·n·T,    K_e/S = 1/(1/K_e + s_p),  S = 1 + s_p·K_e
 
-At the touch this must be below half of the planned force for the hardest possible part, so that the
-other half is left for the load. On the approach, where a part is met nearer than planned, it may be
-three quarters: no load follows, and the rest is left for turning back.
+This force must be below half of the planned force for the hardest permitted part, so that the other
+half remains for the load. If a part is met earlier than planned, during the approach, it may be
+three quarters: no load follows, and the remaining quarter allows for the reversal.
 
-From the touch F_r is a quintic that begins with the rate K_e·v and ends at rest. With the way
-ΔF/K_e still to go it falls smoothly from v to 0 in 2·ΔF/(K_e·v), and overshoots its end if it takes
-more than 2.5·ΔF/(K_e·v).
+After the contact F_r is a quintic that begins with the rate K_e·v and ends at rest. For the
+remaining distance ΔF/K_e, the speed decreases smoothly from v to 0 in 2·ΔF/(K_e·v); a quintic
+longer than 2.5·ΔF/(K_e·v) would overshoot its end.
 """
 
 from typing import NamedTuple
@@ -23,18 +23,18 @@ from pincette.control.planning.profiles import minimum_duration, move
 from pincette.control.planning.touch_force import FORCE_SHARE, LOAD_PERIODS, SafeTouch, short_load
 
 SMOOTH, LONGEST = 2.0, 2.5
-"""Durations of a load from the speed v over the way d, in multiples of d/v: of one that slows down
-smoothly, and of the longest without overshoot."""
+"""Durations of a load from the speed v over the distance d, in multiples of d/v: that with a smooth
+deceleration, and the longest without overshoot."""
 EARLY_SHARE = 0.75
-"""Share of the planned force that may act when a part nearer than planned is touched."""
+"""Fraction of the planned force that may act when the contact occurs earlier than planned."""
 SLEW_SHARE = 0.6
-"""Share of the slew limit that an approach uses if no speed is stated, since hysteresis needs a
-reserve."""
+"""Fraction of the slew limit that an approach uses if no speed is given; the rest is a reserve for
+hysteresis."""
 HALVINGS = 30
 
 
 class AskedSpeeds(NamedTuple):
-    """Speeds stated in a request; None if not stated."""
+    """Speeds given in a request; None if not given."""
 
     approach_um_per_s: float | None
     seek_um_per_s: float | None
@@ -43,7 +43,7 @@ class AskedSpeeds(NamedTuple):
 
 
 class UsualSpeeds(NamedTuple):
-    """Speeds in the rig file: upper limits of the speeds that a request does not state."""
+    """Speeds in the rig file: upper limits for speeds that are not given in the request."""
 
     approach_um_per_s: float
     seek_um_per_s: float
@@ -58,7 +58,7 @@ class QuickSpeeds(NamedTuple):
     load_s: float
     unload_s: float
     violations: tuple[Violation, ...]
-    """Violations that the request itself causes."""
+    """Violations caused by the request itself."""
 
     def values(self) -> dict[str, float]:
         """Return the speeds and durations as members of a ``GripRequest``."""
@@ -71,7 +71,7 @@ class QuickSpeeds(NamedTuple):
 
 
 def load_duration(way_um: float, speed: float, peak_speed: float) -> float:
-    """Return the shortest time in s of a load over ``way_um`` from ``speed`` to rest."""
+    """Return the shortest time in s of a load over ``way_um``, from ``speed`` to rest."""
     longest_s = SMOOTH * way_um / speed
     if peak_speed <= speed:
         return longest_s
@@ -89,12 +89,12 @@ def load_duration(way_um: float, speed: float, peak_speed: float) -> float:
 def quick_speeds(
     asked: AskedSpeeds, usual: UsualSpeeds, touch: SafeTouch, K_e: float, rig: PlannedRig
 ) -> QuickSpeeds | None:
-    """Choose the speeds of a quick grip; None where no speed is slow enough for the force.
+    """Choose the speeds of a quick grip; None if no speed is slow enough for the force.
 
     Parameters
     ----------
     touch
-        Limits of the touch, at the stiffness of the hardest part that may be met.
+        Limits of the contact, for the stiffness of the hardest permitted part.
     K_e
         Expected stiffness of the part, in mN/µm.
 
@@ -114,7 +114,7 @@ def quick_speeds(
     seek = asked.seek_um_per_s or min(usual.seek_um_per_s, peak, limit)
     way_um = _way_um(touch, K_e, seek)
     if asked.seek_um_per_s is None:
-        # A load that takes longer, by request or by the period, begins more slowly.
+        # A load that takes longer, because of the request or the period, begins more slowly.
         seek = min(seek, SMOOTH * way_um / max(asked.load_s or 0.0, least_s))
         way_um = _way_um(touch, K_e, seek)
     load_s = asked.load_s or max(least_s, load_duration(way_um, seek, peak))
@@ -146,7 +146,7 @@ def quick_speeds(
 
 
 def _way_um(touch: SafeTouch, K_e: float, speed: float) -> float:
-    """Return the distance from the touch to the planned force; at least a tenth of F/K_e."""
+    """Return the distance from the contact to the planned force; at least a tenth of F/K_e."""
     begun_mN = force_at_touch_mN(
         touch.contact_force_mN, K_e, touch.compliance_um_per_mN, speed, touch.period_s
     )

@@ -1,4 +1,4 @@
-"""A recorded motion, and a program that plays its voltages again without the part.
+"""A recorded motion, and a program that repeats its voltages without the part.
 
 The voltages are applied open loop, tick by tick, so that the free arm repeats the hysteresis and
 creep of the pressed one.
@@ -14,13 +14,13 @@ from pincette.control.planning.segments import Drive, Ramp, Recorded
 from pincette.control.quantities import MAX_ITEMS
 
 RETURN_S = 0.5
-"""Duration of the way to the first voltage of the motion, in s."""
+"""Duration of the move to the first voltage of the motion, in s."""
 REST_S = 1.0
 """Duration of the rest at that voltage, in s."""
 SPREAD = 0.005
-"""Share by which runs are alternately played wider and narrower. Later jobs do not repeat a motion
-to the last bit: noise and the contact line move its turning points by about this share, and with
-them the branches of the hysteresis. The differences between the runs show the effect."""
+"""Relative amount by which the voltages of alternate runs are scaled up and down. Later jobs do not
+repeat a motion exactly: noise and the contact line change its turning points by about this amount,
+and with them the branches of the hysteresis. The differences between the runs show this effect."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,13 +29,13 @@ class RecordedSegment:
 
     phase: str
     voltages_V: tuple[float, ...]
-    """Voltages applied at its ticks, from tick 1 on, in V."""
+    """Voltages applied at its ticks, from tick 1, in V."""
     zeroes: bool
     """True if the force was zeroed at its end."""
 
 
 class Pressed(NamedTuple):
-    """One sample of a pressed part, with the tick whose voltage it follows."""
+    """One sample of a pressed part, with the tick whose voltage caused it."""
 
     segment: int
     tick: int
@@ -56,8 +56,8 @@ class RecordedMotion:
     free_um: tuple[float, float]
     """Lowest and highest position of the free arm under these voltages, x + s_p·F, in µm."""
     pressed: tuple[Pressed, ...] = ()
-    """Samples of the pressed part that judge a residual table; empty if the job itself used a
-    table."""
+    """Samples of the pressed part with which a residual table is checked; empty if the job itself
+    used a table."""
 
 
 def recorded_program(
@@ -65,8 +65,8 @@ def recorded_program(
 ) -> tuple[Program, tuple[int, ...]]:
     """Return a program that plays a motion several times, and the first segment of each run.
 
-    With ``waits`` it waits for an operator before the first run and after the last. If the arm
-    meets something, it comes to rest and the program ends as ``contact``.
+    With ``waits`` the program waits for an operator before the first run and after the last one. If
+    the arm meets something, it stops and the program ends with ``contact``.
 
     Raises
     ------
@@ -114,15 +114,15 @@ def recorded_program(
         stiffness_min_mN_per_um=0.0,
         stiffness_max_mN_per_um=1.0,
         zero_wait_s=ZERO_WAIT_S,
-        # In open loop the arm rests a little beside where the law held it, perhaps too far to be
-        # zeroed beside a part; the residual counts from that rest all the same.
+        # In open loop the arm rests slightly beside its position under the law, perhaps too far for
+        # a zero beside a part; the residual is relative to that rest all the same.
         zero_needed=False,
     )
     return Program(tuple(segments), guards, contact_stiffness_mN_per_um=1.0), tuple(begins)
 
 
 def _played(one: RecordedSegment, run: int, rig: PlannedRig, first_V: float, width: float) -> Drive:
-    """Return a segment with its recorded ticks; one that zeroes has one more for the stamp."""
+    """Return a segment with its recorded ticks, and one more for the stamp if it zeroes."""
     ticks = len(one.voltages_V) - int(one.zeroes)
     low_V, high_V = rig.limits.voltage_min_V, rig.limits.voltage_max_V
     volts = (first_V + width * (voltage_V - first_V) for voltage_V in one.voltages_V)
@@ -137,10 +137,10 @@ def _played(one: RecordedSegment, run: int, rig: PlannedRig, first_V: float, wid
 
 
 def chained(force_um: Sequence[float], zeroed: Sequence[bool], rest: int) -> list[float]:
-    """Return the residuals of one run, counted from its last zero.
+    """Return the residuals of one run, relative to its last zero.
 
-    Each zero moves the offset of x_1. Earlier residuals are moved by the same amount, so that the
-    rest of the zero has the same mean before and after.
+    Each zero changes the offset of x_1. Earlier residuals are shifted by the same amount, so that
+    the mean over the rest of the zero is the same before and after it.
 
     Parameters
     ----------
@@ -149,13 +149,13 @@ def chained(force_um: Sequence[float], zeroed: Sequence[bool], rest: int) -> lis
     zeroed
         True if the estimate of this tick is the first after a zero.
     rest
-        Ticks of the rest that a zero is made of.
+        Number of ticks of the rest used for a zero.
     """
     found, shift_um = list(force_um), 0.0
     for place in range(len(found) - 1, -1, -1):
         found[place] += shift_um
         if zeroed[place]:
-            # The rest ends with the sample that was zeroed, which has the offset of after.
+            # The rest ends with the zeroed sample, which already has the new offset.
             before = force_um[max(0, place - rest) : place]
             if before:
                 shift_um -= sum(before) / len(before)

@@ -4,17 +4,17 @@
 
 with ē_i = x - x_r at tick i of the last whole cycle of N ticks, cyclic in i: iterative learning
 control of P-type with a zero-phase filter (D. Bristow, M. Tharayil and A. Alleyne, IEEE Control
-Systems Magazine 26(3), 2006). It learns every repeated error, whatever its cause: hysteresis, lag,
+Systems Magazine 26(3), 2006). It reduces every repeated error, whatever its cause: hysteresis, lag,
 creep.
 
-It ends without a request. A repeated error comes back in the next cycle 1 - L times as large. Noise
-does not come back, but the correction learned from it does, with the other sign. So with the errors
-e of cycle j,
+The learning ends automatically. A repeated error recurs in the next cycle with the factor 1 - L.
+Noise does not recur, but the correction learned from it does, with the opposite sign. Hence for the
+errors e of cycle j,
 
     c_j = Σ_i e_{i,j}·e_{i,j-1} / Σ_i e²_{i,j-1}
 
-is near 1 - L while there is something to learn, and not above 0 where there is not. After the end
-the corrections of the cycle with the lowest error stay.
+is near 1 - L while errors repeat, and not above 0 when they no longer do. After the end the
+corrections of the cycle with the lowest error are kept.
 """
 
 from collections.abc import Sequence
@@ -29,33 +29,33 @@ from pincette.control.record import FrozenRecord
 GAIN = 0.5
 """Gain L of the learning."""
 MOST_UM = 1.0
-"""Bound of |l|, in µm; a larger correction has another cause than a repeated error."""
+"""Bound of |l|, in µm. A larger correction would indicate another cause than a repeated error."""
 MOST_CYCLES = 12
-"""Number of cycles after which the sensor's noise adds more than is left to learn."""
+"""Number of cycles after which the sensor's noise adds more error than remains to be learned."""
 PATIENCE = 2
 """Number of consecutive cycles without a repeated error that end the learning."""
 CHANCE = 2.0
-"""Least significant decrease of an error, in standard deviations of the sensor's noise."""
+"""Smallest significant decrease of an error, in standard deviations of the sensor's noise."""
 MOST_TICKS = 2000
 """Largest number of ticks in a cycle; its corrections must fit into a program's message."""
 
 
 class Corrections(FrozenRecord, frozen=True):
-    """Corrections l of a cycle, and their origin; they belong to the program."""
+    """Corrections l of a cycle, and the data from which they were learned; part of the program."""
 
     values_um: Items[Micrometre]
     """Corrections l_i, one for each tick of the cycle, in µm."""
     errors_um: Items[Micrometre] = ()
-    """R.m.s. of x - x_r of each cycle that was learned from, in order, in µm."""
+    """R.m.s. of x - x_r of each cycle used for learning, in order, in µm."""
     best_um: Items[Micrometre] = ()
     """Corrections played in the cycle with the lowest error, in µm; empty before the first cycle.
     """
     quiet: Whole = 0
-    """Number of newest consecutive cycles that repeated no error of the cycle before."""
+    """Number of newest consecutive cycles that did not repeat an error of the previous cycle."""
 
     @property
     def over(self) -> bool:
-        """True if nothing is left to learn: after ``MOST_CYCLES``, or once no error repeats."""
+        """Return True after ``MOST_CYCLES``, or once no error repeats: the learning has ended."""
         return len(self.errors_um) >= MOST_CYCLES or self.quiet >= PATIENCE
 
     def at(self, tick: int) -> float:
@@ -67,9 +67,9 @@ class Corrections(FrozenRecord, frozen=True):
     ) -> "Corrections":
         """Return corrections learned from the errors x - x_r of one whole cycle.
 
-        Once the learning is over they stay as they are.
+        They do not change after the learning has ended.
 
-        ``before_um``: errors of the cycle just before; empty if it was not complete.
+        ``before_um`` contains the errors of the previous cycle; empty if it was not complete.
         """
         if self.over:
             return self
@@ -99,9 +99,9 @@ class HeldOut(NamedTuple):
     """Errors of cycles without corrections, and with corrections from earlier cycles only."""
 
     before_um: float
-    """R.m.s. of x - x_r before anything was learned, in µm."""
+    """R.m.s. of x - x_r before any learning, in µm."""
     after_um: float
-    """R.m.s. error over the cycles that were played with corrections of earlier cycles, in µm."""
+    """R.m.s. error over the cycles played with corrections from earlier cycles, in µm."""
     cycles: int
     """Number of those cycles."""
     helps: bool
@@ -111,21 +111,22 @@ class HeldOut(NamedTuple):
 def held_out(
     before_um: float, led_um: Sequence[float], *, ticks: int, noise_um: float
 ) -> HeldOut | None:
-    """Judge corrections by cycles that they were not learned from.
+    """Evaluate corrections with cycles from which they were not learned.
 
-    A cycle is played with corrections from the cycles before it, so that its own error judges them.
-    The later half of such cycles counts.
+    A cycle is played with corrections learned from earlier cycles, so that its error is an
+    independent test of them. The later half of such cycles is used.
 
     Parameters
     ----------
     before_um
-        R.m.s. of the first cycle that had no corrections.
+        R.m.s. error of the first cycle without corrections.
     led_um
-        R.m.s. of each cycle that had some, in order.
+        R.m.s. error of each cycle with corrections, in order.
     ticks
-        Ticks of a cycle.
+        Number of ticks in a cycle.
     noise_um
-        R.m.s. of the noise within an error: its mean square over a cycle varies by √(2/N) of it.
+        R.m.s. noise contained in an error. Its mean square over a cycle of N ticks has a relative
+        standard deviation of √(2/N).
 
     Returns
     -------
@@ -142,23 +143,23 @@ def held_out(
 
 
 class CycleLearner(FrozenRecord, frozen=True):
-    """Collector of the errors of a cycle, tick by tick; it learns at the cycle's end."""
+    """Collector of the errors of a cycle, tick by tick; it learns at the end of the cycle."""
 
     corrections: Corrections
     errors_um: tuple[float, ...] = ()
-    """Errors of the cycle so far, from its tick 0 on, in µm."""
+    """Errors of the present cycle so far, from its tick 0, in µm."""
     before_um: tuple[float, ...] = ()
-    """Errors of the cycle before, if it was complete, in µm."""
+    """Errors of the previous cycle if it was complete, in µm."""
 
     def updated(self, tick: int, error_um: float, *, limited: bool) -> "CycleLearner":
         """Add x - x_r at a tick since the start of a cycle.
 
-        A cycle in which a tick is missing or repeated, or a limit acts, is not learned from.
+        A cycle in which a tick is missing or repeated, or a limit acts, is not used for learning.
         """
         count = len(self.corrections.values_um)
         place = tick % count
         if limited or place != len(self.errors_um):
-            # The next cycle begins at tick 0; this one never becomes whole.
+            # The next cycle begins at tick 0; this one can no longer become complete.
             known = (error_um,) if place == 0 and not limited else ()
             return replace(self, errors_um=known, before_um=())
         errors = (*self.errors_um, error_um)
@@ -178,7 +179,7 @@ def cycle_ticks(cycle_s: float, period_s: float) -> int:
     Raises
     ------
     ValueError
-        If it is no whole number of periods, or more than ``MOST_TICKS``.
+        If the cycle is not a whole number of periods, or has more than ``MOST_TICKS``.
     """
     ticks = round(cycle_s / period_s)
     if ticks < 2 or abs(ticks * period_s - cycle_s) > 1e-6 * cycle_s:

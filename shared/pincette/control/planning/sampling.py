@@ -7,14 +7,14 @@ from pincette.control.planning.paths import Path
 from pincette.control.planning.segments import Segment, paths_of
 
 ROUNDING = 1e-6
-"""Share of the period by which a duration may fall short of it through rounding."""
+"""Fraction of the period by which a duration may be too short because of rounding."""
 
 
 def unsampled(segments: Sequence[Segment], period_s: float) -> list[str]:
-    """Return a text for each segment, or stretch of its path, that lies between two samples.
+    """Return a text for each segment, or piece of its path, that lies between two samples.
 
-    References are followed from sample to sample: a motion of a path in less than a period is not
-    played, and a segment shorter than a period takes a whole one.
+    References are evaluated only at the samples: a motion of a path within less than a period is
+    not played, and a segment shorter than a period lasts a whole period.
     """
     found: list[str] = []
     for segment in segments:

@@ -1,10 +1,11 @@
 """Segments of a program: each one is a pure function from time to references.
 
-A segment states its goal. ``Entry`` states where it begins. The player, the prediction and the
-plots call the same function, ``reference(t_s, entry)``, so that they cannot differ.
+A segment contains its goal, and ``Entry`` the state in which it begins. The player, the prediction
+and the plots call the same function, ``reference(t_s, entry)``, so that they cannot differ.
 
-Tuples have one item for each driven arm. With two arms ``x_um`` is the place of the part,
-q = (x_1 - x_2)/2, and the opening is x_1 + x_2; both arms count towards the part.
+Tuples have one item for each driven arm. With two arms ``x_um`` is the position of the part, q =
+(x_1 - x_2)/2, and the opening is x_1 + x_2; the coordinate of each arm is positive towards the
+part.
 """
 
 from typing import ClassVar, NamedTuple
@@ -27,21 +28,21 @@ from pincette.control.quantities import (
 from pincette.control.record import FrozenRecord
 
 BRAKE_UM = 2.0
-"""Longest way on which the place of a pressed part without a goal comes to rest, in µm."""
+"""Longest distance, in µm, in which a pressed part without a goal position comes to rest."""
 
 
 class Reference(NamedTuple):
     """References of one sample and their derivatives in time."""
 
     x_um: float
-    """Position of the tip, in µm; with two arms the place q of the part."""
+    """Position of the tip, in µm; with two arms the position q of the part."""
     speed_um_per_s: float = 0.0
     acceleration_um_per_s2: float = 0.0
     force_mN: float = 0.0
     force_rate_mN_per_s: float = 0.0
     voltages_V: tuple[float, ...] = ()
-    """Voltage of each arm in a segment without a law, in V; in others the one applied at its start.
-    """
+    """Voltage of each arm, in V: the course in a segment without a law, otherwise the voltage
+    applied at the start of the segment."""
     opening_um: float = 0.0
     """Opening x_1 + x_2 of two arms, in µm."""
     opening_speed_um_per_s: float = 0.0
@@ -51,18 +52,18 @@ class Entry(NamedTuple):
     """State in which a segment begins."""
 
     ref: Reference
-    """References of the sample before the segment."""
+    """References of the last sample before the segment."""
     period_s: float
     line: LoadLine | None = None
     """Contact line of one arm; None if it is not known."""
     found_um: tuple[float | None, ...] = ()
-    """Position at which each of two arms has touched the part, in µm; None before a touch."""
+    """Position at which each of two arms has met the part, in µm; None before its contact."""
     held_at_um: float | None = None
-    """Place at which two arms first held the part, in µm; None before they did."""
+    """Position of the part when two arms first held it, in µm; None before."""
 
 
 class SegmentBase(FrozenRecord, frozen=True, tag_field="kind"):
-    """Fields and behaviour that all segments share; the base alone keeps all references at rest."""
+    """Fields and methods common to all segments; as a segment it keeps all references constant."""
 
     phase: Text
     duration_s: Second | None
@@ -70,20 +71,20 @@ class SegmentBase(FrozenRecord, frozen=True, tag_field="kind"):
     law: Whole = 0
     """Index of the law among those of the program."""
     guarded: bool = False
-    """True if a touch in free space ends the program as ``contact``."""
+    """True if a contact in free space ends the program with ``contact``."""
     zeroes: bool = False
     """True if the force is zeroed at the end."""
 
     presses: ClassVar[bool] = False
-    """True if the force is an input of the law."""
+    """True if the law uses the force."""
     open_loop: ClassVar[bool] = False
     """True if the voltage is given without a law."""
     ends_moving: ClassVar[bool] = False
     """True if the references never rest, not even at the end of the segment."""
     hides_force: ClassVar[bool] = False
-    """True if the force is unknown while the segment plays."""
+    """True if the force is unknown during the segment."""
     lets_go: ClassVar[bool] = False
-    """True if a held part may come off at any sample."""
+    """True if a held part may be released at any sample."""
 
     @property
     def arms(self) -> int | None:
@@ -98,7 +99,7 @@ class SegmentBase(FrozenRecord, frozen=True, tag_field="kind"):
 
 
 class Rest(SegmentBase, frozen=True, tag="rest"):
-    """The arms rest, free of contact. At the end the force is zeroed."""
+    """The arms rest, free of contact. The force is zeroed at the end."""
 
     zeroes: bool = True
 
@@ -109,7 +110,8 @@ class Move(SegmentBase, frozen=True, tag="move"):
     to_um: Arms[Micrometre | None] = (None,)
     """Goal of each tip, in µm; None for an arm that slows down to rest."""
     relative: bool = False
-    """True if the goals of two arms count from where each arm has touched the part."""
+    """True if the goals of two arms are relative to the positions of their contacts with the
+    part."""
 
     @property
     def arms(self) -> int | None:
@@ -130,7 +132,7 @@ class Move(SegmentBase, frozen=True, tag="move"):
         return Reference(*_motion(x, t_s), *kept, opening.position(t_s), opening.speed(t_s))
 
     def _goal(self, entry: Entry, duration_s: float) -> tuple[float, float]:
-        """Return position, or place and opening, at the end; an arm without a goal slows down."""
+        """Return position, or position and opening, at the end; no goal: the arm decelerates."""
         ref = entry.ref
         if len(self.to_um) == 1:
             to_um = self.to_um[0]
@@ -163,7 +165,8 @@ class Seek(Move, frozen=True, tag="seek"):
     """
 
     run_up_s: Second = 0.0
-    """Time in which the speed is reached, in s; 0 for an immediate start."""
+    """Duration of the acceleration to the constant speed, in s; 0: the motion starts at full
+    speed."""
     sides: Arms[bool] = (True,)
     """True for each arm that must touch."""
 
@@ -192,29 +195,29 @@ class Seek(Move, frozen=True, tag="seek"):
 
 
 class Press(SegmentBase, frozen=True, tag="press"):
-    """The force moves to a goal in ``move_s`` and then rests until ``duration_s``.
+    """The force moves to a goal in ``move_s`` and is then constant until ``duration_s``.
 
-    The reference of one arm moves with the force along the contact line. Two arms move the place
-    of the part at the same time.
+    With one arm the position reference moves with the force along the contact line. Two arms can
+    move the part at the same time.
     """
 
     to_mN: Millinewton | None = None
     """Force at the end, in mN; None for an unchanged force."""
     move_s: Second | None = None
-    """Time of the move, in s; None for the whole duration."""
+    """Duration of the move, in s; None for the whole duration of the segment."""
     follows: bool = False
     """True for a load that continues at the rate of the seek, along a line that is identified
-    meanwhile; one arm only."""
+    during the load; one arm only."""
     place_um: Micrometre | None = None
-    """Place of the part at the end, in µm; None for an unchanged place. Two arms only."""
+    """Position of the part at the end, in µm; None for an unchanged position. Two arms only."""
     relative: bool = False
-    """True if ``place_um`` counts from where both arms first held the part."""
+    """True if ``place_um`` is relative to the position at which both arms first held the part."""
 
     presses: ClassVar[bool] = True
 
     @property
     def arms(self) -> int | None:
-        """Return two if a place is given."""
+        """Return 2 if ``place_um`` is given."""
         return None if self.place_um is None else 2
 
     def reference(self, t_s: float, entry: Entry) -> Reference:
@@ -271,9 +274,9 @@ class Press(SegmentBase, frozen=True, tag="press"):
 
 
 class Track(SegmentBase, frozen=True, tag="track"):
-    """The force on a part follows a path in time; with two arms the place of the part, or both.
+    """The force on a part follows a path in time; with two arms the part's position, or both.
 
-    The reference of one arm moves with the force along the contact line.
+    With one arm the position reference moves with the force along the contact line.
 
     Raises
     ------
@@ -284,7 +287,7 @@ class Track(SegmentBase, frozen=True, tag="track"):
     force: Path | None = None
     """Path of the force, in mN; None for a constant force."""
     place: Path | None = None
-    """Path of the place, in µm; None for a constant place. Two arms only."""
+    """Path of the part's position, in µm; None for a constant position. Two arms only."""
 
     presses: ClassVar[bool] = True
 
@@ -294,7 +297,7 @@ class Track(SegmentBase, frozen=True, tag="track"):
 
     @property
     def arms(self) -> int | None:
-        """Return two if the place follows a path."""
+        """Return 2 if the part's position follows a path."""
         return None if self.place is None else 2
 
     def reference(self, t_s: float, entry: Entry) -> Reference:
@@ -314,7 +317,7 @@ class Track(SegmentBase, frozen=True, tag="track"):
 
 
 class Stay(FrozenRecord, frozen=True, tag="stay", tag_field="kind"):
-    """A voltage that stays as applied at the start of the segment."""
+    """A voltage that stays at the value applied at the start of the segment."""
 
     def at(self, t_s: float, begin_V: float, duration_s: float | None, period_s: float) -> float:
         """Return the voltage at a time since the start of the segment, in s."""
@@ -347,7 +350,7 @@ class Follow(FrozenRecord, frozen=True, tag="follow", tag_field="kind"):
 
 
 class Recorded(FrozenRecord, frozen=True, tag="recorded", tag_field="kind"):
-    """One voltage for each tick; the last one stays.
+    """One voltage for each tick; after the last tick the voltage is constant.
 
     Raises
     ------
@@ -382,7 +385,8 @@ class Drive(SegmentBase, frozen=True, tag="drive"):
     """
 
     courses: Arms[VoltageCourse] = (Stay(),)
-    """Course of the first arm, or of each arm; the voltage of an arm without a course stays."""
+    """Course of the first arm, or of each arm; without a course the voltage of an arm is
+    constant."""
     open_loop: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
@@ -391,12 +395,12 @@ class Drive(SegmentBase, frozen=True, tag="drive"):
 
     @property
     def arms(self) -> int | None:
-        """Return two if two courses are given."""
+        """Return 2 if two courses are given."""
         return 2 if len(self.courses) == 2 else None
 
     @property
     def stays(self) -> bool:
-        """Return whether all voltages stay as they are."""
+        """Return whether all voltages are constant."""
         return all(isinstance(one, Stay) for one in self.courses)
 
     def reference(self, t_s: float, entry: Entry) -> Reference:
@@ -414,19 +418,19 @@ class Drive(SegmentBase, frozen=True, tag="drive"):
 
 
 class LetGo(Drive, frozen=True, tag="let_go", kw_only=True):
-    """Voltages by which a held part is let go, without a law.
+    """Voltages that release a held part, without a law.
 
-    One with ``checks`` moves a little, there and back; if each arm turns out to be free, the
+    A segment with ``checks`` moves a little, forth and back; if each arm is found to be free, the
     program ends there.
 
     Raises
     ------
     ValueError
-        If checks and courses are not of the same arms.
+        If there are not as many checks as courses.
     """
 
     checks: Items[FreeArm] = ()
-    """Check of each arm at the end of the segment; empty: nothing is checked."""
+    """Properties for the check of each arm at the end of the segment; empty: no check."""
 
     lets_go: ClassVar[bool] = True
 
@@ -441,12 +445,12 @@ class LetGo(Drive, frozen=True, tag="let_go", kw_only=True):
 
     @property
     def arms(self) -> int | None:
-        """Return the number of arms that are judged, or None for any number."""
+        """Return the number of arms that are checked, or None for any number."""
         return len(self.checks) or super().arms
 
 
 class PlayedSweep(SegmentBase, frozen=True, tag="sweep", kw_only=True):
-    """The output plays a swept sine about the voltage at which the segment begins."""
+    """The output plays a swept sine about the voltage at the start of the segment."""
 
     sweep: Sweep
 
@@ -456,7 +460,7 @@ class PlayedSweep(SegmentBase, frozen=True, tag="sweep", kw_only=True):
 
     @property
     def arms(self) -> int | None:
-        """Return one: two arms play no sweep."""
+        """Return 1: a sweep is not possible with two arms."""
         return 1
 
 
@@ -465,7 +469,7 @@ Segment = Rest | Move | Seek | Press | Track | Drive | LetGo | PlayedSweep
 
 
 def paths_of(segment: Segment) -> list[Path]:
-    """Return the paths that a segment follows: those of force, place and voltages."""
+    """Return the paths in a segment: those of force, position and voltages."""
     if isinstance(segment, Track):
         return [path for path in (segment.force, segment.place) if path is not None]
     return voltage_paths(segment)
@@ -479,7 +483,7 @@ def voltage_paths(segment: Segment) -> list[Path]:
 
 
 def _motion(quintic_move: Quintic, t_s: float) -> tuple[float, float, float]:
-    """Return position, speed and acceleration."""
+    """Return position, speed and acceleration of a move."""
     return (
         quintic_move.position(t_s),
         quintic_move.speed(t_s),
@@ -488,7 +492,7 @@ def _motion(quintic_move: Quintic, t_s: float) -> tuple[float, float, float]:
 
 
 def _on_path(path: Path | None, rests_at: float, t_s: float) -> tuple[float, float, float]:
-    """Return value, rate and acceleration; a path that has ended, or None, rests."""
+    """Return value, rate and acceleration; constant without a path or after its end."""
     if path is None:
         return rests_at, 0.0, 0.0
     value, rate, acceleration = path.point(t_s)

@@ -1,7 +1,7 @@
 """A swept sine about a resting voltage, for a buffered output: its parameters.
 
 ``swept_voltages`` computes its voltages; it is a separate module so that a program that only
-passes a sweep on does not load NumPy.
+forwards a sweep does not load NumPy.
 """
 
 from math import isfinite, pi
@@ -11,7 +11,7 @@ from pincette.control.quantities import Hertz, Second, Volt
 from pincette.control.record import FrozenRecord
 
 LEAST_SAMPLES = 4.0
-"""Least number of samples per cycle at the highest frequency."""
+"""Smallest number of samples per cycle at the highest frequency."""
 MOST_SAMPLES = 2_000_000
 
 
@@ -21,7 +21,7 @@ class Sweep(FrozenRecord, frozen=True):
     Raises
     ------
     ValueError
-        If the numbers make no sweep.
+        If the numbers do not describe a sweep.
     """
 
     from_hz: Hertz

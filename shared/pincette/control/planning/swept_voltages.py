@@ -1,10 +1,10 @@
 """A swept sine about a resting voltage, for a buffered output: its voltages.
 
-The frequency rises by a constant factor in time, f(t) = f_1·(f_2/f_1)^(t/T), so the phase is
+The frequency rises exponentially with time, f(t) = f_1·(f_2/f_1)^(t/T), so the phase is
 
     φ(t) = 2π·f_1·T/L·((f_2/f_1)^(t/T) - 1),  L = ln(f_2/f_1),
 
-and every octave gets the same time. The amplitude rises and falls smoothly over ``taper_s``, so
+and every octave takes the same time. The amplitude rises and falls smoothly over ``taper_s``, so
 that the wave begins and ends at rest.
 """
 
@@ -21,9 +21,10 @@ from pincette.control.planning.sweep import Sweep
 
 @dataclass(frozen=True, slots=True)
 class SweptVoltages(Sequence[float]):
-    """Voltages of a sweep about a resting voltage, one each 1/rate; the last one is at rest.
+    """Voltages of a sweep at intervals of 1/rate; the last one is the rest voltage.
 
-    Each part is computed when it is requested, since the whole takes longer than a tick may.
+    Each part is computed when it is requested, since computing the whole sweep would take too long
+    for one tick.
     """
 
     sweep: Sweep
@@ -44,7 +45,7 @@ class SweptVoltages(Sequence[float]):
         return self._at(np.array([range(len(self))[index]]))[0]
 
     def __iter__(self) -> Iterator[float]:
-        """Return all samples in turn."""
+        """Return all samples in order."""
         return iter(self[:])
 
     def _at(self, numbers: NDArray[np.int_]) -> tuple[float, ...]:

@@ -10,7 +10,7 @@ from pincette.control.planning.segments import Move
 
 
 class Leg(NamedTuple):
-    """A move to a share of the range, at a share of the speed, and a rest in s after it."""
+    """A move to a fraction of the range at a fraction of the speed, and a rest after it in s."""
 
     to: float
     rest_s: float = 0.0
@@ -19,19 +19,19 @@ class Leg(NamedTuple):
 
 SLOW = 1.0 / 3.0
 COURSE = (
-    # Growing swings from unpoled, as a rig begins: a first stroke has a branch of its own.
+    # Growing swings from the unpoled state of a new rig, whose first stroke has its own branch.
     *(Leg(0.0, 2.0), Leg(0.2), Leg(0.0, 0.4), Leg(0.4), Leg(0.0, 0.4), Leg(0.7), Leg(0.0, 0.4)),
-    # The whole range, which washes out what was before; then swings of mixed width.
+    # The whole range, which erases the earlier memory; then swings of mixed width.
     *(Leg(1.0, 0.4), Leg(0.0, 0.3), Leg(1.0), Leg(0.0, 0.3)),
     *(Leg(0.8), Leg(0.1), Leg(0.8), Leg(0.1), Leg(0.65), Leg(0.3), Leg(0.7), Leg(0.2)),
-    # A grip, loops at its top as the work makes them, and a drift under small loops.
+    # A grip, loops at its top as in normal operation, and a drift with small loops.
     *(Leg(0.56, 0.4, SLOW), Leg(0.66, 0.2, SLOW), Leg(0.95, 3.0, SLOW)),
     *(Leg(0.75), Leg(0.95), Leg(0.75), Leg(0.95), Leg(0.8), Leg(0.9), Leg(0.78), Leg(0.88)),
     *(Leg(0.55, 0.0, SLOW), Leg(0.05, 0.3)),
     # Reversals within reversals, at rests of several lengths.
     *(Leg(0.6), Leg(0.3), Leg(0.5), Leg(0.35), Leg(1.0, 2.0), Leg(0.45), Leg(0.8, 0.5)),
     *(Leg(0.2), Leg(0.6, 0.4), Leg(0.9, 1.5), Leg(0.62), Leg(0.0, 1.0)),
-    # A grip again, and swings again: what the model is chosen and judged by.
+    # Another grip, and swings again, on which the model is chosen and tested.
     *(Leg(0.5, 0.4, SLOW), Leg(0.62, 0.2, SLOW), Leg(0.88, 2.0, SLOW)),
     *(Leg(0.7), Leg(0.88), Leg(0.7), Leg(0.88), Leg(0.65), Leg(0.1, 0.2)),
     *(Leg(0.8), Leg(0.1), Leg(0.8), Leg(0.25), Leg(0.6), Leg(0.4), Leg(0.55, 0.4)),

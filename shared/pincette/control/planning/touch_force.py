@@ -1,9 +1,10 @@
-"""The least planned force on a part, given the force that counts as a touch.
+"""The lowest planned force on a part, given the force that counts as a contact.
 
-A touch is detected once the force exceeds the contact force, and the load from there to the planned
-force identifies the contact line. A planned force at or below the contact force would be exceeded
-by the touch itself, and one little above it leaves no load to identify the line by. So the planned
-force must be above ``contact force / FORCE_SHARE``, for every profile and for one arm and two.
+A contact is detected once the force exceeds the contact force, and the contact line is identified
+during the load from there to the planned force. A planned force at or below the contact force would
+already be exceeded at the contact, and a planned force only slightly above it leaves too little
+load for the identification. Therefore the planned force must be above ``contact force /
+FORCE_SHARE``, for every profile and for one arm or two.
 """
 
 from collections.abc import Mapping
@@ -14,12 +15,12 @@ from pincette.control.planning.contact_request import CONTACT_SAMPLES, force_at_
 from pincette.control.planning.feasibility import Violation
 
 FORCE_SHARE = 0.5
-"""Largest share of the planned force at the detection of a touch."""
+"""Largest fraction of the planned force when the contact is detected."""
 SEEK_SHARE = 0.75
-"""Largest share of the planned force on a part when the arm stops at the touch."""
+"""Largest fraction of the planned force on a part when the arm stops at the contact."""
 SEEK = "seek_um_per_s"
 LOAD_PERIODS = 15
-"""Fewest periods of a load that identifies the contact line meanwhile."""
+"""Smallest number of periods in a load during which the contact line is identified."""
 
 
 def least_force_mN(contact_force_mN: float) -> float:
@@ -37,7 +38,7 @@ def weak_force(
     force_mN
         Highest force of the plan.
     pointer
-        The member of the request that the force comes from.
+        Request member that determines the force.
     at_s
         Time at which the load begins.
     """
@@ -53,30 +54,30 @@ def weak_force(
 
 
 class SafeTouch(NamedTuple):
-    """Limits of the speed at which an arm that stops at the touch may meet a part.
+    """Limits of the speed at which an arm that stops at the contact may meet a part.
 
-    The arm goes on until ``CONTACT_SAMPLES`` samples show the touch, which gives
-    ``force_at_touch_mN``. Where the part is expected, at the speed of the seek, only a share of the
-    planned force may have been reached then, so that the arm can still stop. A part that is met
-    early, at the speed of the approach, must not be pressed harder than planned.
+    The arm continues to move until ``CONTACT_SAMPLES`` samples show the contact, at the force
+    ``force_at_touch_mN``. At the expected position, where the arm moves at the speed of the seek,
+    this may be only a fraction of the planned force, so that the arm can still stop. If a part is
+    met earlier, at the speed of the approach, the force must not exceed the planned force.
     """
 
     force_mN: float
     """Highest force of the plan, in mN."""
     contact_force_mN: float
     hardest_mN_per_um: float
-    """Stiffness of the hardest part that may be met, in mN/µm."""
+    """Stiffness of the hardest permitted part, in mN/µm."""
     compliance_um_per_mN: float
     period_s: float
     seek_share: float = SEEK_SHARE
-    """Largest share of the planned force at a touch at the speed of the seek."""
+    """Largest fraction of the planned force at a contact at the speed of the seek."""
     approach_share: float = 1.0
-    """Largest share of the planned force at a touch at the speed of the approach."""
+    """Largest fraction of the planned force at a contact at the speed of the approach."""
 
     def limit(self, name: str) -> float:
         """Return the highest safe speed in µm/s.
 
-        The speed is infinite for a force that is refused in any case.
+        The speed is infinite if the force is refused for another reason.
 
         Parameters
         ----------
@@ -92,7 +93,7 @@ class SafeTouch(NamedTuple):
         return room_mN / per_speed_mN
 
     def violations(self, speeds_um_per_s: Mapping[str, float]) -> tuple[Violation, ...]:
-        """Return the violations of speeds, by the request members that state them."""
+        """Return the violations of speeds, by the request members that contain them."""
         return tuple(
             self._violation(name, speed, self.limit(name))
             for name, speed in speeds_um_per_s.items()
@@ -136,7 +137,7 @@ def short_load(load_s: float, period_s: float) -> tuple[Violation, ...]:
 def uncertain_force(
     force_mN: float, uncertainty_mN: float, pointer: str, what: str, at_s: float = 0.0
 ) -> tuple[Violation, ...]:
-    """Return the violation of a force that is not above its own stated uncertainty.
+    """Return the violation of a force that does not exceed its own stated uncertainty.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""A path tracked in contact, in position and force at once.
+"""A path that is tracked in contact, in position and force at the same time.
 
 The load goes to the highest force of the path and back to its start, so that the contact line is
-identified over all of it, and a force that lags or has hysteresis deviates to both sides equally.
-The arm then settles on that line where the path begins.
+identified over the whole range, and lag or hysteresis of the force causes equal deviations to both
+sides. The arm then settles on that line at the start of the path.
 """
 
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ from pincette.control.vocabulary import LimitedQuantity
 SETTLE_S = 0.8
 """Time from the end of the load until the path begins, in s."""
 SAMPLES_PER_CYCLE = 10
-"""Fewest samples per cycle that show a swing's peaks to 5 %."""
+"""Smallest number of samples per cycle with which the peaks of a swing are accurate to 5 %."""
 PRESSING = ("load", "settle", "track", "unload")
 
 
@@ -41,7 +41,7 @@ class TrackRequest(ContactRequest):
     acceleration_um_per_s2: float
     """Highest acceleration of x_r along the path, in µm/s²."""
     pointer: str
-    """Member of the request that states the height of the path."""
+    """Request member that determines the height of the path."""
 
     def __post_init__(self) -> None:
         check_contact(self)
@@ -52,7 +52,7 @@ class TrackRequest(ContactRequest):
 
 
 def plan_track(request: TrackRequest, rig: PlannedRig) -> ContactPlan:
-    """Plan a path in contact; raises as ``plan_contact`` does."""
+    """Return the plan of a path in contact; raises ValueError as ``plan_contact`` does."""
     path, load_s, found = request.path, request.load_s, peaks(request.path)
     pressing = (
         Press("load", load_s, to_mN=found.highest),
@@ -78,7 +78,7 @@ def plan_track(request: TrackRequest, rig: PlannedRig) -> ContactPlan:
 def _path_violations(
     request: TrackRequest, found: Peaks, start_s: float, period_s: float
 ) -> list[Violation]:
-    """Return the violations that make a path impossible on every rig."""
+    """Return the violations of a path that is impossible on every rig."""
     K_e, path = request.stiffness_mN_per_um, request.path
     swings = not path.knots
     hurry = "/frequency_hz" if swings else request.pointer
