@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from io import BytesIO
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,8 @@ from mcap.reader import make_reader
 from pincette.core.messages import Message, Position, Sample
 from pincette.core.messages.arms import ArmPosition
 from pincette.records import folder, mcap_reading, parquet
-from pincette.records.csv_export import csv_rows
+from pincette.records.csv_export import csv_rows, number_metadata, number_rows
+from pincette.records.finished_copy import snapshot
 from pincette.records.mcap_file import McapFile
 from pincette.records.record_times import RecordTimes, utc_text
 from pincette.records.row_blocks import RowBlocks
@@ -132,6 +134,23 @@ def test_a_record_without_samples_states_no_sample_0(tmp_path: Path) -> None:
         **BEGUN,
         "end_at": "2025-11-21T16:00:01.000000Z",
     }
+
+
+def test_a_record_without_samples_opens_in_each_form(tmp_path: Path) -> None:
+    record(tmp_path / "job.mcap", [])
+    assert write_tables_of_file(tmp_path).wrong == []
+    samples = tmp_path / folder.SAMPLES
+    table = parquet.opened(samples)
+    names = table.schema_arrow.names
+    assert table.metadata.num_rows == 0
+    table.close()
+    for lines in (csv_rows(samples), number_rows(samples)):
+        last = list(lines)[-1]
+        assert last.rstrip("\n").split(",") == names
+    described = json.loads("".join(number_metadata(samples)))["tableSchema"]["columns"]
+    assert [column["titles"] for column in described] == names
+    copy = make_reader(BytesIO(b"".join(snapshot(tmp_path / "job.mcap"))))
+    assert list(copy.iter_messages()) == []
 
 
 def test_a_record_of_an_earlier_version_states_no_start() -> None:

@@ -5,6 +5,7 @@ import csv
 import io
 import json
 import threading
+import time
 import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -130,6 +131,72 @@ def test_results_of_any_shape_have_columns() -> None:
         ("",) * 7,
     ]
     assert [tuple(row[f"result.{name}"] for name in names) for row in found] == expected
+
+
+ODD = {
+    "a,b;c": "=1+1",
+    "a.b": "two\nlines, \r\nand more",
+    "=@#": '"quoted"',
+    "result.a": "-1",
+    "µ夹": "\x0b \x85 \u2028 🦠",
+    "A": "",
+    "a": " null, true ",
+}
+"""Labels of a job that are no plain words."""
+
+
+def test_odd_labels_are_unchanged_in_every_form() -> None:
+    (plain,) = rows_of({"a": 1.5, "b": True})
+    rows = [plain._replace(labels=json.dumps(ODD)), plain]
+    wanted = {f"label.{name}": text for name, text in ODD.items()}
+
+    def content(form: Callable[[job_table.Rows], Iterator[bytes]]) -> bytes:
+        return b"".join(form(lambda: iter([rows])))
+
+    first, second = csv.DictReader(io.StringIO(content(job_table.csv_of).decode(), newline=""))
+    formulas = {name: f"'{text}" for name, text in wanted.items() if text[:1] in ("=", "-")}
+    assert {name: first[name] for name in wanted} == {**wanted, **formulas}
+    assert {second[name] for name in wanted} == {""}
+    parquet_table = arrow_parquet.read_table(io.BytesIO(content(job_table.parquet_of)))
+    for name, text in wanted.items():
+        assert parquet_table[name].to_pylist() == [text, None]
+    numbers = list(csv.DictReader(io.StringIO(content(job_table.numbers_of).decode())))
+    parts = job_table.metadata_of(lambda: iter([rows]), NUMBERS)
+    columns = json.loads(b"".join(parts))["tableSchema"]["columns"]
+    assert [column["titles"] for column in columns] == list(numbers[0])
+    for column in columns:
+        if column["titles"] in wanted:
+            assert column["schema:valueReference"] == [
+                {"schema:name": wanted[column["titles"]], "schema:value": 1}
+            ]
+    assert [[row[name] for name in wanted] for row in numbers] == [["1"] * 7, ["nan"] * 7]
+    assert [row["result.a"] for row in numbers] == ["1.5", "1.5"]
+
+
+@pytest.fixture
+def berlin(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    with monkeypatch.context() as patched:
+        patched.setenv("TZ", "Europe/Berlin")
+        time.tzset()
+        yield
+    time.tzset()
+
+
+@pytest.mark.usefixtures("berlin")
+def test_times_in_a_repeated_hour_stay_an_hour_apart() -> None:
+    times = ["2025-10-26T01:30:00.000Z", "2025-10-26T00:30:00.000Z"]
+    rows = [
+        row._replace(fixed=(*row.fixed[:4], at, *row.fixed[5:]))
+        for row, at in zip(rows_of({}, {}), times, strict=True)
+    ]
+
+    def column(form: Callable[[job_table.Rows], Iterator[bytes]]) -> list[str]:
+        text = b"".join(form(lambda: iter([rows]))).decode()
+        return [row["created_at"] for row in csv.DictReader(io.StringIO(text))]
+
+    assert column(job_table.csv_of) == times
+    later_s, earlier_s = map(float, column(job_table.numbers_of))
+    assert later_s - earlier_s == 3600.0
 
 
 @pytest.mark.parametrize("form", FORMS)
