@@ -25,14 +25,14 @@ VENV = os.environ.get("VENV", ".venv")
 STEPS = ("run", "dev", "contrib")
 """Steps; each has its pins, requirements/NAME.txt, and contains the steps before it."""
 TOOLS = Path("requirements/tools.txt")
-"""What fills .venv: installed by pip, before all others."""
+"""Pins of the tool that fills .venv; pip installs it before everything else."""
 PROJECTS = (Path(), Path("shared"), Path("contrib/nidaqmx"))
 """Folders that each step installs: pincette, its client, and the driver of NI without its packages,
 since the rig files for 1 kHz name its simulated instrument."""
 APART = ("madsci",)
 """Packages of contrib whose requirements conflict with those of pincette."""
 EVERY_S = 10.0
-"""Where the output is no terminal, a line at least this often."""
+"""Longest time without a line of output if the output is not a terminal, in s."""
 PIP = {"PIP_DISABLE_PIP_VERSION_CHECK": "1", "PIP_NO_INPUT": "1", "PIP_USER": "0"}
 OF_PIP = {
     "index-url": "UV_DEFAULT_INDEX",
@@ -47,7 +47,7 @@ OF_PIP = {
 
 
 class InstallError(Exception):
-    """A step failed; the text has the end of its output and says where all of it is."""
+    """A step failed; the text contains the end of the output and the path of the complete log."""
 
 
 def projects(root: Path, step: str) -> list[Path]:
@@ -58,7 +58,7 @@ def projects(root: Path, step: str) -> list[Path]:
 
 
 def wanted_stamp(root: Path, step: str) -> str:
-    """What .venv must have been filled for."""
+    """Identification of everything for which .venv must have been filled."""
     digest = hashlib.sha256()
     described = [path / "pyproject.toml" for path in projects(root, step)]
     for source in (Path(f"requirements/{step}.txt"), TOOLS, *described):
@@ -67,7 +67,8 @@ def wanted_stamp(root: Path, step: str) -> str:
 
 
 def is_usable(root: Path, *, this_python: bool) -> bool:
-    """Whether .venv can be filled further: it runs, was made here, and with a wanted Python."""
+    """Return whether .venv can be filled further: it works, was made here, and has a suitable
+    Python."""
     venv = root / VENV
     ask = "import sys; print('%d.%d' % sys.version_info[:2])"
     try:
@@ -83,7 +84,8 @@ def is_usable(root: Path, *, this_python: bool) -> bool:
 
 
 def run(what: str, command: list[str], settings: dict[str, str]) -> None:
-    """Run a command, its output into a log, its progress onto the screen; raises InstallError."""
+    """Run a command with its output in a log and its progress on the screen; raises
+    InstallError."""
     log = ROOT / VENV / "install.log"
     begin = shown = time.monotonic()
     terminal = sys.stdout.isatty()
@@ -107,7 +109,7 @@ def run(what: str, command: list[str], settings: dict[str, str]) -> None:
 
 
 def progress(log: Path) -> str:
-    """The last line that a command has written."""
+    """Return the last line that a command has written."""
     lines = log.read_text(errors="replace").split("\n")
     said = [line.strip() for line in lines if line.strip()]
     return f", {said[-1][:50]}" if said else ""
@@ -130,7 +132,7 @@ def uv_settings(listed: str) -> dict[str, str]:
 
 
 def fill(root: Path, step: str, *, this_python: bool) -> None:
-    """Make .venv where needed, and install what a step needs."""
+    """Create .venv if necessary, and install the packages of a step."""
     venv = root / VENV
     python = str(venv / "bin/python")
     pip = [python, "-m", "pip", "install", "--progress-bar", "off"]

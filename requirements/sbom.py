@@ -1,7 +1,7 @@
-"""Write what each image holds of Python packages, as CycloneDX: ``make sbom``.
+"""Write the Python packages of each image as CycloneDX: ``make sbom``.
 
-It reads the pins that the images are filled from, for the Python that they have, and the licences
-from the metadata of the same packages in .venv. What the base image brings is not in it.
+It reads the pins with which the images are filled, for their version of Python, and the licences
+from the metadata of the same packages in .venv. The packages of the base image are not included.
 """
 
 import json
@@ -31,12 +31,12 @@ IMAGES = {
 """Images, and the pins that each is filled from."""
 MakeBom: Any = Bom
 MakeComponent: Any = Component
-"""Decorators of the library hide the types of these two."""
+"""Decorators of the library hide the types of these two functions."""
 CLASSIFIED = "License :: OSI Approved :: "
 
 
 def environment(dockerfile: str) -> dict[str, str]:
-    """The markers' environment in an image, as its Dockerfile names its Python."""
+    """Return the environment of an image for markers, by the Python version in its Dockerfile."""
     found = re.search(r"^ARG PYTHON=python:(\d+\.\d+)-slim$", dockerfile, re.MULTILINE)
     if found is None:
         sys.exit("deploy/Dockerfile: no line ARG PYTHON=python:X.Y-slim")
@@ -51,7 +51,7 @@ def environment(dockerfile: str) -> dict[str, str]:
 
 
 def pins(text: str, where: dict[str, str]) -> Iterator[tuple[str, str]]:
-    """Name and version of each pin that holds in an environment."""
+    """Return name and version of each pin that applies in an environment."""
     for line in text.splitlines():
         if "==" not in line:
             continue
@@ -62,7 +62,8 @@ def pins(text: str, where: dict[str, str]) -> Iterator[tuple[str, str]]:
 
 
 def licence(name: str) -> str:
-    """What a package says of its licence; empty where it says nothing, or is not installed here."""
+    """Return the licence that a package states; empty if it states none or is not installed
+    here."""
     try:
         told = metadata(name)
     except PackageNotFoundError:
@@ -78,7 +79,7 @@ def licence(name: str) -> str:
 
 
 def component(name: str, version: str) -> Component:
-    """One package."""
+    """Return one package as a component."""
     said = licence(name)
     # What is no expression of SPDX is kept as the words that it is.
     found = LicenseFactory().make_from_string(said) if said else None
@@ -93,7 +94,7 @@ def component(name: str, version: str) -> Component:
 
 
 def bill(image: str, version: str, packages: Iterator[tuple[str, str]]) -> str:
-    """The whole document of an image, as JSON."""
+    """Return the whole document of an image, as JSON."""
     own: Any = MakeComponent(
         name=image,
         version=version,

@@ -1,6 +1,6 @@
-"""Drive that keeps a flight of a rig in a Tiled server; run in an environment with both packages.
+"""Store a flight of a rig in a Tiled server; run in an environment with both packages.
 
-``SUPERVISOR TILED KEY FORCE_MN`` prints what the server lists of it.
+``SUPERVISOR TILED KEY FORCE_MN`` prints how the server lists it.
 """
 # pyright: basic, reportMissingImports=false
 
@@ -34,7 +34,7 @@ def fly():
 
 
 def main() -> None:
-    """Fly, then look the run up as another client."""
+    """Fly, then find the run as another client."""
     RE.subscribe(TiledWriter(from_uri(TILED, api_key=KEY)))
     RE(fly())
     catalog = from_uri(TILED, api_key=KEY)

@@ -1,4 +1,4 @@
-"""Rig wired to a simulated NI device in tests; its time is moved by hand."""
+"""A rig connected to a simulated NI device; the tests advance its time."""
 
 from collections.abc import Callable, Sequence
 
@@ -9,7 +9,7 @@ WIRED = Terminals(um_per_V=10.0, position=POSITION, drives=(DRIVE,), output=OUTP
 
 
 class HandRig:
-    """Stores what it receives; a position that is no number is an invalid reading."""
+    """Stores received data; a position that is not a number is an invalid reading."""
 
     def __init__(self, measure: Callable[[], float | None] = lambda: 0.0) -> None:
         self.now_s = 0.0

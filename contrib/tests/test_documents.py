@@ -1,4 +1,4 @@
-"""What the pages about packages of contrib show is typed, as a reader would."""
+"""The commands on the pages about contrib packages are executed as a reader would type them."""
 
 from collections.abc import Generator
 from pathlib import Path

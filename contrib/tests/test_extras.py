@@ -1,4 +1,4 @@
-"""Each extra in an environment of its own, under each Python: it starts, and answers one thing."""
+"""Each extra starts and answers one request, in a separate environment for each Python version."""
 
 import asyncio
 import json
@@ -91,7 +91,7 @@ def python(request: pytest.FixtureRequest) -> str:
 
 @contextmanager
 def started(python: Path, name: str, rig: Path, folder: Path) -> Generator[None]:
-    """A program of an environment, until the end."""
+    """A program of an environment that runs until the end of the block."""
     script = str(python.with_name("pincette"))
     line = [script, "run", name, "--rig", str(rig), "--data", str(folder)]
     with subprocess.Popen(line, stdout=subprocess.PIPE, text=True, cwd=folder) as process:

@@ -1,4 +1,4 @@
-"""Clients that stock generators make of the OpenAPI document start, follow and stop a grip.
+"""Clients generated from the OpenAPI document start, follow and stop a grip.
 
 A linter accepts the document.
 """
@@ -19,7 +19,7 @@ PYTHON = "openapi-python-client==0.29.1"
 LINTER = "@redocly/cli@2.77.0"
 TYPESCRIPT = ("openapi-typescript@7.13.0", "openapi-fetch@0.17.0", "typescript@5.9.3")
 OPTIONAL = "--default-non-nullable=false"
-"""A field with a default may be left out of a request."""
+"""A request may omit a field that has a default."""
 DONE = {
     "state": "stopped",
     "same": {"samples.parquet": True, "grip.png": True, "export": True},

@@ -1,4 +1,5 @@
-"""The image `pincette-adapters` holds what its programs import, and every package it needs."""
+"""The image `pincette-adapters` contains the imports of its programs, and every package they
+need."""
 
 import re
 import subprocess
@@ -12,7 +13,7 @@ from tests.support.checkout import ROOT
 
 PROGRAMS = ("pincette_sila.program", "pincette_foxglove.program", "pincette_mcp.server")
 PACKAGES = ("foxglove", "mcp", "sila")
-"""Packages of contrib that the image installs."""
+"""Packages of contrib that are installed in the image."""
 
 
 def test_the_adapters_install_the_packages_that_their_programs_import() -> None:

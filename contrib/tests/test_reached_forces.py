@@ -1,4 +1,4 @@
-"""Forces that are asked for one after another, and stops in each phase, by every adapter."""
+"""Forces that are requested one after another, and stops in each phase, with every adapter."""
 
 import json
 import subprocess
@@ -35,7 +35,7 @@ CHANGES = SLOW
 
 
 class Rest:
-    """REST alone: a grip, or a hold of the part that is held."""
+    """REST only: a grip, or a hold of the part that is held already."""
 
     def __init__(self, rig: RunningRig) -> None:
         self.rig = rig
@@ -45,7 +45,7 @@ class Rest:
         return "hold" if self.rig.view()["part"] == "held" else "grip"
 
     def kept(self, force_mN: float) -> float | None:
-        """Force of a part that is held with a force already; None where none is."""
+        """Force of a part that is held already; None if no part is held."""
         if (job := self.rig.view()["active_job"]) is None:
             return None
         now = self.rig.job(job)["progress"]
@@ -58,7 +58,7 @@ class Rest:
         return held_by(self.rig, self.started(force_mN))
 
     def started(self, force_mN: float) -> str:
-        """Start the job; returns its id."""
+        """Start the job; return its id."""
         answer = self.rig.post(
             "/jobs",
             {"kind": self.kind, "force_mN": force_mN, "until_released": True, "autostart": True},
@@ -67,7 +67,7 @@ class Rest:
         return answer.json()["id"]
 
     def let_go(self, job: str) -> None:
-        """Ask a job for the release of its part."""
+        """Request the release of the part of a job."""
         self.rig.post(f"/jobs/{job}/actions", {"type": "release"}).raise_for_status()
 
     def release(self) -> None:
@@ -83,7 +83,7 @@ class Rest:
 
 
 class Typed(Rest):
-    """The command line, where ``watch`` follows each job."""
+    """The command line; ``watch`` follows each job."""
 
     def __init__(self, rig: RunningRig, following: ExitStack) -> None:
         super().__init__(rig)
@@ -147,17 +147,17 @@ class Page(Rest):
         self.seen.until_true(lambda: self.releases(job) > before, requested)
 
     def releases(self, job: str) -> int:
-        """Number of releases that a job has been asked for."""
+        """Number of releases that were requested from a job."""
         return sum(action["type"] == "release" for action in self.rig.job(job)["actions"])
 
     @property
     def newest(self) -> str:
-        """Id of the newest job; empty before there is one."""
+        """Id of the newest job; empty if there is none yet."""
         return next((job["id"] for job in self.rig.get("/jobs", limit=1)["jobs"]), "")
 
 
 class Things(Rest):
-    """The stock client of the Web of Things, by the Thing Description alone."""
+    """The stock client of the Web of Things, which uses only the Thing Description."""
 
     def __init__(self, rig: RunningRig, process: "subprocess.Popen[str]") -> None:
         super().__init__(rig)
@@ -182,7 +182,7 @@ class Things(Rest):
 
 
 def held_by(rig: RunningRig, job: str) -> float:
-    """Force that a job holds, once it is settled; raises NotReachedError where it has ended."""
+    """Settled force that a job holds; raises NotReachedError if the job has ended."""
     found: Json = {}
 
     def settled() -> bool:

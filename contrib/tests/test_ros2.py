@@ -1,7 +1,5 @@
-"""The bridge to ROS 2: a node over Zenoh hears a grip, and ROS 2's own code reads what it heard.
-
-What is missing is the middleware rmw_zenoh_cpp itself, which no registry of Python has.
-"""
+"""The bridge to ROS 2: a Zenoh node receives a grip, and the packages of ROS 2 decode the
+messages. The middleware rmw_zenoh_cpp itself is not tested, since no Python registry has it."""
 
 import json
 import subprocess
@@ -34,12 +32,12 @@ KILTED = (
     "ros-std-msgs==5.5.1",
 )
 ALONE = {"RMW_IMPLEMENTATION": "rmw_fastrtps_cpp", "ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}
-"""It reads bytes, and discovers no other nodes in the network."""
+"""The node reads bytes, and does not discover other nodes in the network."""
 
 
 @pytest.fixture
 def router() -> Generator[str]:
-    """A router where that of ROS 2 would be."""
+    """A router at the port of the ROS 2 router."""
     place = f"tcp/127.0.0.1:{free_ports(1)}"
     text = f'{{mode: "router", listen: {{endpoints: ["{place}"]}},'
     text += " scouting: {multicast: {enabled: false}}}"
@@ -49,7 +47,7 @@ def router() -> Generator[str]:
 
 @contextmanager
 def started(*line: str | Path) -> Generator["subprocess.Popen[str]"]:
-    """A program that says when it is there, and is ended."""
+    """A program that reports when it is ready, and is ended after the block."""
     words = [str(word) for word in line]
     with subprocess.Popen(
         words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
@@ -66,7 +64,8 @@ def piped(stream: IO[str] | None) -> IO[str]:
 
 
 def heard_of_a_grip(rig: RunningRig, router: str, python: Path) -> tuple[Any, Any]:
-    """Messages to a node while a part is gripped and held, and the newest sample by REST."""
+    """Messages that a node receives while a part is gripped and held, and the newest sample over
+    REST."""
     near = f"tcp/127.0.0.1:{rig.rig.bus.port}"
     with (
         started(python, LISTEN, router, "demo") as node,

@@ -21,7 +21,7 @@ from tests.support.running import RunningRig
 
 PAGE = ROOT / "docs/how-to/web-of-things.md"
 PORT = "http://127.0.0.1:8000"
-"""Of the supervisor in the page's program."""
+"""URL of the supervisor in the program on the page."""
 SCHEMA = "node_modules/wot-thing-description-types/schema/td-json-schema-validation.json"
 
 

@@ -1,4 +1,4 @@
-"""A rig of two arms for those who ask for a plain grip, with a force: both arms close."""
+"""A rig of two arms with clients that request only a force: both arms close."""
 
 import asyncio
 from collections.abc import Generator

@@ -1,4 +1,4 @@
-"""Two rigs under a supervisor with keys and TLS: each adapter moves the one that it is for."""
+"""Two rigs under a supervisor with keys and TLS: each adapter moves only its own rig."""
 
 import asyncio
 from collections.abc import Generator

@@ -1,4 +1,5 @@
-"""A real RunEngine drives a rig in lockstep; what it emits is valid by event-model's schemas."""
+"""A real RunEngine drives a rig in lockstep; its documents are validated by the schemas of
+event-model."""
 
 import math
 import signal

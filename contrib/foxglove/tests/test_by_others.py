@@ -1,4 +1,4 @@
-"""The protocol's own client in TypeScript sees a rig; rerun finds nothing wrong with a record."""
+"""The TypeScript client of the protocol receives samples of a rig, and Rerun accepts a record."""
 
 import subprocess
 import sys

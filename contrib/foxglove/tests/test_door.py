@@ -1,4 +1,5 @@
-"""Which pages may connect to the server of viewers, tested with a client that sends given bytes."""
+"""Checks of the origin of web pages that connect to the viewer server, with a client that sends
+raw bytes."""
 
 import socket
 import ssl
@@ -21,7 +22,7 @@ WAIT_S = 10.0
 
 @pytest.fixture
 def behind() -> Generator[tuple[str, int]]:
-    """A server that sends back what it gets, and ends when its client does."""
+    """A server that echoes received data, and ends when its client closes the connection."""
     listener = socket.create_server(("127.0.0.1", 0))
 
     def answer(line: socket.socket) -> None:

@@ -1,4 +1,4 @@
-"""The layout shows what there is: each path is a topic and a field of a rig and of its records."""
+"""Every path of the layout is an existing topic and field, of a rig and of its records."""
 
 import json
 from typing import Any

@@ -1,4 +1,4 @@
-"""No adapter is in the loop: with all of them at work it says what it says alone, bit by bit."""
+"""Adapters do not affect the loop: a grip has the same messages and bits while all adapters run."""
 
 import asyncio
 import subprocess
@@ -59,7 +59,8 @@ def test_bench_and_loop_import_no_adapter() -> None:
 
 @contextmanager
 def sila_client(rig: RigFile) -> Generator[list[str]]:
-    """The stock client of SiLA in a process of its own, and numbers of the samples it gets."""
+    """The stock client of SiLA in a separate process, and the number of samples that it
+    receives."""
     numbers: list[str] = []
     line = [sys.executable, "-c", SILA_CLIENT, str(rig.sila.port)]
     with subprocess.Popen(line, stdout=subprocess.PIPE, text=True) as process:
@@ -76,7 +77,7 @@ def sila_client(rig: RigFile) -> Generator[list[str]]:
 
 @contextmanager
 def asking_agent(rig: RigFile) -> Generator[list[dict[str, Any]]]:
-    """An agent that asks for the state again and again."""
+    """An agent that requests the state repeatedly."""
     end, reported = threading.Event(), list[dict[str, Any]]()
 
     async def ask() -> None:
@@ -99,7 +100,7 @@ def played(rig: RunningRig) -> Path:
 
 
 def with_adapters(rig: RunningRig) -> Path:
-    """The same, while stock clients of all adapters watch it."""
+    """The record of a grip while stock clients of all adapters observe it."""
     rig.fleet.start(["sila", "foxglove"])
     with ExitStack() as stack:
         viewer = stack.enter_context(viewing(rig.rig))
@@ -116,7 +117,7 @@ def with_adapters(rig: RunningRig) -> Path:
 
 
 def said_on_the_bus(record: Path) -> dict[str, int]:
-    """How many messages a job's programs have sent, by topic."""
+    """Number of messages that the programs have sent during a job, by topic."""
     with (record / "job.mcap").open("rb") as file:
         return Counter(channel.topic for _, channel, _ in make_reader(file).iter_messages())
 

@@ -1,4 +1,4 @@
-"""A client of the Foxglove protocol sees a grip as its record has it, and stops the rig."""
+"""A client of the Foxglove protocol receives a grip as recorded, and can stop the rig."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
@@ -76,7 +76,7 @@ def test_clients_of_an_older_protocol_are_refused(rig: RunningRig) -> None:
 
 
 def test_viewers_see_that_messages_of_the_bus_are_refused(rig: RunningRig) -> None:
-    """A viewer that comes later sees it, too."""
+    """A viewer that connects later also receives the status."""
     router = program_endpoint(rig.rig, "recorder", lockstep=False).connect[0]
     with outsider("client", router) as tool:
         for _ in range(3):

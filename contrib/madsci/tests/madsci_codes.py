@@ -24,7 +24,7 @@ def error_of(given: dict[str, Any]) -> ClientError:
 
 
 def main() -> None:
-    """Print what comes of each error."""
+    """Print the result of the node for each error."""
     results = [failed(error_of(given)) for given in json.load(sys.stdin)]
     sent = [ActionFailed.model_validate_json(one.model_dump_json()) for one in results]
     found = [{"type": one.errors[0].error_type, "json": one.json_result} for one in sent]

@@ -20,7 +20,7 @@ from madsci.common.types.action_types import ActionRequest
 
 
 def action(client: RestNodeClient, name: str, **args: Any) -> dict[str, Any]:
-    """What comes of an action."""
+    """Result of an action."""
     request = ActionRequest(action_name=name, args=args)
     found = client.send_action(request, timeout=120.0)
     if str(found.status.value) != "succeeded":
@@ -31,7 +31,7 @@ def action(client: RestNodeClient, name: str, **args: Any) -> dict[str, Any]:
 
 
 def everything(client: RestNodeClient, rest: str, force_mN: float, process: int) -> dict[str, Any]:
-    """What came of each call."""
+    """Results of all calls, by name."""
     values: dict[str, Any] = {"actions": sorted(client.get_info().actions)}
 
     def act(name: str, **args: Any) -> dict[str, Any]:
@@ -48,13 +48,14 @@ def everything(client: RestNodeClient, rest: str, force_mN: float, process: int)
             time.sleep(0.02)
 
     def gripping(found: dict[str, Any]) -> threading.Thread:
-        """A grip that goes on meanwhile."""
+        """A grip that runs in the background."""
         thread = threading.Thread(target=lambda: found.update(act("grip", force_mN=force_mN)))
         thread.start()
         return thread
 
     def during(command: str) -> dict[str, Any]:
-        """A grip into which an admin command falls, of a node that is locked by then."""
+        """A grip that is interrupted by an admin command, on a node that has been locked
+        meanwhile."""
         found: dict[str, Any] = {}
         thread = gripping(found)
         until(lambda view: (view["newest"] or {}).get("phase") == "approach" and view["active_job"])
@@ -66,7 +67,7 @@ def everything(client: RestNodeClient, rest: str, force_mN: float, process: int)
         return found
 
     def during_the_request() -> dict[str, Any]:
-        """A grip and its cancel that both wait at the supervisor's port."""
+        """A grip and its cancellation that both wait at the port of the supervisor."""
         found: dict[str, Any] = {}
         os.kill(process, signal.SIGSTOP)
         try:

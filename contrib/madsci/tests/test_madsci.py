@@ -1,4 +1,4 @@
-"""MADSci's stock RestNodeClient drives the node of contrib/madsci, in an environment of its own."""
+"""MADSci's stock RestNodeClient drives the node of contrib/madsci, in a separate environment."""
 
 import json
 import os
@@ -53,7 +53,8 @@ PAGE_URL = "http://127.0.0.1:2000"
 
 @pytest.fixture(scope="module")
 def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of an environment with the pins of the node, and this tree's pincette-client."""
+    """Python of an environment with the pinned packages of the node and the pincette-client of
+    this tree."""
     return environment(
         tmp_path_factory.mktemp("madsci") / "venv",
         str(PINS),
@@ -66,7 +67,7 @@ def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def node(
     python: Path, folder: Path, supervisor: str, **settings: str
 ) -> Generator[tuple[str, "subprocess.Popen[bytes]"]]:
-    """The address of a node that has started, and its process."""
+    """Address and process of a node that has started."""
     url = f"http://127.0.0.1:{free_ports(1)}/"
     own = {"NODE_URL": url, "NODE_SUPERVISOR_URL": supervisor, "HOME": str(folder), **settings}
     log = folder / "node.log"
@@ -100,7 +101,7 @@ def await_answer(url: str, process: "subprocess.Popen[bytes]", log: Path) -> Non
 
 
 def driven(python: Path, folder: Path, *words: str) -> Any:
-    """What the stock client prints; it keeps files where it runs."""
+    """Output of the stock client, which stores files in its working folder."""
     return json.loads(ran([str(python), str(DRIVE), *words], folder).splitlines()[-1])
 
 
@@ -198,7 +199,7 @@ def test_the_program_shown_on_the_documentation_page_grips(
 
 
 class Actions:
-    """Actions of a node, by one client."""
+    """Actions of a node, called by one client."""
 
     def __init__(self, client: "subprocess.Popen[str]") -> None:
         self.client = client

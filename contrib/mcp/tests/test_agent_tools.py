@@ -1,4 +1,4 @@
-"""An agent's emergency stop needs no key, and is told as made where nothing else can be read."""
+"""An agent's emergency stop needs no key, and is reported as sent if the result cannot be read."""
 
 import asyncio
 

@@ -1,4 +1,4 @@
-"""Every outcome code of a job reaches an agent, as a code."""
+"""The agent receives every outcome of a job as a code."""
 
 from typing import get_args
 

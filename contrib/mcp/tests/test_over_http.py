@@ -1,4 +1,4 @@
-"""Tools over streamable HTTP, by the SDKs of Python and of TypeScript, and the server's key."""
+"""Tools over streamable HTTP with the Python and TypeScript SDKs, and the key of the server."""
 
 import asyncio
 import os
@@ -31,7 +31,7 @@ TOOLS = ["emergency_stop", "grip", "plan_grip", "release", "status", "stop"]
 
 @contextmanager
 def served(rig: RunningRig, settings: Path, **environment: str) -> Generator[str]:
-    """The address of a server over HTTP, whose account has a folder of settings of its own."""
+    """Address of an HTTP server whose account has a separate settings folder."""
     port = free_ports(1)
     url = f"http://127.0.0.1:{port}/mcp"
     words = ["--url", rig.rig.supervisor.url, "--move", "--http", "--port", str(port)]
@@ -57,7 +57,7 @@ def answered(url: str, key: str = "") -> int | None:
 
 
 async def by_python(url: str, key: str) -> dict[str, Any]:
-    """Grip and release with the SDK of Python."""
+    """Grip and release with the Python SDK."""
     http = httpx2.AsyncClient(headers={"Authorization": f"Bearer {key}"}, timeout=WAIT_S)
     async with (
         asyncio.timeout(WAIT_S),

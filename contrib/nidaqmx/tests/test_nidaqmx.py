@@ -1,4 +1,4 @@
-"""The NI-DAQmx drivers: what every driver must do, over memory, a real gRPC server, a recording."""
+"""The NI-DAQmx drivers fulfil the contract of all drivers over memory, gRPC and a recording."""
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -109,7 +109,7 @@ class TestInputThatAverages(TestInput):
 
 
 class TestInputTurnedRound(TestInput):
-    """The monitor's voltage falls where the position rises."""
+    """The monitor voltage falls when the position rises."""
 
     def instrument(self, measure: Callable[[], float | None]) -> Instrument:
         wired = Terminals(-UM_PER_V, 0.0, POSITION)
@@ -131,7 +131,7 @@ class TestOutput(VoltageOutputContract):
         return voltage_output.open_output(output_settings(url), link)
 
     def test_a_silent_sensor_is_an_error_until_it_answers(self, reach: Reach) -> None:
-        """As of every driver; 2 V is no whole step of this one."""
+        """The contract of every driver; 2 V is not a multiple of the step of this output."""
         with self.opened(reach) as (load, output):
             load.voice = lambda _line: None
             with pytest.raises(InstrumentError, match="no answer") as caught:

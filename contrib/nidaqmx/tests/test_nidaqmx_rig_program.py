@@ -1,4 +1,4 @@
-"""The rig program as a device server: both drivers meet one device at one port."""
+"""The rig program as a device server: both drivers use the same device at one port."""
 
 from pathlib import Path
 
@@ -39,7 +39,7 @@ RATE_HZ = 1000.0
 
 
 def fast_rig(pace: str, changes: Tree | None = None) -> RigFile:
-    """The demo rig with the fast pair, at ports of its own."""
+    """The demo rig with the fast instruments, at separate ports."""
     demo = demo_rig(time=pace)
     tree = demo.model_dump(mode="json", exclude_unset=True)
     for table in ("sensor", "output"):

@@ -1,4 +1,4 @@
-"""The NI-DAQmx drivers where something is missing, has gone, or says what it should not."""
+"""The NI-DAQmx drivers if a package or server is missing, disconnects, or sends invalid replies."""
 
 import logging
 import random
@@ -72,7 +72,7 @@ def test_a_restarted_server_is_used_again() -> None:
 
 
 def eventually(act: Callable[[], object]) -> None:
-    """Until the channel has connected again, and a task is there again: some attempts fail."""
+    """Wait until the channel is connected and the task exists again; some attempts fail before."""
     deadline_s = time.monotonic() + 10.0
     causes = set[str]()
     while time.monotonic() < deadline_s:

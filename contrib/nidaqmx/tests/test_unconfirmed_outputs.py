@@ -1,7 +1,7 @@
-"""An analog output of NI-DAQmx that does not confirm its voltage is never stepped.
+"""An NI-DAQmx analog output with an unconfirmed voltage never jumps.
 
 The cases of the core's drivers are in tests/integration/faults. An analog output cannot be read
-back and does not report that its supply was lost, so two of their four faults remain.
+back and does not report a loss of its supply, so only two of their four faults apply.
 """
 
 import pytest

@@ -1,4 +1,4 @@
-"""What the tests of the SiLA server share: a rig for each module, a client for each test."""
+"""Fixtures of the SiLA server tests: a rig for each module, a client for each test."""
 
 from collections.abc import Generator
 from contextlib import suppress
@@ -28,7 +28,7 @@ def client(rig: RunningRig, cleared: None) -> Generator[Any]:  # noqa: ARG001
 
 @pytest.fixture
 def cleared(rig: RunningRig) -> Generator[None]:
-    """A rig that holds nothing and is not latched, whatever the test has left."""
+    """A rig that holds nothing and is not latched, also after a test that has failed."""
     yield
     with stock_client(rig) as found, suppress(DefinedExecutionError):
         found.LockController.UnlockServer("cell 7")

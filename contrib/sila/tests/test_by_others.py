@@ -1,4 +1,4 @@
-"""Testers and bridges that others have made for any SiLA 2 server, in environments of their own."""
+"""Independent testers and bridges for SiLA 2 servers, in separate environments."""
 
 import asyncio
 from pathlib import Path
@@ -37,7 +37,7 @@ def test_the_interoperability_tester_passes(address: str, tmp_path: Path) -> Non
 def test_an_mcp_agent_can_grip_through_the_sila_bridge(
     rig: RunningRig, address: str, tmp_path: Path
 ) -> None:
-    """It knows nothing of pincette but the feature definition that the server gives it."""
+    """The bridge uses only the feature definition that the server sends."""
     python = environment(tmp_path / "venv", "labmcp-sila2==0.1.2")
     script = str(python.with_name("labmcp-sila2"))
     options = ["--address", address, "--option", "insecure=true"]

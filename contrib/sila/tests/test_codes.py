@@ -12,7 +12,7 @@ from pincette_sila.errors import command_error
 
 
 def ended(**changes: Any) -> JobEndedError:
-    """A job that has failed, as the documented example of one."""
+    """A failed job, from the documented example."""
     extra = Job.model_config.get("json_schema_extra")
     assert isinstance(extra, dict)
     examples = cast("list[dict[str, Any]]", extra["examples"])

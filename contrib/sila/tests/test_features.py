@@ -1,4 +1,4 @@
-"""The feature definitions of the SiLA server: valid, complete in words, and implemented."""
+"""The feature definitions of the SiLA server are valid, described completely, and implemented."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,7 +20,7 @@ FILES = sorted(Path(pincette_sila.features.__file__).parent.glob("*.sila.xml"))
 SPACE = "{http://www.sila-standard.org}"
 WORDS_MIN = 6
 DETAIL = "7 mN, limit 5 mN"
-"""Reaches the user of a SiLA client as it is."""
+"""The text is shown unchanged to the user of a SiLA client."""
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)

@@ -1,4 +1,4 @@
-"""Who logs in shows a key of the supervisor, which must have some."""
+"""A SiLA login requires a key of the supervisor."""
 
 from typing import Any, cast
 
@@ -11,7 +11,7 @@ from pincette_sila.callers import Callers
 
 
 class Answered:
-    """A background whose every call has the same answer."""
+    """Background work whose calls all return the same reply."""
 
     def __init__(self, answer: Session) -> None:
         self._answer = answer
@@ -28,7 +28,7 @@ def callers(*, keys: bool, scope: Scope | None) -> Callers:
 
 
 def test_without_keys_at_the_supervisor_no_user_can_log_in() -> None:
-    """It lets everybody do everything, and would so take any word for a key."""
+    """Without keys the supervisor permits every request, so it cannot verify a password."""
     with pytest.raises(AuthenticationFailed, match="no keys; make one"):
         callers(keys=False, scope="admin").log_in("ada", "word")
 

@@ -1,4 +1,5 @@
-"""Every motion of the feature by the stock client: holds, paths, calibrations, recipes, pauses."""
+"""Every motion of the feature with the stock client: holds, paths, calibrations, recipes,
+pauses."""
 
 from threading import Thread
 from typing import Any
@@ -17,7 +18,7 @@ UNKNOWN = "00000000-0000-0000-0000-000000000000"
 
 
 def shares_and_samples(command: Any) -> tuple[list[float], list[Any]]:
-    """Progress and samples of a command while it is executed."""
+    """Progress and samples of a command during its execution."""
     shares: list[float] = []
     samples: list[Any] = []
     for one in command.subscribe_to_intermediate_responses():
@@ -112,14 +113,14 @@ def test_a_release_cannot_be_paused(client: Any) -> None:
 
 
 class Misses:
-    """A gripper whose part is missing, and a client that decides what follows."""
+    """A gripper without a part, and a client that decides about the recovery."""
 
     def __init__(self, rig: RunningRig, client: Any) -> None:
         self.rig, self.recovery = rig, client.ErrorRecoveryService
         self.gripper = client.Microgripper
 
     def missed(self) -> tuple[Any, Any]:
-        """A grip that has met no part, and the error that waits."""
+        """A grip that has found no part, and the error that waits for a decision."""
         grip = self.gripper.Grip(FORCE_MN, 0.0, "")
         until(lambda: self.recovery.RecoverableErrors.get() or grip.done, "no error waits")
         (one,) = self.recovery.RecoverableErrors.get()

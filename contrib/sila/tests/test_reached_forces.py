@@ -1,4 +1,4 @@
-"""Forces that are asked for one after another, and stops in each phase, by a client of SiLA."""
+"""Forces that are requested one after another, and stops in each phase, with a SiLA client."""
 
 from collections.abc import Generator
 from pathlib import Path
@@ -22,7 +22,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
 
 
 class Commands:
-    """``Grip`` and ``Release``, each followed to its responses."""
+    """``Grip`` and ``Release``, each awaited until it returns its responses."""
 
     def __init__(self, rig: RunningRig) -> None:
         self.rig = rig

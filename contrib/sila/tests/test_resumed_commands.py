@@ -1,4 +1,4 @@
-"""A SiLA server that starts again: the state of the rig is known once earlier commands are."""
+"""A restarted SiLA server reports the state of the rig once it knows the earlier commands."""
 
 import asyncio
 from collections.abc import Awaitable, Callable, Generator
@@ -34,14 +34,14 @@ def example(model: Any, **changes: Any) -> dict[str, Any]:
 
 
 def jobs_of(execution: UUID) -> httpx.Response:
-    """Return a list of jobs with one that an earlier server has begun for a command."""
+    """Return a list of jobs; an earlier server has started one of them for a command."""
     job = example(Job, labels={"sila": f"Grip {execution}"})
     return httpx.Response(200, json={"jobs": [job], "next_cursor": None})
 
 
 @contextmanager
 def restarted_server(list_jobs: Reply) -> Generator[Any]:
-    """A gripper whose rig is watched, of a server that does not listen."""
+    """Gripper feature of a server that watches its rig but does not listen."""
 
     async def reply(request: httpx.Request) -> httpx.Response:
         if request.url.path.endswith("/rigs/demo"):
@@ -66,7 +66,7 @@ def restarted_server(list_jobs: Reply) -> Generator[Any]:
 
 
 def published(queue: Queue[Any]) -> list[Any]:
-    """Take everything that has been published so far."""
+    """Return everything that has been published so far."""
     return [queue.get_nowait() for _ in range(queue.qsize())]
 
 

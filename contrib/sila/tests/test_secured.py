@@ -1,4 +1,4 @@
-"""Certificates, discovery and keys: the server as it stands on a network, by the stock client."""
+"""Certificates, discovery and keys of the SiLA server on a network, with the stock client."""
 
 from collections.abc import Generator
 from pathlib import Path
@@ -30,7 +30,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
 
 @pytest.fixture(scope="module")
 def keys() -> dict[str, str]:
-    """Keys of the supervisor by their scope; filled as the rig comes up."""
+    """Keys of the supervisor by their scope; filled when the rig starts."""
     return {}
 
 
@@ -38,7 +38,7 @@ def keys() -> dict[str, str]:
 def rig(
     folder: Folder, keys: dict[str, str], tmp_path_factory: pytest.TempPathFactory
 ) -> Generator[RunningRig]:
-    """A rig whose bus, REST and SiLA server have certificates, and whose REST wants keys."""
+    """A rig whose bus, REST and SiLA server use certificates, and whose REST requires keys."""
     place = tmp_path_factory.mktemp("sila")
     for scope in ("observe", "operate", "admin"):
         added = pincette("key", "add", f"a-{scope}", "--scope", scope, "--data", place / "data")
@@ -67,7 +67,7 @@ def believed(folder: Folder) -> dict[str, Any]:
 
 
 def logged_in(client: Any, name: str, key: str) -> list[Any]:
-    """Metadata with the token that a key is worth."""
+    """Metadata with the token of a login with a key."""
     server = str(client.SiLAService.ServerUUID.get())
     login = client.AuthenticationService.Login(name, key, server, [])
     return [client.AuthorizationService.AccessToken(login.AccessToken)]

@@ -1,4 +1,5 @@
-"""The stock clients of SiLA 2 drive a rig in lockstep, also through faults of a laboratory."""
+"""The stock clients of SiLA 2 drive a rig in lockstep, also during typical faults of a
+laboratory."""
 
 import signal
 from concurrent.futures import ThreadPoolExecutor

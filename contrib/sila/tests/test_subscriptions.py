@@ -23,7 +23,7 @@ class Context:
 
 
 class Distribution:
-    """A running thread whose conversion of values a test can hold."""
+    """A running thread whose conversion of values can be blocked by a test."""
 
     def __init__(self) -> None:
         self.queue: Queue[Any] = Queue()

@@ -1,4 +1,4 @@
-"""A rig of two driven arms by the stock client: both close, and each says what it presses with."""
+"""A rig of two driven arms with the stock client: both arms close and report their force."""
 
 from collections.abc import Generator
 from typing import Any

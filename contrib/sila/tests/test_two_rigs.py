@@ -1,4 +1,4 @@
-"""Two rigs under a supervisor with keys and TLS: a SiLA server moves the one that it is for."""
+"""Two rigs under a supervisor with keys and TLS: each SiLA server moves only its own rig."""
 
 import asyncio
 from collections.abc import Generator
@@ -17,7 +17,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Generator[SecuredLaboratory
 
 
 async def held_by_unitelabs(rig: RigFile) -> tuple[str, str, str]:
-    """Which rig the other client grips with, and what comes of it."""
+    """Rig with which the second client grips, and the result."""
     async with unitelabs(rig) as client:
         gripper = client.Microgripper
         held = await ended(await gripper.Grip(Force=FORCE_MN, HoldTime=0.0, Recipe=""))

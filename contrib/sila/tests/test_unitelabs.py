@@ -1,4 +1,4 @@
-"""The client of unitelabs, which loads the features from the server, drives a rig too."""
+"""The unitelabs client, which loads the features from the server, also drives a rig."""
 
 import asyncio
 import signal
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.usefixtures("cleared")
 
 
 async def refused(command: Any) -> DefinedExecutionError:
-    """The error in which a command ends, at once or later."""
+    """The error that ends a command, immediately or later."""
     with pytest.raises(DefinedExecutionError) as caught:
         await ended(await command)
     return caught.value
@@ -109,7 +109,8 @@ def test_a_lock_prevents_grips_but_not_an_emergency_stop_which_is_reported(rig: 
 
 
 def test_a_new_connection_finds_a_held_part(rig: RunningRig) -> None:
-    """A client that is gone leaves the part held; the next sees it, and releases it."""
+    """The part stays held after a client has disconnected; the next client finds and releases
+    it."""
 
     async def grip() -> str:
         async with unitelabs(rig.rig) as client:

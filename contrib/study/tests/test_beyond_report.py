@@ -1,4 +1,4 @@
-"""Medians with the worst beside, of what goes beyond the paper; and its pictures."""
+"""Medians and worst values of the results beyond the paper, and their pictures."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ from pincette_study.rigs import Draw
 
 PERCENTS = (0.4, 0.9, 0.5)
 SHARE = {"": 1.0, "dry_run": 0.5, "learned": 0.25}
-"""Share of the error by preparation of a trial; all differ, so that a mix-up shows."""
+"""Share of the error for each preparation of a trial; all differ, so that a mix-up is detected."""
 
 
 def draw(seed: int) -> Draw:

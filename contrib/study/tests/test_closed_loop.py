@@ -1,4 +1,4 @@
-"""Errors of a tracked path, the plan of one, and what a run without one says."""
+"""Errors of a tracked path, its plan, and the error message for a run without one."""
 
 from dataclasses import replace
 from math import pi, sqrt
@@ -15,7 +15,7 @@ COUNT = 400
 
 
 def a_record() -> Record:
-    """Two cycles of 8 µm and 20 mN, each with an error of its own."""
+    """Two cycles of 8 µm and 20 mN, each with a different error."""
     swing = np.sin(2.0 * pi * np.arange(COUNT) / (COUNT // 2))
     ripple = np.where(np.arange(COUNT) % 2 == 0, 1.0, -1.0)
     x_r_um, force_r_mN, nothing = 4.0 * swing, 10.0 * swing, np.zeros(COUNT)

@@ -1,4 +1,4 @@
-"""A voltage put out sample by sample: which position belongs to which voltage."""
+"""A voltage that is output sample by sample: assignment of positions to voltages."""
 
 from math import pi, sin
 
@@ -30,7 +30,7 @@ LINEAR = simulation_of(
         }
     )
 )
-"""An arm without hysteresis, creep or noise, whose mode has died away within a period."""
+"""An arm without hysteresis, creep or noise, whose mode decays within a period."""
 FREE = LINEAR.model_copy(update={"bead": False})
 
 

@@ -1,4 +1,4 @@
-"""The report: what is written, and that nothing in it can be misread."""
+"""The report contains all results and escapes its texts."""
 
 import json
 from html.parser import HTMLParser
@@ -15,7 +15,7 @@ PNG = b"\x89PNG\r\n\x1a\nno picture, but bytes"
 
 
 class Page(HTMLParser):
-    """Tags in order, those that were not closed, and the text."""
+    """Tags in order, tags that were not closed, and the text."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""The rig that the paper is repeated on, and those drawn around it."""
+"""The rig of the paper's experiments, and the random rigs around it."""
 
 from functools import lru_cache
 from itertools import pairwise

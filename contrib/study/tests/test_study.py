@@ -1,4 +1,4 @@
-"""The paper's study from end to end, on one random rig: its report, its numbers, its trends."""
+"""The study of the paper from end to end on one random rig: its report, numbers and trends."""
 
 import json
 from collections.abc import Sequence
@@ -105,7 +105,7 @@ def test_progress_is_reported_up_to_the_end(study: Study) -> None:
 
 
 def test_the_rig_has_the_values_of_figures_5_to_8(study: Study) -> None:
-    """What the study finds on its rig by experiment is what the rig was made of."""
+    """The experiments of the study find the parameters of the simulated rig."""
     assert study.ours("fig5", "ω_n²") == pytest.approx(5.943e6, rel=0.02)
     assert study.ours("fig5", "s_p, by a known weight") == pytest.approx(0.46, rel=0.02)
     assert study.ours("fig8", "slope") == pytest.approx(16.0 / 7.45, rel=0.15)

@@ -1,6 +1,6 @@
-"""Two driven arms as the demo rig has one: what a pair reaches, and a part that is centred.
+"""Two driven arms, each like that of the demo rig: errors of a pair, and a part that is centred.
 
-Both arms are the demo rig's, of which the model is known; the study itself teaches random ones.
+The models of both arms are known here; the study itself identifies random arms.
 """
 
 from dataclasses import replace
@@ -17,7 +17,7 @@ from pincette_study.two_arms.trials import CASES, FORCE_MN, Case, centre, track
 from tests.unit.sim.conftest import DEMO
 
 SOFTER = 1.06
-"""Compliance of the second arm over that of the first."""
+"""Ratio of the compliance of the second arm to that of the first."""
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,8 @@ def test_place_and_force_follow_independent_paths(pair: TaughtPair, case: Case) 
 
 
 def test_a_dry_run_removes_the_error_of_the_models_from_the_force(pair: TaughtPair) -> None:
-    """The model in the demo rig's file errs by 0.4 mN on such a path; taught pairs do by half."""
+    """The model in the demo rig's file has an error of 0.4 mN on such a path; identified pairs
+    have half of it."""
     plain, known = (track(pair, CASES[0], dry_run=dry) for dry in (False, True))
     assert plain.position_percent < CASES[0].position_percent[0]
     assert plain.force_percent < 5.0
@@ -65,7 +66,7 @@ def test_a_part_off_centre_is_held_without_being_moved(pair: TaughtPair, off_um:
 
 
 def test_a_loose_part_is_pushed_by_the_first_arm(pair: TaughtPair) -> None:
-    """No force shows the touch: the search continues until the arm has pushed the part away."""
+    """No force reveals the touch: the search continues until the arm has pushed the part away."""
     with pytest.raises(StudyError, match="nothing was touched"):
         centre(pair, 0.0, slip_mN=0.0)
 

@@ -1,4 +1,4 @@
-"""Tests in containers that drive adapters by their stock clients: `make engine` runs them."""
+"""Tests in containers that drive adapters with stock clients; `make engine` runs them."""
 
 from tests.engine.conftest import an_engine, pytest_collection_modifyitems, stalls
 

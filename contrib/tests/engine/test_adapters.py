@@ -1,4 +1,4 @@
-"""With a profile a server of an orchestrator is up too, and its stock client on the host grips."""
+"""With its profile the server of an adapter starts too, and the stock client on the host grips."""
 
 import asyncio
 import subprocess
@@ -23,7 +23,7 @@ LONG_S = 900.0
 def project(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Generator[Project]:
-    """The whole rig with every profile, as one command brings it up."""
+    """The whole rig with every profile, started by one command."""
     over = mounting(adapted_rig(), tmp_path_factory.mktemp("adapters"), "sila", "foxglove")
     one = Project(NAME, *request.param, over)
     one.down()
@@ -39,7 +39,7 @@ def project(
 
 @pytest.fixture
 def ready(project: Project, stalls: ContainerStalls) -> Project:  # noqa: ARG001  records stalls
-    """A rig that is not latched and holds nothing, whatever the test before has left."""
+    """A rig that is not latched and holds nothing, also after a test that has failed."""
     for line in (["reset"], ["job", "release"]):  # refused where there is nothing to do
         project.compose("exec", "-T", "supervisor", "pincette", *line)
     return project

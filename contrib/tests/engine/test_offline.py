@@ -1,4 +1,4 @@
-"""All images are built without a network, from wheels that were fetched where there was one."""
+"""All images are built without a network, from wheels that were downloaded before."""
 
 import shutil
 from collections.abc import Generator
@@ -20,7 +20,7 @@ FETCH_S, BUILD_S = 600.0, 900.0
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Generator[Project]:
-    """With its wheels fetched as the page says, and without the images."""
+    """The wheels are downloaded as the page describes, and the images are deleted."""
     if WHEELS.exists():
         pytest.skip(f"{WHEELS.name} is there already; it is not this test's to delete")
     over = mounting(adapted_rig(), tmp_path_factory.mktemp("offline"), "sila", "foxglove")
