@@ -281,7 +281,7 @@ class LoopbackWatch:
     ) -> None:
         self._hears, self._can_join, self._restart = hears, can_join, restart
         self._clock = clock
-        self._heard_s = clock()
+        self._received_at_s = clock()
         # A question to a bus that carries nothing may never come back, so the watch has its own
         # thread.
         self._asking = RepeatedAction("unheard-asks", UNHEARD_LOOK_S, self.ask)
@@ -289,19 +289,19 @@ class LoopbackWatch:
 
     def start(self) -> None:
         """Start the checks in a thread."""
-        self._heard_s = self._clock()
+        self._received_at_s = self._clock()
         self._asking.start()
         self._looking.start()
 
     def ask(self) -> None:
         """Send one request over the bus."""
         if self._hears():
-            self._heard_s = self._clock()
+            self._received_at_s = self._clock()
             os.environ.pop(RESTARTS, None)
 
     def look(self) -> None:
         """Restart the supervisor if it has received nothing for too long and can join again."""
-        silent_s = self._clock() - self._heard_s
+        silent_s = self._clock() - self._received_at_s
         if silent_s > UNHEARD_S * 2 ** min(_restarts(), MOST_DOUBLED) and self._can_join():
             self._restart(silent_s)
 

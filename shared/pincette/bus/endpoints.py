@@ -57,7 +57,7 @@ def router_endpoint(rig: "RigFile") -> SessionConfig:
     if folder is None:
         return config
     known = [facts.identity for facts in folder.all()]
-    beyond = beyond_upstream(known, rig.rig.name, apart=bus.apart)
+    beyond = beyond_upstream(known, rig.rig.name, served_upstream=bus.served_upstream)
     none: Access = {}
     above = none if bus.upstream is None else neighbour_access(THE_UPSTREAM, beyond)
     access = {**router_access(known), **above}
@@ -77,7 +77,7 @@ def upstream_endpoint(rig: "RigFile") -> SessionConfig:
     if folder is None:
         return config
     known = [facts.identity for facts in folder.all()]
-    below = beyond_rig(known, rig.rig.name, apart=bus.apart)
+    below = beyond_rig(known, rig.rig.name, served_upstream=bus.served_upstream)
     access = {**router_access(known), **neighbour_access(THE_ROUTER, below)}
     return _joined(config, folder, THE_UPSTREAM, access)
 
@@ -137,7 +137,7 @@ def _client(
     folder = _folder(rig)
     if folder is None:
         return config
-    router = THE_UPSTREAM if rig.bus.apart else THE_ROUTER
+    router = THE_UPSTREAM if rig.bus.served_upstream else THE_ROUTER
     identity = identity or folder.named(rig.bus.identity)
     return _joined(config, folder, identity, client_access(server or router))
 

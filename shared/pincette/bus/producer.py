@@ -19,14 +19,14 @@ class Producer:
     it is silent. A program that states another one's session cannot be distinguished from it.
     """
 
-    __slots__ = ("_clock", "_heard_s", "_name", "_session")
+    __slots__ = ("_clock", "_name", "_received_at_s", "_session")
 
     _session: zenoh.ZenohId
 
     def __init__(self, name: str, clock: Callable[[], float] = monotonic) -> None:
         """``name``: name of the program that publishes the topic."""
         self._name, self._clock = name, clock
-        self._heard_s = float("-inf")
+        self._received_at_s = float("-inf")
         """Time of the newest accepted sample."""
 
     def refusal(self, source: zenoh.SourceInfo | None) -> str:
@@ -34,9 +34,9 @@ class Producer:
         if source is None:
             return f"the sample states no session, so it is not from the {self._name}"
         session, now_s = source.source_id.zid, self._clock()
-        if now_s - self._heard_s <= SILENT_S and session != self._session:
+        if now_s - self._received_at_s <= SILENT_S and session != self._session:
             return f"the sample is from the session {session}, not from the {self._name}"
-        self._session, self._heard_s = session, now_s
+        self._session, self._received_at_s = session, now_s
         return ""
 
 

@@ -41,7 +41,7 @@ class RigStatus(NamedTuple):
 
 def status_of(rig: Rig, age_s: float = 0.0) -> RigStatus:
     """Return the state of a rig from a reply of the supervisor that is ``age_s`` old."""
-    heard_s = rig.standing.state_age_s
+    state_age_s = rig.standing.state_age_s
     whole = RIG_STATES[rig.latch.state].may_start and all(
         check.ok for check in rig.checks if check.needed
     )
@@ -53,7 +53,7 @@ def status_of(rig: Rig, age_s: float = 0.0) -> RigStatus:
         reasons=[] if rig.can_start else rig.reasons,
         job=rig.active_job,
         newest=rig.newest,
-        age_s=None if heard_s is None else heard_s + age_s,
+        age_s=None if state_age_s is None else state_age_s + age_s,
     )
 
 
@@ -100,6 +100,6 @@ class RigWatch:
             return unknown_status(self._why)
         age_s = self._clock() - self._heard_at_s
         if age_s > NEWS_S:
-            heard_s = self._rig.standing.state_age_s
-            return unknown_status(self._why, None if heard_s is None else heard_s + age_s)
+            state_age_s = self._rig.standing.state_age_s
+            return unknown_status(self._why, None if state_age_s is None else state_age_s + age_s)
         return status_of(self._rig, age_s)

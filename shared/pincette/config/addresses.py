@@ -26,7 +26,7 @@ class BusAddresses:
         return None if self.upstream is None else _address(self.upstream)
 
     @property
-    def apart(self) -> bool:
+    def served_upstream(self) -> bool:
         """Return whether supervisor and recorder use a router other than the loop's."""
         return self.upstream is not None and self.served_at == "upstream"
 
@@ -34,7 +34,7 @@ class BusAddresses:
     def served_by(self) -> tuple[str, int]:
         """Return host and port of the router next to which supervisor, recorder and tools run."""
         above = self.upstream_at
-        return self.router_at if above is None or not self.apart else above
+        return self.router_at if above is None or not self.served_upstream else above
 
 
 def _address(place: str) -> tuple[str, int]:

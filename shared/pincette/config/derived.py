@@ -235,7 +235,7 @@ def _share_error(model: Model, way_um: float) -> float:
 
 def planned_rig(
     rig: RigFile,
-    stands_um: float | None = None,
+    present_um: float | None = None,
     condition_V: float | None = None,
     rest_um: float | None = None,
 ) -> PlannedRig:
@@ -243,7 +243,7 @@ def planned_rig(
 
     Parameters
     ----------
-    stands_um
+    present_um
         Present position of the arm, in µm; None: at rest. It counts as unknown if the sensor cannot
         measure it.
     condition_V
@@ -266,7 +266,7 @@ def planned_rig(
         compliance_um_per_mN=model.compliance_um_per_mN,
         period_s=rig.rig.period_s,
         x_start_um=X_START_UM,
-        stands_um=_readable(rig, stands_um),
+        present_um=_readable(rig, present_um),
         rest_um=_readable(rig, rest_um),
         free_response=identified_hysteresis(model),
         taught_V=None if model.free_response is None else model.free_response.taught_V,

@@ -119,7 +119,7 @@ def shared_ports(rig: RigFile) -> Iterator[Finding]:
         users[str(rig.bus.port + offset)].append(name)
     if not rig.joins:
         users[str(rig.bus.port)].append("the router")
-    if not (rig.joins or rig.bus.apart):
+    if not (rig.joins or rig.bus.served_upstream):
         users[str(rig.supervisor.port)].append("the supervisor")
     instruments = [("the sensor", rig.sensor.url), ("the output", rig.output.url)]
     if rig.second is not None:

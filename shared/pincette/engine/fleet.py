@@ -78,7 +78,7 @@ def ports(rig: RigFile) -> dict[int, str]:
     wanted = {rig.bus.port + 1 + index: name for index, name in enumerate(LOOP)}
     if not rig.joins:
         wanted = {rig.bus.port: "router", **wanted}
-    if not (rig.joins or rig.bus.apart):
+    if not (rig.joins or rig.bus.served_upstream):
         wanted[rig.supervisor.port] = "supervisor"
     if rig.simulation is not None:
         for arm in rig.arms:
@@ -150,9 +150,12 @@ class Fleet:
     def names(self) -> list[str]:
         """Return the programs that `pincette up` starts for this rig on this machine."""
         if self._server:
-            return ["upstream", *(("recorder", "supervisor") if self._rig.bus.apart else ())]
+            return [
+                "upstream",
+                *(("recorder", "supervisor") if self._rig.bus.served_upstream else ()),
+            ]
         rig = ["rig"] if self._rig.simulation is not None else []
-        if self._rig.bus.apart:
+        if self._rig.bus.served_upstream:
             return ["router", *rig, *self._rig.programs]
         own = [*rig, *self._rig.programs, "recorder"]
         return own if self._rig.joins else ["router", *own, "supervisor"]

@@ -49,16 +49,24 @@ def neighbour_access(router: Identity, beyond: Iterable[Identity]) -> Access:
     return {router.name: _of_router(united(map(rights, beyond)))}
 
 
-def beyond_upstream(known: Iterable[Identity], rig: str, *, apart: bool) -> tuple[Identity, ...]:
-    """Return identities beyond a laboratory server's router: people, if ``apart`` its programs."""
-    served = {SUPERVISOR, program("recorder", rig).name} if apart else set[str]()
+def beyond_upstream(
+    known: Iterable[Identity], rig: str, *, served_upstream: bool
+) -> tuple[Identity, ...]:
+    """Return identities beyond a server's router: people; its programs if ``served_upstream``."""
+    served = {SUPERVISOR, program("recorder", rig).name} if served_upstream else set[str]()
     return tuple(one for one in known if one.role in PEOPLE or one.name in served)
 
 
-def beyond_rig(known: Iterable[Identity], rig: str, *, apart: bool) -> tuple[Identity, ...]:
+def beyond_rig(
+    known: Iterable[Identity], rig: str, *, served_upstream: bool
+) -> tuple[Identity, ...]:
     """Return identities beyond a rig's router, as seen from that of a laboratory server."""
     known = tuple(known)
-    other = {one.name for one in beyond_upstream(known, rig, apart=apart) if one.role not in PEOPLE}
+    other = {
+        one.name
+        for one in beyond_upstream(known, rig, served_upstream=served_upstream)
+        if one.role not in PEOPLE
+    }
     own = (one for one in known if one.rig in ("", rig) and one.role not in ROUTERS)
     return tuple(one for one in own if one.name not in other)
 

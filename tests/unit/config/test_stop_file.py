@@ -28,7 +28,7 @@ def test_a_stop_reads_the_same_addresses_as_every_program(tables: str, tmp_path:
     path.write_text(f'base = "{DEMO}"\n{tables}\n', encoding="utf-8")
     whole, part = read_rig(path), read_for_stop(path)
     assert part.notes == ()
-    for name in ("host", "port", "router_at", "upstream_at", "served_by", "apart"):
+    for name in ("host", "port", "router_at", "upstream_at", "served_by", "served_upstream"):
         assert getattr(part.bus, name) == getattr(whole.bus, name)
     assert (part.bus.pki, part.bus.identity) == (whole.bus.pki, whole.bus.identity)
     assert part.rig.name == whole.rig.name

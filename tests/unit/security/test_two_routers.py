@@ -31,27 +31,31 @@ PEOPLE = person("anna", "viewer"), person("otto", "operator")
 KNOWN = (ROUTER, UPSTREAM, SUPERVISOR, *programs_of("left"), *programs_of("right"), *PEOPLE)
 
 
-def sides(*, apart: bool) -> tuple[tuple[Identity, ...], tuple[Identity, ...]]:
-    return beyond_rig(KNOWN, "left", apart=apart), beyond_upstream(KNOWN, "left", apart=apart)
+def sides(*, served_upstream: bool) -> tuple[tuple[Identity, ...], tuple[Identity, ...]]:
+    return beyond_rig(KNOWN, "left", served_upstream=served_upstream), beyond_upstream(
+        KNOWN, "left", served_upstream=served_upstream
+    )
 
 
-@pytest.mark.parametrize("apart", [True, False])
-def test_each_program_is_behind_one_router_and_people_are_behind_both(apart: bool) -> None:
-    rig, server = ({one.name for one in side} for side in sides(apart=apart))
+@pytest.mark.parametrize("served_upstream", [True, False])
+def test_each_program_is_behind_one_router_and_people_are_behind_both(
+    served_upstream: bool,
+) -> None:
+    rig, server = ({one.name for one in side} for side in sides(served_upstream=served_upstream))
     assert rig & server == {one.name for one in PEOPLE}
     ours = {one.name for one in KNOWN if one.rig in ("", "left")} - {"router", "upstream"}
     assert rig | server == ours
-    assert (SUPERVISOR.name in server) == (RECORDER.name in server) == apart
+    assert (SUPERVISOR.name in server) == (RECORDER.name in server) == served_upstream
 
 
-@pytest.mark.parametrize("apart", [True, False])
-def test_from_upstream_only_permitted_messages_reach_the_loop(apart: bool) -> None:
-    _, server = sides(apart=apart)
+@pytest.mark.parametrize("served_upstream", [True, False])
+def test_from_upstream_only_permitted_messages_reach_the_loop(served_upstream: bool) -> None:
+    _, server = sides(served_upstream=served_upstream)
     at_rig = neighbour_access(UPSTREAM, server)
     for topic, rig in product(TOPICS, ("left", "right")):
         for place in keys_of(rig, topic).values():
             passes = lets(at_rig, UPSTREAM, "ingress", "put", place)
-            assert passes == (apart and topic.producer == "supervisor")
+            assert passes == (served_upstream and topic.producer == "supervisor")
     each = router_access(KNOWN)
     for question in REQUESTS:
         wanted = request_key("left", question)
@@ -62,7 +66,7 @@ def test_from_upstream_only_permitted_messages_reach_the_loop(apart: bool) -> No
 
 
 def test_a_rigs_router_may_publish_for_its_own_rig_only() -> None:
-    rig, _ = sides(apart=True)
+    rig, _ = sides(served_upstream=True)
     at_server = neighbour_access(ROUTER, rig)
     for topic in TOPICS:
         own = topic.producer not in ("supervisor", "recorder")
@@ -78,7 +82,7 @@ def test_a_rigs_router_may_publish_for_its_own_rig_only() -> None:
 
 
 def test_egress_of_one_router_matches_ingress_of_the_other() -> None:
-    rig, server = sides(apart=True)
+    rig, server = sides(served_upstream=True)
     at_rig, at_server = neighbour_access(UPSTREAM, server), neighbour_access(ROUTER, rig)
     for topic, wanted in [
         (one, place) for one in TOPICS for place in keys_of("left", one).values()
@@ -116,7 +120,7 @@ def test_programs_are_assigned_to_their_router() -> None:
         assert place.connect == ("tcp/10.0.0.1:7447",)
     near = far(host="10.0.0.2", upstream="10.0.0.1:7447", served_at="rig")
     assert tool_endpoint(near).connect == (f"tcp/10.0.0.2:{near.bus.port}",)
-    assert not near.bus.apart
+    assert not near.bus.served_upstream
 
 
 def test_a_rig_without_upstream_is_unchanged() -> None:

@@ -293,7 +293,7 @@ class RigFactory:
     """Function that simulates a plan on the model, on a spare processor."""
     draw: Runner = run_here
     """Function that runs a drawing function, on a spare processor."""
-    awake_clock: Callable[[], float] | None = None
+    suspend_aware_clock: Callable[[], float] | None = None
     """Clock that stops while this process is suspended."""
     trip_directly: Callable[[RigFile, Trip], object] | None = None
     """Function that trips a rig's actuator without the router; None: there is no such link."""
@@ -314,7 +314,7 @@ class RigFactory:
     def _context(self, rig: RigFile, bus: WatchedBus) -> RigContext:
         # A rig that joins states where the supervisor is too; certificates are the own rig's.
         home = rig.home(self.data)
-        observer = Observer(bus, monotonic, self.awake_clock)
+        observer = Observer(bus, monotonic, self.suspend_aware_clock)
         return RigContext(
             model=RigModel(rig, home / MODELS, self.store),
             bus=bus,

@@ -225,7 +225,7 @@ class JobMonitor:
         self._silence = SilenceDetector(context, self._tracker, job.epoch, length_s)
         self._watch = Watch(job, planned, self._tracker, context.clock)
         self._missing = MissingSamples(planned, job.epoch, self._rig.rig.period_s)
-        self._last_message_at = context.observer.awake_clock()
+        self._last_message_at = context.observer.suspend_aware_clock()
         self._applied: Applied | None = None
         """Newest sample of the actuator."""
         self._over_at: float | None = None
@@ -269,7 +269,7 @@ class JobMonitor:
         moved = tracker.update(messages)
         self._missing.update(messages)
         if moved if self._rig.lockstep else self._actuator_published():
-            self._last_message_at = self._context.observer.awake_clock()
+            self._last_message_at = self._context.observer.suspend_aware_clock()
         if moved:
             self._share()
         over = tracker.over and not self._awaits_last_samples()
@@ -317,11 +317,11 @@ class JobMonitor:
 
     def _silent(self) -> Why | None:
         """Return why the loop counts as silent; None if it does not."""
-        lasts_s = self._context.observer.awake_clock() - self._last_message_at
+        lasts_s = self._context.observer.suspend_aware_clock() - self._last_message_at
         # After the end, late samples have a separate time limit.
         words = "" if self._tracker.over else self._silence.words(lasts_s, self._job.id)
         if self._silence.excused:
-            self._last_message_at = self._context.observer.awake_clock()
+            self._last_message_at = self._context.observer.suspend_aware_clock()
         return (words, Ending(code="silent", values={"silent_s": lasts_s})) if words else None
 
     def _late(self, state: JobState, silent: Why | None) -> Why | None:
@@ -343,7 +343,7 @@ class JobMonitor:
         """Return whether samples of the last tick are pending; in lockstep none of them is lost."""
         if self._tracker.trip or self._tracker.complete or self._last_fetched:
             return False
-        now = self._context.observer.awake_clock()
+        now = self._context.observer.suspend_aware_clock()
         if self._over_at is None:
             self._over_at = now
         if now - self._over_at < (self._context.guard_s if self._rig.lockstep else LATE_S):
@@ -454,7 +454,7 @@ class JobMonitor:
         """
         job = self._job
         self._trip_asked = True
-        self._last_message_at = self._context.observer.awake_clock()
+        self._last_message_at = self._context.observer.suspend_aware_clock()
         try:
             self._context.trip(job.abort_trip(job.status.cause[:200]))
         except BusError as error:

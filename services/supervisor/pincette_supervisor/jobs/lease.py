@@ -76,14 +76,14 @@ class Renewal:
     def __init__(self, bus: Bus, lease: Lease, clock: Callable[[], float] = monotonic) -> None:
         self.lease = lease
         self._bus, self._clock = bus, clock
-        self._heard_s = clock()
+        self._renewed_at_s = clock()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._work, name=f"lease-{lease.epoch}", daemon=True)
 
     @property
     def age_s(self) -> float:
         """Return the time since the controller last accepted the renewal, in s."""
-        return self._clock() - self._heard_s
+        return self._clock() - self._renewed_at_s
 
     def begin(self) -> None:
         """Start renewing in a thread."""
@@ -108,7 +108,7 @@ class Renewal:
             return False  # the program has ended, or was stopped without a lease
         except BusError:
             return True
-        self._heard_s = asked_s
+        self._renewed_at_s = asked_s
         return True
 
 

@@ -76,7 +76,7 @@ class SilenceDetector:
     def _actuator_has_ended(self) -> bool:
         """Return whether the actuator's token has vanished while others on its side are present."""
         observer = self._context.observer
-        without = BESIDE_THE_SUPERVISOR if self._context.rig.bus.apart else ()
+        without = BESIDE_THE_SUPERVISOR if self._context.rig.bus.served_upstream else ()
         return bool(observer.gone((ACTUATOR,))) and observer.sees_any(without)
 
     def _cut_off_words(self, lasts_s: float) -> str:

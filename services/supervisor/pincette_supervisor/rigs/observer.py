@@ -72,12 +72,12 @@ class Observer:
         self,
         bus: WatchedBus,
         clock: Callable[[], float] = monotonic,
-        awake_clock: Callable[[], float] | None = None,
+        suspend_aware_clock: Callable[[], float] | None = None,
     ) -> None:
-        """Create the observer; ``awake_clock`` stops during suspension; default: ``clock``."""
+        """Create the observer; without ``suspend_aware_clock``, ``clock`` is used instead."""
         self._bus = bus
         self.clock = clock
-        self.awake_clock = awake_clock or (lambda: self.clock())
+        self.suspend_aware_clock = suspend_aware_clock or (lambda: self.clock())
         self._newest: dict[type[Message], tuple[Message, tuple[float, float] | None]] = {}
         """Newest messages with their arrival by both clocks; no times if they were fetched."""
         self._position_read_at: float | None = None
@@ -104,7 +104,7 @@ class Observer:
         for topic in FETCHED_AT_START:
             for message in self.fetch_latest(topic):
                 self._newest.setdefault(topic.message, (message, None))
-        self._begun_at = self.awake_clock()
+        self._begun_at = self.suspend_aware_clock()
 
     def fetch_latest(self, topic: Topic) -> list[Message]:
         """Ask the producer for its last message; empty if it does not answer. Blocks."""
@@ -125,7 +125,7 @@ class Observer:
     def _take_in(self, topic: Topic, message: Message) -> None:
         # Trips first: a trip that is learnt of in another way is found there.
         self.trips.take(topic, message)
-        awake_s = self.awake_clock()
+        awake_s = self.suspend_aware_clock()
         if isinstance(message, Applied):
             before = self.newest(Applied)
             if before is not None and _way_V(before, message) > STEP_V:
@@ -174,16 +174,18 @@ class Observer:
     def silent_s(self, kind: type[Message]) -> float | None:
         """Return the same age, without the time for which this process was suspended."""
         entry = self._newest.get(kind)
-        return None if entry is None or entry[1] is None else self.awake_clock() - entry[1][1]
+        return (
+            None if entry is None or entry[1] is None else self.suspend_aware_clock() - entry[1][1]
+        )
 
     def listened_s(self) -> float:
         """Return the time since listening began, in s, without suspended time."""
-        return self.awake_clock() - self._begun_at
+        return self.suspend_aware_clock() - self._begun_at
 
     def blind_s(self) -> float | None:
         """Return the time since a valid position, in s, without suspended time; None before it."""
         read_at = self._position_read_at
-        return None if read_at is None else self.awake_clock() - read_at
+        return None if read_at is None else self.suspend_aware_clock() - read_at
 
     def confirmed_s(self) -> float | None:
         """Return the time since the output confirmed a commanded voltage, in s.

@@ -39,20 +39,20 @@ class Limits(NamedTuple):
 def standing(context: RigContext) -> Standing:
     """Return the state of the actuator and of the part, each with its certainty and age."""
     limits = Limits(context.health.sensor_limit_s(), context.health.lets_go_s)
-    heard_s = _heard_s(context)
-    state, certainty = _state(context, limits, heard_s)
-    part, part_certainty = _part(context, limits, heard_s)
+    message_age_s = _message_age_s(context)
+    state, certainty = _state(context, limits, message_age_s)
+    part, part_certainty = _part(context, limits, message_age_s)
     return Standing(
         state=state,
         state_certainty=certainty,
-        state_age_s=heard_s,
+        state_age_s=message_age_s,
         part=part,
         part_certainty=part_certainty,
-        part_age_s=_part_age_s(context, heard_s),
+        part_age_s=_part_age_s(context, message_age_s),
     )
 
 
-def _heard_s(context: RigContext) -> float | None:
+def _message_age_s(context: RigContext) -> float | None:
     """Return the age of the actuator's last sample or reply, in s; None if it never sent one.
 
     In lockstep, it is 0 s as long as its token is present.
@@ -65,20 +65,20 @@ def _heard_s(context: RigContext) -> float | None:
 
 
 def _state(
-    context: RigContext, limits: Limits, heard_s: float | None
+    context: RigContext, limits: Limits, message_age_s: float | None
 ) -> tuple[RigState, Certainty]:
     """Return the actuator's state; after its disappearance, the state is unknown."""
     shown = context.health.state
-    if shown == "unknown" or heard_s is None:
+    if shown == "unknown" or message_age_s is None:
         return "unknown", "unknown"
-    certainty = limits.certainty(heard_s)
+    certainty = limits.certainty(message_age_s)
     if certainty == "believed" and not context.observer.alive("actuator"):
         certainty = "unknown"
     return (shown if certainty != "unknown" else "unknown"), certainty
 
 
 def _part(
-    context: RigContext, limits: Limits, heard_s: float | None
+    context: RigContext, limits: Limits, message_age_s: float | None
 ) -> tuple[PartState, Certainty]:
     """Return whether the gripper holds a part, by the actuator's newest sample.
 
@@ -88,7 +88,7 @@ def _part(
     if applied is None:
         return "unknown", "unknown"
     reported: ReportedPart = "held" if applied.part_held else "none"
-    age_s = inf if heard_s is None else heard_s
+    age_s = inf if message_age_s is None else message_age_s
     reason = context.health.latch().reason
     if reported == "none" and context.health.earlier_held():
         return "unknown", "unknown"
@@ -99,11 +99,11 @@ def _part(
     return ("unknown" if certainty == "unknown" else reported), certainty
 
 
-def _part_age_s(context: RigContext, heard_s: float | None) -> float | None:
+def _part_age_s(context: RigContext, message_age_s: float | None) -> float | None:
     """Return the age of the last confirmed voltage for a held part, else of the actuator, in s."""
     applied = context.observer.newest(Applied)
     if context.rig.lockstep or applied is None or not applied.part_held:
-        return heard_s
+        return message_age_s
     return context.observer.confirmed_s()
 
 

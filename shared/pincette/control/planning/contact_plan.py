@@ -69,7 +69,7 @@ class PlannedRig:
     """Control period, in s. The limits are checked at each period."""
     x_start_um: float = 0.0
     """Position of the arm at rest at zero voltage, in µm."""
-    stands_um: float | None = None
+    present_um: float | None = None
     """Position of the arm at the beginning of the plan, in µm; None: ``x_start_um``."""
     rest_um: float | None = None
     """Position reading of the arm at rest at 0 V at the start of the plan, in µm; None if
@@ -167,20 +167,20 @@ def plan_contact(
     )
     retreat = Move("retreat", retreat_s, guarded=True, to_um=(back_um,))
     way_there = _way_there(request, arm, rig.period_s if flying else None)
-    begin_um, way_out = _way_out(request, arm, rig.stands_um, back_um)
+    begin_um, way_out = _way_out(request, arm, rig.present_um, back_um)
     strokes: Sequence[Segment] = ()
     if rig.condition_V is not None:
         # At 0 V the arm is at its start position, even if remanence and drift change the reading.
-        stands_um = arm.x_start_um
-        if rig.stands_um is not None and rig.rest_um is None:
-            stands_um = rig.stands_um
-        away_um = 0.0 if free else stands_um - arm.x_start_um
+        present_um = arm.x_start_um
+        if rig.present_um is not None and rig.rest_um is None:
+            present_um = rig.present_um
+        away_um = 0.0 if free else present_um - arm.x_start_um
         strokes = conditioning(
             rig.condition_V, rig.limits.slew_V_per_s, away_um, arm.piezo_um_per_V, rig.strokes
         )
-        begin_um, way_out = stands_um, ()
+        begin_um, way_out = present_um, ()
     if free:
-        begin_um, way_out = (arm.x_start_um if rig.stands_um is None else rig.stands_um), ()
+        begin_um, way_out = (arm.x_start_um if rig.present_um is None else rig.present_um), ()
     segments = (*free, *strokes, *way_out, *way_there, *pressing, retreat)
 
     def touch(seek: Seek, entry: Entry) -> tuple[float, Entry]:
@@ -216,16 +216,16 @@ def _highest_mN(segment: Segment) -> float:
 
 
 def _way_out(
-    request: ContactRequest, arm: PlannedArm, stands_um: float | None, back_um: float
+    request: ContactRequest, arm: PlannedArm, present_um: float | None, back_um: float
 ) -> tuple[float, tuple[Segment, ...]]:
     """Return the state at the start, and a return home if the arm may touch the part."""
     # Half of the margin is reserved for noise and creep until the zero.
     free_um = max(arm.x_start_um, request.stand_off_um + 0.5 * MARGIN_UM)
-    if stands_um is None or stands_um <= free_um:
+    if present_um is None or present_um <= free_um:
         return arm.x_start_um, ()
-    back_s = move_duration(stands_um - arm.x_start_um, request.approach_um_per_s)
+    back_s = move_duration(present_um - arm.x_start_um, request.approach_um_per_s)
     # Unguarded: a force that acts at its start is not known yet, and its decrease is no contact.
-    return stands_um, (Move("open", back_s, to_um=(back_um,)),)
+    return present_um, (Move("open", back_s, to_um=(back_um,)),)
 
 
 def _way_there(

@@ -264,7 +264,7 @@ def _strokes(rig: PlannedRig) -> Sequence[Drive]:
 
 
 def _start_um(rig: PlannedRig) -> float:
-    return rig.x_start_um if rig.stands_um is None else rig.stands_um
+    return rig.x_start_um if rig.present_um is None else rig.present_um
 
 
 def _predicted(

@@ -95,7 +95,7 @@ def test_the_return_follows_a_drifting_reading(rest_um: float) -> None:
 def test_strokes_of_an_arm_at_0_V_break_no_limit_whatever_its_reading() -> None:
     rig = replace(
         RIG,
-        stands_um=60.0,
+        present_um=60.0,
         rest_um=60.0,
         free_response=NARROW,
         taught_V=(-1.0, 2.9),
@@ -108,7 +108,7 @@ def test_strokes_of_an_arm_at_0_V_break_no_limit_whatever_its_reading() -> None:
 
 
 def test_an_arm_that_starts_in_front_of_the_part_opens_to_the_same_position() -> None:
-    rig = replace(RIG, stands_um=35.0, free_response=WIDE)
+    rig = replace(RIG, present_um=35.0, free_response=WIDE)
     first, *_, last = plan_grip(REQUEST, rig).program.segments
     assert isinstance(first, Move)
     assert isinstance(last, Move)
