@@ -67,11 +67,11 @@ def _use_of_margin(
     law: LawDefinition, gain: str, value: float, period_s: float, part: Intervals
 ) -> float:
     """Return the used share of a loop's limits: 1 at the limit of radius, as a time, or of M_s."""
-    told = OutputTiming(0.65 * period_s)
+    timing = OutputTiming(0.65 * period_s)
     older = held_age(0.65) if period_s < least_period_s(OMEGA_N) else 0.0
     observer = QuasiStatic(QuasiStaticParameters(S_P, older=older))
     settings = law.settings("identified").with_gains(**{gain: value})
-    loop = Loop(settings, ARM, period_s, FILTER_S, assumed_timing=told, observer=observer)
+    loop = Loop(settings, ARM, period_s, FILTER_S, assumed_timing=timing, observer=observer)
     met, limit = widened(loop, part), limit_radius_at(period_s)
     radius = float(np.max(counted_radii(loop, corners(met), limit)))
     if radius >= limit:

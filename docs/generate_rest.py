@@ -136,10 +136,10 @@ def _default(schema: Json) -> str:
 def _answers(tree: Json, responses: Json) -> Iterator[str]:
     rows: list[tuple[str, ...]] = []
     for status, response in sorted(responses.items()):
-        said = _resolved(tree, response)
+        resolved = _resolved(tree, response)
         if status < "400":
-            text = said["description"].replace("Successful Response", "")
-            rows.append((status, words.cell(text), _content(said.get("content", {}))))
+            text = resolved["description"].replace("Successful Response", "")
+            rows.append((status, words.cell(text), _content(resolved.get("content", {}))))
     yield words.table(("status", "when", "answer"), *rows)
     refused = ", ".join(status for status in sorted(responses) if status >= "400")
     yield f"[Errors](#errors): {refused}.\n\n"
@@ -178,8 +178,8 @@ def _texts(kind: type[BaseModel] | None) -> dict[str, str]:
 
 
 def _model(name: str, schema: Json, kind: type[BaseModel] | None) -> str:
-    said = words.cell(schema.get("description", "").split("\n\n")[0])
-    head = f"### {name}\n\n{said}\n\n" if said else f"### {name}\n\n"
+    description = words.cell(schema.get("description", "").split("\n\n")[0])
+    head = f"### {name}\n\n{description}\n\n" if description else f"### {name}\n\n"
     if "properties" not in schema:
         return f"{head}{words.type_words(schema, _link).capitalize()}\n\n"
     texts, required = _texts(kind), schema.get("required", [])

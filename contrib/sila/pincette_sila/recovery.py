@@ -93,7 +93,7 @@ class ErrorRecovery(FeatureImplementationBase):
         if timeout_s is None or not error.recoverable:
             return False
         there = feature(MICROGRIPPER).defined_execution_errors[error.identifier]
-        told = Waiting(
+        waiting = Waiting(
             there.fully_qualified_identifier,
             command(name).fully_qualified_identifier,
             str(execution),
@@ -103,7 +103,7 @@ class ErrorRecovery(FeatureImplementationBase):
             RETRY,
             0,
         )
-        one = self._open[execution] = _Open(told, asyncio.get_running_loop().create_future())
+        one = self._open[execution] = _Open(waiting, asyncio.get_running_loop().create_future())
         self._tell()
         try:
             async with asyncio.timeout(None if timeout_s == float("inf") else timeout_s):

@@ -134,8 +134,8 @@ def record(messages: Sequence[Message], phase: str, period_s: float) -> Record:
         raise StudyError(f"no {phase}: ended {outcome(messages) or tripped[-1:]}")
     estimates = {m.seq: m for m in messages if isinstance(m, Estimate)}
     # The rig continues to count over programs; the loop starts again with each.
-    told = [m for m in messages if isinstance(m, GroundTruth)]
-    truths = {m.seq - told[0].seq: m for m in told}
+    ground_truth = [m for m in messages if isinstance(m, GroundTruth)]
+    truths = {m.seq - ground_truth[0].seq: m for m in ground_truth}
     rows = [
         (
             view.arms[0].x_r_um,

@@ -134,8 +134,8 @@ def _device_said(
 
 def _unconfirmed(state: State, device: Fault) -> State:
     """Add once to the faults of a freeze that the output no longer confirms its voltage."""
-    told = any(one.code is FaultCode.OUTPUT_UNCONFIRMED for one in state.faults)
-    if state.mode != Mode.FROZEN or state.cause == Cause.DEVICE or told:
+    unconfirmed = any(one.code is FaultCode.OUTPUT_UNCONFIRMED for one in state.faults)
+    if state.mode != Mode.FROZEN or state.cause == Cause.DEVICE or unconfirmed:
         return state
     doubt = fault(FaultCode.OUTPUT_UNCONFIRMED, device.words)
     return replace(state, faults=(*state.faults, doubt))

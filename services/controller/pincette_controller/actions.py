@@ -145,9 +145,9 @@ def action_objection(pending: Sequence[Action], player: Player | None, action: A
     if action == ActionCode.PAUSE and outcome not in ON_ITS_WAY:
         return f"the program has ended ({outcome}): it cannot be paused"
     if action == ActionCode.RESUME:
-        asked = any(other.action == ActionCode.PAUSE for other in pending)
+        pause_requested = any(other.action == ActionCode.PAUSE for other in pending)
         pausing = player is not None and player.pause.requested
-        if not (asked or pausing or paused):
+        if not (pause_requested or pausing or paused):
             return "the program is not paused: it cannot be resumed"
     if action == ActionCode.RELEASE and not held:
         return "no part is held: none can be released"

@@ -362,8 +362,8 @@ class MailSender:
         domain = mail.sender.rpartition("@")[2]
         message["Message-ID"] = f"<{notice.data['rig']}.{notice.number}@{domain}>"
         message["Auto-Submitted"] = "auto-generated"
-        told = [f"{name}: {value}" for name, value in notice.data.items() if value is not None]
-        message.set_content("\n".join([notice.title, "", f"at: {notice.at}", *told]) + "\n")
+        details = [f"{name}: {value}" for name, value in notice.data.items() if value is not None]
+        message.set_content("\n".join([notice.title, "", f"at: {notice.at}", *details]) + "\n")
         return message
 
     def send(self, notice: Notice) -> None:

@@ -255,14 +255,14 @@ def _finding(
     name: str, found: Sequence[Fault], words: str, value: str, limit: str, unit: str
 ) -> Check:
     """Return a check that fails with a fault, including two of the fault's values."""
-    told = {one.name: one.value for one in found[0].values} if found else {}
+    numbers = {one.name: one.value for one in found[0].values} if found else {}
     return _check(
         name,
         not found,
         fault_text(found[0]) if found else words,
         needed=False,
-        value=told.get(value),
-        limit=told.get(limit),
+        value=numbers.get(value),
+        limit=numbers.get(limit),
         unit=unit,
     )
 

@@ -129,14 +129,12 @@ def _options(
         required = field.is_required()
         default: Value = "" if required else field.default
         about = notes(table).get(option, option).rstrip(".").lower()
-        asked = answer(
-            Question(f"option {option}", f"{option}: {about}", "", default, "instrument")
-        )
-        if required and asked == "":
+        text = answer(Question(f"option {option}", f"{option}: {about}", "", default, "instrument"))
+        if required and text == "":
             raise CliError(
                 f"the driver needs its option {option} ({about}): give it as NAME=VALUE", Exit.USAGE
             )
-        yield option, _value(option, str(asked)) if required else asked
+        yield option, _value(option, str(text)) if required else text
 
 
 def _on_silence(options: dict[str, Value], answer: Answer) -> Value:

@@ -159,16 +159,16 @@ def watchdog(rig: RigFile) -> Finding:
         return Finding(
             True, f"watchdog: the output is safe {limit_s:g} s after the last message from its host"
         )
-    said = rig.output.on_silence
+    on_silence = rig.output.on_silence
     without = "is off (watchdog_s = 0)" if limit_s == 0.0 else f"none in {rig.output.driver}"
-    if said == "unstated":
+    if on_silence == "unstated":
         return Finding(
             False,
             f"watchdog: {without}, and the rig file does not state what the output does if "
             "its host sends nothing: output.on_silence = 'unstated'",
             "find out, and write on_silence = 'safe' or 'holds' into [output]",
         )
-    means = "keeps its last voltage" if said == "holds" else "goes to a safe value on its own"
+    means = "keeps its last voltage" if on_silence == "holds" else "goes to a safe value on its own"
     return noted(f"watchdog: {without}; as the rig file says, the output {means}")
 
 

@@ -162,8 +162,8 @@ def _refusal(request: bytes, reply: bytes) -> InstrumentError:
     head, _, code = reply.rpartition(b",")
     if head == b"ER," + request.split(b",")[0]:
         meaning = ERRORS.get(code, "no meaning known")
-        said = code[:8].decode("ascii", "backslashreplace")
-        text = f"Keyence: {request!r} refused, error {said} ({meaning})"
+        code_text = code[:8].decode("ascii", "backslashreplace")
+        text = f"Keyence: {request!r} refused, error {code_text} ({meaning})"
         return InstrumentError(text, "refused")
     text = f"Keyence: {reply[:40]!r} is not an answer to {request!r}"
     return InstrumentError(text, "garbled")

@@ -202,8 +202,8 @@ def grip_trial(
     if outcome(played) != "gripped":
         raise StudyError(f"the {profile} grip of {name} rig {draw.seed} ended {outcome(played)!r}")
     views = [m for m in played if isinstance(m, Telemetry)]
-    told = [m for m in played if isinstance(m, GroundTruth)]
-    true_mN = {m.seq - told[0].seq: m.arms[0].force_mN for m in told}
+    ground_truth = [m for m in played if isinstance(m, GroundTruth)]
+    true_mN = {m.seq - ground_truth[0].seq: m.arms[0].force_mN for m in ground_truth}
     hold = [view.seq for view in views if view.phase == "hold"]
     force_mN: float = planned.values["force_mN"]
     held_mN = np.array([true_mN[seq] for seq in hold])

@@ -487,8 +487,8 @@ def _gathered(context: RigContext, row: JobRow) -> Gathered:
     made = gather(planned.model.rig, row, planned, take)
     if row.result is None:
         return made
-    told = type(made.result).model_validate_json(json.dumps(row.result))
-    return replace(made, evaluation=replace(made.evaluation, result=told))
+    restored = type(made.result).model_validate_json(json.dumps(row.result))
+    return replace(made, evaluation=replace(made.evaluation, result=restored))
 
 
 def _result(samples: Path, period_s: float) -> JobResult | None:

@@ -168,8 +168,8 @@ def _actuator_unknown(context: RigContext, state: RigState) -> str:
 
 def _state_words(context: RigContext, state: RigState) -> str:
     entry, reason = RIG_STATES[state], context.health.latched() or context.health.latch().reason
-    told = entry.meaning if reason.cause == Cause.NONE else context.trip_words(reason)
-    return f"{state} ({told}); {entry.remedy}"
+    meaning = entry.meaning if reason.cause == Cause.NONE else context.trip_words(reason)
+    return f"{state} ({meaning}); {entry.remedy}"
 
 
 def _taken(occupant: Occupant, job: JobStatus | None) -> str:

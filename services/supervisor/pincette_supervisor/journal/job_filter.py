@@ -153,9 +153,9 @@ def _quoted(text: str) -> str:
 
 
 def _contains(text: str) -> ColumnElement[bool]:
-    said = [JOBS.c.sample, JOBS.c.batch, JOBS.c.operator, JOBS.c.notes]
+    columns = [JOBS.c.sample, JOBS.c.batch, JOBS.c.operator, JOBS.c.notes]
     labels = cast(JOBS.c.labels, String)
-    places = [JOBS.c.id, JOBS.c.cause, JOBS.c.requested_by, *said, labels]
+    places = [JOBS.c.id, JOBS.c.cause, JOBS.c.requested_by, *columns, labels]
     return or_(*(place.icontains(text, autoescape=True) for place in places))
 
 

@@ -166,8 +166,8 @@ def _subtitle(result: PairResult) -> str:
     if result.force_mN is not None:
         words.append(f"force error {result.force_mN.rmse:.2f} mN r.m.s.")
     if result.difference_mN is not None:
-        said = ", more than the stated uncertainty" if result.forces_agree is False else ""
-        words.append(f"forces differ by {result.difference_mN:.2f} mN{said}")
+        remark = ", more than the stated uncertainty" if result.forces_agree is False else ""
+        words.append(f"forces differ by {result.difference_mN:.2f} mN{remark}")
     if result.true_force_mN is not None:
         words.append(f"true force error {result.true_force_mN.rmse:.2f} mN r.m.s.")
     return "   ·   ".join(words)

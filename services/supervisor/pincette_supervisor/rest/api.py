@@ -145,9 +145,9 @@ def complete(document: dict[str, Any]) -> None:
         tree = model.model_json_schema(ref_template=SCHEMAS + "{model}")
         schemas.update(tree.pop("$defs", {}))
         schemas[model.__name__] = tree
-    told = schemas["Job"]["properties"]
+    properties = schemas["Job"]["properties"]
     named = [{"$ref": SCHEMAS + model.__name__} for model in results]
-    told["result"] = {"title": "Result", "anyOf": [*named, {"type": "null"}]}
+    properties["result"] = {"title": "Result", "anyOf": [*named, {"type": "null"}]}
     for unused in ("HTTPValidationError", "ValidationError"):
         schemas.pop(unused, None)
     _name_operations(document)

@@ -278,8 +278,8 @@ async def _hung_up(request: Request) -> Callable[[], bool]:
     loop = asyncio.get_running_loop()
 
     def hung_up() -> bool:
-        asked = asyncio.run_coroutine_threadsafe(request.is_disconnected(), loop)
-        return asked.result(DISCONNECT_S)
+        disconnected = asyncio.run_coroutine_threadsafe(request.is_disconnected(), loop)
+        return disconnected.result(DISCONNECT_S)
 
     return hung_up
 

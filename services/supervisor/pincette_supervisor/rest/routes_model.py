@@ -79,9 +79,9 @@ def proposals(
     ] = None,
 ) -> ProposalList:
     """Return the proposals of successful calibrations, of every rig or one; newest first."""
-    asked = rigs.all() if rig is None else [rigs.get(rig)]
+    selected = rigs.all() if rig is None else [rigs.get(rig)]
     number = None if before is None else require_job(rigs.store, before).number
-    found = [pair for one in asked for pair in one.calibrations.newest(limit + 1, number)]
+    found = [pair for one in selected for pair in one.calibrations.newest(limit + 1, number)]
     found.sort(key=lambda pair: pair[0], reverse=True)
     listed = [proposal for _, proposal in found[:limit]]
     more = len(found) > limit

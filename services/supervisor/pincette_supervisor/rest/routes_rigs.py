@@ -72,9 +72,9 @@ async def estop_all(rigs: AllRigs, by: Sender, supervisor: SupervisorId) -> Stop
     on the bus takes the stop of its actuator, it is left out.
     """
     managers = rigs.all()
-    asked = [asyncio.ensure_future(manager.latch.stopped(by)) for manager in managers]
+    stops = [asyncio.ensure_future(manager.latch.stopped(by)) for manager in managers]
     others = asyncio.ensure_future(rigs.stop_unserved())
-    answers = await asyncio.gather(*asked, return_exceptions=True)
+    answers = await asyncio.gather(*stops, return_exceptions=True)
     unserved = await others
     named = list(zip([one.name for one in managers], answers, strict=True))
     stopped = [answer for _, answer in named if isinstance(answer, Stopped)]

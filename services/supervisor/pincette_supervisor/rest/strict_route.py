@@ -184,8 +184,8 @@ def require_json(request: Request) -> None:
     kind = request.headers.get("content-type", "")
     essence = kind.partition(";")[0].strip().lower()
     if essence != JSON and not (essence.startswith("application/") and essence.endswith("+json")):
-        said = f"Content-Type = {kind[:100]!r}" if kind else "Content-Type is missing"
-        raise _unsupported(f"{said}: send Content-Type: {JSON}")
+        problem = f"Content-Type = {kind[:100]!r}" if kind else "Content-Type is missing"
+        raise _unsupported(f"{problem}: send Content-Type: {JSON}")
     coding = request.headers.get("content-encoding", "identity")
     if coding.strip().lower() != "identity":
         raise _unsupported(f"Content-Encoding = {coding[:100]!r}: send the body without one")

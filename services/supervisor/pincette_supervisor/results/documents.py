@@ -177,8 +177,8 @@ def _missing(state: Mapping[str, bool | str]) -> str:
 
 
 def _statement(result: Mapping[str, Any]) -> str:
-    said = result.get("statement")
-    return f"<p>{escape(str(said))}</p>" if said else ""
+    statement = result.get("statement")
+    return f"<p>{escape(str(statement))}</p>" if statement else ""
 
 
 def section(heading: str, content: str) -> str:

@@ -144,9 +144,9 @@ def drawn(content: SeriesReport) -> bytes:
 
 def _sum(content: SeriesReport) -> str:
     counts = Counter(one.verdict for one in content.points)
-    told = [f"{count} {verdict}" for verdict, count in counts.most_common()]
+    summary = [f"{count} {verdict}" for verdict, count in counts.most_common()]
     series = content.series
-    return ", ".join([f"{series.ended} of {series.total} jobs ended", *told])
+    return ", ".join([f"{series.ended} of {series.total} jobs ended", *summary])
 
 
 def report(content: SeriesReport, picture: bytes) -> str:

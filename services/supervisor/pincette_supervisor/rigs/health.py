@@ -121,10 +121,10 @@ class Health:
         if not force and there == self._asked_of and self.clock() - self._asked_at < FRESH_S:
             return
         try:
-            asked: list[str] = [*PROGRAMS]
+            programs: list[str] = [*PROGRAMS]
             if self._observer.alive(SIMULATION):
-                asked.append(SIMULATION)
-            answers = dict(zip(asked, self._pool.map(self._ask, asked), strict=True))
+                programs.append(SIMULATION)
+            answers = dict(zip(programs, self._pool.map(self._ask, programs), strict=True))
         except (RuntimeError, CancelledError):
             return  # closed, since the rig is opened again: the last answers stay
         with self._turn:

@@ -93,9 +93,9 @@ def suspended(limits: SafetyLimits, state: S, slept_s: float, now: float) -> S:
 
     The output's own watchdog may have acted meanwhile, so that it is read back first.
     """
-    told = fault(FaultCode.SUSPENDED, slept_s=slept_s)
+    suspension = fault(FaultCode.SUSPENDED, slept_s=slept_s)
     if state.mode == Mode.ARMED:
-        state = trip(limits, state, Cause.SUSPEND, now, faults=(told,))
+        state = trip(limits, state, Cause.SUSPEND, now, faults=(suspension,))
     return failed(state) if state.mode in TRIPPED else state
 
 

@@ -151,8 +151,8 @@ def explained(state: S, found: Fault) -> S:
 
     The first late answers look lost; only their arrival after the trip shows that they are late.
     """
-    told = any(one.code is FaultCode.INSTRUMENT_LATE for one in state.faults)
-    if state.cause != Cause.COMMAND_AGE or state.mode == Mode.ARMED or told:
+    late = any(one.code is FaultCode.INSTRUMENT_LATE for one in state.faults)
+    if state.cause != Cause.COMMAND_AGE or state.mode == Mode.ARMED or late:
         return state
     if found.code is not FaultCode.INSTRUMENT_LATE:
         return state

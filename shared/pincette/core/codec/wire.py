@@ -32,8 +32,8 @@ def explained(error: CodecError, encoding: str, sender: str) -> str:
     """Return why a payload of ``sender`` was refused, considering its ``encoding``."""
     version = encoding.removeprefix(_MARK)
     if version == encoding:
-        said = repr(encoding[:60])
-        return f"{error}; its encoding is {said}, not {ENCODING}: it was not sent by {sender}"
+        shown = repr(encoding[:60])
+        return f"{error}; its encoding is {shown}, not {ENCODING}: it was not sent by {sender}"
     if version != str(WIRE):
         return f"{error}; {update_which(sender, int(version))}" if _is_wire(version) else str(error)
     if isinstance(error, FieldsError):

@@ -121,9 +121,11 @@ def _sections(values: Mapping[str, Any], rig: RigFile) -> Sections:
 
 def _quick_grip_s(model: ModelInUse, force_mN: float) -> float | None:
     """Return the planned time of a quick grip until the hold; None if the rig cannot do one."""
-    asked = GripJobRequest(kind="grip", force_mN=force_mN, profile="quick", condition="never")
+    grip_request = GripJobRequest(
+        kind="grip", force_mN=force_mN, profile="quick", condition="never"
+    )
     try:
-        return grip.plan(asked, model, Present()).hold_at_s
+        return grip.plan(grip_request, model, Present()).hold_at_s
     except ValueError:
         return None
 
