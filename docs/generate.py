@@ -75,7 +75,7 @@ request asks for [a place from the bus](../how-to/place.md).
 REQUESTS_TEXT = """\
 Send a query with the request as payload to all queryables: `target=QueryTarget.ALL` and
 `consolidation=ConsolidationMode.NONE`. By default Zenoh asks the best matching queryable only,
-which may be a store of somebody else. A refusal is an error reply with the reason.
+which may be a store of another program. A refusal is an error reply with the reason.
 
 A program returns the attachment of the query, up to 64 bytes, with its reply. With a refusal it
 returns it as the schema of the encoding, in hexadecimal digits. That tells its reply from those of

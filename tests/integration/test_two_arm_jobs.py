@@ -100,7 +100,9 @@ def test_place_and_force_each_follow_a_path(
 
 
 @pytest.mark.parametrize(("off_um", "slip_mN"), [(-5.0, 1.5), (4.0, 1.0)])
-def test_a_part_off_centre_is_centred_without_being_moved(off_um: float, slip_mN: float) -> None:
+def test_a_part_off_centre_is_gripped_in_place_without_being_moved(
+    off_um: float, slip_mN: float
+) -> None:
     at_um = 30.85 + off_um
     assert RIG.simulation is not None
     second = RIG.simulation.second

@@ -63,7 +63,7 @@ class Verdict(Model):
 
 
 class PageCheck(Model):
-    """Origin of a page, the way of its requests to the supervisor, and its permissions."""
+    """Origin of a page, the path of its requests to the supervisor, and its permissions."""
 
     model_config = example(
         rig="demo",

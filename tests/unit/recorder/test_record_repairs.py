@@ -41,7 +41,7 @@ def test_only_unclosed_records_are_found(tmp_path: Path) -> None:
     assert list(record_repair.unclosed(tmp_path)) == [orphan]
 
 
-def test_an_orphan_is_closed(tmp_path: Path) -> None:
+def test_the_record_of_a_killed_recorder_is_closed(tmp_path: Path) -> None:
     folder = _orphan(tmp_path)
     closing = record_repair.finish_record(folder, record_repair.KILLED)
     assert closing["messages"] == "70"

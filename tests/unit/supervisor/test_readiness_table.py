@@ -100,7 +100,7 @@ def test_the_occupant_of_the_rig_decides_which_jobs_can_start() -> None:
             assert broken.is_free(begins_held=False) == starts
 
 
-def test_the_stage_may_move_only_if_the_arm_is_known_to_rest() -> None:
+def test_the_stage_may_be_moved_only_if_the_arm_is_known_to_be_at_rest() -> None:
     hold, approach = samples.grip(7)[IN_HOLD], samples.grip(7)[IN_APPROACH]
     off = with_arm(hold.estimate, force_mN=hold.telemetry.force_r_mN + 30.0)
     telemetries = (None, approach.telemetry, hold.telemetry)

@@ -63,7 +63,7 @@ async def sign_in(
 
     From then on, a cookie replaces the key.
 
-    Scripts cannot read the cookie, and no page of elsewhere can have it sent.
+    Scripts cannot read the cookie, and browsers do not send it for pages of other sites.
     """
     authenticator = access.authenticator
     if body is not None and authenticator.keys_wanted:

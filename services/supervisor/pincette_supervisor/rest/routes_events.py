@@ -360,11 +360,11 @@ def act(
     by: Operator,
     note: Note,
 ) -> Alarm:
-    """Acknowledge an alarm; repeated, it keeps the name of the first person.
+    """Acknowledge an alarm; the name of the first person who did so is kept.
 
-    To acknowledge the alarm `clock` is to agree to the present time of day: records may be deleted
-    for their age again. To acknowledge `key-clock`, which needs the scope `admin`, is to agree that
-    the ends of keys are judged by the present time of day.
+    Acknowledging the alarm `clock` confirms the present time of day, so that old records may be
+    deleted again. Acknowledging `key-clock`, which needs the scope `admin`, confirms that the
+    expiry of keys is judged by the present time of day.
     """
     note(body.type)
     row = _found(AlarmRepository(rigs.store).get(alarm), alarm)

@@ -252,10 +252,10 @@ async def job_state(
 ) -> object:
     """Return one job.
 
-    With ``wait`` the answer comes when it has ended (``terminal``), when its record is written as
-    well (``recorded``), or when it is not as it was (``change``) at the revision of ``since`` or
-    of ``If-None-Match``, or without both as it is now; or in time as it is then. Progress alone is
-    no change.
+    With ``wait`` the response comes once the job has ended (``terminal``), once its record is also
+    written (``recorded``), or once the job has changed (``change``) since the revision of
+    ``since`` or ``If-None-Match``, by default the present one. After ``timeout_s`` the job is
+    returned in any case. Progress alone does not count as a change.
     """
     known = matched_revision(job, if_none_match) if since is None else since
     manager = rigs.with_live_job(job)

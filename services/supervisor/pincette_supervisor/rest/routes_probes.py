@@ -221,8 +221,9 @@ async def livez() -> Alive:
 def readyz(rigs: AllRigs, response: Response) -> Readiness:
     """Report whether a rig is ready: all its programs reply and agree on the rig file.
 
-    Of several rigs, one ready rig is enough, so that one that is down does not make the others
-    unavailable; the reasons name it. A rig with a latched actuator is ready: it waits for a person.
+    If there are several rigs, one ready rig is enough, so that a rig that is down does not make
+    the others unavailable; the reasons name it. A rig with a latched actuator is ready: it waits
+    for a person.
     """
     own = of_supervisor(rigs.store)
     found = dict(zip([one.name for one in rigs.all()], rigs.map(_looked_at), strict=True))

@@ -68,8 +68,8 @@ router = APIRouter(tags=["rigs"], route_class=StrictRoute)
 async def estop_all(rigs: AllRigs, by: Sender, supervisor: SupervisorId) -> StoppedList:
     """Stop every rig at once; see the stop of one rig. 503 if a rig has not confirmed.
 
-    Rigs that are not served are stopped too. A liveliness token alone is no rig: where no program
-    on the bus takes the stop of its actuator, it is left out.
+    Rigs that are not served are stopped too. A liveliness token alone is
+    not a rig: it is ignored if no program on the bus accepts the stop of its actuator.
     """
     managers = rigs.all()
     stops = [asyncio.ensure_future(manager.latch.stopped(by)) for manager in managers]

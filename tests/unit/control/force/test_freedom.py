@@ -45,7 +45,7 @@ def test_a_verdict_is_given_only_if_the_other_one_is_excluded(
     assert Freedom(share, uncertainty).verdict(ARM) == verdict
 
 
-def test_the_stiffness_that_is_stated_is_bounded() -> None:
+def test_the_stated_stiffness_is_bounded() -> None:
     stiffness, uncertainty = Freedom(0.5, 0.05).stiffness(ARM)
     assert stiffness == pytest.approx(1.0 / 0.46)
     assert uncertainty == pytest.approx(0.2 / 0.46)

@@ -99,7 +99,7 @@ def test_unauthorized_commands_raise_an_alarm_at_the_third_and_do_not_trip() -> 
     assert "command of owner 9, armed for 5" in detail_words(state)
 
 
-def test_an_invalid_command_of_another_epoch_is_a_remnant() -> None:
+def test_an_invalid_command_of_another_epoch_is_ignored_as_outdated() -> None:
     state = FREE
     for _ in range(5):
         state = offered(state, command(epoch=3, valid=False), 0.01)

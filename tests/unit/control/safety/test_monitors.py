@@ -181,7 +181,7 @@ def test_an_oscillating_reference_widens_its_bound_no_more_than_the_arm_can_move
     assert following_excess(FASTEST, 0.0, 5.01, 1000.0) is not None
 
 
-def test_a_target_that_is_reached_only_at_times_is_detected_too() -> None:
+def test_a_target_that_is_reached_only_intermittently_is_detected_too() -> None:
     watches = UNSEEN
     for seq in range(12):
         watches = commanded(watches, seq, x_um=4.0 if seq % 4 == 3 else 0.0, x_d_um=4.0)

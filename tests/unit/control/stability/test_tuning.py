@@ -70,7 +70,7 @@ def test_the_front_consists_of_points_that_no_other_equals_or_beats(
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_the_balanced_candidate_has_the_smallest_larger_error(scheme: str) -> None:
+def test_the_balanced_candidate_minimizes_the_larger_of_both_errors(scheme: str) -> None:
     found = tune(RIG, SWING, LAWS[scheme], lambda _: 0.5, radius_limit=0.97, grid=GRID)
     tried = {(item.settings.gains["K_P"], item.settings.gains["K_f"]) for item in found.candidates}
     assert tried == {(proportional, gain) for proportional in K_P for gain in K_F}
