@@ -36,7 +36,7 @@ class Pace:
         self._began_s = clock()
 
     def __call__(self, rig_s: float) -> None:
-        """Wait until the rig's time is due."""
+        """Wait until the clock has reached the time of the rig."""
         early_s = self._began_s + rig_s / self._pace - self._clock()
         if early_s > 0.0:
             self._wait(early_s)

@@ -158,7 +158,8 @@ def _sensor(context: RigContext) -> str:
 
 
 def _latch(context: RigContext) -> Check:
-    """Return the check of the latch. A latched actuator is in order, and waits for a person."""
+    """Return the check of the latch; a latched actuator passes, since it only waits for a
+    person."""
     latched = context.health.latched()
     state = context.health.state
     words = "no latch to clear"

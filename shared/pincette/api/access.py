@@ -149,7 +149,7 @@ class AuditChain(Model):
 
 
 class KeyView(Model):
-    """A key, without the key itself."""
+    """Description of a key, without its secret."""
 
     model_config = example(
         name="cell-7",

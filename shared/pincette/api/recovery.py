@@ -58,7 +58,7 @@ class RecoveryWait(Model):
     decisions: list[Decision]
     """Actions that decide it."""
     default: Decision
-    """Decision that is taken when the time has passed; ``give_up`` if that of the request is not
+    """Decision after the time limit; ``give_up`` if that of the request is not
     allowed."""
     until: str
     """Time at which the default is taken, in UTC."""

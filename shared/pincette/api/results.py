@@ -96,7 +96,7 @@ class ErrorCauses(Model):
     """Part from samples at which a limit of the voltage was active, and just after."""
     largest: Literal["noise", "response", "contact_line", "lag", "limits"]
     to_do: str
-    """Change that would reduce the largest part."""
+    """Change that would reduce the largest contribution."""
 
 
 class ErrorSources(Model):

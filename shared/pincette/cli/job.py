@@ -72,7 +72,7 @@ Asked = Annotated[
     str | None,
     Argument(metavar="JOB", help="the job to act on; a new one if not given"),
 ]
-"""Argument of a kind of job whose name is also that of an action."""
+"""Argument for a kind of job that has the same name as an action."""
 
 
 def _add_start(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict[str, Any]) -> None:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 PATIENCE_S = 1.0
 """Time after which a command prints what it is waiting for, in s."""
 LAST_OUTPUT_S = 1.0
-"""Limit of the wait for output at the end of a command that keeps a rig up, in s."""
+"""Longest wait for remaining output when a command that keeps a rig running ends, in s."""
 LABEL_WIDTH = 19
 """Least width of the names of figures, in characters."""
 BELOW: Mapping[str, Any] = {

@@ -223,7 +223,7 @@ class RigHandle(Blocking[AsyncRigHandle]):
         return rigs_html({self.name: self.status()})
 
     def patient(self, patience_s: float) -> "RigHandle":
-        """Return the same rig with another retry time, in s, while no supervisor replies."""
+        """Return a copy of this rig that repeats calls for this time, in s, without a reply."""
         return RigHandle(self.asynchronous.patient(patience_s))
 
     state = blocking(AsyncRigHandle.state)
@@ -303,7 +303,7 @@ class Supervisor(Blocking[AsyncSupervisor]):
         self.close()
 
     def patient(self, patience_s: float) -> "Supervisor":
-        """Return the same supervisor with another retry time, in s, while it does not reply."""
+        """Return a copy of this client that repeats calls for this time, in s, without a reply."""
         other = Supervisor.__new__(Supervisor)
         other.asynchronous = self.asynchronous.patient(patience_s)
         return other

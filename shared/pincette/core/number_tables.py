@@ -139,7 +139,7 @@ def _fields(lines: Sequence[tuple[int, str]]) -> list[Row]:
 
 
 def _by_comma(line: str) -> bool:
-    """Return whether a line's commas separate fields, and not only digits."""
+    """Return whether the commas of a line separate fields; otherwise they are decimal signs."""
     return "," in line and not (
         len(line.split()) > 1 and all(numerals.NUMBER.fullmatch(item) for item in line.split())
     )

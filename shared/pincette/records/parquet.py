@@ -94,7 +94,8 @@ def writer(
 ) -> Writer:
     """Begin a table.
 
-    Each field's metadata contains its unit and meaning, the schema's ``about``.
+    The metadata of each field contains its unit and meaning; the metadata of the schema contains
+    ``about``.
     """
     arrow, files = _pyarrow()
     types = {

@@ -190,7 +190,8 @@ def _by_tag(node: inspect.Type, value: Any) -> Any:
 
 
 def _alike(described: descriptor_pb2.DescriptorProto) -> bool:
-    """Return whether names, as ``cycles`` and ``cycle_s``, have the same JSON form: no proto3."""
+    """Return whether field names such as ``cycles`` and ``cycle_s`` have the same JSON name,
+    which proto3 refuses."""
     names = [field.name.replace("_", "").lower() for field in described.field]
     return len(set(names)) < len(names) or any(_alike(inner) for inner in described.nested_type)
 

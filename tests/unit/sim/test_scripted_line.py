@@ -49,7 +49,7 @@ def test_garbage_is_keyed_by_seed_target_and_exchange() -> None:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.05, 0.5, 1.0])
-def test_an_intermittent_line_loses_its_share(share: float) -> None:
+def test_an_intermittent_line_loses_the_configured_share_of_exchanges(share: float) -> None:
     _, echo, line = on_a_line("intermittent", share)
     lost = [line.answer(b"?") for _ in range(2000)].count(None)
     # Four standard deviations of a binomial share.

@@ -422,7 +422,7 @@ def test_an_emergency_stop_needs_no_body_and_ignores_one(harness: Harness) -> No
     assert answer.status_code == 200
 
 
-def test_a_long_wait_outlasts_the_time_of_a_body(
+def test_a_long_poll_may_last_longer_than_the_time_limit_of_a_body(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(limits, "BODY_S", 0.01)

@@ -94,7 +94,9 @@ def test_jobs_of_both_rigs_run_at_once(both: RigsHarness) -> None:
 
 
 @pytest.mark.parametrize("path", ["/jobs", "/trajectories", "/trajectories/plot", "/calibrations"])
-def test_a_request_without_a_rig_is_refused_with_their_names(both: RigsHarness, path: str) -> None:
+def test_a_request_without_a_rig_is_refused_and_the_rigs_are_listed(
+    both: RigsHarness, path: str
+) -> None:
     body = {"calibration": "noise"} if path == "/calibrations" else {"kind": "grip"}
     status, detail = refusal(both.post(path, body))
     assert (status, detail) == (422, "rig is missing: name one of left, right")

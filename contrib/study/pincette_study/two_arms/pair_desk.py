@@ -68,10 +68,10 @@ class PairDesk:
         return result, run.table
 
     def taught(self) -> RigFile:
-        """Identify the free response of each arm with the part away; return the rig with both.
+        """Identify the free response of each arm without the part; return the rig with both.
 
-        It uses the calibration, as on hardware: ``pincette.engine.response_table`` takes an arm as
-        unpoled, and relays are not.
+        It uses the calibration, as on hardware: ``pincette.engine.response_table`` assumes an
+        unpoled arm, but an arm of relays is poled when it starts.
         """
         values: dict[str, Any] = {}
         self._bench.rig.remove_part()

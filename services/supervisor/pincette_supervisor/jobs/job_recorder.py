@@ -289,7 +289,7 @@ ASK_S = 1.0
 RECENT = CAPACITY + 4
 """Number of newest jobs that are searched for open records: those that wait are newer."""
 COMPARED = 10
-"""Number of the newest jobs whose records a start compares with their manifests."""
+"""Number of the newest jobs whose records are compared with their manifests at the start."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -84,7 +84,7 @@ def past_uncertainty_mN(rig: RigFile, force_mN: float) -> float:
 
 
 def hidden_by_past(rig: RigFile, force_mN: float, pointer: str) -> tuple[Violation, ...]:
-    """Return the violation of a force that is below the uncertainty due to the unknown past.
+    """Return the violation if the requested force is below the uncertainty due to the unknown past.
 
     The load would end as ``uncertain_force``, unless the approach reduces that uncertainty.
     """

@@ -269,8 +269,8 @@ async def until_over(
 ) -> AsyncGenerator[bytes]:
     """Stream events until a job is over and all of its events have been sent.
 
-    ``busy`` returns whether the job has the rig, as a stopped one has while it holds a part;
-    ``over`` says whether its state was terminal when the subscription began.
+    ``busy`` returns whether the job occupies the rig; a stopped job still does while it holds a
+    part. ``over`` states whether the state was terminal when the subscription began.
     """
     sent_at = monotonic()
     try:

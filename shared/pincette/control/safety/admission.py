@@ -1,4 +1,4 @@
-"""Admission of commands: authority, numbers, order, sample, age; and the effect of a good one.
+"""Admission of commands: authority, numbers, order, sample, age; and the effect of accepted ones.
 
 A command is considered only from the owner and in the epoch that the arming named. Its facts about
 its sample are compared with the hard limits whether it is valid or not; then it is accepted or

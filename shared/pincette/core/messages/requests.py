@@ -149,7 +149,8 @@ class Record(FrozenRecord, frozen=True):
     job: Text
     epoch: Epoch
     about: LongText
-    """Owner of the record as JSON: names and texts; see ``results.archive.about``."""
+    """JSON object with the texts that describe the owner of the record; see
+    ``results.archive.about``."""
 
 
 class Finish(FrozenRecord, frozen=True):
@@ -172,7 +173,7 @@ class Recorded(FrozenRecord, frozen=True):
     """Number of messages that did not fit or did not arrive."""
     complete: bool
     detail: Text
-    """Reason why the record is not complete, for people."""
+    """Reason why the record is not complete, as text."""
 
 
 class StatusRequest(FrozenRecord, frozen=True):

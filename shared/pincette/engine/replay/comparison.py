@@ -36,7 +36,7 @@ class Findings:
     """Number of outputs that are bit-identical."""
     different: int = 0
     clocked: int = 0
-    """Number of outputs that only the clock of a real time caused; they are not repeated."""
+    """Number of outputs that depend on the real-time clock only; they cannot be repeated."""
     first: Difference | None = None
     stopped: str = ""
     """Reason why the replay did not begin, or did not reach the end."""

@@ -1,4 +1,4 @@
-"""What keeps a part on the driven arm that nothing presses any more, by time and distance; pure.
+"""Adhesion of a part to the driven arm after it is no longer pressed; pure functions.
 
     dry       3/2·π·w·R, times the roughness: Johnson, Kendall and Roberts, Proc. R. Soc. A 324
               (1971); it ends with the contact

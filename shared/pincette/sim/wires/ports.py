@@ -16,7 +16,8 @@ Wait = Callable[[int], bool]
 
 
 class WireError(Exception):
-    """Error of an instrument that cannot be offered; the text states place, reason and remedy."""
+    """The port of a simulated instrument cannot be opened; the text states place, reason and
+    remedy."""
 
 
 class Line(Protocol):

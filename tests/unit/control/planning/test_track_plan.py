@@ -98,7 +98,7 @@ def test_a_part_is_not_pulled() -> None:
     assert plan.violations[0].value == pytest.approx(-1.0)
 
 
-def test_a_path_beyond_its_own_rates_names_its_frequency() -> None:
+def test_the_refusal_of_a_path_beyond_its_rate_limits_names_the_frequency() -> None:
     fast = replace(REQUEST, path=sinusoid("force", 12.0, 20.0, 2.5, 2))
     assert found(planned(fast)) == [("rate", "/frequency_hz")]
     slow = replace(REQUEST, acceleration_um_per_s2=50.0)

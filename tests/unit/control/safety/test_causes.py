@@ -13,7 +13,9 @@ def test_a_trip_request_may_state_a_reason(cause: Cause) -> None:
 
 
 @pytest.mark.parametrize("cause", [*sorted(OWN), Cause.NONE])
-def test_no_other_program_can_state_a_cause_of_the_actuator(cause: Cause) -> None:
+def test_causes_that_only_the_actuator_can_find_are_refused_from_other_programs(
+    cause: Cause,
+) -> None:
     assert as_asked(cause) is Cause.ASKED
 
 

@@ -155,7 +155,7 @@ def test_a_position_within_its_limits_costs_nothing() -> None:
     assert watch_position(MONITORS, UNSEEN, 1.0) is UNSEEN
 
 
-def test_the_force_is_the_most_serious_fault() -> None:
+def test_of_several_faults_the_force_limit_takes_precedence() -> None:
     watches = UNSEEN
     for seq in range(6):
         watches = watch_position(MONITORS, watches, 90.0)

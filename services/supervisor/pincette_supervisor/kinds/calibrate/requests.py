@@ -306,7 +306,10 @@ OUTPUT_TIMING = Variant(
 
 
 def bursts_are_needed(rig: "RigFile") -> bool:
-    """Return whether the law looks ahead and samples show the mode, which determines how far."""
+    """Return whether the law looks ahead and the sampling resolves the mode.
+
+    The mode then determines how far ahead the law looks.
+    """
     looks_ahead = law_definition(rig.law.scheme).previews
     return looks_ahead and shows_mode(rig.model.natural_frequency_rad_per_s, rig.rig.period_s)
 

@@ -259,7 +259,8 @@ def _response(
 
 
 COLUMNS = (0.07, 0.37, 0.45, 0.47, 0.53, 0.81, 0.95)
-"""Places of the columns of the table on a PDF page; value, spread and paper end there."""
+"""Horizontal positions of the table's columns on a PDF page; numbers are aligned at their right
+end."""
 ENDS = (1, 2, 6)
 
 
