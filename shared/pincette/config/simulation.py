@@ -16,15 +16,15 @@ class Hysteresis(Table):
     """Bouc-Wen shape: dh/dt = A du/dt - b|du/dt|h - g du/dt|h|, y = d·u·(1 + κ·u) - h."""
 
     A_over_d: NotNegative
-    """Ratio A/d; fitted to a ±150 V actuator, instruments: 0.34."""
+    """1. Ratio A/d; fitted to a ±150 V actuator, instruments: 0.34."""
     b_times_U: NotNegative
-    """Product b·U; instruments: 1.04."""
+    """1. Product b·U; instruments: 1.04."""
     g_times_U: float
-    """Product g·U; instruments: 0.26."""
+    """1. Product g·U; instruments: 0.26."""
     full_drive_V: Positive
     """Drive U at which the shape is stated."""
     asymmetry: float = Field(default=0.0, gt=-1.0, lt=1.0)
-    """Asymmetry of b: b·(1 + asymmetry) while the voltage rises, b·(1 - asymmetry) while it
+    """1. Asymmetry of b: b·(1 + asymmetry) while the voltage rises, b·(1 - asymmetry) while it
     falls; assumed, |b| in both directions must stay above |g|."""
     curvature_per_V: float = 0.0
     """Curvature κ, by which the gain d·(1 + 2·κ·u) grows with the voltage; assumed."""
@@ -38,14 +38,14 @@ class Relays(Table):
     """
 
     loop_share: float = Field(ge=0.0, lt=1.0)
-    """Width of the loop between -U and U over its stroke, without creep; sets ρ."""
+    """1. Width of the loop between -U and U over its stroke, without creep; sets ρ."""
     full_drive_V: Positive
     """Drive U at which the loop is stated."""
     coercive_share: Positive = 1.0
-    """Voltage, as a share of U, near which relays rise, and near minus which they fall; fitted
+    """1. Voltage, as a share of U, near which relays rise, and near minus which they fall; fitted
     to a measured stack: 1.1-1.7."""
     spread_share: Positive = 1.5
-    """Spread of both voltages, as a share of U, at least a fifth of coercive_share; for the same
+    """1. Spread of both voltages, as a share of U, at least a fifth of coercive_share; for the same
     stack, 1.4 and more: an actuator in its range is far from saturation."""
     centre_V: float = 0.0
     """Voltage about which the thresholds lie; it makes the loop asymmetric; for the same stack,
@@ -58,19 +58,19 @@ class SecondMode(Table):
     """The second bending mode of the driven arm."""
 
     share: float = Field(default=0.0, ge=0.0, lt=1.0)
-    """Share of the static deflection, by voltage or force; a cantilever loaded at its tip has
+    """1. Share of the static deflection, by voltage or force; a cantilever loaded at its tip has
     (1.875/4.694)⁴ = 0.0255; 0: there is no second mode."""
     frequency_ratio: float = Field(default=6.27, gt=1.0)
-    """Ratio of its frequency to that of the first mode; instruments: near 6.27."""
+    """1. Ratio of its frequency to that of the first mode; instruments: near 6.27."""
     damping_ratio: Positive = 0.026
-    """Damping ratio of the mode; assumed equal to that of the first mode."""
+    """1. Damping ratio of the mode; assumed equal to that of the first mode."""
 
 
 class Amplifier(Table):
     """The amplifier between output and arm; all voltages are those at its input."""
 
     gain_ratio: Positive = 1.0
-    """Ratio of the gain to the nominal one (20); assumed."""
+    """1. Ratio of the gain to the nominal one (20); assumed."""
     saturation_V: Positive | None = None
     """Saturation voltage. EPA-104, instruments: ±200 V with a gain of 20, hence 10."""
     slew_V_per_s: Positive | None = None
@@ -105,16 +105,16 @@ class Bead(Table):
     adhesion_J_per_m2: NotNegative = 0.0
     """Work of adhesion w; instruments: 0.05-0.1."""
     roughness: float = Field(default=1.0, ge=0.0, le=1.0)
-    """Ratio of the pull-off force to its bound for smooth faces, 3/2·π·w·R; assumed."""
+    """1. Ratio of the pull-off force to its bound for smooth faces, 3/2·π·w·R; assumed."""
     liquid_um3: NotNegative = 0.0
     """Liquid between arm and bead, which forms a bridge at the first touch; 1000 µm³ are 1 pL;
     assumed."""
     surface_tension_J_per_m2: Positive = 0.072
     """Surface tension γ of the liquid; water: 0.072."""
     wetting: float = Field(default=1.0, gt=0.0, le=1.0)
-    """Cosine of the contact angle of the liquid."""
+    """1. Cosine of the contact angle of the liquid."""
     ageing_per_decade: NotNegative = 0.0
-    """Share by which the pull-off force grows with each decade of the contact time; assumed."""
+    """1. Share by which the pull-off force grows with each decade of the contact time; assumed."""
     bond_mN: NotNegative = 0.0
     """Pull that residue or glue between arm and bead withstands for 1 s; 0: there is none;
     assumed."""
@@ -123,7 +123,7 @@ class Bead(Table):
     density_kg_per_m3: Positive = 2500.0
     """Density of glass; 1400 µm then weigh 0.035 mN (instruments)."""
     friction: Positive | None = None
-    """Coefficient of friction µ of the bead on each arm; assumed; None: it cannot fall."""
+    """1. Coefficient of friction µ of the bead on each arm; assumed; None: it cannot fall."""
     lift_after_s: NotNegative | None = None
     """Time for which the force must have held the part's weight until the part counts as lifted
     off the ground; it falls when the force no longer holds it; None: it stays on the ground."""
@@ -134,7 +134,7 @@ class Bead(Table):
     slip_um: Positive = 1.0
     """Distance by which the face gives way at once."""
     slips: int = Field(default=1, ge=1)
-    """Number of times that the face gives way."""
+    """1. Number of times that the face gives way."""
 
 
 class SecondArm(Table):
@@ -143,7 +143,7 @@ class SecondArm(Table):
     natural_frequency_rad_per_s: Positive | None = None
     """Undamped natural frequency."""
     damping_ratio: Positive | None = None
-    """Damping ratio."""
+    """1. Damping ratio."""
     compliance_um_per_mN: Positive | None = None
     """Compliance s_p."""
     piezo_um_per_V: Positive | None = None
@@ -153,7 +153,7 @@ class SecondArm(Table):
     relays: Relays | None = None
     """Relay hysteresis of the arm's free motion, if it is of another class than the first arm's."""
     creep_per_decade: NotNegative | None = None
-    """Creep per decade of time after a step."""
+    """1. Creep per decade of time after a step."""
     sensor_noise_um: NotNegative | None = None
     """Noise of the sensor, r.m.s., white, and independent of the first sensor's."""
     sensor_step_um: Positive | None = None
@@ -210,7 +210,7 @@ class Simulation(Table):
     natural_frequency_rad_per_s: Positive
     """Undamped natural frequency of the free driven arm's first mode; paper (54): 2437.8."""
     damping_ratio: Positive
-    """Damping ratio of that mode; paper (54): 0.026."""
+    """1. Damping ratio of that mode; paper (54): 0.026."""
     second_mode: SecondMode = SecondMode()
     """Second mode; by default the arm has one mode."""
     compliance_um_per_mN: Positive
@@ -222,7 +222,7 @@ class Simulation(Table):
     relays: Relays | None = None
     """Relay hysteresis of the arm's free motion, in place of ``hysteresis``."""
     creep_per_decade: NotNegative
-    """Creep per decade of time after a step; 0.01-0.02 according to the literature."""
+    """1. Creep per decade of time after a step; 0.01-0.02 according to the literature."""
     sensor_noise_um: NotNegative
     """Noise of the sensor, r.m.s., white; 0.015-0.05 for a laser at this resolution."""
     sensor_step_um: Positive
@@ -242,7 +242,7 @@ class Simulation(Table):
     actuation_delay_s: NotNegative
     """Lockstep: time from the sample to the arrival of the voltage."""
     pace: NotNegative = 0.0
-    """Lockstep: highest speed as a multiple of real time; 0: as fast as the programs can."""
+    """1. Lockstep: highest speed as a multiple of real time; 0: as fast as the programs can."""
     bead: bool = True
     """True if a part is present at the start."""
     bead_contact_um: float
@@ -253,7 +253,7 @@ class Simulation(Table):
     """Natural frequency of the passive arm alone; instruments: also 388 Hz. None: an arm
     without mass."""
     passive_damping_ratio: Positive = 0.026
-    """Damping ratio of the passive arm alone; assumed equal to the driven arm's."""
+    """1. Damping ratio of the passive arm alone; assumed equal to the driven arm's."""
     part: Bead = Bead()
     """The part."""
     second: SecondArm | None = None
