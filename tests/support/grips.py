@@ -180,13 +180,19 @@ def make_ready(rig: RunningRig, timeout_s: float = 30.0) -> None:
         view = rig.view()
         if view["can_start"]:
             return
-        if view["active_job"] is not None and view["latch"]["state"] == "armed":
+        job = view["active_job"]
+        if job is not None and view["latch"]["state"] == "armed":
             rig.post(f"/rigs/{rig.rig.rig.name}/estop").raise_for_status()
+        elif job is not None and "stop" in rig.job(job)["allowed_actions"]:
+            # Nothing moves, such as while it waits for a decision.
+            answer = rig.post(f"/jobs/{job}/actions", {"type": "stop"})
+            if answer.status_code not in NOT_YET:
+                answer.raise_for_status()
         if "reset" in view["allowed_actions"]:
             answer = rig.post(f"/rigs/{rig.rig.rig.name}/reset", {"acknowledge": True})
             if answer.status_code not in NOT_YET:
                 answer.raise_for_status()
-        elif view["active_job"] is None and view["part"] == "held":
+        elif job is None and view["part"] == "held":
             release = rig.post("/jobs", {"kind": "release", "autostart": True})
             if release.status_code not in NOT_YET:
                 rig.ended(release.raise_for_status().json()["id"], timeout_s)

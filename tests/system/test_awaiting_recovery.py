@@ -80,6 +80,13 @@ def test_an_emergency_stop_ends_the_wait(rig: RunningRig) -> None:
     assert ended(rig, job) == ("failed", "tripped")
 
 
+def test_a_rig_is_made_ready_while_a_job_waits(rig: RunningRig) -> None:
+    job = waiting(rig)
+    make_ready(rig, LONG_S)
+    assert ended(rig, job) == ("stopped", "requested")
+    assert rig.view()["latch"]["state"] != "latched"
+
+
 def test_a_job_that_waited_is_interrupted_if_the_supervisor_is_killed(rig: RunningRig) -> None:
     job = waiting(rig)
     kill(rig, "supervisor")
