@@ -11,6 +11,7 @@ from pincette.api.states import BEYOND, EVENTS, HOLDS, NEEDS, STATES, Event, Job
 WIDTH, HEIGHT = 980, 452
 BOX = (124, 40)
 PLACES: Mapping[JobState, tuple[int, int]] = {
+    "proposed": (90, 110),
     "queued": (90, 190),
     "preparing": (90, 270),
     "ready": (90, 350),
@@ -29,9 +30,9 @@ PLACES: Mapping[JobState, tuple[int, int]] = {
 }
 """Centre of each box."""
 PLAYS: tuple[JobState, ...] = ("running", "pausing", "paused", "resuming")
-STILL: tuple[JobState, ...] = ("queued", "preparing", "ready")
+STILL: tuple[JobState, ...] = ("proposed", "queued", "preparing", "ready")
 FRAMES: Mapping[str, tuple[int, int, int, int]] = {
-    "nothing has moved": (20, 135, 140, 300),
+    "nothing has moved": (20, 55, 140, 380),
     "the program plays": (205, 40, 430, 268),
 }
 EVERYWHERE: tuple[JobState, ...] = ("failed", "interrupted")  # described in the text
@@ -70,6 +71,9 @@ RULES = """\
   the kind `hold` or `release` takes the part over.
 - After a trip with a part held, the actuator is frozen. A reset then keeps the voltage and the
   part, and only jobs of the kinds `hold` and `release` can start.
+- With `approval_s` a job is `proposed`: it has neither the rig nor a place in the queue until a
+  person [approves](../how-to/approval.md) it. Its approval is refused as a new request would be, if
+  the rig is not free or the plan breaks a limit now; the job then stays `proposed`.
 - With `"queue": true` a job waits while another has the rig. The next one is planned again with the
   model in use when its turn comes. A job that does not end as `succeeded`, and a restart of the
   supervisor, halt the queue until a person resumes it: `POST /api/v1/rigs/{rig}/queue/actions` with
@@ -241,7 +245,7 @@ def _outer() -> list[str]:
             f"M{side} 420 H{_edge('aborting')[0]}", 250, 413, _events(STILL, "aborting"), faint=True
         ),
         f'<text x="{left}" y="{foot + 13}" font-size="11" fill="{LABEL}">'
-        "queued and ready end at once</text>",
+        "proposed, queued and ready end at once</text>",
         f'<text x="812" y="64" font-size="12" text-anchor="end" fill="{LABEL}">from nearly '
         "every state</text>",
     ]

@@ -16,7 +16,7 @@ def states_told(told: Iterable[events.Event]) -> dict[str, JobState]:
         event: Event | None = row.body.get("event")
         before = states.get(row.job)
         if before is None:
-            assert state == "queued"
+            assert state in ("queued", "proposed")
         elif event is None:
             assert state in STATES[before].events.values()
         else:

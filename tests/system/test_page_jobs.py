@@ -196,6 +196,19 @@ def test_jobs_wait_in_the_queue_and_are_removed_or_cleared(rig: RunningRig, seen
     assert rig.job(running)["state"] == "running"
 
 
+def test_a_person_approves_one_proposed_job_and_rejects_another(
+    rig: RunningRig, seen: Visit
+) -> None:
+    rejected, approved = (rig.start_grip(approval_s=3600.0) for _ in range(2))
+    seen.until("#proposed-title", "Waits for approval")
+    seen.page.click(f"[id='reject-{rejected}']")
+    assert until_state(rig, seen, rejected, "stopped")["ending"]["code"] == "rejected"
+    assert rig.job(approved)["state"] == "proposed"
+    seen.page.click(f"[id='approve-{approved}']")
+    assert until_state(rig, seen, approved, "succeeded")["actions"][0]["type"] == "approve"
+    seen.until_true(lambda: seen.page.locator("#queue").is_hidden(), "the queue is still shown")
+
+
 def test_a_halted_queue_states_why_and_continues_when_a_person_resumes_it(
     rig: RunningRig, seen: Visit
 ) -> None:

@@ -38,6 +38,11 @@ def main() -> None:
         "--move", action="store_true", help="offer the tools that move: grip and release"
     )
     parser.add_argument(
+        "--propose",
+        action="store_true",
+        help="offer the tools that propose a grip, which a person approves or rejects",
+    )
+    parser.add_argument(
         "--http",
         action="store_true",
         help="serve over streamable HTTP on 127.0.0.1, to callers that send the key: "
@@ -50,7 +55,7 @@ def main() -> None:
     logging.getLogger("httpx").setLevel(logging.WARNING)
     key = os.environ.get("PINCETTE_KEY") or None
     supervisor = AsyncSupervisor(given.url, key=key, operator="mcp", authority=given.authority)
-    server = serve(supervisor, given.rig, moving=given.move)
+    server = serve(supervisor, given.rig, moving=given.move, proposing=given.propose)
     if not given.http:
         server.run("stdio")
         return

@@ -14,7 +14,7 @@ from mcp_types import ToolAnnotations
 from pydantic import BaseModel, Field
 
 from pincette import __version__
-from pincette.api.jobs import Progress
+from pincette.api.jobs import Job, Progress
 from pincette.client import (
     AsyncJobHandle,
     AsyncRigHandle,
@@ -42,6 +42,9 @@ STOPS = ToolAnnotations(
     read_only_hint=False, destructive_hint=False, idempotent_hint=True, open_world_hint=False
 )
 MOVES = ToolAnnotations(read_only_hint=False, destructive_hint=True, open_world_hint=False)
+PROPOSES = ToolAnnotations(read_only_hint=False, destructive_hint=False, open_world_hint=False)
+APPROVAL_S = 3600.0
+"""Time that a person has for the approval of a proposed grip, in s."""
 INSTRUCTIONS = (
     "A piezoelectric microgripper that holds small parts with a force in mN. Plan a grip "
     "before it: grip takes the token of a feasible plan, once. A part stays held until "
@@ -109,6 +112,20 @@ class Gripped(BaseModel):
     outcome: str
     force_held_mN: float | None
     force_uncertainty_mN: float | None
+
+
+class Proposed(BaseModel):
+    """Job that a person approves or rejects."""
+
+    job: str
+    state: str
+    """``proposed`` until a person decides; ``stopped`` after a rejection."""
+    until: str | None
+    """Time at which the proposal expires, in UTC; null once it is decided."""
+    ending: str
+    """Code of the reason of the end, such as ``rejected`` or ``proposal_expired``; empty before."""
+    cause: str
+    force_held_mN: float | None
 
 
 class Done(BaseModel):
@@ -232,6 +249,30 @@ class Tools:
         figures = (result.get("force_held_mN"), result.get("force_uncertainty_mN"))
         return _gripped(job, result.get("outcome", ""), *figures)
 
+    async def propose_grip(self, token: str, context: Context) -> Proposed:
+        """Propose a planned grip to a person, who has an hour to approve it; nothing moves before.
+
+        The tool proposal tells what has become of it.
+        """
+        with told():
+            plan = self._tokens.take(token, session_of(context))
+            rig = await self._rig()
+            await _require_unused(rig, plan)
+            job, _ = await rig.reach(
+                plan.force_mN,
+                own=OWN,
+                hold_s=plan.hold_s,
+                idempotency_key=plan.id,
+                labels={LABEL: plan.id},
+                approval_s=APPROVAL_S,
+            )
+        return _proposed(job.job)
+
+    async def proposal(self, job: str) -> Proposed:
+        """Report the state of a proposed grip, and its end."""
+        with told():
+            return _proposed((await self._supervisor.job(job)).job)
+
     async def release(self, context: Context) -> Done:
         """Release the part, also if another client has gripped it; takes about 5 s."""
         with told():
@@ -323,14 +364,32 @@ def _gripped(
     )
 
 
-def serve(supervisor: AsyncSupervisor, rig: str | None, *, moving: bool) -> MCPServer:
-    """Return a server of a rig's tools; those that move only with ``moving``."""
+def _proposed(job: Job) -> Proposed:
+    return Proposed(
+        job=job.id,
+        state=job.state,
+        until=job.approval_until,
+        ending="" if job.ending is None else job.ending.code,
+        cause=job.cause,
+        force_held_mN=(job.result or {}).get("force_held_mN"),
+    )
+
+
+def serve(
+    supervisor: AsyncSupervisor, rig: str | None, *, moving: bool, proposing: bool = False
+) -> MCPServer:
+    """Return a server of a rig's tools.
+
+    Those that move are offered only with ``moving``, those that propose only with ``proposing``.
+    """
     tools = Tools(supervisor, rig)
     offered = [
         *(strict(tool, LOOKS) for tool in (tools.status, tools.plan_grip)),
         *(strict(tool, STOPS) for tool in (tools.stop, tools.emergency_stop)),
         *(strict(tool, MOVES) for tool in (tools.grip, tools.release) if moving),
     ]
+    if proposing:
+        offered += [strict(tools.propose_grip, PROPOSES), strict(tools.proposal, LOOKS)]
     return MCPServer(
         "pincette",
         instructions=INSTRUCTIONS,

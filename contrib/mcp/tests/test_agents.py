@@ -73,6 +73,25 @@ def test_a_grip_uses_the_token_of_a_plan_once(rig: RunningRig) -> None:
     assert any(total is not None and now < total for now, total, _ in received)
 
 
+def test_an_agent_proposes_a_grip_and_learns_what_a_person_has_decided(rig: RunningRig) -> None:
+    async def drive() -> None:
+        async with agent(rig.rig.supervisor.url, "--propose") as client:
+            tools = {tool.name for tool in (await client.list_tools()).tools}
+            assert tools == LOOKS | STOPS | {"propose_grip", "proposal"}
+            token = await planned(client, hold_s=0.6)
+            proposed = await said(client, "propose_grip", token=token)
+            assert proposed["state"] == "proposed"
+            job, body = proposed["job"], {"type": "approve"}
+            answer = await asyncio.to_thread(rig.post, f"/jobs/{job}/actions", body)
+            answer.raise_for_status()
+            await asyncio.to_thread(rig.ended, job, WAIT_S)
+            found = await said(client, "proposal", job=job)
+            assert found["state"] == "succeeded"
+            assert abs(found["force_held_mN"] - FORCE_MN) < NEAR_MN
+
+    asyncio.run(drive())
+
+
 def test_a_grip_with_a_hold_ends_with_its_job(rig: RunningRig) -> None:
     async def drive() -> dict[str, Any]:
         async with agent(rig.rig.supervisor.url, "--move") as client:

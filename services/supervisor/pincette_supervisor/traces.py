@@ -37,6 +37,7 @@ FIGURES = (
 )
 """Members of a result that are attributes of the trace."""
 WAITS: Mapping[str, str] = {
+    "proposed": "approval",
     "queued": "queue",
     "preparing": "plan",
     "ready": "ready",

@@ -6,13 +6,14 @@ from pydantic import Field
 
 from pincette.api import Model, example
 
-Scope = Literal["observe", "operate", "admin"]
-SCOPES: tuple[Scope, ...] = ("observe", "operate", "admin")
-"""Scopes in ascending order, each including those before it: read and stop; move the rig; change it
-for all clients."""
+Scope = Literal["observe", "propose", "operate", "admin"]
+SCOPES: tuple[Scope, ...] = ("observe", "propose", "operate", "admin")
+"""Scopes in ascending order, each including those before it: read and stop; plan; move the rig;
+change it for all clients."""
 MEANINGS: dict[Scope, str] = {
     "observe": "see everything",
-    "operate": "also plan, run and act on jobs, store recipes, reorder the queue, reset",
+    "propose": "also plan jobs, and propose them for approval",
+    "operate": "also approve, run and act on jobs, store recipes, reorder the queue, reset",
     "admin": "also decide which model is in use, and read the audit log",
 }
 KEY_NAME = r"[a-z0-9][a-z0-9._-]{0,39}"

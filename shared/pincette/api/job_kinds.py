@@ -255,7 +255,8 @@ class JobKind:
         decisions = decisions_of(placed="place" in members, was_held=True)
         if "recovery" not in members:
             decisions = []
-        return ("start", "pause", "resume", "stop", "abort", *held, *waiting, *decisions)
+        own: tuple[ActionType, ...] = ("approve", "reject", "start", "pause", "resume")
+        return (*own, "stop", "abort", *held, *waiting, *decisions)
 
     @property
     def body(self) -> Any:

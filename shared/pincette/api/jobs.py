@@ -166,6 +166,7 @@ class Job(Model):
         traceparent="00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01",
         progress=None,
         recovery=None,
+        approval_until=None,
         result=None,
         actions=[],
         allowed_actions=["pause", "stop", "abort", "release"],
@@ -211,6 +212,9 @@ class Job(Model):
     progress: Progress | None
     recovery: RecoveryWait | None = None
     """Decision for which the job waits in the state ``awaiting_recovery``; null otherwise."""
+    approval_until: str | None = None
+    """Time at which a job in the state ``proposed`` ends unless it is approved, in UTC; null
+    otherwise."""
     result: dict[str, Any] | None
     """Result of a job that has moved, by its kind. For an interrupted job it has the members common
     to all results, as far as the record allows."""

@@ -22,9 +22,10 @@ MEANINGS = {
     409: (
         "job-active",
         "the state does not allow it: invalid-transition (with allowed_actions), job-active, "
-        "part-held, nothing-held, queue-full, rig-claimed (with claim), estop-engaged, "
-        "rig-latched (with cause), zero-not-confirmed (with job), reset-refused, model-changed, "
-        "trajectory-stale, place-unknown (with sources), place-too-old (with value, limit, unit), "
+        "part-held, nothing-held, queue-full, proposals-full, rig-claimed (with claim), "
+        "estop-engaged, rig-latched (with cause), zero-not-confirmed (with job), "
+        "reset-refused, model-changed, trajectory-stale, place-unknown (with sources), "
+        "place-too-old (with value, limit, unit), "
         "recipe-limit, rig-is-real, simulation-refused, series-active (with series)",
     ),
     413: ("body-too-large", "the body is larger than a request may be"),
@@ -69,6 +70,7 @@ REMEDIES: Mapping[str, str] = {
     "part-held": "release the part with a job `release`, or keep it with a job `hold`",
     "nothing-held": "grip a part first; `move` moves a free arm",
     "queue-full": "wait until a queued job has ended, or stop one",
+    "proposals-full": "approve or reject the jobs that are proposed",
     "queue-moved": "read the queue again, then repeat the change",
     "estop-engaged": "make sure that the rig is safe, then reset it with `acknowledge`: true",
     "rig-latched": "make sure that the rig is safe, then reset it with `acknowledge`: true",

@@ -60,6 +60,8 @@ class JobRequest(BaseModel, frozen=True):
     """True to wait while another job has the rig, instead of being refused."""
     priority: Annotated[int, Field(ge=0, le=9), WHOLE] = 0
     """Priority in the queue; higher numbers come first."""
+    approval_s: Annotated[float, Field(gt=0, le=604_800)] | None = None
+    """Longest time until a person approves the job. None: it needs no approval."""
     recipe: RecipeName | None = None
     """Name of a recipe, or name@version, that completes what the request leaves out."""
 

@@ -193,13 +193,17 @@ class Newest(Model):
 class Queue(Model):
     """Queue of jobs that wait for the running one."""
 
-    model_config = example(length=2, halted="job 20260301-120000-1f0c failed: lost", capacity=16)
+    model_config = example(
+        length=2, halted="job 20260301-120000-1f0c failed: lost", capacity=16, proposed=0
+    )
 
     length: int
     halted: str
     """Reason why the queue is halted; empty if the next job starts automatically. A person resumes
     the queue."""
     capacity: int
+    proposed: int = 0
+    """Number of jobs that wait for an approval. They have no place in the queue."""
 
 
 QueueOrder = Literal["resume", "clear", "move"]
@@ -251,7 +255,7 @@ class Rig(Model):
         safe_to_move={"value": True, "state": "at_rest", "reasons": []},
         claim=None,
         active_job=None,
-        queue={"length": 0, "halted": "", "capacity": 16},
+        queue={"length": 0, "halted": "", "capacity": 16, "proposed": 0},
         can_start=True,
         startable=["grip", "track", "move", "hold", "release", "calibrate"],
         reasons=[],

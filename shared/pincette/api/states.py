@@ -10,6 +10,7 @@ from typing import Literal, get_args
 from pincette.api.recovery import Decision, RecoveryWait
 
 JobState = Literal[
+    "proposed",
     "queued",
     "preparing",
     "ready",
@@ -47,6 +48,8 @@ Event = Literal[
     "retry_at",
     "accept",
     "give_up",
+    "approve",
+    "reject",
 ]
 ActionType = Literal[
     "start",
@@ -60,6 +63,8 @@ ActionType = Literal[
     "retry_at",
     "accept",
     "give_up",
+    "approve",
+    "reject",
 ]
 Need = Literal["held", "waiting"]
 Beyond = Literal["", "program", "letting_go", "freeze"]
@@ -100,6 +105,20 @@ _MOVING: Mapping[Event, JobState] = {
 """Transitions of every job whose program is loaded."""
 
 STATES: Mapping[JobState, State] = {
+    "proposed": State(
+        (
+            "waits until a person approves or rejects it, at most until `approval_until`; it "
+            "survives a restart of the supervisor"
+        ),
+        {
+            "approve": "queued",
+            "reject": "stopped",
+            "fail": "failed",
+            "stop": "stopped",
+            "abort": "aborted",
+        },
+        actions=("approve", "reject", "stop", "abort"),
+    ),
     "queued": State(
         "accepted; waits for its turn; it survives a restart of the supervisor",
         {"prepare": "preparing", "fail": "failed", "stop": "stopped", "abort": "aborted"},
@@ -251,6 +270,8 @@ EVENTS: Mapping[Event, str] = {
     "retry_at": "the action retry_at; a new job repeats the request at another place",
     "accept": "the action accept, or the default",
     "give_up": "the action give_up, or the default",
+    "approve": "the action approve; the job is planned again",
+    "reject": "the action reject, or the time for an approval has passed",
 }
 
 BEYOND: Mapping[Beyond, str] = {
@@ -276,6 +297,8 @@ HOLDS: Mapping[ActionType, tuple[JobState, ...]] = {
     "retry_at": (),
     "accept": (),
     "give_up": (),
+    "approve": (),
+    "reject": (),
 }
 """States in which the purpose of an action is already reached."""
 

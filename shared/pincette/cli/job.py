@@ -56,6 +56,8 @@ ACTIONS: Mapping[ActionType, str] = {
     "start": "start a job that was created and is ready",
     "retry": "repeat a job that waits for a decision, as a new job",
     "accept": "accept the result of a job that waits for a decision",
+    "approve": "approve a proposed job, which is planned again and then queued or started",
+    "reject": "reject a proposed job",
     "give_up": "give up a job that waits for a decision",
 }
 SAID = ("sample", "batch", "operator", "notes")

@@ -44,6 +44,7 @@ STATE_COLOURS: Mapping[str, str] = {
     "running": "cyan",
     "paused": "yellow",
     "awaiting_recovery": "yellow",
+    "proposed": "yellow",
     "stopped": "yellow",
     "aborted": "red",
     "failed": "red",

@@ -283,6 +283,7 @@ RAISED: Mapping[str, type[ProblemError]] = {
     "simulation-impossible": InvalidRequestError,
     "job-active": RigBusyError,
     "queue-full": RigBusyError,
+    "proposals-full": RigBusyError,
     "queue-moved": RigBusyError,
     "rig-claimed": RigBusyError,
     "model-changed": RigBusyError,

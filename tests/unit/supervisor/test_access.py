@@ -70,9 +70,13 @@ def test_a_scope_includes_all_lower_scopes() -> None:
     held = [(has, needed) for has in SCOPES for needed in SCOPES if covers(has, needed)]
     assert held == [
         ("observe", "observe"),
+        ("propose", "observe"),
+        ("propose", "propose"),
         ("operate", "observe"),
+        ("operate", "propose"),
         ("operate", "operate"),
         ("admin", "observe"),
+        ("admin", "propose"),
         ("admin", "operate"),
         ("admin", "admin"),
     ]

@@ -40,6 +40,7 @@ UNDESCRIBED = {
 """Routes outside the description: the page's files and helpers, and descriptions. All but
 ``/page/points``, which needs the scope ``operate``, are public."""
 DEMANDS: dict[str, set[tuple[str, str]]] = {
+    "propose": {("post", "/api/v1/jobs"), ("post", "/api/v1/trajectories/plot")},
     "admin": {
         ("post", "/api/v1/calibrations/{calibration}/actions"),
         ("post", "/api/v1/rigs/{rig}/model/actions"),

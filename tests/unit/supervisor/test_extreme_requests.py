@@ -55,6 +55,7 @@ BOUNDS = {
     "most_V": "highest voltage",
     "tries": "number of tries, counted by the supervisor",
     "priority": "place in the queue",
+    "approval_s": "time in which a person approves",
 }
 """Members that bound what a plan does, or that no plan has."""
 Path = tuple[str | int, ...]

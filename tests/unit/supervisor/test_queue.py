@@ -36,7 +36,12 @@ def test_a_queued_job_starts_when_the_previous_one_has_succeeded(harness: Harnes
     second, third = queued(harness), queued(harness)
     assert (second["state"], second["position"], third["position"]) == ("queued", 1, 2)
     assert second["allowed_actions"] == ["stop", "abort"]
-    assert harness.get("/rigs/demo")["queue"] == {"length": 2, "halted": "", "capacity": CAPACITY}
+    assert harness.get("/rigs/demo")["queue"] == {
+        "length": 2,
+        "halted": "",
+        "capacity": CAPACITY,
+        "proposed": 0,
+    }
     assert harness.post("/jobs", {"kind": "grip"}).json()["type"].endswith("job-active")
     harness.bus.pause_at = None
     harness.bus.play()

@@ -37,7 +37,7 @@ def reachable(start: JobState) -> set[JobState]:
 
 
 def test_every_state_is_declared_and_reached() -> None:
-    assert set(STATES) == set(get_args(JobState)) == reachable("queued")
+    assert set(STATES) == set(get_args(JobState)) == reachable("proposed")
 
 
 @pytest.mark.parametrize("state", [s for s in STATES if s.endswith("ing")])
@@ -56,12 +56,13 @@ def test_every_state_can_reach_a_final_state_and_final_states_are_never_left() -
     assert ends == {"succeeded", "stopped", "aborted", "failed", "interrupted"}
     for state in STATES:
         assert reachable(state) & ends
-        if state not in ends and state != "queued":
+        if state not in ends and state not in ("proposed", "queued"):
             assert next_state(state, "interrupt") == "interrupted"
 
 
-def test_a_queued_job_survives_a_restart() -> None:
-    assert "interrupt" not in STATES["queued"].events
+@pytest.mark.parametrize("state", ["proposed", "queued"])
+def test_a_job_that_has_not_begun_survives_a_restart(state: JobState) -> None:
+    assert "interrupt" not in STATES[state].events
 
 
 @pytest.mark.parametrize("state", list(STATES))

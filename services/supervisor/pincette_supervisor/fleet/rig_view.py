@@ -82,7 +82,12 @@ def rig_view(manager: JobManager) -> Rig:
         ),
         claim=manager.claims.current(),
         active_job=None if active is None else active.id,
-        queue=Queue(length=len(queue), halted=queue.halted, capacity=job_queue.CAPACITY),
+        queue=Queue(
+            length=len(queue),
+            halted=queue.halted,
+            capacity=job_queue.CAPACITY,
+            proposed=len(manager.proposals),
+        ),
         can_start=not reasons,
         startable=startable,
         reasons=reasons,

@@ -306,6 +306,7 @@ class RigFactory:
             manager.context.health.refresh()
             manager.recover(list(unfinished))
             manager.alarm_monitor.start()
+            manager.expiring.start()
         except Exception:
             bus.close()
             raise

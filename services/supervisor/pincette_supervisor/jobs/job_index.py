@@ -16,12 +16,13 @@ from typing import Any
 from pincette.api.endings import Ending
 from pincette.api.jobs import Action, ArtifactState, Job, JobEdit
 from pincette.api.requests import JobRequest
-from pincette.api.states import ActionType, allowed_actions
+from pincette.api.states import ActionType, JobState, allowed_actions
 from pincette.records import folder
 from pincette_supervisor.jobs import refusals
 from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob
-from pincette_supervisor.jobs.job_queue import JobQueue
+from pincette_supervisor.jobs.job_queue import Entry, JobQueue
 from pincette_supervisor.jobs.job_recorder import NOTHING, UnfinishedJobs
+from pincette_supervisor.jobs.proposals import STATE, Proposals, approval_until
 from pincette_supervisor.journal.database import columns
 from pincette_supervisor.journal.store import JobRow, utc_now
 from pincette_supervisor.plugin import Planned
@@ -36,7 +37,12 @@ SAID = ("sample", "batch", "operator", "notes", "labels", "pinned")
 
 
 def new_row(
-    request: JobRequest, planned: Planned, rig: str, by: str | None, trace: str | None = None
+    request: JobRequest,
+    planned: Planned,
+    rig: str,
+    by: str | None,
+    trace: str | None = None,
+    state: JobState = "queued",
 ) -> JobRow:
     """Return the journal row of a new job; its name is the time and a random suffix."""
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
@@ -44,7 +50,7 @@ def new_row(
         id=f"{stamp}-{secrets.token_hex(3)}",
         kind=request.kind,
         rig=rig,
-        state="queued",
+        state=state,
         request=request.model_dump(mode="json", exclude_unset=True),
         plan={
             **planned.plan.model_dump(mode="json", exclude={"curves"}),
@@ -96,7 +102,7 @@ def job_view(
     waits = busy is not None and row.state == "awaiting_recovery"
     recovery = busy.recovery if busy is not None and waits else None
     actions: list[ActionType] = []
-    if busy is not None or position is not None:
+    if busy is not None or position is not None or row.state == STATE:
         held, waiting = (
             busy is not None and busy.held,
             busy is not None and busy.waiting is not None,
@@ -127,6 +133,7 @@ def job_view(
         traceparent=row.traceparent,
         progress=None if busy is None else busy.progress,
         recovery=recovery,
+        approval_until=approval_until(row),
         result=row.result,
         actions=[
             Action(**columns(action, "requested_by"), by=action.requested_by)
@@ -150,8 +157,15 @@ WRITTEN_S = 30.0
 class JobIndex:
     """The jobs of one rig."""
 
-    def __init__(self, context: RigContext, queue: JobQueue, changes: ChangeNotifier) -> None:
+    def __init__(
+        self,
+        context: RigContext,
+        queue: JobQueue,
+        proposals: Proposals,
+        changes: ChangeNotifier,
+    ) -> None:
         self._context, self._queue, self._changes = context, queue, changes
+        self._proposals = proposals
         self._lives: tuple[LiveJob, ...] = ()
         """The most recently started job, after those whose records are still being written."""
         self.left = NOTHING
@@ -188,12 +202,12 @@ class JobIndex:
         return job_view(row, live, place, self._context.records, self.left)
 
     def has_job(self, name: str) -> bool:
-        """Return whether a job is queued or was started most recently."""
-        return self._queue.entry(name) is not None or self._live(name) is not None
+        """Return whether a job waits to begin or was started most recently."""
+        return self._entry(name) is not None or self._live(name) is not None
 
     def is_over(self, name: str) -> bool:
         """Return whether a job has ended, and no release of its part is in progress."""
-        waits = self._queue.entry(name) is not None
+        waits = self._entry(name) is not None
         if waits or (live := self._live(name)) is None:
             return not waits
         status = live.status
@@ -218,7 +232,7 @@ class JobIndex:
 
     def changed_since(self, name: str, revision: int) -> bool:
         """Return whether a job has changed since a revision."""
-        entry = self._queue.entry(name)
+        entry = self._entry(name)
         if entry is not None:
             return entry.revision != revision
         live = self._live(name)
@@ -227,18 +241,18 @@ class JobIndex:
     def is_finished(self, name: str) -> bool:
         """Return whether a job has ended: it is not queued and not live, and will not change."""
         live = self._live(name)
-        return self._queue.entry(name) is None and (live is None or live.done.is_set())
+        return self._entry(name) is None and (live is None or live.done.is_set())
 
     def is_settled(self, name: str) -> bool:
         """Return whether a job depends on its journal row alone, at each revision of it."""
-        if self._queue.entry(name) is not None or self.left.being_written(name):
+        if self._entry(name) is not None or self.left.being_written(name):
             return False
         live = self._live(name)
         return live is None or (live.done.is_set() and live.recorded.is_set())
 
     def note_revision(self, name: str, revision: int) -> None:
         """Notify those who wait for a change of a job of a new revision in the journal."""
-        if (entry := self._queue.entry(name)) is not None:
+        if (entry := self._entry(name)) is not None:
             entry.revision = max(entry.revision, revision)
         if (live := self._live(name)) is not None:
             live.revise(revision)
@@ -284,8 +298,13 @@ class JobIndex:
         self.note_revision(name, revision)
         return self.job(name)
 
+    def _entry(self, name: str) -> Entry | None:
+        """Return a job that has not begun: queued, or proposed."""
+        # First the proposals: an approved job enters the queue before it leaves them.
+        return self._proposals.entry(name) or self._queue.entry(name)
+
     def _live(self, name: str) -> LiveJob | None:
-        """Return a started job that may not be recorded yet; search the queue first."""
+        """Return a started job that may not be recorded yet; search the waiting jobs first."""
         return next((live for live in self._lives if live.id == name), None)
 
 

@@ -18,7 +18,8 @@ from pincette.bus.protocol import BusError, RefusalError
 from pincette.core.faults import ActionCode
 from pincette.core.messages import Action
 from pincette.core.topics import ACTION
-from pincette_supervisor.jobs import planner, refusals
+from pincette.engine.threads import RepeatedAction
+from pincette_supervisor.jobs import planner, proposals, refusals
 from pincette_supervisor.jobs.bring_up import Calibrations
 from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob, actions_of, traced
 from pincette_supervisor.jobs.job_index import WRITTEN_S, JobIndex, fingerprint_of, new_row
@@ -187,7 +188,7 @@ class JobActions:
         allowed = actions_of(status)
         if state in HOLDS[action] and action not in allowed:
             return True
-        if action not in allowed:
+        if action in ("approve", "reject") or action not in allowed:
             raise invalid_action(action, state, allowed)
         if action in ("retry", "retry_at", "accept", "give_up"):
             if not live.decide(action, by, again):
@@ -251,6 +252,8 @@ def hand_over(context: RigContext, active: LiveJob | None, planned: Planned) -> 
 
 log = logging.getLogger(__name__)
 JOIN_S = 4.0
+EXPIRY_LOOK_S = 1.0
+"""Interval at which the time limits of approvals are checked, in s."""
 
 
 class JobManager:
@@ -265,7 +268,9 @@ class JobManager:
         self.alarm_monitor = AlarmMonitor(context, lambda: self.active)
         self.predictions = PredictionCache(play)
         self.queue = JobQueue(context.store, context.events)
-        self.index = JobIndex(context, self.queue, self.changes)
+        self.proposals = proposals.Proposals(context.store, context.events)
+        self.expiring = RepeatedAction(f"proposals-{self.name}", EXPIRY_LOOK_S, self.expire)
+        self.index = JobIndex(context, self.queue, self.proposals, self.changes)
         self.claims = Claims(context.store, context.events, context.write_queue, context.clock)
         self._lock = threading.RLock()
         self._acting = JobActions(context)
@@ -302,6 +307,7 @@ class JobManager:
         self._complete_left_records()
         with self._lock:
             self.queue.load(self.name)
+            self.proposals.load(self.name)
         self.series.recover()
 
     def _complete_left_records(self) -> None:
@@ -339,7 +345,7 @@ class JobManager:
         claim: str | None = None,
         trace: str | None = None,
     ) -> tuple[Job, bool]:
-        """Create a job, unless its caller is ``gone``.
+        """Create a job, unless its caller is ``gone``; propose it if it needs an approval.
 
         ``trace`` is the W3C trace context of the request. The flag is True if its key created the
         job earlier.
@@ -349,24 +355,74 @@ class JobManager:
             known = None if key is None else self.context.store.created(key)
             if known is not None:
                 return self.index.job(refusals.require_same(known, fingerprint)), True
-            self.claims.require(claim)
-            moving = self._moving
-            resolved, planned = self.feasible(request)
-            if predict and (self.active is None or request.queue):
-                refusals.require_feasible(self.predictions.checked(planned))
-            await_end(self.active)
-            if moving and not self._moving:  # the position is known now
-                resolved, planned = self.feasible(resolved.kept)
+            proposes = request.approval_s is not None
+            if not proposes:
+                self.claims.require(claim)
+            resolved, planned = self._prepared(request, predict=predict, starts=not proposes)
             if gone():
                 raise refusals.caller_gone()
-            hand_over(self.context, self.active, planned)
+            if not proposes:
+                hand_over(self.context, self.active, planned)
+            admit = self._propose if proposes else self._admit
             try:
                 with self._lock, self.turns.accepting(key):
-                    self.claims.require(claim)
-                    name = self._admit(resolved, planned, by, key, fingerprint, trace)
+                    if not proposes:
+                        self.claims.require(claim)
+                    name = admit(resolved, planned, by, key, fingerprint, trace)
             except KeyTakenError as error:
                 return self.index.job(refusals.require_same(error, fingerprint)), True
         return self.index.job(name), False
+
+    def _prepared(
+        self, request: JobRequest, *, predict: bool, starts: bool = True
+    ) -> tuple[ResolvedRequest, Planned]:
+        """Plan and predict a request, and if it ``starts`` wait for an ending job.
+
+        Raises ProblemError.
+        """
+        moving = self._moving
+        resolved, planned = self.feasible(request)
+        if predict and (self.active is None or request.queue or not starts):
+            refusals.require_feasible(self.predictions.checked(planned))
+        if starts:
+            await_end(self.active)
+            if moving and not self._moving:  # the position is known now
+                resolved, planned = self.feasible(resolved.kept)
+        return resolved, planned
+
+    def _propose(
+        self,
+        resolved: ResolvedRequest,
+        planned: Planned,
+        by: str | None,
+        key: str | None = None,
+        fingerprint: str = "",
+        trace: str | None = None,
+    ) -> str:
+        """Store a job that waits for an approval; return its name. The caller holds the lock."""
+        self._require_open()
+        self.proposals.require_room()
+        row = new_row(resolved.kept, planned, self.name, by, trace, "proposed")
+        row = self._stored(row, key, fingerprint)
+        self.proposals.add(row, resolved.kept)
+        return row.id
+
+    def _approve(self, entry: Entry, by: str) -> None:
+        """Start or queue a proposed job, planned again; raises ProblemError if it cannot be."""
+        resolved, planned = self._prepared(entry.request, predict=True)
+        hand_over(self.context, self.active, planned)
+        with self._lock:
+            self.proposals.expire()
+            if self.proposals.entry(entry.row.id) is None:
+                state = refusals.require_job(self.context.store, entry.row.id).state
+                raise proposals.refused("approve", state)
+            waits = self._waits(resolved, planned)
+            plan = new_row(resolved.kept, planned, self.name, by).plan
+            row = self.proposals.approve(entry, by, plan)
+            try:
+                self._enter(row, resolved, planned, waits=waits)
+            finally:
+                self.proposals.take(entry)
 
     def _admit(
         self,
@@ -378,11 +434,21 @@ class JobManager:
         trace: str | None = None,
     ) -> str:
         """Store a job and start or queue it; return its name. The caller holds the lock."""
-        request = resolved.kept
+        waits = self._waits(resolved, planned)
+        row = self._stored(new_row(resolved.kept, planned, self.name, by, trace), key, fingerprint)
+        self._enter(row, resolved, planned, waits=waits)
+        return row.id
+
+    def _require_open(self) -> None:
         if self._closing:
             raise refusals.unready(
                 ["the supervisor is stopping or reloading the rig: send the request again"]
             )
+
+    def _waits(self, resolved: ResolvedRequest, planned: Planned) -> bool:
+        """Return whether a job must wait in the queue; raises ProblemError if it cannot begin."""
+        self._require_open()
+        request = resolved.kept
         waits = request.queue and (self.active is not None or len(self.queue) > 0)
         if waits and len(self.queue) >= CAPACITY:
             raise refusals.queue_full(len(self.queue))
@@ -392,17 +458,26 @@ class JobManager:
             refusals.require_zero_confirmed(self.context, request)
             if resolved.model is not self.context.model.in_use:
                 raise refusals.model_changed()
-        row = new_row(request, planned, self.name, by, trace)
+        return waits
+
+    def _stored(self, row: JobRow, key: str | None, fingerprint: str) -> JobRow:
+        """Store a new job and the event of its first state."""
+        state, trace = row.state, row.traceparent
         with self.context.events.transaction(
-            "state", row.id, state="queued", cause="", kind=row.kind, **traced(trace)
+            "state", row.id, state=state, cause="", kind=row.kind, **traced(trace)
         ):
             row = self.context.store.add(row, key, fingerprint)
         self.turns.note_created(key, row.id)
+        return row
+
+    def _enter(
+        self, row: JobRow, resolved: ResolvedRequest, planned: Planned, *, waits: bool
+    ) -> None:
+        """Queue or start a stored job."""
         if waits:
-            self.queue.add(row, request)
+            self.queue.add(row, resolved.kept)
         else:
             self._begin(row, resolved.request, planned)
-        return row.id
 
     def _begin(self, row: JobRow, request: JobRequest, planned: Planned | None) -> None:
         live = LiveJob(row, request, planned, self.context, self.changes)
@@ -497,7 +572,16 @@ class JobManager:
                     self._acting.on_queued(self.queue, entry, action, by)
                     self.changes.notify_all()
                     return self.index.job(name), False
+                self.proposals.expire()
+                proposed = self.proposals.entry(name)
+                if proposed is not None and action != "approve":
+                    self.proposals.end(proposed, action, by)
                 live = self.active
+            if proposed is not None:
+                if action == "approve":
+                    self._approve(proposed, by)
+                self.changes.notify_all()
+                return self.index.job(name), False
         if live is None or live.id != name:
             holds = self._acting.on_ended(refusals.require_job(self.context.store, name), action)
         else:
@@ -532,6 +616,15 @@ class JobManager:
             refusals.require_free(self.active)
             yield
 
+    def expire(self) -> None:
+        """End the proposed jobs whose time for an approval has passed."""
+        if not len(self.proposals):
+            return
+        with self._lock:
+            ended = not self._closing and self.proposals.expire()
+        if ended:
+            self.changes.notify_all()
+
     def retire(self) -> bool:
         """Accept no more jobs; return False, without effect, if one is active or queued."""
         with self._lock:
@@ -551,6 +644,7 @@ class JobManager:
             thread.join(JOIN_S)
         self.latch.close()
         self.alarm_monitor.close()
+        self.expiring.close(JOIN_S)
         self.context.write_queue.flush()
 
     def release(self) -> None:

@@ -28,7 +28,7 @@ from pincette_supervisor.problems import ProblemError
 # A claim prevents others from starting motion. It never blocks a stop, an abort or an emergency
 # stop, and does not affect jobs that were created before it.
 
-ALWAYS: tuple[ActionType, ...] = ("stop", "abort")
+ALWAYS: tuple[ActionType, ...] = ("stop", "abort", "reject")
 """Actions that no claim blocks."""
 
 
@@ -174,21 +174,23 @@ class Entry:
     """Place in the queue, as stored in the journal."""
 
 
-class JobQueue:
-    """The queued jobs of one rig; the caller holds the manager's lock."""
+class WaitingJobs:
+    """Jobs of one rig that have not begun; the caller holds the manager's lock."""
 
     def __init__(self, store: Store, events: EventLog) -> None:
         self._store, self._events = store, events
         self._entries: list[Entry] = []
-        self.halted = ""
-        """Reason why no job starts automatically; empty if the next one does."""
 
     def __len__(self) -> int:
         return len(self._entries)
 
-    def load(self, rig: str) -> None:
-        """Load the jobs that an earlier supervisor has queued; a person must resume them."""
-        for row in self._store.queued(rig):
+    def entry(self, name: str) -> Entry | None:
+        """Return a job that waits."""
+        return next((entry for entry in self._entries if entry.row.id == name), None)
+
+    def _load(self, rig: str, state: JobState) -> None:
+        """Load the jobs that an earlier supervisor has left in a state."""
+        for row in self._store.queued(rig, state):
             try:
                 request = REQUEST.validate_json(json.dumps({"kind": row.kind, **row.request}))
             except ValidationError as error:
@@ -196,6 +198,23 @@ class JobQueue:
                 self._end(row, "failed", "request_outdated", cause)
             else:
                 self._entries.append(Entry(row, request, row.revision, row.place))
+
+    def _end(self, row: JobRow, state: JobState, code: EndingCode, cause: str = "") -> None:
+        ending = Ending(code=code).model_dump(mode="json")
+        values = {"state": state, "cause": cause}
+        with self._events.transaction("state", row.id, **values, ending=code):
+            self._store.change(row.id, **values, ending=ending, ended_at=utc_now())
+
+
+class JobQueue(WaitingJobs):
+    """The queued jobs of one rig, in their order."""
+
+    halted = ""
+    """Reason why no job starts automatically; empty if the next one does."""
+
+    def load(self, rig: str) -> None:
+        """Load the jobs that an earlier supervisor has queued; a person must resume them."""
+        self._load(rig, "queued")
         self.halt(RESTARTED)
 
     def add(self, row: JobRow, request: JobRequest) -> None:
@@ -236,10 +255,6 @@ class JobQueue:
         self._entries.remove(entry)
         self._moved_up()
 
-    def entry(self, name: str) -> Entry | None:
-        """Return a queued job."""
-        return next((entry for entry in self._entries if entry.row.id == name), None)
-
     def position(self, name: str) -> int | None:
         """Return the place of a job in the queue, from 1; None if it is not queued."""
         places = (place for place, entry in enumerate(self._entries, 1) if entry.row.id == name)
@@ -259,12 +274,6 @@ class JobQueue:
         self._entries.clear()
         self._moved_up()
         return names
-
-    def _end(self, row: JobRow, state: JobState, code: EndingCode, cause: str = "") -> None:
-        ending = Ending(code=code).model_dump(mode="json")
-        values = {"state": state, "cause": cause}
-        with self._events.transaction("state", row.id, **values, ending=code):
-            self._store.change(row.id, **values, ending=ending, ended_at=utc_now())
 
     def _moved_up(self) -> None:
         """Store the place of every job, with a new revision for each job that has moved."""

@@ -20,7 +20,7 @@ from pincette_supervisor.kinds.bodies import REQUEST
 from pincette_supervisor.problems import ProblemError, error_entry, unusable
 
 Tree = dict[str, Any]
-OF_SERIES = ("rig", "autostart", "queue", "dry_run")
+OF_SERIES = ("rig", "autostart", "queue", "dry_run", "approval_s")
 """Members of a request that the series sets for all its jobs."""
 LABEL = "label."
 """Start of the name of a column with a label, as in a table of jobs."""

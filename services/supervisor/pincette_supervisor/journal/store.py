@@ -21,7 +21,7 @@ from sqlalchemy import (
 
 from pincette.api.endings import Ending
 from pincette.api.events import Event
-from pincette.api.states import STATES
+from pincette.api.states import STATES, JobState
 from pincette_supervisor.journal.database import (
     Database,
     StoreError,
@@ -83,7 +83,7 @@ class Store(Database):
     """The journal in one file; safe to use from several threads."""
 
     def unfinished(self) -> list[str]:
-        """Return the jobs that have neither ended nor wait in a queue, oldest first."""
+        """Return the jobs that have neither ended nor wait to begin, oldest first."""
         with self.reading() as connection:
             return [name for name, _ in _live(connection)]
 
@@ -176,9 +176,9 @@ class Store(Database):
             found = replace(found, before_number=page[-1].number)
             left = None if left is None else left - len(page)
 
-    def queued(self, rig: str) -> list[JobRow]:
-        """Return the queued jobs of a rig, the next one first."""
-        query = select(JOBS).where(JOBS.c.state == "queued")
+    def queued(self, rig: str, state: JobState = "queued") -> list[JobRow]:
+        """Return the queued jobs of a rig, or those in another state, the next one first."""
+        query = select(JOBS).where(JOBS.c.state == state)
         with self.reading() as connection:
             found = _select(connection, query.order_by(JOBS.c.place, JOBS.c.number))
         # With the rig in the query SQLite would read all jobs of the rig.
@@ -259,8 +259,8 @@ def _creation(connection: Connection, key: str) -> Creation | None:
 
 
 def _live(connection: Connection) -> list[tuple[str, str]]:
-    """Return names and rigs of jobs that have neither ended nor wait in a queue, oldest first."""
-    live = [name for name, state in STATES.items() if not state.terminal and name != "queued"]
+    """Return names and rigs of jobs that have neither ended nor wait to begin, oldest first."""
+    live = [name for name, state in STATES.items() if "interrupt" in state.events]
     query = select(JOBS.c.id, JOBS.c.rig).where(JOBS.c.state.in_(live)).order_by(JOBS.c.number)
     return [(name, rig) for name, rig in connection.execute(query)]
 

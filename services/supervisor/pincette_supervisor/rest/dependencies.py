@@ -208,7 +208,8 @@ def _needs(scope: Scope) -> Any:
     return Security(_authorized, scopes=[scope])
 
 
-OBSERVE, OPERATE, ADMIN = _needs("observe"), _needs("operate"), _needs("admin")
+OBSERVE, PROPOSE = _needs("observe"), _needs("propose")
+OPERATE, ADMIN = _needs("operate"), _needs("admin")
 """Dependencies of a route that requires a scope."""
 
 

@@ -31,12 +31,14 @@ from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import (
     OBSERVE,
     OPERATE,
+    PROPOSE,
     SHARE,
     AllRigs,
     Asker,
     Asking,
     IdempotencyKey,
     IfNoneMatch,
+    authorize,
     etag,
     matched_revision,
 )
@@ -105,7 +107,8 @@ def take(
     ``jobs`` is the address of the jobs relative to that of the request. ``Location`` is relative,
     so that it is also right below the path prefix of a reverse proxy.
     """
-    asker.note(DRY_RUN if dry_run or body.dry_run else body.kind)
+    proposes = "" if body.approval_s is None else "propose "
+    asker.note(DRY_RUN if dry_run or body.dry_run else proposes + body.kind)
     if dry_run or body.dry_run:
         response.status_code = 200
         planned = manager.plan(body)
@@ -154,10 +157,11 @@ router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
     status_code=201,
     response_model=Job | AnyPlan,
     responses=CREATED,
-    dependencies=[OPERATE],
+    dependencies=[PROPOSE],
 )
 async def create(
     body: Body,
+    request: Request,
     rigs: AllRigs,
     response: Response,
     asker: Asking,
@@ -168,8 +172,13 @@ async def create(
 ) -> object:
     """Create a job, or with ``dry_run`` plan it only.
 
-    With ``queue``, a job waits for those before it if another one has the rig.
+    With ``queue``, a job waits for those before it if another one has the rig. With ``approval_s``,
+    it is ``proposed`` until a person approves it. Without either of ``approval_s`` and ``dry_run``
+    the scope `operate` is needed.
     """
+    plans = dry_run or body.dry_run
+    if not plans and body.approval_s is None:
+        authorize(request, {"operate"})
 
     def taken() -> Job | JobPlan:
         return take(
@@ -183,7 +192,7 @@ async def create(
             key=idempotency_key,
         )
 
-    if dry_run or body.dry_run:
+    if plans:
         return await asyncio.get_running_loop().run_in_executor(DRY_RUN_THREADS, taken)
     return await run_in_threadpool(taken)
 
@@ -299,7 +308,8 @@ async def act(
 ) -> Job:
     """Start, pause, resume, stop or abort a job, release the part, or continue after a wait.
 
-    A job in the state ``awaiting_recovery`` takes one of the decisions in its ``recovery``. After
+    A job in the state ``proposed`` is approved, planned again and queued or started; or rejected. A
+    job in the state ``awaiting_recovery`` takes one of the decisions in its ``recovery``. After
     ``retry`` and ``retry_at``, ``ending.next_job`` names the job that repeats it.
     """
     asker.note(body.type)
@@ -324,7 +334,10 @@ def _performed(job: str, body: ActionRequest, rigs: Rigs, asker: Asker) -> tuple
     manager = rigs.of_job(job)
     if action not in ALWAYS:
         manager.claims.require(asker.claim)
-    return manager.perform(job, action, asker.by, body.place)
+    changed, holds = manager.perform(job, action, asker.by, body.place)
+    if action in ("approve", "reject"):
+        asker.note(f"{action}, proposed by {changed.by}")
+    return changed, holds
 
 
 catalog_router = APIRouter(route_class=StrictRoute)

@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Path, Query, Response
+from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 
 from pincette.api.calibrations import CalibrationPlan, Proposal, ProposalAction, ProposalList
@@ -58,6 +58,7 @@ calibration_router = APIRouter(
 )
 async def calibrate(
     body: CalibrationBody,
+    request: Request,
     rigs: AllRigs,
     response: Response,
     asker: Asking,
@@ -66,7 +67,7 @@ async def calibrate(
     idempotency_key: IdempotencyKey = None,
 ) -> object:
     """Create a calibration, like a job of the kind ``calibrate``."""
-    return await create_job(body, rigs, response, asker, dry_run, predict, idempotency_key)
+    return await create_job(body, request, rigs, response, asker, dry_run, predict, idempotency_key)
 
 
 @calibration_router.get("", responses=responses(404), dependencies=[OBSERVE])

@@ -41,6 +41,7 @@ from pincette_supervisor.rest.dependencies import (
     OBSERVE,
     OPERATE,
     PNG,
+    PROPOSE,
     AllRigs,
     Asking,
     Content,
@@ -122,7 +123,7 @@ def create(
     openapi_extra=LARGE,
     response_class=Response,
     responses={**PICTURE, **responses(404)},
-    dependencies=[OPERATE],
+    dependencies=[PROPOSE],
 )
 def plot_request(body: TrajectoryBody, rigs: AllRigs, note: Note) -> Response:
     """Draw the plan of a request, feasible or not; nothing is stored."""

@@ -4,9 +4,10 @@
 import { BASE, heard, timedFetch } from "./api.js";
 import { byId, setText } from "./dom.js";
 
-const SCOPES = ["observe", "operate", "admin"];
+const SCOPES = ["observe", "propose", "operate", "admin"];
 const MAY = {
   observe: "see everything, and stop at once",
+  propose: "plan jobs, and propose them for approval",
   operate: "run and act on jobs, store recipes and reset",
   admin: "do everything",
 };

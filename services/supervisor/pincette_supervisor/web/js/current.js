@@ -9,6 +9,7 @@ const ACTIONS = {
   start: "Start", pause: "Pause", resume: "Resume", continue: "Continue",
   release: "Release part", stop: "Stop", abort: "Abort",
   retry: "Retry", retry_at: "Retry at place", accept: "Accept result", give_up: "Give up",
+  approve: "Approve", reject: "Reject",
 };
 
 /** Share of the planned time that was played, and what is left of it. */
@@ -91,7 +92,8 @@ export class Current {
         h("p", { id: "course", class: "course" })),
       buttons.length ? h("div", { class: "buttons" }, ...buttons) : null,
       ended || !buttons.length ? null : h("p", { class: "hint", id: "current-hint" },
-        job.position ? "It has not moved anything yet: Stop and Abort remove it from the queue."
+        job.state === "proposed" ? "It has not moved anything: Approve plans it again and starts or queues it."
+          : job.position ? "It has not moved anything yet: Stop and Abort remove it from the queue."
           : `Stop ${stopping(job)}; Abort trips the actuator, which latches.`),
       this.sent, this.fault,
       h("p", { class: "muted small" },

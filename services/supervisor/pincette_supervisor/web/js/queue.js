@@ -1,4 +1,5 @@
-// The jobs that wait for the rig, in their order; why none begins, and what a person may do.
+// The jobs that wait for the rig, in their order; why none begins, and what a person may do. And
+// the jobs that wait for an approval.
 
 import { jobsOfRig, post, RIG_PATH, told } from "./api.js";
 import { byId, h, left, show } from "./dom.js";
@@ -11,6 +12,7 @@ export class Queue {
     this.choose = choose;
     this.known = "";
     this.waiting = [];
+    this.proposed = [];
     this.fault = h("p", { class: "fault", id: "queue-fault", role: "alert" });
   }
 
@@ -19,12 +21,13 @@ export class Queue {
     const { queue } = rig;
     const now = JSON.stringify([queue, rig.active_job]);
     if (now !== this.known) {
+      this.proposed = queue.proposed ? (await jobsOfRig("state=proposed&limit=50")).jobs.reverse() : [];
       this.waiting = queue.length ? (await jobsOfRig("state=queued&limit=50")).jobs
         .filter((job) => job.position !== null).sort((a, b) => a.position - b.position) : [];
       this.known = now;
     }
-    byId("queue").hidden = !queue.length && !queue.halted;
-    show(byId("queue"), [queue, this.waiting.map((job) => [job.id, job.position]),
+    byId("queue").hidden = !queue.length && !queue.halted && !queue.proposed;
+    show(byId("queue"), [queue, this.proposed.map((job) => job.id), this.waiting.map((job) => [job.id, job.position]),
       rig.allowed_actions], () => this.panel(queue, rig.allowed_actions));
   }
 
@@ -43,8 +46,20 @@ export class Queue {
       h("div", { class: "buttons" },
         allowed.includes("resume_queue") ? order("resume", "Resume the queue") : null,
         allowed.includes("clear_queue") ? order("clear", "Clear the queue") : null),
+      this.proposed.length ? h("h3", { id: "proposed-title" }, "Waits for approval") : null,
+      h("ul", { class: "queue" }, ...this.proposed.map((job) => this.proposal(job))),
       this.fault,
     ];
+  }
+
+  proposal(job) {
+    const button = (type, text) => h("button", { type: "button", id: `${type}-${job.id}`,
+      "data-needs": "operate", "aria-label": `${text} ${asked(job)}, proposed by ${job.by}`,
+      onclick: () => this.ask(`/jobs/${job.id}/actions`, type) }, text);
+    return h("li", {}, h("button", { type: "button", class: "link", id: `wait-${job.id}`,
+      onclick: () => this.choose(job.id) }, asked(job)),
+    h("span", { class: "muted" }, `by ${job.by}, until ${clock(job.approval_until)}`),
+    button("approve", "Approve"), button("reject", "Reject"));
   }
 
   row(job) {

@@ -74,7 +74,8 @@ export const plain = (code) => String(code ?? "").replaceAll("_", " ");
 export function toneOfState(state) {
   if (state === "succeeded") return "good";
   if (["failed", "aborted", "aborting", "interrupted"].includes(state)) return "bad";
-  if (["stopped", "stopping", "paused", "pausing", "resuming", "awaiting_recovery"].includes(state)) return "warn";
+  if (["stopped", "stopping", "paused", "pausing", "resuming", "awaiting_recovery",
+    "proposed"].includes(state)) return "warn";
   return state === "running" ? "busy" : "muted";
 }
 

@@ -11,7 +11,7 @@ import { PlanView } from "./plan.js";
 import { plain, withoutUnit } from "../words.js";
 
 /** Members of a request that the form states outside its fields, or sets for each job. */
-const ELSEWHERE = ["kind", "rig", "autostart", "queue", "dry_run", ...SAID.map(([name]) => name)];
+const ELSEWHERE = ["kind", "rig", "autostart", "queue", "dry_run", "approval_s", ...SAID.map(([name]) => name)];
 
 export class StartForm {
   constructor({ refresh, started, recent }) {
@@ -50,7 +50,7 @@ export class StartForm {
       h("label", { class: "check", id: "queue-line", hidden: true }, this.queue,
         h("span", {}, "Wait in the queue until the rig is free")),
       h("div", { class: "go" }, this.fault, h("div", { class: "buttons" }, this.button,
-        h("button", { type: "button", id: "dry-run", "data-needs": "operate", onclick: () => this.dryRun() }, "Dry run"))),
+        h("button", { type: "button", id: "dry-run", "data-needs": "propose", onclick: () => this.dryRun() }, "Dry run"))),
       this.plan.element);
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
