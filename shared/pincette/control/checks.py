@@ -1,4 +1,4 @@
-"""Checks of numbers whose errors name quantity, value, unit and limit."""
+"""Checks of numbers. Their errors name quantity, value, unit and limit."""
 
 from collections.abc import Sized
 from math import isfinite

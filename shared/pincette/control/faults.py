@@ -1,4 +1,4 @@
-"""Faults as codes and numbers: programs compare codes, people read ``core.wording``."""
+"""Faults as codes and numbers. Programs compare codes; ``core.wording`` has texts for people."""
 
 from math import isfinite
 
@@ -7,28 +7,28 @@ from pincette.control.record import FrozenRecord
 from pincette.control.vocabulary import LARGEST, FaultCode
 
 ZERO_REFUSED = frozenset(code for code in FaultCode if code.name.startswith("ZERO_"))
-"""Codes of reasons for which the force is not zeroed."""
+"""Codes of the reasons for which the force is not zeroed."""
 INSTRUMENT = frozenset(code for code in FaultCode if code.name.startswith("INSTRUMENT_"))
 """Codes that a driver reports about its instrument."""
 
 
 class Value(FrozenRecord, frozen=True):
-    """A named number whose name ends in its unit; None where it is not finite."""
+    """A named number whose name ends with its unit; None if it is not finite."""
 
     name: Text
     value: Number | None
 
 
 class Fault(FrozenRecord, frozen=True):
-    """A fault: a code and its numbers. Words are present only if they come from outside."""
+    """A fault: a code and its numbers, and words only if they come from outside."""
 
     code: FaultCode
     values: Items[Value] = ()
     words: Text = ""
-    """Words of a driver or a person; no program reads them."""
+    """Words of a driver or a person. Programs do not evaluate them."""
 
     def number(self, name: str) -> float | None:
-        """Return the value of this name; None if it is not finite or does not exist."""
+        """Return the value with this name; None if it is not finite or does not exist."""
         return next((item.value for item in self.values if item.name == name), None)
 
     def with_values(self, **values: float) -> "Fault":

@@ -1,7 +1,7 @@
-"""Types of record fields: each states its unit and its limits.
+"""Types of record fields; each type has a unit and limits.
 
-The limits lie far beyond any gripper. They exclude values that would overflow later; each service
-judges what is plausible.
+The limits are far beyond those of any gripper. They exclude values that would overflow later; each
+service checks which values are plausible.
 """
 
 from typing import Annotated, NewType, TypeVar
@@ -36,12 +36,13 @@ Volt = Annotated[float, _within("V")]
 Second = Annotated[float, _within("s")]
 Hertz = Annotated[float, _within("Hz")]
 Number = Annotated[float, _within("")]
-"""A number without a unit: a gain, a share, or a path whose unit is its quantity's."""
+"""A number without a fixed unit: a gain, a fraction, or a value of a path in the unit of its
+quantity."""
 
 Whole = Annotated[int, Meta(ge=-LARGEST_INT, le=LARGEST_INT)]
 Epoch = Annotated[int, Meta(ge=0, le=LARGEST_INT)]
 Seq = Annotated[int, Meta(ge=-1, le=LAST_SEQ)]
-"""Number of a sample; -1 before the first."""
+"""Number of a sample; -1 before the first one."""
 
 Document = NewType("Document", str)
 """A text of many lines, such as JSON; other texts are short."""

@@ -1,6 +1,6 @@
 """Codes, choices and limits of control that REST uses too.
 
-It needs the standard library alone, as the distribution ``pincette-client`` does.
+It needs only the standard library, like the distribution ``pincette-client``.
 """
 
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ LimitedQuantity = Literal[
     "spectral_radius",
     "sensitivity_peak",
 ]
-"""Quantities whose limit a plan or a prediction can break."""
+"""Quantities whose limit a plan or a prediction can exceed."""
 
 LARGEST: Mapping[str, float] = {
     "µm": 1e9,
@@ -44,13 +44,13 @@ LARGEST: Mapping[str, float] = {
     "µm/V": 1e9,
     "": 1e15,
 }
-"""Largest magnitude of a number by its unit; the empty unit is for gains and shares."""
+"""Largest magnitude of a number by unit; the empty unit is for gains and fractions."""
 
 
 class FaultCode(StrEnum):
     """All faults that a program can detect; ``core.wording`` has a text for each."""
 
-    # An instrument, by the cause of its driver's error, whose words go with it.
+    # Instruments, by the cause of the driver's error, whose words are added.
     INSTRUMENT_CANNOT_OPEN = auto()
     INSTRUMENT_HUNG_UP = auto()
     INSTRUMENT_SILENT = auto()
@@ -79,7 +79,7 @@ class FaultCode(StrEnum):
     ZERO_TOUCHED = auto()
     ZERO_OFFSET = auto()
     ZERO_FIRST_OFFSET = auto()
-    # A command, by controller and actuator.
+    # Commands, found by controller and actuator.
     VOLTAGE_NOT_FINITE = auto()
     VOLTAGE_ABSURD = auto()
     FORCE_NOT_FINITE = auto()
@@ -95,7 +95,7 @@ class FaultCode(StrEnum):
     NOT_ARMED = auto()
     SWEEP_TOO_WIDE = auto()
     SWEEP_OUT_OF_RANGE = auto()
-    # A hard limit, by controller and actuator.
+    # Hard limits, found by controller and actuator.
     FORCE_BEYOND_LIMIT = auto()
     FOLLOWING_BEYOND_LIMIT = auto()
     POSITION_BEYOND_LIMITS = auto()

@@ -1,4 +1,4 @@
-"""Voltages stated by a plan, which the actuator keeps to from the arming on."""
+"""Voltage range of a plan, which the actuator enforces from the arming on."""
 
 from collections.abc import Sequence
 
@@ -27,15 +27,17 @@ class VoltageRange(FrozenRecord, frozen=True):
     def from_voltage(self, present_V: float) -> tuple[float, float]:
         """Return the lowest and highest voltage allowed next, in V.
 
-        An output outside the range may stay there or come nearer, but move no further out.
+        An output outside the range may keep its voltage or change it towards the range, but not
+        away from it.
         """
         return min(self.min_V, present_V), max(self.max_V, present_V)
 
 
 def around(voltages_V: Sequence[float], share: float, margin_V: float) -> VoltageRange:
-    """Return the range of some voltages and of 0 V, widened by a share of it and a margin in V.
+    """Return the range of some voltages and 0 V, widened by a fraction of it and a margin in V.
 
-    The rest at 0 V is part of every range, since every program may be stopped and moved back.
+    0 V, the rest voltage, is in every range, since every program may be stopped and the arm moved
+    back.
     """
     low_V, high_V = min(0.0, *voltages_V), max(0.0, *voltages_V)
     beyond_V = share * (high_V - low_V) + margin_V

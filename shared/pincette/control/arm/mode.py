@@ -2,9 +2,9 @@
 
     ẍ + 2ζω_n·ẋ + ω_n²·(x - q) = 0
 
-with q the equilibrium, x_1 - s_p·F in (53). If q is constant or moves straight over a period, these
-transitions are exact at any period; backward differences (2), (3) cannot represent a mode that is
-short against it.
+with the equilibrium q, which is x_1 - s_p·F in (53). If q is constant or changes linearly over a
+period, these transitions are exact for any period. The backward differences (2), (3) cannot
+represent a mode that is fast compared with the period.
 """
 
 from dataclasses import dataclass
@@ -24,18 +24,18 @@ class Mode:
     """Effect of the position at the start of a period on the speed at its end, in 1/s."""
     vv: float
     ramp_x: float
-    """x after a period from rest at 0, while q moves straight from 0 to 1."""
+    """Change of x over a period from rest at 0, while q changes linearly from 0 to 1."""
     ramp_v: float
     """Speed at the end of that period, in 1/s."""
 
 
 def sample_mode(natural_frequency_rad_per_s: float, damping_ratio: float, period_s: float) -> Mode:
-    """Solve the mode over one period.
+    """Return the exact transition of the mode over one period.
 
         x - q ← e^(-σT)[(cos ω_d T + σ/ω_d sin ω_d T)(x - q) + (1/ω_d) sin ω_d T·ẋ]
 
-    with σ = ζω_n, ω_d² = ω_n² - σ². For q = t/T the motion is t/T - 2ζ/(ω_n T), rising by 1/T, plus
-    the free motion of the initial state.
+    with σ = ζω_n, ω_d² = ω_n² - σ². For q = t/T the solution is t/T - 2ζ/(ω_n T) plus the free
+    motion of the initial state.
 
     Raises
     ------

@@ -30,7 +30,7 @@ class OutputTiming(NamedTuple):
     """Delay and lag with which a voltage acts on the arm."""
 
     delay_s: float = 0.0
-    """Time from a sample until the voltage that answers it is applied, in s."""
+    """Time from a sample until the voltage computed from it is applied, in s."""
     lag_s: float = 0.0
     """Time constant of a first-order lag between output and arm, in s."""
 
@@ -48,7 +48,7 @@ class DifferenceEquation:
     k_bar: float
     d_bar: float
     output: OutputTiming = PROMPT
-    """Delay and lag of the voltage on its way to the arm, for laws that look ahead."""
+    """Delay and lag between the voltage output and the arm, for laws with ``previews``."""
 
 
 def consistent_arm(
@@ -57,7 +57,7 @@ def consistent_arm(
     piezo_um_per_V: float,
     compliance_um_per_mN: float,
 ) -> ArmParameters:
-    """Build (1) from what is measured: k = 1/s_p, m = k/ω_n², b = 2ζω_n·m, d = d_p·k.
+    """Build (1) from measured values: k = 1/s_p, m = k/ω_n², b = 2ζω_n·m, d = d_p·k.
 
     Parameters
     ----------
@@ -83,10 +83,11 @@ def consistent_arm(
 
 
 def printed_arm() -> ArmParameters:
-    """Return m, b, k, d as the paper prints them (section VI.C.2).
+    """Return m, b, k, d as printed in the paper (section VI.C.2).
 
-    b, k and d are the coefficients of (54), hence belong to m = 1 and an input scaled to that.
-    k/d is right, so that positions are; forces enter about 2.7e6 times too weakly, as does K_S.
+    b, k and d are the coefficients of (54), so they belong to m = 1 and an input scaled
+    accordingly. The ratio k/d is correct, and with it the positions. Forces and K_S act about 2.7e6
+    times too weakly.
     """
     return ArmParameters(m=1.8e-3, b=126.8, k=5.943e6, d=1.129e8)
 
@@ -94,7 +95,7 @@ def printed_arm() -> ArmParameters:
 def discretize(
     arm: ArmParameters, period_s: float, output: OutputTiming = PROMPT
 ) -> DifferenceEquation:
-    """Turn (1) into (4) by backward Euler, (2) and (3).
+    """Convert (1) to (4) by backward Euler, (2) and (3).
 
         m̄ = m/T²,  b̄ = -2m/T² - b/T,  k̄ = m/T² + b/T + k,  d̄ = d                        (5)
 
@@ -115,7 +116,7 @@ def discretize(
 
 
 def continuous(plant: DifferenceEquation, period_s: float) -> ArmParameters:
-    """Turn (4) back into (1); the inverse of ``discretize``."""
+    """Convert (4) to (1); the inverse of ``discretize``."""
     m = plant.m_bar * period_s**2
     b = -(plant.b_bar + 2.0 * plant.m_bar) * period_s
     return ArmParameters(m, b, plant.m_bar + plant.b_bar + plant.k_bar, plant.d_bar)
@@ -130,12 +131,12 @@ def perturbation(
     voltage_V: float,
     force_mN: float,
 ) -> float:
-    """Return the lumped perturbation p of one sample in mN, known once its position is measured.
+    """Return the lumped perturbation p of one sample in mN, once its position is measured.
 
         p_{k-1} = -d̄ u_{k-1} + m̄ x_{k-3} + b̄ x_{k-2} + k̄ x_{k-1} + F_{k-1}               (6)
 
-    ``x_um`` is the position of that sample, ``x_1_um`` and ``x_2_um`` those one and two before;
-    ``voltage_V`` the voltage that led to it and ``force_mN`` the force on it.
+    ``x_um`` is the position of that sample, ``x_1_um`` and ``x_2_um`` are those one and two samples
+    earlier; ``voltage_V`` is the voltage that led to it, and ``force_mN`` the force at that sample.
     """
     return (
         -plant.d_bar * voltage_V
@@ -170,5 +171,5 @@ def predict_position(
 
 
 def perturbation_bound(rate_mN_per_s: float, period_s: float) -> float:
-    """Return the bound Δ·T of the estimation error |p̃_k| in mN where |dp/dt| ≤ Δ (9)."""
+    """Return the bound Δ·T of the estimation error |p̃_k| in mN, valid if |dp/dt| ≤ Δ (9)."""
     return rate_mN_per_s * period_s

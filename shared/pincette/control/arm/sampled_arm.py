@@ -2,8 +2,8 @@
 
     ẍ + 2ζω_n·ẋ + ω_n²(1 + K_e s_p)·x = ω_n² d_p·y                                      (54), (1)
 
-in departures from the equilibrium on a linear contact F = K_e·x; y is the voltage at the arm, the
-output's u, or u behind a first-order lag.
+in deviations from the equilibrium on a linear contact F = K_e·x. The voltage y at the arm is the
+output's u, or u filtered by a first-order lag.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from pincette.control.checks import require_not_negative, require_positive
 
 Array = npt.NDArray[np.float64]
 ORDER = 14
-"""Order of the Taylor series of the exponential; its error is below rounding if the scaled norm is
+"""Order of the Taylor series of the exponential. Its error is below rounding if the scaled norm is
 at most 1/4."""
 
 
@@ -25,22 +25,21 @@ class LoopCase:
     """Conditions of a loop: the real arm, its contact, and when a voltage takes effect."""
 
     K_e_mN_per_um: float = 0.0
-    """Stiffness of the contact, in mN/µm; 0 is the free arm."""
+    """Stiffness of the contact, in mN/µm; 0 for the free arm."""
     frequency_factor: float = 1.0
     """Natural frequency of the real arm divided by the identified one."""
     delay_periods: float = 0.0
-    """Delay from the sample to the change of the voltage, as a share of the period, 0 to 1."""
+    """Delay from the sample to the change of the voltage, as a fraction of the period, 0 to 1."""
     gain_factor: float = 1.0
     """Coefficient d_p of the real arm divided by the identified one."""
     damping_factor: float = 1.0
     """Damping ratio of the real arm divided by the identified one."""
     assumed_mN_per_um: float | None = None
-    """Contact stiffness that the law is given, in mN/µm; 0 for no contact, None for the true one.
-    """
+    """Contact stiffness that the law assumes, in mN/µm; 0 for no contact, None for the true one."""
 
     @property
     def assumed_stiffness(self) -> float:
-        """Return the contact stiffness that the law is given, in mN/µm."""
+        """Return the contact stiffness that the law assumes, in mN/µm."""
         assumed_stiffness = self.assumed_mN_per_um
         return self.K_e_mN_per_um if assumed_stiffness is None else assumed_stiffness
 
@@ -65,7 +64,7 @@ def sampled_arms(
     Parameters
     ----------
     arm
-        The arm as identified; a case varies it.
+        The arm as identified, whose properties a case changes.
     output_lag_s
         Time constant between output and arm.
 
@@ -82,7 +81,7 @@ def sampled_arms(
     rate = np.zeros((len(cases), 4, 4))
     rate[:, 0, 1] = omega
     rate[:, 1, 0] = -omega * stiffening
-    # With ζ kept, b/m = 2ζω_n grows with ω_n.
+    # With constant ζ, b/m = 2ζω_n grows with ω_n.
     damping = np.array([case.damping_factor for case in cases])
     rate[:, 1, 1] = -arm.b / arm.m / omega_n * omega * damping
     rate[:, 1, 2 if output_lag_s > 0.0 else 3] = omega * gain

@@ -1,11 +1,12 @@
-"""Step of the voltage that is written in three parts, which leaves the mode of the arm at rest.
+"""Shaped step of the voltage in three parts, which does not excite the mode of the arm.
 
-A quarter, a half and a quarter of a step, each h after the one before, ring a mode ω by
+If a quarter, a half and a quarter of a step follow each other at intervals h, the ringing of a mode
+ω is
 
     |¼ + ½·e^(-iωh) + ¼·e^(-2iωh)| = cos²(ω·h/2)
 
-of the ring of the whole step. It is 0 at h = π/ω and flat there, so that one h serves the free arm
-at ω_n and the pressed one at ω_n·√(1 + s_p·K_e). Units: V, s, rad/s.
+times that of the whole step. It is 0 at h = π/ω and flat there, so that one h is suitable for the
+free arm at ω_n and the pressed one at ω_n·√(1 + s_p·K_e). Units: V, s, rad/s.
 """
 
 from math import cos, floor, pi, sqrt
@@ -14,7 +15,7 @@ from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.record import FrozenRecord
 
 REACHED = (0.25, 0.75, 1.0)
-"""Share of the step that is output after each part."""
+"""Fraction of the step that has been output after each part."""
 LAST = len(REACHED) - 1
 """Number of intervals from the first part to the last one."""
 
@@ -50,7 +51,7 @@ class ShapedStep(FrozenRecord, frozen=True):
 
 
 def shaping_interval_s(natural_frequency_rad_per_s: float, stiffness_ratio: float) -> float:
-    """Return the time between two parts: half a period half-way between free and pressed.
+    """Return the time between two parts: half a period of a mode between free and pressed.
 
     Parameters
     ----------
@@ -65,5 +66,5 @@ def shaping_interval_s(natural_frequency_rad_per_s: float, stiffness_ratio: floa
 
 
 def shaped_ring(natural_frequency_rad_per_s: float, interval_s: float) -> float:
-    """Return how large the ring of a shaped step is, as a share of that of a whole step."""
+    """Return the ringing of a shaped step, as a fraction of that of a step in one part."""
     return cos(0.5 * natural_frequency_rad_per_s * interval_s) ** 2

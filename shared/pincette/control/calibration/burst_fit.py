@@ -1,7 +1,7 @@
 """Least-squares fit of the sampled arm to bursts of voltages.
 
 The parameters are log ω_n, log ζ, D/T and τ/T, with D = δ + τ; see ``output_timing``. For each set
-of them both gains and a slow curve below each burst are computed by projection.
+of parameters, the two gains and a slow curve under each burst are computed by projection.
 
 Source: G. H. Golub and V. Pereyra, SIAM J. Numer. Anal. 10(2), 1973.
 """
@@ -18,7 +18,7 @@ from pincette.control.arm.sampled_arm import LoopCase, sampled_arms
 from pincette.control.checks import require_as_many
 
 TAIL = 1e-6
-"""Share of its first amplitude at which the ringing of the mode counts as decayed."""
+"""Fraction of its initial amplitude at which ringing of the mode counts as decayed."""
 LONGEST_RING = 4000
 """Largest number of ticks for which the ringing is computed."""
 MOST_DAMPING = 0.5
@@ -26,24 +26,25 @@ MOST_DAMPING = 0.5
 LEAST_LOG_DAMPING = log(1e-4)
 """Smallest log ζ that a fit may reach; the largest is 0."""
 ORDERS = (3, 8)
-"""Orders of the difference equation in which the mode is first searched: mode and lag, and a
-longer one for noisy records."""
+"""Orders of the difference equation used to find a first estimate of the mode: one for mode and
+lag, and a higher one for noisy records."""
 ROUNDS = 30
 SETTLED = 1e-2
-"""Step of a fit below which it has converged, in standard errors or in the logarithm."""
+"""Step of a fit, in standard errors or in the logarithm, below which the fit has converged."""
 STEPS = np.array([1e-5, 1e-3, 1e-3, 1e-3])
-"""Steps of the numerical derivatives, for both logarithms, D/T and τ/T."""
+"""Step sizes of the numerical derivatives, for the two logarithms, D/T and τ/T."""
 DEGREE = 3
-"""Degree of the polynomial that is fitted below a burst."""
+"""Degree of the polynomial that is fitted under a burst."""
 MOST_LATE = 8.0
-"""Largest delay that a fit may reach on its way, in periods."""
+"""Largest delay that a fit may reach during the iteration, in periods."""
 Column = NDArray[np.float64]
 
 
 class Burst(NamedTuple):
-    """One burst from rest to rest: N voltages in V about that of the rest, and N positions in µm.
+    """One burst from rest to rest: N voltages in V relative to the rest, and N positions in µm.
 
-    ``x_um[k]`` is the sample that the voltage ``voltage_V[k]`` answers; NaN where it is missing.
+    ``x_um[k]`` is the sample from which the voltage ``voltage_V[k]`` was computed; NaN if it is
+    missing.
     """
 
     voltage_V: Column
@@ -51,17 +52,17 @@ class Burst(NamedTuple):
 
 
 class PreparedBurst(NamedTuple):
-    """A burst from which its slow part has been removed."""
+    """A burst whose slow component has been removed."""
 
     voltage_V: Column
     seen: NDArray[np.bool_]
     slow: NDArray[np.float64]
-    """Orthonormal columns of the slow curve, at the ticks that have samples."""
+    """Orthonormal columns of the slow curve, at the ticks for which samples exist."""
     x_um: Column
 
 
 def prepared(burst: Burst) -> PreparedBurst:
-    """Remove the slow part of a burst; raises ValueError where lengths disagree."""
+    """Remove the slow component of a burst; raises ValueError if the lengths differ."""
     u, x = np.asarray(burst.voltage_V, dtype=float), np.asarray(burst.x_um, dtype=float)
     require_as_many("voltages", u, "positions", x)
     seen = np.isfinite(x)
@@ -75,9 +76,9 @@ def _less(slow: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np
 
 
 def _impulse(period_s: float, at: Column) -> tuple[NDArray[np.float64], int]:
-    """Return the answers of mode and output to one voltage, shape (ticks, 2), and their delay.
+    """Return the impulse responses of mode and output, shape (ticks, 2), and their delay.
 
-    Row j is the sample j + 1 ticks after the one that the voltage answers.
+    Row j belongs to the sample j + 1 ticks after the sample from which the voltage was computed.
     """
     omega_n, zeta = exp(float(at[0])), exp(float(at[1]))
     lag = float(at[3])
@@ -96,7 +97,7 @@ def _impulse(period_s: float, at: Column) -> tuple[NDArray[np.float64], int]:
 
 
 def _answers(some: Sequence[PreparedBurst], period_s: float, at: Column) -> NDArray[np.float64]:
-    """Return the answers of mode and output to the voltages, shape (samples seen, 2)."""
+    """Return the responses of mode and output to the voltages, shape (existing samples, 2)."""
     impulse, late = _impulse(period_s, at)
     begin, found = late + 1, list[NDArray[np.float64]]()
     for one in some:
@@ -110,7 +111,7 @@ def _answers(some: Sequence[PreparedBurst], period_s: float, at: Column) -> NDAr
 
 
 def solved(some: Sequence[PreparedBurst], period_s: float, at: Column) -> tuple[Column, Column]:
-    """Return gains g and gρ of the best fit, and its residuals of all bursts."""
+    """Return gains g and gρ of the best fit, and its residuals for all bursts."""
     columns = _answers(some, period_s, at)
     target = np.concatenate([one.x_um for one in some])
     gains = np.linalg.lstsq(columns, target, rcond=None)[0]
@@ -119,7 +120,7 @@ def solved(some: Sequence[PreparedBurst], period_s: float, at: Column) -> tuple[
 
 
 def fit(some: Sequence[PreparedBurst], period_s: float, at: Column, *, lagged: bool) -> Column:
-    """Return the parameters of the least residual by Levenberg and Marquardt; raises ValueError."""
+    """Return the least-squares parameters by Levenberg-Marquardt; raises ValueError."""
     count, damping = 4 if lagged else 3, 1e-6
     _, left = solved(some, period_s, at)
     for _ in range(ROUNDS):
@@ -156,12 +157,12 @@ def fit(some: Sequence[PreparedBurst], period_s: float, at: Column, *, lagged: b
 
 
 def first_mode(bursts: Sequence[Burst], period_s: float) -> Column:
-    """Return log ω_n and log ζ with which a fit starts, from a difference equation.
+    """Return start values of log ω_n and log ζ for a fit, from a difference equation.
 
     Raises
     ------
     ValueError
-        If no pole is that of a mode.
+        If no pole belongs to an oscillating mode.
     """
     for order in ORDERS:
         modes = [

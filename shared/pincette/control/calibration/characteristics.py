@@ -1,6 +1,6 @@
-"""Figures of a data sheet from samples: noise, hysteresis, creep, small-signal response and steps.
+"""Data-sheet values from samples: noise, hysteresis, creep, small-signal response and steps.
 
-Every figure has its standard uncertainty. Series that are evaluated hold no missing values.
+Each value has a standard uncertainty. The evaluated series must not contain missing values.
 """
 
 from collections.abc import Sequence
@@ -20,13 +20,14 @@ Series = NDArray[np.float64]
 CUT_OFF = 1.0 / sqrt(2.0)
 """Gain at the -3 dB frequency, relative to that at low frequency."""
 STEP_BAND = 0.05
-"""Half width of the band within which a step response counts as settled, as a share of the step."""
+"""Half width of the band within which a step response counts as settled, as a fraction of the
+step."""
 COVERED = 3.0
-"""Least half width of that band, in standard deviations of the noise."""
+"""Smallest half width of that band, in standard deviations of the noise."""
 END_SHARE = 1e-4
-"""Share of the range of a drive that counts as its end."""
+"""Fraction of a drive's range within which the drive counts as being at its end."""
 GRID = 64
-"""Number of drives at which the two branches of a loop are compared."""
+"""Number of drive values at which the two branches of a loop are compared."""
 
 
 class Found(NamedTuple):
@@ -39,7 +40,7 @@ class Found(NamedTuple):
 def rms_noise(values: Series, window: int) -> Found:
     """Return the root mean square deviation from the mean of each window of samples.
 
-    Drift and creep that are slower than a window do not count.
+    Drift and creep that are slow compared with a window do not contribute.
 
     Raises
     ------
@@ -59,12 +60,12 @@ def rms_noise(values: Series, window: int) -> Found:
 def acting_voltage(voltage_V: Series, output: OutputTiming, period_s: float) -> Series:
     """Return the voltage at the arm at the time of each sample.
 
-    The voltage of tick k is applied δ after its sample and held for a period. Behind the lag τ
+    The voltage of tick k is applied δ after its sample and held for a period. A lag τ filters it by
 
         y' = (u - y)/τ
 
-    Without a lag and with δ ≤ T, that is the voltage of tick k - 1. The first voltage counts as
-    held for long.
+    Without a lag and with δ ≤ T, the result is the voltage of tick k - 1. The first voltage is
+    assumed to have been applied for a long time before.
     """
     whole, part = divmod(output.delay_s / period_s, 1.0)
     if part == 0.0 and whole > 0.0:
@@ -84,26 +85,26 @@ def acting_voltage(voltage_V: Series, output: OutputTiming, period_s: float) -> 
 
 
 def _held(values: Series, ticks: int) -> Series:
-    """Return values of an earlier tick, the first one where there is none."""
+    """Return the values of an earlier tick; the first value if there is no such tick."""
     return values[np.maximum(np.arange(len(values)) - ticks, 0)]
 
 
 def reach(drive: Series, x: Series, noise: float, creep: float = 0.0) -> Found:
-    """Return how far x moves from the lowest to the highest drive, while the drive rises.
+    """Return the change of x from the lowest to the highest drive, while the drive rises.
 
-    The way back differs from it by remanence and creep. Samples within ``END_SHARE`` of the range
-    of the drive from each end are averaged. While the drive dwells there, x creeps on by up to
+    The change for falling drive differs by remanence and creep. Samples within ``END_SHARE`` of the
+    drive's range from each end are averaged. While the drive dwells there, x creeps by up to
 
         c·log10(1 + t_d/(t_r/2)),
 
-    with the dwell t_d and the duration of the rise t_r, which counts as a step at its middle.
+    with the dwell t_d and the duration t_r of the rise, which is treated as a step at its middle.
 
     Parameters
     ----------
     noise
         Standard deviation of a sample of x.
     creep
-        Creep c per decade of time, as a share of the step.
+        Creep c per decade of time, as a fraction of the step.
 
     Raises
     ------
@@ -120,12 +121,12 @@ def reach(drive: Series, x: Series, noise: float, creep: float = 0.0) -> Found:
     rise = top - int(starts[-1])
     crept = [creep * log10(1.0 + 2.0 * len(end) / rise) for end in (high, low)]
     spread = noise * sqrt(1.0 / len(high) + 1.0 / len(low))
-    # The creep of each end is anywhere within its bound: a rectangular distribution.
+    # The creep of each end lies anywhere within its bound: a rectangular distribution.
     return Found(found, hypot(spread, found * hypot(END_SHARE, hypot(*crept) / sqrt(3.0))))
 
 
 def loop_width(drive: Series, x: Series, noise: float) -> Found:
-    """Return the largest distance between both branches of a loop as a share of its range.
+    """Return the largest distance between the branches of a loop, as a fraction of its range.
 
     Parameters
     ----------
@@ -153,7 +154,7 @@ def loop_width(drive: Series, x: Series, noise: float) -> Found:
 
 
 def _between(at: Series, drive: Series, x: Series) -> Series:
-    """Return x at drives of a branch that rises but for noise."""
+    """Return interpolated x at drives of a branch, which rises except for noise."""
     rising = np.asarray(np.maximum.accumulate(drive), dtype=np.float64)
     return np.asarray(np.interp(at, rising, x), dtype=np.float64)
 
@@ -181,8 +182,8 @@ class Response(NamedTuple):
 def response(reference: Series, x: Series, frequency_hz: float, period_s: float) -> Response:
     """Return gain and phase of x against its reference at one frequency.
 
-    X(f)/R(f) with X(f) = Σ x_k·e^(-2πi·f·k·T) over whole cycles. What a line, the constant and this
-    frequency leave of x is its noise.
+    It is X(f)/R(f) with X(f) = Σ x_k·e^(-2πi·f·k·T) over whole cycles. The noise is the residual of
+    x after a fit of a straight line and this frequency.
 
     Raises
     ------
@@ -220,10 +221,10 @@ class CutOff:
 
 
 def cut_off(points: Sequence[Response]) -> CutOff:
-    """Return where the gain first falls to 1/√2 of that at the lowest frequency.
+    """Return the frequency at which the gain first falls to 1/√2 of that at the lowest frequency.
 
-    Between two measured frequencies gain in dB and phase are straight over the logarithm of the
-    frequency.
+    Between two measured frequencies, gain in dB and phase are interpolated linearly over the
+    logarithm of the frequency.
 
     Raises
     ------
@@ -252,28 +253,28 @@ def cut_off(points: Sequence[Response]) -> CutOff:
 
 
 def _turn(from_deg: float, to_deg: float) -> float:
-    """Return the shorter way from one phase to another."""
+    """Return the smaller angle from one phase to another."""
     return (to_deg - from_deg + 180.0) % 360.0 - 180.0
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Figures of a step response; None for one that was not reached within the samples."""
+    """Characteristics of a step response; None for a value not reached within the samples."""
 
     rise_s: float | None
     """Time from 10 % to 90 % of the step."""
     settling_s: float | None
     """Time from the step until the response stays within the band."""
     overshoot: float
-    """Highest value beyond the step, as a share of it; 0 without one."""
+    """Largest excess over the final value, as a fraction of the step; 0 without an overshoot."""
     band: float
     """Half width of the band, in the unit of the response."""
 
 
 def step_response(x: Series, before: float, after: float, period_s: float, noise: float) -> Step:
-    """Return the figures of a step from ``before`` to ``after``; the first sample is at its begin.
+    """Return the values of a step from ``before`` to ``after``, which begins at the first sample.
 
-    Times between samples are interpolated for the rise; a settling time is that of a sample.
+    The rise time is interpolated between samples; the settling time is the time of a sample.
 
     Raises
     ------
@@ -295,7 +296,7 @@ def step_response(x: Series, before: float, after: float, period_s: float, noise
 
 
 def _crossing(share: Series, level: float) -> float | None:
-    """Return the place, between samples, at which a response first reaches a level."""
+    """Return the interpolated index at which a response first reaches a level."""
     above = np.flatnonzero(share >= level)
     if not len(above):
         return None
@@ -307,17 +308,17 @@ def _crossing(share: Series, level: float) -> float | None:
 
 
 def cycle_lengths(lowest_hz: float, highest_hz: float, least: int, period_s: float) -> list[int]:
-    """Return even numbers of samples per cycle, longest first, for two frequencies an octave.
+    """Return even numbers of samples per cycle, longest first, for two frequencies per octave.
 
     Parameters
     ----------
     least
-        Fewest samples of a cycle.
+        Smallest number of samples in a cycle.
 
     Raises
     ------
     ValueError
-        If the range holds fewer than two frequencies.
+        If the range contains fewer than two frequencies.
     """
     most = round(1.0 / (lowest_hz * period_s))
     fewest = max(least, round(1.0 / (highest_hz * period_s)))

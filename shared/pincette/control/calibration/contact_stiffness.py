@@ -1,4 +1,4 @@
-"""Stiffness of a contact from four levels of voltage (Fig. 8), and the place of the contact.
+"""Stiffness and position of a contact from four levels of voltage (Fig. 8).
 
 In contact F = K_e·(x - x_e) whatever the voltage does, so peak-to-peak force is proportional to
 peak-to-peak position,
@@ -7,10 +7,11 @@ peak-to-peak position,
 
 Both come from the fit of ``periodic``, in which noise neither widens the peaks nor correlates x
 with an F̂ that is computed from the same x. A line with an offset, as the paper draws it, is given
-in addition. Its offset is the error of the free response at small swings; attributed to the
-contact, it would change the slope by as much. With F̂ = (x_1 - x)/s_p an error of s_p is one of K_e
-with the other sign, and an error e of x_1 is an error e/s_p of F̂, of which the residuals show at
-most a part; both are stated. Levels share the errors of x_1, so those add up,
+in addition. Its offset results from the error of the free response at small swings; if it were
+attributed to the contact, it would change the slope accordingly. With F̂ = (x_1 - x)/s_p, an error
+of s_p causes an error of K_e with the opposite sign, and an error e of x_1 causes an error e/s_p of
+F̂, which the residuals show only partly. Both are included in the uncertainty. The errors of x_1
+are common to all levels, so they add up linearly:
 
     u(K_e) = Σ u(x_1)·x_pp/(s_p·Σ x_pp²)
 Equation and figure numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
@@ -46,7 +47,7 @@ class Swing:
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """One point of the line."""
+    """One point of the line in Fig. 8."""
 
     level_V: float
     x_pp_um: float
@@ -54,7 +55,7 @@ class Level:
     force_pp_mN: float
     force_pp_uncertainty_mN: float
     lowest_mN: float
-    """Smallest force of the cycle, in mN; above 0 the contact was kept."""
+    """Smallest force of the cycle, in mN; above 0 if contact was kept."""
     residual_mN: float
     """Peak-to-peak force minus K_e times the peak-to-peak position, in mN."""
     x_cycle_um: NDArray[np.float64]
@@ -68,21 +69,22 @@ class ContactStiffness:
 
     stiffness_mN_per_um: float
     uncertainty_mN_per_um: float
-    """Standard uncertainty of K_e, in mN/µm: root sum of squares of the parts from scatter, s_p and
-    free response."""
+    """Standard uncertainty of K_e, in mN/µm: root sum of squares of the contributions from scatter,
+    s_p and free response."""
     scatter_mN_per_um: float
-    """Part of the uncertainty that comes from the scatter of the levels, in mN/µm."""
+    """Contribution of the scatter of the levels to the uncertainty, in mN/µm."""
     levels: tuple[Level, ...]
     line: Line
-    """F_pp over x_pp with an offset, by which a plan finds the force that goes with a motion."""
+    """Line F_pp over x_pp with an offset, from which a plan computes the force for a given
+    motion."""
     lost_V: tuple[float, ...] = ()
-    """Levels, in V peak to peak, that are left out because the contact was lost at their trough."""
+    """Levels, in V peak to peak, that are omitted because contact was lost at their trough."""
 
 
 def with_press_gain(
     x_um: NDArray[np.float64], force_mN: NDArray[np.float64], s_p: float, press_gain: float
 ) -> NDArray[np.float64]:
-    """Return the force with the swings of x_1 as large as they were measured: x_1 = x + s_p·F̂."""
+    """Return the force for swings of x_1 scaled to the measured size, where x_1 = x + s_p·F̂."""
     x_1_um = x_um + s_p * force_mN
     more_um = (press_gain - 1.0) * (x_1_um - np.mean(x_1_um))
     return force_mN + more_um / s_p
@@ -99,23 +101,23 @@ def contact_stiffness(
 ) -> ContactStiffness:
     """Return the line of Fig. 8 and its stiffness.
 
-    A level at which the contact was lost is left out, since its force is no longer proportional to
-    its position. The smaller levels swing about the same mean and keep the contact.
+    A level at which contact was lost is omitted, since its force is not proportional to its
+    position. The smaller levels swing about the same mean and stay in contact.
 
     Parameters
     ----------
     compliance_um_per_mN
         Compliance s_p with which F̂ was computed.
     free_errors_um
-        Standard error of x_1 over the swing of each level; none where it is known.
+        Standard error of x_1 over the swing of each level; 0 if x_1 is exact.
     least_force_mN
-        Force below which a trough counts as a contact that was lost.
+        Force below which contact counts as lost in a trough.
 
     Raises
     ------
     ValueError
-        If there are fewer than ``LEAST_LEVELS`` at which the contact was kept, or a fit or the line
-        is impossible.
+        If contact was kept at fewer than ``LEAST_LEVELS`` levels, or a fit or the line is
+        impossible.
     """
     s_p = require_positive("compliance", compliance_um_per_mN, "µm/mN")
     u_s_p = require_not_negative(

@@ -1,12 +1,12 @@
-"""Place at which a closing arm meets a part, from the kink over its free response.
+"""Position at which a closing arm meets a part, from the kink relative to its free response.
 
-With z = x_1 the free response, and D = z - x the distance of the arm from it,
+With the free response z = x_1 and the distance D = z - x of the arm from it,
 
     D = D_0 + β·max(0, z - z_e),    β = s_p·K_e/(1 + s_p·K_e),    x_e = z_e - D_0
 
-by least squares in D_0, β, z_e. z is a model of the voltage and does not contain the sensor's
-noise, so the right side has no error. D_0 is the remaining error of the zero of the force.
-Neighbouring samples share the errors of z, and therefore count as fewer.
+by least squares in D_0, β, z_e. z is computed from the voltage and does not contain the sensor's
+noise, so the right side has no noise. D_0 is the remaining error of the force's zero. The errors of
+z are correlated between successive samples, which is included in the uncertainty.
 """
 
 from collections.abc import Sequence
@@ -21,31 +21,31 @@ from pincette.control.checks import require_as_many, require_not_negative, requi
 
 LEAST_SAMPLES = 30
 LEAST_SIDE = 10
-"""Least number of samples on each side of the kink."""
+"""Smallest number of samples on each side of the kink."""
 PLACES = 200
-"""Number of places that are tried for the kink before the best one is refined."""
+"""Number of kink positions that are tried before the best one is refined."""
 ROUNDS = 30
 SURE = 5.0
-"""Least ratio of β to its standard uncertainty."""
+"""Smallest ratio of β to its standard uncertainty."""
 
 Column = NDArray[np.float64]
 
 
 class NoTouchError(ValueError):
-    """No kink of an approach is certain enough to be a touch."""
+    """No kink in an approach is certain enough to be a contact."""
 
 
 @dataclass(frozen=True, slots=True)
 class FirstTouch:
-    """Place and stiffness of a first touch, with what a plot needs."""
+    """Position and stiffness of a first contact, with data for a plot."""
 
     contact_um: float
     uncertainty_um: float
-    """Standard uncertainty of the place, in µm, from the correlated scatter and from
+    """Standard uncertainty of the position, in µm, from the correlated scatter and from
     ``free_error_um``."""
     stiffness_mN_per_um: float
-    """Stiffness over the first µm after the touch, in mN/µm; much less certain than that of Fig. 8.
-    """
+    """Stiffness over the first µm after the contact, in mN/µm. It is much less certain than that of
+    Fig. 8."""
     residual_um: float
     """R.m.s. deviation from the kinked line, in µm."""
     free_um: NDArray[np.float64]
@@ -60,7 +60,7 @@ def first_touch(
     compliance_um_per_mN: float,
     free_error_um: float = 0.0,
 ) -> FirstTouch:
-    """Find the first touch in N samples of a slow approach and the beginning of the press.
+    """Find the first contact in N samples of a slow approach and the start of the press.
 
     Parameters
     ----------
@@ -68,8 +68,8 @@ def first_touch(
         Positions, and the unfiltered force (53) computed with ``compliance_um_per_mN``; the free
         response follows from both, x_1 = x + s_p·F̂.
     free_error_um
-        Standard error of x_1 between two voltages, by which a kink of its model may look like one
-        of the arm.
+        Standard error of x_1 between two voltages. A kink in the model of this size cannot be
+        distinguished from one of the arm.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def first_touch(
 
 
 def _fit(z: Column, lack: Column, kink: float) -> tuple[tuple[float, float], float]:
-    """Return D_0 and β of a kink, and the sum of squared residuals."""
+    """Return D_0 and β for a kink position, and the sum of squared residuals."""
     beyond = np.maximum(0.0, z - kink)
     about = beyond - np.mean(beyond)
     spread = float(about @ about)
@@ -130,7 +130,7 @@ def _fit(z: Column, lack: Column, kink: float) -> tuple[tuple[float, float], flo
 
 
 def _refined(z: Column, lack: Column, low: float, high: float) -> float:
-    """Return the kink with the least sum of squares between two places, by ternary search."""
+    """Return the kink position with the least sum of squares in an interval, by ternary search."""
     for _ in range(ROUNDS):
         third = (high - low) / 3.0
         if _fit(z, lack, low + third)[1] < _fit(z, lack, high - third)[1]:

@@ -14,7 +14,7 @@ from pincette.control.checks import require_as_many, require_positive
 LEVELS = 91
 """Number of voltages at which the two branches of the loop are compared."""
 EDGE = 0.05
-"""Share of the travel at both ends that is left out of this comparison."""
+"""Fraction of the travel at both ends that is excluded from this comparison."""
 LEAST_CREEP_SAMPLES = 20
 LEAST_DECADE = 1.0
 """Least range of times from which creep is determined, in decades."""
@@ -28,7 +28,7 @@ class SecantGain:
 
     gain_um_per_V: float
     uncertainty_um_per_V: float
-    """Standard uncertainty from the scatter alone, in µm/V, for errors that are independent between
+    """Standard uncertainty from the scatter alone, in µm/V, valid for independent errors of the
     samples."""
     loop_percent: float
     """Largest distance between the branches at one voltage, in % of the stroke."""
@@ -64,13 +64,13 @@ def secant_gain(
     Parameters
     ----------
     voltage_V, x_um
-        N samples of matched ages: ``voltage_V[k]`` is the one applied at k-1.
+        N samples of matched ages: ``voltage_V[k]`` is the voltage applied at k-1.
 
     Raises
     ------
     ValueError
-        If lengths disagree, a fit of ``periodic`` is impossible, the voltage rests, or the arm
-        does not follow it.
+        If the lengths differ, a fit of ``periodic`` is impossible, the voltage is constant, or the
+        arm does not follow the voltage.
     """
     require_as_many("voltages", voltage_V, "positions", x_um)
     u, x = periodic(voltage_V, samples_per_cycle), periodic(x_um, samples_per_cycle)
@@ -101,14 +101,15 @@ def secant_gain(
 def creep_after_step(
     since_s: Sequence[float] | Column, x_um: Sequence[float] | Column, before_um: float
 ) -> Creep:
-    """Return the creep at a rest after a step, as a line over the logarithm of time.
+    """Return the creep during a rest after a step, as a line over the logarithm of time.
 
     Parameters
     ----------
     since_s
-        Times since the step in s, or since its middle if it took some time.
+        Times since the step in s; for a slow step, since its middle.
     before_um
-        Position of the arm before it, in µm; the step counts from there to the first sample.
+        Position of the arm before the step, in µm. The height of the step is the difference between
+        it and the first sample.
 
     Raises
     ------

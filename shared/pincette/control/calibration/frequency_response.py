@@ -11,7 +11,7 @@ from pincette.control.checks import require_as_many, require_positive
 LEAST_POINTS = 10
 LEAST_LINES = 3
 LEAST_DRIVE = 1e-3
-"""Least amplitude of the drive in a band, as a share of the largest; weaker bands are left out."""
+"""Smallest power of the drive in a band, relative to the largest; weaker bands are omitted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,16 +35,16 @@ def swept_response(
 ) -> FrequencyResponse:
     """Return the frequency response of a recorded sweep that begins and ends at rest.
 
-    Over the spectra of the whole record, in bands of even width, G = Σ X·U*/Σ |U|², and from the
-    coherence γ² of n lines u(log|G|) = √((1 - γ²)/(2·n·γ²)). The record is used whole: a window
-    would smear the peak of a lightly damped mode. Only the means are subtracted. Bands driven with
-    less than ``least_drive`` of the strongest, in power, are left out.
+    From the spectra of the whole record, in bands of equal width, G = Σ X·U*/Σ |U|², and the
+    coherence γ² of n lines gives u(log|G|) = √((1 - γ²)/(2·n·γ²)). No window is applied, since it
+    would broaden the peak of a lightly damped mode; only the means are subtracted. Bands in which
+    the power of the drive is below ``least_drive`` times the strongest are omitted.
 
     Raises
     ------
     ValueError
-        If lengths disagree, a sample is not finite, the frequencies do not ascend to half the
-        rate, or fewer than ``LEAST_POINTS`` bands have three lines and were driven.
+        If lengths disagree, a sample is not finite, the frequencies do not ascend to half the rate,
+        or fewer than ``LEAST_POINTS`` bands contain three lines and enough drive.
     """
     u, x = np.asarray(voltage_V, dtype=float), np.asarray(x_um, dtype=float)
     require_as_many("voltages", u, "positions", x)
@@ -80,7 +80,7 @@ def swept_response(
             f"be at least {LEAST_POINTS}: use a longer sweep or wider bands"
         )
     count, drive, answer, product = count[kept], drive[kept], answer[kept], product[kept]
-    # The gain of a band belongs to the centre of the drive within it.
+    # The gain of a band is assigned to the power-weighted centre of the drive within it.
     center_hz = banded(lines_hz * np.abs(U) ** 2)[kept] / drive
     coherence = np.minimum(np.abs(product) ** 2 / (drive * answer), 1.0)
     log_uncertainty = np.sqrt((1.0 - coherence) / (2.0 * count * coherence))

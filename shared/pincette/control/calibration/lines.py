@@ -1,9 +1,9 @@
 """Straight lines of the calibration: compliance (55), and the line of Fig. 8.
 
 Equation and figure numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013. Every result has its
-residuals and standard uncertainties. The uncertainties are from the scatter alone, and hold for
-errors that are independent from sample to sample. If they are not, ``correlated_samples`` gives the
-factor by which fewer samples count.
+residuals and standard uncertainties. The uncertainties are computed from the scatter alone, and are
+valid for independent errors of the samples. For correlated errors, ``correlated_samples`` gives the
+factor by which the effective number of samples is smaller.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ class Line:
     slope: float
     offset: float
     slope_uncertainty: float
-    """Standard uncertainty of the slope; infinite for two points, which leave no residual."""
+    """Standard uncertainty of the slope; infinite for two points, which have no residual."""
     offset_uncertainty: float
     residuals: tuple[float, ...]
     """Difference between y and the line at each point."""
@@ -34,13 +34,12 @@ class Line:
 
 
 def straight_line(x: Sequence[float], y: Sequence[float]) -> Line:
-    """Return the least-squares line of y on x, with errors in y alone.
+    """Return the least-squares line of y on x, with errors in y only.
 
     Raises
     ------
     ValueError
-        If lengths disagree, there are fewer than two points, one is not finite, or all x are
-        the same.
+        If lengths disagree, there are fewer than two points, one is not finite, or all x are equal.
     """
     a, b = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     if len(a) != len(b):
@@ -67,13 +66,13 @@ def straight_line(x: Sequence[float], y: Sequence[float]) -> Line:
 
 
 def correlated_samples(residuals: Sequence[float] | NDArray[np.float64]) -> float:
-    """Return how many neighbouring residuals count as one, at least 1.
+    """Return the number of successive residuals that count as one independent one, at least 1.
 
     τ = 1 + 2·Σ ρ_i, ρ_i = Σ r_k·r_{k+i}/Σ r_k², i = 1, 2, ... while ρ_i > 0
 
-    An error of the free response is shared by neighbouring samples, the sensor's noise is not. A
-    variance computed for independent errors must be multiplied by τ. Source: C. J. Geyer, Practical
-    Markov Chain Monte Carlo, Statistical Science 7(4), 1992.
+    Errors of the free response are correlated between successive samples, the sensor's noise is
+    not. A variance computed for independent errors must be multiplied by τ. Source: C. J. Geyer,
+    Practical Markov Chain Monte Carlo, Statistical Science 7(4), 1992.
     """
     r = np.asarray(residuals, dtype=np.float64)
     square = float(r @ r)
@@ -103,16 +102,16 @@ def compliance(
     Parameters
     ----------
     force_mN, displacement_um
-        Steady state under each weight, the unloaded arm among them with its 0 mN. Two give the
-        quotient, more the least-squares line.
+        Steady state under each weight, including the unloaded arm with 0 mN. Two points give the
+        quotient, more points the least-squares line.
     noise_um
-        Standard uncertainty of one displacement. It alone gives the uncertainty for two points, and
-        is a lower bound for more.
+        Standard uncertainty of one displacement. For two points it alone determines the
+        uncertainty; for more points it is a lower bound.
 
     Raises
     ------
     ValueError
-        As ``straight_line``, and where s_p is not positive.
+        For the reasons given in ``straight_line``, and if s_p is not positive.
     """
     require_not_negative("noise", noise_um, "µm")
     line = straight_line(force_mN, displacement_um)
@@ -130,7 +129,7 @@ def stiffness_line(x_pp_um: Sequence[float], force_pp_mN: Sequence[float]) -> Li
     Raises
     ------
     ValueError
-        As ``straight_line``, and where the stiffness is not positive.
+        For the reasons given in ``straight_line``, and if the stiffness is not positive.
     """
     line = straight_line(x_pp_um, force_pp_mN)
     require_positive("stiffness of the line", line.slope, "mN/µm")

@@ -1,9 +1,9 @@
 """Noise of a position sensor from readings of an arm at rest.
 
-With d_k = x_{k+1} - x_k minus their mean, white noise has σ² = ½·mean(d²): differences are
-independent of a drift that is slow against the period. The uncertainty of σ comes from the spread
-of d², so that it holds for quantised readings as well as for Gaussian ones. Source of the
-estimator: J. von Neumann, Annals of Mathematical Statistics 12(4), 1941.
+Let d_k be x_{k+1} - x_k minus the mean of these differences. White noise then has σ² = ½·mean(d²);
+a drift that is slow compared with the period has no effect. The uncertainty of σ is computed from
+the spread of d², so that it is valid for quantised readings as well as for Gaussian ones. Source of
+the estimator: J. von Neumann, Annals of Mathematical Statistics 12(4), 1941.
 """
 
 from collections.abc import Sequence
@@ -18,43 +18,41 @@ from pincette.control.checks import require_not_negative, require_positive
 
 LEAST_READINGS = 100
 COVERED = 6.6
-"""Width of the interval that holds 99.9 % of Gaussian readings, in standard deviations."""
+"""Width of the interval that contains 99.9 % of Gaussian readings, in standard deviations."""
 QUANTISED = 0.5
-"""Noise as a share of the step, below which the readings are not Gaussian: they show one or two
-codes."""
+"""Ratio of noise to quantisation step below which the readings are not Gaussian: they take only one
+or two values."""
 SAME = 1e-9
 """Largest difference between two readings that count as equal, in µm; it allows for rounding."""
 SETTLED_FILTERS = 5.0
-"""Number of time constants after which the start of the filter no longer matters."""
+"""Number of time constants after which the initial state of the filter no longer matters."""
 
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Noise of the readings, in µm except for the drift."""
+    """Noise of the readings; in µm, except for the drift."""
 
     noise_um: float
-    """R.m.s. of the white part of the noise, in µm, with the share of quantisation."""
+    """R.m.s. of the white noise, in µm, including that of quantisation."""
     noise_uncertainty_um: float
     """Standard uncertainty of the noise from the scatter alone, in µm."""
     spread_um: float
-    """R.m.s. deviation from the drift, in µm; above the noise where the readings contain slow
+    """R.m.s. deviation from the drift, in µm; larger than the noise if the readings contain slow
     motion."""
     step_um: float
     """Smallest difference between two readings, in µm."""
     quantised: bool
-    """True where the step of the readings hides the noise; the stated noise is then mostly that of
-    the step."""
+    """True if the quantisation step hides the noise; the noise is then mainly that of the step."""
     resolution_um: float
-    """Smallest motion that a reading shows, in µm: 6.6·σ, or the whole width of quantised readings.
-    """
+    """Smallest motion that a reading can show, in µm: 6.6·σ, or the whole width of quantised
+    readings."""
     filtered_noise_um: float
     """R.m.s. noise after the filter of the law, in µm."""
     filtered_resolution_um: float
-    """Smallest motion that a filtered reading shows, in µm: 6.6 times the filtered noise."""
+    """Smallest motion that a filtered reading can show, in µm: 6.6 times the filtered noise."""
     drift_um_per_s: float
     drift_uncertainty_um_per_s: float
-    """Standard uncertainty of the drift, in µm/s, for scatter that is independent between readings.
-    """
+    """Standard uncertainty of the drift, in µm/s, valid for independent scatter of the readings."""
     t_s: NDArray[np.float64]
     deviation_um: NDArray[np.float64]
     """Readings minus the drift, in µm."""
@@ -63,7 +61,7 @@ class Noise:
 def sensor_noise(
     x_um: Sequence[float] | NDArray[np.float64], period_s: float, filter_s: float = 0.0
 ) -> Noise:
-    """Return the noise of readings at a constant voltage, one each period.
+    """Return the noise of readings at a constant voltage, one reading per period.
 
     Parameters
     ----------
@@ -73,7 +71,7 @@ def sensor_noise(
     Raises
     ------
     ValueError
-        If there are fewer than ``LEAST_READINGS``, one is not finite, or all are the same.
+        If there are fewer than ``LEAST_READINGS``, one is not finite, or all are equal.
     """
     x = np.asarray(x_um, dtype=float)
     require_positive("period", period_s, "s")
@@ -120,7 +118,7 @@ def _white(deviation: NDArray[np.float64]) -> tuple[float, float]:
     differences = np.diff(deviation)
     squares = (differences - np.mean(differences)) ** 2
     sigma = sqrt(0.5 * float(np.mean(squares)))
-    # Neighbouring differences share a reading, so their squares are correlated.
+    # Successive differences share a reading, so their squares are correlated.
     about = squares - np.mean(squares)
     spread = float(about @ about) + 2.0 * float(about[1:] @ about[:-1])
     return sigma, 0.25 * sqrt(max(0.0, spread)) / (len(squares) * sigma)

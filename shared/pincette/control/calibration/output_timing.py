@@ -1,25 +1,26 @@
-"""Time at which a voltage acts, and the mode of the arm, from bursts at the loop's period.
+"""Time at which a voltage takes effect, and the mode of the arm, from bursts of voltage steps.
 
-The voltage of tick k is output δ after the sample, and reaches the arm behind a first-order lag τ
+The voltage of tick k is output δ after the sample, and acts on the arm through a first-order lag τ:
 
     y' = (u - y)/τ,    x'' + 2ζω_n·x' + ω_n²·x = ω_n²·g·y                                     (54)
 
-sampled exactly, as in ``control.arm.sampled_arm``. Higher modes follow like a spring, with a
-share ρ. A burst is short and rings the mode, so hysteresis and creep are a slow curve below it:
+sampled exactly, as in ``control.arm.sampled_arm``. Higher modes respond quasi-statically, with the
+ratio ρ to this mode. A burst is short and excites the mode, so that hysteresis and creep appear as
+a slow curve under it:
 
     x_k = x̄_k(ω_n, ζ, δ, τ; g, gρ) + a cubic for each burst
 
-by least squares in log ω_n, log ζ, D = δ + τ and τ, the rest by projection. To first order a
-lag is a delay, so that D is known well. To second order it is part of the gains:
+by least squares in log ω_n, log ζ, D = δ + τ and τ, and by projection for the other parameters. To
+first order a lag has the effect of a delay, so that D is determined well. To second order it
+affects the gains:
 
     e^(sτ)/(1 + sτ) = 1 + s²τ²/2 - s³τ³/3 + …,    s²·x = ω_n²·(g·y - x) - 2ζω_n·s·x
 
 Only the third order distinguishes it from a delay, and a lag far below 1/ω_n can hardly be
-distinguished from none. Uncertainties come from leaving out one burst after the other (jackknife),
-so that they contain those errors of the model that differ from burst to burst. The error that does
-not differ is bounded by hysteresis: a loss turns the phase of every frequency equally, by φ_h, and
-at the mode that looks like a delay of φ_h/ω_n, or like a change of the lag by
-φ_h·√(1 + ω_n²τ²)/ω_n.
+distinguished from 0. Uncertainties are computed by omitting one burst after the other (jackknife),
+so that they contain those errors of the model that differ between bursts. The common error is
+bounded by hysteresis: its loss shifts the phase equally at every frequency, by φ_h. At the mode
+this looks like a delay of φ_h/ω_n, or like a change of the lag by φ_h·√(1 + ω_n²τ²)/ω_n.
 
 Sources: G. H. Golub and V. Pereyra, SIAM J. Numer. Anal. 10(2), 1973 (projection); B. Efron, The
 Jackknife, SIAM 1982. Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
@@ -50,11 +51,11 @@ DELAYS = np.arange(0.05, LONGEST_DELAY, 0.1)
 LAGS = (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.5, 4.0)
 """Start values of delay and lag, in periods."""
 SIGNIFICANT = 4.0
-"""Number of standard errors from which a lag counts as present."""
+"""Number of standard errors above which a lag counts as present."""
 HALVINGS = 6
 LOSS_RAD = 0.02
-"""Largest phase by which the loss of a small hysteresis loop may turn the response of the mode, in
-rad."""
+"""Largest phase, in rad, by which the loss in a small hysteresis loop may shift the response of the
+mode."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +65,7 @@ class IdentifiedTiming:
     delay_s: float
     delay_uncertainty_s: float
     lag_s: float
-    """Time constant τ of the lag, in s; 0 where it is below ``SIGNIFICANT`` standard errors."""
+    """Time constant τ of the lag, in s; 0 if it is below ``SIGNIFICANT`` standard errors."""
     lag_uncertainty_s: float
     natural_frequency_rad_per_s: float
     natural_frequency_uncertainty_rad_per_s: float
@@ -73,13 +74,13 @@ class IdentifiedTiming:
     gain_um_per_V: float
     """Gain at the amplitude of the bursts, in µm/V; below d_p because of the hysteresis."""
     moved_um: tuple[Column, ...]
-    """Samples of each burst without their slow part."""
+    """Samples of each burst without their slow component."""
     residual_um: tuple[Column, ...]
-    """Residuals of the fit of these samples."""
+    """Residuals of these samples."""
 
     @property
     def explained(self) -> float:
-        """Return the share of the bursts' variance that the fit explains."""
+        """Return the fraction of the bursts' variance that the fit explains."""
         left = sum(float(one @ one) for one in self.residual_um)
         return 1.0 - left / sum(float(one @ one) for one in self.moved_um)
 
@@ -90,13 +91,13 @@ def output_timing(bursts: Sequence[Burst], period_s: float) -> IdentifiedTiming:
     Parameters
     ----------
     bursts
-        At least ``LEAST_BURSTS``, each with voltages of its own.
+        At least ``LEAST_BURSTS`` bursts with different voltages.
 
     Raises
     ------
     ValueError
-        If there are too few bursts, they show no mode, or the fit does not settle or
-        ends at a delay beyond ``LONGEST_DELAY`` periods.
+        If there are too few bursts, they show no mode, or the fit does not converge or ends at a
+        delay beyond ``LONGEST_DELAY`` periods.
     """
     T = require_positive("period", period_s, "s")
     if len(bursts) < LEAST_BURSTS:
@@ -143,7 +144,7 @@ def output_timing(bursts: Sequence[Burst], period_s: float) -> IdentifiedTiming:
 
 
 def _by_lag(some: Sequence[PreparedBurst], period_s: float, mode: Column) -> tuple[Column, float]:
-    """Return the best fit, with or without a lag, and the lag in periods that is significant."""
+    """Return the best fit, with a lag only if it is significant, and the lag in periods."""
 
     def squares(at: Column) -> float:
         return float(np.sum(solved(some, period_s, at)[1] ** 2))
@@ -151,7 +152,7 @@ def _by_lag(some: Sequence[PreparedBurst], period_s: float, mode: Column) -> tup
     def at(delay: float, lag: float) -> Column:
         return np.array([*mode, delay + lag, lag])
 
-    # Near a lag of 0 the samples hardly change with it, so that a slope there is useless.
+    # Near a lag of 0 the samples hardly depend on it, so that a derivative there is useless.
     prompt = min((at(delay, 0.0) for delay in DELAYS), key=squares)
     behind = min((at(delay, lag) for delay in DELAYS for lag in LAGS), key=squares)
     none = fit(some, period_s, prompt, lagged=False)
@@ -170,7 +171,7 @@ def _by_lag(some: Sequence[PreparedBurst], period_s: float, mode: Column) -> tup
 
 
 def _jackknife(left: NDArray[np.float64]) -> Column:
-    """Return standard errors from estimates that leave out one burst each, (bursts, values)."""
+    """Return standard errors from estimates that each omit one burst, shape (bursts, values)."""
     n = len(left)
     deviation = np.sqrt((n - 1.0) / n * np.sum((left - np.mean(left, axis=0)) ** 2, axis=0))
     return np.asarray(deviation)

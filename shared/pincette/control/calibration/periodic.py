@@ -2,10 +2,10 @@
 
     value(t) = mean + drift·t + Σ a_k·cos kωt + b_k·sin kωt,  k = 1 … HARMONICS
 
-by least squares. Hysteresis makes a cycle that no single harmonic describes. The difference between
-the largest and the smallest reading would grow with the noise and with the length of the record;
-the peak-to-peak value of the fitted cycle does not. The remaining effect of noise on the extremes
-of a fit, Var(slope)/|curvature| in all, is subtracted.
+by least squares. With hysteresis a cycle is not described by a single harmonic. The difference
+between the largest and the smallest reading would grow with the noise and with the length of the
+record; the peak-to-peak value of the fitted cycle does not. The remaining bias of the extremes by
+noise, Var(slope)/|curvature| in total, is subtracted.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ Column = NDArray[np.float64]
 
 HARMONICS = 9
 POINTS = 720
-"""Number of points of the cycle that are computed."""
+"""Number of points at which the cycle is evaluated."""
 LEAST_SAMPLES_PER_CYCLE = 4 * HARMONICS
 LEAST_CYCLES = 2.0
 
@@ -31,16 +31,16 @@ class Periodic:
     mean: float
     peak_to_peak: float
     peak_to_peak_uncertainty: float
-    """Standard uncertainty from the scatter alone, for errors that are independent between samples.
-    """
+    """Standard uncertainty from the scatter alone, valid for independent errors of the samples."""
     residual: float
     """R.m.s. residual of the fit."""
     cycle: Column
-    """One fitted cycle of ``POINTS`` values from the first sample on, relative to the mean."""
+    """One fitted cycle of ``POINTS`` values that begins at the first sample, relative to the
+    mean."""
 
     @property
     def lowest(self) -> float:
-        """Return the smallest value of the fitted cycle, around the mean of the record."""
+        """Return the smallest value of the fitted cycle, including the mean of the record."""
         return self.mean + float(self.cycle.min())
 
 
@@ -58,7 +58,7 @@ def periodic(values: Sequence[float] | Column, samples_per_cycle: float) -> Peri
         raise ValueError(
             f"{samples_per_cycle:g} samples per cycle, must be at least {LEAST_SAMPLES_PER_CYCLE}"
         )
-    # Cycles may end between samples, so a record half a sample short counts as whole.
+    # Cycles may end between samples, so a record that is half a sample short counts as complete.
     if not len(y) >= LEAST_CYCLES * samples_per_cycle - 0.5:
         raise ValueError(
             f"{len(y) / samples_per_cycle:.2f} cycles, must be at least {LEAST_CYCLES:g}"
@@ -93,7 +93,7 @@ def _waves(phase: Column) -> Column:
 
 
 def _noise_bias(peak_to_peak: float, variance: float, count: int) -> float:
-    """Return the bias of both extremes by noise: Var(slope)/|curvature|, of the first harmonic."""
+    """Return the bias of both extremes by noise, Var(slope)/|curvature| of the first harmonic."""
     if not peak_to_peak > 0.0:
         return 0.0
     squares = float(np.sum(np.arange(1, HARMONICS + 1) ** 2))

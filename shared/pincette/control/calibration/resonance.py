@@ -4,9 +4,9 @@ Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013. With ω_n in rad/s 
 
     X/U = d_p·ω_n²/(s² + 2·ζ·ω_n·s + ω_n²)                                               (54)
 
-Higher modes of an arm respond, far below their own resonance, like a spring, with a constant share
-ρ. It is small compared with the resonance, but moves the flanks of the peak, which determine ω_n
-and ζ: without the second mode of a cantilever, ζ is wrong by some percent.
+Far below their own resonance, higher modes of an arm respond like a spring, with a constant ratio
+ρ. Their response is small compared with the resonance, but shifts the flanks of the peak, which
+determine ω_n and ζ: if the second mode of a cantilever is neglected, ζ is wrong by some percent.
 
     X/U = d_p/(1 + ρ)·[1/(1 - r² + 2·j·ζ·r) + ρ],    r = ω/ω_n
 
@@ -25,8 +25,8 @@ from pincette.control.checks import require_as_many, require_positive
 
 LEAST_POINTS = 10
 LEAST_PEAK = 2.0
-"""Least ratio of the gain at the peak to that at low frequency; below it ω_n and ζ cannot be
-separated."""
+"""Smallest ratio of the gain at the peak to that at low frequency; below it ω_n and ζ cannot be
+determined separately."""
 ROUNDS = 60
 SETTLED = 1e-10
 
@@ -35,7 +35,7 @@ SETTLED = 1e-10
 class SecondOrder:
     """Model (54) with standard uncertainties, and the residuals of the natural log of |gain|.
 
-    The uncertainties are from the scatter alone, and hold for independent points.
+    The uncertainties are computed from the scatter alone, and are valid for independent points.
     """
 
     natural_frequency_rad_per_s: float
@@ -69,15 +69,15 @@ def fit_second_order(
 
         log|X/U| = log g + log|1 + ρ·D| - log|D|,    D = 1 - r² + 2·j·ζ·r,    d_p = g·(1 + ρ)
 
-    by Levenberg and Marquardt in log ω_n, log ζ, log g, and ρ if ``higher_modes`` are sought; else
-    ρ is 0. Magnitudes alone are sufficient: delays of output and sensor, which turn the phase, have
-    no effect on them. With ``log_gain_uncertainty`` points are weighted by it.
+    The parameters log ω_n, log ζ, log g, and ρ if ``higher_modes`` is true, are found by the
+    Levenberg-Marquardt method; otherwise ρ is 0. Only magnitudes are used, since delays of output
+    and sensor affect only the phase. ``log_gain_uncertainty`` gives the weights of the points.
 
     Raises
     ------
     ValueError
-        If lengths disagree, there are fewer than ``LEAST_POINTS`` points, one is not finite or
-        not positive, no resonance lies within the frequencies, or the fit does not settle.
+        If lengths disagree, there are fewer than ``LEAST_POINTS`` points, one is not finite or not
+        positive, no resonance lies within the frequencies, or the fit does not converge.
     """
     f, gain = np.asarray(frequency_hz, dtype=float), np.abs(np.asarray(gain_um_per_V))
     require_as_many("frequencies", f, "gains", gain)
@@ -129,7 +129,7 @@ def fit_second_order(
     variance = float(np.sum(residuals**2)) / (len(f) - count)
     covariance = variance * np.linalg.inv(scaled.T @ scaled)
     deviations = np.sqrt(np.diag(covariance)).tolist()
-    # d_p = g·(1 + ρ), of which g is fitted by its log.
+    # d_p = g·(1 + ρ); log g is fitted.
     across = np.array([0.0, 0.0, 1.0, 1.0 / (1.0 + rho)])[:count]
     return SecondOrder(
         natural_frequency_rad_per_s=omega_n,
@@ -147,7 +147,7 @@ def fit_second_order(
 def _first_guess(
     f: NDArray[np.float64], gain: NDArray[np.float64], to_hz: float
 ) -> NDArray[np.float64]:
-    """Return logs of ω_n, ζ and g, and ρ, from the peak, its height, and the lowest fifth."""
+    """Return start values of log ω_n, log ζ, log g and ρ, from the peak and the lowest fifth."""
     peak = int(np.argmax(gain))
     order = np.argsort(f)
     low = float(np.median(gain[order[: max(3, len(f) // 5)]]))

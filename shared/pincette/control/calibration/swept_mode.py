@@ -1,6 +1,6 @@
 """Mode of the arm from a recorded sweep: ω_n, ζ and gain, and the Bode plot of Fig. 5.
 
-The input is the measured drive, so that a lag of the output does not enter. A delay of the position
+The input is the measured drive, so that a lag of the output has no effect. A delay of the position
 (averaging of the sensor) and a phase lag that is equal at every frequency (hysteresis, as a
 rate-independent loss) are fitted to the phase alone:
 
@@ -21,25 +21,27 @@ from pincette.control.calibration.resonance import SecondOrder, fit_second_order
 from pincette.control.checks import require_positive
 
 LINES_PER_BAND = 20
-"""Number of lines in a band: enough for the coherence, and few compared with the resonance."""
+"""Number of spectral lines in a band: enough for the coherence, and a narrow band compared with the
+resonance."""
 FEWEST_BANDS = 100
 LEAST_DRIVE = 1e-5
-"""Smallest power of the drive relative to the strongest. The drive is measured, and an output that
-lags weakens it at the mode; the coherence says how much a band is worth there."""
+"""Smallest power of the drive relative to the strongest. The drive is measured, and an output with
+a lag weakens it at the mode; the coherence shows the quality of such bands."""
 LARGEST_UNCERTAINTY = 0.1
-"""Largest uncertainty of log|G| in a band; less certain bands, such as where the sweep fades out,
-only blur the plot."""
+"""Largest uncertainty of log|G| in a band. Less certain bands, for example where the sweep fades
+out, are omitted from the plot."""
 BANDWIDTH_SHARE = 0.25
-"""Largest width of a band relative to the resonance's half width ζ·f_n: beyond it the mean over the
-band cuts the peak by more than 0.6 %."""
+"""Largest width of a band relative to the resonance's half width ζ·f_n. In wider bands the mean
+lowers the peak by more than 0.6 %."""
 
 SWING_S, REST_S = 0.05, 0.5
-"""Spans whose swings are compared, and the rests at both ends from which they are counted."""
+"""Duration, in s, of the intervals whose swings are compared, and of the rests at both ends that
+define the zero of the swings."""
 LARGE = 0.2
-"""Smallest swing relative to the largest: smaller ones are near the noise."""
+"""Smallest swing that is compared, relative to the largest. Smaller swings are near the noise."""
 LEAST_EVENNESS = 0.9
-"""Least ratio of the upward to the downward swing, or its inverse. A free arm has 0.95 and more: a
-sweep moves the middle of a hysteresis."""
+"""Smallest ratio of the upward to the downward swing, or its inverse. Free arms have 0.95 and more,
+since a sweep shifts the middle of a hysteresis loop."""
 
 Column = NDArray[np.float64]
 
@@ -50,16 +52,16 @@ class SweptMode:
 
     model: SecondOrder
     small_signal_gain_um_per_V: float
-    """Gain at low frequency and the sweep's amplitude, in µm/V; below d_p at a larger drive,
-    because of hysteresis."""
+    """Gain at low frequency and the sweep's amplitude, in µm/V. It is below the d_p of a larger
+    drive because of hysteresis."""
     delay_s: float
     """Delay τ from the drive to the reading, in s."""
     hysteresis_phase_rad: float
     """Phase lag φ_h that is the same at every frequency, in rad."""
     coherence: float
-    """Median over the bands of the share of the motion that the drive explains."""
+    """Median over the bands of the fraction of the motion that the drive explains."""
     residual_percent: float
-    """R.m.s. deviation of the magnitude from the model, in %, with the weights of the fit."""
+    """R.m.s. deviation of the magnitude from the model, in %, weighted as in the fit."""
     frequency_hz: Column
     magnitude_db: Column
     """Magnitude in dB relative to 1 µm/V."""
@@ -83,8 +85,8 @@ def swept_mode(
     Raises
     ------
     ValueError
-        As ``swept_response`` and ``fit_second_order``, and where the record is so short that its
-        bands are too wide for the resonance that is found.
+        For the reasons given in ``swept_response`` and ``fit_second_order``, and if the record is
+        so short that its bands are too wide for the resonance.
     """
     require_positive("sampling rate", rate_hz, "Hz")
     duration_s = len(x_um) / rate_hz
@@ -117,17 +119,17 @@ def swept_mode(
 
 
 def require_even_swing(x_um: Column, rate_hz: float) -> None:
-    """Refuse a sweep with more swing to one side, since an obstacle is at the other.
+    """Refuse a sweep with a larger swing to one side, since an obstacle must be at the other side.
 
     Raises
     ------
     ValueError
-        Where, at the resonance or in the median of all large swings, up and down differ by more
-        than ``LEAST_EVENNESS`` admits.
+        If the ratio of upward and downward swing is below ``LEAST_EVENNESS`` at the resonance or in
+        the median of all large swings.
     """
     span, rest = max(1, round(SWING_S * rate_hz)), max(1, round(REST_S * rate_hz))
     if len(x_um) < 2 * rest + span:
-        return  # too short for a mode as well, whose fit reports it
+        return  # also too short for a mode, which the fit reports
     ends = (float(np.mean(x_um[:rest])), float(np.mean(x_um[-rest:])))
     about = x_um - np.linspace(*ends, len(x_um))
     spans = about[: len(about) // span * span].reshape(-1, span)
@@ -147,7 +149,7 @@ def require_even_swing(x_um: Column, rate_hz: float) -> None:
 
 
 def _sure(response: FrequencyResponse) -> FrequencyResponse:
-    """Return the significant bands, or all bands where fewer than the fit needs are significant."""
+    """Return the significant bands, or all bands if too few for the fit are significant."""
     kept = response.log_gain_uncertainty <= LARGEST_UNCERTAINTY
     if int(np.sum(kept)) < FEWEST_BANDS // 2:
         return response
@@ -161,7 +163,7 @@ def _sure(response: FrequencyResponse) -> FrequencyResponse:
 def _drawn(response: FrequencyResponse, model: SecondOrder) -> SweptMode:
     f = response.frequency_hz
     fitted = model.gain_at(f)
-    # A lower bound of the uncertainty prevents one clean band from deciding alone.
+    # A lower bound of the uncertainty prevents a single clean band from dominating the fit.
     weights = 1.0 / np.maximum(
         response.log_gain_uncertainty, float(np.median(response.log_gain_uncertainty))
     )
@@ -171,7 +173,7 @@ def _drawn(response: FrequencyResponse, model: SecondOrder) -> SweptMode:
     phase, delay_s = float(solution[0]), float(solution[1])
     delayed = fitted * np.exp(-1j * (columns @ solution))
     residuals = np.asarray(model.residuals)
-    # u² = (1 - γ²)/(2·n·γ²), of which n is about LINES_PER_BAND.
+    # u² = (1 - γ²)/(2·n·γ²), where n is about LINES_PER_BAND.
     squares = 2.0 * LINES_PER_BAND * response.log_gain_uncertainty**2
     return SweptMode(
         model=model,

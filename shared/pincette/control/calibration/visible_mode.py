@@ -1,4 +1,4 @@
-"""Test whether samples at a period show the mode.
+"""Test whether samples at a period resolve the mode.
 
 It is a separate module, so that a request does not load NumPy.
 """
@@ -6,16 +6,16 @@ It is a separate module, so that a request does not load NumPy.
 from math import pi
 
 NYQUIST_SHARE = 0.95
-"""Share of half the sampling rate below which the mode must lie."""
+"""Fraction of half the sampling rate below which the mode must lie."""
 
 
 def shows_mode(natural_frequency_rad_per_s: float, period_s: float) -> bool:
-    """Return whether the mode lies below half the sampling rate, with some room."""
+    """Return whether the mode lies below half the sampling rate, with some margin."""
     return natural_frequency_rad_per_s * period_s <= NYQUIST_SHARE * pi
 
 
 def require_visible(natural_frequency_rad_per_s: float, period_s: float) -> None:
-    """Refuse a period at which samples do not show the mode; raises ValueError with a remedy."""
+    """Refuse a period at which samples do not resolve the mode; raises ValueError with a remedy."""
     mode_hz = natural_frequency_rad_per_s / (2.0 * pi)
     if not shows_mode(natural_frequency_rad_per_s, period_s):
         longest_s = NYQUIST_SHARE * 0.5 / mode_hz

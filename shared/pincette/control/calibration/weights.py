@@ -1,10 +1,10 @@
-"""Compliance from known weights, hung up and taken down, so that drift and creep cancel.
+"""Compliance from known weights, attached and removed in steps, so that drift and creep cancel.
 
     x = x_0 - s_p·F + drift·t                                               (55), with its drift
 
-A weight pulls as a contact presses: the arm gives way towards falling x. Weights that go up and
-come back by the same steps are uncorrelated with time, so that the drift does not change s_p.
-Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
+A weight acts in the same direction as a contact force: the arm moves towards smaller x. Weights
+that increase and decrease by the same steps are uncorrelated with time, so that the drift does not
+affect s_p. Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
 
 from collections.abc import Sequence
@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from pincette.control.checks import require_not_negative, require_positive
 
 LEAST_STEPS = 4
-"""Least number of steps: one more than the number of coefficients."""
+"""Smallest number of steps: one more than the number of coefficients."""
 LEAST_EVENNESS = 0.9
 """Smallest ratio of the compliance under the lightest weights to that under the heaviest."""
 SURE = 5.0
-"""Least difference between the two compliances, in standard uncertainties."""
+"""Smallest difference between the two compliances that is significant, in standard
+uncertainties."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +31,8 @@ class WeighedCompliance:
 
     compliance_um_per_mN: float
     uncertainty_um_per_mN: float
-    """Standard uncertainty, in µm/mN: the larger of line scatter and reading noise, combined with
-    that of the weights."""
+    """Standard uncertainty, in µm/mN: the larger one of line scatter and reading noise, combined
+    with the uncertainty of the weights."""
     rest_um: float
     """Position x_0 without a weight at the first step, in µm."""
     drift_um_per_s: float
@@ -54,16 +55,16 @@ def weighed_compliance(
     Parameters
     ----------
     noise_um
-        Standard uncertainty of one mean position; lower bound of the scatter.
+        Standard uncertainty of one mean position, used as a lower bound of the scatter.
     weight_uncertainty
         Relative standard uncertainty that is common to all weights.
 
     Raises
     ------
     ValueError
-        If lengths disagree, there are fewer than ``LEAST_STEPS``, a number is not finite,
-        weight and time cannot be told apart, s_p is not positive, or the arm gives way less
-        under light weights than under heavy ones, as it does until it leaves a part.
+        If lengths disagree, there are fewer than ``LEAST_STEPS``, a number is not finite, weight
+        and time cannot be distinguished, s_p is not positive, or the compliance is smaller under
+        light weights than under heavy ones, as it is while the arm rests against a part.
     """
     F, x, t = (np.asarray(values, dtype=float) for values in (weight_mN, x_um, t_s))
     if not len(F) == len(x) == len(t):
@@ -102,7 +103,7 @@ def weighed_compliance(
 
 
 def _require_straight(F: NDArray[np.float64], x: NDArray[np.float64], noise_um: float) -> None:
-    """Refuse weights of which the light ones bend the arm less per mN than the heavy ones.
+    """Refuse weights if the light ones deflect the arm less per mN than the heavy ones.
 
     Two positions under one weight show their repeatability.
     """

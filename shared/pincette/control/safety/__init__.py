@@ -2,6 +2,6 @@
 
 Read ``causes`` for modes and causes, ``state`` for the state, ``admission`` for which commands may
 act, ``voltage`` and ``monitors`` for the limits, ``latch`` for trips and resets, ``freshness`` for
-ages, and ``watchdog_feed`` for the hardware's own watchdog. Everything is scalars and small frozen
-records: no message, no clock. Where the time is an argument it is monotonic, in s.
+ages, and ``watchdog_feed`` for the hardware's own watchdog. All functions use only scalars and
+small frozen records, no messages and no clock. Times passed as arguments are monotonic, in s.
 """

@@ -1,8 +1,8 @@
-"""Admission of commands: authority, numbers, order, sample, age; and the effect of accepted ones.
+"""Admission of commands: authority, numbers, order, sample, age; and the effect of an accepted one.
 
-A command is considered only from the owner and in the epoch that the arming named. Its facts about
-its sample are compared with the hard limits whether it is valid or not; then it is accepted or
-refused.
+A command is considered only if it comes from the owner and belongs to the epoch of the arming. The
+force and target that it reports for its sample are compared with the hard limits, whether it is
+valid or not. Then it is accepted or refused.
 """
 
 from itertools import chain, repeat
@@ -51,13 +51,13 @@ class CommandFacts(FrozenRecord, frozen=True):
     epoch: int
     owner: int
     seq: int
-    """Number of the sample on which it is based."""
+    """Number of the sample that the command is based on."""
     arms: tuple[ArmFacts, ...]
     part_held: bool
     final: bool
     valid: bool
     fault: Fault | None = None
-    """Why the command is not valid; None if it is valid, or does not say."""
+    """Reason why the command is not valid; None if it is valid or states no reason."""
     sweep_V: float | None = None
     """Amplitude of a sweep about the voltage of the first arm, in V; None without a sweep."""
 
@@ -67,12 +67,12 @@ def sampled(
 ) -> S:
     """Add a sample of this epoch and compare the position of each arm with its limits.
 
-    An older or equal number changes nothing.
+    A sample with an older or equal number changes nothing.
 
     Parameters
     ----------
     x_um
-        Position of each arm; None where it was no measurement.
+        Position of each arm; None if it was not measured.
     """
     arrivals = with_sample(state.arrivals, seq, now, x_um)
     if arrivals is state.arrivals:
@@ -94,7 +94,7 @@ def sampled(
 
 
 def _watched(state: S, index: int, watches: Watches) -> S:
-    """Return the state with other observations of one arm."""
+    """Return the state with new observations of one arm."""
     arms = list(state.arms)
     arms[index] = replace(arms[index], watches=watches)
     return replace(state, arms=tuple(arms))
@@ -105,10 +105,10 @@ def _tripped(limits: SafetyLimits, state: S, index: int, found: Finding, now: fl
 
 
 def authority_fault(state: SafetyState, command: CommandFacts) -> Fault | None:
-    """Return why a command is ignored; None if it is considered.
+    """Return the reason why a command is ignored; None if it is considered.
 
-    It is ignored without authority, or so far ahead of the samples that it cannot have overtaken
-    its own.
+    A command is ignored if it has no authority, or if its sample number is so far ahead that it
+    cannot simply have arrived before its sample.
     """
     if command.epoch != state.epoch:
         return fault(FaultCode.OTHER_EPOCH, epoch=command.epoch, armed_epoch=state.epoch)
@@ -121,9 +121,9 @@ def authority_fault(state: SafetyState, command: CommandFacts) -> Fault | None:
 
 
 def reject(state: S, command: CommandFacts, why: Fault) -> S:
-    """Count an ignored command; several commands of another sender raise an alarm.
+    """Count an ignored command; several of them raise an alarm about another sender.
 
-    An invalid command requests nothing: a controller sends one for every sample before it is armed.
+    Invalid commands do not count, since a controller sends one for every sample before it is armed.
     """
     if not command.valid:
         return state
@@ -132,14 +132,14 @@ def reject(state: S, command: CommandFacts, why: Fault) -> S:
 
 
 def is_future(state: SafetyState, command: CommandFacts) -> bool:
-    """Return whether a command has overtaken its sample, and must wait for it."""
+    """Return whether a command has arrived before its sample, and must wait for it."""
     return command.seq > newest_seq(state.arrivals)
 
 
 def judged(limits: SafetyLimits, state: S, command: CommandFacts, now: float) -> S:
-    """Accept a command with authority, or refuse it, or trip by its facts about the sample.
+    """Accept or refuse a command with authority, or trip by the values it reports for its sample.
 
-    An invalid command is never accepted; its reason is stored for the trip that may follow.
+    An invalid command is never accepted; its reason is stored for a trip that may follow.
     """
     if why := unusable(limits, command):
         why = why.with_values(seq=command.seq)
@@ -149,7 +149,7 @@ def judged(limits: SafetyLimits, state: S, command: CommandFacts, now: float) ->
         state = _monitored(limits, state, command, sample, now)
     if not command.valid:
         return replace(state, blind=command.fault)
-    # A sample that was lost on its way is at most as old as the one before it.
+    # The age of a lost sample is at most that of the sample before it.
     oldest = sample or arrival_of(state.arrivals, command.seq - 1)
     why = objection(limits, state, command, oldest, now)
     if why or oldest is None:
@@ -158,10 +158,10 @@ def judged(limits: SafetyLimits, state: S, command: CommandFacts, now: float) ->
 
 
 def unusable(limits: SafetyLimits, command: CommandFacts) -> Fault | None:
-    """Return why the numbers of a command may not be used; None if all may.
+    """Return the reason why a number of a command cannot be used; None if all can.
 
-    A command has numbers for each arm of the rig: no arm is moved alone because the command leaves
-    the other out. A command that is not valid requests nothing, so it may leave arms out.
+    A valid command must have numbers for each arm of the rig, since no arm may be moved alone. An
+    invalid command requests nothing, so it may omit arms.
     """
     for index, (own, arm) in enumerate(zip(limits.arms, command.arms, strict=False)):
         if why := nonsense(own.voltage, arm.voltage_V, arm.force_mN, arm.x_d_um):
@@ -175,7 +175,7 @@ def unusable(limits: SafetyLimits, command: CommandFacts) -> Fault | None:
 def nonsense(
     limits: VoltageLimits, voltage_V: float, force_mN: float | None, x_d_um: float | None
 ) -> Fault | None:
-    """Return why a number of one arm's command may not be used; None if all may."""
+    """Return the reason why a number for one arm cannot be used; None if all can."""
     if why := absurd(limits, voltage_V):
         return why
     if force_mN is not None and not isfinite(force_mN):
@@ -188,7 +188,7 @@ def nonsense(
 def _monitored(
     limits: SafetyLimits, state: S, command: CommandFacts, sample: Arrival, now: float
 ) -> S:
-    """Compare force and aim of each arm with its limits; only the force ends a freeze."""
+    """Compare force and target of each arm with its limits; only the force can end a freeze."""
     if state.mode not in (Mode.ARMED, Mode.FROZEN):
         return state
     arms = zip(limits.arms, command.arms, chain(sample.x_um, repeat(None)), strict=False)
@@ -218,7 +218,7 @@ def objection(
     sample: Arrival | None,
     now: float,
 ) -> Fault | None:
-    """Return why a valid command with authority is not accepted; None if it is."""
+    """Return the reason why a valid command with authority is not accepted; None if it is."""
     if state.mode != Mode.ARMED:
         return fault(FaultCode.NOT_ARMED, seq=command.seq)
     if command.seq <= state.taken_seq:
@@ -235,16 +235,17 @@ def objection(
 
 
 def parts_s(limits: SafetyLimits, sample: Arrival, now: float) -> float:
-    """Return the duration of a step's parts if it is written at ``now``; 0 for a single part.
+    """Return the duration of a step in parts that is written at ``now``; 0 for a single part.
 
-    A step whose last part would be a period old, and come after the next sample, is written at
-    once. The estimate of that sample would otherwise assume a voltage that is not there yet.
+    If the last part would be written a period after the sample of the command or later, and so
+    after the next sample, the step is written in one part. Otherwise the estimate for the next
+    sample would assume a voltage that is not yet output.
     """
     return limits.parts_s if now - sample.at_s + limits.parts_s < limits.period_s else 0.0
 
 
 def _taken(limits: SafetyLimits, state: S, command: CommandFacts, sample: Arrival, now: float) -> S:
-    """Apply a good command; ``final`` ends the arming and keeps the voltage."""
+    """Apply an accepted command; ``final`` ends the arming and keeps the voltage."""
     if state.shaped is not None:
         state = broken_off(limits, state, now)
     had_s, share = None, 1.0

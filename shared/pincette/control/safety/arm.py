@@ -1,8 +1,8 @@
-"""Facts about one arm for the safety rules: its limits, its voltage and its samples.
+"""Data about one arm for the safety rules: its limits, its voltage and its samples.
 
-All arms of a rig share one latch, one mode and one cause: what trips one arm trips all, a freeze
-keeps all voltages, and a ramp releases all arms in the same time. No part is released on one side
-alone, so no output is written while the voltage of any output is unknown.
+All arms of a rig share one latch, one mode and one cause: a fault of one arm trips all, a freeze
+keeps all voltages, and a ramp releases all arms in the same time. A part must not be released on
+one side only, so no output is written while the voltage of any output is unknown.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class ArmLimits:
 
 
 class ArmOutput(FrozenRecord, frozen=True):
-    """Voltage of one arm, and the state of its rules from one event to the next."""
+    """Voltage of one arm, and the state of its rules between events."""
 
     voltage_V: float = 0.0
     ramp_from_V: float = 0.0
@@ -32,11 +32,11 @@ class ArmOutput(FrozenRecord, frozen=True):
     """Bits of the voltage limits that acted on the newest command."""
     watches: Watches = UNSEEN
     planned: VoltageRange | None = None
-    """Voltages stated by the plan of this arming; None for the limits of the rig."""
+    """Voltage range of the plan for this arming; None for the limits of the rig."""
 
 
 class ArmFacts(FrozenRecord, frozen=True):
-    """Facts about one arm's part of a command, for the safety rules."""
+    """Values for one arm in a command, as used by the safety rules."""
 
     voltage_V: float
     force_mN: float | None = None
@@ -44,7 +44,7 @@ class ArmFacts(FrozenRecord, frozen=True):
 
 
 def with_arm(found: Fault, arm: int) -> Fault:
-    """Return the fault with the number of its arm, unless that is the first one.
+    """Return the fault with the number of its arm, except for the first arm.
 
     Parameters
     ----------

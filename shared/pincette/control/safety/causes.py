@@ -14,18 +14,18 @@ class Mode(StrEnum):
 
 
 TRIPPED = frozenset({Mode.FROZEN, Mode.RAMPING, Mode.LATCHED})
-"""Modes in the safe state, or on the way there."""
+"""Modes in the safe state or during the transition to it."""
 AT_REST = frozenset({Mode.IDLE, Mode.LATCHED})
-"""Modes in which no command is accepted and the voltage does not move."""
+"""Modes in which no command is accepted and the voltage is constant."""
 
 
 class Cause(StrEnum):
-    """Why a rig is latched; the accompanying faults have the numbers."""
+    """Reason why a rig is latched; the accompanying faults contain the numbers."""
 
     NONE = ""
     """Not tripped."""
     BOOT = "boot"
-    """The actuator has just started, and no previous one has died."""
+    """The actuator has just started, and the previous one has not died."""
     COMMAND_AGE = "command_age"
     """No command arrived in time."""
     FORCE = "force"
@@ -37,11 +37,11 @@ class Cause(StrEnum):
     DEVICE = "device"
     """The voltage output failed or refused a command."""
     SUSPEND = "suspend"
-    """The machine was suspended: what happened to arm and part meanwhile is unknown."""
+    """The machine was suspended; it is not known what happened to arm and part in the meantime."""
     SHUTDOWN = "shutdown"
-    """The program was requested to end."""
+    """The program was asked to end."""
     RESTART = "restart"
-    """The actuator was restarted after the previous one had died."""
+    """The actuator was started after the previous one had died."""
     ESTOP = "estop"
     ABORT = "abort"
     LEASE = "lease"
@@ -51,14 +51,14 @@ class Cause(StrEnum):
 
 
 class Predecessor(StrEnum):
-    """How the previous actuator program has ended."""
+    """The way the previous actuator program ended."""
 
     NONE = "none"
     """No previous program is known."""
     CLEAN = "clean"
-    """It ended on request, with the arm free and no latch that an operator had not seen."""
+    """It ended on request, with the arm free and without a latch unknown to an operator."""
     DIED = "died"
-    """It was killed, failed, or left an unseen latch; or the note is damaged."""
+    """It was killed, failed, or left a latch unknown to an operator; or the note is damaged."""
 
 
 CAUSES = tuple(cause for cause in Cause if cause != Cause.NONE)
@@ -76,17 +76,18 @@ OWN = frozenset(
         Cause.RESTART,
     }
 )
-"""Causes that only the actuator itself finds."""
+"""Causes that only the actuator itself can detect."""
 BOOTED = frozenset({Cause.BOOT, Cause.RESTART})
-"""Causes of an actuator that has itself detected no fault."""
+"""Causes that are set at the start, without a detected fault."""
 LETS_GO = frozenset({Cause.FORCE})
-"""Causes for which a held part is released at once: a freeze would continue to press."""
+"""Causes after which a held part is released at once, because a freeze would continue to press
+it."""
 
 
 def as_asked(cause: Cause) -> Cause:
-    """Return the cause of a trip that another program requests.
+    """Return the cause to report for a trip that another program requests.
 
-    A cause that only the actuator itself can detect is reported as ``ASKED``: a rig that has only
-    booted is cleared more easily than one that was tripped.
+    A cause that only the actuator itself can detect is replaced by ``ASKED``. Otherwise a request
+    could use the cause of a start, which is easier to reset than a trip.
     """
     return Cause.ASKED if not cause or cause in OWN else cause

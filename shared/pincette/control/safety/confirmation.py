@@ -1,9 +1,9 @@
-"""Unconfirmed output voltages: they are read back first, and moved only then.
+"""Handling of unconfirmed output voltages: they are read back before they are changed.
 
-A write that failed may have had an effect or not, and an output that is back may have lost its
-voltage with its supply. The present voltage is then unknown, and any write may be a step. So
-nothing is written until the output has reported its voltage. The request is repeated, with samples
-or without, and the ramp begins from the reported voltage.
+A failed write may or may not have had an effect, and an output that responds again may have lost
+its voltage with its supply. The present voltage is then unknown, and any write could cause a step.
+So nothing is written until the output has reported its voltage. The request is repeated, whether
+samples arrive or not, and the ramp begins at the reported voltage.
 """
 
 from typing import TypeVar
@@ -21,19 +21,19 @@ S = TypeVar("S", bound=SafetyState)
 
 
 READ_BACK_V = 0.01
-"""Largest difference between a voltage and its read-back that counts as rounding, in V."""
+"""Largest difference between a voltage and its read-back that is attributed to rounding, in V."""
 
 
 def waits_for_read_back(limits: SafetyLimits, state: SafetyState) -> bool:
     """Return whether the output must be read back before it is written again.
 
-    In lockstep it never must: there a write ends the tick and a failure ends the run.
+    In lockstep it need not be: there a write ends the tick, and a failure ends the run.
     """
     return not_located(limits, state) and state.mode in TRIPPED
 
 
 def read_back_due(limits: SafetyLimits, state: SafetyState, now: float) -> bool:
-    """Return whether to request a read-back now: at once, and then once a period."""
+    """Return whether to request a read-back now: immediately, and then once per period."""
     return waits_for_read_back(limits, state) and now - state.asked_s >= limits.period_s
 
 
@@ -43,10 +43,10 @@ def failed(state: S) -> S:
 
 
 def begun(limits: SafetyLimits, state: S, found_V: tuple[float, ...]) -> S:
-    """Begin from the voltages at the outputs of the arms.
+    """Initialise the state from the voltages at the outputs of the arms.
 
-    An output whose voltage is nearer to the safe voltage than to the commanded one has released a
-    part without a command.
+    If the voltage of an output is nearer to the safe voltage than to the commanded one, the output
+    has released a part without a command.
     """
     arms: list[ArmOutput] = []
     let_go = False
@@ -59,7 +59,7 @@ def begun(limits: SafetyLimits, state: S, found_V: tuple[float, ...]) -> S:
 
 
 def differs(state: SafetyState, found_V: tuple[float, ...]) -> bool:
-    """Return whether an output differs from the voltage it was given by more than rounding."""
+    """Return whether an output differs from its commanded voltage by more than rounding."""
     return any(
         abs(read_V - arm.voltage_V) > READ_BACK_V
         for arm, read_V in zip(state.arms, found_V, strict=True)
@@ -67,12 +67,12 @@ def differs(state: SafetyState, found_V: tuple[float, ...]) -> bool:
 
 
 def found(limits: SafetyLimits, state: S, found_V: tuple[float, ...], now: float) -> S:
-    """Continue from the voltages that the outputs have read back.
+    """Continue from the voltages that were read back from the outputs.
 
-    A ramp begins again from there, including one of an already latched actuator, and stays
-    unconfirmed until a write of it is confirmed. A freeze, and the latch of a boot, keep the
-    voltages. But where one of two outputs has released a part without a command, a freeze ends: the
-    other follows.
+    A ramp restarts from these voltages, even if the actuator was already latched, and stays
+    unconfirmed until one of its writes is confirmed. A freeze, and the latch set at startup, keep
+    the voltages. But if one of two outputs has released a part without a command, a freeze ends, so
+    that the other output releases it too.
     """
     was_held = state.part_held
     state = replace(begun(limits, state, found_V), unconfirmed=False, located=True)
@@ -89,9 +89,9 @@ def found(limits: SafetyLimits, state: S, found_V: tuple[float, ...], now: float
 
 
 def suspended(limits: SafetyLimits, state: S, slept_s: float, now: float) -> S:
-    """Trip an armed actuator after a suspension, which no age shows and no allowance excuses.
+    """Trip an armed actuator after a suspension, which no age shows and no allowance covers.
 
-    The output's own watchdog may have acted meanwhile, so that it is read back first.
+    The watchdog of the output may have acted in the meantime, so the output is read back first.
     """
     suspension = fault(FaultCode.SUSPENDED, slept_s=slept_s)
     if state.mode == Mode.ARMED:
@@ -100,10 +100,10 @@ def suspended(limits: SafetyLimits, state: S, slept_s: float, now: float) -> S:
 
 
 def needs_no_write(state: SafetyState) -> bool:
-    """Return whether no write is needed: the voltage is to stay, or is the confirmed safe one.
+    """Return whether no write is needed: the voltage stays, or is the confirmed safe voltage.
 
-    An output that has reported the safe voltage since its failure, and may refuse commands, is not
-    written again. A step that was broken off between two parts must be written.
+    An output that has reported the safe voltage since its failure is not written again, because it
+    may refuse commands. A step that was interrupted between two parts must be written.
     """
     if state.interrupted:
         return False

@@ -1,8 +1,9 @@
-"""Age of a command, by the clock and by its sample number, and the allowed standstill.
+"""Age of a command, by the clock and by its sample number, and the allowance for stalls.
 
-A command is as old as the sample that it is based on, whose age counts from its arrival here: no
-two limits add up, and no clocks of two programs are compared. The clock detects a command that is
-late; the numbers detect one that comes out of a queue with the samples of its time.
+The age of a command is that of the sample it is based on, counted from the arrival of the sample at
+the actuator. So limits do not add up, and clocks of different programs are not compared. The clock
+detects a late command. The sample numbers detect a command that was queued together with samples of
+the same time.
 """
 
 from dataclasses import dataclass
@@ -11,12 +12,12 @@ from pincette.control.faults import Fault, FaultCode, fault
 from pincette.control.record import FrozenRecord
 
 ARRIVALS_KEPT = 8
-"""Number of samples that are kept. A command further ahead has not overtaken its sample; it is
-wrong."""
+"""Number of samples that are kept. A command that is further ahead cannot just have arrived before
+its sample; it is wrong."""
 
 
 class Arrival(FrozenRecord, frozen=True):
-    """A sample that has arrived here."""
+    """A sample that has arrived at the actuator."""
 
     seq: int
     at_s: float
@@ -29,27 +30,27 @@ Arrivals = tuple[Arrival, ...]
 
 @dataclass(frozen=True, slots=True)
 class AgeLimits:
-    """Limits of the age of a command, and of the time until the first one."""
+    """Limits for the age of a command, and for the time until the first one."""
 
     limit_s: float
     limit_ticks: int
     grace_s: float
     wake_s: float
-    """Interval at which the actuator checks its clock, in s; twice that is a standstill."""
+    """Interval at which the actuator checks its clock, in s. Twice this interval counts as a
+    stall."""
     excused_s: float
-    """Time of its own standstill that is subtracted from an age, from one command to the next, in
-    s."""
+    """Largest time of its own stalls that is subtracted from ages between two commands, in s."""
 
 
 def newest_seq(arrivals: Arrivals) -> int:
-    """Return the number of the newest sample; -1 before the first."""
+    """Return the number of the newest sample; -1 before the first one."""
     return arrivals[-1].seq if arrivals else -1
 
 
 def skipped_seq(arrivals: Arrivals, seq: int) -> int:
-    """Return the number before a new sample's, if that sample did not arrive.
+    """Return the number before that of a new sample if the sample with it did not arrive.
 
-    Returns -1 if none is missing.
+    Returns -1 if no sample is missing.
     """
     newest = newest_seq(arrivals)
     return seq - 1 if 0 <= newest < seq - 1 else -1
@@ -58,14 +59,14 @@ def skipped_seq(arrivals: Arrivals, seq: int) -> int:
 def with_sample(
     arrivals: Arrivals, seq: int, at_s: float, x_um: tuple[float | None, ...]
 ) -> Arrivals:
-    """Add a sample; older and equal numbers change nothing."""
+    """Add a sample; a sample with an older or equal number changes nothing."""
     if seq <= newest_seq(arrivals):
         return arrivals
     return (*arrivals[1 - ARRIVALS_KEPT :], Arrival(seq, at_s, x_um))
 
 
 def arrival_of(arrivals: Arrivals, seq: int) -> Arrival | None:
-    """Return the sample of a number; None if it has not arrived, or not recently."""
+    """Return the sample with a number; None if it has not arrived, or is no longer kept."""
     for arrival in arrivals:
         if arrival.seq == seq:
             return arrival
@@ -73,7 +74,7 @@ def arrival_of(arrivals: Arrivals, seq: int) -> Arrival | None:
 
 
 def too_old(limits: AgeLimits, arrivals: Arrivals, sample: Arrival, now: float) -> Fault | None:
-    """Return why a command based on ``sample`` is too old; None if it is not too old."""
+    """Return the reason why a command based on ``sample`` is too old; None if it is not."""
     age_s = now - sample.at_s
     if age_s > limits.limit_s:
         return fault(FaultCode.COMMAND_TOO_LATE, age_s=age_s, limit_s=limits.limit_s)
@@ -86,10 +87,10 @@ def too_old(limits: AgeLimits, arrivals: Arrivals, sample: Arrival, now: float) 
 
 
 def standstill_s(limits: AgeLimits, slept_s: float, excused_s: float) -> float | None:
-    """Return the time since the actuator's last run that is subtracted from ages, in s, or None.
+    """Return the time to subtract from ages for a stall before this run, in s, or None.
 
-    During a standstill of the machine a command on its way could not arrive, and a ramp would jump
-    after it.
+    During a stall of the machine a command that was sent could not arrive, and without the
+    subtraction a ramp would jump after the stall.
     """
     stood_s = slept_s - limits.wake_s
     if stood_s <= limits.wake_s:

@@ -1,14 +1,15 @@
 """Arming, trip, freeze, ramp, latch and reset: the modes and the transitions between them.
 
-The reaction to a trip is determined before the fault: the last good command states whether a part
-is held. With the arm free the voltage ramps to the safe value. With a part held it is frozen, for a
-bounded time and up to a bounded force, and then ramped, unless the cause requires an immediate
-release. In both cases the actuator is latched until an operator resets it, and nothing resumes
-automatically. A reset during a freeze keeps the part, at the voltage that holds it.
+The reaction to a trip is determined before the fault: the last accepted command states whether a
+part is held. If the arm is free, the voltage ramps to the safe value. If a part is held, the
+voltage is frozen for a limited time and up to a limited force, and then ramped, unless the cause
+requires an immediate release. In both cases the actuator is latched until an operator resets it,
+and nothing resumes automatically. A reset during a freeze keeps the part, at the voltage that holds
+it.
 
-The latch of a boot needs no acknowledgement if there was no actuator before, or if the last one
-ended on request without anything to see. After any other end it is the latch of a program that
-died.
+The latch set at startup needs no acknowledgement if there was no actuator before, or if the last
+one ended on request without anything to report. After any other end the cause is that the previous
+program died.
 """
 
 from itertools import chain, repeat
@@ -28,15 +29,15 @@ S = TypeVar("S", bound=SafetyState)
 
 
 def booted(state: S, predecessor: Predecessor) -> S:
-    """Begin latched; the cause is a restart if the previous program has died."""
+    """Latch at startup; the cause is a restart if the previous program has died."""
     cause = Cause.RESTART if predecessor is Predecessor.DIED else Cause.BOOT
     return replace(state, cause=cause, predecessor=predecessor)
 
 
 def ending(state: SafetyState) -> Predecessor:
-    """Return how an actuator that ends in this state is reported to the next one.
+    """Return how an actuator that ends in this state is reported to its successor.
 
-    One whose latch has not been cleared counts as the one before it.
+    If the latch of its own start has not been reset, the report about its predecessor is passed on.
     """
     if state.part_held or state.unconfirmed:
         return Predecessor.DIED
@@ -48,10 +49,10 @@ def ending(state: SafetyState) -> Predecessor:
 
 
 def arming_objection(state: SafetyState) -> str:
-    """Return why the actuator may not be armed; empty if it may.
+    """Return the reason why the actuator may not be armed; empty if it may.
 
-    If the program that armed it left before the loop began, no sample ends that arming: another
-    arming replaces it.
+    If the program that armed the actuator ended before the loop began, no sample can end that
+    arming, so another arming may replace it.
     """
     if state.mode == Mode.IDLE or (state.mode == Mode.ARMED and not state.arrivals):
         return ""
@@ -70,12 +71,13 @@ def armed(
 ) -> S:
     """Give the authority to one owner for one epoch, with the present voltage and part.
 
-    Until the first command states otherwise a part stays held: a fault before it must not drop it.
+    A held part counts as held until the first command states otherwise: a fault before that must
+    not release it.
 
     Parameters
     ----------
     planned
-        Voltages that the plan has stated for each arm; None: the limits of the rig.
+        Voltage range of the plan for each arm; None: the limits of the rig.
     """
     plans = chain(planned, repeat(None))
     return replace(
@@ -108,10 +110,10 @@ def trip(
     faults: tuple[Fault, ...] = (),
     let_go: bool = False,
 ) -> S:
-    """Begin the safe state, unless it has begun; the first cause is kept.
+    """Enter the safe state, unless already in it; the first cause is kept.
 
-    A part is released only on request, or by the cause itself; then a freeze becomes a ramp at
-    once. Where no tick will come to play a ramp, the safe voltage is set at once.
+    A part is released only on request, or if the cause requires it; a freeze then becomes a ramp
+    immediately. If no more ticks will come to play a ramp, the safe voltage is set immediately.
     """
     let_go = let_go or cause in LETS_GO
     if state.mode == Mode.FROZEN and let_go:
@@ -129,7 +131,7 @@ def trip(
 
 
 def standing_V(limits: SafetyLimits, state: SafetyState, now: float) -> float:
-    """Return the voltage of the first arm, in V; within a step, that of the newest part."""
+    """Return the first arm's voltage, in V; during a step in parts, that of the newest part."""
     step, interval_s = state.shaped, limits.shaping_s
     if step is None or interval_s is None or limits.lockstep:
         return state.arms[0].voltage_V
@@ -137,7 +139,7 @@ def standing_V(limits: SafetyLimits, state: SafetyState, now: float) -> float:
 
 
 def broken_off(limits: SafetyLimits, state: S, now: float) -> S:
-    """End a step that is written in parts at the part that has been output."""
+    """End a step in parts at the part that has been output."""
     if state.shaped is None:
         return state
     voltage_V, (first, *others) = standing_V(limits, state, now), state.arms
@@ -147,9 +149,9 @@ def broken_off(limits: SafetyLimits, state: S, now: float) -> S:
 
 
 def explained(state: S, found: Fault) -> S:
-    """Add late answers of the sensor to the faults of a trip by missing commands.
+    """Add late samples of the sensor to the faults of a trip caused by missing commands.
 
-    The first late answers look lost; only their arrival after the trip shows that they are late.
+    At first late samples look lost; only their arrival after the trip shows that they were late.
     """
     late = any(one.code is FaultCode.INSTRUMENT_LATE for one in state.faults)
     if state.cause != Cause.COMMAND_AGE or state.mode == Mode.ARMED or late:
@@ -160,7 +162,7 @@ def explained(state: S, found: Fault) -> S:
 
 
 def ramped(state: S, now: float) -> S:
-    """Begin the ramp of each arm from its present voltage to the safe one."""
+    """Begin the ramp of each arm from its present voltage to the safe voltage."""
     arms = tuple([replace(arm, ramp_from_V=arm.voltage_V) for arm in state.arms])
     return replace(state, mode=Mode.RAMPING, since_s=now, arms=arms)
 
@@ -174,8 +176,8 @@ def at_safe(limits: SafetyLimits, state: S) -> S:
 def released(state: S, pressed: Fault, now: float) -> S:
     """End a freeze because the part seems to be pressed too hard, and add that to the faults.
 
-    The force follows from the voltage. Where the output does not confirm that, the force is unknown
-    and no number is stated.
+    The force is estimated from the voltage. If the output has not confirmed the voltage, the force
+    is unknown and the fault contains no number.
     """
     values = pressed.values
     if state.unconfirmed:
@@ -187,9 +189,9 @@ def released(state: S, pressed: Fault, now: float) -> S:
 
 
 def reset_objection(limits: SafetyLimits, state: SafetyState, *, acknowledged: bool) -> str:
-    """Return why the latch is not cleared; empty if it may be.
+    """Return the reason why the latch cannot be reset; empty if it can.
 
-    Only the latch of a start after a clean end needs no acknowledgement of its cause.
+    The cause must be acknowledged, except for the latch of a start after a clean end.
     """
     if not acknowledged and (state.mode != Mode.LATCHED or state.cause != Cause.BOOT):
         return "a reset needs acknowledge = true"
@@ -199,10 +201,10 @@ def reset_objection(limits: SafetyLimits, state: SafetyState, *, acknowledged: b
 
 
 def reset(limits: SafetyLimits, state: S) -> S:
-    """Clear the latch; a part that is held stays so, and the voltage with it.
+    """Reset the latch; a held part stays held, at the same voltage.
 
-    In real time a ramp must have ended. In lockstep, where a program has died, no tick will come to
-    end it.
+    In real time a ramp must have ended. In lockstep it need not: if a program has died, no tick
+    will come to end it.
     """
     if state.mode == Mode.RAMPING:
         state = at_safe(limits, state)
@@ -214,10 +216,10 @@ def reset(limits: SafetyLimits, state: S) -> S:
 
 
 def account_for_stall(limits: SafetyLimits, state: S, now: float, busy_s: float = 0.0) -> S:
-    """Record that the actuator runs, and subtract an earlier standstill from every age.
+    """Record that the actuator runs, and subtract an earlier stall from every age.
 
     At rest nothing ages, and the actuator checks its clock less often. The time ``busy_s`` in which
-    its program worked for another service is no standstill.
+    its program worked for another service is not a stall.
     """
     if limits.lockstep or state.ran_s is None or state.mode in AT_REST:
         return replace(state, ran_s=now)
@@ -243,14 +245,14 @@ def not_located(limits: SafetyLimits, state: SafetyState) -> bool:
 
 
 def pass_time(limits: SafetyLimits, state: S, now: float) -> S:
-    """Apply the passing of time: the age limit, the end of a freeze, the ramp."""
+    """Apply the passage of time: the age limit, the end of a freeze, the ramp."""
     if state.mode == Mode.ARMED and now - state.fresh_s > limits.age.limit_s:
         state = trip(limits, state, Cause.COMMAND_AGE, now, faults=_silence(limits, state, now))
     if state.mode == Mode.FROZEN and now - state.since_s >= limits.freeze_s:
         state = ramped(state, now)
     if state.mode != Mode.RAMPING:
         return state
-    # The ramp is one step ahead of its clock, since its first step comes with the trip.
+    # The ramp is one step ahead of its clock, since its first step is made at the trip.
     share = (now - state.since_s + limits.age.wake_s) / limits.ramp_s
     if not_located(limits, state):
         # Nothing is written until the output is read back: see ``confirmation``.
@@ -270,7 +272,7 @@ def _silence(limits: SafetyLimits, state: SafetyState, now: float) -> tuple[Faul
 
 
 def shutdown(limits: SafetyLimits, state: S, now: float) -> tuple[S, bool]:
-    """Ramp to the safe voltage because the program is to end, with or without a part.
+    """Ramp to the safe voltage because the program is about to end, with or without a part.
 
     The second result is True once the voltage is safe.
     """

@@ -1,9 +1,9 @@
 """Monitors that compare force, following error and position with hard limits in each sample.
 
-The hard limits lie beyond those of the controller's guards, so that its gentle reaction comes
-first. A limit acts once it has been exceeded for some samples in a row. A sample with an unknown
-quantity neither counts nor clears. The following error is counted leakily: a sample within its
-bound cancels one beyond it, so that an aim that alternates is detected too.
+The hard limits lie beyond those of the controller's guards, so that the controller's gentler
+reaction comes first. A limit trips once it has been exceeded for several consecutive samples. A
+sample with an unknown quantity neither increments nor resets the count. The count of the following
+error leaks: a sample within the bound decrements it, so that an alternating target is detected too.
 """
 
 from dataclasses import dataclass
@@ -19,42 +19,42 @@ from pincette.control.safety.causes import Cause
 
 @dataclass(frozen=True, slots=True)
 class MonitorLimits:
-    """Hard limits, and the number of samples in a row for which each may be exceeded."""
+    """Hard limits, and the number of consecutive samples for which each may be exceeded."""
 
     period_s: float
     force_mN: float
     force_samples: int
     following_um: float
-    """Largest |x - x_d| while x_d rests, in µm."""
+    """Largest |x - x_d| while x_d is constant, in µm."""
     following_s: float
-    """Increase of that bound with the speed of x_d, in µm per µm/s."""
+    """Increase of that bound per speed of x_d, in µm per µm/s."""
     following_samples: int
     position_min_um: float
     position_max_um: float
     position_samples: int
     fastest_um_per_s: float = inf
-    """Speed of the arm at the slew limit, in µm/s: a faster aim is not a plan's, and does not widen
-    the bound."""
+    """Speed of the arm at the slew limit, in µm/s. A faster target cannot be planned and does not
+    increase the bound further."""
 
 
 class Watch(FrozenRecord, frozen=True):
-    """Count of samples in a row beyond a limit, and the newest excess."""
+    """Number of consecutive samples beyond a limit, and the newest excess."""
 
     count: int = 0
     newest: Fault | None = None
 
     def updated(self, excess: Fault | None) -> "Watch":
-        """Count a sample; one without excess resets the count."""
+        """Count a sample; a sample without excess resets the count."""
         return QUIET if excess is None else Watch(self.count + 1, excess)
 
     def leak(self, excess: Fault | None) -> "Watch":
-        """Count a sample; one without excess decrements the count."""
+        """Count a sample; a sample without excess decrements the count."""
         if excess is not None:
             return Watch(self.count + 1, excess)
         return QUIET if self.count <= 1 else Watch(self.count - 1, self.newest)
 
     def found(self, samples: int) -> Fault | None:
-        """Return the fault if the limit acts, with the number of samples; None if it does not."""
+        """Return the fault, with the number of samples, if the limit trips; otherwise None."""
         if self.newest is None or self.count < samples:
             return None
         return self.newest.with_values(samples=self.count)
@@ -67,20 +67,20 @@ class Watches(FrozenRecord, frozen=True):
     """Observations of each quantity, and the last position that the law requested."""
 
     seq: int = -1
-    """Number of the newest command's sample."""
+    """Number of the sample of the newest command."""
     force: Watch = QUIET
     following: Watch = QUIET
     position: Watch = QUIET
     aim_seq: int = -1
     aim_um: float | None = None
-    """Position x_d of that sample, in µm; None before the first."""
+    """Target position x_d of that sample, in µm; None before the first command."""
 
 
 UNSEEN = Watches()
 
 
 class Finding(NamedTuple):
-    """Why the actuator trips by its own monitors, with the numbers."""
+    """Reason why the actuator's own monitors trip it, with the numbers."""
 
     cause: Cause
     fault: Fault
@@ -98,7 +98,7 @@ def following_excess(
 ) -> Fault | None:
     """Return a fault if |x - x_d| > following_um + following_s·min(|dx_d/dt|, fastest_um_per_s).
 
-    The bound grows with the commanded speed, as that of a machine tool does, since a fast arm lags.
+    The bound grows with the commanded speed, as in machine tools, since a moving arm lags.
     """
     credited_um_per_s = min(speed_um_per_s, limits.fastest_um_per_s)
     bound_um, error_um = limits.following_um + limits.following_s * credited_um_per_s, x_um - x_d_um
@@ -138,7 +138,7 @@ def watch_command(
     x_d_um: float | None,
     force_mN: float | None,
 ) -> Watches:
-    """Update the monitors by a command's facts about its sample; each sample counts once."""
+    """Update the monitors by a command's values for its sample; each sample counts once."""
     if seq <= watches.seq:
         return watches
     force, following = watches.force, watches.following
@@ -154,7 +154,7 @@ def watch_command(
 
 
 def finding(limits: MonitorLimits, watches: Watches) -> Finding | None:
-    """Return the most serious limit that acts; None if none does."""
+    """Return the most serious limit that trips; None if none does."""
     if watches.force is QUIET and watches.position is QUIET and watches.following is QUIET:
         return None
     if found := watches.force.found(limits.force_samples):

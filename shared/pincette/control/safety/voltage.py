@@ -1,4 +1,4 @@
-"""The voltage: its range, its slew, sweeps about it, and the ramp to the safe value."""
+"""Rules for the voltage: range, slew rate, sweeps, and the ramp to the safe value."""
 
 from dataclasses import dataclass, replace
 from math import isfinite
@@ -7,9 +7,10 @@ from pincette.control.faults import Fault, FaultCode, fault
 from pincette.control.voltage_range import VoltageRange
 
 VOLTAGE_MAX, VOLTAGE_MIN, SLEW_UP, SLEW_DOWN = 1, 2, 4, 8
-"""Bits of the limits that have acted."""
+"""Bits of the voltage limits, set if the limit has acted."""
 ABSURD_SPANS = 10.0
-"""Multiple of the range beyond its ends from which a voltage counts as an error."""
+"""Distance beyond the ends of the range, as a multiple of the range, from which a voltage counts as
+an error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,17 +20,18 @@ class VoltageLimits:
     min_V: float
     max_V: float
     slew_V: float
-    """Largest change in a control period and from one command to the next, in V."""
+    """Largest change between two commands, per control period, in V."""
     sweep_V: float
     """Largest amplitude of a sweep, in V, to which the slew limit does not apply."""
     step_V: float = 0.0
-    """Step of the output, whose voltages are its multiples, in V; 0 if not known."""
+    """Voltage step of the output, in V, which can output only its multiples; 0 if not known."""
 
 
 def within(limits: VoltageLimits, planned: VoltageRange | None, present_V: float) -> VoltageLimits:
     """Return the limits narrowed to those of the plan; unchanged without a plan.
 
-    A voltage outside the plan, such as one left by an earlier job, may only come nearer.
+    A voltage outside the plan, for example from an earlier job, may only change towards the planned
+    range.
     """
     if planned is None:
         return limits
@@ -38,10 +40,10 @@ def within(limits: VoltageLimits, planned: VoltageRange | None, present_V: float
 
 
 def slewing_s(period_s: float, since_s: float) -> float:
-    """Return the time since the output's last move that its slew may use, in s.
+    """Return the time since the output's last change that the slew limit applies to, in s.
 
-    It is at most a period: a command after a silence moves no further than one in time. It is
-    rounded to 1 µs, so that a record can state it.
+    It is at most one period: after a pause, a command may move the output no further than a command
+    in time. It is rounded to 1 µs, so that records contain the exact value.
     """
     return round(min(max(since_s, 0.0), period_s), 6)
 
@@ -49,10 +51,10 @@ def slewing_s(period_s: float, since_s: float) -> float:
 def limited(
     limits: VoltageLimits, present_V: float, wanted_V: float, share: float = 1.0
 ) -> tuple[float, int]:
-    """Return the voltage within range and slew, in V, and the bits of the active limits.
+    """Return the voltage limited in range and slew, in V, and the bits of the limits that acted.
 
-    u = clip(clip(wanted, min, max), present - share·slew, present + share·slew), with the share of
-    a period that has passed since.
+    u = clip(clip(wanted, min, max), present - share·slew, present + share·slew), where share is the
+    fraction of a period since the last change.
     """
     flags, slew_V = 0, share * limits.slew_V
     if wanted_V > limits.max_V:
@@ -80,14 +82,14 @@ def _stepped(limits: VoltageLimits, present_V: float, wanted_V: float, slew_V: f
 
 
 def put_out(limits: VoltageLimits, said_V: float) -> float:
-    """Return the true voltage, in V, of an output that reads back a rounded voltage."""
+    """Return the true voltage, in V, of an output whose read-back is rounded."""
     if limits.step_V <= 0.0:
         return said_V
     return round(said_V / limits.step_V) * limits.step_V
 
 
 def absurd(limits: VoltageLimits, wanted_V: float) -> Fault | None:
-    """Return why a voltage is refused rather than limited; None if it may be requested."""
+    """Return the reason why a voltage is refused rather than limited; None if it is not refused."""
     if not isfinite(wanted_V):
         return fault(FaultCode.VOLTAGE_NOT_FINITE, voltage_V=wanted_V)
     room_V = ABSURD_SPANS * (limits.max_V - limits.min_V)
@@ -102,7 +104,7 @@ def absurd(limits: VoltageLimits, wanted_V: float) -> Fault | None:
 
 
 def too_wide(limits: VoltageLimits, about_V: float, amplitude_V: float) -> Fault | None:
-    """Return why a sweep is not played; None if it is."""
+    """Return the reason why a sweep cannot be played; None if it can."""
     if not amplitude_V <= limits.sweep_V:
         return fault(FaultCode.SWEEP_TOO_WIDE, amplitude_V=amplitude_V, limit_V=limits.sweep_V)
     low_V, high_V = about_V - amplitude_V, about_V + amplitude_V
@@ -118,8 +120,9 @@ def too_wide(limits: VoltageLimits, about_V: float, amplitude_V: float) -> Fault
 
 
 def ramp(from_V: float, safe_V: float, share: float) -> float:
-    """Return a ramp's voltage, in V, at ``share`` of its time.
+    """Return the voltage of a ramp, in V, at the fraction ``share`` of its duration.
 
-    u = u_0 + clip(share, 0, 1)·(u_safe - u_0): never beyond either end, whatever the clock reads.
+    u = u_0 + clip(share, 0, 1)·(u_safe - u_0): it is never beyond either end, even if the clock
+    jumps.
     """
     return from_V + min(max(share, 0.0), 1.0) * (safe_V - from_V)

@@ -1,19 +1,20 @@
 """Conditions under which the output's own watchdog receives the host's heartbeat.
 
-A loop that hangs cannot report it. A running loop feeds the watchdog only while its output is as
-the rules require. A ramp, or a safe voltage, that the output does not confirm is left to the
-hardware, which goes to its safe value when the heartbeats end. A freeze is different: it writes
-nothing, and only the heartbeat keeps the part, so the watchdog is fed for the freeze's bounded
-time. A latched actuator holds the safe voltage itself, and goes on feeding. With two arms, a frozen
-one is not fed while the other does not confirm its voltage: an output without a heartbeat releases
-its side, and the other must not be left to press alone.
+A loop that hangs cannot report that it hangs. A running loop feeds the watchdog only while its
+output is as the rules require. If the output does not confirm a ramp or a safe voltage, the loop
+stops feeding, and the hardware goes to its own safe value. During a freeze nothing is written, and
+only the heartbeat keeps the part held, so the watchdog is fed for the limited time of the freeze. A
+latched actuator outputs the safe voltage and continues to feed the watchdog. With two arms, the
+output of a frozen arm is not fed while the other output has not confirmed its voltage: an output
+without a heartbeat releases its side of the part, and the other arm must not press alone.
 """
 
 from pincette.control.safety.causes import Mode
 from pincette.control.safety.state import SafetyLimits, SafetyState
 
 OVERDUE = 2.0
-"""Multiple of the age limit after which an armed actuator that has not tripped counts as hung."""
+"""Age of commands, as a multiple of the age limit, from which an armed actuator that has not
+tripped counts as hung."""
 
 
 def may_kick_watchdog(limits: SafetyLimits, state: SafetyState, now: float) -> bool:

@@ -1,1 +1,1 @@
-"""Stability before motion: the loop as it runs, its worst case, and gains within it."""
+"""Stability before motion: the loop as it runs, its worst case, and a search for gains."""

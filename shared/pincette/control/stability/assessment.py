@@ -1,8 +1,8 @@
 """Stability before motion: whether a law may run on a rig, judged by its worst case.
 
-The laws' backward differences ignore the arm's nearly undamped mode, so that a higher sampling rate
-or another gain is more than a change of a parameter. The criterion is the worst spectral radius of
-the loop as it runs, over intervals of ω_n, K_e and delay.
+The laws' backward differences ignore the arm's nearly undamped mode, so that another sampling rate
+or gain may make the loop unstable. The criterion is the worst spectral radius of the loop as it
+runs, over intervals of ω_n, K_e and delay.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ from pincette.control.stability.worst_case import Intervals, worst_case, worst_s
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """The worst case of a loop, and whether it is good enough to move."""
+    """The worst case of a loop, and whether the loop may run."""
 
     radius: float
     """Spectral radius from one tick to the next."""
@@ -31,13 +31,14 @@ class Assessment:
     case: LoopCase
     """Case with this radius."""
     settling_s: float
-    """Time in which a disturbance falls to 2 % in that case, in s; infinite if it does not."""
+    """Time in which a disturbance decays to 2 % in that case, in s; infinite if it does not
+    decay."""
     reason: str
-    """Why the loop must not run, and what to change; "" if it may run."""
+    """Reason why the loop must not run, and what to change; "" if it may run."""
     sensitivity_peak: float
     """Worst peak M_s; infinite for an unstable loop."""
     limit_peak: float
-    """Limit of the peak M_s; infinite at periods that are long against the mode."""
+    """Limit of the peak M_s; infinite if the period is long compared with that of the mode."""
 
     @property
     def stable(self) -> bool:
@@ -46,18 +47,18 @@ class Assessment:
 
 
 def assess(loop: Loop, intervals: Intervals, limit_radius: float | None = None) -> Assessment:
-    """Judge a loop by its worst case over the intervals, ``widened`` at a short period.
+    """Assess a loop by its worst case over the intervals, ``widened`` at a short period.
 
-    ``limit_radius`` None selects that of the period.
+    ``limit_radius`` None selects the limit for the period.
 
     The search for the worst case is a grid and a climb from its highest points (``worst_case``):
-    its result is attained, and a dense search finds at most some 0.01 more. M_s is computed at the
-    ends and in the middle of each interval.
+    the result is a radius that occurs, and a dense search finds at most about 0.01 more. M_s is
+    computed at the ends and in the middle of each interval.
 
     Raises
     ------
     ValueError
-        If the limit is not between 0 and 1, or the law cannot be made.
+        If the limit is not between 0 and 1, or the law cannot be built.
     """
     if limit_radius is None:
         limit_radius = limit_radius_at(loop.period_s)
@@ -99,10 +100,11 @@ def radius_map(
     loop
         Loop with all other properties; its own period and gain do not matter.
     worst
-        True for the worst case of the intervals (some 20 to 100 ms a point), else the worse of the
-        cases in the middle, free and in contact.
+        True for the worst case of the intervals (about 20 to 100 ms per point); False for the worse
+        one of the middle cases, free and in contact.
     observer_at
-        Function that makes the observer for a period; without it the loop's is used for each.
+        Function that returns the observer for a period; without it the loop's observer is used for
+        all.
 
     Raises
     ------

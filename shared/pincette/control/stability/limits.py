@@ -1,8 +1,8 @@
 """Required stability of a loop at its period, and the range over which it is required.
 
-At a period that is short against the mode its ring goes on from sample to sample. A law must then
-leave the mode at rest despite every error of a calibration. A radius next to 1 says little of the
-distance from instability, for which the peak of sensitivity M_s is used.
+If the sampling period is short compared with that of the mode, the ringing continues from sample to
+sample. A law must then not excite the mode, whatever the calibration errors. A radius near 1 says
+little about the distance from instability, which is measured by the peak sensitivity M_s.
 """
 
 from dataclasses import replace
@@ -12,21 +12,21 @@ from pincette.control.stability.loop_matrix import Loop
 from pincette.control.stability.worst_case import Intervals
 
 LIMIT_RADIUS, LIMIT_PERIOD_S = 0.97, 0.02
-"""Radius that a loop must stay below at that period, and at others by the same time constant, 0.66
-s: a disturbance takes 2.6 s to fall to 2 %, as long as a grip takes to load. A slower loop would
-still settle when the plan has gone on. See ``limit_radius_at``."""
+"""Limit of the spectral radius at that period. At other periods the limit has the same time
+constant, 0.66 s: a disturbance decays to 2 % in 2.6 s, the duration of a typical load. A slower
+loop would not settle within the plan. See ``limit_radius_at``."""
 LIMIT_PEAK = 2.0
-"""Largest M_s at periods that are short against the mode, where a radius near 1 says little of the
-distance from instability."""
+"""Largest M_s at periods that are short compared with that of the mode, where a radius near 1 says
+little about the distance from instability."""
 
 
 def limit_radius_at(period_s: float) -> float:
-    """Return 0.97^(T/20 ms): the radius, at period T, of a decay as fast as 0.97 at 20 ms."""
+    """Return 0.97^(T/20 ms), the radius at period T of a decay as fast as 0.97 at 20 ms."""
     return LIMIT_RADIUS ** (period_s / LIMIT_PERIOD_S)
 
 
 def short(loop: Loop) -> bool:
-    """Return whether the period is short against the mode, which then rings on between samples."""
+    """Return whether the period is so short that the mode rings on between samples."""
     return loop.period_s < least_period_s((loop.arm.k / loop.arm.m) ** 0.5)
 
 
@@ -36,7 +36,7 @@ def widened(loop: Loop, intervals: Intervals) -> Intervals:
     At a short period the law must not excite the mode, whatever the errors of the calibration: ω_n
     ± 20 %, ζ from 0.77 to 1.35 times, K_e from half to twice the one given to the law, the delay
     from 0.3 to 1 period, the slope of H from 0.7 to 1.2 times, and contacts that begin or end
-    before the law is informed. At others the intervals are those given.
+    before the law is informed. At longer periods the intervals are unchanged.
     """
     if not short(loop):
         return intervals

@@ -1,11 +1,11 @@
-"""The closed loop as it runs, as one matrix for each case: arm, force observer and law.
+"""The closed loop of arm, force observer and law, as one matrix for each case.
 
-A tick takes the position, lets the observer find the force from it and from x_1 = d_p·u_{k-1}, lets
-the law compute u_k, and puts that out. The arm is exact (``sampled_arm``). The other two are
-derived from the code that runs each tick, switching slope K_S/δ included: with references at zero,
-inside the boundary layer and within every limit, a step is linear in its inputs and its state, and
-column j of its matrix is the response to a small j-th input. States that nothing reads are left
-out.
+In each tick the position is measured, the observer computes the force from it and from x_1 =
+d_p·u_{k-1}, the law computes u_k, and u_k is output. The model of the arm is exact
+(``sampled_arm``). The matrices of observer and law are derived from the code that runs in each
+tick, including the switching slope K_S/δ: with references of zero, inside the boundary layer and
+within every limit, a step is linear in its inputs and its state, and column j of its matrix is the
+response to a small j-th input. States without an effect are omitted.
 """
 
 from collections.abc import Callable, Iterator
@@ -43,7 +43,7 @@ SMALL = 2.0**-200
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """A law as it runs on a rig.
+    """Properties of the loop of a law on a rig.
 
     Raises
     ------
@@ -53,20 +53,21 @@ class Loop:
 
     law: LawSettings
     arm: ArmParameters
-    """Identified arm of the rig: the model of law and estimator, unless the law has its own."""
+    """Identified arm of the rig, which law and estimator use as their model, unless the law has its
+    own."""
     period_s: float
     force_filter_s: float = 0.0
-    """Time constant of the low-pass over F - F_r, in s, which acts with planned forces."""
+    """Time constant of the low-pass of F - F_r, in s, which is used with planned forces."""
     output_lag_s: float = 0.0
     """Time constant of the first-order lag between output and arm, in s."""
     assumed_timing: OutputTiming = PROMPT
-    """Delay and lag of a voltage, as assumed by a law that looks ahead."""
+    """Delay and lag of a voltage that a law with ``previews`` assumes."""
     force: ForceOfLaw = "estimated"
     """``true`` gives the law K_e·x instead of the observer's force."""
     observer: ForceObserver | None = None
     """Force observer of the loop; None for the quasi-static one."""
     force_when_free: bool = False
-    """True if the law gets the force of the free arm, too, instead of F = F_r = 0."""
+    """True if the law also uses the force of the free arm; False if F = F_r = 0 then."""
 
     def __post_init__(self) -> None:
         require_positive("period", self.period_s, "s")
@@ -74,7 +75,7 @@ class Loop:
         require_not_negative("output lag", self.output_lag_s, "s")
 
     def with_gains(self, **gains: float) -> "Loop":
-        """Return the loop with other gains; raises ValueError if the law lacks such a gain."""
+        """Return the loop with other gains; raises ValueError if the law has no such gain."""
         return replace(self, law=self.law.with_gains(**gains))
 
 
@@ -84,7 +85,7 @@ def flatten(state: Any) -> list[float]:
     Raises
     ------
     TypeError
-        If something else is among them, which no matrix can follow.
+        If the state contains anything else, which a matrix cannot represent.
     """
     if isinstance(state, float):
         return [state]
@@ -98,7 +99,7 @@ def flatten(state: Any) -> list[float]:
 
 
 def refill(template: Value, values: Iterator[float]) -> Value:
-    """Return the template with other floats; the inverse of ``flatten``."""
+    """Return a copy of the template with other floats; the inverse of ``flatten``."""
     whole: Any = template
     if isinstance(whole, float):
         found: Any = next(values)
@@ -108,7 +109,7 @@ def refill(template: Value, values: Iterator[float]) -> Value:
 
 
 def matrix_of(step: Callable[[list[float]], list[float]], inputs: int) -> Array:
-    """Return the matrix of a linear step that takes ``inputs`` numbers, shape (outputs, inputs)."""
+    """Return the matrix of a linear step with ``inputs`` input numbers, shape (outputs, inputs)."""
     columns: list[list[float]] = []
     for index in range(inputs):
         given = [0.0] * inputs
@@ -122,9 +123,10 @@ def matrix_of(step: Callable[[list[float]], list[float]], inputs: int) -> Array:
 def law_matrix(law: Law, assumed_mN_per_um: float = 0.0) -> Array:
     """Return the matrix of ``law.step``: (x in µm, F in mN, u_{k-1} in V, state) to (u_k, state).
 
-    Its shape is (1 + n, 3 + n) with n floats of state, u_k in V. It is the law's own ``linearise``
-    if the law has one, which may order its n states differently. ``assumed_mN_per_um`` is the
-    contact stiffness that a law which looks ahead assumes; 0 for none.
+    Its shape is (1 + n, 3 + n) with n floats of state, and u_k is in V. If the law has a
+    ``linearise`` function, that is used; it may order the n states differently.
+    ``assumed_mN_per_um`` is the contact stiffness that a law with ``previews`` assumes; 0: no
+    contact.
     """
     if law.definition.linearise is not None:
         return law.definition.linearise(law)
@@ -160,8 +162,8 @@ def law_block(
 ) -> Array:
     """Return ``law_matrix`` of a law; arguments and exceptions are those of ``law.build``.
 
-    A law of the identified set inverts its model of the free response. The loop is then that of the
-    straight line, and the error of H in the slope is ``LoopCase.gain_factor``.
+    A law with the identified set inverts its model of the free response. The loop is then equal to
+    that with a straight line, and ``LoopCase.gain_factor`` represents the slope error of H.
     """
     if settings.set == "identified":
         settings = replace(settings, set="consistent")
@@ -187,9 +189,9 @@ def observer_block(observer: ForceObserver) -> Array:
 def loop_matrices(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
     """Return z_{k+1} = A z_k of every case with zero references, shape (cases, n, n).
 
-    The states are (x, ẋ/ω_n in µm, y, u_{k-1} in V), the observer's, the law's. Those that
-    influence the position in no case are dropped, and those that do not in some cases are 0 there:
-    an example is ε without a switching term, an integrator that nothing reads.
+    The states are (x, ẋ/ω_n in µm, y, u_{k-1} in V), then those of the observer and of the law.
+    States that do not influence the position in any case are removed, and states that do not
+    influence it in some cases are 0 there. An example is the integrator ε without a switching term.
     """
     found = _closed(loop, cases)
     acts = _acting(found)
@@ -200,14 +202,14 @@ def loop_matrices(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
 
 
 def assumed_stiffness(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
-    """Return the contact stiffness that the law uses in each case, in mN/µm; 0 if irrelevant."""
+    """Return the contact stiffness that the law assumes in each case, in mN/µm; 0 if irrelevant."""
     previews = loop.law.definition.previews
     return np.array([case.assumed_stiffness if previews else 0.0 for case in cases])
 
 
 @lru_cache(maxsize=256)
 def controller_block(loop: Loop, assumed_mN_per_um: float = 0.0) -> tuple[Array, Array]:
-    """Return (F, x, u_{k-1}, observer, law) to (u_k, observer, law), and the row of F̂.
+    """Return the matrix (F, x, u_{k-1}, observer, law) to (u_k, observer, law), and the row of F̂.
 
     The law's row for F is separate, since its force input depends on the case.
     """
@@ -254,7 +256,7 @@ def _closed_with(loop: Loop, cases: tuple[LoopCase, ...], assumed_mN_per_um: flo
     transition, drive = sampled_arms(loop.arm, loop.period_s, loop.output_lag_s, cases)
     rest = controller.shape[0] - 1
     size = ARM_STATES + rest
-    # Inputs of the controller, of each case's states: F, x, u_{k-1}, observer and law.
+    # Inputs of the controller from the states of each case: F, x, u_{k-1}, observer and law.
     feed = np.zeros((len(cases), controller.shape[1], size))
     feed[:, 1, X] = feed[:, 2, VOLTAGE] = 1.0
     feed[:, 3:, ARM_STATES:] = np.eye(rest)
@@ -273,7 +275,7 @@ def _closed_with(loop: Loop, cases: tuple[LoopCase, ...], assumed_mN_per_um: flo
 
 
 def _acting(matrices: Array) -> npt.NDArray[np.bool_]:
-    """Return which states influence the position, directly or through others; shape (cases, n)."""
+    """Return which states influence the position, directly or indirectly; shape (cases, n)."""
     reads = matrices != 0.0
     acts = np.zeros(matrices.shape[:2], dtype=bool)
     acts[:, X] = True

@@ -1,4 +1,4 @@
-"""Refusal of a loop in words: the case, where samples show the mode, and possible remedies."""
+"""Text of a refusal: the case, the apparent frequency of the mode, and possible remedies."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -20,18 +20,18 @@ from pincette.control.stability.worst_case import (
 )
 
 RC_S = 3.3e-3
-"""Time constant, in s, of the RC before the amplifier that a refusal recommends: at 388 Hz it
-passes an eighth."""
+"""Time constant, in s, of the RC low-pass before the amplifier that a refusal recommends. At 388 Hz
+its gain is 1/8."""
 ADVICE = 2
 """Largest number of changes that a refusal proposes."""
 NOTICEABLE = 0.01
-"""Increase of the radius from which a refusal names a switching term as the cause."""
+"""Increase of the radius above which a refusal names a switching term as the cause."""
 LONGEST_PERIOD_S = 0.05
 """Longest period that a refusal proposes, in s."""
 
 
 def describe(loop: Loop, case: LoopCase) -> str:
-    """Return a case in words: free or in contact, ω_n, delay."""
+    """Describe a case in words: free or in contact, ω_n, delay."""
     contact = f"in contact with K_e = {case.K_e_mN_per_um:.3g} mN/µm"
     omega_n = (loop.arm.k / loop.arm.m) ** 0.5 * case.frequency_factor
     delay_ms = 1e3 * case.delay_periods * loop.period_s
@@ -45,14 +45,14 @@ def describe(loop: Loop, case: LoopCase) -> str:
 
 
 def aliased_hz(frequency_hz: float, period_s: float) -> float:
-    """Return the frequency of an oscillation as sampled: |f - m/T| for the nearest whole m."""
+    """Return the alias frequency of a sampled oscillation: |f - m/T| for the nearest integer m."""
     return abs(frequency_hz - round(frequency_hz * period_s) / period_s)
 
 
 def reason(loop: Loop, intervals: Intervals, fault: str, case: LoopCase, *, by_radius: bool) -> str:
-    """Return the fault, the case in which it occurs, and the remedy.
+    """Return the text of the fault, the case in which it occurs, and the remedy.
 
-    With ``by_radius`` the radius exceeds its limit, otherwise M_s does.
+    ``by_radius`` is True if the radius exceeds its limit, False if M_s does.
     """
     advice = ", ".join(islice(_advice(loop, intervals, case, by_radius=by_radius), ADVICE))
     found = (
@@ -71,7 +71,7 @@ def reason(loop: Loop, intervals: Intervals, fault: str, case: LoopCase, *, by_r
 
 
 def _seen(loop: Loop, case: LoopCase) -> str:
-    """Return the apparent frequency of a mode above half the sampling rate, as text; else empty."""
+    """Return a text about the alias frequency of a mode above half the sampling rate, or ""."""
     stiffer = (1.0 + case.K_e_mN_per_um / loop.arm.k) ** 0.5
     mode_hz = (loop.arm.k / loop.arm.m) ** 0.5 * case.frequency_factor * stiffer / (2.0 * pi)
     if not short(loop) or mode_hz * loop.period_s <= 0.5:
@@ -81,20 +81,20 @@ def _seen(loop: Loop, case: LoopCase) -> str:
 
 
 def _advice(loop: Loop, intervals: Intervals, case: LoopCase, *, by_radius: bool) -> Iterator[str]:
-    """Return changes that suffice in every case, the mildest of each family."""
+    """Return the changes that make every case acceptable, the smallest one of each kind."""
 
     def here(other: Loop) -> float:
         return float(counted_radii(other, (case,), limit_radius_at(other.period_s))[0])
 
     def reached(other: Loop) -> float:
-        """Return the radius, or infinity if it or M_s exceeds its limit."""
+        """Return the radius, or infinity if the radius or M_s exceeds its limit."""
         limit = limit_radius_at(other.period_s)
-        # Most changes fail in the refused case already, which saves the search.
+        # Most changes already fail in the refused case, which saves the search.
         try:
             if by_radius and here(other) >= limit and short(other) == short(loop):
                 return inf
         except ValueError:
-            return inf  # no law exists with this change
+            return inf  # The law cannot be built with this change.
         met = widened(other, intervals)
         if np.max(counted_radii(other, corners(met), limit)) >= limit:
             return inf
@@ -122,13 +122,13 @@ def _advice(loop: Loop, intervals: Intervals, case: LoopCase, *, by_radius: bool
 
 
 def _families(loop: Loop) -> Iterator[list[tuple[str, Loop]]]:
-    """Yield series of changes of one kind each, the mildest first."""
+    """Yield lists of candidate changes, one list for each kind, the smallest change first."""
     remedies = loop.law.definition.remedies
     for name, values in remedies(loop.law.gains) if remedies is not None else ():
         yield [(f"{name} = {value:.4g}", loop.with_gains(**{name: value})) for value in values]
     if short(loop) and loop.output_lag_s == 0.0:
         yield [(f"an RC of {1e3 * RC_S:g} ms before the amplifier", _with_lag(loop, RC_S))]
-    # Any other observer is designed for its own period.
+    # Any other observer is designed for one period.
     if loop.observer is None or (
         isinstance(loop.observer, QuasiStatic) and loop.observer.parameters.share == 1.0
     ):
@@ -142,7 +142,7 @@ def _families(loop: Loop) -> Iterator[list[tuple[str, Loop]]]:
 
 
 def _with_lag(loop: Loop, lag_s: float) -> Loop:
-    """Return the loop with a lag of its output that is given to law and observer."""
+    """Return the loop with a lag of its output that law and observer take into account."""
     timing = loop.assumed_timing._replace(lag_s=lag_s)
     return _observed(replace(loop, output_lag_s=lag_s, assumed_timing=timing))
 

@@ -1,10 +1,11 @@
-"""The peak of sensitivity M_s of a loop: its distance from instability, at any frequency.
+"""Peak sensitivity M_s of a loop: its distance from instability over all frequencies.
 
     S(z) = 1/(1 - P(z)·C(z)),   M_s = max |S(e^{jωT})|,   0 < ωT ≤ π
 
-with C from the measured position to u_k, observer and law as they run, and P from u_k to the
-position, the exact sampled arm. 1/M_s is the least distance of the loop's Nyquist curve from the
-critical point; M_s ≤ 2 leaves a gain margin of 2 and a phase margin of 29° at least.
+where C is the transfer function from the measured position to u_k, with observer and law as they
+run, and P that of the exact sampled arm from u_k to the position. 1/M_s is the smallest distance of
+the loop's Nyquist curve from the critical point; M_s ≤ 2 guarantees a gain margin of 2 and a phase
+margin of 29°.
 
 Source: K. J. Åström and T. Hägglund, Advanced PID Control, ISA 2006, section 4.6.
 """
@@ -28,10 +29,10 @@ Complex = npt.NDArray[np.complex128]
 LOW, MIDDLE = 2e-3, 0.2
 """Lowest ωT of the frequencies, and the ωT above which they are evenly spaced."""
 LOW_POINTS, POINTS = 40, 220
-"""Number of frequencies below ``MIDDLE`` and above it; a mode within half the rate, with ζ of some
-2 %, is at least two points wide."""
+"""Number of frequencies below and above ``MIDDLE``. The peak of a mode below half the sampling
+rate, with ζ of about 2 %, spans at least two of them."""
 BATCH = 64
-"""Number of cases evaluated at once, which bounds the memory used."""
+"""Number of cases evaluated at once, which limits the memory used."""
 
 
 def angles() -> Array:
@@ -63,7 +64,7 @@ def sensitivity_peaks(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
 def _law_response(
     loop: Loop, assumed_mN_per_um: float, acts: bool, true_mN_per_um: float
 ) -> Complex:
-    """Return C at each angle: from x to u_k, with u_{k-1} and the states in between."""
+    """Return C at each angle: from x to u_k, with u_{k-1} and the internal states eliminated."""
     made, reading = controller_block(loop, assumed_mN_per_um)
     matrix = np.array(made[:, 1:])
     if true_mN_per_um >= 0.0:
@@ -86,7 +87,7 @@ def _arm_responses(loop: Loop, cases: tuple[LoopCase, ...]) -> Complex:
     """Return P of each case at each angle, shape (cases, angles)."""
     transition, drive = sampled_arms(loop.arm, loop.period_s, loop.output_lag_s, cases)
     z = _z()
-    # u_{k-1} is z⁻¹·u_k: what is left are x, its speed and the lag.
+    # u_{k-1} is z⁻¹·u_k: the remaining states are x, its speed and the lag.
     inner = transition[:, :VOLTAGE, :VOLTAGE]
     system = z[None, :, None, None] * np.eye(VOLTAGE) - inner[:, None]
     driven = drive[:, None, :VOLTAGE] + transition[:, None, :VOLTAGE, VOLTAGE] / z[None, :, None]

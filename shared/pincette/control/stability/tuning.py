@@ -1,8 +1,8 @@
-"""Gains by search: tracking of a law on the identified model, and the Pareto front of it.
+"""Gains by search: tracking of a law on the identified model, and the resulting Pareto front.
 
-The paper tunes by trial and error. Here each candidate plays the real law on the identified arm in
-contact, with the sensor's noise and a plan whose error is that of the identified contact. The
-trade-off is between position and force.
+The paper tunes by trial and error. Here the actual law runs with each candidate on the identified
+arm in contact, with the sensor's noise and a plan that has the error of the identified contact. The
+trade-off is between position error and force error.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -22,7 +22,7 @@ from pincette.control.response.hysteresis import HysteresisState
 from pincette.control.response.identified_response import IdentifiedResponse
 
 Grid = Mapping[str, Sequence[float]]
-"""Values to try of each gain."""
+"""Values to try for each gain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class TuningRig:
     natural_frequency_rad_per_s: float
     damping_ratio: float
     response: FreeResponse
-    """Free response at the voltage of first touch."""
+    """Free response at the voltage of first contact."""
     stiffness_mN_per_um: float
     """Stiffness K_e of the contact, in mN/µm."""
     stiffness_error: float
@@ -41,10 +41,10 @@ class TuningRig:
     force_error_mN: float
     """Error of the estimated force from the free response, in both directions, in mN."""
     noise_um: tuple[float, ...]
-    """Sensor noise of each sample, in µm; at least as many as the path has."""
+    """Sensor noise of each sample, in µm; at least as many samples as the path."""
     period_s: float
     delay_s: float
-    """Delay from the sample to the arrival of the voltage, in s."""
+    """Delay from the sample until the voltage acts, in s."""
     force_filter_s: float
     slope_error: float = 0.0
     """Largest relative error of the response's slope, in both directions."""
@@ -52,7 +52,7 @@ class TuningRig:
 
 @dataclass(frozen=True, slots=True)
 class TuningPath:
-    """Force references since the first touch, one a period, and the first sample that counts."""
+    """Force references from the first contact, one per period, and the first evaluated sample."""
 
     force_r_mN: tuple[float, ...]
     settled: int
@@ -60,7 +60,7 @@ class TuningPath:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """Gains and their errors, r.m.s. in percent of peak to peak."""
+    """Gains and their r.m.s. errors, in percent of peak to peak."""
 
     settings: LawSettings
     position_percent: float
@@ -69,10 +69,10 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class Tuning:
-    """Candidates, those that no other one beats in both errors, and the balanced one."""
+    """All candidates, those that no other one beats in both errors, and the balanced one."""
 
     candidates: tuple[Candidate, ...]
-    """All candidates except those of the front that exceed the limit of the radius."""
+    """All candidates except those of the front whose radius exceeds the limit."""
     front: tuple[Candidate, ...]
     chosen: Candidate
     radius: float
@@ -80,8 +80,8 @@ class Tuning:
 
 
 Sides = Sequence[tuple[float, float, float]]
-"""Plans: their stiffness in mN/µm, the excess of the read force in mN, and the ratio of the free
-response's slope to that of its model."""
+"""Plans: their stiffness in mN/µm, the error of the estimated force in mN, and the ratio of the
+free response's slope to that of its model."""
 Tracked = Sequence[tuple[float, float]]
 """Errors of each candidate, r.m.s., in µm and mN."""
 
@@ -96,17 +96,17 @@ def tune(
     grid: Grid | None = None,
     parameter_set: ParameterSet = "consistent",
 ) -> Tuning:
-    """Search the gains of a law on a grid, the others at their defaults.
+    """Search the gains of a law on a grid; other gains have their defaults.
 
-    The balanced candidate is that of the front whose larger error, in percent, is smallest.
+    The balanced candidate is the one on the front whose larger error, in percent, is smallest.
 
     Parameters
     ----------
     radius
-        Worst spectral radius of a law on its intervals; see ``stability``. For a law that
-        reaches the limit any radius that reaches it is sufficient.
+        Function that returns the worst spectral radius of a law over its intervals. If the radius
+        is at or above the limit, any value at or above the limit may be returned.
     radius_limit
-        Candidates that reach it do not count.
+        Candidates with a radius at or above this limit are excluded.
     grid
         Values to try; None for the grid of the law.
     parameter_set
@@ -115,8 +115,8 @@ def tune(
     Raises
     ------
     ValueError
-        If the path is shorter than its settling, the law brings no grid, or no candidate is
-        within the limit.
+        If the path is shorter than its settling, the law has no grid, or no candidate is within the
+        limit.
     """
     searched = dict(definition.search) if grid is None else grid
     if not searched:
@@ -133,7 +133,7 @@ def tune(
     radii: dict[LawSettings, float] = {}
     while left:
         front = pareto_front(left)
-        # A radius costs far more than a track, so it is computed for the front alone.
+        # A radius costs far more than tracking, so it is computed for the front only.
         for item in front:
             if item.settings not in radii:
                 radii[item.settings] = radius(item.settings)
@@ -158,9 +158,10 @@ def pareto_front(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
 
 
 def _sides(rig: TuningRig) -> Sides:
-    """Return errors of plans: stiffness, force and slope too high and too low.
+    """Return plans with errors: stiffness, force and slope too high and too low.
 
-    They are half of the combinations, in which each pair of errors occurs with both signs.
+    They are half of the combinations, chosen so that each pair of errors occurs with equal and with
+    opposite signs.
     """
     return [
         (
@@ -196,9 +197,9 @@ def track(
     force_error_mN: float,
     steeper: float = 1.0,
 ) -> tuple[float, float]:
-    """Return errors x - x_r in µm and F - F_r in mN, r.m.s. when settled, on x_r = x_e + F_r/K.
+    """Return r.m.s. errors x - x_r in µm and F - F_r in mN after settling, for x_r = x_e + F_r/K.
 
-    The law gets the force with an error, and with the noise that an estimate from the position has.
+    The force passed to the law has an error, and the noise of an estimate from the position.
     """
     samples = len(path.force_r_mN) - path.settled
     if samples < 1 or len(rig.noise_um) < len(path.force_r_mN):
@@ -250,7 +251,7 @@ def law_on(rig: TuningRig, settings: LawSettings) -> Law:
 
 
 class _Arm:
-    """The arm pressed on its contact: the old voltage during the delay, the new one afterwards."""
+    """The pressed arm; the previous voltage acts during the delay, then the new one."""
 
     def __init__(self, rig: TuningRig, steeper: float) -> None:
         ratio = rig.stiffness_mN_per_um / rig.arm.k

@@ -1,12 +1,13 @@
-"""Stability of the law of two arms on a pair, judged by its worst case.
+"""Stability of the law for two arms on a pair of arms, assessed by its worst case.
 
-The closed loop is exact from sample to sample: both arms with their modes, free, on a part that
-both hold, or one of them alone against a fixed part. The law is derived from its step. Where the
-law is given the true contact, a disturbance must decay within the limit of the period, and at a
-period that is short against the mode the largest singular value of the sensitivity from position to
-position must stay below M_s. Where it is not yet, until a touch or a loss is detected, nothing may
-double in that time: arms that have lost their part and are commanded to press it close on each
-other, faster if the real slope of the response is above the identified one.
+The closed loop is exact from sample to sample: both arms with their modes are free, hold a part
+together, or one of them alone presses a fixed part. The matrix of the law is derived from its step.
+If the law is informed of the true contact, a disturbance must decay within the limit for the
+period; if the period is short compared with that of the mode, the largest singular value of the
+sensitivity between positions must also stay below the limit of M_s. Until a contact or its loss is
+detected, the law is not informed, and no disturbance may double in that time. For example, arms
+that have lost their part but still have a force reference close on each other, faster if the real
+slope of the response exceeds the identified one.
 """
 
 from collections.abc import Iterator
@@ -30,22 +31,24 @@ from pincette.control.stability.sensitivity import angles
 
 Complex = npt.NDArray[np.complex128]
 Contact = Literal["free", "held", "first"]
-"""Neither arm touches, both hold the part, or the first alone presses on it."""
+"""Neither arm touches the part, both hold it, or the first arm alone presses it."""
 STATE = 12
-"""Number of varying floats in the law's state: H and x̄ of the sample before, and eight stages."""
+"""Number of varying floats in the law's state: H and x̄ of the previous sample, and eight filter
+stages."""
 LEAST_PART_UM_PER_MN = 0.005
-"""Compliance c of a part that counts as rigid, in µm/mN; nothing between two arms is stiffer."""
+"""Compliance c, in µm/mN, below which a part counts as rigid; nothing between two arms is
+stiffer."""
 PLACES = 6
-"""Number of the arms' states: x_1, x_2, their speeds over ω, and both voltages behind the lag, as
+"""Number of the arms' states: x_1, x_2, their speeds over ω, and both lagged voltages as
 displacements."""
 FOUND_S = 0.1
-"""Time within which a touch or a loss is detected, in s: five samples at 20 ms."""
+"""Time within which a contact or its loss is detected, in s: five samples at 20 ms."""
 BATCH = 64
 
 
 @dataclass(frozen=True, slots=True)
 class TwoArmLoop:
-    """The law of two arms on an identified pair."""
+    """The law of two arms on an identified pair of arms."""
 
     arms: tuple[ArmParameters, ArmParameters]
     gains: tuple[tuple[str, float], ...]
@@ -53,11 +56,11 @@ class TwoArmLoop:
     part_um_per_mN: float
     """Compliance c of the part, in µm/mN."""
     output: OutputTiming = PROMPT
-    """Timing of voltages, as given to the law; the lag is assumed to be true."""
+    """Timing of the voltages, as given to the law; its lag is assumed to be exact."""
 
     @property
     def short(self) -> bool:
-        """True if the period is short against the mode of either arm."""
+        """Return whether the period is short compared with that of either arm's mode."""
         rates = [(arm.k / arm.m) ** 0.5 for arm in self.arms]
         return any(self.period_s < least_period_s(rate) for rate in rates)
 
@@ -79,13 +82,13 @@ class TwoArmCase:
 
     @property
     def informed(self) -> bool:
-        """True if the law is informed of the true contact."""
+        """Return whether the law is informed of the true contact."""
         return self.assumes_pressed == (self.contact == "held") and self.contact != "first"
 
 
 @dataclass(frozen=True, slots=True)
 class TwoArmAssessment:
-    """The worst case of a loop, and whether it may move."""
+    """The worst case of a loop, and whether the arms may move."""
 
     radius: float
     limit_radius: float
@@ -96,11 +99,11 @@ class TwoArmAssessment:
     sensitivity_peak: float
     limit_peak: float
     reason: str
-    """Why it must not move; "" if it may."""
+    """Reason why the arms must not move; "" if they may."""
 
 
 def assess_two_arms(loop: TwoArmLoop) -> TwoArmAssessment:
-    """Judge a pair; raises ValueError if the law is impossible with its gains."""
+    """Assess a pair of arms; raises ValueError if the gains of the law are impossible."""
     cases = tuple(_cases(loop))
     radii = np.concatenate(
         [_radii(loop, cases[first : first + BATCH]) for first in range(0, len(cases), BATCH)]
@@ -201,7 +204,7 @@ def _law_response(loop: TwoArmLoop, z: Complex, *, pressed: bool) -> Complex:
     """Return C at each z, from (x_1, x_2) to (X_1, X_2), shape (angles, 2, 2)."""
     law = law_matrix(loop, pressed=pressed)
     size = 2 + STATE
-    # The law's inputs are positions, its outputs of the tick before, and its state.
+    # The law's inputs are positions, its previous outputs, and its state.
     given = np.broadcast_to(law[:, :2].astype(np.complex128), (len(z), size, 2))
     solved = np.linalg.solve(np.eye(size) - law[:, 2:] / z, given).astype(np.complex128)
     return solved[:, :2]
@@ -236,18 +239,18 @@ def sampled_pair(loop: TwoArmLoop, cases: tuple[TwoArmCase, ...]) -> tuple[Array
     moved: npt.NDArray[np.float64] = after[:, :PLACES, :PLACES] @ before[:, :PLACES]
     driven: npt.NDArray[np.float64] = after[:, :PLACES, PLACES:]
     if lag_s == 0.0:
-        # Without a lag there is no separate voltage behind it.
+        # Without a lag there is no separate lagged voltage.
         moved[:, 4:], driven[:, 4:] = 0.0, 0.0
     return moved, driven
 
 
 def _cases(loop: TwoArmLoop) -> Iterator[TwoArmCase]:
-    """Yield a grid of cases; at a short period as wide as that of one arm."""
+    """Yield a grid of cases; at a short period the intervals are as wide as for one arm."""
     if loop.short:
         shifts, apart = (0.8, 0.9, 1.0, 1.1, 1.2), (0.9, 1.0, 1.1)
         delays, damping = (0.3, 0.65, 1.0), 0.77
     else:
-        # The mode's phase over a period decides; the grid follows it.
+        # The phase of the mode over a period is decisive; the grid follows it.
         shifts = tuple(float(value) for value in np.linspace(0.95, 1.05, 9))
         apart, delays, damping = (0.95, 1.0, 1.05), (0.0, 0.25, 0.5), 1.0
     gains = ((0.7, 0.7), (1.2, 1.2), (0.7, 1.2))

@@ -1,8 +1,8 @@
-"""The worst case of a loop: the largest spectral radius over intervals of unknown properties.
+"""The worst case of a loop: its largest spectral radius over intervals of unknown properties.
 
-The arm's mode is nearly undamped, so that its frequency relative to the sampling decides: the
-radius has peaks, narrow in the phases ω·T and ω·delay. A grid that follows the phases finds the
-foot of each peak, and a search from its highest points climbs it.
+The arm's mode is nearly undamped, so that its frequency relative to the sampling rate is decisive:
+the radius has narrow peaks over the phases ω·T and ω·delay. A grid with spacing in these phases
+finds a point near each peak, and a local search from the highest points finds the maximum.
 """
 
 from collections.abc import Iterator
@@ -24,22 +24,23 @@ Axes = tuple[Axis, Axis, Axis, Axis, Axis]
 PHASE = 0.4
 """Spacing of the grid, in rad of the mode."""
 POINTS = 17
-"""Largest number of grid points along one quantity; the mode is well damped where more would be
-needed."""
+"""Largest number of grid points along one quantity. If more were needed, the mode would be well
+damped."""
 STIFFNESSES = 7
 GAINS = 3
 WIDE_STIFFNESSES = 4
-"""Number of stiffnesses if every interval is wide; the gain then has only its ends."""
+"""Number of stiffnesses if every interval is wide; only the ends of the gain are then used."""
 NAMES = ("K_e_mN_per_um", "frequency_factor", "delay_periods", "gain_factor", "damping_factor")
 CLIMBS = 8
-"""Number of points from which to climb, for the free arm and for the arm in contact."""
+"""Number of points from which a local search begins, for the free arm and for the arm in
+contact."""
 HALVINGS = 7
-"""Number of times that the step of a climb is halved."""
+"""Number of times that the step of a local search is halved."""
 
 
 @dataclass(frozen=True, slots=True)
 class Intervals:
-    """Unknown properties of the rig, from the smallest to the largest value.
+    """Intervals of unknown properties of the rig, each from the smallest to the largest value.
 
     Raises
     ------
@@ -48,7 +49,7 @@ class Intervals:
     """
 
     K_e_mN_per_um: tuple[float, float] | None
-    """Stiffness of the contact, in mN/µm; None if nothing is touched."""
+    """Stiffness of the contact, in mN/µm; None if the arm touches nothing."""
     free: bool = True
     """True if the arm also moves free."""
     frequency_factor: tuple[float, float] = (0.95, 1.05)
@@ -60,10 +61,9 @@ class Intervals:
     damping_factor: tuple[float, float] = (1.0, 1.0)
     """Ratio of ζ to the identified one."""
     assumed_mN_per_um: float | None = None
-    """Stiffness that a law which looks ahead is given in contact, in mN/µm; None for the contact's
-    own."""
+    """Contact stiffness, in mN/µm, that a law with ``previews`` assumes; None for the true one."""
     uninformed: bool = False
-    """True if a touch, or the loss of one, may occur before the law is informed."""
+    """True if a contact may begin or end before the law is informed."""
 
     def __post_init__(self) -> None:
         if self.K_e_mN_per_um is None and not self.free:
@@ -72,7 +72,7 @@ class Intervals:
             interval: tuple[float, float] | None = getattr(self, name)
             if interval is not None and not interval[0] <= interval[1]:
                 raise ValueError(f"{name}: from {interval[0]} to {interval[1]}, must be ascending")
-        # Each ``LoopCase`` validates its own values.
+        # Each ``LoopCase`` checks its own values.
         for values in product(
             self.K_e_mN_per_um or (0.0,),
             self.frequency_factor,
@@ -131,8 +131,8 @@ def worst_case(
     Parameters
     ----------
     enough
-        The search ends with the first case found that reaches this radius, though another may be
-        worse; this is sufficient for a refusal.
+        The search ends at the first case with at least this radius, although another case may be
+        worse. This is sufficient for a refusal.
     """
     tops: list[tuple[LoopCase, float]] = []
     for kind, assumed in intervals.kinds():
@@ -146,7 +146,8 @@ def worst_case(
 def worst_sensitivity(loop: Loop, intervals: Intervals) -> tuple[LoopCase, float]:
     """Find the largest M_s and its case, at the ends and in the middle of each interval.
 
-    The law is taken to be informed of the contact; before that the radius decides.
+    The law is assumed to be informed of the contact; without this information only the radius is
+    assessed.
     """
     cases = corners(replace(intervals, uninformed=False))
     peaks = sensitivity_peaks(loop, cases)
@@ -220,7 +221,7 @@ def _spaced(interval: tuple[float, float], points: int) -> Axis:
 
 
 def _neighbours(axes: Axes, case: LoopCase, share: float) -> list[LoopCase]:
-    """Return two cases along each quantity, a share of the grid's spacing away."""
+    """Return two cases along each quantity, at a fraction of the grid's spacing."""
     place = (
         case.K_e_mN_per_um,
         case.frequency_factor,
