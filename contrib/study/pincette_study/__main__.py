@@ -1,4 +1,4 @@
-"""``python -m pincette_study``: the command ``pincette paper``, also if it is not installed."""
+"""``python -m pincette_study`` runs the command ``pincette paper``, also if it is not installed."""
 
 import sys
 

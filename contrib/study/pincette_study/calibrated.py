@@ -1,4 +1,4 @@
-"""Rig as prepared in a laboratory: free response taught, contact identified, gains tuned."""
+"""Rig as prepared in a laboratory: free response and contact identified, gains tuned."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class Prepared:
 
 
 def prepare(rig: RigFile) -> Prepared:
-    """Teach the free response of a simulated rig, then press on its part once."""
+    """Identify the free response of a simulated rig, then press its part once."""
     found = teach(rig)
     free_response = IdentifiedFreeResponse.from_model(found.model, found.residual_um)
     model = rig.model.model_copy(update={"free_response": free_response})
@@ -34,7 +34,7 @@ def prepare(rig: RigFile) -> Prepared:
 
 
 def pressed(taught: RigFile) -> Prepared:
-    """Press once on the part of a rig whose free response is taught, starting unpoled."""
+    """Press the part of a rig with an identified free response once, starting unpoled."""
     return with_line(taught, *_press(taught))
 
 
@@ -47,12 +47,12 @@ def with_line(taught: RigFile, stiffness: float, contact_um: float) -> Prepared:
 
 
 def _press(rig: RigFile) -> tuple[float, float]:
-    """Return the contact line of a track's load, from the controller's own identification."""
+    """Return the contact line of a track's load, as identified by the controller."""
     return line_of(play(rig, tracking_plan(rig, x_pp_um=printed.X_PP_UM).program))
 
 
 def line_of(messages: Sequence[Message]) -> tuple[float, float]:
-    """Return K_e in mN/µm and x_e in µm, identified over a track's load; raises StudyError."""
+    """Return K_e in mN/µm and x_e in µm, identified during a track's load; raises StudyError."""
     lines = [
         (view.contact_stiffness_mN_per_um, view.contact_x_um)
         for view in messages

@@ -1,6 +1,6 @@
-"""Free response as the calibration ``free_response`` finds it, on a simulated rig.
+"""Free response as identified by the calibration ``free_response``, on a simulated rig.
 
-The voltages and the identification are the same; in a study no supervisor runs.
+The voltages and the identification are those of the calibration; no supervisor runs in a study.
 """
 
 from pincette.config import IdentifiedFreeResponse, RigFile, derived
@@ -23,11 +23,11 @@ from pincette.engine.teaching import SPEED_FACTOR, free_range_um, without_part
 from pincette_study.closed_loop import StudyError, outcome
 
 LINE_ERROR = 0.5
-"""Share of the travel by which the first stroke of an unpoled arm may deviate from the line."""
+"""Fraction of the travel by which the first stroke of an unpoled arm may deviate from the line."""
 
 
 def with_calibrated_response(rig: RigFile) -> RigFile:
-    """Move the arm with the part away, and add the identified model; raises ValueError."""
+    """Move the arm without the part, and add the identified model; raises ValueError."""
     d_p = rig.model.piezo_um_per_V
     low_V, high_V = (end_um / d_p for end_um in free_range_um(rig))
     program = free_response_program(
@@ -40,7 +40,7 @@ def with_calibrated_response(rig: RigFile) -> RigFile:
     cycle_s = _path(program, "cycles").cycle_s
     found = calibrate_free_response(motion, cycle_s / rig.rig.period_s)
     residual_um = max(found.model_residual_um, found.cycles_residual_um)
-    # Without the voltages that it was identified from: each arm of a study is new and unpoled.
+    # The voltage range of the identification is left out: each arm of a study is new and unpoled.
     table = IdentifiedFreeResponse.from_model(
         found.model, residual_um, found.press_gain, found.rehearsed.growth
     )

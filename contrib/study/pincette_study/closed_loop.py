@@ -1,4 +1,4 @@
-"""Closed loop: a program played by the real services over the simulated instruments' bytes."""
+"""Closed loop: a program played by the real services, which talk to simulated instruments."""
 
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -26,7 +26,8 @@ from pincette_study import printed
 Series = NDArray[np.float64]
 
 LOWEST_MN = 4.0
-"""Force at the trough of the path, in mN: the part stays pressed in spite of the loop's errors."""
+"""Force at the trough of the path, in mN, so that the part stays pressed despite the loop's
+errors."""
 CYCLES = 6
 
 
@@ -59,7 +60,7 @@ class Record:
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Errors of a tracked path: r.m.s., in per cent of peak to peak, and largest."""
+    """Errors of a tracked path: r.m.s. in per cent of peak to peak, and largest."""
 
     position_um: float
     position_percent: float
@@ -72,7 +73,7 @@ class Errors:
 
 
 class StudyError(RuntimeError):
-    """Error of a run that did not finish; the text states how it ended."""
+    """Error of a run that did not finish; the text says how it ended."""
 
 
 def tracking_plan(
@@ -83,10 +84,10 @@ def tracking_plan(
     stiffness_mN_per_um: float | None = None,
     cycles: int | None = None,
 ) -> ContactPlan:
-    """Plan the paper's sinusoid on the contact line of the rig file's part, or on another.
+    """Plan the paper's sinusoid on the contact line of the rig file's part, or on another one.
 
-    ``cycles`` is their number at full amplitude; None: as many as take the time of six of the
-    paper's.
+    ``cycles`` is the number of cycles at full amplitude; None: as many as take the time of six
+    cycles in the paper.
     """
     K_e = stiffness_mN_per_um or rig.part.stiffness_mN_per_um
     force_pp_mN = K_e * x_pp_um
@@ -121,19 +122,19 @@ def play(rig: RigFile, program: Program) -> list[Message]:
 
 
 def outcome(messages: Sequence[Message]) -> str:
-    """Return the last outcome that the controller reported; empty without one."""
+    """Return the last outcome that the controller reported; empty if there is none."""
     outcomes = [m.outcome for m in messages if isinstance(m, Telemetry) and m.outcome]
     return outcomes[-1] if outcomes else ""
 
 
 def record(messages: Sequence[Message], phase: str, period_s: float) -> Record:
-    """Return the columns of one phase; raises StudyError if the run did not have it."""
+    """Return the columns of one phase; raises StudyError if the run did not contain the phase."""
     views = [m for m in messages if isinstance(m, Telemetry) and m.phase == phase]
     if not views:
         tripped = [applied_text(m) for m in messages if isinstance(m, Applied) and m.cause]
         raise StudyError(f"no {phase}: ended {outcome(messages) or tripped[-1:]}")
     estimates = {m.seq: m for m in messages if isinstance(m, Estimate)}
-    # The rig continues to count over programs; the loop starts again with each.
+    # The rig's count continues over several programs; the loop's count restarts with each.
     ground_truth = [m for m in messages if isinstance(m, GroundTruth)]
     truths = {m.seq - ground_truth[0].seq: m for m in ground_truth}
     rows = [
@@ -172,27 +173,27 @@ def record(messages: Sequence[Message], phase: str, period_s: float) -> Record:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """Law on a path."""
+    """A law on a path."""
 
     rig: RigFile
     settings: LawSettings
     plan: ContactPlan
     identified: bool = True
-    """True if the references lie on the contact line identified over the load, False for the
-    plan's."""
+    """True if the references lie on the contact line identified during the load; False for the
+    plan's line."""
 
 
 def track(
     rig: RigFile, settings: LawSettings, plan: ContactPlan, *, identified: bool = True
 ) -> tuple[Record, Errors]:
-    """Track a path with one law; return the errors of its full cycles."""
+    """Track a path with one law; return the errors of its cycles at full amplitude."""
     return track_all([Trial(rig, settings, plan, identified)])[0]
 
 
 def track_all(trials: Sequence[Trial], workers: int = 1) -> list[tuple[Record, Errors]]:
-    """Track each trial in this number of processes.
+    """Track all trials in this number of processes.
 
-    Raises StudyError if one does not reach its path.
+    Raises StudyError if a trial does not reach its path.
     """
     if workers == 1 or len(trials) < 2:
         return [_track(trial) for trial in trials]
@@ -209,7 +210,7 @@ def _track(trial: Trial) -> tuple[Record, Errors]:
 
 
 def tracked(messages: Sequence[Message], path: Path, period_s: float, cycle: int = 0) -> Record:
-    """Take the part of a path at full amplitude out of a run, from a cycle on; raises StudyError.
+    """Return the samples of a path at full amplitude, from a cycle on; raises StudyError.
 
     The references of a sample are those of the tick before it.
     """
@@ -226,7 +227,7 @@ def tracked(messages: Sequence[Message], path: Path, period_s: float, cycle: int
 
 
 def errors(found: Record) -> Errors:
-    """Return the errors of measured position and true force against the references."""
+    """Return the errors of measured position and true force relative to the references."""
     x_pp = float(np.ptp(found.x_r_um))
     force_pp = float(np.ptp(found.force_r_mN))
     x_error = found.x_um - found.x_r_um

@@ -1,4 +1,4 @@
-"""``pincette paper``: repeat the paper's experiments on a simulated rig, and write the report."""
+"""``pincette paper`` repeats the paper's experiments on a simulated rig and writes a report."""
 
 import os
 from pathlib import Path
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 MOST_WORKERS = 8
-"""Largest number of processes; each needs about 300 MB."""
+"""Largest number of processes; each process needs about 300 MB."""
 OUT = Path("data/paper")
 BEYOND_RIGS = 5
-"""Default number of rigs; each takes about 13 s of one core."""
+"""Default number of rigs; each takes about 13 s on one core."""
 FAST_RIGS, FAST_RIG = 1, Path("deploy/rigs/kilohertz.toml")
-"""Default number of rigs and the rig file at 1 ms. Each rig takes half a minute of one core, and
-the first of its class the same again off nominal."""
+"""Default number of rigs at 1 ms, and their rig file. Each rig takes half a minute on one core, and
+the first of its class as long again for the trials with changes."""
 
 
 app = group()
@@ -52,11 +52,11 @@ def paper(
         ),
     ] = FAST_RIGS,
 ) -> int:
-    """Run the whole study with its progress shown, and print its summary."""
+    """Run the whole study, show its progress, and print its summary."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    # Loaded here, so that a help text does not wait for two seconds of imports.
+    # Imported here, so that a help text does not wait two seconds for the imports.
     from pincette_study.closed_loop import StudyError
     from pincette_study.study import run_study
 

@@ -12,7 +12,7 @@ from pincette_study.report import Comparison, Picture, Section
 from pincette_study.rigs import simulation_of
 
 OFFSET_MN = printed.FORCE_PP_MN - printed.STIFFNESS_SLOPE_MN_PER_UM * printed.X_PP_UM
-"""Offset of the paper's line through the planned pair, in mN."""
+"""Offset of the paper's line in Fig. 8 if it passes through the planned pair, in mN."""
 
 
 def fig_8(rig: RigFile, response: FreeResponse) -> Section:

@@ -1,4 +1,4 @@
-"""Simulated rig that continues from job to job, and a person beside it.
+"""Simulated rig that keeps its state from job to job, and an operator who handles the part.
 
 Memory and creep of the arm are kept between jobs, as in a real arm. Grips, and the calibration
 ``residual``, are planned and evaluated by the supervisor's own functions.
@@ -31,13 +31,13 @@ from pincette_supervisor.plugin.model_in_use import motion_digest, rig_file_alon
 FORCE_MAX_MN = 1e3
 REST_S = 0.5
 TRIES = 3
-"""Number of attempts at a run without the part; a person would also repeat one whose guard mistook
-noise for a part."""
+"""Number of attempts at a run without the part. An operator would also repeat a run that noise
+ended as a false contact."""
 AWAY = ResidualRequest(kind="calibrate", calibration="residual", confirm=False)
 
 
 class Desk:
-    """Loop of one rig, and a person who takes its part away and puts it back."""
+    """Loop of one rig, and an operator who removes its part and puts it back."""
 
     def __init__(self, rig: RigFile) -> None:
         self.rig, self._epoch = rig, 0
@@ -56,10 +56,10 @@ class Desk:
         return self.loop.play(program, self._epoch, "" if known is None else known.text())
 
     def stroke(self, rest_s: float = REST_S) -> None:
-        """Stroke twice over the taught range with the part away, then rest.
+        """Stroke twice over the identified range without the part, then rest.
 
-        Such strokes erase earlier turning points of the arm, which the model does not know, and a
-        rest of some minutes its slow creep.
+        The strokes erase earlier turning points of the arm, which the model does not know. During a
+        rest of some minutes its slow creep decays.
         """
         rig = self.rig
         low_V, high_V = (end_um / rig.model.piezo_um_per_V for end_um in free_range_um(rig))
@@ -68,7 +68,7 @@ class Desk:
         moves = ((turn_V, rate_V_per_s, REST_S) for turn_V in turns_V)
         back = (0.0, rate_V_per_s, rest_s)
         path = voltage_moves([(0.0, rate_V_per_s, 0.0), *moves, back])
-        # A model without the history mistakes the first stroke for force, so no guard may end it.
+        # Without the history the first stroke looks like a force, so no guard may end it.
         guards = replace(FREE, force_max_mN=FORCE_MAX_MN)
         strokes = Drive("strokes", path.duration_s, courses=(Follow(path),))
         ended = outcome(self._without_part(Program((strokes,), guards, 1.0)))
@@ -84,9 +84,9 @@ class Desk:
         return planned, self.play(planned.program)
 
     def residual(self, program: Program, played: list[Message]) -> Calibration | None:
-        """Play the voltages of a job without the part; return the errors of the model.
+        """Repeat the voltages of a job without the part; return the errors of the model.
 
-        None if a guard ended every one of ``TRIES``.
+        Returns None if a guard ended each of ``TRIES`` attempts.
         """
         rig, period_s = self.rig, self.rig.rig.period_s
         motion = motion_of(

@@ -1,4 +1,4 @@
-"""Fig. 5, and where the printed laws stop working: frequency response and stability map."""
+"""Fig. 5, and the limits of the printed laws: frequency response and stability map."""
 
 from math import pi
 
@@ -27,9 +27,11 @@ SWEEP_V = 0.1
 PERIODS_S = tuple(1e-3 * ms for ms in (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30))
 GAINS = (0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
 SHORT_S = 0.0055
-"""Duration in s below which the quasi-static observer mistakes the ring of the mode for force."""
+"""Period in s below which the quasi-static observer attributes the ringing of the mode to a
+force."""
 SOFT_MN_PER_UM = 1e-5
-"""Stiffness of a spring whose force the arm's own motion does not change: a weight."""
+"""Stiffness of a spring so soft that the arm's motion does not change its force, as for a
+weight."""
 
 
 def fig_5(rig: RigFile) -> Section:

@@ -1,4 +1,4 @@
-"""Fig. 6: the force estimator without a contact, and the sources of its errors."""
+"""Fig. 6: the force estimator without contact, and the sources of its errors."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -48,9 +48,9 @@ def read(
     observer: ForceObserver,
     period_s: float = printed.PERIOD_S,
 ) -> Reading:
-    """Drive a rig by a voltage that was not used for teaching, and estimate the force.
+    """Drive a rig with a voltage that was not used for the identification, and estimate the force.
 
-    The rig rests first, and is zeroed there.
+    The rig rests first, and the force is zeroed there.
     """
     rest = round(REST_S / period_s)
     motion = drive(simulation, [0.0] * rest + list(signal_V), period_s)
@@ -72,7 +72,7 @@ def read(
 
 
 def unseen_signals(period_s: float) -> dict[str, list[float]]:
-    """Return voltages of 2 V peak to peak that no teaching motion contains."""
+    """Return voltages of 2 V peak to peak that the identification motion does not contain."""
     level = printed.VOLTAGE_LEVELS_V[-1]
     count = round(CYCLES / (printed.FREQUENCY_HZ * period_s))
     t = [index * period_s for index in range(count)]
@@ -93,9 +93,9 @@ def unseen_signals(period_s: float) -> dict[str, list[float]]:
 
 
 def fig_6(rig: RigFile, sources: dict[str, FreeResponse]) -> tuple[Section, dict[str, float]]:
-    """Run Fig. 6: the estimator without a contact, its sources of x_1, and the ages of (53).
+    """Run Fig. 6: the estimator without contact, its sources of x_1, and the sample ages in (53).
 
-    ``sources`` by name; the first is the one used elsewhere.
+    ``sources`` are given by name; the first one is that used in the other figures.
     """
     free = simulation_of(rig).model_copy(update={"bead": False})
     s_p, d_p = rig.model.compliance_um_per_mN, rig.model.piezo_um_per_V
@@ -176,7 +176,7 @@ def _fig_6(reading: Reading) -> bytes:
 
 
 def other_sources(rig: RigFile) -> dict[str, FreeResponse]:
-    """Return a straight line and a recorded loop, from the same teaching motion as the operator."""
+    """Return a straight line and a recorded loop, from the same motion as the identified model."""
     voltage_V, x_um = free_motion(rig)
     recording = record_free_response(voltage_V, x_um)
     d_p = rig.model.piezo_um_per_V

@@ -1,4 +1,4 @@
-"""Figs. 10 and 11: DSMIFC by K_f, predictions of the frozen rig."""
+"""Figs. 10 and 11: DSMIFC for several K_f; predictions of the frozen rig."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -17,7 +17,7 @@ SWEPT = tuple(value for value in printed.K_F_SWEEP if value <= 5000.0)
 
 
 def force_gain(rig: RigFile, workers: int = 1) -> Section:
-    """Run Figs. 10 and 11: DSMIFC by K_f, with the paper's plan and with a consistent one.
+    """Run Figs. 10 and 11: DSMIFC for several K_f, with the paper's plan and a consistent one.
 
     ``workers`` is the number of processes that play the loops.
     """

@@ -1,4 +1,4 @@
-"""Search for gains, drawn as a figure, with a test of its choice on the rig."""
+"""Search for gains, drawn as a figure, and a test of the result on the rig."""
 
 from pincette.config.gains import tuned
 from pincette.control.stability.tuning import Tuning

@@ -1,4 +1,4 @@
-"""A minute of hold: the drift of the estimate, and the need for a zero just before contact."""
+"""A hold of one minute: the drift of the estimate, and the need for a zero just before contact."""
 
 import numpy as np
 from msgspec.structs import replace
@@ -16,13 +16,13 @@ from pincette_study.report import Comparison, Picture, Section
 
 HOLD_S = 60.0
 WAIT_S = 60.0
-"""Time between the first zero and the approach in s: long enough for creep to continue."""
+"""Time between the first zero and the approach in s, long enough for creep to continue."""
 EDGE_S = 1.0
 """Time over which the error is averaged at the start and the end of the hold, in s."""
 
 
 def long_hold(rig: RigFile) -> Section:
-    """Hold for a minute, zeroed just before contact; also try it with a zero one minute old."""
+    """Hold for a minute after a zero just before contact; also with a zero one minute old."""
     seen = _hold(rig, _program(rig))
     edge = round(EDGE_S / rig.rig.period_s)
     error, true_mN = seen.force_mN - seen.true_force_mN, seen.true_force_mN
@@ -94,7 +94,7 @@ def _hold(rig: RigFile, program: Program) -> Record:
 
 
 def _refused_mN(rig: RigFile) -> float:
-    """Return U in mN at which a grip with an old zero ends; raises StudyError if it grips."""
+    """Return U in mN at which a grip with an old zero is ended; raises StudyError otherwise."""
     messages = play(rig, _without_second_zero(_program(rig)))
     if outcome(messages) != Outcome.UNCERTAIN_FORCE:
         raise StudyError(f"a grip with an old zero ended {outcome(messages)!r}")

@@ -16,11 +16,11 @@ Series = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """N samples, each with the state that results from the voltages before it."""
+    """N samples, each with the state that the previous voltages have caused."""
 
     period_s: float
     voltage_V: Series
-    """Voltage output at the sample before, in V, so that it belongs to ``x_um``."""
+    """Voltage output at the previous sample, in V, which caused the position in ``x_um``."""
     x_um: Series
     """Position from the sensor, in µm."""
     true_x_um: Series
@@ -38,7 +38,7 @@ class Motion:
 
 
 def drive(simulation: Simulation, voltage_V: Sequence[float], period_s: float) -> Motion:
-    """Put out a voltage each period on a rig that starts unpoled, and sample before each."""
+    """Output a voltage each period on a rig that starts unpoled, and sample before each output."""
     truths: list[GroundTruth] = []
     rig = SimulatedRig(
         simulation,
@@ -64,7 +64,7 @@ def drive(simulation: Simulation, voltage_V: Sequence[float], period_s: float) -
 def raised_sinusoid(
     peak_to_peak_V: float, frequency_hz: float, cycles: int, period_s: float
 ) -> list[float]:
-    """Return U/2·(1 - cos 2πft): from 0 V up, whole cycles."""
+    """Return U/2·(1 - cos 2πft): whole cycles that begin at 0 V and stay above it."""
     samples = round(cycles / (frequency_hz * period_s))
     return [
         0.5 * peak_to_peak_V * (1.0 - cos(2.0 * pi * frequency_hz * index * period_s))

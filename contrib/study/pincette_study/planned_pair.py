@@ -1,4 +1,4 @@
-"""Fig. 7: the estimator with a contact, and the errors of the planned pair before any control."""
+"""Fig. 7: the estimator in contact, and the errors of the planned pair before any control."""
 
 from math import pi
 
@@ -19,7 +19,7 @@ Series = NDArray[np.float64]
 
 
 def fig_7(rig: RigFile, response: FreeResponse) -> Section:
-    """Drive the arm by the voltage of the planned pair for a linear arm, in contact."""
+    """Drive the arm in contact with the voltage that the planned pair needs on a linear arm."""
     touching = simulation_of(rig).model_copy(update={"bead_contact_um": 0.0})
     s_p, d_p = rig.model.compliance_um_per_mN, rig.model.piezo_um_per_V
     level_V = (printed.X_PP_UM + s_p * printed.FORCE_PP_MN) / d_p
@@ -71,7 +71,7 @@ def _planning_errors(reading: Reading) -> tuple[Series, Series]:
     """Return planned minus actual over the last cycle: position in µm, negative force in mN."""
     cycle = len(reading.force_mN) // CYCLES
     x_um, force_mN = reading.motion.x_um[-cycle:], reading.force_mN[-cycle:]
-    # The position follows the voltage of the previous sample.
+    # The position results from the voltage of the previous sample.
     share = 0.5 * (1.0 - np.cos(2.0 * pi * (np.arange(cycle) - 1.0) / cycle))
     x_planned_um = float(np.min(x_um)) + printed.X_PP_UM * share
     planned_mN = float(np.min(force_mN)) + printed.FORCE_PP_MN * share

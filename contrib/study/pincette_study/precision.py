@@ -1,4 +1,4 @@
-"""Tracking errors of both laws with consistent planning, units and gains, unlike the paper."""
+"""Tracking errors of both laws with consistent plan, units and gains, unlike in the paper."""
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -35,7 +35,7 @@ class Trial:
 
 
 def sensor_floor_percent(rig: RigFile) -> float:
-    """Return √(σ² + q²/12) of the sensor, in per cent of the planned peak to peak: error floor."""
+    """Return the sensor's error floor √(σ² + q²/12), in per cent of the planned peak to peak."""
     simulation = simulation_of(rig)
     noise_um, step_um = simulation.sensor_noise_um, simulation.sensor_step_um
     return 100.0 * sqrt(noise_um**2 + step_um**2 / 12.0) / printed.X_PP_UM
@@ -47,7 +47,7 @@ def run_trials(
     progress: Callable[[int], None] | None = None,
     workers: int = 1,
 ) -> list[Trial]:
-    """Draw, calibrate, tune and track: every scheme and frequency on every rig, in their order.
+    """Draw, calibrate, tune and track: every scheme and frequency on every rig, in this order.
 
     ``progress`` receives the number of finished rigs; ``workers`` is the number of processes.
     """

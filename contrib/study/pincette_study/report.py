@@ -25,12 +25,12 @@ nav a { margin-right: 1rem; }
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Comparison of a number with that of the paper."""
+    """Comparison of a value with that of the paper."""
 
     quantity: str
     unit: str
     paper: float | None
-    """Value of the paper; None if it prints none."""
+    """Value of the paper; None if the paper does not give one."""
     ours: float
     note: str = ""
 
@@ -44,17 +44,17 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class Trend:
-    """A statement of the paper on how numbers change, and whether it was confirmed."""
+    """A statement of the paper about a trend, and whether it was confirmed."""
 
     claim: str
     holds: bool
     found: str
-    """Result; if the trend does not hold, with the reason."""
+    """Result; if the trend was not confirmed, with the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A drawn figure."""
+    """A figure of the report."""
 
     name: str
     caption: str

@@ -1,11 +1,11 @@
-"""Rig on which the paper is repeated, and rigs drawn at random around it.
+"""Rig on which the paper's experiments are repeated, and rigs drawn at random around it.
 
-The frozen rig takes its numbers from the paper's Figs. 5 to 8 alone: the mode and s_p as printed,
-the gain 19.0 µm/V at 2 V peak to peak, and the contact of Fig. 7(d). There the plan is 1 µm and
-4 mN ahead of the arm at one time (planned less actual, the force compressive), so that at the
-peak of the planned 8.45 µm and 20 mN the contact bears 16 mN at 7.45 µm: 2.15 mN/µm, which agrees
-with the 2.17 mN/µm of the passive arm (55) and makes the plan 10 % too stiff. The paper prints no
-number for the hysteresis loop; its shape is the demo rig's.
+The values of the frozen rig are taken only from the paper's Figs. 5 to 8: the mode and s_p as
+printed, the gain 19.0 µm/V at 2 V peak to peak, and the contact of Fig. 7(d). There the plan
+exceeds the actual values by 1 µm and 4 mN at the same time (force positive in compression), so that
+at the planned peak of 8.45 µm and 20 mN the contact bears 16 mN at 7.45 µm. This gives 2.15 mN/µm,
+which agrees with the 2.17 mN/µm of the passive arm (55); the plan is 10 % too stiff. The paper
+gives no number for the hysteresis loop, so the shape of the demo rig's loop is used.
 """
 
 from dataclasses import dataclass
@@ -22,10 +22,10 @@ CONTACT_STIFFNESS = (printed.FORCE_PP_MN - abs(printed.PLANNING_ERROR_MN)) / (
 )
 """Contact stiffness in mN/µm, from Fig. 7(d)."""
 LOOP_V = 2.0
-"""Peak-to-peak voltage at which gain and loop are stated, in V."""
+"""Peak-to-peak voltage for which gain and loop are given, in V."""
 LOOP_CYCLES = 4
 SLEW_V_PER_S = 50.0
-"""Slew limit that no experiment reaches; the demo rig's own limit would distort 5 Hz."""
+"""Slew limit that no experiment reaches; the demo rig's limit would distort 5 Hz."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,9 +86,9 @@ def random_rig(base: RigFile, seed: int) -> tuple[RigFile, Draw]:
 def random_relay_rig(base: RigFile, seed: int) -> tuple[RigFile, Draw]:
     """Draw a rig as ``random_rig`` does, but with relays: another class of hysteresis.
 
-    The loop of 10-23 % is stated at full drive, as instruments have it. Relays are drawn by what a
-    measured stack has, and around it: full drive 2-3 V, mean threshold 0.6-1.4 and spread 1.3-3 of
-    it, centre 0-1.5 V; see ``simulation.Relays``.
+    The loop of 10-23 % is given at full drive, as in data sheets. The parameters of the relays are
+    drawn around those of a measured stack: full drive 2-3 V, mean threshold and spread 0.6-1.4 and
+    1.3-3 of it, centre 0-1.5 V; see ``simulation.Relays``.
     """
     chance = np.random.default_rng(seed)
     stiffness = CONTACT_STIFFNESS * float(chance.uniform(0.8, 1.2))
@@ -118,7 +118,7 @@ def random_relay_rig(base: RigFile, seed: int) -> tuple[RigFile, Draw]:
 
 
 def scaled_to_gain(simulation: Simulation) -> Simulation:
-    """Scale d so that the free arm moves 19.0 µm/V, peak to peak at 2 V; the arm is linear in d."""
+    """Scale d so that the free arm moves 19.0 µm/V at 2 V peak to peak; the arm is linear in d."""
     gain = _loop(simulation)[0]
     return simulation.model_copy(
         update={"piezo_um_per_V": simulation.piezo_um_per_V * printed.PIEZO_UM_PER_V / gain}
@@ -131,7 +131,7 @@ def loop_percent(simulation: Simulation) -> float:
 
 
 def hysteresis_for_loop(simulation: Simulation, percent: float) -> float:
-    """Return A/d that gives a loop of this width, by bisection."""
+    """Return the A/d that gives a loop of this width, by bisection."""
     low, high = 0.02, 0.9
     for _ in range(24):
         middle = 0.5 * (low + high)
@@ -144,7 +144,7 @@ def hysteresis_for_loop(simulation: Simulation, percent: float) -> float:
 
 
 def _loop(simulation: Simulation) -> tuple[float, float]:
-    """Return gain in µm/V and width over stroke of the settled free loop, true positions."""
+    """Return gain in µm/V and relative width of the settled free loop, from true positions."""
     free = simulation.model_copy(update={"bead": False})
     voltages = raised_sinusoid(LOOP_V, printed.FREQUENCY_HZ, LOOP_CYCLES, printed.PERIOD_S)
     cycle = drive(free, voltages, printed.PERIOD_S).tail(len(voltages) // LOOP_CYCLES)
@@ -165,7 +165,7 @@ def _lockstep(base: RigFile, simulation: Simulation) -> RigFile:
                 update={"time": "lockstep", "period_s": printed.PERIOD_S, "name": "paper"}
             ),
             "limits": base.limits.model_copy(update={"slew_V_per_s": SLEW_V_PER_S}),
-            # The paper's laws, which use a straight line; ``beyond`` uses the others.
+            # The paper's laws use a straight line; ``beyond`` uses the other sources.
             "law": base.law.model_copy(update={"set": "consistent"}),
             "simulation": simulation,
         }

@@ -25,7 +25,7 @@ from pincette_study.report import Comparison, Section, write_report
 from pincette_study.rigs import frozen_rig
 
 Progress = Callable[[str, float], None]
-"""Receives the present activity, and the completed share of the whole."""
+"""Function that receives the present activity and the completed fraction of the whole."""
 
 
 def run_study(
@@ -43,17 +43,17 @@ def run_study(
     Parameters
     ----------
     base
-        The demo rig; what is not in the paper comes from it.
+        The demo rig, which provides the values that are not in the paper.
     rigs
-        How many random rigs the paper's laws are tried on.
+        Number of random rigs for the paper's laws.
     beyond_rigs
-        How many of each class of hysteresis what goes beyond the paper is tried on.
+        Number of rigs of each class of hysteresis for the results beyond the paper.
     fast
-        The rig that the experiments at its short period take instruments and law from.
+        Rig with the instruments and the law for the experiments at its short period.
     fast_rigs
-        How many of each class these are tried on.
+        Number of rigs of each class for these experiments.
     workers
-        Processes that play closed loops; the numbers are the same with any number of them.
+        Number of processes that run closed loops; the results do not depend on it.
     """
     rig = frozen_rig(base)
     progress("teaching the frozen rig", 0.0)
@@ -127,7 +127,7 @@ def run_study(
 
 
 def _in_short(sections: Sequence[Section], trials: Sequence[Trial]) -> Section:
-    """Return a summary of confirmed and unconfirmed results, before the individual experiments."""
+    """Return a summary of confirmed and unconfirmed results, for the start of the report."""
     found = precision.summary(trials)
     rows = [
         Comparison(f"{scheme.upper()} {quantity}", "%", None, values[f"{quantity}_percent"])

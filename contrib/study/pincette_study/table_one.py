@@ -1,4 +1,4 @@
-"""Fig. 9 and Table I: PBSMIC by K_P, predictions of the frozen rig."""
+"""Fig. 9 and Table I: PBSMIC for several K_P; predictions of the frozen rig."""
 
 from itertools import pairwise
 
@@ -12,7 +12,7 @@ from pincette_study.tracked import listed, percent, plain, traces
 
 
 def table_one(rig: RigFile) -> tuple[Section, dict[float, Errors]]:
-    """Run Table I and Fig. 9: PBSMIC with the printed set, by K_P."""
+    """Run Table I and Fig. 9: PBSMIC with the printed set, for several K_P."""
     found: dict[float, Errors] = {}
     records: dict[float, Record] = {}
     plan = tracking_plan(rig, stiffness_mN_per_um=printed.PLANNED_STIFFNESS)

@@ -1,4 +1,4 @@
-"""Shared parts of the sections on tracking: drawing a run, and errors as text and numbers."""
+"""Shared parts of the sections on tracking: plot of a run, and errors as text and numbers."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -24,7 +24,7 @@ def plain(item: Errors) -> dict[str, Any]:
 
 
 def traces(seen: Record) -> bytes:
-    """Draw position, force, their errors, voltage and sliding function, as Figs. 9 and 10."""
+    """Draw position, force, their errors, voltage and sliding function, as in Figs. 9 and 10."""
 
     def draw(axes: list[Axis]) -> None:
         t = seen.t_s

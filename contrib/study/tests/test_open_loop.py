@@ -37,7 +37,7 @@ FREE = LINEAR.model_copy(update={"bead": False})
 def test_position_and_voltage_of_a_sample_have_the_same_age() -> None:
     voltages = [0.0, 0.5, 0.5, 1.0, 0.25, 0.25]
     motion = drive(FREE, voltages, PERIOD_S)
-    # Before each output: the first sample sees an arm that has got nothing yet.
+    # Before each output: the first sample is taken before the arm has received a voltage.
     assert motion.voltage_V.tolist() == [0.0, 0.0, 0.5, 0.5, 1.0, 0.25]
     assert motion.true_x_um == pytest.approx(GAIN * motion.voltage_V, abs=1e-3)
     assert motion.x_um == pytest.approx(motion.true_x_um, abs=1e-6)

@@ -34,7 +34,7 @@ def frozen() -> RigFile:
 
 
 def free_cycle(rig: RigFile) -> Motion:
-    """The settled cycle of the free arm at 2 V peak to peak."""
+    """Return the settled cycle of the free arm at 2 V peak to peak."""
     free = simulation_of(rig).model_copy(update={"bead": False})
     return drive(free, raised_sinusoid(2.0, 0.5, 4, 0.02), 0.02).tail(100)
 
@@ -45,7 +45,7 @@ def gain_um_per_V(rig: RigFile) -> float:
 
 
 def test_the_contact_has_the_values_of_figure_7() -> None:
-    # At the peak 16 mN at 7.45 µm, where 20 mN at 8.45 µm were planned.
+    # At the peak 16 mN at 7.45 µm; planned were 20 mN at 8.45 µm.
     assert pytest.approx(16.0 / 7.45) == CONTACT_STIFFNESS
     assert simulation_of(frozen()).environment_stiffness_mN_per_um == CONTACT_STIFFNESS
 
@@ -96,7 +96,7 @@ def test_the_width_of_the_loop_is_correct() -> None:
     rig = frozen()
     cycle = free_cycle(rig)
     stroke_um = peak_to_peak(cycle.true_x_um)
-    # Widest by eye: rising and falling samples of about the same voltage.
+    # Largest width, from rising and falling samples of about the same voltage.
     rows = sorted(zip(cycle.voltage_V.tolist(), cycle.true_x_um.tolist(), strict=True))
     widest_um = max(abs(x - y) for (u, x), (v, y) in pairwise(rows) if abs(u - v) < 2e-3)
     found = loop_percent(simulation_of(rig))

@@ -58,7 +58,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     folder = tmp_path_factory.mktemp("paper")
     received: list[tuple[str, float]] = []
     begun = monotonic()
-    # Paths as short as they show what they are for.
+    # The shortest paths that still test what they are for.
     monkeypatch = pytest.MonkeyPatch()
     monkeypatch.setattr(beyond, "CYCLES", {0.5: 2, 2.0: 4, 5.0: 10})
     monkeypatch.setattr(beyond, "LEARNED_CYCLES", 4)
@@ -155,14 +155,14 @@ def test_the_random_rigs_are_tracked_by_both_laws(study: Study) -> None:
     assert {trial["scheme"] for trial in trials} == set(SCHEMES)
     assert {trial["frequency_hz"] for trial in trials} == {0.5, 2.0, 5.0}
     floor = study.summary["sensor_floor_percent"]
-    # 30 nm of noise and a 25 nm step, of 8.45 µm.
+    # 30 nm of noise and a 25 nm step, relative to 8.45 µm.
     assert floor == pytest.approx(100.0 * (0.03**2 + 0.025**2 / 12.0) ** 0.5 / 8.45)
     for scheme in SCHEMES:
         median = study.summary["tracking_consistent"][scheme]
         worst = study.summary["tracking_consistent_worst"][scheme]
         (slow,) = [t for t in trials if t["scheme"] == scheme and t["frequency_hz"] == 0.5]
         for name in ("position_percent", "force_percent"):
-            # The median and the worst of one are that one.
+            # Median and worst value of one rig are equal.
             assert median[name] == worst[name] == slow[name]
         assert floor < median["position_percent"] < 5.0
         assert 0.0 < median["force_percent"] < 10.0
@@ -192,10 +192,10 @@ def test_results_beyond_the_paper_are_stated_for_every_class_law_and_frequency(
                         continue
                     (one,) = shown
                     for quantity in ("position_percent", "force_percent"):
-                        # The median and the worst of one are that one.
+                        # Median and worst value of one rig are equal.
                         assert values[before + quantity] == one[quantity]
                         assert values[f"{before}{quantity}_worst"] == one[quantity]
-            # As one rig tells: the law is at the noise of the sensor, where the paper has 6 to 8 %.
+            # For this rig the law is limited by the noise of the sensor; the paper has 6 to 8 %.
             assert found["hz_0_5"]["position_percent"] < 1.0
             assert found["hz_0_5"]["force_percent"] < 2.0
             assert found["hz_2"]["position_percent"] < 1.5
@@ -227,7 +227,7 @@ def test_the_estimator_is_reported_with_its_signals(study: Study) -> None:
     by_signal = study.summary["estimator_free_rmse_mN_by_signal"]
     assert study.summary["estimator_free_rmse_mN"] == by_signal["sinusoid 0.5 Hz"]
     assert len(by_signal) > 1
-    # Far below what a straight line for x_1 gives, 2 mN and more at such strokes.
+    # Far below the error with a straight line for x_1, which is at least 2 mN at such strokes.
     assert all(0.0 < rmse_mN < 1.5 for rmse_mN in by_signal.values())
 
 

@@ -1,1 +1,1 @@
-"""Simulated rig: the plant in simulated time, and the instruments' side of the line."""
+"""Simulated rig: the plant in simulated time, and its instruments as seen over their lines."""

@@ -1,4 +1,4 @@
-"""Bench: the plant with its simulated instruments, as a rig file describes them."""
+"""Bench: the plant with its simulated instruments, set up from a rig file."""
 
 from collections.abc import Callable, Generator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -34,17 +34,17 @@ class Bench:
 
     @property
     def sensor(self) -> Instrument:
-        """Position sensor; with two arms, that of the first."""
+        """Position sensor; with two arms, that of the first arm."""
         return self.fitted["sensor"].instrument
 
     @property
     def output(self) -> Instrument:
-        """Voltage output; with two arms, that of the first."""
+        """Voltage output; with two arms, that of the first arm."""
         return self.fitted["output"].instrument
 
     @contextmanager
     def offer(self) -> Generator[dict[str, str]]:
-        """Offer all instruments at their urls; yields the url of each one; raises WireError."""
+        """Open a port for each instrument; yields the url of each; raises WireError."""
         with ExitStack() as ports:
             at: dict[str, str] = {}
             servers: dict[int, str] = {}
@@ -115,7 +115,7 @@ def _shared(beside: Mapping[str, Fitted], found: Mapping[str, Fitted]) -> dict[s
 
 
 def _tables_of(arm: RigFile) -> dict[str, set[str]]:
-    """Return tables of the rig file by the driver that they name."""
+    """Return the tables of the rig file for each driver that they name."""
     tables_of: dict[str, set[str]] = {}
     for table in TABLES:
         name = (arm.sensor if table == "sensor" else arm.output).driver
@@ -138,7 +138,7 @@ def _simulated(
     clock: Callable[[], float],
     truth: TruthSink | None,
 ) -> tuple[SimulatedRig | SimulatedPair, tuple[SimulatedRig | ArmOfPair, ...]]:
-    """Return the plant, and the rig or its arms as instruments see them; raises ValueError."""
+    """Return the plant, and the rig or the arms that the instruments use; raises ValueError."""
     period_s, lockstep = rig_file.rig.period_s, rig_file.lockstep
     if rig_file.second is None:
         plant = resolved(simulation, rig_file.output.driver)
@@ -158,7 +158,7 @@ def _setting(
     pace: Callable[[float], None] | None,
     beside: Mapping[str, Fitted],
 ) -> Setting:
-    """Return the rig as the instruments of an arm see it, through the script if there is one."""
+    """Return the environment of an arm's instruments, with the script's effects if there is one."""
 
     def paced_um() -> float:
         if pace is not None:

@@ -1,1 +1,1 @@
-"""Results beyond the paper on one arm: at its own period, and at 1 ms."""
+"""Results beyond the paper with one arm: at the paper's period, and at 1 ms."""

@@ -1,8 +1,8 @@
-"""At T = 1 ms: the law with a filtered perturbation, on the rigs of ``beyond``.
+"""Results at T = 1 ms: the law with a filtered perturbation, on the rigs of ``beyond``.
 
-Each rig was calibrated and pressed at 20 ms. Then it gets the instruments, period and law of
-another rig file, grips, and tracks paths of up to 20 Hz; some rigs differ from their calibrated
-state.
+Each rig is calibrated, and its part pressed, at 20 ms. With the instruments, period and law of
+another rig file it then grips and tracks paths of up to 20 Hz. Some rigs are changed after their
+calibration.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -36,12 +36,12 @@ from pincette_study.rigs import Draw, simulation_of
 CYCLES = {0.5: 2, 2.0: 6, 10.0: 20, 20.0: 40}
 """Number of cycles at full amplitude, by frequency in Hz."""
 FAST_HZ = 10.0
-"""Frequency in Hz of the path that is tracked again after a residual run, and off nominal."""
+"""Frequency in Hz of the path that is tracked again after a residual run, and with changed rigs."""
 QUICK = "quick"
 FAST = ("substep_s", "sensor_step_um", "output_step_V", "output_lag_s", "actuation_delay_s")
-"""Fields of a simulated rig that belong to its instruments."""
+"""Fields of a simulated rig that describe its instruments."""
 MISSED = 0.01
-"""Share of the samples that are lost."""
+"""Fraction of the samples that are lost."""
 OFF_NOMINAL: Mapping[str, Callable[[RigFile], dict[str, Any]]] = {
     "mode_80": lambda rig: {"natural_frequency_rad_per_s": 0.8 * _omega_n(rig)},
     "mode_120": lambda rig: {"natural_frequency_rad_per_s": 1.2 * _omega_n(rig)},
@@ -53,18 +53,19 @@ OFF_NOMINAL: Mapping[str, Callable[[RigFile], dict[str, Any]]] = {
         "script": (ScriptedOrder(at_s=0.0, target="sensor", what="intermittent", value=MISSED),)
     },
 }
-"""Changes of the simulated rig by name. Only the noise is also stated in the rig file, since
-no force could be zeroed otherwise."""
+"""Changes of the simulated rig by name. Only the noise is also entered in the rig file, since
+otherwise the force could not be zeroed."""
 SMALLER = {"contact_200": 0.5}
-"""Reduced share of the path, by change: on the whole path the part meets the limit of force."""
+"""Reduced fraction of the path's range, by change: with the full range the force limit would be
+reached."""
 OFF_RIGS = 1
 """Number of rigs of each class on which the changes are tried."""
 
 
 def at_kilohertz(rig: RigFile, fast: RigFile) -> RigFile:
-    """Return the rig with instruments, period and law of ``fast``.
+    """Return the rig with instruments, period and law of the rig file ``fast``.
 
-    Arm, part and their models stay.
+    Arm, part and their models are kept.
     """
     simulated, instruments = simulation_of(rig), simulation_of(fast)
     model = {"output_delay_s": fast.model.output_delay_s}
@@ -93,7 +94,7 @@ def run_kilohertz(
     progress: Callable[[int], None] | None = None,
     workers: int = 1,
 ) -> BeyondTrials:
-    """Play this number of rigs of every class.
+    """Run the trials on this number of rigs of every class.
 
     ``progress`` receives the number of finished rigs.
     """
@@ -117,7 +118,7 @@ def _by_rig(base: RigFile, fast: RigFile, rigs: int, workers: int) -> Iterator[B
 
 
 def on_rig(base: RigFile, fast: RigFile, drawn: tuple[str, int]) -> BeyondTrials:
-    """Play one rig, of a class and a seed: nominally, and the first of its class off nominal."""
+    """Run all trials on one rig, of a class and seed; the first of its class also changed."""
     calibrated, draw = prepared_rig(base, drawn)
     rig = at_kilohertz(calibrated, fast)
     found = nominal(rig, drawn[0], draw)
@@ -127,7 +128,7 @@ def on_rig(base: RigFile, fast: RigFile, drawn: tuple[str, int]) -> BeyondTrials
 
 
 def nominal(rig: RigFile, name: str, draw: Draw) -> BeyondTrials:
-    """Grip and track, without preparation and with the errors found by runs without the part."""
+    """Grip, and track with and without corrections found by runs without the part."""
     desk = Desk(rig)
     desk.stroke()
     found = BeyondTrials([], [])
@@ -149,9 +150,9 @@ def nominal(rig: RigFile, name: str, draw: Draw) -> BeyondTrials:
 
 
 def off_nominal(rig: RigFile, name: str, draw: Draw) -> Iterator[BeyondTrial]:
-    """Track with a rig that differs from its calibrated state; raises StudyError.
+    """Track with a rig that is changed after its calibration; raises StudyError.
 
-    The guard against a stiffness other than the planned part's is off, as such parts are tested
+    The guard against parts with another stiffness than planned is off, as such parts are tested
     here.
     """
     for what, changed in OFF_NOMINAL.items():

@@ -31,9 +31,9 @@ GRIPS: Mapping[str, str] = {"quick": "", "dry_run": ", after a residual run"}
 
 
 def summary(found: BeyondTrials) -> dict[str, Any]:
-    """Return medians over the rigs by class, scheme and frequency, as ``beyond``.
+    """Return medians over the rigs of tracks and grips, by class, scheme and frequency.
 
-    And of the grips.
+    The names are those of ``report.summary`` and ``report.grip_summary``.
     """
     grips = {
         name: medians({one: [getattr(trial, one) for trial in some] for one in FIGURES})

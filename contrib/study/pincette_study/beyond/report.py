@@ -34,7 +34,7 @@ COLORS = dict(zip(FREQUENCIES_HZ, (BLUE, GREEN, ORANGE), strict=True))
 def summary(trials: Sequence[BeyondTrial]) -> dict[str, Any]:
     """Return medians over the rigs, by class, scheme and frequency.
 
-    Each is a number under its name, with the worst one under ``…_worst``.
+    Each median has a name, and the worst value the same name with ``_worst`` appended.
     """
     tree: dict[str, Any] = {}
     for trial in trials:
@@ -51,7 +51,7 @@ def summary(trials: Sequence[BeyondTrial]) -> dict[str, Any]:
 
 
 def grip_summary(trials: Sequence[GripTrial]) -> dict[str, Any]:
-    """Return medians over the rigs of all classes by profile, with the worst."""
+    """Return medians over the rigs of all classes, by profile, and the worst values."""
     return {
         profile: medians(
             {
@@ -64,7 +64,7 @@ def grip_summary(trials: Sequence[GripTrial]) -> dict[str, Any]:
 
 
 def medians(values: Mapping[str, Sequence[float]]) -> dict[str, float]:
-    """Return the median of each figure, with the worst."""
+    """Return the median of each value, and the worst one."""
     found: dict[str, float] = {}
     for name, some in values.items():
         found |= {name: median(some), f"{name}_worst": max(some)}
@@ -72,7 +72,7 @@ def medians(values: Mapping[str, Sequence[float]]) -> dict[str, float]:
 
 
 def name_of(prepared: str, quantity: str) -> str:
-    """Return the name of a figure in the summary."""
+    """Return the name of a value in the summary."""
     return f"{prepared}_{quantity}_percent" if prepared else f"{quantity}_percent"
 
 
@@ -112,7 +112,7 @@ def section(found: BeyondTrials) -> Section:
 
 
 def _without_a_run(trials: Sequence[BeyondTrial]) -> str:
-    """Return how many tracks have a residual run; a guard ended the others."""
+    """Return how many tracks have a residual run; in the others a guard ended it."""
     counts = [sum(t.prepared == word for t in trials) for word in ("", "dry_run")]
     return f"{counts[1]} of {counts[0]} tracks had residual runs; a guard ended the others."
 
@@ -182,7 +182,7 @@ def _of(
 
 
 def _by_class(draw: Callable[[Axis, str], None], x: str, y: str) -> bytes:
-    """Draw one axis for each class of hysteresis, from 0 upwards; x and y are their labels."""
+    """Draw one axis for each class of hysteresis, starting at 0; x and y are the axis labels."""
 
     def draw_all(axes: list[Axis]) -> None:
         for axis, name in zip(axes, CLASSES, strict=True):
@@ -208,7 +208,7 @@ def _scatter(trials: Sequence[BeyondTrial]) -> bytes:
 
 
 def _pairs(trials: Sequence[BeyondTrial]) -> bytes:
-    """Draw the force error after a residual run over that before; below the line it helped."""
+    """Draw the force error after a residual run over that before; below the line it improved."""
 
     def draw(axis: Axis, name: str) -> None:
         most = 0.0
@@ -228,7 +228,7 @@ def _pairs(trials: Sequence[BeyondTrial]) -> bytes:
 
 
 def _cycles(trials: Sequence[BeyondTrial]) -> bytes:
-    """Draw the median over the rigs of the position error of each cycle."""
+    """Draw the position error of each cycle, as the median over the rigs."""
 
     def draw(axis: Axis, name: str) -> None:
         for frequency_hz, color in COLORS.items():

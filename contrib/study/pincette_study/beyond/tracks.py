@@ -1,7 +1,7 @@
 """Beyond the paper: the identified response in the law, a residual run, learning, and grips.
 
-Play operators with forgetting, of which the model is made, resemble Bouc-Wen, which favours the
-model; relays do not.
+The model consists of play operators with fading, which resemble Bouc-Wen hysteresis, so that rigs
+of this class favour the model; rigs with relays do not.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -42,15 +42,15 @@ CLASSES: Mapping[str, Callable[[RigFile, int], tuple[RigFile, Draw]]] = {
     "relays": random_relay_rig,
 }
 FIRST_SEED = 201
-"""First seed of the rigs; gains and models were chosen on seeds below 121."""
+"""First seed of the rigs. Gains and models were chosen with seeds below 121."""
 REACH_UM = (-70.0, 120.0)
-"""Limits of position in µm: the calibration's cycles go 1 V below rest, and relays shift the rest.
-"""
+"""Limits of position in µm. The calibration's cycles go 1 V below the rest voltage, and relays
+shift the rest position."""
 CYCLES = {0.5: 6, 2.0: 12, 5.0: 20}
 """Number of cycles at full amplitude, by frequency in Hz."""
 LEARNED_CYCLES = 10
 AFTER_CYCLES = {0.5: 2, 2.0: 4, 5.0: 10}
-"""Number of cycles of the same path after learning, by frequency in Hz; the error is taken over
+"""Number of cycles of the same path after learning, by frequency in Hz; the error is computed from
 these."""
 PROFILES = ("quick", "gentle")
 
@@ -66,9 +66,10 @@ class BeyondTrial:
     frequency_hz: float
     errors: Errors
     prepared: str = ""
-    """Preparation in addition to the calibrations: ``dry_run`` or ``learned``; empty without."""
+    """Preparation in addition to the calibrations: ``dry_run`` or ``learned``; empty without
+    one."""
     cycles_percent: tuple[float, ...] = ()
-    """R.m.s. of the position error over each cycle in per cent, if the law learns from cycles."""
+    """R.m.s. position error of each cycle in per cent, if the law learns from cycles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,11 +83,11 @@ class GripTrial:
     peak_over_planned: float
     """Largest true force divided by the planned one."""
     hold_error_percent: float
-    """R.m.s. of the true minus the planned force over the hold, in per cent."""
+    """R.m.s. of the true minus the planned force during the hold, in per cent."""
 
 
 class BeyondTrials(NamedTuple):
-    """Results of one rig, or of all."""
+    """Results of one rig, or of all rigs."""
 
     tracks: list[BeyondTrial]
     grips: list[GripTrial]
@@ -98,7 +99,7 @@ def run_beyond(
     progress: Callable[[int], None] | None = None,
     workers: int = 1,
 ) -> BeyondTrials:
-    """Draw, calibrate, grip and track: every class, scheme and frequency, in their order.
+    """Draw, calibrate, grip and track: every class, scheme and frequency, in this order.
 
     ``progress`` receives the number of finished rigs, over all classes.
     """
@@ -122,10 +123,10 @@ def _by_rig(base: RigFile, rigs: int, workers: int) -> Iterator[BeyondTrials]:
 
 
 def prepared_rig(base: RigFile, drawn: tuple[str, int]) -> tuple[RigFile, Draw]:
-    """Draw a rig of a class by its seed, calibrate its free response, and press on its part."""
+    """Draw a rig of a class by its seed, calibrate its free response, and press its part."""
     name, seed = drawn
     rig, draw = CLASSES[name](base, seed)
-    # No set is named: the product's own choice, once a free response is identified.
+    # No set is given: the default is used after a free response is identified.
     update = {
         "law": rig.law.model_copy(update={"set": None}),
         "limits": rig.limits.model_copy(
@@ -139,10 +140,11 @@ def prepared_rig(base: RigFile, drawn: tuple[str, int]) -> tuple[RigFile, Draw]:
 
 
 def on_rig(base: RigFile, drawn: tuple[str, int]) -> BeyondTrials:
-    """Play one rig, of a class and a seed, with default gains, one job after the other.
+    """Run all jobs on one rig, of a class and a seed, with default gains, one after the other.
 
-    Before the first job it strokes over its range, as no model knows the earlier history, and
-    relays have no unpoled state in common with plays. From then on memory and creep are kept.
+    Before the first job the arm strokes over its range, since no model knows its earlier history,
+    and relays have no unpoled state in common with plays. Memory and creep are then kept between
+    jobs.
     """
     rig, draw = prepared_rig(base, drawn)
     desk = Desk(rig)
@@ -156,7 +158,7 @@ def on_rig(base: RigFile, drawn: tuple[str, int]) -> BeyondTrials:
 
 
 def _tracks(desk: Desk, name: str, draw: Draw, frequency_hz: float) -> Iterator[BeyondTrial]:
-    """Track without preparation, play without the part, track with the found errors, and learn."""
+    """Track without preparation, run without the part, track with its corrections, and learn."""
     rig, period_s = desk.rig, desk.rig.rig.period_s
 
     def program(scheme: str, cycles: int) -> tuple[Program, Path]:
@@ -198,7 +200,7 @@ def _cycles_percent(played: Sequence[Message], path: Path, period_s: float) -> t
 def grip_trial(
     rig: RigFile, name: str, draw: Draw, profile: str, planned: Planned, played: list[Message]
 ) -> GripTrial:
-    """Return time and forces of a grip; raises StudyError if it did not hold."""
+    """Return time and forces of a grip; raises StudyError if the part was not held."""
     if outcome(played) != "gripped":
         raise StudyError(f"the {profile} grip of {name} rig {draw.seed} ended {outcome(played)!r}")
     views = [m for m in played if isinstance(m, Telemetry)]

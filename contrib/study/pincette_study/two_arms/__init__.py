@@ -1,1 +1,1 @@
-"""Two driven arms on one part: random pairs, taught, simulated, under the law of two arms."""
+"""Two driven arms on one part: random simulated pairs with identified models, and their law."""

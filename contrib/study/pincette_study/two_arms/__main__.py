@@ -1,6 +1,7 @@
-"""``python -m pincette_study.two_arms``: teach random pairs, and test the law of two arms.
+"""``python -m pincette_study.two_arms`` identifies random pairs and tests the law of two arms.
 
-Each pair takes some two minutes of one core, mostly at 1 ms and for teaching both arms.
+Each pair takes about two minutes on one core, mostly for the run at 1 ms and the identification of
+both arms.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,14 +20,14 @@ from pincette_study.two_arms.trials import CASES, MOST_OFF_UM, centre, track
 
 CONSOLE = Console(highlight=False)
 Figures = tuple[tuple[str, float], ...]
-"""Figures of one trial: value by name with unit."""
+"""Results of one trial: names with unit, and values."""
 
 
 def run(
     rig: Annotated[Path, typer.Argument(help="rig file around which random pairs are drawn")],
     pairs: Annotated[int, typer.Option(min=1, help="pairs of each class of hysteresis")] = 1,
 ) -> None:
-    """Print the median and the worst of every figure."""
+    """Print the median and the worst value of every result."""
     base = opened(rig)
     found: dict[str, list[Figures]] = {}
     for number in range(pairs):
@@ -61,7 +62,7 @@ def _trials(pair: TaughtPair) -> Sequence[tuple[str, Callable[[], Figures]]]:
 
 
 def _text(found: Sequence[Figures]) -> str:
-    """Return the median, and the worst in brackets."""
+    """Return the median, and the worst value in brackets."""
     columns = zip(*found, strict=True)
     return ", ".join(
         f"{column[0][0]} {median(value for _, value in column):.2f} "

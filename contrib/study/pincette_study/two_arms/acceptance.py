@@ -1,8 +1,9 @@
-"""``python -m pincette_study.two_arms.acceptance``: two arms by the services, pair after pair.
+"""``python -m pincette_study.two_arms.acceptance`` tests two arms with the real services.
 
-Each pair has its own rig files. Its jobs are planned, judged and evaluated by the supervisor's
-functions and played by the four services behind the real bytes, in lockstep in one process. Errors
-are the true ones, force in per cent of the height of its path.
+Random pairs are tested one after the other, each with its own rig files. The jobs are planned,
+checked and evaluated by the supervisor's functions and played by the four services over the
+instruments' real protocols, in lockstep in one process. The errors are true errors; those of the
+force are in per cent of the height of its path.
 """
 
 from collections.abc import Iterator
@@ -33,7 +34,7 @@ CONSOLE = Console(highlight=False)
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """Limits of a result: median and worst."""
+    """Limits of a result: for the median and the worst value."""
 
     name: str
     unit: str
@@ -50,11 +51,11 @@ FIGURES = (
     Figure("force at 7 Hz, 1 ms", "%", 2.5, 5.0),
     Figure("centre: moved", "µm", 0.5, 0.5),
 )
-"""Limits of the acceptance. The medians are specified; if no worst value is, it is twice the
-median."""
+"""Limits of the acceptance. The medians are specified; where no worst value is specified, it is
+twice the median."""
 SLOW_TRACKS = ((0.5, 5, 0.3, 3), (2.0, 10, 1.3, 7))
 FAST_TRACK = (10.0, 20, 7.0, 14)
-"""Frequency in Hz and number of cycles of the place, then of the force."""
+"""Frequency in Hz and number of cycles of the position path, then of the force path."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +104,7 @@ def _tracked(
 
 
 def _off(rig: RigFile, off_um: float) -> RigFile:
-    """Return the rig with its part away from its planned place."""
+    """Return the rig with its part away from the planned position."""
     simulation = rig.simulation
     assert simulation is not None
     assert simulation.second is not None
@@ -124,7 +125,7 @@ def moved_um(table: Columns) -> float:
 
 
 def run_pairs(base: Path, pairs: int, folder: Path, workers: int = 1) -> Iterator[PairFigures]:
-    """Yield this number of pairs of each class, one after the other."""
+    """Yield the results of this number of pairs of each class, one after the other."""
     drawn = [(hysteresis, number) for number in range(pairs) for hysteresis in CLASSES]
     one = partial(run_pair, base, folder)
     if workers == 1:
@@ -140,7 +141,7 @@ def main(
     workers: Annotated[int, typer.Option(min=1, help="processes")] = 1,
     keep: Annotated[Path | None, typer.Option(help="folder for the rig files")] = None,
 ) -> None:
-    """Print the figures of each pair, then median and worst of each figure beside its limits."""
+    """Print the results of each pair, then median and worst value of each with its limits."""
     with TemporaryDirectory() as made:
         folder = Path(made) if keep is None else keep
         folder.mkdir(parents=True, exist_ok=True)
@@ -154,7 +155,7 @@ def main(
 
 
 def report(found: list[PairFigures]) -> Iterator[str]:
-    """Print a line for each figure: for all pairs, and for each class."""
+    """Print a line for each result: for all pairs, and for each class."""
     for place, figure in enumerate(FIGURES):
         of_class = [
             f"{name} {_text([one.values[place] for one in found if one.hysteresis == name])}"
@@ -168,7 +169,7 @@ def report(found: list[PairFigures]) -> Iterator[str]:
 
 
 def _text(values: list[float]) -> str:
-    """Return the median, and the worst in brackets."""
+    """Return the median, and the worst value in brackets."""
     return f"{median(values):.2f} ({max(values):.2f})"
 
 

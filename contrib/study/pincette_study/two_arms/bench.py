@@ -1,4 +1,4 @@
-"""Two simulated arms under the law of two arms, read and driven tick by tick."""
+"""Two simulated arms controlled by the law of two arms, measured and driven tick by tick."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -37,10 +37,10 @@ from pincette_study.two_arms.pairs import Instruments, TaughtPair, arm_of, model
 
 Series = NDArray[np.float64]
 Table = list[Pair]
-"""Model errors of both arms in µm, by tick of a phase."""
+"""Model errors of both arms in µm, for each tick of a phase."""
 SMOOTH_S = {0.02: 0.1, 0.001: 0.015}
 """Standard deviation in s of the smoothing of ``Table``, by period in s: five samples of a slow
-pair, fifteen of a fast one."""
+pair, fifteen samples of a fast one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +48,8 @@ class Tick:
     """One sample: readings, references, and true values."""
 
     wanted: TwoArmReferences | None
-    """References for this sample, given one tick before; None if the voltages were given directly.
-    """
+    """References for this sample, given one tick earlier; None if the voltages were given
+    directly."""
     tips_um: Pair
     forces_mN: Pair
     """Force from each arm's estimator, in mN."""
@@ -57,11 +57,11 @@ class Tick:
     true_forces_mN: Pair
     part_um: float
     voltages_V: Pair
-    """Voltages applied from this tick on, in V."""
+    """Voltages applied from this tick, in V."""
 
 
 class PairBench:
-    """Pair from its switching on; each tick reads both arms and drives both."""
+    """A pair from when it is switched on; each tick measures both arms and drives both."""
 
     def __init__(
         self,
@@ -105,12 +105,12 @@ class PairBench:
         ]
 
     def begin(self, phase: str) -> None:
-        """Begin a phase, whose model errors may be known."""
+        """Begin a phase, for which model errors may be known."""
         self.begun[phase] = len(self.ticks)
         self._missed, self._phase_index = self._known.get(phase, []), len(self.ticks)
 
     def drive(self, voltages_V: Callable[[], Pair]) -> None:
-        """Play one tick without a law; the voltages are requested after the sample."""
+        """Play one tick without a law; the voltages are output after the sample."""
         self._sample()
         self._put(voltages_V())
         self._wanted = None
@@ -143,7 +143,7 @@ class PairBench:
         return output
 
     def zero(self, ticks: int) -> None:
-        """Rest free of the part, and take both forces as zero."""
+        """Rest free of the part, and zero both forces."""
         self.begin("zero")
         for _ in range(ticks):
             self.drive(lambda: self._voltages_V)
@@ -153,20 +153,20 @@ class PairBench:
         self.begin("close")
 
     def without_part(self) -> None:
-        """Take the part away."""
+        """Remove the part."""
         self.state = remove_pair_part(self.state)
 
     def with_part(self) -> None:
-        """Put the part back at its place."""
+        """Put the part back at its position."""
         at_um = self.plant.part_um
         self.state = structs.replace(
             self.state, part="there", contact=APART, part_um=at_um, anchor_um=at_um
         )
 
     def replayed(self) -> dict[str, Table]:
-        """Play the voltages again, from a new start and without the part; return the errors of H.
+        """Repeat the voltages from a new start without the part; return the errors of H.
 
-        They are given by phase and tick, minus their mean over the zero, smoothed.
+        The errors are given by phase and tick, smoothed, and relative to their mean over the zero.
         """
         other = PairBench(self.pair, self.instruments, self._part, run=self._run + 10)
         other.without_part()
@@ -232,7 +232,7 @@ class PairBench:
         return self._missed[min(place, len(self._missed) - 1)]
 
     def _put(self, wanted_V: Pair) -> None:
-        """Put both voltages out within the limits, and let the period pass."""
+        """Output both voltages within the limits, and let the period pass."""
         made = self.instruments
         reach_V = made.slew_V_per_s * made.period_s
         voltages: list[float] = []
@@ -252,7 +252,7 @@ class PairBench:
 
 
 def _smoothed(values: Series, ticks: float) -> Series:
-    """Return columns smoothed by a Gaussian whose width is in ticks, with the ends extended."""
+    """Return columns smoothed by a Gaussian of a width in ticks, with constant ends."""
     reach = round(4.0 * ticks)
     weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / ticks) ** 2)
     padded = np.pad(values, ((reach, reach), (0, 0)), mode="edge")

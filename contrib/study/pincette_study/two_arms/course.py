@@ -1,4 +1,4 @@
-"""Motions of a pair: strokes, zeros, approach, touch and press."""
+"""Motions of a pair: strokes, zeros, approach, contact and press."""
 
 from pincette.control.laws.two_arms import Pair, TwoArmReferences
 from pincette.control.planning.profiles import PEAK_SPEED, Quintic, move
@@ -9,22 +9,24 @@ from pincette_study.two_arms.bench import PairBench
 
 REST_S, ZERO_S = 0.5, 1.0
 APPROACH_UM_PER_S, SEEK_UM_PER_S = 20.0, 4.0
-"""Speed of each arm on its approach, and of one arm or the sum of both in the search, in µm/s."""
+"""Speed of each arm during its approach, and of one arm or the sum of both during the search, in
+µm/s."""
 STAND_OFF_UM = 6.0
 """Distance in µm between both arms and the part when the search begins."""
 TOUCH_MN, TOUCH_S = 0.8, 0.06
-"""Mean force in mN that counts as a touch, and the averaging time in s, three samples at least."""
+"""Mean force in mN that counts as a contact, and the averaging time in s, at least three
+samples."""
 SETTLE_S = 0.2
 LOAD_S, HOLD_S = 2.0, 1.0
 
 
 def prepare(bench: PairBench) -> None:
-    """Assess the loop, stroke with the part away, put it back, and take both zeros.
+    """Check the loop, stroke without the part, put it back, and zero both forces.
 
     Raises
     ------
     StudyError
-        If the loop may not move.
+        If the loop is not stable enough to move.
     """
     found = assess_two_arms(bench.loop)
     if found.reason:
@@ -58,7 +60,7 @@ def go(bench: PairBench, tips_um: Pair) -> None:
 
 
 def close(bench: PairBench, place_um: float) -> None:
-    """Close both arms about a place until both touch; the gap is known to a few µm."""
+    """Close both arms about a position until both touch; the gap is known to a few µm."""
     opening = bench.plant.gap_um - STAND_OFF_UM
     if sum(tips(bench)) < opening - 1.0:
         go(bench, (0.5 * opening + place_um, 0.5 * opening - place_um))
@@ -85,9 +87,9 @@ def press(bench: PairBench, place_um: float, force_mN: float) -> None:
 def seek(
     bench: PairBench, begin: Pair, slope: Pair, sides: tuple[int, ...], most_um: float
 ) -> Pair:
-    """Move slowly until each of these sides has touched; return the mean positions of the tips.
+    """Move slowly until each of these sides has touched; return the mean tip positions.
 
-    Raises StudyError if nothing is touched within ``most_um``.
+    Raises StudyError if there is no contact within ``most_um``.
     """
     period_s = bench.instruments.period_s
     several = max(3, round(TOUCH_S / period_s))

@@ -1,7 +1,7 @@
-"""Simulated rig of two arms that continues from job to job, and a person beside it.
+"""Simulated rig of two arms that keeps its state from job to job, and an operator.
 
-As in ``desk`` for one arm, memory and creep of both arms are kept between jobs, and jobs are
-planned and evaluated by the supervisor's own functions.
+As in ``desk``, memory and creep of both arms are kept between jobs, and jobs are planned and
+evaluated by the supervisor's own functions.
 """
 
 from collections.abc import Callable
@@ -35,7 +35,7 @@ REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
 
 
 class PairDesk:
-    """Loop of one rig of two arms, and a person who takes its part away and puts it back."""
+    """Loop of one rig of two arms, and an operator who removes its part and puts it back."""
 
     def __init__(self, rig: RigFile) -> None:
         self.rig, self._epoch = rig, 0
@@ -49,13 +49,13 @@ class PairDesk:
         self._bench = benches[0]
 
     def play(self, body: dict[str, Any]) -> tuple[JobResult, Columns]:
-        """Play a job; raises StudyError if it is not permitted or does not succeed."""
+        """Play a job; raises StudyError if the job is refused or does not succeed."""
         request = REQUEST.validate_python(body)
         planned = plan_job(request, self.rig)
         if planned.plan.violations:
             raise StudyError(f"{body['kind']}: {planned.plan.violations[0].message}")
         self._epoch += 1
-        # A reset before the job reports the end of the previous job again.
+        # A reset before the job publishes the end of the previous job again.
         messages = [
             message
             for message in self.loop.play(planned.program, self._epoch)
@@ -83,7 +83,7 @@ class PairDesk:
         return calibrated(self.rig, Calibration(values=values))
 
     def stroke(self) -> None:
-        """Stroke twice over the taught range with the part away, then rest; see ``Desk.stroke``."""
+        """Stroke twice over the identified range without the part, and rest; see ``Desk``."""
         first, second = (_strokes(arm) for arm in self.rig.arms)
         guards = replace(FREE, force_max_mN=FORCE_MAX_MN)
         seconds = max(first.duration_s, second.duration_s)

@@ -1,4 +1,4 @@
-"""Pairs of random arms, each taught separately, and the part between them."""
+"""Pairs of random arms with separately identified models, and the part between them."""
 
 from dataclasses import dataclass
 
@@ -14,9 +14,9 @@ from pincette_study.calibrated_free import with_calibrated_response
 from pincette_study.rigs import simulation_of
 
 FIRST_SEED = 501
-"""First seed of pairs; seeds of single rigs and of the search for gains are lower."""
+"""First seed of the pairs. The seeds of single rigs and of the search for gains are lower."""
 SPREAD = 0.05
-"""Relative range of mode and compliance around the printed values; the law knows only s_p."""
+"""Relative spread of mode and compliance around the printed values. The law knows only s_p."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ FAST = Instruments(0.001, 0.00065, 0.0, 0.00030517578125, 0.003, 0.00025, 60.0)
 
 @dataclass(frozen=True, slots=True)
 class TaughtPair:
-    """Two arms with their models, and the place of their part."""
+    """Two arms with their models, and the position of their part."""
 
     hysteresis: str
     """Class of hysteresis; one of ``beyond.CLASSES``."""
@@ -52,7 +52,7 @@ class TaughtPair:
 
 
 def taught_pair(base: RigFile, hysteresis: str, number: int) -> TaughtPair:
-    """Draw the pair of a number, and teach each arm its free response with the part away."""
+    """Draw the pair with a number, and identify the free response of each arm without the part."""
     seeds = FIRST_SEED + 2 * number, FIRST_SEED + 2 * number + 1
     chance = np.random.default_rng([FIRST_SEED, number])
     contacts_um = 30.0 + float(chance.uniform(-1, 1)), 30.0 + float(chance.uniform(-1, 1))
@@ -61,7 +61,7 @@ def taught_pair(base: RigFile, hysteresis: str, number: int) -> TaughtPair:
 
 
 def taught_arm(base: RigFile, hysteresis: str, seed: int) -> RigFile:
-    """Draw an arm with measured compliance and the printed mode, and teach it."""
+    """Draw an arm with measured compliance and the printed mode, and identify its free response."""
     rig, _ = CLASSES[hysteresis](base, seed)
     simulation, chance = simulation_of(rig), np.random.default_rng([FIRST_SEED, seed])
     faster = 1.0 + float(chance.uniform(-SPREAD, SPREAD))

@@ -1,4 +1,4 @@
-"""Rig files of random pairs: two drawn arms, each taught by its calibration."""
+"""Rig files of random pairs: two drawn arms, each with a model from its calibration."""
 
 import json
 from pathlib import Path
@@ -15,7 +15,8 @@ from pincette_study.two_arms.pairs import FIRST_SEED, SPREAD
 
 Tree = dict[str, Any]
 PLAN_UM = (30.0, 30.5)
-"""Tip positions at first touch in the rig file, in µm; the next constant is their largest error."""
+"""Tip positions at first contact in the rig file, in µm; the next constant is their largest
+error."""
 OFF_UM = 0.5
 FAST: Tree = {
     "rig": {"period_s": 0.001, "composed": ["loop"]},
@@ -35,10 +36,10 @@ FAST: Tree = {
 
 
 def write_pair(base: Path, hysteresis: str, number: int, folder: Path) -> tuple[Path, Path]:
-    """Draw the pair of a number, teach both arms, and write its rig files at 20 ms and at 1 ms.
+    """Draw the pair with a number, calibrate both arms, and write rig files at 20 ms and 1 ms.
 
     Mode and compliance of each arm differ by up to ``SPREAD``. Its rig file contains the true
-    compliance, which a weight at the tip shows, and the printed mode.
+    compliance, as a measurement with a weight would give it, and the printed mode.
     """
     rig = read_rig(base)
     seeds = FIRST_SEED + 2 * number, FIRST_SEED + 2 * number + 1
@@ -95,7 +96,7 @@ def _without_other_class(simulation: Tree, hysteresis: str) -> None:
 
 
 def _fast(tree: Tree) -> Tree:
-    """Return the tables of the same pair with one device that has both channels of each arm."""
+    """Return the tables of the same pair with one device for both channels of each arm."""
     device = "grpc://127.0.0.1:7461/cDAQ1Mod"
     found = laid_over(tree, FAST)
     for arm, place in ((found, 0), (found["second"], 1)):
@@ -124,7 +125,7 @@ def _tree(tables: RigFile | Simulation) -> Tree:
 
 
 def as_toml(tree: Tree) -> str:
-    """Write tables as TOML that ``read_rig`` reads."""
+    """Return tables as TOML that ``read_rig`` reads."""
     return "".join(_lines(tree, ""))
 
 

@@ -1,7 +1,7 @@
-"""Place and force of one part, each along its own path, and a part that is centred.
+"""Position and force of one part on separate paths, and centring of a part.
 
-A pair strokes over its range with the part away, takes both zeros, closes, presses, and follows two
-independent sinusoids at once; ``centre`` first searches for the part from both sides.
+A pair strokes over its range without the part, zeroes both forces, closes, presses, and follows two
+independent sinusoids at the same time; ``centre`` first searches for the part from both sides.
 """
 
 from dataclasses import dataclass, replace
@@ -21,9 +21,9 @@ from pincette_study.two_arms.pairs import FAST, SLOW, Instruments, TaughtPair
 
 FORCE_MN, FORCE_PP_MN = 15.0, 10.0
 BACK_UM = 3.0
-"""Distance in µm by which an arm retracts from its touch."""
+"""Distance in µm by which an arm retracts after its contact."""
 FIRM_MN = 2.0
-"""Force in mN from which a part counts as held; its motion until then is caused by centring."""
+"""Force in mN from which a part counts as held. Its motion until then is attributed to centring."""
 MOST_OFF_UM = 5.0
 """Largest distance of a part from the middle, in µm."""
 GROUND_SLIP_MN = 1.5
@@ -36,18 +36,18 @@ DISAGREEMENT_S = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Two sinusoids, on instruments with a rate."""
+    """Two sinusoids, and the instruments to use."""
 
     name: str
     instruments: Instruments
     place_hz: float
     force_hz: float
     seconds: float
-    """Duration in s, with whole cycles of both."""
+    """Duration in s, which contains whole cycles of both sinusoids."""
     position_percent: tuple[float, float]
     force_percent: tuple[float, float]
-    """Required force error in per cent, median and worst; the field before is that of the position.
-    """
+    """Limits of the force error in per cent, median and worst value; the field before contains
+    those of the position."""
 
 
 CASES = (
@@ -69,28 +69,28 @@ class PairTrial:
     force_percent: float
     """R.m.s. of F - F_r, in per cent of the peak to peak of its path."""
     disagreement_mN: float
-    """R.m.s. of F̂_1 - F̂_2 in mN, low-passed as the force of the law."""
+    """R.m.s. of F̂_1 - F̂_2 in mN, low-passed like the force of the law."""
 
 
 @dataclass(frozen=True, slots=True)
 class CentreTrial:
-    """Motion of a part by centring before it was held."""
+    """Motion of a part during centring, before it was held."""
 
     hysteresis: str
     number: int
     off_um: float
-    """Distance of the part from the middle between both arms, in µm."""
+    """Initial distance of the part from the middle between both arms, in µm."""
     moved_um: float
     """Largest motion of the part until ``FIRM_MN`` was reached, in µm."""
     held_mN: float
-    """Force at the end in mN; the requested force is ``FORCE_MN``."""
+    """Force at the end, in mN; the requested force is ``FORCE_MN``."""
 
 
 def track(pair: TaughtPair, case: Case, *, dry_run: bool = False) -> PairTrial:
-    """Press the part and follow both paths; raises StudyError if this is not permitted or fails.
+    """Press the part and follow both paths; raises StudyError if this is refused or fails.
 
-    With ``dry_run`` the voltages of a first run are played again with the part away. The resulting
-    model errors are known to a second run, whose errors are returned.
+    With ``dry_run`` the voltages of a first run are repeated without the part. The model errors
+    found in this way are used in a second run, whose errors are returned.
     """
     bench = PairBench(pair, case.instruments, _lifted)
     _follow(bench, case)
@@ -144,8 +144,8 @@ def _follow(bench: PairBench, case: Case) -> None:
 def centre(pair: TaughtPair, off_um: float, slip_mN: float = GROUND_SLIP_MN) -> CentreTrial:
     """Find the part from both sides in turn, and close without moving it.
 
-    The ground must hold the part by more than ``TOUCH_MN``: a loose one yields to the first arm
-    without a force that any estimator sees. It is off the middle by ``off_um``.
+    The ground must hold the part with more than ``TOUCH_MN``: the first arm would push a loose part
+    away without a detectable force. The part is ``off_um`` away from the middle.
     """
 
     def lying(plant: PairParameters) -> PairParameters:
@@ -194,6 +194,6 @@ def _wave(middle: float, pp: float, hz: float, t_s: float) -> tuple[float, float
 
 
 def _lifted(plant: PairParameters) -> PairParameters:
-    """Return a part that lies on the ground and is lifted once it is held."""
+    """Return the plant with a part that lies on the ground and is lifted once it is held."""
     part = PartParameters(hold_mN=0.02, lift_after_s=0.5)
     return replace(plant, ground_slip_mN=GROUND_SLIP_MN, part=part)

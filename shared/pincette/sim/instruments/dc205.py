@@ -2,12 +2,12 @@
 
 It knows TERM, TOKN, *IDN?, RNGE, SOUT, VOLT, OVLD?, LEXE? and LCME?; other commands cause command
 error 2. The command errors and the line's length are those of the manual, chapter 3, the execution
-errors those of public drivers. Assumed, since no source says it: a range change while the output is
-on is execution error 5; a wrong command does not stop the rest of its line; commands are upper
-case; the voltage is resolved to 1 µV in each range; the terminals are at 0 V while the output is
-off; a voltage beyond a smaller range becomes 0 V when that range is set. It starts as after *RST
-(±1 V, 0 V, off), with names for tokens. Not simulated: TERM other than LF, interlock, settling, the
-update limit, status registers, scanning.
+errors those of public drivers. Assumptions without a source: a range change while the output is on
+is execution error 5; a wrong command does not stop the rest of its line; commands are upper case;
+the voltage is resolved to 1 µV in each range; the terminals are at 0 V while the output is off; a
+voltage beyond a smaller range becomes 0 V when that range is set. The instrument starts in the
+state after *RST (±1 V, 0 V, off), and replies with names for tokens. Not simulated: TERM other than
+LF, interlock, settling, the update limit, status registers, scanning.
 """
 
 import re
@@ -47,7 +47,7 @@ class _CommandError(Exception):
 
 @dataclass(slots=True)
 class SimulatedDC205:
-    """Source that calls ``put_out`` for each voltage while it is on, and at each switching."""
+    """Source that calls ``put_out`` for each voltage while it is on, and when it is switched."""
 
     put_out: Callable[[float], None]
     overloaded: bool = False
@@ -59,7 +59,7 @@ class SimulatedDC205:
     _errors: dict[bytes, int] = field(default_factory=lambda: {b"LEXE": 0, b"LCME": 0}, init=False)
 
     def power_cycle(self) -> None:
-        """Lose and regain the supply: as after *RST, with the output off."""
+        """Simulate an interruption of the supply: state as after *RST, with the output off."""
         self._states |= {b"RNGE": 0, b"SOUT": 0}
         self._voltage_V = 0.0
         self._errors = dict.fromkeys(self._errors, 0)
@@ -69,7 +69,7 @@ class SimulatedDC205:
         """Do nothing: this instrument acts only on commands."""
 
     def answer(self, line: bytes) -> bytes | None:
-        """Carry out one line of commands; returns None if none of them is a query."""
+        """Execute one line of commands; returns None if none of them is a query."""
         if len(line) > LONGEST_LINE:
             return None
         replies: list[bytes] = []

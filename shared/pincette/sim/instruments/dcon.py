@@ -2,8 +2,8 @@
 
 Commands that the analog output manual lists and this module does not know get the answer ``?AA``.
 Assumed: a watchdog time of 0 is an invalid command; bit 2 of the status is the trip; a trip
-switches the watchdog off; without its supply a module loses the trip and the watchdog, and keeps
-the safe and the power-on values.
+switches the watchdog off; a module without supply loses the trip and the watchdog setting, but
+keeps the safe and the power-on values.
 """
 
 import re
@@ -40,7 +40,7 @@ class _Channel:
 
 @dataclass(slots=True)
 class SimulatedI7024:
-    """Four channels, of which ``channel`` drives the plant; ``connect`` connects others.
+    """Four channels, of which ``channel`` drives the plant; ``connect`` adds others.
 
     Command lines and idle times drive the watchdog, which is common to all channels.
     """
@@ -73,14 +73,14 @@ class SimulatedI7024:
         return self._watchdog.tripped
 
     def power_cycle(self) -> None:
-        """Lose and regain the supply: each channel starts at its power-on value."""
+        """Simulate an interruption of the supply: each channel starts at its power-on value."""
         self._watchdog = _Watchdog()
         for number, channel in enumerate(self._channels):
             channel.commanded_V = channel.power_on_V
             self._drive(number, channel.power_on_V)
 
     def idle(self) -> None:
-        """Let the host watchdog trip if its time is over."""
+        """Trip the host watchdog if its time has expired."""
         dog = self._watchdog
         if not dog.enabled or dog.tripped or self.clock() - dog.fed_s < dog.limit_s:
             return

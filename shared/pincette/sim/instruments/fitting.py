@@ -1,4 +1,4 @@
-"""Registration and set-up of a simulated instrument, under its driver's name."""
+"""Registration and set-up of a simulated instrument, under the name of its driver."""
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
@@ -27,7 +27,7 @@ class OutputTraits(NamedTuple):
 
 
 class Served(Protocol):
-    """Server at which a driver can open an instrument."""
+    """Server through which a driver can open an instrument."""
 
     @property
     def url(self) -> str:
@@ -46,16 +46,16 @@ class Fitted:
     url: str
     """Address for the driver."""
     terminator: bytes | None
-    """End of each line; None if an answer is returned whole."""
+    """End of each line; None if an answer is sent as a whole."""
     baud: int | None = None
     """Baud rate of a serial line in real time; None if bytes take no time."""
     server: Instrument | None = None
     """Instrument that answers at a port that both arms' instruments may share; see ``open_server``.
     """
     open_server: OpenServer | None = None
-    """Opens the server of ``server`` at a url; None for a serial line or a socket."""
+    """Function that opens the server of ``server`` at a url; None for a serial line or a socket."""
     module: Instrument | None = None
-    """``instrument`` without the script's effect on its line, for sharing with another arm."""
+    """The ``instrument`` without the script's effect on its line, to be shared with another arm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,11 +69,13 @@ class Setting:
     measure_um: Callable[[], float]
     put_out: Callable[[float], None]
     line: Callable[[str, Instrument], Instrument]
-    """Adds the script's effect on its line to the instrument of a table."""
+    """Function that adds the script's effects on the line to the instrument of a table."""
     beside: Mapping[str, Fitted]
-    """Instruments of the first arm while those of the second are made; empty for the first."""
+    """Instruments of the first arm, while those of the second arm are set up; empty for the first
+    arm."""
     put_out_wave: PutOutWave | None = None
-    """Puts out a waveform through a script; None if the rig does so itself."""
+    """Function that outputs a waveform with the script's effects; None if the rig does so
+    itself."""
 
     def baud(self, settings: Sensor | Output) -> int | None:
         """Return the baud rate of a serial line; None in lockstep, where bytes take no time."""
@@ -90,17 +92,17 @@ class SimulatedDriver:
     tables: frozenset[str]
     """Tables of the rig file that can name the driver."""
     fit: Callable[[Setting, frozenset[str]], dict[str, Fitted]]
-    """Makes the instruments of the tables that name the driver.
+    """Function that sets up the instruments of the tables that name the driver.
 
-    Raises ConfigError where the rig file does not say how one is connected.
+    It raises ConfigError if the rig file does not define how an instrument is connected.
     """
     traits: OutputTraits | None = None
-    """Properties of its voltage output; None if [simulation] must state them."""
+    """Properties of the driver's voltage output; None if [simulation] must define them."""
 
 
 @cache
 def simulated_driver(name: str) -> SimulatedDriver | None:
-    """Return the simulation of a driver's instrument; None if it is not simulated."""
+    """Return the simulation of a driver's instrument; None if the instrument is not simulated."""
     if name not in plugins.names(plugins.SIMULATED_INSTRUMENTS):
         return None
     driver: SimulatedDriver = plugins.load(plugins.SIMULATED_INSTRUMENTS, name)
@@ -114,9 +116,9 @@ def simulated_in(table: str) -> list[str]:
 
 
 def resolved(simulation: Simulation, output_driver: str) -> Simulation:
-    """Return the simulation with step and lag of the output, by default its driver's.
+    """Return the simulation with step and lag of the output; the defaults are its driver's.
 
-    Or ConfigError.
+    Raises ConfigError if neither defines them.
     """
     if simulation.output_step_V is not None and simulation.output_lag_s is not None:
         return simulation

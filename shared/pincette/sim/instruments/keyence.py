@@ -1,9 +1,9 @@
 """Keyence LK-G5000, or LK-G3000, as seen from its RS-232 line: modes, values, settings.
 
 Assumed in addition to ``keyence_commands``: while the mode changes, commands of either mode are
-answered as if the mode were wrong; VR,n ends the zero of output n, and its reading is that of the
-head again; KL,1 locks the panel's keys, of which ``press_zero`` is one; a setting takes effect with
-its answer. It starts in measuring mode, at 20 µs without averaging.
+answered as if the mode were wrong; VR,n cancels the zero of output n, which then shows the reading
+of the head; KL,1 locks the keys of the panel, including ``press_zero``; a setting takes effect when
+it is answered. The controller starts in measuring mode, at 20 µs without averaging.
 """
 
 from collections.abc import Callable
@@ -31,9 +31,9 @@ TERMINATOR = b"\r"
 class SimulatedKeyence:
     """Controller whose outputs all show ``measure()``, in µm; None is an invalid reading.
 
-    ``clock`` measures changes of mode, and must advance on its own. ``set_averaging`` gets the time
-    that output 1 averages over when it changes. Before each n-th answer (``unsolicited_every``, 0:
-    never) TG,01 is sent.
+    ``clock`` is used for the duration of mode changes, and must advance by itself.
+    ``set_averaging`` is called with the averaging time of output 1 whenever it changes. Before each
+    n-th answer (``unsolicited_every``, 0: never) TG,01 is sent.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class SimulatedKeyence:
         unsolicited_every: int = 0,
     ) -> None:
         self.trouble: Fault | None = None
-        """Fault of the instrument, such as "timeout", with which it answers measuring commands."""
+        """Fault of the instrument, such as "timeout"; measuring commands are answered with it."""
         self._measure = measure
         self._unit: Unit = unit
         self._dialect: Dialect = dialect
@@ -66,17 +66,17 @@ class SimulatedKeyence:
 
     @property
     def averaging_s(self) -> float:
-        """Return the time that output 1 averages over, in s."""
+        """Return the averaging time of output 1, in s."""
         return self._sampling_s * self._averaged
 
     def press_zero(self) -> None:
-        """Press the zero key of the panel: from here on every output shows the change from now."""
+        """Press the zero key of the panel: from then on every output shows the change from now."""
         x_um = self._measure()
         if not self._locked and x_um is not None:
             self._zero_um = dict.fromkeys(self._zero_um, x_um)
 
     def idle(self) -> None:
-        """Do nothing: this instrument sends only answers, and lines along with them."""
+        """Do nothing: this instrument sends only answers, and unsolicited lines before them."""
 
     def answer(self, line: bytes) -> bytes | None:
         """Answer one command line; commands are case-insensitive."""

@@ -33,7 +33,7 @@ SAME_MODE = b"01"
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """Least and largest number of fields of a command, and the mode that it needs; None is any."""
+    """Smallest and largest number of fields of a command, and the mode that it needs; None: any."""
 
     least: int
     most: int
@@ -60,7 +60,7 @@ OUTPUTS: dict[Dialect, int] = {"LK-G5000": 12, "LK-G3000": 2}
 
 
 class Refused(Exception):
-    """A command that gets an error as its answer."""
+    """A command whose answer is an error."""
 
     def __init__(self, fault: Fault) -> None:
         super().__init__(fault)

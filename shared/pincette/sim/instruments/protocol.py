@@ -6,10 +6,10 @@ TERMINATOR = b"\r"
 
 
 class Instrument(Protocol):
-    """One instrument: a line in, a line or None out, both without their terminator."""
+    """An instrument: it receives a line and returns a line or None, both without terminator."""
 
     def answer(self, line: bytes) -> bytes | None:
-        """Answer one line; None is silence. The terminator separates the lines of an answer."""
+        """Answer one line; None is no answer. The terminator separates the lines of an answer."""
         ...
 
     def idle(self) -> None:

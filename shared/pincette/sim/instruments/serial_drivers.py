@@ -51,6 +51,6 @@ def _dc205(setting: Setting, _tables: frozenset[str]) -> dict[str, Fitted]:
 
 KEYENCE_LKG = SimulatedDriver(SENSOR, _keyence)
 ICPDAS_I7024 = SimulatedDriver(OUTPUT, _i7024, OutputTraits(20.0 / 2**14, 0.0033))
-"""14 bit over ±10 V, 10 ms to 5 %, from its manual."""
+"""14 bit over ±10 V, and a lag of 10 ms to 5 %, from the manual."""
 SRS_DC205 = SimulatedDriver(OUTPUT, _dc205, OutputTraits(1e-6, 0.001))
-"""Step of 1 µV from its manual; the lag is assumed."""
+"""Step of 1 µV from the manual; the lag is assumed."""

@@ -1,4 +1,4 @@
-"""Adhesion of a part to the driven arm after it is no longer pressed; pure functions.
+"""Adhesion that keeps a part on the driven arm after it is no longer pressed; pure functions.
 
     dry       3/2·π·w·R, times the roughness: Johnson, Kendall and Roberts, Proc. R. Soc. A 324
               (1971); it ends with the contact
@@ -10,7 +10,7 @@
     bond      residue or glue lasts 1 s·e^((B - P)/b) under a pull P: Bell, Science 200 (1978); so
               its strength grows with the logarithm of the rate of the pull, and waiting parts it
 
-The bridge pulls the driven arm; the passive arm counts as still meanwhile.
+The bridge pulls the driven arm; the passive arm is assumed to be at rest.
 """
 
 import math
@@ -21,7 +21,7 @@ from pincette.sim.plant.parameters import PartParameters, PlantParameters
 from pincette.sim.plant.state import PlantState
 
 MOST_EXPONENT = 50.0
-"""Exponent beyond which a bond parts at once."""
+"""Exponent beyond which a bond breaks at once."""
 ITERATIONS, SETTLED_UM = 100, 1e-9
 
 
@@ -40,11 +40,11 @@ def bridge_pull_mN(part: PartParameters, gap_um: float) -> float:
 
 
 def bridged_pull_mN(p: PlantParameters, state: PlantState, rest_um: float) -> float:
-    """Return the pull of a bridge on an arm that would rest free at ``rest_um``, in mN.
+    """Return the pull of a bridge on an arm whose rest position without it is ``rest_um``, in mN.
 
-    The gap of the arm at rest is H = x_b - x_f - s_p·P(H). From above the iteration converges to
-    the widest gap, or to the touch if there is none. Computed from the rest position alone, the
-    pull cannot feed an oscillation.
+    The gap of the arm at rest is H = x_b - x_f - s_p·P(H). Started from a wide gap, the iteration
+    converges to the widest solution, or to contact if there is no solution. The pull depends only
+    on the rest position, so that it cannot excite an oscillation.
     """
     if state.joined or not state.bridged:
         return 0.0
@@ -61,12 +61,12 @@ def bridged_pull_mN(p: PlantParameters, state: PlantState, rest_um: float) -> fl
 
 
 def pulled_um(p: PlantParameters, state: PlantState, rest_um: float) -> float:
-    """Return the rest position x_f as a bridge moves it, in µm: by s_p·P towards the part."""
+    """Return the rest position x_f shifted by a bridge, in µm: by s_p·P towards the part."""
     return rest_um + p.compliance_um_per_mN * bridged_pull_mN(p, state, rest_um)
 
 
 def clung(p: PlantParameters, state: PlantState, dt_s: float, force_mN: float) -> PlantState:
-    """Return the state with contact time, bridge and bond after ``dt_s`` under a contact force."""
+    """Return the state with contact time, bridge and bond updated after ``dt_s`` under a force."""
     part, used = p.part, state.bond_used
     if state.part != "there":
         return replace(state, touched_s=0.0, bridged=False)

@@ -20,7 +20,7 @@ class AmplifierParameters:
 
 
 IDEAL = AmplifierParameters()
-"""Amplifier whose output is its input."""
+"""Amplifier whose output equals its input."""
 
 
 def limited_V(amplifier: AmplifierParameters, input_V: float) -> float:
@@ -38,8 +38,8 @@ def advance_amplifier(
 ) -> tuple[float, float]:
     """Return slewed and output voltage after ``dt_s``, with a linear input between two values.
 
-    Exact for a constant input. A changing input is followed along a straight line within the slew
-    limit.
+    The result is exact for a constant input. A changing input is followed as a straight line within
+    the slew limit.
     """
     start_V, end_V = limited_V(amplifier, input_V[0]), limited_V(amplifier, input_V[1])
     reach_V = amplifier.slew_V_per_s * dt_s

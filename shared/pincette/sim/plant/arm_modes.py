@@ -1,4 +1,4 @@
-"""Modes of one way in which the arms can move, with the same layout for all arms; pure.
+"""Modes of the arms, either apart or joined, in the same layout for all arms; pure.
 
 Three modes w and six components of the state, in the order q_1, q_2, y, q̇_1, q̇_2, ẏ; components
 that an arm lacks are 0.
@@ -17,13 +17,13 @@ NOTHING: Three = (0j, 0j, 0j)
 
 
 class ArmModes(NamedTuple):
-    """Modes of the arms apart, or joined; see ``ModalSystem``."""
+    """Modes of the arms, apart or joined; see ``ModalSystem``."""
 
     rates_per_s: Three
     into: Rows
-    """Left vectors L, by component."""
+    """Left vectors L, by component of the state."""
     out: Rows
-    """Right vectors R, by component."""
+    """Right vectors R, by component of the state."""
     rest_by_input: Components
     rest_by_offset: Components
     pushed_by_input: Three
@@ -42,7 +42,7 @@ class Transition(NamedTuple):
 
 
 def arm_modes(system: ModalSystem, bending_modes: int) -> ArmModes:
-    """Lay out a system of one or two bending modes, and a passive arm if it has more modes."""
+    """Arrange a system of one or two bending modes, and of a passive arm if it has more modes."""
     count = len(system.rates_per_s)
     places = [0, 1, 2] if bending_modes == 2 else [0, 2]
     places = [*places[:count], *(3 + place for place in places[:count])]
@@ -144,7 +144,7 @@ def exponential(rate_per_s: complex, dt_s: float) -> complex:
 
 
 def carried(step: Transition, w: Three, moved_um: float) -> Three:
-    """Return w after a step in which x_f moves by ``moved_um``."""
+    """Return w after a step during which x_f changes by ``moved_um``."""
     (e, f, g), (p, q, r) = step
     return (
         e * w[0] - p * moved_um,

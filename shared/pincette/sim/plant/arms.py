@@ -1,12 +1,12 @@
 """The two arms as modal masses, apart and joined by the part; pure.
 
-Driven arm, modes i of static share φ_i (Σ φ_i = 1), and passive arm, at their tips:
+Driven arm with modes i of static fraction φ_i (Σ φ_i = 1), and passive arm, at their tips:
 
     m_i·q̈_i + c_i·q̇_i + k_i·(q_i - φ_i·x_f) = -F,   k_i = 1/(φ_i·s_p), m_i = k_i/ω_i²
     m_p·ÿ + c_p·ẏ + k_p·y = F,   k_p = K_e,   x = Σ q_i
 
-Apart F = 0. Joined, x - y = o is given and y is eliminated: M = diag(m_i) + m_p·11ᵀ, likewise C
-and K, loaded by k_i·φ_i·x_f + k_p·o.
+While the arms are apart, F = 0. While they are joined, x - y = o is given and y is eliminated: M =
+diag(m_i) + m_p·11ᵀ, likewise C and K, with the load k_i·φ_i·x_f + k_p·o.
 """
 
 from dataclasses import dataclass
@@ -24,13 +24,14 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Arms:
-    """Both ways in which the arms can move, as modes: apart, or joined by the part."""
+    """Modes of the arms for both states: apart, or joined by the part."""
 
     apart: ModalSystem
-    """Modes apart: state q_i, y, q̇_i, ẏ (without y if the passive arm has no mass); watches x - y.
-    """
+    """Modes of the arms apart: state q_i, y, q̇_i, ẏ (without y if the passive arm has no mass).
+    The watched quantity is x - y."""
     joined: ModalSystem
-    """Modes joined: state q_i, q̇_i; watches the contact force F in mN."""
+    """Modes of the joined arms: state q_i, q̇_i. The watched quantity is the contact force F in
+    mN."""
     bending_modes: int
     inverse_masses: tuple[float, float]
     """Inverse modal masses 1/m_i, in µm/(mN·s²); 0 for a missing mode."""
@@ -65,7 +66,7 @@ class ArmNumbers(NamedTuple):
 
 @lru_cache(maxsize=64)
 def arms_of(p: PlantParameters) -> Arms:
-    """Return the modes of the arms, computed once per parameter set; ValueError if overdamped."""
+    """Return the modes of the arms, cached per parameter set; ValueError if overdamped."""
     return _arms(ArmNumbers(*(getattr(p, name) for name in ArmNumbers._fields)))
 
 
@@ -95,7 +96,7 @@ def _arms(p: ArmNumbers) -> Arms:
 
 
 def _driven(p: ArmNumbers) -> tuple[Matrix, Matrix, Matrix]:
-    """Return shares, frequencies and damping ratios of the driven arm's modes."""
+    """Return fractions, frequencies and damping ratios of the driven arm's modes."""
     omega, second = p.natural_frequency_rad_per_s, p.second_share
     if second == 0.0:
         return np.array([1.0]), np.array([omega]), np.array([p.damping_ratio])

@@ -1,4 +1,4 @@
-"""Both arms over substeps: whole ones without a change of contact, otherwise in pieces."""
+"""Motion of both arms over substeps, in pieces if the contact changes."""
 
 from collections.abc import MutableSequence, Sequence
 
@@ -15,7 +15,7 @@ def pass_substeps(
     dents_um: MutableSequence[float],
     positions_um: MutableSequence[float],
 ) -> Motion:
-    """Move x_f to each value within one substep.
+    """Change x_f to each value within one substep.
 
     ``dents_um`` is scratch memory, as long as ``rests_um`` if the faces of a part can be pressed
     in. ``positions_um`` receives the position of the tip after each substep, unless it is empty.
@@ -24,7 +24,7 @@ def pass_substeps(
     while done < count:
         if m.joined and _presses(k):
             _press(k, m, rests_um, dents_um, done)
-        # A dent that springs back changes from substep to substep with the arms.
+        # A dent that recovers changes from substep to substep with the arms.
         springs = not m.joined and m.dent_um != 0.0
         last = done + 1 if springs else count
         m, done = _pass_undisturbed(k, m, rests_um, dents_um, positions_um, done, last)
@@ -49,7 +49,7 @@ def _pass_undisturbed(
 ) -> tuple[Motion, int]:
     """Compute whole substeps from ``first`` to ``last``, or until the contact may change.
 
-    Returns the place of that one, for which the faces have been pressed in.
+    Returns the index of that substep, for which the dents have been updated.
     """
     (a, b, c), rest_um, joined, there, dent_um = m
     three, with_positions, presses = k.passive_moves, len(positions_um) > 0, joined and _presses(k)
@@ -59,7 +59,7 @@ def _pass_undisturbed(
     dented = way.pushed_by_offset
     e, f, g = factors[0], factors[1], factors[2]
     p, q, r = pushes[0], pushes[1], pushes[2]
-    # The margin at rest and the reach of the modes, both in µm; joined, the margin is a force.
+    # Margin at rest and largest amplitude of the modes, both in µm; joined, the margin is a force.
     side, scale = (1.0, k.compliance_um_per_mN) if joined else (-1.0, 1.0)
     extra_um = k.pull_off_mN * k.compliance_um_per_mN if joined else 0.0
     most_a, most_b, most_c = scale * most[0], scale * most[1], scale * most[2]
@@ -78,7 +78,7 @@ def _pass_undisturbed(
         end_um = side * (goal_um - offset_um) + extra_um
         if there:
             least_um = min(begin_um, end_um) - most_pushed * abs(moved_um)
-            # |Re w| + |Im w| is no less than |w|, and quicker.
+            # |Re w| + |Im w| is an upper bound of |w|, and faster to compute.
             reach_um = most_a * (abs(a.real) + abs(a.imag)) + most_b * (abs(b.real) + abs(b.imag))
             if three:
                 reach_um += most_c * (abs(c.real) + abs(c.imag))

@@ -1,4 +1,4 @@
-"""Divides a substep at the times at which an arm touches or separates (secant method)."""
+"""Subdivision of a substep at the times at which an arm touches or separates (secant method)."""
 
 import math
 
@@ -55,7 +55,7 @@ def _change_within(
 
 
 def change(k: MotionConstants, m: Motion) -> Motion:
-    """Change between apart and joined; a touch gives both tips one speed."""
+    """Change between apart and joined; at contact both tips get one common speed."""
     tips = tips_of(k, m)
     first, second, y_um, first_speed, second_speed, y_speed = tips.values
     dent_um = m.dent_um
@@ -74,7 +74,7 @@ def change(k: MotionConstants, m: Motion) -> Motion:
 
 
 def margin(k: MotionConstants, m: Motion) -> float:
-    """Return the distance until the arms touch, in µm, or the force until they separate, in mN."""
+    """Return the distance to a contact of the arms, in µm, or the force to a separation, in mN."""
     offset_um = k.contact_um + m.dent_um
     if m.joined:
         at_rest = (m.rest_um - offset_um) / k.compliance_um_per_mN + k.pull_off_mN
@@ -83,7 +83,7 @@ def margin(k: MotionConstants, m: Motion) -> float:
 
 
 def _closing_um_per_s(k: MotionConstants, m: Motion) -> float:
-    """Return the speed at which the arms approach while apart (that of x - y), in µm/s."""
+    """Return the closing speed of arms that are apart (that of x - y), in µm/s."""
     rates = k.apart.rates_per_s
     speeds: Three = (rates[0] * m.w[0], rates[1] * m.w[1], rates[2] * m.w[2])
     return deviation(k.apart.watched, speeds)
@@ -100,7 +100,7 @@ def _over(k: MotionConstants, m: Motion, dt_s: float) -> Transition:
 
 
 def sprung_back(k: MotionConstants, m: Motion) -> float:
-    """Return the dent of the faces: apart, they recover as far as the arms have opened, in µm."""
+    """Return the dent of the faces: apart, they recover with the opening of the arms, in µm."""
     if m.joined or m.dent_um == 0.0:
         return m.dent_um
     reach_um = m.rest_um + deviation(k.apart.watched, m.w)
@@ -108,13 +108,13 @@ def sprung_back(k: MotionConstants, m: Motion) -> float:
 
 
 def approached(k: MotionConstants, time_s: float, whole_s: float) -> float:
-    """Return the share of its change that x_f has covered at a time within a step."""
+    """Return the fraction of its change that x_f has covered at a time within a step."""
     if k.lag_s <= 0.0:
         return 1.0
     return math.expm1(-time_s / k.lag_s) / math.expm1(-whole_s / k.lag_s)
 
 
 def moved_by(step: Transition, m: Motion, rest_um: float) -> Motion:
-    """Return the motion after a step that moves x_f to ``rest_um``."""
+    """Return the motion after a step in which x_f changes to ``rest_um``."""
     w = carried(step, m.w, rest_um - m.rest_um)
     return Motion(w, rest_um, m.joined, m.there, m.dent_um)

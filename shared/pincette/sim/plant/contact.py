@@ -10,7 +10,7 @@ GRAVITY_M_PER_S2 = 9.81
 
 
 def hertz_um_per_mN23(radius_um: float, modulus_GPa: float) -> float:
-    """B of δ = B·F^(2/3) in µm and mN, for one face: B = (3/(4·E*·√R))^(2/3).
+    """Return B of δ = B·F^(2/3) in µm and mN, for one face: B = (3/(4·E*·√R))^(2/3).
 
     The unit of E*, GPa, equals mN/µm².
     """
@@ -22,8 +22,8 @@ def static_force_mN(
 ) -> float:
     """Return F >= 0 with s·F + B·F^(2/3) = overlap, in mN; B is for all faces together.
 
-    In the root G = F^(1/3) it is the cubic s·G³ + B·G² = overlap, convex for G > 0, so that
-    Newton's method from above converges to the root without overshoot.
+    With G = F^(1/3) the equation is s·G³ + B·G² = overlap, a cubic that is convex for G > 0.
+    Newton's method started above the root therefore converges without overshoot.
     """
     if overlap_um <= 0.0:
         return 0.0
@@ -36,12 +36,12 @@ def static_force_mN(
         lower = root - value / ((3.0 * s * root + 2.0 * b) * root)
         if lower >= root:
             break
-        # The error squares in each step: after a step this small it is below a double's resolution.
+        # Quadratic convergence: after a step this small the error is below a double's resolution.
         settled = root - lower < 1e-9 * root
         root = lower
         if settled:
             break
-    # A product has the same bits everywhere; a power is the C library's.
+    # A product is bitwise equal everywhere; a power depends on the C library.
     return root * root * root
 
 

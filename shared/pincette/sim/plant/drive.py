@@ -1,4 +1,4 @@
-"""From the voltage to the position that the free arm would rest at; pure.
+"""From the voltage to the position at which the free arm would rest; pure.
 
     output      τ·u̇ = u_target - u                        (first-order lag, quantised target)
     amplifier   w = amplifier(u)                            (``amplifier``; w = u by default)
@@ -6,7 +6,7 @@
                                          or h = g·(w - P[w]) of relays (``relays``)
     creep       τ_i·ċ_i = γ·y - c_i,  x_f = y + Σ c_i,  τ_i a decade apart
 
-Nothing here depends on how the arm moves.
+These quantities do not depend on the motion of the arm.
 """
 
 import math
@@ -58,12 +58,12 @@ class Electrical(NamedTuple):
 
 
 def rest_um(p: PlantParameters, state: PlantState) -> float:
-    """Return the rest position x_f of the free arm with its hung weight, in µm."""
+    """Return the rest position x_f of the free arm with an attached weight, in µm."""
     return rest_of(drive_constants(p, p.substep_s), electrical(state))
 
 
 def rest_of(k: DriveConstants, at: Electrical) -> float:
-    """Return the rest position x_f from the electrical part only, in µm."""
+    """Return the rest position x_f from the electrical part of the state, in µm."""
     w = at.drive_V
     y = k.d * w * (1.0 + k.kappa * w) - k.scale * at.hysteresis_um
     c0, c1, c2, c3, c4 = at.creep_um
@@ -82,10 +82,10 @@ def drive(
     count: int,
     targets_V: Sequence[float] | None = None,
 ) -> tuple[PlantState, list[float], list[float]]:
-    """Advance substeps of equal length, with a target for each, or the present one for all.
+    """Advance substeps of equal length, with one target for each, or the present one for all.
 
-    Returns the state with its electrical part advanced, and at the end of each substep the
-    position x_f in µm and, where targets are given, the voltage at the amplifier's input.
+    Returns the state with its electrical part advanced, and for the end of each substep the
+    position x_f in µm and, if targets are given, the voltage at the amplifier's input.
     """
     each_V = () if targets_V is None else targets_V
     target_V, rests_um, voltages_V = state.target_V, [0.0] * count, [0.0] * len(each_V)
@@ -131,13 +131,13 @@ def drive_substeps(
 ) -> Electrical:
     """Advance ``len(rests_um)`` substeps of a plant with Bouc-Wen hysteresis.
 
-    Fills x_f after each, and returns the electrical part at the end.
+    Writes x_f after each substep to ``rests_um``, and returns the electrical part at the end.
 
     The output approaches ``target_V``, or the targets of each substep in ``targets_V`` if there are
-    any; then ``voltages_V`` receives the voltage after each substep. ``scratch`` is as long as
+    any; then ``voltages_V`` receives the voltage after each substep. ``scratch`` must be as long as
     ``rests_um``.
     """
-    # The same place holds w, then y, then x_f of a substep.
+    # The same element holds w, then y, then x_f of a substep.
     put_out = _put_out(k, before, target_V, targets_V, rests_um, voltages_V)
     h = follow_voltages(k.hysteresis, before.drive_V, before.hysteresis_um, rests_um, scratch)
     return _bent(k, before, put_out, h, rests_um, scratch)
@@ -151,7 +151,7 @@ def _put_out(
     drives_V: MutableSequence[float],
     voltages_V: MutableSequence[float],
 ) -> tuple[float, float, float]:
-    """Fill w and output voltage after each substep; return the last u, slewed voltage and w."""
+    """Write w and the voltage after each substep; return the last u, slewed voltage and w."""
     lag, amplifies, plays = k.lag, k.amplifies, len(targets_V) > 0
     u, slewed, w = before.voltage_V, before.slewed_V, before.drive_V
     behind = u - target_V
@@ -181,7 +181,7 @@ def _bent(
     ways: MutableSequence[float],
     levels_um: Sequence[float],
 ) -> Electrical:
-    """Replace each w by y, then x_f, and fill h after each; return the last h."""
+    """Replace each w by y, then x_f, and write h after each; return the last h."""
     d, kappa, scale = k.d, k.kappa, k.scale
     for index in range(len(ways)):
         w = ways[index]
@@ -195,7 +195,7 @@ def _bent(
 
 
 def _crept(k: DriveConstants, at: CreepStates, rests_um: MutableSequence[float]) -> CreepStates:
-    """Replace each y by x_f, which includes creep; return the lags."""
+    """Replace each y by x_f, which includes creep; return the creep states."""
     gamma, sag, gains = k.gamma, k.sag_um, k.gains
     g0, g1, g2, g3, g4 = gains[0], gains[1], gains[2], gains[3], gains[4]
     c0, c1, c2, c3, c4 = at
@@ -251,6 +251,6 @@ def settling_s(p: PlantParameters, state: PlantState) -> float:
 
 @lru_cache(maxsize=64)
 def creep_gains(dt_s: float) -> CreepStates:
-    """Return 1 - exp(-dt/τ_i), the share by which each lag approaches a constant input."""
+    """Return 1 - exp(-dt/τ_i), the fraction by which each lag approaches a constant input."""
     g0, g1, g2, g3, g4 = (-math.expm1(-dt_s / time_s) for time_s in CREEP_TIMES_S)
     return g0, g1, g2, g3, g4

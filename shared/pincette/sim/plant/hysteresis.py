@@ -1,15 +1,16 @@
-"""Bouc-Wen hysteresis over a monotone piece of voltage, in closed form; pure."""
+"""Bouc-Wen hysteresis over a monotonic change of voltage, in closed form; pure."""
 
 import math
 from collections.abc import MutableSequence, Sequence
 from dataclasses import dataclass
 
 SERIES_UP_TO = 1.0 / 8.0
-"""Limit of z for the series of (1 - e^(-z))/z: the first omitted term, z¹⁰/11!, is 2e-17 there."""
+"""Largest z for the series of (1 - e^(-z))/z; the first omitted term, z¹⁰/11!, is 2e-17 there."""
 AHEAD = 64
-"""Number of voltage segments whose shares are computed before their range of validity is known."""
+"""Number of voltage segments whose factors are computed before it is known whether they are
+valid."""
 NOT_SHORT = -1.0
-"""Marker instead of a share, which is never negative."""
+"""Marker instead of a factor, which is never negative."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +40,7 @@ def follow_voltages(
     voltages_V: Sequence[float],
     levels_um: MutableSequence[float],
 ) -> float:
-    """Move straight from voltage to voltage; fills h after each, and returns the last h in µm."""
+    """Move monotonically from voltage to voltage; writes each h, and returns the last in µm."""
     done = 0
     while done < len(voltages_V):
         before_V = voltages_V[done - 1] if done > 0 else begin_V
@@ -62,7 +63,7 @@ def _follow_side(
 ) -> tuple[float, int]:
     """Advance h over short segments in one direction while h keeps its sign.
 
-    The part that does not depend on h is computed first, in a loop that a compiler can vectorise.
+    The terms that do not depend on h are computed first, in a loop that a compiler can vectorise.
     Returns h, and the index of the first voltage that was not reached.
     """
     A, rate, rises, against = _side(shape, h_um, voltages_V[first] - before_V)
@@ -95,7 +96,7 @@ def advance_hysteresis(shape: BoucWen, h_um: float, du_V: float) -> float:
     after = h_um + (A * share - rate * share * h_um)
     if against and (after > 0.0 if rises else after < 0.0):
         w -= math.log1p(-rate * h_um / A) / rate if rate > 0.0 else -h_um / A
-        # From there on at b + g, after b - g.
+        # Relaxation at b + g from there on, at b - g before.
         return A * _relaxing(rate + 2.0 * shape.g_per_V, w)
     return after
 
@@ -118,7 +119,7 @@ def _relaxing(rate: float, w: float) -> float:
 def _series(w: float, z: float) -> float:
     """Return ``_relaxing`` of a short segment by the series w·(1 - z/2! + z²/3! - ...), z = rate·w.
 
-    It calls no function, and is exact to one or two bits.
+    It calls no function, and is accurate to one or two bits.
     """
     far = 1.0 / 40320.0 - z * (1.0 / 362880.0 - z * (1.0 / 3628800.0))
     further = 1.0 / 120.0 - z * (1.0 / 720.0 - z * (1.0 / 5040.0 - z * far))

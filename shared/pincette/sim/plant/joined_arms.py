@@ -1,10 +1,10 @@
-"""Arms with separate modes, and a part between them that they touch and leave; pure.
+"""Arms with separate modes, and a part between them that they can touch and leave; pure.
 
-Apart and joined the arms move by their own exact modes. The part is rigid and lies against the
-passive arm; its first touch is at x - y = x_b. Touching (x - y reaches the part) and leaving (F
-falls below minus the pull-off force) are excluded within a substep by bounds from the modes'
-amplitudes. If a bound does not exclude them, the substep is cut into pieces and the time of the
-change is found by the secant method.
+The motion of the arms, apart or joined, is computed exactly from their modes. The part is rigid and
+lies against the passive arm; first contact is at x - y = x_b. Bounds from the amplitudes of the
+modes show whether the arm can touch the part (x - y reaches the part) or leave it (F falls below
+minus the pull-off force) within a substep. If so, the substep is divided into pieces, and the time
+of the change is found by the secant method.
 
     touch   both tips get one speed by an impulse, which keeps the momentum and takes energy
     leave   nothing jumps
@@ -48,8 +48,8 @@ def move_arms(
 ) -> tuple[PlantState, list[float]]:
     """Advance substeps of equal length, with x_f from ``start_um`` to each value.
 
-    Also returns the position after each substep if ``with_positions`` is set.
-    ``state.elapsed_s`` is the time at the end.
+    Also returns the position after each substep if ``with_positions`` is true. ``state.elapsed_s``
+    is the time at the end.
     """
     k = motion_constants(p, dt_s)
     if p.part.clings:
@@ -81,7 +81,7 @@ def move_arms(
 def _put_into(
     p: PlantParameters, k: MotionConstants, motion: Motion, state: PlantState, dt_s: float
 ) -> PlantState:
-    """Return the state after a motion of ``dt_s``, with what has clung to the arm meanwhile."""
+    """Return the state after a motion of ``dt_s``, with the adhesion to the arm updated."""
     after = put_into(k, motion, state)
     return clung(p, after, dt_s, force_mN(k, motion)) if p.part.clings else after
 
@@ -172,7 +172,7 @@ def rest_arms(p: PlantParameters, state: PlantState, dt_s: float, rest_um: float
 def arms_force_mN(p: PlantParameters, state: PlantState, rest_um: float) -> float:
     """Return the contact force with x_f at ``rest_um``, in mN.
 
-    It is negative if the part sticks and is pulled.
+    The force is negative if the part sticks and is pulled.
     """
     if not state.joined:
         return 0.0 - bridged_pull_mN(p, state, rest_um)

@@ -1,19 +1,20 @@
-"""A damped linear system by its oscillating modes: exact over any time, scalars only; pure.
+"""Exact solution of a damped linear system by its oscillating modes, with scalars only; pure.
 
 With s = (q, q̇), q̈ = -P·(q - r·x_f - t·o) - D·q̇ for an input x_f and an offset o. The deviation
 from rest is 2·Re Σ R_i·w_i over the pairs of eigenvalues µ_i of the system, w_i = L_i·deviation,
-and each w_i lives alone:
+and the w_i are independent of each other:
 
     ẇ_i = µ_i·w_i - L_i·(r; 0)·ẋ_f
 
-For an x_f that approaches its goal with the time constant τ, which is how a lagging output moves
-it, and by Δ over the step h (a = e^(-h/τ); τ = 0 is a jump at the beginning):
+Let x_f approach its goal with the time constant τ, as it does behind an output with a lag, and
+change by Δ over the step h (a = e^(-h/τ); τ = 0 is a jump at the beginning):
 
     w_i(h) = e^(µ_i·h)·w_i - φ_i·L_i·(r; 0)·Δ,    φ_i = (e^(µ_i·h) - a)/((1 + µ_i·τ)·(1 - a))
 
 |φ_i| <= 1, so no motion within the step exceeds 2·Σ |R_i|·(|w_i| + |L_i·(r; 0)·Δ|).
 
-The eigenvalues come from LAPACK: they have the same bits on one machine, but not on all machines.
+The eigenvalues are computed by LAPACK: they are bitwise equal on one machine, but not on all
+machines.
 """
 
 import math
@@ -39,17 +40,17 @@ class ModalSystem:
     """Right vectors R, by component of the state."""
     rest_by_input: tuple[float, ...]
     rest_by_offset: tuple[float, ...]
-    """Rest positions (r; 0) per input (the field before) and (t; 0) per offset."""
+    """Rest positions (r; 0) per input (previous field) and (t; 0) per offset."""
     pushed_by_input: Weights
     pushed_by_offset: Weights
-    """Products L_i·(r; 0) for the input (the field before) and L_i·(t; 0) for the offset."""
+    """Products L_i·(r; 0) for the input (previous field) and L_i·(t; 0) for the offset."""
     tip: Weights
     """Weights of the tip position x in the modes."""
     watched: Weights
-    """Weights of the quantity that decides on touching or separating."""
+    """Weights of the quantity that determines whether the arms touch or separate."""
     most_watched: tuple[float, ...]
     most_by_input: float
-    """Factor of |Δ| in the bound 2·Σ |watched_i|·(|w_i| + |L_i·(r; 0)·Δ|); the field before holds
+    """Factor of |Δ| in the bound 2·Σ |watched_i|·(|w_i| + |L_i·(r; 0)·Δ|); the previous field holds
     the factors of |w_i|."""
 
 
@@ -63,7 +64,7 @@ def modal_system(
 ) -> ModalSystem:
     """Return the modes of q̈ = -P·(q - rest) - D·q̇.
 
-    ``tip`` and ``watched`` weigh (q - rest) and q̇.
+    ``tip`` and ``watched`` are weights of (q - rest) and q̇.
     """
     count = len(rest_by_input)
     rates, vectors, inverse = _eigen(by_position, by_speed)
@@ -95,7 +96,7 @@ def modal_system(
 
 def _eigen(by_position: Matrix, by_speed: Matrix) -> tuple[Eigen, Eigen, Eigen]:
     """Return eigenvalues above the real axis, vectors (columns) and the rows of the inverse."""
-    # Separate arms are solved one by one: two equal ones would give a repeated eigenvalue.
+    # Separate arms are solved one at a time: two equal arms would give a repeated eigenvalue.
     count = len(by_position)
     if not np.any(by_position - np.diag(np.diag(by_position))):
         sigma, squared = 0.5 * np.diag(by_speed), np.diag(by_position)

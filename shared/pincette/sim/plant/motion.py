@@ -1,4 +1,4 @@
-"""Motion of both arms, from a state of the plant and back into one."""
+"""Motion of both arms, and its conversion from and to a state of the plant."""
 
 import math
 from functools import lru_cache
@@ -19,7 +19,8 @@ from pincette.sim.plant.arms import arms_of
 from pincette.sim.plant.parameters import PlantParameters
 
 PRESS_S = 0.005
-"""Time constant in s by which the faces follow the force at rest: two periods of the first mode."""
+"""Time constant, in s, with which the faces follow the force at rest: two periods of the first
+mode."""
 
 
 class MotionConstants(NamedTuple):
@@ -32,8 +33,8 @@ class MotionConstants(NamedTuple):
     joined_step: Transition
     apart_piece: Transition
     joined_piece: Transition
-    """Transition over one of the pieces of a substep in which the arms may touch or separate, while
-    joined."""
+    """Transition of the joined arms over one piece of a substep in which they may touch or
+    separate."""
     pieces: int
     lag_s: float
     pressing: float
@@ -71,7 +72,7 @@ class Tips(NamedTuple):
 
 
 def motion_of(k: MotionConstants, tips: Tips, rest_um: float, *, there: bool) -> Motion:
-    """Return the motion of arms with given positions and speeds, with x_f at ``rest_um``."""
+    """Return the motion of arms with given positions and speeds, and with x_f at ``rest_um``."""
     joined = tips.joined and there
     offset_um = k.contact_um + tips.dent_um if joined else 0.0
     way = k.joined if joined else k.apart

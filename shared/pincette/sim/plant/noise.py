@@ -4,7 +4,7 @@ from numpy.random import Generator, Philox
 
 BLOCK = 1024
 STREAM = 192
-"""First bit of the generator's counter that counts streams."""
+"""First bit of the generator's counter that is used for the stream number."""
 
 
 class GaussianNoise:
@@ -17,7 +17,7 @@ class GaussianNoise:
         self._values: list[float] = []
 
     def at(self, index: int) -> float:
-        """Return the number with this index, 0 or above; mean 0, variance 1."""
+        """Return the number with this index ≥ 0; mean 0, variance 1."""
         block, place = divmod(index, BLOCK)
         if block != self._block:
             key = (self._seed % 2**64) | (block % 2**64) << 64

@@ -1,9 +1,9 @@
-"""Two driven arms and one part between them, as time passes; pure.
+"""Motion of two driven arms and one part between them; pure.
 
-Each arm has its own hysteresis, creep and mode. The part lies on the ground, is pushed, squeezed,
-lifted once both arms carry it, and stays on the arm whose face releases it last. Over a substep in
-which nothing can touch, leave or slip the motion is exact for a constant x_f (``pair_modes``);
-otherwise the substep is cut into pieces, with changes at their ends.
+Each arm has its own hysteresis, creep and mode. The part lies on the ground, can be pushed and
+squeezed, is lifted once both arms carry it, and stays on the arm whose face releases it last. If
+nothing can touch, leave or slip during a substep, the motion is exact for a constant x_f
+(``pair_modes``); otherwise the substep is divided into pieces, with changes at their ends.
 """
 
 import math
@@ -36,7 +36,7 @@ from pincette.sim.plant.state import Event, newest_events
 
 
 def advance_pair(p: PairParameters, state: PairState, dt_s: float) -> PairState:
-    """Advance by ``dt_s``: whole substeps, then the rest; the same bits for the same arguments."""
+    """Advance by ``dt_s``: whole substeps, then the rest; results are bitwise reproducible."""
     if not 0.0 <= dt_s < math.inf:
         raise ValueError(f"dt_s = {dt_s} s: must be positive and finite")
     longest_s = min(p.first.substep_s, p.second.substep_s)
@@ -89,7 +89,7 @@ def _pass_substep(
 def _pushes(
     p: PairParameters, numbers: PairNumbers, modes: PairModes, state: PairState, rests_um: Pair
 ) -> Pair:
-    """Return k_i·x_f,i minus the part of F_i that does not depend on the tips, in mN."""
+    """Return k_i·x_f,i minus the contribution to F_i that does not depend on the tips, in mN."""
     contact, kept_um = state.contact, state.part_um
     z_um = place_um(modes, (0.0, 0.0), _load_mN(p, state), kept_um)
     face = p.face_mN_per_um
@@ -111,7 +111,7 @@ def _load_mN(p: PairParameters, state: PairState) -> float:
 
 
 def _moved(p: PairParameters, modes: PairModes, state: PairState, rest: Pair) -> PairState:
-    """Return the tips after the step of ``modes``, and the part that follows them."""
+    """Return the tips after the step of ``modes``, and the resulting position of the part."""
     first, second = state.first, state.second
     e = (
         first.x_um - rest[0],
@@ -164,7 +164,7 @@ def _certain(
 
 
 def _changed(p: PairParameters, state: PairState, before_um: float) -> PairState:
-    """Update touching, separation, slip and hold by the state at the end of a piece."""
+    """Update contact, separation, slip and hold from the state at the end of a piece."""
     if state.part != "there":
         return state
     contact, z = state.contact, state.part_um
@@ -182,18 +182,18 @@ def _changed(p: PairParameters, state: PairState, before_um: float) -> PairState
             anchor_um = z - ground * p.ground_slip_mN / p.ground_mN_per_um
             ground = Ground.HOLDS
         if ground == Ground.HOLDS:
-            # Without mass it springs back at once.
+            # Without mass it recovers at once.
             z = anchor_um
     return replace(state, contact=Contact(first, second, ground), part_um=z, anchor_um=anchor_um)
 
 
 def _touching(p: PairParameters, state: PairState) -> tuple[bool, bool]:
-    """Return which faces touch from here on.
+    """Return which faces touch from now on.
 
     If a part is held by faces only, both forces are equal, and the force of a single face is 0, so
-    no sign of a difference tells which face separates. Two faces are then judged by their common
-    force, and a single face by the direction of its arm: it pushes the part forwards, and pulls it
-    if it sticks.
+    the sign of a difference does not show which face separates. For two faces their common force is
+    then used, and for a single face the direction of its arm, which pushes the part forwards, or
+    pulls it if it sticks.
     """
     contact, z = state.contact, state.part_um
     x_1, x_2 = state.tips_um
@@ -213,7 +213,7 @@ def _touching(p: PairParameters, state: PairState) -> tuple[bool, bool]:
 
 
 def _befallen(p: PairParameters, state: PairState, dt_s: float, now_s: float) -> PairState:
-    """Lift, drop or break the part, by the weaker of both forces."""
+    """Lift, drop or break the part, depending on the smaller one of both forces."""
     if not p.part.may_go:
         return state
     contact = state.contact
@@ -225,7 +225,7 @@ def _befallen(p: PairParameters, state: PairState, dt_s: float, now_s: float) ->
     elif contact.ground != Ground.AWAY:
         held_s = 0.0
     elif p.part.hold_mN > 0.0 or not (contact.first or contact.second):
-        # One face carries a part that weighs nothing.
+        # A single face can carry a part without weight.
         event = Event(now_s, "lost", "the part fell: one arm does not carry it")
     if event is not None and event.what == "lost" and p.lands:
         return _landed(state, now_s)
@@ -238,7 +238,7 @@ def _befallen(p: PairParameters, state: PairState, dt_s: float, now_s: float) ->
 
 
 def _landed(state: PairState, now_s: float) -> PairState:
-    """Put the part on the ground where it was released, touched by the faces in contact."""
+    """Put the part on the ground where it was released, with the faces in contact touching it."""
     z = state.part_um
     event = Event(now_s, "landed", f"the part lies on the ground again, touched at {z:.3f} µm")
     contact = Contact(state.contact.first, state.contact.second, Ground.HOLDS)

@@ -1,13 +1,14 @@
-"""Two driven tips and the part between them, in one state of contact: exact over any time; pure.
+"""Two driven tips and the part between them, solved exactly for one state of contact; pure.
 
-x_1 and x_2 count towards the part, its place z along x_1. Faces are springs K_f, the ground holds
-the part at its place z_a by a spring k_r, up to the friction f:
+x_1 and x_2 are positive towards the part; the part's position z is measured along x_1. Faces are
+springs K_f. The ground holds the part at the position z_a by a spring k_r, up to the friction f:
 
     m_i·ẍ_i + c_i·ẋ_i + k_i·(x_i - x_f,i) = -F_i,   F_1 = K_f·(x_1 - z),   F_2 = K_f·(x_2 - g + z)
     F_1 - F_2 = R:   k_r·(z - z_a) where the ground holds, ±f where the part slips, 0 where lifted
 
-The part has no mass, so that z follows from the tips. The quantity that decides on the next change
-is bounded by the energy E of the deviation e from rest, which only decreases: |a·e| ≤ √(aᵀK⁻¹a·2E).
+The part has no mass, so that z is determined by the tips. The quantity that determines the next
+change is bounded by the energy E of the deviation e from rest, which never increases: |a·e| ≤
+√(aᵀK⁻¹a·2E).
 """
 
 from dataclasses import dataclass
@@ -42,7 +43,7 @@ class Contact(NamedTuple):
 
 
 class PairNumbers(NamedTuple):
-    """Numbers on which the motion depends, each pair by arm."""
+    """Parameters that determine the motion; each pair is by arm."""
 
     masses: Pair
     """Mass of each arm, in mN·s²/µm."""
@@ -79,7 +80,7 @@ def pair_modes(numbers: PairNumbers, contact: Contact, dt_s: float) -> PairModes
     ground = numbers.ground_mN_per_um if contact.ground == Ground.HOLDS else 0.0
     joint = face * float(np.sum(np.abs(touches))) + ground
     by_x = face * touches / joint if joint > 0.0 else np.zeros(2)
-    # F_1 = K_f·(x_1 - z), F_2 = K_f·(x_2 - g + z), of those that touch.
+    # F_1 = K_f·(x_1 - z), F_2 = K_f·(x_2 - g + z), for the faces in contact.
     pressed = face * (np.diag(np.abs(touches)) - np.outer(touches, by_x))
     stiffness: Matrix = np.diag(numbers.stiffnesses) + 0.5 * (pressed + pressed.T)
     masses = np.array(numbers.masses)[:, None]
@@ -103,7 +104,7 @@ def pair_modes(numbers: PairNumbers, contact: Contact, dt_s: float) -> PairModes
 
 
 def place_um(modes: PairModes, tips_um: Pair, load_mN: float, kept_um: float) -> float:
-    """Return the place z of the part in µm; ``load_mN`` is the rest of its balance.
+    """Return the part's position z in µm; ``load_mN`` are the other terms of its balance.
 
     See ``PairMotion``.
     """
@@ -114,14 +115,14 @@ def place_um(modes: PairModes, tips_um: Pair, load_mN: float, kept_um: float) ->
 
 
 def rest_of(modes: PairModes, pushes_mN: Pair) -> Pair:
-    """Return the rest of the tips under k_i·x_f,i minus the constant part of F_i, in µm."""
+    """Return the rest positions of the tips for k_i·x_f,i minus the constant part of F_i, in µm."""
     f11, f12, f22 = modes.flexibility
     push_1, push_2 = pushes_mN
     return f11 * push_1 + f12 * push_2, f12 * push_1 + f22 * push_2
 
 
 def reach_of(modes: PairModes, by_x: Pair) -> float:
-    """Return √(aᵀK⁻¹a), the reach of a quantity a·x."""
+    """Return √(aᵀK⁻¹a), the factor in the bound of a quantity a·x."""
     f11, f12, f22 = modes.flexibility
     a, b = by_x
     return (f11 * a * a + 2.0 * f12 * a * b + f22 * b * b) ** 0.5

@@ -1,6 +1,7 @@
 """Two driven arms and the part between them: parameters and state; pure.
 
-Positions of each arm count towards the part, x_1 + x_2 = g when both touch it without pressing.
+The position of each arm is positive towards the part; x_1 + x_2 = g when both touch it without
+pressing.
 """
 
 import math
@@ -17,14 +18,14 @@ from pincette.sim.plant.plant import start as arm_at_rest
 from pincette.sim.plant.state import Event, PlantState
 
 APART = Contact(first=False, second=False, ground=Ground.HOLDS)
-"""Contact of a part on the ground that nothing touches."""
+"""Contact state of a part on the ground that no arm touches."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairParameters:
     """Parameters of two arms and the part between them; raises ValueError.
 
-    The part in the parameters of each arm has no effect.
+    The part in the parameters of the individual arms has no effect.
     """
 
     first: PlantParameters
@@ -32,20 +33,20 @@ class PairParameters:
     gap_um: float
     """Gap g in µm: x_1 + x_2 when both tips touch the part without pressing it."""
     part_um: float
-    """Position x_1 in µm at which the first arm touches the part at its initial place."""
+    """Position x_1 in µm at which the first arm touches the part at its initial position."""
     face_mN_per_um: float = 80.0
     """Stiffness K_f of each face; both faces of a glass ball between flat arms have about 40 mN/µm.
     """
     ground_mN_per_um: float = 5.0
-    """Stiffness k_r by which the part sticks to its place on the ground; assumed."""
+    """Stiffness k_r with which the ground holds the part; assumed."""
     ground_slip_mN: float = 0.0
-    """Force f from which the part slips on the ground; 0 for a loose part."""
+    """Force f above which the part slips on the ground; 0 for a loose part."""
     part: PartParameters = RIGID
     """Weight, lift and break of the part; the parameters of the faces are those of this class."""
     pull_off_mN: Pair = (0.0, 0.0)
     """Pull-off force of the face at each arm, in mN."""
     lands: bool = False
-    """True if a lifted part that is released lies on the ground again at its old place."""
+    """True if a lifted part that is released lies on the ground again at its old position."""
 
     def __post_init__(self) -> None:
         for arm in (self.first, self.second):
@@ -67,13 +68,13 @@ class PairState(FrozenRecord, frozen=True):
     first: PlantState
     second: PlantState
     part_um: float
-    """Place z of the part along x_1, in µm."""
+    """Position z of the part along x_1, in µm."""
     anchor_um: float
-    """Place z_a to which the ground pulls the part, in µm."""
+    """Position z_a towards which the ground pulls the part, in µm."""
     contact: Contact = APART
     part: Literal["there", "lost", "broken", "removed"] = "there"
     held_s: float = 0.0
-    """Time for which the weaker of both forces has carried the part, in s."""
+    """Time for which the smaller one of both forces has carried the part, in s."""
     events: tuple[Event, ...] = ()
 
     @property
@@ -103,7 +104,7 @@ def set_arm_voltage(p: PairParameters, state: PairState, arm: int, voltage_V: fl
 def pair_forces_mN(p: PairParameters, state: PairState) -> Pair:
     """Return the force of each arm on the part in mN, compressive and positive.
 
-    Negative if pulled.
+    The force is negative if the part is pulled.
     """
     contact, z = state.contact, state.part_um
     x_1, x_2 = state.tips_um

@@ -1,4 +1,4 @@
-"""Parameters of the plant, from the simulation's table of a rig file; pure."""
+"""Parameters of the plant, from the simulation tables of a rig file; pure."""
 
 import math
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class PartParameters(FrozenRecord, frozen=True):
     pull_off_mN: float = 0.0
     """Pull at which dry faces separate, in mN."""
     hold_mN: float = 0.0
-    """Least force that carries the part, in mN."""
+    """Smallest force that carries the part, in mN."""
     lift_after_s: float = math.inf
     break_mN: float = math.inf
     slip_mN: float = math.inf
@@ -41,14 +41,14 @@ class PartParameters(FrozenRecord, frozen=True):
     bridge_mN: float = 0.0
     """Pull of the liquid bridge at contact, in mN; 0 without liquid."""
     bridge_um: float = 0.0
-    """Length √(V/(π·R)) over which its pull fades, in µm."""
+    """Length √(V/(π·R)) over which the pull of the bridge decreases, in µm."""
     rupture_um: float = 0.0
-    """Gap at which it ruptures, in µm."""
+    """Gap at which the bridge ruptures, in µm."""
     ageing_per_decade: float = 0.0
     bond_mN: float = 0.0
     """Pull that the bond withstands for 1 s, in mN; 0 without a bond."""
     bond_scale_mN: float = 1.0
-    """Pull that shortens the life of the bond by the factor e, in mN."""
+    """Pull that shortens the life of the bond by a factor of e, in mN."""
 
     @property
     def clings(self) -> bool:
@@ -69,7 +69,7 @@ RIGID = PartParameters()
 class PlantParameters:
     """Parameters of the plant.
 
-    Instances are equal only to themselves, so that caches by identity hold their constants.
+    Instances compare equal only to themselves, so that their constants can be cached by identity.
     """
 
     natural_frequency_rad_per_s: float
@@ -87,7 +87,7 @@ class PlantParameters:
     curvature_per_V: float = 0.0
     hysteresis_scale: float = 1.0
     hung_mN: float = 0.0
-    """Hung weight on the driven tip in mN, positive towards -x."""
+    """Weight attached to the driven tip, in mN, positive towards -x."""
     amplifier: AmplifierParameters = IDEAL
     second_share: float = 0.0
     second_frequency_ratio: float = 6.27
@@ -104,7 +104,7 @@ class PlantParameters:
 
     @property
     def elaborate(self) -> bool:
-        """Return whether the arms are more than one mode against a massless spring."""
+        """Return whether the arms need more than one mode against a massless spring."""
         return (
             self.second_share > 0.0
             or self.passive_natural_frequency_rad_per_s is not None
@@ -144,7 +144,7 @@ def plant_parameters(simulation: Simulation) -> PlantParameters:
 
 
 def _hysteresis(simulation: Simulation) -> tuple[BoucWen | Relays, float]:
-    """Return the parameters of the hysteresis, and the curvature of the line added to it."""
+    """Return the parameters of the hysteresis, and the curvature of the line it is added to."""
     d, relays = simulation.piezo_um_per_V, simulation.relays
     if relays is not None:
         full_V = relays.full_drive_V

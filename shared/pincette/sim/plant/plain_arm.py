@@ -4,9 +4,10 @@
     contact     F = K_e·max(0, x - x_b)
 
 Free and in contact the mode has its own matrix, exact for an input that is constant over a substep.
-If the tip cannot reach the point of first touch within a substep, by the energy of the mode, the
-solution is exact too; otherwise the substep is cut into ``CROSSING_PARTS``, since a whole one is
-half a period of the mode and a change of the matrix at its ends would feed the oscillation.
+If the energy of the mode is too small for the tip to reach the position of first contact within a
+substep, the solution is exact. Otherwise the substep is divided into ``CROSSING_PARTS``, since a
+whole substep is half a period of the mode, and a change of the matrix at its ends would excite the
+oscillation.
 """
 
 import math
@@ -41,7 +42,8 @@ class PlainConstants(NamedTuple):
     free: PlainMode
     touching: PlainMode
     crossing_free: PlainMode
-    """Free transition over a part of the substep; ``crossing_touching`` is the one in contact."""
+    """Transition of the free arm over a piece of the substep; ``crossing_touching`` is that in
+    contact."""
     crossing_touching: PlainMode
     ratio: float
     """Ratio K_e·s_p of the part's stiffness to that of the arm."""
@@ -57,7 +59,7 @@ def move_plain_arm(
 ) -> tuple[PlantState, list[float]]:
     """Advance substeps of equal length towards each free position.
 
-    With ``with_positions``, return positions.
+    Also returns the position after each substep if ``with_positions`` is true.
     """
     positions_um = [0.0] * (len(rests_um) if with_positions else 0)
     tip = state.x_um, state.speed_um_per_s
@@ -116,7 +118,7 @@ def plain_force_mN(p: PlantParameters, state: PlantState) -> float:
 
 
 def first_touch_um(p: PlantParameters, state: PlantState) -> float:
-    """Return the position x_b of first touch in µm; infinite if there is nothing to touch."""
+    """Return the position x_b of first contact in µm; infinite if there is nothing to touch."""
     there = p.environment_stiffness_mN_per_um > 0 and state.part == "there"
     return p.contact_um if there else math.inf
 

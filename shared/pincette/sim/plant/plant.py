@@ -5,11 +5,10 @@ From the voltage to the tip, in µm, mN, V and s:
     voltage     ``drive``: output, amplifier, hysteresis and creep, up to where the arm would rest
     arms        ``plain_arm``: one mode against a spring, or
                 ``joined_arms``: two modes, a passive arm that moves, and a part that is pressed in,
-                sticks, falls and breaks; wherever one of these is requested
+                sticks, falls and breaks; if one of these is configured
 
-Every part is advanced by its exact solution for an input that is constant over a substep.
-Not modelled: modes above the second, the part's own mass (1 % of an arm's), attraction before
-the touch.
+Each of these is advanced by its exact solution for an input that is constant over a substep. Not
+modelled: modes above the second, the part's own mass (1 % of an arm's), attraction before contact.
 """
 
 import math
@@ -49,7 +48,7 @@ def start() -> PlantState:
 
 
 def left_alone(state: PlantState) -> PlantState:
-    """Return the arm with its output at 0 V and no part: only electrical state and own motion."""
+    """Return the arm with its output at 0 V and no part: electrical state and motion only."""
     return replace(
         state,
         target_V=0.0,
@@ -75,7 +74,7 @@ def set_voltage(parameters: PlantParameters, state: PlantState, voltage_V: float
 def contact_force_mN(parameters: PlantParameters, state: PlantState) -> float:
     """Return the contact force in mN, compressive and positive.
 
-    It is negative if a part sticks and is pulled.
+    The force is negative if a part sticks and is pulled.
     """
     if not parameters.elaborate:
         return plain_force_mN(parameters, state)
@@ -106,9 +105,9 @@ def take_part(
 
 
 def advance(parameters: PlantParameters, state: PlantState, dt_s: float) -> PlantState:
-    """Advance by ``dt_s``: whole substeps, then the rest; same bits for the same arguments.
+    """Advance by ``dt_s``: whole substeps, then the rest; results are bitwise reproducible.
 
-    Beyond the time in which the output and the modes come to rest, one step is taken: only creep
+    After the output and the modes have come to rest, the remaining time is one step: only creep
     remains, which is linear with a constant input, and the arm follows its equilibrium.
     """
     if not 0.0 <= dt_s < math.inf:
@@ -127,9 +126,9 @@ def advance(parameters: PlantParameters, state: PlantState, dt_s: float) -> Plan
 def play(
     parameters: PlantParameters, state: PlantState, dt_s: float, voltages_V: Sequence[float]
 ) -> tuple[PlantState, list[float], list[float]]:
-    """Put out successive voltages, each for ``dt_s``, at most a substep; raises ValueError.
+    """Output successive voltages, each for ``dt_s``, at most a substep; raises ValueError.
 
-    Also returns position in µm and voltage at the amplifier's input in V at the end of each.
+    Also returns the position in µm and the voltage at the amplifier's input in V after each.
     """
     if not 0.0 < dt_s <= parameters.substep_s:
         raise ValueError(
@@ -148,7 +147,7 @@ def _substeps(
 ) -> tuple[PlantState, list[float], list[float]]:
     """Advance substeps of equal length.
 
-    With targets, also return position and voltage after each.
+    With targets, also returns position and voltage after each substep.
     """
     driven, rests_um, voltages_V = drive(p, state, dt_s, count, targets_V)
     with_positions = targets_V is not None

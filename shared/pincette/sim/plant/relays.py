@@ -1,18 +1,18 @@
 """Hysteresis of relays after Preisach, by the Everett function; pure.
 
 A relay is up (+1) once u has risen to α, and down (-1) once it has fallen to β <= α. With a density
-μ(α, β) of relays, a change from the last turning point u_i to u switches those whose α and β are in
+μ(α, β) of relays, a change from the last turning point u_i to u switches the relays with α and β in
 between:
 
     P = P_i ± 2·E(max(u, u_i), min(u, u_i)),    E(α, β) = ∬ μ dα' dβ'  over  β <= β' <= α' <= α
 
 A turning point is removed when u passes the previous one ("wiping out"); all others are kept. From
-the unpoled state, in which a relay is up where α + β < 0, u leads along P = ±E(|u|, -|u|).
+the unpoled state, in which a relay is up where α + β < 0, P = ±E(|u|, -|u|).
 
     μ = sech²((α - c)/w)·sech²((β + c)/w)
 
-so thresholds lie about +c on the way up and about -c on the way down, and E has a closed form. μ
-depends on α + β as well as on α - β: no sum of play operators has these loops. Source: I. D.
+so the thresholds lie about +c for rising and about -c for falling voltage, and E has a closed form.
+μ depends on α + β as well as on α - β: no sum of play operators has these loops. Source: I. D.
 Mayergoyz, Mathematical Models of Hysteresis, Springer 1991, sections 1.2 and 1.3; the density is
 this project's choice.
 """
@@ -31,13 +31,13 @@ MOST_SPREADS = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Relays:
-    """Relays with h = g·(u - P), P scaled so that a cycle from -U to U spans 2·U.
+    """Relays with h = g·(u - P), with P scaled so that a cycle from -U to U spans 2·U.
 
     Raises ValueError.
     """
 
     gain_um_per_V: float
-    """Gain g in µm/V: the share of the motion that comes from relays instead of the line."""
+    """Gain g in µm/V: the contribution of the relays to the gain, instead of the line."""
     full_drive_V: float
     """Full drive U, in V."""
     coercive_V: float
@@ -63,12 +63,12 @@ def loop_of_relays(
     spread_V: float,
     centre_V: float = 0.0,
 ) -> Relays:
-    """Return relays beside a line d·u whose loop over ±U has this share of its stroke 2·d·U.
+    """Return relays in addition to a line d·u, whose loop over ±U has this fraction of 2·d·U.
 
     Raises
     ------
     ValueError
-        If the loop would be wider with no line at all, or the thresholds are none.
+        If even relays without a line would give a narrower loop, or the thresholds are impossible.
     """
     alone = Relays(line_um_per_V, full_drive_V, coercive_V, spread_V, centre_V)
     widest = _width_V(alone) / (2.0 * full_drive_V)
@@ -89,9 +89,9 @@ def follow_relays(
     voltages_V: Sequence[float],
     levels_um: MutableSequence[float],
 ) -> Turns:
-    """Move straight from voltage to voltage; fills h after each, and returns the turning points.
+    """Move monotonically from voltage to voltage; writes each h, and returns the turning points.
 
-    h depends only on the turning points, not on speed, nor on the division into steps.
+    h depends only on the turning points, not on the speed or the division into steps.
     """
     scale, zero = _scale(shape), _level(shape, -shape.centre_V, ())
     v = begin_V - shape.centre_V
@@ -106,7 +106,7 @@ def follow_relays(
 
 
 def everett(shape: Relays, upper_V: float, lower_V: float) -> float:
-    """Return E(α, β) in V²: relays with both thresholds between; α >= β count from the centre."""
+    """Return E(α, β) in V² of the relays with both thresholds between; α >= β from the centre."""
     c, w = shape.coercive_V, shape.spread_V
     up, down = math.tanh((upper_V - c) / w), math.tanh((lower_V - c) / w)
     since_lower = up - down
@@ -119,7 +119,7 @@ def everett(shape: Relays, upper_V: float, lower_V: float) -> float:
 
 
 def _turned(shape: Relays, v: float, turns: Turns, next_V: float) -> Turns:
-    """Return the turning points after a straight change from v to another voltage."""
+    """Return the turning points after a monotonic change from v to another voltage."""
     way = next_V - v
     since = v - turns[-1][0] if turns else v
     if since * way < 0.0:
@@ -130,7 +130,7 @@ def _turned(shape: Relays, v: float, turns: Turns, next_V: float) -> Turns:
 
 
 def _level(shape: Relays, v: float, turns: Turns) -> float:
-    """Return P in V², with all relays counted by their density."""
+    """Return P in V², the sum over all relays weighted by their density."""
     if not turns:
         return math.copysign(everett(shape, abs(v), -abs(v)), v)
     turn_V, level = turns[-1]
@@ -149,8 +149,8 @@ def _scale(shape: Relays) -> float:
 def _width_V(shape: Relays) -> float:
     """Return the largest width of the loop between -U and U, scaled as P.
 
-    Twice the gap E(U, -U) - E(U, u) - E(u, -U) is the width. It is widest where both branches are
-    equally steep: the gap grows up to that point and shrinks beyond it.
+    The width at u is 2·[E(U, -U) - E(U, u) - E(u, -U)]. It is largest where both branches are
+    equally steep: it increases up to that point and decreases beyond it.
     """
     low_V, high_V = -shape.full_drive_V - shape.centre_V, shape.full_drive_V - shape.centre_V
     below, above = low_V, high_V

@@ -10,7 +10,7 @@ from pincette.sim.plant.relays import Turns
 CreepStates = tuple[float, float, float, float, float]
 
 MOST_EVENTS = 1000
-"""Number of events that a simulated rig stores; older ones are dropped."""
+"""Number of events that a simulated rig stores; older events are dropped."""
 
 
 class Event(NamedTuple):
@@ -30,7 +30,7 @@ def newest_events(events: tuple[Event, ...], event: Event) -> tuple[Event, ...]:
 
 
 class PlantState(FrozenRecord, frozen=True):
-    """State of the plant. ``x_um`` is the driven tip, all its modes together."""
+    """State of the plant. ``x_um`` is the position of the driven tip, the sum of all its modes."""
 
     target_V: float
     voltage_V: float
@@ -41,7 +41,7 @@ class PlantState(FrozenRecord, frozen=True):
     speed_um_per_s: float
     slewed_V: float = 0.0
     drive_V: float = 0.0
-    """Voltage behind the amplifier divided by its nominal gain, in V."""
+    """Output voltage of the amplifier divided by its nominal gain, in V."""
     second_um: float = 0.0
     """Contribution of the second mode to ``x_um``, in µm."""
     second_speed_um_per_s: float = 0.0
@@ -56,12 +56,12 @@ class PlantState(FrozenRecord, frozen=True):
     held_s: float = 0.0
     """Time for which the force has carried the part, in s."""
     touched_s: float = 0.0
-    """Time since the driven arm touched the part, in s; 0 once neither face nor bridge joins them.
-    """
+    """Time since the driven arm touched the part, in s; 0 once neither contact nor bridge joins
+    them."""
     bridged: bool = False
     """True while liquid joins the driven arm and the part."""
     bond_used: float = 0.0
-    """Share of its life that the part's bond has spent; it parts at 1."""
+    """Fraction of its life that the part's bond has used; the bond breaks at 1."""
     elapsed_s: float = 0.0
     events: tuple[Event, ...] = ()
     """Events of the part, kept until the rig takes them."""

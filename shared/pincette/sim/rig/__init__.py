@@ -1,1 +1,1 @@
-"""Plant in time: measurements, outputs, waveforms, captures, and actions on it."""
+"""Plant over time: measurements, outputs, waveforms, captures, and manual actions."""

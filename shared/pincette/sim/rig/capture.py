@@ -1,4 +1,4 @@
-"""Buffered acquisition: position and drive, one sample each 1/rate, stored until drained."""
+"""Buffered acquisition: position and drive, one sample every 1/rate, stored until drained."""
 
 from pincette.sim.rig.wave import Grid
 
@@ -11,7 +11,7 @@ class CaptureOverflowError(ValueError):
 
 
 class Capture:
-    """Samples 1, 2, … after the beginning of the capture, and those not yet drained."""
+    """Samples 1, 2, … after the start of the capture, as far as they have not been drained."""
 
     def __init__(self, begin_ns: int, rate_hz: float) -> None:
         self._grid = Grid(begin_ns, rate_hz)
@@ -21,7 +21,7 @@ class Capture:
         self._missed = 0
 
     def instants_ns(self, after_ns: int, until_ns: int) -> list[int]:
-        """Return when samples are due between two times, as far as the buffer has space."""
+        """Return the times of samples due between two times, as far as the buffer has space."""
         first = max(1, self._grid.index_at(after_ns) + 1)
         due = self._grid.index_at(until_ns) + 1 - first
         room = max(0, min(due, self._most - len(self._x_um)))
@@ -34,7 +34,7 @@ class Capture:
         self._drive_V.append(drive_V)
 
     def drain(self) -> tuple[list[float], list[float]]:
-        """Return and drop the stored positions in µm and drive in V.
+        """Return and remove the stored positions in µm and drive in V.
 
         Raises CaptureOverflowError.
         """

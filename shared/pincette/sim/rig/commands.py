@@ -1,4 +1,4 @@
-"""Actions of a person on a simulated rig: parts, weights, ageing."""
+"""Manual actions of a person on a simulated rig: parts, weights, ageing."""
 
 import math
 from contextlib import AbstractContextManager
@@ -11,7 +11,7 @@ from pincette.sim.rig.timeline import Timeline
 
 
 class Orders:
-    """Changes of a rig from outside, each an event; mixed into the rig, which holds the lock."""
+    """Changes of a rig from outside, each an event; a mixin of the rig, which holds the lock."""
 
     def now_s(self) -> float:
         """Return the time on the rig's clock, in s."""
@@ -21,7 +21,7 @@ class Orders:
         raise NotImplementedError
 
     def place_part(self, contact_um: float | None = None) -> None:
-        """Put a part between the arms, touched at ``contact_um`` or at the last one's place."""
+        """Put a part between the arms, with contact at ``contact_um`` or as for the last part."""
         with self._present() as timeline:
             if contact_um is not None:
                 at_um = finite("contact_um", contact_um, "µm")
@@ -31,7 +31,7 @@ class Orders:
             _tell(timeline, "placed", f"a part was placed, to be touched at {at_um:.3f} µm")
 
     def remove_part(self) -> None:
-        """Take the part away."""
+        """Remove the part by hand."""
         self._take_part("removed", "the part was removed")
 
     def lose_part(self) -> None:
@@ -39,19 +39,19 @@ class Orders:
         self._take_part("lost", "the part fell, as commanded")
 
     def slip_part(self, by_um: float) -> None:
-        """Let the face of the part yield by a distance in µm, away from the driven arm."""
+        """Make the face of the part yield by a distance in µm, away from the driven arm."""
         with self._present() as timeline:
             timeline.slip(finite("slip_um", by_um, "µm"))
 
     def hang(self, weight_mN: float) -> None:
-        """Hang a weight on the driven tip, replacing the present one; positive: towards -x."""
+        """Attach a weight to the driven tip, replacing the present one; positive: towards -x."""
         with self._present() as timeline:
             hung_mN = finite("weight_mN", weight_mN, "mN")
             timeline.parameters = replace(timeline.parameters, hung_mN=hung_mN)
             _tell(timeline, "hung", f"{weight_mN:.4f} mN hang on the driven tip")
 
     def scale_stiffness(self, factor: float) -> None:
-        """Multiply the stiffness of the passive arm by a factor from here on; its mass stays."""
+        """Multiply the stiffness of the passive arm by a factor from now on, not its mass."""
         with self._present() as timeline:
             p, omega = timeline.parameters, timeline.parameters.passive_natural_frequency_rad_per_s
             stiffness = p.environment_stiffness_mN_per_um * positive(factor)
@@ -64,7 +64,7 @@ class Orders:
             _tell(timeline, "stiffness", text)
 
     def scale_hysteresis(self, factor: float) -> None:
-        """Multiply the hysteretic part h of the motion by a factor from here on."""
+        """Multiply the hysteretic component h of the motion by a factor from now on."""
         with self._present() as timeline:
             scale = timeline.parameters.hysteresis_scale * positive(factor)
             timeline.parameters = replace(timeline.parameters, hysteresis_scale=scale)

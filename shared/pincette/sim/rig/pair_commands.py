@@ -19,7 +19,7 @@ from pincette.sim.rig.commands import Orders, finite, positive
 
 @dataclass(slots=True)
 class PairTimeline:
-    """State of both arms and the part, and the time since which it holds."""
+    """State of both arms and the part, and the time that it belongs to."""
 
     parameters: PairParameters
     state: PairState
@@ -28,7 +28,7 @@ class PairTimeline:
     """Number of times that the part has yielded to its force."""
 
     def pass_to(self, end_ns: int, dt_s: float) -> None:
-        """Advance by ``dt_s``, until ``end_ns``; a part that may yield is checked often."""
+        """Advance by ``dt_s``, until ``end_ns``, in short steps if the part may yield."""
         substep_s = self.parameters.first.substep_s
         while self.slipped < self.parameters.part.slips and dt_s > substep_s:
             self._advance(substep_s)
@@ -55,18 +55,18 @@ class PairTimeline:
 
 
 class PairOrders(Orders):
-    """Changes of a pair from outside, each an event; mixed into the rig, which holds the lock."""
+    """Changes of a pair from outside, each an event; a mixin of the rig, which holds the lock."""
 
     def _present(self) -> AbstractContextManager[PairTimeline]:  # pyright: ignore[reportIncompatibleMethodOverride]
         raise NotImplementedError
 
     def place_part(self, contact_um: float | None = None) -> None:
-        """Put a part on the ground, touched by the first arm at ``contact_um``.
+        """Put a part on the ground, with contact of the first arm at ``contact_um``.
 
         Raises
         ------
         ValueError
-            If the arms are too close for it.
+            If the arms are too close for the part.
         """
         with self._present() as timeline:
             state, gap_um = timeline.state, timeline.parameters.gap_um
@@ -89,14 +89,14 @@ class PairOrders(Orders):
             timeline.slip(finite("slip_um", by_um, "µm"))
 
     def hang(self, weight_mN: float) -> None:
-        """Hang a weight on the first tip, replacing the present one; positive: towards -x."""
+        """Attach a weight to the first tip, replacing the present one; positive: towards -x."""
         with self._present() as timeline:
             first = replace(timeline.parameters.first, hung_mN=finite("weight_mN", weight_mN, "mN"))
             timeline.parameters = replace(timeline.parameters, first=first)
             _tell(timeline, "hung", f"{weight_mN:.4f} mN hang on the first tip")
 
     def scale_stiffness(self, factor: float) -> None:
-        """Multiply the stiffness of the part's faces by a factor from here on."""
+        """Multiply the stiffness of the part's faces by a factor from now on."""
         with self._present() as timeline:
             stiffness = timeline.parameters.face_mN_per_um * positive(factor)
             timeline.parameters = replace(timeline.parameters, face_mN_per_um=stiffness)
@@ -104,7 +104,7 @@ class PairOrders(Orders):
             _tell(timeline, "stiffness", text)
 
     def scale_hysteresis(self, factor: float) -> None:
-        """Multiply the hysteretic part of the first arm's motion by a factor from here on."""
+        """Multiply the hysteretic component of the first arm's motion by a factor from now on."""
         with self._present() as timeline:
             first = timeline.parameters.first
             scale = first.hysteresis_scale * positive(factor)

@@ -52,7 +52,7 @@ class SimulatedPair(PairOrders):
     """Two arms in simulated time; raises ValueError.
 
     Time passes as in ``SimulatedRig``. In lockstep a tick ends once both voltages are written: both
-    old ones hold for ``actuation_delay_s`` and both new ones for the rest.
+    old voltages apply for ``actuation_delay_s`` and both new ones for the rest of the period.
     """
 
     def __init__(
@@ -83,9 +83,10 @@ class SimulatedPair(PairOrders):
         self._ticks = 0
         self._sample: PairState | None = None
         self._written_V: dict[int, float] = {}
-        """Voltages of the present tick by arm; in lockstep."""
+        """Voltages written in the present tick, by arm; in lockstep."""
         self._due_V: Pair | None = None
-        """Voltages that have ended a tick which the plant must still pass through; in lockstep."""
+        """Voltages that have ended a tick through which the plant must still be advanced; in
+        lockstep."""
         self._lock = threading.Lock()
         if not simulation.bead:
             self.remove_part()
@@ -104,7 +105,7 @@ class SimulatedPair(PairOrders):
             return reading_um(self._simulations[arm], x_um, now_s, self._noise[arm].at, index)
 
     def put_out(self, arm: int, voltage_V: float) -> None:
-        """Put out the voltage of an arm; in lockstep, the second of both ends the tick."""
+        """Output the voltage of an arm; in lockstep, the second voltage ends the tick."""
         with self._present() as timeline:
             if not self._lockstep:
                 timeline.state = set_arm_voltage(
@@ -121,7 +122,7 @@ class SimulatedPair(PairOrders):
                 self._end_tick(timeline.state)
 
     def pass_time(self) -> None:
-        """Move the plant through the tick that the writes have ended; in lockstep only."""
+        """Advance the plant through the tick that the writes have ended; in lockstep only."""
         if self._lockstep:
             with self._present():
                 pass
@@ -154,10 +155,10 @@ class SimulatedPair(PairOrders):
 
         Raises ValueError unless there are two.
 
-        Both outputs were at 0 V for ``away_s``. The part lies at its place in the rig file.
+        Both outputs were at 0 V for ``away_s``. The part lies at its position in the rig file.
         """
         with self._present() as timeline:
-            # Without the part each arm moves as if it were alone.
+            # Without the part each arm moves independently.
             first, second = (
                 advance(p, left_alone(arm), away_s)
                 for p, arm in zip(timeline.parameters.arms, arms, strict=True)
@@ -225,7 +226,7 @@ class ArmOfPair:
         return self.pair.measure_um(self.arm)
 
     def put_out(self, voltage_V: float) -> None:
-        """Put out the voltage of this arm."""
+        """Output the voltage of this arm."""
         self.pair.put_out(self.arm, voltage_V)
 
     def now_s(self) -> float:
@@ -246,7 +247,7 @@ class ArmOfPair:
         """Do nothing, since a pair has no capture."""
 
     def put_out_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:  # noqa: ARG002
-        """Reject a waveform, since it would end the tick of one arm only."""
+        """Reject a waveform, since it would end the tick for only one arm."""
         raise NO_WAVES
 
     def extend_wave(self, voltages_V: Sequence[float]) -> None:  # noqa: ARG002

@@ -18,9 +18,9 @@ from pincette.sim.rig.timeline import Timeline
 from pincette.sim.rig.wave import NANOSECONDS, Grid, Wave, checked_V
 
 TruthSink = Callable[[GroundTruth], None]
-"""Receives the truth of a tick, counted from 0.
+"""Function that receives the true values of a tick, which is counted from 0.
 
-It contains position and contact force at the sample before the tick, and the voltage that the
+The values are position and contact force at the sample before the tick, and the voltage that the
 output approaches.
 """
 
@@ -41,12 +41,12 @@ class Snapshot:
 class SimulatedRig(Orders):
     """A plant in simulated time; raises ValueError.
 
-    Real time: each call first brings the plant to ``clock()``. Lockstep: time passes only by
-    ``put_out``, ``put_out_wave`` and ``go_on``, one period at a time; the old voltage holds for
-    ``actuation_delay_s`` and the new one for the rest. Without a write the plant does not move, and
-    reading it changes nothing: the noise of a sample depends on the number of ticks, not of
-    readings. A voltage is accepted at once, so that its writer need not wait for the plant, which
-    moves by ``pass_time`` or before the next reading.
+    In real time each call first advances the plant to ``clock()``. In lockstep time passes only by
+    ``put_out``, ``put_out_wave`` and ``go_on``, one period at a time; the old voltage applies for
+    ``actuation_delay_s`` and the new one for the rest of the period. Without a write the plant does
+    not move, and reading it changes nothing: the noise of a sample depends on the number of ticks,
+    not on the number of readings. ``put_out`` returns at once; the plant is advanced by
+    ``pass_time`` or before the next reading.
     """
 
     def __init__(
@@ -74,7 +74,8 @@ class SimulatedRig(Orders):
         self._ticks = 0
         self._sample: tuple[float, float] | None = None
         self._written_V: float | None = None
-        """Voltage that has ended a tick which the plant must still pass through; in lockstep."""
+        """Voltage that has ended a tick through which the plant must still be advanced; in
+        lockstep."""
         self._lock = threading.Lock()
 
     def now_s(self) -> float:
@@ -90,7 +91,7 @@ class SimulatedRig(Orders):
             return timeline.reading_um(self._noise.at, index)
 
     def put_out(self, voltage_V: float) -> None:
-        """Put out a voltage, and end a wave; in lockstep, end the tick."""
+        """Output a voltage, and end a waveform; in lockstep, end the tick."""
         if not self._lockstep:
             with self._tick() as timeline:
                 timeline.set_voltage(voltage_V)
@@ -101,7 +102,7 @@ class SimulatedRig(Orders):
             self._written_V = voltage_V
 
     def pass_time(self) -> None:
-        """Move the plant through the tick that a write has ended; in lockstep only."""
+        """Advance the plant through the tick that a write has ended; in lockstep only."""
         if self._lockstep:
             with self._present():
                 pass
@@ -109,9 +110,9 @@ class SimulatedRig(Orders):
     def put_out_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:
         """Output one voltage every 1/rate s, or raise ValueError; in lockstep, end the tick.
 
-        During a capture the waveform counts from its next sample, as if both shared one clock. The
-        plant then has one step between samples instead of two, which makes the simulation nine
-        times as fast.
+        During a capture the waveform starts at the next sample of the capture, as if both had the
+        same clock. The plant then needs one step between samples instead of two, which makes the
+        simulation nine times as fast.
         """
         samples_V, grid = checked_V(voltages_V), Grid(0, rate_hz)
         with self._tick() as timeline:
@@ -135,12 +136,12 @@ class SimulatedRig(Orders):
 
     @property
     def wave_over(self) -> bool:
-        """Return whether no waveform plays: each of its voltages has lasted 1/rate."""
+        """Return whether no waveform plays: each of its voltages has been output for 1/rate."""
         with self._present() as timeline:
             return timeline.wave is None
 
     def begin_capture(self, rate_hz: float) -> None:
-        """Store position and drive each 1/rate from here on.
+        """Store position and drive every 1/rate from now on.
 
         Raises ValueError if a capture runs.
         """
@@ -150,9 +151,9 @@ class SimulatedRig(Orders):
             timeline.capture = Capture(timeline.time_ns, rate_hz)
 
     def drain(self) -> tuple[list[float], list[float]]:
-        """Return readings in µm and amplifier inputs in V since the last drain.
+        """Return readings in µm and amplifier inputs in V since the last call.
 
-        Raises ValueError.
+        Raises ValueError if no capture runs.
         """
         with self._present() as timeline:
             if timeline.capture is None:
@@ -165,7 +166,7 @@ class SimulatedRig(Orders):
             timeline.capture = None
 
     def set_averaging(self, averaging_s: float) -> None:
-        """Make the sensor's reading the mean over a time in s; 0: the position itself."""
+        """Make the sensor's reading the mean over a time in s; 0: no averaging."""
         with self._present() as timeline:
             timeline.set_averaging(averaging_s)
 
@@ -188,9 +189,9 @@ class SimulatedRig(Orders):
             return (timeline.state,)
 
     def resume(self, arms: tuple[PlantState, ...], away_s: float) -> None:
-        """Continue with an arm that was simulated before; raises ValueError unless it is one.
+        """Continue with an arm that was simulated before; raises ValueError unless there is one.
 
-        Its output was at 0 V for ``away_s``. The part lies at its place in the rig file.
+        Its output was at 0 V for ``away_s``. The part lies at its position in the rig file.
         """
         (arm,) = arms
         with self._present() as timeline:
@@ -205,7 +206,7 @@ class SimulatedRig(Orders):
 
     @contextmanager
     def _tick(self) -> Generator[Timeline]:
-        """Provide the plant at the time of a write, which in lockstep ends the tick."""
+        """Provide the plant at the time of a write, which ends the tick in lockstep."""
         with self._present() as timeline:
             sample, begun = self._sample or self._look(), self._ticks
             if self._lockstep:
@@ -256,7 +257,7 @@ class SimulatedRig(Orders):
 
 
 def _next_sample_ns(capture: Capture | None, time_ns: int, rate_hz: float) -> int:
-    """Return when a capture with at least this rate samples next; the present time without one."""
+    """Return the next sample time of a capture with at least this rate; otherwise the present."""
     if capture is None:
         return time_ns
     due = capture.instants_ns(time_ns - 1, time_ns + ceil(NANOSECONDS / rate_hz))

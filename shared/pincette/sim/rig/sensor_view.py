@@ -1,4 +1,4 @@
-"""Reading of a position sensor: averaging, drift, noise and steps."""
+"""Reading of a position sensor: averaging, drift, noise and resolution."""
 
 import math
 from bisect import bisect_right
@@ -7,11 +7,11 @@ from collections.abc import Callable
 from pincette.config import Simulation
 
 KEPT = 4096
-"""Number of positions that are dropped at once, to keep the cost of dropping small."""
+"""Number of old positions that are removed together, to keep the cost of removal small."""
 
 
 class Average:
-    """Mean position over a window of time, by straight lines between the given positions."""
+    """Mean position over a time window, with linear interpolation between the given positions."""
 
     def __init__(self, window_s: float) -> None:
         self.window_s = window_s
@@ -36,7 +36,7 @@ class Average:
     def mean_um(self) -> float:
         """Return the mean over the window before the last time.
 
-        Before the first position, the first one counts.
+        Before the first position, the value of the first one is used.
         """
         now_s, total = self._times_s[-1], self._integrals[-1]
         begin_s = now_s - self.window_s

@@ -1,4 +1,4 @@
-"""Plant in time, with waveforms, captures and the averaging of the sensor."""
+"""Plant over time, with waveforms, captures and the averaging of the sensor."""
 
 import dataclasses
 from collections import deque
@@ -43,7 +43,7 @@ class Timeline:
         self.set_averaging(simulation.averaging_s)
 
     def set_averaging(self, averaging_s: float) -> None:
-        """Let the sensor average over a time in s from here on; 0 disables it."""
+        """Set the averaging time of the sensor in s from now on; 0: no averaging."""
         if averaging_s < 0.0:
             raise ValueError(f"averaging_s = {averaging_s} s: must not be negative")
         self._average = Average(averaging_s) if averaging_s else None
@@ -62,7 +62,7 @@ class Timeline:
         return reading_um(self._simulation, x_um, self.time_ns * 1e-9, noise, index)
 
     def pass_to(self, end_ns: int, dt_s: float) -> None:
-        """Advance until ``end_ns``, by ``dt_s``."""
+        """Advance until ``end_ns``, a duration of ``dt_s``."""
         if self.wave is None and self.capture is None and self._average is None:
             self._advance(dt_s)
             self.time_ns = end_ns
@@ -84,7 +84,7 @@ class Timeline:
             self.set_averaging(self._average.window_s)
 
     def slip(self, by_um: float) -> None:
-        """Let the face of the part yield, away from the driven arm."""
+        """Make the face of the part yield, away from the driven arm."""
         p = self.parameters
         force_mN = plant.contact_force_mN(p, self.state)
         contact_um = p.contact_um + by_um
@@ -103,7 +103,7 @@ class Timeline:
         self._yield()
 
     def _yield(self) -> None:
-        """Let the part yield if it is pressed by more than its limit."""
+        """Make the part yield if it is pressed by more than its limit."""
         part = self.parameters.part
         if not self._slips_left or self.state.part != "there":
             return

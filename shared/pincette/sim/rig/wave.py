@@ -1,4 +1,4 @@
-"""A buffered voltage output: one voltage each 1/rate, on a grid of nanoseconds; pure."""
+"""A buffered voltage output: one voltage every 1/rate, on a grid of nanoseconds; pure."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -9,7 +9,7 @@ NANOSECONDS = 1_000_000_000
 
 
 class PutOutWave(Protocol):
-    """Puts out successive voltages."""
+    """Function that outputs successive voltages."""
 
     def __call__(self, voltages_V: Sequence[float], rate_hz: float) -> None:
         """Begin to output one voltage every 1/rate s."""
@@ -28,7 +28,7 @@ class Grid:
             raise ValueError(f"rate_hz = {self.rate_hz} Hz: must be above 0 and up to 1e6 Hz")
 
     def instant_ns(self, index: int) -> int:
-        """Return when sample ``index`` is due."""
+        """Return the time at which sample ``index`` is due."""
         return self.begin_ns + round(index * NANOSECONDS / self.rate_hz)
 
     def index_at(self, time_ns: int) -> int:
@@ -54,7 +54,7 @@ def checked_V(voltages_V: Iterable[float]) -> list[float]:
 
 @dataclass(frozen=True, slots=True)
 class Wave:
-    """Voltages on a grid, which can be extended during playback; the last one stays."""
+    """Voltages on a grid, which can be extended during playback; the last voltage stays."""
 
     grid: Grid
     voltages_V: list[float]
@@ -64,11 +64,11 @@ class Wave:
         return self.voltages_V[max(0, min(self.grid.index_at(time_ns), len(self.voltages_V) - 1))]
 
     def over(self, time_ns: int) -> bool:
-        """Return whether each sample has lasted 1/rate."""
+        """Return whether each sample has been output for 1/rate."""
         return time_ns >= self.grid.instant_ns(len(self.voltages_V))
 
     def instants_ns(self, after_ns: int, before_ns: int) -> list[int]:
-        """Return when samples begin, between two times."""
+        """Return the times between two times at which samples begin."""
         first = max(0, self.grid.index_at(after_ns) + 1)
         last = min(self.grid.index_at(before_ns - 1), len(self.voltages_V) - 1)
         return [self.grid.instant_ns(index) for index in range(first, last + 1)]

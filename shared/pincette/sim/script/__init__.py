@@ -1,1 +1,1 @@
-"""Faults and manual actions on a simulated bench, by script."""
+"""Scripted faults and manual actions on a simulated bench."""

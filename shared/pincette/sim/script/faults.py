@@ -1,7 +1,7 @@
 """Faults of a simulated instrument and its line, on the rig's clock; pure except for the reading.
 
 The active faults are a function only of the time and the orders, and randomness is a function of
-seed, target and number of the exchange: a run in lockstep can be repeated to the bit.
+seed, target and number of the exchange: a run in lockstep is reproducible bit by bit.
 """
 
 from bisect import bisect_right
@@ -17,11 +17,11 @@ OVER_RANGE_UM = 1e12
 LONGEST_GARBAGE = 24
 ENDS = b"\r\n"
 EDGE_S = 1e-9
-"""Times that differ by less than this are equal: those of ticks are products and sums of floats."""
+"""Tolerance for equal times, in s; times of ticks are products and sums of floats."""
 
 
 class HungUpError(ConnectionResetError):
-    """The simulated port has been pulled out; its server hangs up."""
+    """The simulated port is unplugged; its server hangs up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """Faults on one target at one time; of one kind, the newest counts."""
+    """Active faults of one target at one time; of each kind only the newest has an effect."""
 
     held: tuple[Fault, ...] = ()
 
@@ -58,7 +58,7 @@ def fault_of(order: SimCommand, now_s: float, default: float) -> Fault:
 
 
 def holding(faults: Iterable[Fault], target: str, now_s: float) -> Faults:
-    """Return active faults of a target; a ``heal`` ends the earlier ones, ties follow the order."""
+    """Return active faults of a target; a ``heal`` ends the earlier ones, ties keep their order."""
     held: list[Fault] = []
     for fault in sorted(faults, key=lambda fault: fault.begin_s):
         if fault.target != target or fault.begin_s > now_s + EDGE_S:
@@ -87,7 +87,7 @@ def chance(key: str, number: int) -> bytes:
 
 
 def lost(share: float, drawn: bytes) -> bool:
-    """Return whether an exchange belongs to the share that is lost."""
+    """Return whether an exchange belongs to the fraction that is lost."""
     return int.from_bytes(drawn[:8]) < share * 2.0**64
 
 
@@ -98,7 +98,7 @@ def garbage(drawn: bytes) -> bytes:
 
 
 class Past:
-    """Values with their times for a limited past, and one value for all earlier times."""
+    """Values with their times over a limited duration, and one value for all earlier times."""
 
     def __init__(self, kept_s: float, first: float = 0.0) -> None:
         self._kept_s = kept_s
@@ -108,12 +108,12 @@ class Past:
         """Add the newest value."""
         self._known.append((now_s, value))
         old_s = now_s - self._kept_s
-        # The newest value that is too old was valid at the edge.
+        # The newest value that is too old was still valid at the edge of the duration.
         while self._known[1][0] <= old_s:
             del self._known[0]
 
     def at(self, time_s: float) -> float:
-        """Return the value that held at a time: the newest not after it."""
+        """Return the value valid at a time: the newest one that is not after it."""
         place = bisect_right(self._known, time_s + EDGE_S, key=lambda known: known[0])
         return self._known[max(0, place - 1)][1]
 

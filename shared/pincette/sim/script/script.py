@@ -1,7 +1,7 @@
 """Script for a simulated rig: orders that are executed at their time on the rig's clock.
 
-It is placed between the rig and its instruments, and between the instruments and their lines. In
-lockstep the rig's time passes by the voltages that reach it, so no time passes while an output is
+The script acts between the rig and its instruments, and between the instruments and their lines. In
+lockstep the rig's time passes only when voltages reach it, so no time passes while an output is
 unplugged. Faults of readings and voltages affect single values only: buffered acquisitions and
 waveforms are correct unless their line fails.
 """
@@ -44,7 +44,7 @@ log = logging.getLogger(__name__)
 
 
 class Script:
-    """Orders of the rig file, timed from the first write, and of callers in any thread."""
+    """Orders of the rig file, timed from the first write, and orders submitted by any thread."""
 
     def __init__(
         self,
@@ -70,7 +70,7 @@ class Script:
         self._lock = threading.Lock()
 
     def operate(self, rig: Orders) -> None:
-        """Use this rig from here on."""
+        """Use this rig from now on."""
         self._rig = rig
 
     def order(self, order: SimCommand) -> str:
@@ -179,7 +179,7 @@ class Script:
         return put_wave
 
     def _begin(self) -> None:
-        """Count the times of the rig file's orders from the first write."""
+        """Set the first write as the origin of times in the rig file's orders."""
         if self._waiting and self._rig is not None:
             with self._lock:
                 waiting, self._waiting = self._waiting, []

@@ -9,10 +9,10 @@ from pincette.sim.script.faults import Faults, HungUpError, chance, garbage, los
 
 
 class ScriptedLine:
-    """Represents an instrument, and applies its faults to its answers.
+    """Wrapper of an instrument that applies the faults of its line to its answers.
 
     ``key`` seeds the randomness. In lockstep an answer later than ``patience_s`` is lost; in real
-    time (None) it comes late.
+    time (``patience_s`` None) it arrives late.
     """
 
     def __init__(
@@ -28,12 +28,12 @@ class ScriptedLine:
         self._count = 0
 
     def idle(self) -> None:
-        """Let time pass, also for the script; an unplugged instrument keeps running."""
+        """Do the idle work of instrument and script; an unplugged instrument continues to run."""
         self._faults()
         self._instrument.idle()
 
     def answer(self, line: bytes) -> bytes | None:
-        """Answer one line if it arrives; raises HungUpError if the socket is pulled out."""
+        """Answer one line if it arrives; raises HungUpError if the port is unplugged."""
         number, self._count = self._count, self._count + 1
         faults = self._faults()
         if not faults:
@@ -51,7 +51,7 @@ class ScriptedLine:
         return reply if self._in_time(faults.value("slow") or 0.0) else None
 
     def _in_time(self, delay_s: float) -> bool:
-        """Wait until a late answer is due; returns False if its client no longer waits for it."""
+        """Wait until a late answer is due; returns False if the client no longer waits for it."""
         if self._patience_s is not None:
             return delay_s <= self._patience_s
         if delay_s:

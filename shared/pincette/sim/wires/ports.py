@@ -21,7 +21,7 @@ class WireError(Exception):
 
 
 class Line(Protocol):
-    """One conversation with a client."""
+    """One connection to a client."""
 
     def fileno(self) -> int:
         """Return the descriptor to wait for."""
@@ -32,11 +32,11 @@ class Line(Protocol):
         ...
 
     def sendall(self, data: bytes, /) -> None:
-        """Send all bytes at once; raises OSError if the client does not read."""
+        """Send all bytes at once; raises OSError if the client does not read them."""
         ...
 
     def close(self) -> None:
-        """End the conversation."""
+        """Close the connection."""
         ...
 
 
@@ -86,7 +86,7 @@ class TcpPort:
 
 
 class _PtyLine:
-    """Near end of a pseudo-terminal, which outlives the conversation."""
+    """Near end of a pseudo-terminal, which remains open between connections."""
 
     def __init__(self, near: int) -> None:
         self._near = near
@@ -107,7 +107,7 @@ class _PtyLine:
 class PtyPort:
     """Pseudo-terminal under a path.
 
-    Its far end is open here too, so that clients can come and go.
+    Its far end is open in this process too, so that clients can connect and disconnect.
     """
 
     def __init__(self, path: Path) -> None:
@@ -145,7 +145,7 @@ class PtyPort:
 
 
 def open_port(url: str) -> Port:
-    """Open a port for a driver's url: ``socket://host:port`` (port 0: any), else a path.
+    """Open a port for a driver's url: ``socket://host:port`` (port 0: any), or else a path.
 
     Raises WireError.
     """

@@ -1,4 +1,4 @@
-"""Simulated instrument on a port: one thread that splits bytes into lines and answers them."""
+"""Simulated instrument at a port: a thread splits the bytes into lines and answers them."""
 
 import os
 import select
@@ -17,9 +17,9 @@ PIECE_S = 0.0005
 """Duration in s of the pieces in which an answer is delivered; each has at least one byte."""
 
 Garble = Callable[[bytes], bytes]
-"""Returns the garbled form of an answer with its terminator."""
+"""Function that returns a corrupted form of an answer, with its terminator."""
 Afterwards = Callable[[], None]
-"""Runs work that the answer need not wait for."""
+"""Function that runs work for which the answer need not wait."""
 
 
 def _untouched(data: bytes) -> bytes:
@@ -31,7 +31,7 @@ def _nothing() -> None:
 
 
 class Wire:
-    """Serves one instrument until it is closed; also accepts a client that connects again."""
+    """Server of one instrument until it is closed; a client may connect again."""
 
     def __init__(
         self,
@@ -77,7 +77,7 @@ class Wire:
 
     def _run(self) -> None:
         while (line := self._port.next_line(self._wait)) is not None:
-            # A client may be lost, or stop reading, within an answer; the next one starts fresh.
+            # A client may disconnect, or stop reading, within an answer; the next starts afresh.
             with suppress(OSError):
                 self._converse(line)
             line.close()
@@ -108,7 +108,7 @@ class Wire:
                 self._afterwards()
 
     def _deliver(self, line: Line, data: bytes) -> None:
-        """Send an answer piece by piece, as the line would carry it."""
+        """Send an answer in pieces, at the speed of the line."""
         if not self._byte_s:
             line.sendall(data)
             return
@@ -116,7 +116,7 @@ class Wire:
         began_s, sent = time.monotonic(), 0
         while sent < len(data):
             self._pass(began_s + self._byte_s * min(sent + piece, len(data)) - time.monotonic())
-            # Half a byte's time, for the time between two readings of the clock.
+            # Add half the time of a byte, because the clock is read at discrete times.
             carried = int((time.monotonic() - began_s) / self._byte_s + 0.5)
             line.sendall(data[sent:carried])
             sent = max(sent, carried)
@@ -135,5 +135,5 @@ def serve(
     garble: Garble = _untouched,
     afterwards: Afterwards = _nothing,
 ) -> Wire:
-    """Offer an instrument at a url, at once or at ``baud``; raises WireError."""
+    """Open a port for an instrument at a url, with immediate answers or at ``baud``; WireError."""
     return Wire(open_port(url), instrument, baud, terminator, garble, afterwards)
