@@ -18,7 +18,7 @@ from tests.support.rigs import rig_toml
 
 Json = dict[str, Any]
 
-RECORD_WRITTEN_S = 60.0
+RECORD_WRITTEN_S = 300.0
 """Time that a record has to be written after the end of its job, in s."""
 
 
