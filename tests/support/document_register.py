@@ -25,6 +25,14 @@ SITTINGS: dict[str, Sitting] = {
         up=DEMO,
         slow=True,
     ),
+    "docs/tutorials/tray.md": Sitting(
+        (
+            Typed("sed 's/", r"is up at http://127.0.0.1:8000", stays=True),
+            Typed("python docs/examples/place.py", stays=True),
+            Typed("python docs/examples/tray.py", r"series \S+ is completed", seconds=900.0),
+        ),
+        slow=True,
+    ),
     "docs/tutorials/first-grip.md": Sitting(
         (
             Typed("pincette job grip --force-mN 10", r"succeeded: gripped"),

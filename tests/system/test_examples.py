@@ -33,7 +33,7 @@ from tests.unit.supervisor.harness import Harness
 
 EXAMPLES = ROOT / "docs/examples"
 FREE_OF_US = ("csv_export", "latest", "live_plot", "place", "record_csv", "subscribe")
-OF_THEIR_OWN = {"orchestrator", "ros2_bridge"}
+OF_THEIR_OWN = {"orchestrator", "ros2_bridge", "tray"}
 """With a page and a test of their own."""
 FOREIGN = {"matplotlib", "msgpack", "zenoh"}
 LONGEST = 80

@@ -42,8 +42,9 @@ WAITS: Mapping[str, str] = {
     "preparing": "plan",
     "ready": "ready",
     "running": "arm",
+    "awaiting_recovery": "recovery",
 }
-"""Names of the spans of states before the first phase."""
+"""Names of the spans of states; each ends with the next one, or the first phase."""
 OK, ERROR = 1, 2
 
 
@@ -58,13 +59,8 @@ class Span(NamedTuple):
 
 
 def spans_of(job: JobRow, events: Sequence[Event]) -> list[Span]:
-    """Return the spans of a job: itself first, then queue, plan, arming, each phase, record."""
-    marks = [
-        (WAITS[event.body["state"]], event)
-        for event in events
-        if event.kind == "state" and event.body.get("state") in WAITS
-    ]
-    marks += [(str(event.body["phase"]), event) for event in events if event.kind == "phase"]
+    """Return the spans of a job: the job, then queue, plan, arming, phases, recovery, record."""
+    marks = [(name, event) for event in events if (name := _begun(event)) is not None]
     ended_at = job.ended_at or events[-1].at
     ends = [event.at for _, event in marks[1:]] + [ended_at]
     found = [
@@ -89,6 +85,13 @@ def spans_of(job: JobRow, events: Sequence[Event]) -> list[Span]:
     given = {f"pincette.{name}": value for name, value in about.items() if value not in (None, "")}
     end = max(span.end for span in found) if found else ended_at
     return [Span(job.kind, job.created_at, end, given), *found]
+
+
+def _begun(event: Event) -> str | None:
+    """Return the name of the span that begins with an event; None if none does."""
+    if event.kind == "phase":
+        return str(event.body["phase"])
+    return WAITS.get(event.body["state"]) if event.kind == "state" else None
 
 
 def _attributes(event: Event) -> dict[str, Any]:

@@ -128,6 +128,7 @@ class SeriesJob(Model):
         job="20260301-120000-1f0c",
         state="succeeded",
         cause="",
+        tries=1,
     )
 
     number: int
@@ -139,6 +140,8 @@ class SeriesJob(Model):
     """Identifier of the job; null before it is created. A repeated one is the newest."""
     state: JobState | None
     cause: str
+    tries: int = 0
+    """Number of jobs created for it: more than 1 after a `retry` or an interruption."""
 
 
 class SeriesSummary(Model):
@@ -213,12 +216,16 @@ class Series(SeriesSummary):
                 "job": None,
                 "state": None,
                 "cause": "",
+                "tries": 0,
             }
         ],
+        traceparent=None,
     )
 
     request: dict[str, Any]
     jobs: list[SeriesJob]
+    traceparent: str | None = None
+    """W3C trace context of the request, which all jobs have; null without one."""
 
 
 class SeriesPlan(Model):

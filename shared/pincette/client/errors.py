@@ -133,6 +133,12 @@ class JobEndedError(ClientError):
         }
 
 
+class JobWaitsError(JobEndedError):
+    """The motion has ended, and the job waits for a decision: see ``job.recovery``."""
+
+    code = "awaiting-recovery"
+
+
 class ForceNotReachedError(JobEndedError):
     """The force held differs from the requested one by more than its tolerance."""
 

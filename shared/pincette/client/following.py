@@ -18,6 +18,7 @@ from pincette.client.errors import (
     ForceNotReachedError,
     InfeasiblePlanError,
     JobEndedError,
+    JobWaitsError,
     RigLatchedEndError,
 )
 from pincette.client.transport import Transport
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 LOOK_S = 0.1
 TERMINAL = frozenset(name for name, state in STATES.items() if state.terminal)
+WAITS = "awaiting_recovery"
 ENDING = frozenset({"stopping", "aborting"})
 """States of a job that can no longer reach its goal."""
 BEGUN = ("queued", "preparing", "ready", "running")
@@ -55,7 +57,7 @@ def left_s(now: Progress) -> float | None:
 
 
 async def progress(job: "AsyncJobHandle") -> AsyncGenerator[Progress]:
-    """Yield the progress of a job until it has ended.
+    """Yield the progress of a job until it has ended, or waits for a decision.
 
     The events of a job that was stopped with a part held go on until the part is released, but its
     progress ends with the stop.
@@ -66,7 +68,7 @@ async def progress(job: "AsyncJobHandle") -> AsyncGenerator[Progress]:
 
 
 async def _progress_and_state(job: "AsyncJobHandle") -> AsyncGenerator[tuple[Progress, str]]:
-    """Yield the progress of a job with the newest state of its events, until it has ended."""
+    """Yield the progress of a job with the newest state of its events, until its motion ends."""
     state: str = job.state
     async with aclosing(job.patient(PATIENCE_S).events()) as events:
         async for event in events:
@@ -74,7 +76,7 @@ async def _progress_and_state(job: "AsyncJobHandle") -> AsyncGenerator[tuple[Pro
                 yield Progress.model_validate(event.body, extra="ignore"), state
             elif event.kind == "state":
                 state = str(event.body.get("state"))
-                if state in TERMINAL:
+                if state in TERMINAL or state == WAITS:
                     return
 
 
@@ -215,6 +217,8 @@ async def _ended(transport: Transport, job: "AsyncJobHandle") -> JobEndedError:
         if force_mN is not None and asked_mN is not None:
             words += f"; {force_mN:.2f} of {asked_mN:g} mN act on it"
         words += "; the part is still held: release it, or hold it by another job"
+    if found.recovery is not None:
+        return JobWaitsError(f"{words}; it waits for a decision", found)
     return JobEndedError(words, found, force_mN=force_mN, asked_mN=asked_mN)
 
 

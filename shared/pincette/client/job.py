@@ -139,7 +139,8 @@ class AsyncJobHandle:
         Raises
         ------
         JobEndedError
-            The job ended or was stopped before; RigLatchedEndError if the rig was latched.
+            The job ended or was stopped before; RigLatchedEndError if the rig was latched,
+            JobWaitsError if the job waits for a decision.
         ForceNotReachedError
             The force held stays outside the tolerance of the request; without one, outside its
             stated uncertainty or 2 % of the force.

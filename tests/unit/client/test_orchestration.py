@@ -15,6 +15,7 @@ from pincette.client import (
     AsyncRigHandle,
     InvalidRequestError,
     JobEndedError,
+    JobWaitsError,
     NoAnswerError,
     NothingHeldError,
     RigBusyError,
@@ -67,6 +68,23 @@ def test_a_stop_in_a_hold_ends_the_command_as_cancelled(follow: str) -> None:
     assert (caught.value.code, caught.value.cancelled) == ("cancelled", True)
     assert "part held" in str(caught.value)
     assert "release it" in str(caught.value)
+
+
+@pytest.mark.parametrize("follow", ["to_hold", "to_success"])
+def test_a_job_that_waits_for_a_decision_ends_the_command(follow: str) -> None:
+    wait = {"case": "no_contact", "decisions": ["retry", "give_up"], "default": "give_up"}
+    waits = {"state": "awaiting_recovery", "recovery": {**wait, "until": "2026-03-01T12:01:00Z"}}
+    stream = desk.stream(event(1, "state", state="awaiting_recovery"), broken=True)
+    asked = [desk.job(), stream, desk.rig(), desk.job(**waits)]
+    if follow == "to_success":
+        asked.insert(2, desk.job(**waits))
+    job = Desk(*asked).supervisor().job("j")
+    with pytest.raises(JobWaitsError) as caught:
+        list(getattr(job, follow)())
+    assert (caught.value.code, caught.value.cancelled) == ("awaiting-recovery", False)
+    recovery = caught.value.job.recovery
+    assert recovery is not None
+    assert recovery.decisions == ["retry", "give_up"]
 
 
 def test_a_stop_caused_by_a_lease_is_a_failure() -> None:

@@ -13,6 +13,7 @@ from pincette.control.record import replace
 from pincette.core.faults import Outcome
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import Authenticator
+from pincette_supervisor.jobs import tracker
 from tests.support.apps import create_app
 from tests.support.keys import key_of_each_scope
 
@@ -124,6 +125,17 @@ def test_if_nothing_was_held_the_default_accept_gives_up(harness: Harness) -> No
     assert "accept" not in [one["type"] for one in ended["actions"]]
     assert (ended["state"], ended["ending"]["code"]) == ("failed", "bad_outcome")
     assert decided(harness, job, "give_up").status_code == 409
+
+
+def test_a_force_held_can_be_accepted_before_the_progress_has_it(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tracker, "SETTLE_S", 1e3)
+    job = waiting(harness, Outcome.LOST)
+    view = harness.get(f"/jobs/{job}")
+    assert view["progress"]["force_held_mN"] is None
+    assert view["result"]["force_held_mN"] is not None
+    assert "accept" in view["recovery"]["decisions"]
 
 
 def test_a_job_whose_part_was_lost_in_the_hold_can_be_accepted(harness: Harness) -> None:

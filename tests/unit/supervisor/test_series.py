@@ -350,6 +350,7 @@ def test_the_report_has_the_figure_and_the_verdict_of_each_job(harness: Harness)
     assert page.status_code == 200, page.text
     assert "&lt;lot&gt; 7" in page.text
     assert "no contact" in page.text
+    assert "<th>release</th><th>tries</th>" in page.text
     assert page.headers["content-disposition"].startswith("attachment")
     plot = harness.call("GET", f"/api/v1/series/{made['id']}/plot")
     assert plot.content.startswith(b"\x89PNG")

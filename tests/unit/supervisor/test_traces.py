@@ -11,6 +11,7 @@ from pincette_supervisor.traces import ENDPOINT, HEADERS, TRACES_ENDPOINT, trace
 from tests.support.receivers import Received, http_receiver
 
 from .harness import Harness
+from .test_awaiting_recovery import decided, waiting
 from .test_notify import deliver
 
 TRACE, CALLER = "4bf92f3577b34da6a3ce929d0e0e4736", "00f067aa0ba902b7"
@@ -112,6 +113,23 @@ def test_a_trace_that_its_caller_does_not_record_is_not_sent(
         harness.until(lambda: bool(harness.told("record", job=job["id"])))
         delivery.work()
     assert len(received.posts) == count
+
+
+def test_the_wait_for_a_decision_is_a_span_after_those_of_the_motion(harness: Harness) -> None:
+    with http_receiver() as received:
+        (sender,) = trace_senders(to(received), harness.store)
+        delivery, _ = deliver(harness.store, sender)
+        job = waiting(harness)
+        assert decided(harness, job, "give_up").status_code == 202
+        harness.ended(job)
+        harness.until(lambda: bool(harness.told("record", job=job)))
+        delivery.work()
+    ((_, body),) = received.posts
+    root, *others = spans(body)
+    assert root["status"]["code"] == 2
+    assert [one["name"] for one in others][-2:] == ["recovery", "record"]
+    begins = [int(one["startTimeUnixNano"]) for one in others]
+    assert begins == sorted(begins)
 
 
 def test_a_job_that_never_moved_has_a_trace_too(harness: Harness) -> None:

@@ -272,11 +272,16 @@ class LiveJob:
             self.record_effect(decision, None)
         return True
 
-    def await_decision(self, case: RecoveryCase, cause: str, recovery: Recovery) -> bool:
-        """Wait for a decision on a grip that did not succeed; return False if it has just ended."""
+    def await_decision(
+        self, case: RecoveryCase, cause: str, recovery: Recovery, *, held: bool
+    ) -> bool:
+        """Wait for a decision on a grip that did not succeed; return False if it has just ended.
+
+        ``held`` is True if its result has a force held. A short hold has none in its progress.
+        """
         progress = self.status.progress
-        was_held = progress is not None and progress.force_held_mN is not None
-        was_held = was_held and case != "no_contact"
+        held = held or (progress is not None and progress.force_held_mN is not None)
+        was_held = held and case != "no_contact"
         placed = isinstance(self.request, PlacedRequest)
         decisions = decisions_of(placed=placed, was_held=was_held)
         default: Decision = recovery.default

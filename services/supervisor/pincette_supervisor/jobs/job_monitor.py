@@ -524,7 +524,8 @@ class JobMonitor:
             case, words = "unverified", CASES["unverified"]
         elif close.event != "fail" or close.why is not None or tracker.trip is not None:
             return False
-        if case not in CASES or not job.await_decision(case, words, job.request.recovery):
+        held, recovery = self._recorder.held, job.request.recovery
+        if case not in CASES or not job.await_decision(case, words, recovery, held=held):
             return False
         self._recovery = job.request.recovery
         return True

@@ -89,6 +89,11 @@ class JobRecorder:
         return self._figures.get("zero_return_verified")
 
     @property
+    def held(self) -> bool:
+        """Return whether the result has a force that was held."""
+        return self._figures.get("force_held_mN") is not None
+
+    @property
     def run(self) -> Run | None:
         """Return the recorded data, once it is evaluated."""
         return None if self._gathered is None else self._gathered.run

@@ -9,6 +9,7 @@ import json
 import logging
 import secrets
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -436,10 +437,13 @@ class SeriesRunner:
     def view(self, row: SeriesRow) -> Series:
         """Return a series with its jobs."""
         runs = self._runs(row)
-        by_number = {run.number: run for run in runs}
-        jobs = [_job(number, one, by_number.get(number)) for number, one in _numbered(row.jobs)]
+        newest, tries = {run.number: run for run in runs}, Counter(run.number for run in runs)
+        jobs = [
+            _job(number, one, newest.get(number), tries[number])
+            for number, one in _numbered(row.jobs)
+        ]
         summary = self._summary(row, runs).model_dump()
-        return Series(**summary, request=row.request, jobs=jobs)
+        return Series(**summary, request=row.request, jobs=jobs, traceparent=row.traceparent)
 
     def summary(self, row: SeriesRow) -> SeriesSummary:
         """Return a series without its jobs."""
@@ -525,17 +529,20 @@ def _plan_of(jobs: list[dict[str, Any]], pause_s: float) -> SeriesPlan:
     return SeriesPlan(
         total=len(jobs),
         planned_s=None if planned_s is None else planned_s + pause_s * (len(jobs) - 1),
-        jobs=[_job(number, one, None) for number, one in _numbered(jobs)],
+        jobs=[_job(number, one) for number, one in _numbered(jobs)],
     )
 
 
-def _job(number: int, one: dict[str, Any], run: SeriesRun | None) -> SeriesJob:
+def _job(
+    number: int, one: dict[str, Any], run: SeriesRun | None = None, tries: int = 0
+) -> SeriesJob:
     return SeriesJob(
         number=number,
         **one,
         job=None if run is None else run.job,
         state=None if run is None else cast("JobState", run.state),
         cause="" if run is None else run.cause,
+        tries=tries,
     )
 
 

@@ -36,6 +36,10 @@ class SeriesPoint(NamedTuple):
     """Requested force."""
     force_held_mN: float | None
     uncertainty_mN: float | None
+    release: str | None
+    """Verdict on the release; null if no part was released."""
+    tries: int
+    """Number of jobs created for this number; the newest one is shown."""
     cause: str
 
 
@@ -50,8 +54,9 @@ class SeriesReport:
     def of(series: Series, rows: Sequence[JobRow]) -> "SeriesReport":
         """Return the report of a series by the journal rows of its jobs."""
         known = {row.id: row for row in rows}
-        jobs = [(one.number, one.job) for one in series.jobs if one.job is not None]
-        points = [_point(number, known[job]) for number, job in jobs if job in known]
+        points = [
+            _point(one.number, one.tries, known[one.job]) for one in series.jobs if one.job in known
+        ]
         return SeriesReport(series, tuple(points))
 
     @property
@@ -62,10 +67,11 @@ class SeriesReport:
         ]
 
 
-def _point(number: int, row: JobRow) -> SeriesPoint:
+def _point(number: int, tries: int, row: JobRow) -> SeriesPoint:
     result, values = row.result or {}, row.plan.get("values", {})
     asked, held = _number(values.get("force_mN")), _number(result.get("force_held_mN"))
     uncertainty = _number(result.get("force_uncertainty_mN"))
+    release: dict[str, Any] = result.get("release") or {}
     return SeriesPoint(
         number,
         row.id,
@@ -75,6 +81,8 @@ def _point(number: int, row: JobRow) -> SeriesPoint:
         asked,
         held,
         uncertainty,
+        release.get("verdict"),
+        tries,
         row.cause,
     )
 
@@ -156,7 +164,8 @@ def report(content: SeriesReport, picture: bytes) -> str:
     about = f"series {series.id} on rig {series.rig}, {series.state}"
     by = f", requested by {series.by}" if series.by else ""
     ended = f", ended at {series.ended_at}" if series.ended_at else ""
-    times = f" at {series.created_at}{ended}"
+    trace = f", trace {series.traceparent.split('-')[1]}" if series.traceparent else ""
+    times = f" at {series.created_at}{ended}{trace}"
     request = {
         name: json.dumps(value, ensure_ascii=False) if isinstance(value, list | dict) else value
         for name, value in series.request.items()
