@@ -34,9 +34,9 @@ class KalmanParameters:
 class AugmentedKalman(FrozenRecord, frozen=True):
     """Position, speed and force of the pressed arm, estimated from its position.
 
-        x - q ← e^(AT)(x - q),   q = x_1 - s_p·F        the exact mode, x_1 held F ← F + w
-        a random walk, linear within a period y = x + v                                       v
-        white, of the sensor's r.m.s.
+        x - q ← e^(AT)(x - q),   q = x_1 - s_p·F        the exact mode, x_1 held
+        F ← F + w                                       a random walk, linear within a period
+        y = x + v                                       v white, of the sensor's r.m.s.
 
     F changes linearly from sample to sample and not in a step, as the force of a spring does, so
     that F̂ has the age of x. If the sampling period is much longer than that of the mode, F̂

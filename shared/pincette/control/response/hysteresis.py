@@ -5,9 +5,10 @@ monotonically by |Δu|:
 
     play           z_i = u - y_i;   dz_i/du = 1 - λ_i·z_i·sign(du)  within  |z_i| ≤ r_i,
                    and  dz_i/du = 1 - μ_i·z_i·sign(du)  while |z_i| falls
-    static         y = q·u² + Σ [w_i·y_i + g_i(y_i)],  r_0 = 0 being the linear part bend
-    g_i(y) = a_i·y² + b_i·y³ between two voltages, straight beyond them creep          τ_j·ċ_j = y -
-    c_j displacement   y + Σ κ_j·c_j
+    static         y = q·u² + Σ [w_i·y_i + g_i(y_i)],  r_0 = 0 being the linear part
+    bend           g_i(y) = a_i·y² + b_i·y³ between two voltages, straight beyond them
+    creep          τ_j·ċ_j = y - c_j
+    displacement   y + Σ κ_j·c_j
 
 Without fading, λ_i = 0, these are the play operators of Prandtl and Ishlinskii, y_i ← max(u - r_i,
 min(u + r_i, y_i)), which return to their previous state after a small loop. With fading, a play
