@@ -35,7 +35,7 @@ def processor_s(*words: str, status: int | None = 0) -> float:
     return used.ru_utime + used.ru_stime
 
 
-def processor_ratio(*words: str, status: int | None = 0, rounds: int = 3) -> float:
+def processor_ratio(*words: str, status: int | None = 0, rounds: int = 5) -> float:
     """Return the processor time of a command in multiples of that of an empty Python program.
 
     Both are measured in turn, so that load on the machine slows both.

@@ -4,7 +4,15 @@ from typing import Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict
 
-CONFIG = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+import pincette
+
+CONFIG = ConfigDict(
+    extra="forbid",
+    strict=True,
+    allow_inf_nan=False,
+    frozen=True,
+    defer_build=pincette.is_command,
+)
 
 
 class Model(BaseModel):

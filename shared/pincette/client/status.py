@@ -1,6 +1,5 @@
 """State of a rig for orchestrators, from one table, with its age."""
 
-import asyncio
 from collections.abc import Callable
 from time import monotonic
 from typing import TYPE_CHECKING, NamedTuple
@@ -76,6 +75,8 @@ class RigWatch:
 
     def __init__(self, rig: "AsyncRigHandle", clock: Callable[[], float] = monotonic) -> None:
         self._handle, self._clock = rig.patient(0.0), clock
+        import asyncio  # a blocking client does not need it
+
         self._turn = asyncio.Lock()
         self._rig: Rig | None = None
         self._heard_at_s = 0.0
