@@ -267,6 +267,46 @@ def test_dragging_over_a_chart_zooms(browser: Browser, desk: Harness, seconds: s
     context.close()
 
 
+def swipe(seen: Visit, canvas: str, begin: tuple[float, float], end: tuple[float, float]) -> None:
+    """Move a finger over a chart; both points are shares of its width and height."""
+    box = seen.page.locator(canvas).bounding_box()
+    assert box is not None
+    session: Any = seen.page.context.new_cdp_session(seen.page)
+
+    def touch(kind: str, *shares: tuple[float, float]) -> None:
+        points = [
+            {"x": box["x"] + x * box["width"], "y": box["y"] + y * box["height"]} for x, y in shares
+        ]
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    steps = [step / 8 for step in range(9)]
+    path = [tuple(a + step * (b - a) for a, b in zip(begin, end, strict=True)) for step in steps]
+    touch("touchStart", (path[0][0], path[0][1]))
+    for x, y in path[1:]:
+        touch("touchMove", (x, y))
+    touch("touchEnd")
+
+
+def test_a_finger_zooms_sideways_and_scrolls_upwards(browser: Browser, desk: Harness) -> None:
+    context = browser.new_context(viewport=ViewportSize(**PHONE), has_touch=True, is_mobile=True)
+    canvas = "[data-quantity=force_mN] canvas"
+    with served(desk.app) as address:
+        gripped(address, "B7")
+        seen = visit(context, address)
+        seen.page.locator(canvas).scroll_into_view_if_needed()
+        before = seen.page.evaluate("scrollY")
+        swipe(seen, canvas, (0.5, 0.8), (0.5, 0.1))
+        seen.until_true(
+            lambda: seen.page.evaluate("scrollY") != before, "the page did not scroll", PATIENCE_S
+        )
+        assert seen.page.is_hidden("#zoom-out")
+        seen.page.locator(canvas).scroll_into_view_if_needed()
+        swipe(seen, canvas, (0.9, 0.5), (0.6, 0.5))
+        seen.until_true(lambda: seen.page.is_visible("#zoom-out"), "it did not zoom", PATIENCE_S)
+        assert seen.errors == []
+    context.close()
+
+
 COMPARED = """() => {
   const canvas = document.querySelector("#comparison [data-compared=force_mN] canvas");
   const copy = new OffscreenCanvas(canvas.width, canvas.height);

@@ -1,4 +1,5 @@
-// Choosing a stretch of time by dragging over a chart, with a mouse or a pen; fingers scroll and read.
+// Choosing a stretch of time by dragging over a chart, with a mouse, a pen or a finger. `touch-action` of
+// the canvases leaves vertical motions and two fingers to the browser, which then cancels the drag.
 
 const LEAST_PX = 8;
 
@@ -15,19 +16,19 @@ export function onDrag(place, axesOf, { picking, chosen }) {
   place.addEventListener("pointerdown", (event) => {
     const canvas = event.target.closest("canvas");
     const axes = canvas && axesOf(canvas);
-    if (event.pointerType === "touch" || event.button !== 0 || !axes?.box) return;
-    drag = { canvas, axes };
+    if (drag || event.button !== 0 || !axes?.box) return;
+    drag = { canvas, axes, pointer: event.pointerId };
     drag.from = x(event);
     canvas.setPointerCapture(event.pointerId);
   });
   place.addEventListener("pointermove", (event) => {
-    if (drag && Math.abs(x(event) - drag.from) >= LEAST_PX) picking(times(event));
+    if (drag?.pointer === event.pointerId && Math.abs(x(event) - drag.from) >= LEAST_PX) picking(times(event));
   });
   place.addEventListener("pointerup", (event) => {
-    if (!drag) return;
+    if (drag?.pointer !== event.pointerId) return;
     const found = Math.abs(x(event) - drag.from) >= LEAST_PX ? times(event) : null;
     end();
     if (found && found[1] > found[0]) chosen(found);
   });
-  place.addEventListener("pointercancel", () => drag && end());
+  place.addEventListener("pointercancel", (event) => drag?.pointer === event.pointerId && end());
 }
