@@ -1,7 +1,7 @@
-"""Settings of the documentation site: ``make site`` builds it from this folder as it is.
+"""Settings of the documentation site, which ``make site`` builds from this folder.
 
-The tables of docs/README.md and docs/decisions/README.md are its contents: a page that neither of
-them links is in no list, which is a warning, and every warning ends the build.
+The tables in docs/README.md and docs/decisions/README.md define its contents. A page that neither
+table links causes a warning, and every warning fails the build.
 """
 
 import re
@@ -44,7 +44,7 @@ def _listed(section: str, pages: list[str]) -> str:
 
 
 def add_contents(_app: Any, page: str, source: list[str]) -> None:
-    """Add to a page of contents the lists of its table, section by section."""
+    """Add lists of the linked pages to a page of contents, one for each section of its table."""
     if page not in CONTENTS:
         return
     pages = list(dict.fromkeys(LINK.findall(source[0])))
@@ -58,7 +58,7 @@ def add_contents(_app: Any, page: str, source: list[str]) -> None:
 
 
 def add_index(app: Any, failure: Exception | None) -> None:
-    """Provide the first page also under the name that a server looks for."""
+    """Also provide the first page under the file name that a web server expects."""
     if failure is None and app.builder.format == "html":
         folder = Path(app.outdir)
         shutil.copyfile(folder / f"{root_doc}.html", folder / "index.html")

@@ -1,4 +1,4 @@
-"""Picture of the range in which each law may run, for ``draw_method``."""
+"""Draw the range in which each law may run, for ``draw_method``."""
 
 from math import log, sqrt
 
@@ -24,11 +24,13 @@ from pincette.plotting import Axis, label, picture
 OMEGA_N, S_P, K_E, FILTER_S = sqrt(5.943e6), 0.46, 2.15, 0.03
 ARM = consistent_arm(OMEGA_N, 0.0260, 19.0, S_P)
 COLOURS = ("#4f9a6c", "#86bd97", "#c3dfc9", "#f0c58e", "#df9270", "#c2614a")
-"""Colours of the regions; the green ones are admitted."""
+"""Colours of the regions; the laws are admitted in the green ones."""
 
 
 def laws_picture() -> bytes:
-    """Draw where each law may run: worst radius and M_s over the period and the deciding gain."""
+    """Draw where each law may run: worst spectral radius and M_s over the period and the gain that
+    limits the law.
+    """
     periods_s = [float(value) for value in np.geomspace(0.00025, 0.03, 22)]
     cases = (
         ("PBSMIC", PBSMIC, "K_P", np.geomspace(0.2, 20.0, 9)),
@@ -66,7 +68,9 @@ def laws_picture() -> bytes:
 def _use_of_margin(
     law: LawDefinition, gain: str, value: float, period_s: float, part: Intervals
 ) -> float:
-    """Return the used share of a loop's limits: 1 at the limit of radius, as a time, or of M_s."""
+    """Return the larger of the used fractions of two limits: 1 at the limit of the spectral radius,
+    expressed as a time, or of M_s.
+    """
     timing = OutputTiming(0.65 * period_s)
     older = held_age(0.65) if period_s < least_period_s(OMEGA_N) else 0.0
     observer = QuasiStatic(QuasiStaticParameters(S_P, older=older))

@@ -41,14 +41,16 @@ OMEGA_N, ZETA, D_P, S_P, T = sqrt(5.943e6), 0.0260, 19.0, 0.46, 0.02
 ARM = consistent_arm(OMEGA_N, ZETA, D_P, S_P)
 K, K_E, FORCE_MN, FILTER_S = 1.9901e4, 2.15, 20.0, 0.03
 COLOURS = ("#4f9a6c", "#86bd97", "#c3dfc9", "#f5e6a8", "#f0c58e", "#df9270", "#c2614a")
-"""Colours from quick to unstable."""
+"""Colours from a fast to an unstable loop."""
 STABILITY_TITLE = "worst over free and K_e ± 30 %, ω_n ± 5 %, delay from 0 to T/2"
 STIFF = 1.1
-"""Ratio of planned to true stiffness for a plan that does not fit."""
+"""Ratio of planned to true stiffness for a plan with the wrong stiffness."""
 
 
 def plan_picture() -> bytes:
-    """Draw the part's line, a plan that fits, one that does not, and where the loop rests."""
+    """Draw the part's line, a plan of the right and one of the wrong stiffness, and the steady
+    states of the loop.
+    """
     return picture(1, 1, 4.0, _plan_line)
 
 
@@ -74,7 +76,7 @@ def _plan_line(axes: list[Axis]) -> None:
 
 
 def exchange_picture() -> bytes:
-    """Draw (51) and (52) over K_f, for the plan that does not fit."""
+    """Draw (51) and (52) over K_f for the plan with the wrong stiffness."""
     return picture(1, 1, 3.4, _exchange)
 
 
@@ -106,7 +108,7 @@ def _exchange(axes: list[Axis]) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """Run of the law on the pressed arm; N samples each."""
+    """Simulated signals of a law while the arm is pressed; N samples each."""
 
     t_s: np.ndarray
     x_um: np.ndarray
@@ -144,7 +146,7 @@ def track(planned_mN_per_um: float, seconds: float = 4.0) -> Track:
     state = control_law.start(law, x_um=x_um, x_r_um=x_um, force_mN=0.0, applied_V=voltage_V)
     rows: list[tuple[float, ...]] = []
     for tick in range(round(seconds / T)):
-        # A fixed pattern in place of the sensor's noise, 30 nm r.m.s.
+        # A fixed pattern that replaces the sensor noise, 30 nm r.m.s.
         measured_um = x_um + 0.0424 * sin(2.4 * tick * tick)
         F_r_mN = 0.5 * FORCE_MN * (1.0 - cos(pi * (tick + 1) * T))
         x_r_um = x_e_um + F_r_mN / planned_mN_per_um
@@ -170,7 +172,7 @@ def track(planned_mN_per_um: float, seconds: float = 4.0) -> Track:
 
 
 def track_picture() -> bytes:
-    """Draw force over time, and both errors with a plan that fits and one that does not."""
+    """Draw the force over time, and both errors for plans of the right and the wrong stiffness."""
     fits, stiff = track(K_E), track(STIFF * K_E)
 
     def draw(axes: list[Axis]) -> None:

@@ -1,7 +1,9 @@
-"""Draw the free response in a law, a followed line, and learning, for docs/draw_method.py.
+"""Draw the free response in a law, the tracking of the contact line, and learning, for
+docs/draw_method.py.
 
-An arm with a free response is pressed against a spring, without its mode: x follows the voltage of
-the previous tick. The law knows H with weights that are 3 % off, or a line. Nothing is random.
+An arm with a free response is pressed against a spring; its mode is not simulated: x follows the
+voltage of the previous tick. The law uses H with weights that are 3 % off, or a line. Nothing is
+random.
 """
 
 from dataclasses import dataclass, replace
@@ -30,14 +32,14 @@ ACTUATOR = HysteresisModel(
     creep_fractions=(0.01, 0.01),
 )
 KNOWN = replace(ACTUATOR, weights_um_per_V=(11.3, 2.1, 1.9, 2.1, 1.9))
-"""Model of the free response that the law uses."""
+"""Free-response model that the law uses."""
 LAGGING = 0.1
-"""Share of a step that comes one tick late, as with an output lag."""
+"""Fraction of a voltage step that arrives one tick late, as with an output lag."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cycles:
-    """Ticks at full amplitude."""
+    """Recorded ticks at full amplitude."""
 
     t_s: np.ndarray
     error_um: np.ndarray
@@ -86,7 +88,7 @@ def tracked(frequency_hz: float, cycles: int, *, identified: bool, learns: bool 
 
 
 def response_picture() -> bytes:
-    """Draw H beside the line, and the remaining error with each."""
+    """Draw H and the line, and the remaining error with each of them."""
 
     def draw(axes: list[Axis]) -> None:
         swings = [1.0 - cos(2.0 * pi * tick / 100) for tick in range(300)]
@@ -117,7 +119,9 @@ def response_picture() -> bytes:
 
 
 def following_picture() -> bytes:
-    """Draw loads of a part twice as hard as planned, with and without following the line."""
+    """Draw loads of a part twice as stiff as planned, with and without tracking of the contact
+    line.
+    """
 
     def draw(axes: list[Axis]) -> None:
         planned, true, speed, load_s = 0.5 * K_E, K_E, 40.0, 0.4
@@ -126,7 +130,7 @@ def following_picture() -> bytes:
             (True, GREEN, "line followed"),
         ):
             K_line = MOST_STIFFNESS * planned if follows else planned
-            # Both begin at the touch.
+            # Both begin at contact.
             x_line, line = 5.0 / true - 5.0 / K_line, ContactLine()
             way = move(5.0, planned * speed, FORCE_MN, 0.0, load_s)
             rows: list[tuple[float, float, float]] = []

@@ -1,4 +1,4 @@
-"""Write the page of the fault table from the register of its tests: `make docs`."""
+"""Write the page of the fault table from the register of the fault tests: `make docs`."""
 
 import sys
 from pathlib import Path
@@ -51,7 +51,7 @@ def fault_table_page() -> str:
 
 
 def _named(test: str) -> str:
-    """Return the name of a test as a link to its file."""
+    """Return the name of a test as a link to the test file."""
     path, _, name = test.partition("::")
     return f"[`{name or Path(path).stem}`](../../{path})"
 
@@ -60,4 +60,4 @@ PAGES: dict[str, Any] = {"reference/fault-table.md": fault_table_page}
 """Pages by path below docs."""
 
 if str(ROOT) not in sys.path:
-    sys.path.append(str(ROOT))  # the tests are no installed package
+    sys.path.append(str(ROOT))  # the tests are not an installed package

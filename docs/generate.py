@@ -160,7 +160,7 @@ def _cell(text: str) -> str:
 
 
 def _pages(name: str) -> Pages:
-    """Return the pages that other files of this folder make."""
+    """Return the pages that other modules in this folder generate."""
     return runpy.run_path(str(ROOT / "docs" / name))["PAGES"]
 
 

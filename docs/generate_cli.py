@@ -35,7 +35,7 @@ LIKE_A_JOB = {
     "`--no-wait`.\nFor a grip, a track or a move, `--plot FILE` draws the prediction "
     "as PNG.",
 }
-"""Commands whose options are listed elsewhere."""
+"""Commands whose options are listed in another section."""
 COMMON = {"url", "key", "authority", "rig_name", "json", "help"}
 
 

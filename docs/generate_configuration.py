@@ -29,7 +29,7 @@ words: Any = SimpleNamespace(**runpy.run_path(str(DOCS / "schema_words.py")))
 LEADING = re.compile(r"([^\s.,;]+)(?:[.,;] ?| |$)")
 WORD = re.compile(r"[a-z]+[ ,;]")
 KNOWN_UNITS = {*UNITS.values(), *OF_FILES.values(), "1", "mN·s²/µm", "mN·s/µm", "mN/mN"}
-"""Units that may begin the text of a quantity whose name has none."""
+"""Units that may begin the description of a quantity whose name has no unit suffix."""
 
 HEAD = """\
 # Configuration
@@ -70,7 +70,7 @@ def configuration_page() -> str:
 
 
 def _below(annotation: Any) -> type[Table] | None:
-    """Return the table that a field contains directly, as an option, or in a list."""
+    """Return the model of the table that a field contains directly, as an option, or in a list."""
     if isinstance(annotation, type) and issubclass(annotation, Table):
         return annotation
     return next((kind for part in get_args(annotation) if (kind := _below(part))), None)
@@ -97,7 +97,7 @@ def _gains() -> Iterator[str]:
         if plugins.origin(entry).partition(" ")[0] not in OWN:
             continue
         if entry.name not in installed_laws():
-            continue  # only for two arms: no rig file names it
+            continue  # only for two arms: a rig file does not name it
         law = law_definition(entry.name)
         yield f'With `scheme = "{law.name}"`, {law.title}, {words.cell(law.summary)}:\n\n'
         rows = [
@@ -138,7 +138,9 @@ def _rows(kind: type[Table], path: str, names: list[str]) -> str:
 
 
 def _unit_and_text(name: str, text: str) -> tuple[str, str]:
-    """Return the unit at the start of a text, or that of the name, and the rest of the text."""
+    """Return the unit, from the start of a description or from the name, and the rest of the
+    description.
+    """
     found = LEADING.match(text)
     if found is None or found[1] not in KNOWN_UNITS:
         return unit_in_file(f"_{name}"), text
@@ -147,7 +149,7 @@ def _unit_and_text(name: str, text: str) -> tuple[str, str]:
 
 
 def _said(schema: dict[str, Any]) -> dict[str, Any]:
-    """Return the schema without null, which TOML does not have."""
+    """Return the schema without its null alternative, which TOML does not have."""
     parts = [part for part in words.variants(schema) if not words.is_null(part)]
     return parts[0] if len(parts) == 1 else {"anyOf": parts}
 
@@ -178,7 +180,7 @@ def _marks(path: str, name: str) -> str:
 
 
 def _untold(path: str, name: str) -> bool:
-    """Return whether a key is left out of the messages between the programs."""
+    """Return whether a key is omitted from the messages between the programs."""
     field = RigFile.model_fields.get(path)
     kind = None if field is None else _below(field.annotation)
     return kind is not None and bool(kind.model_fields[name].exclude)

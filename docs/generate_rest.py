@@ -123,7 +123,7 @@ def _parameter(parameter: Json) -> tuple[str, ...]:
 
 
 def _stated(schema: Json) -> Json:
-    """Return the schema without null: a parameter that is not given is left out."""
+    """Return the schema without its null alternative: a parameter that is not given is omitted."""
     parts = [part for part in words.variants(schema) if not words.is_null(part)]
     return parts[0] if len(parts) == 1 else {"anyOf": parts}
 

@@ -1,7 +1,7 @@
 """Write docs/reference/safety-times.md from the measurements of a soak's fault injections.
 
-``python docs/generate_safety_times.py safety-times.json``, which ``make soak`` leaves in the folder
-that PINCETTE_FIGURES names.
+``python docs/generate_safety_times.py safety-times.json``, which ``make soak`` writes to the folder
+given by PINCETTE_FIGURES.
 """
 
 import json

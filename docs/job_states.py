@@ -1,4 +1,4 @@
-"""Page of the states of a job and its drawing, both from the table that the program uses."""
+"""Page with the states of a job, and its drawing; both use the table that the program uses."""
 
 from collections.abc import Iterable, Mapping
 from html import escape
@@ -155,7 +155,7 @@ def jobs_page() -> str:
 
 
 def _everywhere(event: Event) -> str:
-    """Return the states from which an event leads, in words."""
+    """Return the states in which an event is possible, in words."""
     ends = {row.events[event] for row in STATES.values() if event in row.events}
     lacking = [name for name, row in STATES.items() if not row.terminal and event not in row.events]
     (end,) = ends
@@ -203,7 +203,7 @@ def states_drawing() -> str:
 
 
 def _inner() -> list[tuple[JobState, JobState, str]]:
-    """Return the arrows between boxes that no arrow of a frame represents."""
+    """Return the arrows between boxes, except those drawn from a frame."""
     found: dict[tuple[JobState, JobState], list[str]] = {}
     for name, row in STATES.items():
         for event, end in row.events.items():
@@ -215,7 +215,7 @@ def _inner() -> list[tuple[JobState, JobState, str]]:
 
 
 def _outer() -> list[str]:
-    """Return the arrows from a frame, for events that all or nearly all of its boxes have."""
+    """Return the arrows that start at a frame, for events that (nearly) all boxes in it have."""
     x, y, width, height = FRAMES["the program plays"]
     right, low = x + width, y + height
     left, top = FRAMES["nothing has moved"][0], FRAMES["nothing has moved"][1]
@@ -283,7 +283,7 @@ def _line(x0: int, y0: int, x1: int, y1: int, words: str, *, beside: bool = Fals
     course = f"M{x0} {y0} L{x1} {y1}"
     if beside:
         return _path(course, x0 + 6, y0 + min(40, (y1 - y0) // 2) + 4, words, anchor="start")
-    # The label of a horizontal arrow is off its middle, where another arrow may cross.
+    # The label of a horizontal arrow is placed off the middle, where another arrow may cross.
     x = x0 + 2 * (x1 - x0) // 3 if y0 == y1 else (x0 + x1) // 2
     return _path(course, x, (y0 + y1) // 2 - 6 * (y0 == y1) + 4 * (y0 != y1), words)
 

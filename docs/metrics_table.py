@@ -1,4 +1,4 @@
-"""Page of the metrics, from the table from which they are served."""
+"""Page with the metrics, generated from the table that the program uses."""
 
 from collections.abc import Iterable
 

@@ -21,12 +21,12 @@ LENGTHS = {
 
 
 def cell(text: str) -> str:
-    """Return a text that fits into a cell of a table."""
+    """Return a text escaped for a table cell."""
     return " ".join(text.split()).replace("``", "`").replace("|", r"\|")
 
 
 def table(*rows: tuple[str, ...]) -> str:
-    """Return a table in Markdown; the first row is its head."""
+    """Return a table in Markdown; the first row is the header."""
     first, *rest = ("| " + " | ".join(row) + " |\n" for row in rows)
     return first + "|" + " --- |" * len(rows[0]) + "\n" + "".join(rest) + "\n"
 
@@ -42,7 +42,7 @@ def is_null(schema: Schema) -> bool:
 
 
 def type_words(schema: Schema, link: Callable[[str], str]) -> str:
-    """Return the type of a value; ``link`` makes a link of the name of a schema."""
+    """Return the type of a value in words; ``link`` turns the name of a schema into a link."""
     return " or ".join(dict.fromkeys(_one(part, link) for part in variants(schema)))
 
 

@@ -1,4 +1,6 @@
-"""Code blocks of pages about contrib packages, for contrib/tests/test_documents.py to type."""
+"""Register of code blocks on the pages about contrib packages; contrib/tests/test_documents.py
+executes them.
+"""
 
 from tests.support.document_register import DEMO
 from tests.support.documents import Sitting, Typed

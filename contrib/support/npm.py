@@ -13,7 +13,7 @@ LONG_S = 300.0
 NODE_WOT = (
     "@node-wot/core@0.9.2",
     "@node-wot/binding-http@0.9.2",
-    # By default npm uses the schema of 2021, which sorts month names as words.
+    # By default npm uses the JSON schema of 2021, which sorts month names as words.
     "wot-thing-description-types@1.1.0-12-March-2025",
 )
 DRIVE = Path(__file__).parent / "node_wot/drive.js"

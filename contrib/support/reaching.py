@@ -20,20 +20,21 @@ from tests.support.running import Json, RunningRig
 FORCE_MN = 10.0
 STAIRCASE_MN = (5.0, 10.0, 15.0, 10.0, 5.0)
 MOST = 1.02
-"""Largest allowed peak of a step, as a share of the higher one of its two forces."""
+"""Largest allowed peak of a force step, relative to the larger one of its two forces."""
 MEAN_OF, NOISE_MN = 25, 0.1
-"""Number of estimated forces in a mean, and twice the r.m.s. of the sensor noise in the peak of
-such means, in mN: found with 25 seeds of the simulation."""
+"""Number of estimated forces in a mean, and twice the r.m.s. noise in the peak of such means, in
+mN; found with 25 seeds of the simulation.
+"""
 SETTLED = 50
 """Number of samples of a hold in which a force could overshoot; later ones contain only noise."""
 NEAR_MN = 0.5
-"""Largest difference between held and requested force in mN: 2 % and the stated uncertainty."""
+"""Largest difference between held and requested force, in mN: 2 % plus the stated uncertainty."""
 SLOW: Tree = {"grip": {"approach_um_per_s": 4.0, "seek_um_per_s": 2.0, "load_s": 1.0}}
-"""Settings of an approach and a load that are still running when a stop comes."""
+"""Settings that make an approach and a load slow enough to be still running when a stop arrives."""
 STOPS = ("approach", "contact", "load", "settle", "hold", "unload")
-"""Phases of a grip in which it is stopped; its force settles as the hold begins."""
+"""Phases of a grip in which it is stopped. The force is settled when the hold begins."""
 KEPT = ("load", "settle")
-"""Phases after which the part is still held, without confirmation of the requested force."""
+"""Phases in which a stop leaves the part held, without a confirmation of the requested force."""
 
 
 class NotReachedError(Exception):
@@ -99,7 +100,7 @@ def pressed(rig: RunningRig, job: str, folder: Path) -> list[Pressed]:
     """Return the samples of the load and the hold of a job from its record."""
     import pyarrow.parquet
 
-    parquet: Any = pyarrow.parquet  # the package carries no types
+    parquet: Any = pyarrow.parquet  # the package has no type annotations
     with Supervisor(rig.rig.supervisor.url) as supervisor:
         handle = supervisor.job(job)
         handle.recorded()
@@ -161,7 +162,7 @@ def stop(rig: RunningRig, job: str) -> None:
 
 @contextmanager
 def stopping(rig: RunningRig, phase: str) -> Generator[list[str]]:
-    """Stop the job that reaches a phase within the block; its name is added to the list."""
+    """Stop the job that reaches a phase within the block; its id is added to the list."""
     seen: list[str] = []
     wanted = "hold" if phase == "settle" else phase
 

@@ -1,6 +1,6 @@
-"""Node of ROS 2 over Zenoh, by the package pyzeros; run in its own environment.
+"""Node of ROS 2 over Zenoh, with the package pyzeros; run it in its own environment.
 
-``ROUTER RIG``: listens to the topics of a rig until a line of input, then prints the messages.
+``ROUTER RIG``: receive the topics of a rig until a line of input arrives, then print the messages.
 """
 # pyright: basic, reportMissingImports=false
 

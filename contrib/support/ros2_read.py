@@ -1,7 +1,7 @@
 """Reader by ROS 2's own package rclpy, run in its own environment.
 
 Reads two lists of messages in hexadecimal digits, of forces and of joint states; prints the
-messages decoded by its middleware, and the hashes that a node of it has for both types.
+messages decoded by its middleware, and the hashes of both types in an rclpy node.
 """
 # pyright: basic, reportMissingImports=false
 

@@ -26,7 +26,7 @@ SCHEMAS = cast("Any", event_model).schema_validators
 
 
 def new_engine() -> Any:
-    """Return an engine that leaves Ctrl-C to the test."""
+    """Return an engine that does not handle Ctrl-C, so that the test can."""
     return RunEngine({}, context_managers=[])
 
 

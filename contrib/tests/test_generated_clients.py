@@ -19,7 +19,7 @@ PYTHON = "openapi-python-client==0.29.1"
 LINTER = "@redocly/cli@2.77.0"
 TYPESCRIPT = ("openapi-typescript@7.13.0", "openapi-fetch@0.17.0", "typescript@5.9.3")
 OPTIONAL = "--default-non-nullable=false"
-"""A request may omit a field that has a default."""
+"""A request may omit a field that has a default value."""
 DONE = {
     "state": "stopped",
     "same": {"samples.parquet": True, "grip.png": True, "export": True},

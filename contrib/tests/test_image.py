@@ -27,7 +27,7 @@ def test_the_adapters_install_the_packages_that_their_programs_import() -> None:
     held = {
         canonicalize_name(Requirement(line.rstrip(" \\")).name) for line in pins if "==" in line
     }
-    # What httpx and the command line use only where it is there.
+    # httpx and the command line use these packages only if they are installed.
     assert imported - held <= {"pygments", "rich", "zstandard"}
 
 

@@ -16,7 +16,7 @@ import msgpack
 import zenoh
 
 FIELDS = ("epoch", "seq", "t_s", "x_um", "force_mN", "force_uncertainty_mN", "voltage_V")
-WAITING = 50  # number of samples that may wait for a message before they are written without it
+WAITING = 50  # number of samples that may wait for their messages
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--router", default="tcp/127.0.0.1:7447")
@@ -53,7 +53,7 @@ table = csv.DictWriter(given.file, FIELDS)
 table.writeheader()
 waiting, counts = {}, {"rows": 0, "incomplete": 0}
 interrupted = threading.Event()
-signal.signal(signal.SIGINT, lambda *_: interrupted.set())  # so that a row is never cut off
+signal.signal(signal.SIGINT, lambda *_: interrupted.set())  # so that a row is never truncated
 with zenoh.open(config) as session, given.file:
     samples = session.declare_subscriber(f"pincette/v2/{given.rig}/*")
     begun = None
@@ -65,7 +65,7 @@ with zenoh.open(config) as session, given.file:
             continue
         message = msgpack.unpackb(sample.payload.to_bytes())
         number = message["epoch"], message["seq"]
-        begun = begun or number  # whose other messages may have passed already
+        begun = begun or number  # their other messages may be past
         if number <= begun:
             continue
         waiting.setdefault(number, {})[topic] = cells(topic, message)

@@ -10,9 +10,9 @@ import zenoh
 LOOP = ("sensor", "estimator", "controller", "actuator")
 TOPICS = ("position", "burst", "estimate", "command", "applied", "telemetry", "ground_truth", "job")
 TOPICS += tuple(f"{topic}/{service}" for topic in ("request_log", "timing") for service in LOOP)
-"""Topics of a rig; `request_log` and `timing` have a key for each service."""
+"""Topics of a rig; `request_log` and `timing` have one key per service."""
 WILDCARDS = ("*", "request_log/*", "timing/*")
-"""Key expressions that cover the topics, within the permissions of a viewer's certificate."""
+"""Key expressions that cover the topics and that a viewer's certificate permits."""
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--router", default="tcp/127.0.0.1:7447")

@@ -41,12 +41,12 @@ axes[-1].set_xlabel("time in s")
 
 
 def draw():
-    """Draw the newest seconds of the newest arming, whose time starts from 0."""
+    """Draw the newest seconds since the last arming; time 0 is that arming."""
     while not arrived.empty():
         message = msgpack.unpackb(arrived.get().payload.to_bytes())
-        message |= message.pop("arms")[0]  # of two arms the first is shown
+        message |= message.pop("arms")[0]  # for two arms, the first is shown
         row = rows.setdefault((message["epoch"], message["seq"]), {})
-        usable = message.get("valid", True) and not message.get("unconfirmed")  # else a gap
+        usable = message.get("valid", True) and not message.get("unconfirmed")  # otherwise a gap
         row.update(message if usable else {"t_s": message["t_s"]} if "t_s" in message else {})
     epoch = max(rows, default=(0, 0))[0]
     newest_s = max((row.get("t_s", 0.0) for (e, _), row in rows.items() if e == epoch), default=0.0)

@@ -2,8 +2,8 @@
 
     python docs/examples/orchestrator.py --parts 3 --force-mN 15
 
-Ends with 0 where every part was gripped and let go, with 1 where one was not, with 4 where a person
-must see to the rig first, and with 130 on Ctrl-C, which stops the job and keeps its part held.
+The exit status is 0 if every part was gripped and released, 1 if one was not, 4 if a person must
+inspect the rig first, and 130 after Ctrl-C, which stops the job and keeps its part held.
 """
 
 import argparse
@@ -28,7 +28,7 @@ class PartError(Exception):
 def start(rig: RigHandle, part: str, force_mN: float) -> JobHandle:
     """Start a grip that holds until it is released.
 
-    The key makes a repetition safe: a second request for the same part returns the same job.
+    The idempotency key makes a retry safe: a second request for the same part returns the same job.
     """
     while True:
         try:
@@ -41,7 +41,7 @@ def start(rig: RigHandle, part: str, force_mN: float) -> JobHandle:
 
 
 def await_hold(job: JobHandle) -> None:
-    """Follow a job to the start of its hold; a broken connection is opened again."""
+    """Follow a job until its hold begins; a lost connection is opened again."""
     for event in job.events():
         if event.kind == "phase":
             print(f"{job.id}: {event.body['phase']}")
@@ -51,7 +51,7 @@ def await_hold(job: JobHandle) -> None:
 
 
 def work(part: str, duration_s: float) -> None:
-    """Do the work of the cell with a held part."""
+    """Simulate the work of the cell on a held part."""
     print(f"{part}: held; the cell works for {duration_s:g} s")
     time.sleep(duration_s)
 
@@ -67,14 +67,14 @@ def let_go(job: JobHandle) -> None:
 
 
 def handle(rig: RigHandle, part: str, force_mN: float, work_s: float) -> str:
-    """Pick, hold and release one part; return the result in words."""
+    """Pick, hold and release one part; return the result as text."""
     job = start(rig, part, force_mN)
     try:
         await_hold(job)
         work(part, work_s)
         let_go(job)
     except KeyboardInterrupt:
-        job.stop()  # what is held stays held: a person decides what becomes of it
+        job.stop()  # a held part stays held: a person decides what to do with it
         raise
     if job.state != "succeeded":
         raise PartError(f"{job.state}: {job.job.cause}")

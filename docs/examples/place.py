@@ -1,4 +1,4 @@
-"""Publish the place of the part, as a camera beside the gripper would; needs zenoh and msgpack."""
+"""Publish the part's position, as a camera beside the gripper would; needs zenoh and msgpack."""
 
 # pyright: basic
 import argparse

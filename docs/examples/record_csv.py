@@ -22,7 +22,7 @@ given = parser.parse_args()
 
 
 def fetch(path):
-    """Open a resource; an error of the supervisor is reported in its own words."""
+    """Open a resource; an error of the supervisor is printed with the supervisor's text."""
     try:
         return urllib.request.urlopen(f"{given.api}{path}", timeout=30.0)
     except urllib.error.HTTPError as error:

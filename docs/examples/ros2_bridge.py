@@ -1,9 +1,9 @@
 """Publish force and position of a rig as topics of ROS 2 (rmw_zenoh); needs zenoh and msgpack.
 
-It joins two routers: the rig's, and that of ROS 2, started by `ros2 run rmw_zenoh_cpp rmw_zenohd`.
-`/pincette/RIG/force_mN` is a std_msgs/Float64. `/pincette/RIG/joint_states` is a
-sensor_msgs/JointState with one joint, its position in m and its effort in N, as ROS has them. It
-watches: nothing moves.
+It connects two routers: that of the rig and that of ROS 2, started by `ros2 run rmw_zenoh_cpp
+rmw_zenohd`. `/pincette/RIG/force_mN` is a std_msgs/Float64. `/pincette/RIG/joint_states` is a
+sensor_msgs/JointState with one joint, its position in m and its effort in N, as usual in ROS. It
+only reads; nothing moves.
 """
 # pyright: basic
 
@@ -16,7 +16,7 @@ import msgpack
 import zenoh
 
 DOMAIN = 0
-"""ROS_DOMAIN_ID of the nodes that are to see the topics."""
+"""ROS_DOMAIN_ID of the nodes that should receive the topics."""
 FLOAT64 = (
     "std_msgs::msg::dds_::Float64_",
     "RIHS01_705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a",
@@ -31,7 +31,7 @@ QOS = "::,10:,:,:,,"
 """Quality of service that differs from the defaults of rmw_zenoh: reliable, volatile, the last 10.
 """
 LITTLE_ENDIAN = b"\x00\x01\x00\x00"
-"""Start of every CDR message; positions are counted from its end."""
+"""Header of every CDR message; alignment is counted from the end of the header."""
 
 
 def float64(value: float) -> bytes:
@@ -50,7 +50,7 @@ def joint_state(at_ns: int, name: str, position_m: float, effort_N: float) -> by
 
 
 def text(words: str) -> bytes:
-    """Return a string in CDR, with its length and the zero at its end."""
+    """Return a string in CDR: its length, its bytes, and a terminating zero."""
     data = words.encode() + b"\x00"
     return struct.pack("<I", len(data)) + data
 
@@ -61,7 +61,7 @@ def aligned(body: bytes, size: int) -> bytes:
 
 
 class Topic:
-    """Publisher that nodes of ROS 2 see in their graph; ``number`` is its own in its session."""
+    """Publisher that is visible in the graph of ROS 2; ``number`` is unique in its session."""
 
     def __init__(self, session: zenoh.Session, number: int, name: str, kind: tuple[str, str]):
         node = f"@ros2_lv/{DOMAIN}/{session.info.zid()}/0"
@@ -83,7 +83,7 @@ class Topic:
 
 def bridge(rig_session: zenoh.Session, ros_session: zenoh.Session, rig: str) -> zenoh.Subscriber:
     """Forward every valid sample of a rig, until the returned subscriber is undeclared."""
-    base = f"/pincette/{rig.replace('-', '_')}"  # a name of ROS has no hyphen
+    base = f"/pincette/{rig.replace('-', '_')}"  # names in ROS contain no hyphens
     force = Topic(ros_session, 1, f"{base}/force_mN", FLOAT64)
     joints = Topic(ros_session, 2, f"{base}/joint_states", JOINT_STATE)
 

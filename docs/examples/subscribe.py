@@ -1,4 +1,4 @@
-"""Print position, force and voltage of the demo rig as they come; needs zenoh and msgpack."""
+"""Print position, force and voltage of the demo rig as they arrive; needs zenoh and msgpack."""
 
 # pyright: basic
 from contextlib import suppress

@@ -24,7 +24,7 @@ def feed(rig: RigHandle, *, bead: bool) -> None:
 
 
 def follow(rig: RigHandle, series: SeriesHandle, missing: list[int]) -> None:
-    """Feed a seat to each job, and decide about grips that fail, until the series ends."""
+    """Provide a seat for each job, and decide about grips that fail, until the series ends."""
     number = 1
     while series.refresh(wait_s=0.2).state == "running":
         now = series.series.jobs[number - 1]

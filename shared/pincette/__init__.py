@@ -2,5 +2,6 @@
 
 __version__ = "0.1.0"
 is_command = False
-"""True in a process of the command line. It needs few of the models of the REST interface, so that
-they are built at their first use."""
+"""True in a command-line process. It uses few models of the REST interface, so each is built at its
+first use.
+"""

@@ -1,7 +1,7 @@
 """The command ``pincette``, also ``python -m pincette``.
 
-``run`` loads only what a program of the loop needs. So a program starts fast, and where only the
-packages of the loop are installed. ``estop`` loads only what a stop needs.
+``run`` loads only what a program of the loop needs. So a program starts fast, and also where only
+the packages of the loop are installed. ``estop`` loads only what a stop needs.
 """
 
 import gc
@@ -33,14 +33,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         status = estop.main(given[1:])
         if arguments is None:
-            # A thread that is still inside the bus would abort the end of the interpreter, and the
-            # exit status would no longer say what the actuator has confirmed. All output has been
+            # If a thread were still inside the bus, the interpreter would abort at exit, and the
+            # exit status would not report what the actuator has confirmed. All output has been
             # flushed.
             os._exit(status)
         return status
     if arguments is None:
-        # Imports create many objects and no garbage: collections at the default threshold would
-        # take a tenth of a command's processor time.
+        # Imports create many objects and no garbage: at the default threshold, collections would
+        # use a tenth of a command's processor time.
         gc.set_threshold(COLLECT_AFTER)
         pincette.is_command = True
     try:

@@ -1,4 +1,4 @@
-"""Device whose value is the force of the grip in mN, 0 if no part is held."""
+"""Device whose value is the gripping force in mN; 0 if no part is held."""
 
 import math
 from collections.abc import AsyncGenerator, AsyncIterator, Generator, Mapping
@@ -57,11 +57,11 @@ class Gripper(Device):
     Parameters
     ----------
     url
-        Of the supervisor, such as ``http://127.0.0.1:8000``.
+        URL of the supervisor, such as ``http://127.0.0.1:8000``.
     rig
-        Its name; left out where the supervisor serves one.
+        Name of the rig; may be omitted if the supervisor serves only one.
     key, authority
-        As of ``AsyncSupervisor``.
+        As for ``AsyncSupervisor``.
     """
 
     def __init__(
@@ -88,7 +88,8 @@ class Gripper(Device):
     async def reach(self, timeout_s: float) -> None:
         """Find the rig.
 
-        Raises NotConnectedError if no supervisor answers, or the rig must be named.
+        Raises NotConnectedError if no supervisor replies, or if it serves several rigs and none is
+        named.
         """
         try:
             found = await self._supervisor.patient(timeout_s).rig(self._rig_name)
@@ -157,8 +158,8 @@ class Gripper(Device):
         """Grip with a force in mN and end once it has settled, or release with 0.
 
         A part that this device holds is loaded or unloaded to the force without being released; a
-        part that already has this force stays unchanged. Raises the client's errors: with 0 also
-        RigBusyError while a job runs that holds no part yet.
+        part that already has this force stays unchanged. Raises the client's errors. A force of 0
+        also raises RigBusyError if the running job holds no part yet.
         """
         value = force_of(value)
         async with motion_of(self._motions) as motion:
@@ -199,9 +200,10 @@ class Gripper(Device):
 
     @AsyncStatus.wrap
     async def prepare(self, value: Mapping[str, Any]) -> None:
-        """Plan a job that ends on its own: its ``kind`` and its fields; nothing moves.
+        """Plan a job that ends without a release; the arguments are its ``kind`` and its fields.
+        Nothing moves.
 
-        Raises InfeasiblePlanError where it breaks a limit.
+        Raises InfeasiblePlanError if the job would exceed a limit.
         """
         self._prepared = None
         if value.get("until_released"):
@@ -213,7 +215,7 @@ class Gripper(Device):
 
     @AsyncStatus.wrap
     async def kickoff(self) -> None:
-        """Start the prepared job, and wait until it moves."""
+        """Start the prepared job, and wait until the arm moves."""
         if self._prepared is None:
             raise RuntimeError(f"{self.name}: prepare a job before kickoff")
         fields = dict(self._prepared)
@@ -261,14 +263,14 @@ class Gripper(Device):
 
     @AsyncStatus.wrap
     async def unstage(self) -> None:
-        """Stop a flight, which the engine does not stop itself if a plan is aborted."""
+        """Stop the job of a flight; the engine does not stop it when a plan is aborted."""
         await self.stop()
 
     async def stop(self, success: bool = True) -> None:
-        """Stop a motion that this device has started; a part that rests in its hold stays held.
+        """Stop a motion that this device has started; a held part stays held.
 
-        The engine calls it at each pause and at the end of each plan. With ``success`` the status
-        of the motion then ends without an error.
+        The engine calls this method at each pause and at the end of each plan. With ``success`` the
+        status of the motion ends without an error.
         """
         for motion in list(self._motions):
             await motion.stop(self._rig, as_planned=success)

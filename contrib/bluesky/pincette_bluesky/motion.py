@@ -1,4 +1,4 @@
-"""Motion that a status follows, with its stop."""
+"""Motion that a bluesky status follows, and its stop."""
 
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
@@ -15,26 +15,26 @@ STOPPED_IN_S = 30.0
 
 @dataclass(eq=False, slots=True)
 class Motion:
-    """Motion that a status follows."""
+    """Motion that a bluesky status follows."""
 
     key: str = field(default_factory=lambda: uuid4().hex)
-    """Key of the request, by which the motion is stopped while it has no job."""
+    """Idempotency key of the request. It identifies the motion to stop before there is a job."""
     job: AsyncJobHandle | None = None
     stopped_as_planned: bool = False
 
     async def stop(self, rig: AsyncRigHandle, *, as_planned: bool) -> None:
-        """Stop the motion; with ``as_planned`` its status then ends without an error."""
+        """Stop the motion; with ``as_planned`` the status ends without an error."""
         self.stopped_as_planned = as_planned
-        if self.job is None:  # it has no job yet, and must not get one
+        if self.job is None:  # there is no job yet, and none may start
             await rig.stop(self.key)
         else:
             await rest(self.job)
 
 
 def force_of(value: object) -> float:
-    """Return a force in mN as a number; raises InvalidRequestError if it is none.
+    """Return a force in mN as a number; raises InvalidRequestError if it is not a number.
 
-    Numbers of numpy are numbers; None, texts and truth values are not.
+    NumPy numbers are accepted; None, strings and Booleans are not.
     """
     if isinstance(value, bool) or not isinstance(value, Real):
         words = f"force_mN = {value!r}: must be a number in mN"
@@ -46,7 +46,7 @@ def force_of(value: object) -> float:
 
 @asynccontextmanager
 async def motion_of(motions: list[Motion]) -> AsyncGenerator[Motion]:
-    """Provide a motion that is listed until its end."""
+    """Yield a motion and list it as running until it ends."""
     motion = Motion()
     motions.append(motion)
     try:
@@ -59,9 +59,9 @@ async def motion_of(motions: list[Motion]) -> AsyncGenerator[Motion]:
 
 
 async def rest(job: AsyncJobHandle) -> None:
-    """Stop a job; one that holds its part until it is released continues to hold.
+    """Stop a job. A job that holds its part until a release request keeps holding it.
 
-    A hold with an end is stopped: otherwise it would release the part on its own.
+    A hold of limited duration is stopped; otherwise it would release the part when it ends.
     """
     known = await job.refresh()
     in_hold = known.progress is not None and known.progress.phase == "hold"

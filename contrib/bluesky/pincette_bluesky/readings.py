@@ -1,4 +1,4 @@
-"""Readings of a rig, with kind and unit of each."""
+"""Readings of a rig, with the kind and unit of each."""
 
 import math
 import time
@@ -30,7 +30,7 @@ COLUMNS = (
     "voltage_V",
     "sliding_um",
 )
-"""Columns that are collected from a record; a record contains more."""
+"""Columns read from a record; a record contains more columns."""
 OF_SECOND = ("second_x_um", "second_force_mN", "second_voltage_V")
 """Fields of the second arm, in the newest sample and in a record. Other fields are those of the
 first arm."""
@@ -51,7 +51,7 @@ def columns(arms: int) -> tuple[str, ...]:
 
 
 def data_keys(name: str, source: str, fields: Iterable[str]) -> dict[str, DataKey]:
-    """Return the data keys of a device's fields; the unit is that of the name."""
+    """Return the data keys of a device's fields; the suffix of a name determines the unit."""
     return {f"{name}-{field}": _data_key(source, field) for field in fields}
 
 
@@ -77,12 +77,12 @@ def setpoint_mN(rig: Rig, job: Job | None) -> float:
     Parameters
     ----------
     job
-        Job that has the rig; None if none has it.
+        Job that uses the rig; None if there is none.
     """
     if job is None:
         return 0.0 if rig.part == "none" else math.nan
     now = job.progress
-    if job.ended_at is not None:  # stopped, and its part is kept with the reference it had then
+    if job.ended_at is not None:  # stopped; its part stays held with its last reference
         force_mN = None if now is None or not now.held else now.force_r_mN
     else:
         lets_go = now is not None and now.phase in LETTING_GO
@@ -91,7 +91,7 @@ def setpoint_mN(rig: Rig, job: Job | None) -> float:
 
 
 def standing(rig: Rig) -> dict[str, Any]:
-    """Return rig, rig file and model."""
+    """Return the rig, rig file and model."""
     found = (rig.name, rig.digest, rig.model.digest, rig.period_s)
     return dict(zip(STANDING, found, strict=True))
 

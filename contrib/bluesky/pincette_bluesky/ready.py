@@ -12,17 +12,17 @@ LOOK_S = 0.2
 
 
 class Ready:
-    """Signal that is true while the rig accepts commands; false after 1 s without news from it.
+    """Signal that is true while the rig accepts commands; false if no reading has arrived for 1 s.
 
-    Suspenders call ``subscribe`` and ``clear_sub``, which signals of ophyd have and those of
-    ophyd-async do not. A thread reads the rig while there is a subscription.
+    Suspenders call ``subscribe`` and ``clear_sub``, methods of ophyd signals that ophyd-async
+    signals lack. A thread reads the rig while there is a subscription.
 
     Parameters
     ----------
     name
-        Called for the name of the signal, which a suspender shows.
+        Function that returns the name of the signal, which a suspender shows.
     rig
-        Called for the rig that is read, over a separate connection.
+        Function that returns the rig to read, over a separate connection.
     """
 
     def __init__(
@@ -75,6 +75,7 @@ class Ready:
                 with suppress(NotPermittedError):
                     ready = rig.status().ready
                 for function in tuple(self._functions):
-                    # A suspender raises where the engine is busy; the next reading reaches it.
+                    # A suspender raises an error while the engine is busy; it gets the next reading
+                    # instead.
                     with suppress(RuntimeError):
                         function(value=ready)

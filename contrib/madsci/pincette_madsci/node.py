@@ -43,21 +43,25 @@ class GripperConfig(RestNodeConfig):
     """Trusted certificate of a supervisor that uses TLS: its ``authority.crt``."""
     rig: str | None = None
     status_update_interval: float = 0.5
-    """Interval in s; MADSci rejects actions by the status that it has read last."""
+    """Interval in s. MADSci accepts or rejects actions according to the status that it has read
+    last.
+    """
     state_update_interval: float = 0.5
     enable_rate_limiting: bool = False
-    """Off, since MADSci would otherwise reject a safety stop after 100 requests in a minute."""
+    """False, since MADSci would otherwise reject a safety stop after 100 requests in a minute."""
 
 
 class GripperStatus(NodeStatus):
-    """Status of the node, whose description states why the rig is not ready."""
+    """Status of the node; its description states why the rig is not ready."""
 
     _reasons: tuple[str, ...] = ()
 
     @computed_field
     @property
     def description(self) -> str:
-        """Return why the node is not ready; MADSci's own text omits that it is stopped."""
+        """Return why the node is not ready. MADSci's own text does not mention that the rig is
+        stopped.
+        """
         own = super().description
         if not (self.stopped or self.disconnected):
             return own
@@ -71,7 +75,7 @@ class GripperStatus(NodeStatus):
 
 
 class Gripper(RestNode):
-    """Node that grips and releases; a rejected request fails its action only."""
+    """Node that grips and releases; a rejected request makes only its own action fail."""
 
     node_status: GripperStatus = GripperStatus(initializing=True)
     config: GripperConfig = GripperConfig()
@@ -110,12 +114,12 @@ class Gripper(RestNode):
         }
 
     def get_status(self) -> NodeStatus:
-        """Return the present status of the node, not the last one that was read."""
+        """Read and return the present status of the node instead of the stored one."""
         self._update_status()
         return self.node_status
 
     def get_state(self) -> dict[str, Any]:
-        """Return the present state of the rig, not the last one that was read."""
+        """Read and return the present state of the rig instead of the stored one."""
         self._update_state()
         return self.node_state
 
@@ -130,7 +134,7 @@ class Gripper(RestNode):
 
     @action
     def grip(self, force_mN: float) -> ActionResult:
-        """Grip; ends when the part is held, and it stays held until release.
+        """Grip a part. The action ends when the part is held; it stays held until it is released.
 
         A part that this node holds is loaded or unloaded to the force without being released; a
         part that already has this force stays unchanged.
@@ -151,7 +155,7 @@ class Gripper(RestNode):
 
     @action
     def release(self) -> ActionResult:
-        """Release the held part, also one that an earlier node has gripped."""
+        """Release the held part, even if an earlier node gripped it."""
         key = uuid4().hex
         with self._noted(key):
             try:
@@ -162,11 +166,11 @@ class Gripper(RestNode):
         return ActionSucceeded(json_result={"job": job.id})
 
     def cancel(self) -> AdminCommandResponse:
-        """Stop a motion, also one that is being planned; a held part stays held."""
+        """Stop a motion, even while it is being planned; a held part stays held."""
 
         def stop() -> None:
             for key, job in list(self._actions.items()):
-                # By its key first, which also stops a request that has no job yet.
+                # Stop it by its key first: this also stops a request that has no job yet.
                 if self._supervisor.stop(key) is None and job is not None:
                     job.stop()
 
@@ -209,7 +213,7 @@ def gripped(job: JobHandle, now: Progress | None) -> ActionResult:
 
 
 def last(moments: Iterable[Progress]) -> Progress | None:
-    """Follow a motion to its end."""
+    """Follow a motion to its end, and return its last state."""
     found = None
     for now in moments:
         found = now
@@ -226,7 +230,9 @@ def failed(error: ClientError) -> ActionResult:
 
 
 def done(command: Callable[[], str | None]) -> AdminCommandResponse:
-    """Return the result of an admin command, which must not raise either; a text is its error."""
+    """Return the result of an admin command, which must not raise an exception; the argument is the
+    error text.
+    """
     try:
         trouble = command()
     except ClientError as error:

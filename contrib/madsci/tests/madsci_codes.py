@@ -1,7 +1,7 @@
 """Pass errors with given codes through the node of MADSci: run in the node's environment.
 
-The standard input has a list of objects, each with the JSON of a job or of a problem. What the
-stock models of MADSci keep of each failed action is printed as a list.
+The standard input has a list of objects, each with the JSON of a job or of a problem. Print a list
+of the data that the stock models of MADSci keep about each failed action.
 """
 # pyright: basic, reportMissingImports=false
 

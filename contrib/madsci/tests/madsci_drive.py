@@ -1,8 +1,8 @@
 """The stock client of MADSci drives a node: run in the node's environment, with its address.
 
-``URL ACTION ARGUMENTS`` runs one action, ``URL each`` those of the standard input, ``URL leave
-ACTION ARGUMENTS`` begins one and does not wait, ``URL admin COMMAND`` runs an admin command, and
-``URL all REST FORCE_MN PROCESS`` everything that a rig may meet; PROCESS is the supervisor's.
+``URL ACTION ARGUMENTS`` runs one action, ``URL each`` runs the actions in the standard input, ``URL
+leave ACTION ARGUMENTS`` begins one and does not wait, ``URL admin COMMAND`` runs an admin command,
+and ``URL all REST FORCE_MN PROCESS`` runs every case; PROCESS is the process id of the supervisor.
 """
 # pyright: basic, reportMissingImports=false
 
@@ -24,7 +24,7 @@ def action(client: RestNodeClient, name: str, **args: Any) -> dict[str, Any]:
     request = ActionRequest(action_name=name, args=args)
     found = client.send_action(request, timeout=120.0)
     if str(found.status.value) != "succeeded":
-        # What waits for an action gives its status alone where it has failed.
+        # If an action has failed, the call that waits for it returns only its status.
         found = client.get_action_result(found.action_id)
     errors = [[one.error_type, one.message] for one in found.errors]
     return {"status": str(found.status.value), "json": found.json_result, "errors": errors}
@@ -54,8 +54,7 @@ def everything(client: RestNodeClient, rest: str, force_mN: float, process: int)
         return thread
 
     def during(command: str) -> dict[str, Any]:
-        """A grip that is interrupted by an admin command, on a node that has been locked
-        meanwhile."""
+        """A grip that an admin command interrupts, on a node that was locked in the meantime."""
         found: dict[str, Any] = {}
         thread = gripping(found)
         until(lambda view: (view["newest"] or {}).get("phase") == "approach" and view["active_job"])
@@ -72,7 +71,8 @@ def everything(client: RestNodeClient, rest: str, force_mN: float, process: int)
         os.kill(process, signal.SIGSTOP)
         try:
             thread = gripping(found)
-            # A stopped process cannot say that a request waits for it: only time can.
+            # A stopped process cannot report that a request is waiting for it, so the test waits
+            # for a fixed time.
             time.sleep(1.0)
             cancel = threading.Thread(target=client.send_admin_command, args=["cancel"])
             cancel.start()

@@ -38,7 +38,7 @@ from tests.support.rigs import at_own_ports, free_ports
 from tests.support.running import RunningRig, running_rig
 from tests.support.two_arms import SHORT_PAIR, two_arm_rig
 
-# Its environment is made for it, and its packages take some seconds to be imported.
+# It gets a separate environment, whose packages take some seconds to import.
 pytestmark = pytest.mark.slow
 
 CHANGES = SLOW
@@ -279,7 +279,7 @@ def test_an_unreachable_supervisor_is_reported_and_a_restarted_one_can_release(
             return httpx.get(f"{url}state", trust_env=False).json()["state"]
 
         until(lambda: state() == "unknown", "it is told as there")
-        # An admin command that raised would put the node out of use.
+        # An admin command that raises an exception would make the node unusable.
         answer = driven(python, tmp_path, url, "admin", "safety_stop")
         assert answer == {"success": False, "errors": ["no-answer"]}
         answer = driven(python, tmp_path, url, "admin", "cancel")

@@ -1,8 +1,9 @@
 """Position as a voltage at an analog input of NI-DAQmx.
 
 From the package nidaqmx 1.7.0 and its documentation. Assumed: the module samples its channels at
-one instant (a multiplexed one is late by one conversion from the first to the second), and beyond
-its range it reads the end of the range. Voltages within the last step at either end are over range.
+one instant (a multiplexed one is late by one conversion from the first to the second), and a
+voltage beyond the range reads as the end of the range. A reading within the last step at either end
+counts as over range.
 """
 
 from dataclasses import dataclass
@@ -57,7 +58,7 @@ class AnalogInput:
         self._capture: Any = None
 
     def prepare(self) -> None:
-        """Take back tasks of an earlier program, and begin single readings."""
+        """Clear tasks left by an earlier program, and start reading on demand."""
         for purpose in ("single", "capture"):
             self._daq.take_back(purpose)
         self._begin_single()
@@ -165,7 +166,7 @@ class AnalogInput:
         self._single = self._daq.task("single", arrange)
 
     def _drop(self) -> None:
-        """Make the next reading begin with a new task."""
+        """Discard the task, so that the next reading creates a new one."""
         task, self._single = self._single, None
         if task is not None:
             self._daq.clear("single", task)

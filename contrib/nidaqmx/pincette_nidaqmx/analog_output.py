@@ -5,7 +5,7 @@ task owns it, and a finite waveform may begin before all its samples are written
 not be put out again.
 
 A waveform is written while it plays: half a second of it before it begins, a quarter of a second at
-each ``look``. So it begins at once, however long it is, and breaks off soon after its host.
+each ``look``. So even a long waveform begins at once, and it stops soon after its host has failed.
 
 The parts of a step are a short waveform with its own task, which is stopped, written and started
 again for each step. Assumed: its first sample is output when it starts.
@@ -27,8 +27,9 @@ from pincette.instruments.protocols import InstrumentError
 from pincette_nidaqmx.tasks import Daq, TaskGoneError
 
 BEGIN_S, LOOK_S = 0.5, 0.25
-"""Duration of a waveform in s that is written before its start, and at each ``look``. At least four
-calls a second are needed."""
+"""Duration of the waveform, in s, that is written before the start, and at each call of ``look``.
+At least four calls per second are needed.
+"""
 LEAST_SAMPLES = 2
 """Least number of samples of a buffered output."""
 
@@ -40,7 +41,7 @@ _log = logging.getLogger(__name__)
 class AnalogOutput:
     """One channel with three tasks: for single values, for waveforms, and for steps in parts.
 
-    Only one of them has the channel at a time.
+    Only one task uses the channel at a time.
     """
 
     def __init__(self, daq: Daq, *, least_V: float, most_V: float, rate_hz: float) -> None:
@@ -51,12 +52,12 @@ class AnalogOutput:
         self._wave: Any = None
         self._parts: Any = None
         self._parts_of = 0, 0.0
-        """Number of parts and interval in s for which the task of parts was made."""
+        """Number of parts and interval in s for which the parts task was created."""
         self._playing = False
         self._stepping = False
-        """True while the task of parts has the channel."""
+        """True while the parts task uses the channel."""
         self._stepped_s = 0.0
-        """Time of the monotonic clock in s at which all parts have been output."""
+        """Monotonic time in s at which all parts have been output."""
         self._held_V: float | None = None
         """Present output voltage in V; None while a waveform plays."""
         self._wave_V: Sequence[float] = ()
@@ -65,7 +66,7 @@ class AnalogOutput:
         self._look_samples = LEAST_SAMPLES
 
     def prepare(self, read_channel: str, found_V: float) -> None:
-        """Take back tasks of an earlier program, and find the present output voltage."""
+        """Clear tasks left by an earlier program, and find the present output voltage."""
         for purpose in ("single", "wave", "parts", "reading"):
             self._daq.take_back(purpose)
         self._begin_single()
@@ -81,7 +82,7 @@ class AnalogOutput:
         self._held_V = found_V
 
     def write_V(self, voltage_V: float) -> None:
-        """Put out a voltage; it ends a playing waveform, and the parts of a step.
+        """Output a voltage; this ends a playing waveform and the parts of a step.
 
         Raises
         ------
@@ -110,7 +111,7 @@ class AnalogOutput:
         Raises
         ------
         InstrumentError
-            While a wave plays.
+            While a waveform plays.
         """
         self._daq.must_be_open()
         if self._held_V is None:
@@ -121,7 +122,8 @@ class AnalogOutput:
         return self._held_V
 
     def write_parts(self, voltages_V: Sequence[float], interval_s: float) -> None:
-        """Put out one voltage each ``interval_s``, the first at once; the last one stays.
+        """Output one voltage every ``interval_s``, the first one immediately; the output keeps the
+        last one.
 
         Raises
         ------
@@ -170,13 +172,13 @@ class AnalogOutput:
         return self._parts
 
     def begin_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:
-        """Put out one voltage each 1/rate; the last one stays.
+        """Output one voltage every 1/rate; the output keeps the last one.
 
         Raises
         ------
         InstrumentError
-            If the rate or a voltage of what is written first is beyond its limit, before
-            anything is sent; if the device refuses.
+            If the rate or a voltage in the first block is beyond its limit, before anything is
+            sent; if the device refuses.
         """
         self._daq.must_be_open()
         if not 0.0 < rate_hz <= self._rate_hz:
@@ -202,7 +204,9 @@ class AnalogOutput:
         self._held_V = None
 
     def look(self) -> None:
-        """Write more of the waveform; raise InstrumentError if it has broken off, or none plays."""
+        """Write more samples of the waveform; raises InstrumentError if it has stopped early, or
+        none plays.
+        """
         self._daq.must_be_open()
         if not self._playing:
             raise InstrumentError(f"{self._daq.channel}: no wave plays", "misused")
@@ -224,7 +228,7 @@ class AnalogOutput:
             raise InstrumentError(f"{self._daq.channel}: {text}", "misused")
 
     def _checked(self, voltages_V: Sequence[float]) -> Samples:
-        # An array of the standard library takes a tuple four times as fast as numpy does.
+        # Filling an array of the standard library from a tuple is four times as fast as with numpy.
         samples_V = np.frombuffer(array("d", voltages_V))
         for end_V in (samples_V.min(), samples_V.max()):
             self._must_be_within(float(end_V))
@@ -248,7 +252,7 @@ class AnalogOutput:
         task.start()
 
     def _released(self) -> bool:
-        """End a waveform, or the parts of a step; return whether there was either."""
+        """End a waveform or the parts of a step; return True if one of them was in progress."""
         if self._playing:
             self._playing = False
             if not self._stopped("wave", self._wave):
@@ -272,7 +276,7 @@ class AnalogOutput:
         return True
 
     def _resume(self) -> None:
-        """Give the output back to the task of single values."""
+        """Let the task for single values use the output again."""
         if self._single is None:
             return
         try:
@@ -282,7 +286,7 @@ class AnalogOutput:
             raise
 
     def _drop(self) -> None:
-        """Make the next write or waveform begin with new tasks."""
+        """Discard the tasks, so that the next write or waveform creates new ones."""
         tasks = {"wave": self._wave, "parts": self._parts, "single": self._single}
         self._wave = self._parts = self._single = None
         self._playing = self._stepping = False

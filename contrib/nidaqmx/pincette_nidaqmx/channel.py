@@ -20,7 +20,7 @@ def channel_of(url: str, channel: str) -> str:
     Raises
     ------
     ConfigError
-        If neither names one, or what is named is none.
+        If neither names a channel, or the name is not valid.
     """
     named = channel
     if url.startswith(LOCAL):
@@ -37,7 +37,7 @@ def channel_of(url: str, channel: str) -> str:
 
 @contextmanager
 def needing_the_package(url: str) -> Generator[None]:
-    """Import code that needs the package; InstrumentError if the package is not installed."""
+    """Import code that needs the package; raises InstrumentError if it is not installed."""
     try:
         yield
     except ImportError as error:

@@ -2,9 +2,10 @@
 
 A request is the method's full name, NUL and the serialized message. A reply begins with one of
 
-    ok NUL message                what the method returned
-    ni-error NUL code NUL text    the instrument says no, in the metadata that NI's servers add
-    status NUL name NUL text      the server cannot carry out the call
+    ok NUL message                the message that the method returned
+    ni-error NUL code NUL text    the instrument has rejected the call; code and text are in the
+                                  metadata that NI's servers add
+    status NUL name NUL text      the server cannot execute the call
 
 so that calls are logged, recorded and replayed like the lines of a serial port. A call without any
 reply raises InstrumentError. This is the only file that opens a gRPC channel.
@@ -51,14 +52,9 @@ def open_rpc_link(
 
     Parameters
     ----------
-    timeout_s
-        For a call whose method's last name is in ``quick``.
-    patience_s
-        For each other call, which may set up hardware; at least ``timeout_s``.
-    metadata
-        Sent with each call.
-    record
-        File that each exchange is written to.
+    timeout_s Timeout of calls whose method name, without its path, is in ``quick``. patience_s
+    Timeout of all other calls, which may set up hardware; at least ``timeout_s``. metadata Metadata
+    that is sent with each call. record File to which each exchange is written.
 
     Raises
     ------
@@ -168,7 +164,7 @@ class _Entry(NamedTuple):
 
 
 class _CallError(grpc.RpcError):
-    """Call that the server, or the instrument behind it, has rejected."""
+    """Error for a call that the server, or the instrument behind it, has rejected."""
 
     def __init__(self, status: str, text: str, code: str = "") -> None:
         super().__init__(text)
@@ -186,10 +182,10 @@ class _CallError(grpc.RpcError):
 
 
 class LinkChannel:
-    """The part of a gRPC channel that a generated stub needs, over a link.
+    """Link with the methods of a gRPC channel that a generated stub needs.
 
     A call returns the decoded message, raises grpc.RpcError if the server rejects it, and
-    InstrumentError if the link fails or brings no reply of this kind.
+    InstrumentError if the link fails or returns no reply of this type.
     """
 
     def __init__(self, link: Link) -> None:

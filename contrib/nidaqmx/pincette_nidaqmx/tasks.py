@@ -32,7 +32,8 @@ from pincette_nidaqmx.channel import LOCAL, needing_the_package
 PATIENCE_S = 2.0
 """Timeout of a call that sets up hardware, in s; assumed."""
 SHARE = 0.8
-"""Share of the timeout for which the device may wait for samples, so that its answer comes in time.
+"""Fraction of the timeout for which the device may wait for samples, so that its reply arrives in
+time.
 """
 QUICK: frozenset[str] = frozenset(
     {
@@ -71,7 +72,7 @@ T = TypeVar("T")
 
 
 class TaskGoneError(InstrumentError):
-    """The task no longer exists and must be created again."""
+    """Error for a task that no longer exists and must be created again."""
 
 
 @dataclass(slots=True)
@@ -83,7 +84,7 @@ class Daq:
     wait_s: float
     """Time for which the device may wait for samples, in s."""
     left: set[str] = field(default_factory=set[str])
-    """Purposes whose task may still be at the server, because a call about it was lost."""
+    """Purposes whose tasks may still exist at the server, because a call for them was lost."""
     _closed: bool = field(default=False, init=False)
 
     def must_be_open(self) -> None:
@@ -92,7 +93,7 @@ class Daq:
             raise InstrumentError(f"{self.channel}: the port is closed; open it again", "misused")
 
     def ask(self, what: str, call: Callable[P, T], *given: P.args, **named: P.kwargs) -> T:
-        """Call the package; its errors are raised as InstrumentError that contain ``what``."""
+        """Call the package; raises its errors as InstrumentError with ``what`` in the message."""
         try:
             return call(*given, **named)
         except (DaqNotFoundError, DaqNotSupportedError) as error:
@@ -120,7 +121,7 @@ class Daq:
         return task
 
     def take_back(self, purpose: str) -> None:
-        """Clear the task that is still at the server, if there is one."""
+        """Clear the task that still exists at the server, if there is one."""
         if self.link is None:
             return
         try:
@@ -135,7 +136,7 @@ class Daq:
         self.clear(purpose, found)
 
     def clear(self, purpose: str, task: Any) -> None:
-        """Clear a task; if that fails it is taken back before it is created again."""
+        """Clear a task; if this fails, it is cleared again before the next creation."""
         try:
             self.ask(f"clearing {purpose}", task.close)
         except TaskGoneError as error:
@@ -145,7 +146,7 @@ class Daq:
             _log.info("%s", error)
 
     def close(self, tasks: Mapping[str, Any] = NO_TASKS) -> None:
-        """Close tasks, by their purposes, and the line; repeated calls do nothing."""
+        """Close the tasks, given by purpose, and the line; repeated calls do nothing."""
         if self._closed:
             return
         self._closed = True
@@ -179,7 +180,7 @@ class Daq:
 def open_daq(settings: Sensor | Output, channel: str, link: Link | None, met: bool) -> Daq:
     """Open the access to a channel, or use ``link``.
 
-    ``met`` states if the driver was ever tested.
+    ``met`` is True if the driver has been tested with its instrument.
 
     Raises
     ------

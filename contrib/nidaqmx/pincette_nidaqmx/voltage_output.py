@@ -5,10 +5,10 @@ an NI gRPC Device Server.
 
 An analog output cannot be read back. If the voltage is also connected to an analog input, or the
 device measures it internally (M series: ``Dev1/_ao0_vs_aognd``), that input is ``read_channel``; it
-must be on a device other than the position's, whose input is in use. Without it the voltage before
+must be on another device than the position input, which is in use. Without it the voltage before
 the first write is *assumed* to be ``found_V``, with a warning: 0 V is right after power-on, and
-wrong if a program that died left another voltage, since the module holds its last one. The module
-has no known watchdog.
+wrong if a program that crashed left another voltage, since the module holds its last one. The
+module has no known watchdog.
 """
 
 from pydantic import model_validator
@@ -27,7 +27,7 @@ STEP_V = 20.0 / 2**16
 """Voltage step of 16 bits over ±10 V."""
 SETTLING_S = 3e-6
 PARTS_CALLS = 3
-"""Number of calls for a step that is written in parts: stop, write, start."""
+"""Number of calls needed for a step that is written in parts: stop, write, start."""
 NOTE = (
     "an exchange of 1 ms unless stated, settling in 3 µs and waves at the stated rate are assumed"
 )

@@ -80,7 +80,7 @@ def eventually(act: Callable[[], object]) -> None:
             act()
         except InstrumentError as error:
             causes.add(error.code)
-            # gRPC connects again by the clock on the wall, and tells nobody when it has.
+            # gRPC reconnects in real time, and does not report when it has.
             time.sleep(0.02)
         else:
             assert causes <= {"hung_up"}

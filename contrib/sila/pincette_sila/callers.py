@@ -1,4 +1,6 @@
-"""Callers: this server with its own key, or a SiLA client that has logged in with one."""
+"""Callers of commands: this server with its own key, or a SiLA client that has logged in with a
+key.
+"""
 
 import secrets
 import time
@@ -48,7 +50,9 @@ class Callers:
         authority: Path | None,
         background: Background,
     ) -> None:
-        """Prepare the client; ``authority`` is the trusted one of a supervisor with TLS."""
+        """Prepare the client; ``authority`` is the trusted certificate of a supervisor that uses
+        TLS.
+        """
         self._url, self._rig, self._authority = url, rig, authority
         self._background = background
         self.supervisor = self._supervisor(key, "sila")
@@ -72,7 +76,7 @@ class Callers:
             session = self._background.call(supervisor.session())
         except (ClientError, CommandError, ValueError) as error:
             raise AuthenticationFailed(str(error)) from error
-        if not session.keys:  # it would accept any word
+        if not session.keys:  # without keys, the supervisor would accept any password
             raise AuthenticationFailed("the supervisor has no keys; make one: pincette key add")
         if session.scope is None:
             raise AuthenticationFailed("the supervisor does not know this key")
@@ -104,7 +108,7 @@ ACCESS_TOKEN = cast("Any", AuthorizationServiceFeature)["AccessToken"]
 class Authentication(AuthenticationServiceBase):
     """Authentication by a key of the supervisor as password.
 
-    The user's name is kept with actions.
+    The user name is recorded with each action.
     """
 
     def __init__(self, parent_server: SilaServer, callers: Callers) -> None:

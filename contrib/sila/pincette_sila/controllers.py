@@ -25,7 +25,7 @@ UNPAUSED = ("Release",)
 
 
 class Cancelling(FeatureImplementationBase):
-    """Cancels by a stop: the motion comes to rest, and a held part stays held."""
+    """Cancels a command by a stop: the arm comes to rest, and a held part stays held."""
 
     def __init__(
         self,
@@ -63,7 +63,7 @@ class Cancelling(FeatureImplementationBase):
             job = self._gripper.jobs.get(execution)
             key = self._gripper.keys.get(execution, str(execution))
             rig = self._gripper.rigs.get(execution) or self._callers.rig(metadata)
-            # By its key first, which also stops a request that has no job yet.
+            # Stop it by its key first: this also stops a request that has no job yet.
             if await rig.stop(key) is None and job is not None:
                 await job.stop()
 
@@ -135,7 +135,7 @@ def _paused(identifier: str, words: str) -> DefinedExecutionError:
 
 
 class Simulation(FeatureImplementationBase):
-    """Simulation mode, which the rig file determines; this feature only reports it."""
+    """Simulation mode. The rig file determines it; this feature only reports it."""
 
     def __init__(self, parent_server: SilaServer, *, simulated: bool) -> None:
         super().__init__(parent_server)

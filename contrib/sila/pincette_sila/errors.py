@@ -36,11 +36,12 @@ NAMES: Mapping[type[ClientError], str] = {
     NoAnswerError: "SupervisorUnreachable",
     ForeignAnswerError: "SupervisorUnreachable",
 }
-"""Identifiers in the feature definition; any other rejection is ``RigNotReady``. A job with an
-unexpected ending has an identifier by its ending."""
+"""Error identifiers in the feature definition, by code; any other rejection is ``RigNotReady``. A
+job that ended unexpectedly has the identifier of its ending.
+"""
 UNCONFIRMED = "estop-unconfirmed"
 RECOVERABLE = ("no_contact", "slipped")
-"""Outcomes after which the arm is back, and no part is held."""
+"""Outcomes after which the arm is back in its start position, and no part is held."""
 
 
 class CommandError(Exception):
@@ -50,7 +51,7 @@ class CommandError(Exception):
         super().__init__(text)
         self.identifier = identifier
         self.recoverable = recoverable
-        """True if the same motion may be started again, for example if no part was met."""
+        """True if the same motion may be started again, for example if no part was found."""
 
 
 def command_error(error: ClientError) -> CommandError:

@@ -25,7 +25,7 @@ from pincette_sila.recovery import ErrorRecovery
 log = logging.getLogger("pincette.sila")
 T = TypeVar("T")
 KEPT = 100
-"""Number of commands of each name whose responses stay available after their end."""
+"""Number of commands per name whose responses stay available after their end."""
 MOVING = ("Grip", "Hold", "Release", "Track", "Calibrate")
 Responses = tuple[Any, ...] | str
 """Responses of a command; a single value is not wrapped."""
@@ -52,7 +52,7 @@ class Gripper(FeatureImplementationBase):
         self._recovery = recovery
         self.watch = RigWatch(callers.rig())
         self.unresumed: str | None = "the commands of an earlier SiLA server are being looked up"
-        """Reason why the commands of an earlier server are not known yet; None once they are."""
+        """Reason why the commands of an earlier server are not restored yet; None once they are."""
         self._told: tuple[str, list[str], str] | None = None
         self._RigState_producer_queue: Queue[str] = Queue()
         self._Reasons_producer_queue: Queue[list[str]] = Queue()
@@ -61,15 +61,15 @@ class Gripper(FeatureImplementationBase):
         self.jobs: dict[UUID, AsyncJobHandle] = {}
         """Jobs of the running commands."""
         self.rigs: dict[UUID, AsyncRigHandle] = {}
-        """Rig with the permissions of the callers of running commands; a cancel uses them."""
+        """Rigs with the permissions of the callers of the running commands; a cancel uses them."""
         self.keys: dict[UUID, str] = {}
-        """Idempotency keys of the running commands that have started a job again."""
+        """Idempotency keys of the running commands that have repeated a job."""
 
     def publish(self) -> None:
         """Publish the state of the rig if it has changed. Call it in the client's loop.
 
-        The state is unknown until the commands of an earlier server are known here: a client that
-        waits for the state after a restart then finds its command.
+        The state is published as unknown until the commands of an earlier server are restored. So a
+        client that waits for a known state after a restart then finds its command.
         """
         now = self._status()
         shown = (str(now.state), list(now.reasons), str(now.part))
@@ -123,7 +123,7 @@ class Gripper(FeatureImplementationBase):
         return plan.feasible, plan.duration_s, violations, list(getattr(plan, "warnings", ()))
 
     def EmergencyStop(self, *, metadata: MetadataDict) -> str:
-        """Stop at once, with this server's own key or none."""
+        """Stop at once, with this server's own key or without a key."""
         stopped = self._call(self._callers.rig().patient(0.0).estop())
         if not stopped.acknowledged:
             error = CommandError("StopUnconfirmed", f"rig {stopped.rig}: {stopped.detail}")
@@ -139,7 +139,7 @@ class Gripper(FeatureImplementationBase):
         metadata: MetadataDict,
         instance: Execution,
     ) -> Responses:
-        """Grip the part; without a hold time until it is held.
+        """Grip the part. Without a hold time, the command ends when the part is held.
 
         A part that a command of this server holds is loaded or unloaded to the force.
         """
@@ -179,7 +179,7 @@ class Gripper(FeatureImplementationBase):
         metadata: MetadataDict,
         instance: Execution,
     ) -> Responses:
-        """Follow a path of force."""
+        """Follow a force path."""
         return self._begin(
             "Track",
             instance,
@@ -223,7 +223,7 @@ class Gripper(FeatureImplementationBase):
         execution: UUID,
         rig: AsyncRigHandle | None = None,
     ) -> Responses:
-        """Follow the job of a command to its responses, and start it again on request."""
+        """Follow the job of a command and return the responses; the client may request a retry."""
         rig = rig or self._callers.rig()
 
         async def follow() -> Responses:
@@ -260,13 +260,14 @@ class Gripper(FeatureImplementationBase):
         try:
             yield
         finally:
-            # A client that sees the end of a command must read a state at least as new.
-            with suppress(CommandError):  # if the server ends
+            # A client that sees the end of a command must then read a state at least as new as that
+            # end.
+            with suppress(CommandError):  # when the server ends
                 self._background.call(self._refresh())
             del self.jobs[execution]
             self.keys.pop(execution, None)
             self.rigs.pop(execution, None)
-            for one in set(self.rigs) - set(self.running()):  # commands without a job
+            for one in set(self.rigs) - set(self.running()):  # commands that have no job
                 del self.rigs[one]
             for managers in self.managers().values():
                 ended = [one for one, manager in managers.items() if not manager.is_running()]

@@ -1,7 +1,8 @@
-"""Standard lock feature: it prevents others from starting a motion, never from stopping one.
+"""Standard lock feature: a lock prevents other clients from starting a motion, never from stopping
+one.
 
-The implementation in sila2 locks out an emergency stop, and rejects clients without a lock
-identifier even while it is open.
+The implementation in sila2 also blocks an emergency stop, and rejects clients without a lock
+identifier even while the server is not locked.
 """
 
 import hmac
@@ -33,7 +34,9 @@ class _Held:
 
 
 class Lock(LockControllerBase):
-    """Lock that is open, or held by the owner of its identifier until its timeout without use."""
+    """Lock that is open or held. The client with its identifier holds it until it is unused for the
+    timeout.
+    """
 
     def __init__(self, parent_server: SilaServer, protected: list[Command]) -> None:
         super().__init__(parent_server)
@@ -50,7 +53,7 @@ class Lock(LockControllerBase):
     def LockServer(
         self, LockIdentifier: str, Timeout: int, *, metadata: MetadataDict
     ) -> LockServer_Responses:
-        """Acquire the lock; a timeout of 0 s has no end."""
+        """Acquire the lock; a timeout of 0 s means no timeout."""
         with self._guard:
             if self._current() is not None:
                 raise ServerAlreadyLocked("the server is locked")
@@ -72,7 +75,7 @@ class Lock(LockControllerBase):
     def get_calls_affected_by_LockIdentifier(self) -> list[Command]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Return the commands that need the identifier while the lock is held.
 
-        No command needs it while it is open.
+        While the lock is open, no command needs it.
         """
         with self._guard:
             return [] if self._current() is None else self._protected

@@ -13,7 +13,7 @@ from pincette.client import AsyncJobHandle, AsyncRigHandle, left_s
 LABEL = "sila"
 """Label of a job with the command and the execution UUID that started it."""
 UNKNOWN = -1.0
-"""Value of an unknown figure, since SiLA has no null."""
+"""Value that replaces an unknown number, since SiLA has no null."""
 DEFAULT = -1.0
 """Value of a parameter that is left to the recipe or the rig file; 0 is sent unchanged."""
 
@@ -30,7 +30,7 @@ class Sample(NamedTuple):
 
 
 Execution = ObservableCommandInstanceWithIntermediateResponses[Sample]
-"""Receiver of a command's progress."""
+"""Object that receives a command's progress."""
 
 
 def given(**fields: Any) -> dict[str, Any]:
@@ -45,7 +45,7 @@ def grip_fields(force_mN: float, hold_s: float, recipe: str) -> dict[str, Any]:
 
 
 def known(value: float | None) -> float:
-    """Return a figure in the form of SiLA."""
+    """Return a number as SiLA sends it; unknown numbers are replaced."""
     return UNKNOWN if value is None else value
 
 
@@ -57,7 +57,7 @@ def labels(command: str, execution: UUID) -> dict[str, str]:
 async def start(
     rig: AsyncRigHandle, command: str, execution: UUID, kind: str, **fields: Any
 ) -> AsyncJobHandle:
-    """Start a job once for a command."""
+    """Start the job of a command, once only."""
     key, named = str(execution), labels(command, execution)
     return await rig.start(kind, idempotency_key=key, labels=named, **fields)
 
@@ -65,7 +65,7 @@ async def start(
 async def reach(
     rig: AsyncRigHandle, execution: UUID, force_mN: float, hold_s: float | None
 ) -> tuple[AsyncJobHandle, Progress | None]:
-    """Start the job that brings a part to a force once for a command.
+    """Start the job that brings the part to a force, once per command.
 
     See ``AsyncRigHandle.reach``.
     """
@@ -76,7 +76,7 @@ async def reach(
 
 
 async def again(rig: AsyncRigHandle, job: AsyncJobHandle, key: str) -> AsyncJobHandle:
-    """Start the same job again, as the next attempt of the same command."""
+    """Start the same job again as the next attempt of the command."""
     asked: dict[str, Any] = {**job.job.request, "kind": job.job.kind}
     return await rig.start(asked.pop("kind"), idempotency_key=key, **asked)
 

@@ -1,4 +1,6 @@
-"""SiLA 2 server of one rig; it starts without its supervisor, and reports that it waits."""
+"""SiLA 2 server of one rig. It starts even if its supervisor does not run yet, and reports that it
+waits.
+"""
 
 import logging
 import os
@@ -35,10 +37,10 @@ from pincette_sila.subscriptions import install
 from pincette_sila.watching import watch_rig, watch_samples
 
 KEY = "PINCETTE_KEY"
-"""Variable with the key for a supervisor that requires one."""
+"""Environment variable with the key for a supervisor that requires one."""
 VENDOR = "https://pincette.invalid"
 IDENTITY = "sila-server-uuid"
-"""File in the data folder that keeps a server's UUID over restarts."""
+"""File in the data folder that stores the server's UUID."""
 
 
 def run(context: Context) -> None:
@@ -99,7 +101,7 @@ def run(context: Context) -> None:
 
 
 def identity(path: Path) -> uuid.UUID:
-    """Return the UUID in a file, which is created if missing."""
+    """Return the UUID stored in a file, which is created if it does not exist."""
     try:
         return uuid.UUID(path.read_text(encoding="ascii").strip())
     except FileNotFoundError:
@@ -112,7 +114,7 @@ def identity(path: Path) -> uuid.UUID:
 def _listen(server: SilaServer, context: Context) -> None:
     settings = context.rig.sila
     where = (settings.host, settings.port)
-    require_port(*where, "[sila]")  # gRPC does not say why it cannot listen
+    require_port(*where, "[sila]")  # gRPC does not report why it cannot listen
     if settings.certificate is None:
         server.start_insecure(*where, enable_discovery=settings.discovery)
         return

@@ -1,6 +1,6 @@
 """Standard error recovery feature: a client decides how a command continues after an error.
 
-A command waits for that only after a client has set a timeout for such decisions.
+A command waits for a decision only if a client has set a timeout for decisions.
 """
 
 import asyncio
@@ -21,7 +21,7 @@ RETRY = "Retry"
 
 
 class Option(NamedTuple):
-    """Option to continue; the fields are those of the feature definition."""
+    """Option to continue after an error; the fields are those of the feature definition."""
 
     Identifier: str
     Description: str
@@ -58,7 +58,7 @@ class ErrorRecovery(FeatureImplementationBase):
         self._RecoverableErrors_producer_queue: Queue[list[Waiting]] = Queue()
         self._background = background
         self._timeout_s: float | None = None
-        """Timeout in s; None until a client has set one; infinite for its 0."""
+        """Timeout in s; None until a client has set one. A client's 0 is stored as infinity."""
         self._open: dict[UUID, _Open] = {}
         self._tell()
 
@@ -68,7 +68,7 @@ class ErrorRecovery(FeatureImplementationBase):
     def SetErrorHandlingTimeout(
         self, ErrorHandlingTimeout: int, *, metadata: MetadataDict
     ) -> tuple[()]:
-        """Wait for decisions from here on; 0 s means without end."""
+        """Set the time for which errors wait for decisions; 0 s means without limit."""
         self._timeout_s = float(ErrorHandlingTimeout) or float("inf")
         return ()
 
@@ -80,7 +80,7 @@ class ErrorRecovery(FeatureImplementationBase):
         *,
         metadata: MetadataDict,
     ) -> tuple[()]:
-        """Continue; there is one option, which has no parameters."""
+        """Continue the command; the only option is a retry without parameters."""
         return self._decide(CommandExecutionUUID, ContinuationOption)
 
     def AbortErrorHandling(self, CommandExecutionUUID: str, *, metadata: MetadataDict) -> tuple[()]:
@@ -115,7 +115,9 @@ class ErrorRecovery(FeatureImplementationBase):
             self._tell()
 
     def cancel(self, execution: UUID) -> bool:
-        """Cancel a command that waits here; False without one. Call it in the client's loop."""
+        """Cancel a command that waits here; returns False if it does not. Call it in the client's
+        loop.
+        """
         one = self._open.get(execution)
         if one is None or one.retries.done():
             return False

@@ -3,7 +3,7 @@
 The package sila2 (0.14) changes its list of subscribers in one thread while another iterates over
 it. A client that ends its subscription meanwhile, as each single reading of a property does, makes
 the next subscriber miss the value, or ends the thread, after which no client gets any value. A
-value that is published while a client subscribes is lost to that client.
+client does not receive a value that is published while it subscribes.
 """
 
 import threading
@@ -33,13 +33,13 @@ class SubscriptionThread(threading.Thread):
         super().__init__(name=f"subscriptions-{origin_identifier}")
         self._queue, self._convert = producer_queue, converter_func
         self._turn = threading.Lock()
-        """Held while subscribers change, and while a value is forwarded to all of them."""
+        """Lock for changes of the subscribers and for forwarding one value to all of them."""
         self._streams: list[Stream[Any]] = []
         self._newest: Any = None
         self._ended = False
 
     def add_subscription(self, context: Any) -> Stream[Any]:
-        """Return a stream that begins with the newest value; it ends with the client's call."""
+        """Return a stream that begins with the newest value and ends with the client's call."""
         stream: Stream[Any] = Stream(name=f"{self.name}-{uuid.uuid4()}")
         with self._turn:
             if self._newest is not None:
@@ -52,7 +52,7 @@ class SubscriptionThread(threading.Thread):
         return stream
 
     def cancel_subscription(self, subscription: Stream[Any]) -> None:
-        """End one stream; has no effect on one that has ended."""
+        """End one stream; does nothing if it has ended already."""
         with self._turn, suppress(ValueError):
             self._streams.remove(subscription)
             subscription.cancel()
@@ -72,12 +72,12 @@ class SubscriptionThread(threading.Thread):
             self._streams.clear()
 
     def cancel_producer(self) -> None:
-        """End the thread once all earlier values are forwarded."""
+        """End the thread after all earlier values have been forwarded."""
         self._queue.put(StopIteration())
 
 
 def install() -> None:
-    """Let the package's servers use this distribution. Call it before a server is made."""
+    """Make the package's servers use this class. Call it before a server is created."""
     for module in (
         sila2.server.feature_implementation_servicer,
         sila2.server.observables.observable_command_manager,

@@ -1,4 +1,6 @@
-"""Background work: the state of the rig, its samples, and commands of an earlier server."""
+"""Background tasks: read the state of the rig and its samples, and restore the commands of an
+earlier server.
+"""
 
 import asyncio
 import logging
@@ -26,13 +28,13 @@ SAMPLE_S = 1.0 / 15.0
 """Least time between two published samples, in s."""
 RETRY_S = 1.0
 REMEMBERED = 20
-"""Number of jobs that are searched for commands of an earlier server."""
+"""Number of jobs in which commands of an earlier server are searched."""
 
 
 async def watch_rig(
     server: SilaServer, gripper: Gripper, callers: Callers, pausing: Pausing
 ) -> None:
-    """Publish the state of the rig when it changes, and resume commands once the rig answers."""
+    """Publish the state of the rig when it changes, and restore commands once the rig replies."""
     reading = asyncio.create_task(_read(server, gripper, callers, pausing))
     try:
         while not reading.done():
@@ -82,12 +84,12 @@ async def watch_samples(gripper: Gripper, callers: Callers, second: SecondArm | 
 
 
 async def resume(server: SilaServer, gripper: Gripper, callers: Callers) -> None:
-    """Restore the commands of an earlier server, by the labels of their jobs."""
+    """Restore the commands of an earlier server from the labels of their jobs."""
     found: dict[UUID, tuple[str, AsyncJobHandle]] = {}
     for job in await callers.rig().jobs(REMEMBERED):
         name, _, text = job.job.labels.get(LABEL, "").partition(" ")
         try:
-            found.setdefault(UUID(text), (name, job))  # the newest of those that it has begun
+            found.setdefault(UUID(text), (name, job))  # the newest of its jobs
         except ValueError:
             continue
     for execution, (name, job) in reversed(found.items()):
@@ -101,7 +103,7 @@ def _resume(
     node = command(name)
 
     def follow(instance: Any) -> Any:
-        # The instance got a new execution UUID; the client knows the earlier one.
+        # The restored command got a new execution UUID, but the client knows the earlier one.
         found = gripper.resume(name, instance, job, execution)
         return node.responses.to_message(found)
 

@@ -26,7 +26,7 @@ def address(rig: RunningRig) -> str:
 
 def test_the_interoperability_tester_passes(address: str, tmp_path: Path) -> None:
     python = environment(tmp_path / "venv", "sila2-interop-communication-tester==0.10.3")
-    # What it has for other features wants a server made for it.
+    # Its tests of other features need a server made for them.
     line = [str(python), "-m", TESTER, "--server-address", address, "sila_service"]
     output = ran(line, tmp_path)
     assert " passed" in output

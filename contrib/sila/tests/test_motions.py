@@ -30,7 +30,7 @@ def shares_and_samples(command: Any) -> tuple[list[float], list[Any]]:
 def test_a_held_part_can_be_held_further_and_released(rig: RunningRig, client: Any) -> None:
     gripper = client.Microgripper
     grip = responses(gripper.Grip(FORCE_MN, 0.0, ""))
-    client.CancelController.CancelAll()  # nothing runs: a grip ends as the part is held
+    client.CancelController.CancelAll()  # nothing runs: a grip command ends when the part is held
     rig.post(f"/jobs/{grip.Job}/actions", {"type": "stop"}).raise_for_status()
     until(lambda: rig.job(grip.Job)["state"] == "stopped", "it was not stopped")
     until(lambda: gripper.Part.get() == "held", "the part is not told as held")
@@ -131,7 +131,7 @@ def test_a_grip_without_contact_is_retried_or_given_up(rig: RunningRig, client: 
     misses = Misses(rig, client)
     assert pincette("rig", "part", "remove", "--rig", rig.path).returncode == 0
     try:
-        # Nobody has said that he decides: it ends with its error.
+        # No client has set a timeout for decisions, so the command ends with its error.
         error = refusal(client.Microgripper.Grip(FORCE_MN, 0.0, ""))
         assert error.identifier == "JobFailed"
         assert misses.recovery.RecoverableErrors.get() == []
@@ -174,7 +174,7 @@ def test_two_clients_see_the_same_rig(rig: RunningRig, client: Any) -> None:
     def watch() -> None:
         with stock_client(rig) as other:
             for part in other.Microgripper.Part.subscribe():
-                if part != "unknown":  # without news for a second, on a busy machine
+                if part != "unknown":  # no message for a second, on a busy machine
                     seen.append(part)
                 if seen[-2:] == ["held", "none"]:
                     return

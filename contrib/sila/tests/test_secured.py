@@ -17,7 +17,8 @@ from tests.support.commands import pincette
 from tests.support.rigs import Tree, free_ports
 from tests.support.running import RunningRig
 
-# sila2 looks for a server's UUID in its certificate, which one of an authority need not have.
+# sila2 searches for a server's UUID in its certificate; a certificate of an authority need not
+# contain it.
 pytestmark = pytest.mark.filterwarnings("ignore:Server certificate is missing the extension")
 
 DISCOVERY_S = 20.0

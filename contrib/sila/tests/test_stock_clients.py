@@ -98,7 +98,7 @@ def test_a_cancel_in_a_timed_hold_ends_the_command_with_the_part_held(
     assert error.identifier == "Cancelled"
     assert "held" in error.message
     assert gripper.Part.get() == "held"
-    assert responses(gripper.Grip(FORCE_MN, 0.0, "")).Job == job  # done at once
+    assert responses(gripper.Grip(FORCE_MN, 0.0, "")).Job == job  # ends at once
     assert responses(gripper.Release()).Outcome == "released"
     assert responses(gripper.Grip(FORCE_MN, 0.4, "")).Outcome == "gripped"  # at once
 
@@ -120,7 +120,7 @@ def test_a_hanging_supervisor_is_reported_as_unknown_after_a_second(
     try:
         begun = monotonic()
         until(lambda: gripper.RigState.get() == "unknown", "it looks as if it answered")
-        assert monotonic() - begun < 3.0  # 1 s, and what a busy machine adds
+        assert monotonic() - begun < 3.0  # 1 s, plus a margin for a busy machine
         assert gripper.Part.get() == "unknown"
     finally:
         rig.fleet.signal("supervisor", signal.SIGCONT)
@@ -130,7 +130,7 @@ def test_a_hanging_supervisor_is_reported_as_unknown_after_a_second(
 def test_a_cancel_during_the_request_stops_it(rig: RunningRig, client: Any) -> None:
     rig.fleet.signal("supervisor", signal.SIGSTOP)
     try:
-        # The request and the cancel both wait at its port when it goes on.
+        # The request and the cancel both wait at its port when the process continues.
         grip = client.Microgripper.Grip(FORCE_MN, 0.0, "")
         sleep(0.3)
         with ThreadPoolExecutor(1) as pool:
@@ -181,7 +181,8 @@ def test_a_lock_prevents_grips_but_never_a_stop(rig: RunningRig, client: Any) ->
     with pytest.raises(InvalidMetadata):
         gripper.Grip(FORCE_MN, 0.0, "")
     stranger = gripper.Grip(FORCE_MN, 0.0, "", metadata=with_lock("cell 8"))
-    # The package sila2 checks it as the command runs, and its client then knows the error by name.
+    # The package sila2 validates the value while the command runs; its client then receives a named
+    # error.
     with pytest.raises(SilaError, match="InvalidLockIdentifier"):
         responses(stranger)
     grip = gripper.Grip(FORCE_MN, 0.0, "", metadata=with_lock("cell 7"))

@@ -65,7 +65,7 @@ def test_a_cancel_during_the_request_stops_it(rig: RunningRig) -> None:
                 execution = await client.Microgripper.Grip(Force=FORCE_MN, HoldTime=0.0, Recipe="")
                 uuid = execution.command_execution_uuid
                 await asyncio.sleep(0.3)
-                # The request and the cancel both wait at its port when it goes on.
+                # The request and the cancel both wait at its port when the process continues.
                 cancel = client.CancelController.CancelCommand(CommandExecutionUUID=uuid)
                 cancelled = asyncio.ensure_future(cancel)
                 await asyncio.sleep(0.3)
@@ -150,7 +150,7 @@ def test_a_killed_server_and_a_killed_supervisor_are_reported_and_the_part_stays
             assert "no answer" in (await gripper.Reasons.read())[0]
             gone = await refused(gripper.Release())
             await asyncio.to_thread(restart, rig, "supervisor")
-            # The same connection goes on: nobody has started the server anew.
+            # The same connection is used again: the server has not been restarted.
             await until_read(gripper.Part, "held")
             return gone, await ended(await gripper.Release())
 

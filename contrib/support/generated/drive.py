@@ -1,6 +1,7 @@
-"""Drive of a client generated from the OpenAPI document: grip, follow and stop; print JSON.
+"""Program that uses a client generated from the OpenAPI document: grip, follow and stop; print
+JSON.
 
-Run in a folder with the generated package ``generated``: ``drive.py URL FORCE_MN``.
+Run it in a folder with the generated package ``generated``: ``drive.py URL FORCE_MN``.
 """
 
 import hashlib
@@ -51,7 +52,7 @@ request = {"kind": "grip", "force_mN": force_mN, "autostart": True}
 job: Any = call("post", "/jobs", body=models.GripJobRequest.from_dict(request))
 job_in("approach")
 call("post", "/jobs/{job}/actions", job.id, body=models.ActionRequest.from_dict({"type": "stop"}))
-# The name of the enumeration is that of the operation, so it is not written here.
+# The enumeration is named after the operation, so its name is not written here.
 sums: dict[str, str] = {}
 ended = job
 deadline = monotonic() + WAIT_S

@@ -1,4 +1,4 @@
-"""Stand-in for an LDS: answers on a socket as the real one would on its serial line."""
+"""Simulated LDS: replies on a socket as the real one does on its serial line."""
 
 import argparse
 import socketserver
@@ -9,7 +9,7 @@ class Line(socketserver.StreamRequestHandler):
     """Connection of one client, which sends lines; every line ends with a carriage return."""
 
     def handle(self) -> None:
-        """Answer until the client has hung up."""
+        """Reply until the client closes the connection."""
         line = b""
         while byte := self.rfile.read(1):
             if byte != b"\r":

@@ -1,4 +1,4 @@
-"""Print position, force and voltage of a rig that speaks mutual TLS; needs zenoh and msgpack."""
+"""Print position, force and voltage of a rig that requires mutual TLS; needs zenoh and msgpack."""
 # pyright: basic
 
 import argparse

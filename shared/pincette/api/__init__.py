@@ -31,5 +31,6 @@ def _whole(value: object) -> object:
 
 
 WHOLE = BeforeValidator(_whole)
-"""Validator of integers as JSON writes them: accepts 5.0 as 5 and rejects 5.5. It follows the
-limits in an annotation."""
+"""Validator of integers in JSON: accepts 5.0 as 5 and rejects 5.5. In an annotation it must come
+after the limits.
+"""

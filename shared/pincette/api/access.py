@@ -8,8 +8,9 @@ from pincette.api import Model, example
 
 Scope = Literal["observe", "propose", "operate", "admin"]
 SCOPES: tuple[Scope, ...] = ("observe", "propose", "operate", "admin")
-"""Scopes in ascending order, each including those before it: read and stop; plan; move the rig;
-change it for all clients."""
+"""Scopes in ascending order; each includes those before it. They permit to read and stop; to plan;
+to move the rig; to change it for all clients.
+"""
 MEANINGS: dict[Scope, str] = {
     "observe": "see everything",
     "propose": "also plan jobs, and propose them for approval",
@@ -17,8 +18,9 @@ MEANINGS: dict[Scope, str] = {
     "admin": "also decide which model is in use, and read the audit log",
 }
 KEY_NAME = r"[a-z0-9][a-z0-9._-]{0,39}"
-"""Pattern of a key's name. It excludes blanks and brackets, so that no text beside the name can be
-mistaken for a part of it."""
+"""Pattern of a key's name. It excludes blanks and brackets, so that text after the name cannot be
+mistaken for part of it.
+"""
 
 
 def covers(has: Scope, needed: Scope) -> bool:
@@ -27,7 +29,7 @@ def covers(has: Scope, needed: Scope) -> bool:
 
 
 class Session(Model):
-    """The caller of a request, as the supervisor identified it."""
+    """Identity and permissions of the caller of a request, as determined by the supervisor."""
 
     model_config = example(keys=True, name="cell-7", scope="operate", signed_in=False)
 
@@ -39,7 +41,7 @@ class Session(Model):
     scope: Scope | None
     """Scope of the caller; null if it has none."""
     signed_in: bool
-    """True if the key was sent as the session cookie of a page."""
+    """True if the request contained the key as the session cookie of a page."""
 
 
 class SignIn(Model):
@@ -52,19 +54,22 @@ class SignIn(Model):
 
 
 class Verdict(Model):
-    """Verdict on a request: accepted, or the reason why it would be refused."""
+    """Verdict on a request: accepted, or the reason why it would be rejected."""
 
     model_config = example(accepted=True, code=None, detail="", remedy="")
 
     accepted: bool
     code: str | None
-    """Code of the problem that the request would get; null if it would be accepted."""
+    """Code of the problem with which the request would be rejected; null if it would be accepted.
+    """
     detail: str
     remedy: str
 
 
 class PageCheck(Model):
-    """Origin of a page, the path of its requests to the supervisor, and its permissions."""
+    """What the supervisor received from a page: origin and request path; and the page's
+    permissions.
+    """
 
     model_config = example(
         rig="demo",
@@ -78,7 +83,9 @@ class PageCheck(Model):
 
     rig: str
     supervisor: str
-    """Identifier of the supervisor. It stays the same as long as the journal does."""
+    """Identifier of the supervisor. It is stored in the journal and does not change while that
+    exists.
+    """
     path: str
     """Path of the request as the supervisor received it."""
     host: str
@@ -86,13 +93,13 @@ class PageCheck(Model):
     origin: str | None
     """Header ``Origin`` as the supervisor received it; null without one."""
     stop: Verdict
-    """Verdict on an emergency stop of this page."""
+    """Verdict on an emergency stop from this page."""
     order: Verdict
-    """Verdict on a request of this page that needs the scope `operate`."""
+    """Verdict on a request from this page that needs the scope `operate`."""
 
 
 class AuditEntry(Model):
-    """One request for a change, or one that was refused because of its caller."""
+    """One request for a change, or one request that was rejected because of its caller."""
 
     model_config = example(
         number=12,
@@ -108,16 +115,17 @@ class AuditEntry(Model):
     number: int
     at: str
     who: str
-    """Name of the key, with the caller's own label in brackets; without a key, the label or the
-    address."""
+    """Name of the key, followed by the caller's label in brackets; without a key, the label or the
+    address.
+    """
     address: str
     action: str
     detail: str
-    """Requested change and its outcome, in a word or two."""
+    """Requested change and its outcome, in one or two words."""
     status: int
     """HTTP status of the response."""
     count: int
-    """Number of equal requests that were refused within a short time."""
+    """Number of identical requests that were rejected within a short time."""
 
 
 class AuditList(Model):
@@ -131,7 +139,9 @@ class AuditList(Model):
 
 
 class AuditChain(Model):
-    """Result of checking that each entry of the audit log follows from the one before it."""
+    """Result of checking the hash chain of the audit log: each entry contains the hash of the one
+    before it.
+    """
 
     model_config = example(entries=0, first=None, newest=None, link=None, broken=None, found=None)
 
@@ -140,11 +150,13 @@ class AuditChain(Model):
     """Number of the oldest entry that is kept; null if there is none."""
     newest: int | None
     link: str | None
-    """SHA-256 of the newest entry. A copy of it that is kept elsewhere can later be searched for in
-    the log."""
+    """SHA-256 of the newest entry. Keep a copy elsewhere, to check later that the log still
+    contains it.
+    """
     broken: int | None
-    """Number of the first entry that was changed, or before which one is missing; null if there is
-    none."""
+    """Number of the first entry that was changed, or that follows a missing entry; null if there is
+    none.
+    """
     found: bool | None
     """True if the requested link is in the log; null if none was requested."""
 
@@ -168,12 +180,14 @@ class KeyView(Model):
     expires_at: str | None
     revoked_at: str | None
     used_at: str | None
-    """Time of the last use, to the minute; null: never used."""
+    """Time of the last use, to the minute; null if the key was never used."""
     usable: bool
 
 
 class Claim(Model):
-    """A client's claim on a rig. Until it ends, no other client can start a job; all can stop."""
+    """Claim of a client on a rig. While it lasts, other clients cannot start a job; every client
+    can stop.
+    """
 
     model_config = example(
         by="cell-7",
@@ -184,7 +198,7 @@ class Claim(Model):
     )
 
     by: str
-    """Name of the client that holds the claim, as ``by`` of a job."""
+    """Name of the client that holds the claim, in the form of a job's ``by``."""
     note: str
     since: str
     expires_at: str
@@ -193,7 +207,7 @@ class Claim(Model):
 
 
 class ClaimRequest(Model):
-    """Request to claim a rig for a time; sent again, it renews the claim."""
+    """Request to claim a rig for a limited time; repeating it renews the claim."""
 
     model_config = example(lease_s=60.0, note="night run")
 

@@ -22,7 +22,7 @@ class Assumption(Model):
 
 
 class CalibrationPlan(JobPlan):
-    """Plan of a calibration, and whether it may start; its voltages follow from d_p alone."""
+    """Plan of a calibration, and whether it may start. The voltages depend on d_p alone."""
 
     model_config = example(
         kind="calibrate",
@@ -46,11 +46,11 @@ class CalibrationPlan(JobPlan):
     voltage_max_V: float
     assumptions: list[Assumption]
     law: Law | None
-    """Law that moves the arm to the part; null if there is none."""
+    """Law that moves the arm to the part; null if the calibration uses no law."""
 
 
 class Identified(Model):
-    """Value that a calibration has found for a quantity of the rig file."""
+    """Value that a calibration has found for a quantity in the rig file."""
 
     model_config = example(
         quantity="model.compliance_um_per_mN", value=0.4583, unit="µm/mN", uncertainty=0.0011
@@ -65,7 +65,7 @@ class Identified(Model):
 
 
 class Figure(Model):
-    """Another result of the measurement. It changes no value in use."""
+    """Additional result of the measurement, which changes no value in use."""
 
     model_config = example(
         name="loop", value=18.4, unit="%", meaning="largest width as a share of the stroke"
@@ -116,7 +116,7 @@ class CalibrationResult(JobResult):
     figures: list[Figure]
     residuals: Residuals | None
     statement: str
-    """Certainty of the values, in words, or the reason why there are none."""
+    """Certainty of the values as text, or the reason why there are none."""
     warnings: list[str]
     assumptions: list[Assumption]
 
@@ -125,7 +125,9 @@ ProposalState = Literal["proposed", "accepted", "discarded", "superseded"]
 
 
 class ProposedValue(Identified):
-    """Proposed value and the value in use; after the decision, the one that was in use before."""
+    """Proposed value and the value in use. After the decision, the second is the value that was in
+    use before.
+    """
 
     model_config = example(
         quantity="model.compliance_um_per_mN",
@@ -174,21 +176,22 @@ class Proposal(Model):
     calibration: str
     rig: str
     state: ProposalState
-    """State of the proposal; superseded: another proposal of the same kind has been accepted since.
+    """State of the proposal; ``superseded`` means that a later proposal of the same kind was
+    accepted.
     """
     made_at: str
     decided_at: str | None
     model_version: int | None
-    """Version of the model that was made when it was accepted."""
+    """Version of the model that was created when the proposal was accepted."""
     values: list[ProposedValue]
     figures: list[Figure]
     residuals: Residuals | None
     statement: str
-    """Certainty of the values, in words."""
+    """Certainty of the values as text."""
     warnings: list[str]
     assumptions: list[Assumption]
     made_with: dict[str, Any]
-    """Version and digest of the model that was in use while it was measured."""
+    """Version and digest of the model that was in use during the measurement."""
     job: str
     plot: str
     allowed_actions: list[Literal["accept", "discard"]]

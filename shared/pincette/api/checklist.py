@@ -1,4 +1,4 @@
-"""Checklist of the calibrations over REST: their order, what each needs, and what it has found."""
+"""Checklist of the calibrations over REST: their order, requirements and results."""
 
 from typing import Any, Literal
 
@@ -20,7 +20,7 @@ ReasonCode = Literal[
 
 
 class BenchNeed(Model):
-    """Task of a person at the rig, before the calibration or when its job requests it."""
+    """Task that a person must do at the rig, before the calibration or when its job requests it."""
 
     model_config = example(
         code="part_removed", text="remove the part; nothing may touch the arm", when="before"
@@ -29,8 +29,9 @@ class BenchNeed(Model):
     code: NeedCode
     text: str
     when: Literal["before", "during"]
-    """``during``: the job waits, shows the instruction in ``progress``, and continues by the action
-    ``continue``."""
+    """Time of the task. ``during``: the job waits, shows the instruction in ``progress``, and
+    resumes after the action ``continue``.
+    """
 
 
 class StepReason(Model):
@@ -64,23 +65,24 @@ class ChecklistStep(Model):
     label: str
     summary: str
     state: StepState
-    """State of the calibration; optional: this rig works without it; unsupported: the instruments
-    of this rig are too slow for it."""
+    """State of the calibration. ``optional``: this rig works without it. ``unsupported``: the
+    instruments of this rig are too slow for it.
+    """
     request: dict[str, Any]
     """Request body for ``POST /api/v1/jobs``."""
     needs: list[BenchNeed]
     reasons: list[StepReason]
     """Reasons why the calibration is due; empty if it is done."""
     proposal: str | None
-    """Proposal that still waits for a decision: accept or discard it before the calibration runs
-    again."""
+    """Proposal that still needs a decision; accept or discard it before you repeat the calibration.
+    """
     accepted: str | None
     """Accepted calibration that is in use."""
     accepted_at: str | None
     gained: list[ProposedValue]
-    """Values that the calibration in use has found, each with the earlier value."""
+    """Values found by the calibration in use, each with the value before it."""
     statement: str
-    """Certainty of those values, in words."""
+    """Certainty of those values as text."""
 
 
 class Checklist(Model):

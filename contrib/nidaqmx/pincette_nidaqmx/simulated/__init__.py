@@ -16,4 +16,4 @@ def _fit(setting: Setting, tables: frozenset[str]) -> dict[str, Fitted]:
 
 
 DRIVER = SimulatedDriver(frozenset({"sensor", "output"}), _fit, OutputTraits(20.0 / 2**16, 3e-6))
-"""Simulation of an NI-9263: 16 bit over ±10 V; the lag, from its settling time, is assumed."""
+"""Simulated NI-9263: 16 bit over ±10 V; the lag is assumed from the settling time."""

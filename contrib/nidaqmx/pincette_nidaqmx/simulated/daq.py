@@ -1,9 +1,9 @@
 """NI-DAQmx as seen through an NI gRPC Device Server: a table of calls, without I/O.
 
 A request is a method's name, NUL and its message; a reply ``ok`` NUL message, ``ni-error`` NUL code
-NUL text, or ``status`` NUL name NUL text. Messages are those of the package nidaqmx 1.7.0; that a
-refusal travels as NI's code beside the status UNKNOWN, and the status of a buffered read within its
-reply, is as in NI's server. It knows the calls that the drivers make. Assumed: the statuses of
+NUL text, or ``status`` NUL name NUL text. Messages are those of the package nidaqmx 1.7.0; as in
+NI's server, a refusal contains NI's code and the status UNKNOWN, and the reply to a buffered read
+contains its status. Only the calls that the drivers use are implemented. Assumed: the statuses of
 sessions that exist already, or do not exist.
 """
 
@@ -34,7 +34,7 @@ LONGEST_WAIT_S = 10.0
 
 
 class _StatusError(Exception):
-    """Call that the server itself rejects: the name of a gRPC status and its text."""
+    """Error for a call that the server itself rejects: the name of a gRPC status and its text."""
 
     def __init__(self, name: str, text: str) -> None:
         super().__init__(text)
@@ -58,7 +58,7 @@ class SimulatedDaq:
         """Do nothing: this instrument acts only on commands."""
 
     def answer(self, line: bytes) -> bytes | None:
-        """Execute one call; returns None if the request is none."""
+        """Execute one call; returns None if the request is not a call."""
         method, parted, payload = line.partition(b"\0")
         if not parted or not method.startswith(SERVICE):
             return None

@@ -25,7 +25,7 @@ class NotYetError(Exception):
 
 @dataclass(slots=True)
 class Device:
-    """One device, or several in one chassis."""
+    """One device, or several in one chassis, with tasks."""
 
     rig: WiredRig
     terminals: Terminals
@@ -71,7 +71,7 @@ class Device:
         self.output_V = begun_V[-1]
 
     def _go_on(self, task: Task) -> None:
-        """Pass written samples to a playing output; raise an error if it has run dry."""
+        """Add written samples to a playing output; raises an error if it has run out of samples."""
         try:
             if task.waiting_V:
                 self.output_V = task.waiting_V[-1]

@@ -24,14 +24,14 @@ Samples = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 
 class WiredRig(Protocol):
-    """Rig as the device sees it through its terminals."""
+    """Interface of a rig as seen from the device's terminals."""
 
     def measure_um(self) -> float:
         """Return the present position that the sensor measures, in µm."""
         ...
 
     def put_out(self, voltage_V: float, /) -> None:
-        """Put a voltage on the amplifier's input."""
+        """Apply a voltage to the amplifier's input."""
         ...
 
     def put_out_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:
@@ -39,7 +39,7 @@ class WiredRig(Protocol):
         ...
 
     def extend_wave(self, voltages_V: Sequence[float]) -> None:
-        """Extend the playing waveform; raises ValueError if it is over."""
+        """Extend the playing waveform; raises ValueError if it has ended."""
         ...
 
     def go_on(self) -> None:

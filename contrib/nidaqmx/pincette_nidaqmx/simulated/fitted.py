@@ -41,7 +41,7 @@ class Sides:
         """Do nothing: these instruments act only on commands."""
 
     def answer(self, line: bytes) -> bytes | None:
-        """Execute one call; returns None if there is none."""
+        """Execute one call; returns None if the request is not a call."""
         return self._ways.get(self._daq.side(line), self._daq).answer(line)
 
 

@@ -21,8 +21,8 @@ _grpc: Any = grpc
 class DaqServer:
     """Serves one instrument until it is closed; raises WireError.
 
-    A silent instrument gives the status DEADLINE_EXCEEDED, at once; one that was pulled out
-    UNAVAILABLE, like a lost server; an answer of unknown kind DATA_LOSS.
+    The gRPC status is DEADLINE_EXCEEDED (without waiting) for a silent instrument, UNAVAILABLE for
+    a disconnected one, as for a lost server, and DATA_LOSS for a reply of unknown type.
     """
 
     def __init__(self, url: str, instrument: Instrument) -> None:
@@ -74,7 +74,7 @@ class DaqServer:
 
 
 def _refused(context: Any, name: str, words: str) -> bytes:
-    """End a call with a status; the message with it is not sent."""
+    """End a call with a status; no message is sent."""
     context.set_code(_grpc.StatusCode.__members__.get(name, _grpc.StatusCode.UNKNOWN))
     context.set_details(words)
     return b""

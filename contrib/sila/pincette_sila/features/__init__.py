@@ -11,16 +11,18 @@ CANCEL_CONTROLLER = "CancelController-v1_0"
 SIMULATION_CONTROLLER = "SimulationController-v1_0"
 PAUSE_CONTROLLER = "PauseController-v2_0"
 SECOND_ARM = "SecondArm-v1_0"
-"""Feature of rigs with two driven arms only."""
+"""Feature that only rigs with two driven arms have."""
 ERROR_RECOVERY = "ErrorRecoveryService-v2_0"
 
 
 def command(name: str, of: str = MICROGRIPPER) -> Any:
-    """Return a command of a feature, which the library does not distinguish from a property."""
+    """Return a command of a feature. The library's own lookup does not distinguish commands from
+    properties.
+    """
     return cast("Any", feature(of))[name]
 
 
 @cache
 def feature(name: str) -> Feature:
-    """Read a feature definition; a server must use one object for each."""
+    """Read a feature definition. A server must use one object per feature."""
     return Feature(str(Path(__file__).parent / f"{name}.sila.xml"))

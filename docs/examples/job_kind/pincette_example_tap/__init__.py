@@ -1,4 +1,4 @@
-"""``tap``: touch the part lightly, and report its position and stiffness."""
+"""``tap``: contact the part lightly, and report its position and stiffness."""
 
 from typing import Annotated, Literal
 
@@ -12,17 +12,17 @@ from pincette.api.results import JobResult
 
 
 class TapRequest(ContactJobRequest, frozen=True):
-    """Touch the part with a small force, and release it at once."""
+    """Contact the part with a small force, and release it at once."""
 
     model_config = example(kind="tap", autostart=True, force_mN=8.0)
 
     kind: Literal["tap"]
     force_mN: Annotated[float, Field(ge=5, le=20)] = 8.0
-    """Force of the touch, in mN; a lighter touch does not show the stiffness."""
+    """Contact force in mN; a smaller force does not reveal the stiffness."""
 
 
 class TapResult(JobResult):
-    """Position and stiffness of the part; null if no part was met."""
+    """Position and stiffness of the part; null if no part was found."""
 
     contact_x_um: float | None
     contact_x_error_um: float | None

@@ -34,7 +34,7 @@ def plan(request: TapRequest, model: ModelInUse, _present: Present) -> Planned:
 
 
 def evaluate(run: Run) -> Evaluation:
-    """Return the contact from the figures that every job at a part has."""
+    """Return the contact from the values that every job with a part has."""
     found = common(run)
     return Evaluation(TapResult(**{name: found[name] for name in TapResult.model_fields}))
 

@@ -1,13 +1,13 @@
 """Impedance control with integral action: a control law made for this example.
 
-The generalized impedance asks for the position x_d of ``desired_position``. With the static gain
-g = d/k of the arm in µm/V and the share K_I,
+The generalized impedance requests the position x_d of ``desired_position``. With the static gain g
+= d/k of the arm in µm/V and the integral gain K_I (the fraction of the error removed per tick),
 
     u_k = u_{k-1} + [x_{d,k} - x_{d,k-1} + K_I (x_{d,k-1} - x_{k-1})]/g
 
-The first part moves the voltage as far as x_d moves. The second part integrates the error, so that
-x = x_d wherever the arm comes to rest. u_{k-1} is the voltage that was really put out: at a limit
-nothing winds up.
+The first term moves the voltage as far as x_d moves. The second term integrates the error, so that
+x = x_d wherever the arm comes to rest. u_{k-1} is the voltage that was actually output, so that
+there is no windup at a limit.
 """
 
 from collections.abc import Mapping
@@ -38,7 +38,7 @@ class Parameters:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """State of the law, named as before the tick that computes u_k."""
+    """State of the law before the tick that computes u_k."""
 
     history: History
     x_d_um: float
@@ -89,7 +89,7 @@ def step(
         x_r_um=x_r_um,
     )
     error_um = x_um - state.x_d_um
-    # m̄ + b̄ + k̄ is k.
+    # The sum m̄ + b̄ + k̄ equals k.
     um_per_V = plant.d_bar / (plant.m_bar + plant.b_bar + plant.k_bar)
     moved_um = x_d_um - state.x_d_um - parameters.K_I * error_um
     after = State(seen.history, x_d_um, x_d_um - x_r_um, state.deviation_1_um)
