@@ -1,4 +1,5 @@
-"""The actuator: last line of defence between the controller and the arm."""
+"""The actuator program: it checks each command against the safety limits before it writes the
+voltage."""
 
 from pincette_actuator.step import SERVICE
 

@@ -8,14 +8,15 @@ from pincette.control.safety.freshness import AgeLimits
 from pincette.control.safety.state import SafetyLimits
 
 GRACE_PERIODS = 50.0
-"""Time from the arming within which the first command must come, in periods."""
+"""Time after the arming within which the first command must arrive, in periods."""
 WAKE_PERIODS = 0.2
 """Approximate interval, in periods, at which the actuator checks its clock in real time."""
 MOST_PERIODS = 0.25
-"""Upper bound of that interval, in periods; a longer one would notice a silent controller late."""
+"""Upper bound of that interval, in periods; with a longer one a silent controller would be
+noticed late."""
 EXCUSED_PERIODS = 10.0
-"""Largest suspension of the actuator itself that is subtracted from an age, in periods between
-commands."""
+"""Longest suspension of the actuator program that is not counted in a command's age, in periods
+between commands."""
 
 
 def configure(rig: RigFile) -> SafetyLimits:
@@ -47,11 +48,12 @@ def configure(rig: RigFile) -> SafetyLimits:
 
 
 def wake_s(period_s: float, natural_frequency_rad_per_s: float) -> float:
-    """Return the time between two looks at the clock, and so between two steps of a ramp, in s.
+    """Return the time between two checks of the clock, and so between two steps of a ramp, in s.
 
-    It is an odd number of the mode's half swings π/ω_n, of those within T/4 the nearest to 0.2·T:
-    each step of the ramp then cancels the swing of the step before. Where not even one fits into
-    T/4 it is 0.2·T, since the mode follows such steps like a straight line.
+    It is an odd multiple of the mode's half period π/ω_n, namely the multiple within T/4 that is
+    nearest to 0.2·T: each step of the ramp then cancels the oscillation of the step before. If T/4
+    is shorter than one half period, the time is 0.2·T, since the mode follows such steps
+    quasi-statically.
     """
     half_swing_s = pi / natural_frequency_rad_per_s
     about, most = WAKE_PERIODS * period_s / half_swing_s, MOST_PERIODS * period_s / half_swing_s

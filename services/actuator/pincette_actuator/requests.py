@@ -53,9 +53,9 @@ def _arm(limits: SafetyLimits, state: State, request: Arm, now: float) -> Answer
 
 
 def _answer(limits: SafetyLimits, before: State, state: State) -> Answer:
-    """Publish the state; in lockstep a running tick does so at its own end.
+    """Publish the state; in lockstep a running tick does so when it ends.
 
-    There a voltage that has moved outside a tick is output at once.
+    A voltage that was changed outside a tick is output at once.
     """
     seq = newest_seq(state.arrivals)
     applied = applied_of(state, seq)

@@ -20,13 +20,12 @@ class State(SafetyState, frozen=True):
     """Command that arrived before its sample; None without one."""
     answered_seq: int = -1
     sweep: Sweep | None = None
-    """Sweep that the instrument plays about the voltage of the first arm."""
+    """Sweep that the instrument plays around the voltage of the first arm."""
 
     def settled(self) -> "State":
-        """Return the state without a sweep unless armed.
+        """Return the state; remove the sweep unless armed.
 
-        A command that waits is judged when its sample arrives, since in lockstep that ends the
-        tick.
+        A waiting command is judged when its sample arrives, since in lockstep that ends the tick.
         """
         if self.mode == Mode.ARMED or self.sweep is None:
             return self
@@ -34,7 +33,7 @@ class State(SafetyState, frozen=True):
 
 
 def facts_of(command: Command) -> CommandFacts:
-    """Return the facts of a command that the safety rules check."""
+    """Return the values of a command that the safety rules check."""
     arms: list[ArmFacts] = []
     for arm in command.arms:
         arms.append(ArmFacts(arm.voltage_V, arm.force_mN, arm.x_d_um))
@@ -89,12 +88,13 @@ def step_of(limits: SafetyLimits, step: ShapedStep) -> DeviceCommand:
 
 
 def order_of(state: State, before: State) -> DeviceCommand:
-    """Return the command to the instrument: a voltage ends a sweep, a playing sweep goes on."""
+    """Return the command to the instrument: a voltage ends a sweep, while a playing sweep
+    continues."""
     if state.sweep is None:
         return SetVoltage(voltages_of(state))
     if state.sweep == before.sweep:
         return CheckWave()
-    # Loaded where an output that plays waves was opened; other programs need no NumPy.
+    # Imported only if an output that plays waves was opened; other programs need no NumPy.
     from pincette.control.planning.swept_voltages import SweptVoltages
 
     return Wave(SweptVoltages(state.sweep, state.arms[0].voltage_V), state.sweep.rate_hz)

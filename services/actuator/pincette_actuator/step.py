@@ -1,4 +1,5 @@
-"""The actuator as a service: commands and positions in, the voltage and each outcome out."""
+"""The actuator as a service: commands and positions in, the voltage and the outcome of each tick
+out."""
 
 from msgspec.structs import replace
 
@@ -45,15 +46,20 @@ from pincette_actuator.requests import handle
 from pincette_actuator.state import State, applied_of, facts_of, order_of, step_of, voltages_of
 
 ANSWER_PERIODS = 0.75
-"""Time, in periods, after which a tick without a command is answered with the kept voltage. At
-rest, where no command is accepted, it is answered at once."""
+"""Time, in periods, after which a tick without a command ends with an unchanged voltage.
+
+At rest, where no command is accepted, it ends at once.
+"""
 
 Outputs = tuple[Message | DeviceCommand, ...]
 
 
 class Inputs(FrozenRecord, frozen=True):
-    """``device`` is the instrument's fault, its reported voltages, or a delay that kept the program
-    from checking its clock."""
+    """Inputs of a step.
+
+    ``device`` is the instrument's fault, its reported voltages, or a delay that kept the program
+    from checking its clock.
+    """
 
     device: Fault | PutOut | Slept | Busy | None
     command: Command | None
@@ -61,12 +67,12 @@ class Inputs(FrozenRecord, frozen=True):
 
 
 def start(limits: SafetyLimits) -> State:
-    """Boot latched, with each arm at the safe voltage."""
+    """Start latched, with each arm at the safe voltage."""
     return State(arms=tuple(ArmOutput(limits.safe_V) for _ in limits.arms))
 
 
 def initialize_from_output(limits: SafetyLimits, state: State, found_V: tuple[float, ...]) -> State:
-    """Begin from the voltages found at the output, after a restart or a reset."""
+    """Start from the voltages found at the output, after a restart or a reset."""
     return begun(limits, state, found_V)
 
 
@@ -102,7 +108,8 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
         state, outputs = _let_pass(limits, before, state, now)
     if skipped < 0 or skipped == state.taken_seq:
         return state, outputs
-    # The estimate of a sample needs the voltage of the tick before, even of a skipped one.
+    # The estimate of a sample needs the voltage of the previous tick, even if that tick was
+    # skipped.
     return state, (*outputs[:-1], applied_of(state, skipped), *outputs[-1:])
 
 
@@ -116,7 +123,8 @@ def _measured(position: Position) -> tuple[float | None, ...]:
 def _device_said(
     limits: SafetyLimits, state: State, said: Fault | PutOut | Slept, now: float
 ) -> tuple[State, Outputs]:
-    """Trip by a fault of the output and request its voltage; continue from what it reports."""
+    """Trip on a fault of the output and request its voltage; continue from the voltages it
+    reports."""
     if isinstance(said, Slept):
         state = suspended(limits, state, said.slept_s, now)
         return _answer_tick(limits, state, now)
@@ -124,7 +132,7 @@ def _device_said(
         state = found(limits, state, said.voltages_V, now).settled()
         return state, (applied_of(state, newest_seq(state.arrivals)),)
     if waits_for_read_back(limits, state) and said.code is FaultCode.INSTRUMENT_INVALID:
-        # The output cannot read its voltage back: it is taken to be the last commanded one.
+        # The output cannot report its voltage, which is assumed to be the last commanded one.
         return _device_said(limits, state, PutOut(voltages_of(state)), now)
     state = _unconfirmed(state, said)
     state = trip(limits, state, Cause.DEVICE, now, faults=(said,))
@@ -133,7 +141,7 @@ def _device_said(
 
 
 def _unconfirmed(state: State, device: Fault) -> State:
-    """Add once to the faults of a freeze that the output no longer confirms its voltage."""
+    """Add once, to the faults of a freeze, that the output no longer confirms its voltage."""
     unconfirmed = any(one.code is FaultCode.OUTPUT_UNCONFIRMED for one in state.faults)
     if state.mode != Mode.FROZEN or state.cause == Cause.DEVICE or unconfirmed:
         return state
@@ -166,7 +174,7 @@ def _judge(
             after, sweep=command.sweep, answered_seq=command.seq, unconfirmed=False
         ).settled()
         if state.sweep is not None:
-            # The voltage within a sweep is not known: the step that ends it has one part.
+            # The voltage within a sweep is not known: the step that ends the sweep has one part.
             taken = replace(taken, shaped=None)
         parts_s = 0.0 if taken.shaped is None else limits.parts_s
         return taken, (
@@ -198,7 +206,7 @@ def _let_pass(
 
 
 def _answer_tick(limits: SafetyLimits, state: State, now: float) -> tuple[State, Outputs]:
-    """Answer the newest tick without a command; in lockstep the write ends the tick."""
+    """End the newest tick without a command; in lockstep the write ends the tick."""
     state = state.settled()
     seq = newest_seq(state.arrivals)
     echo = applied_of(state, seq)
@@ -224,7 +232,8 @@ def _wake_s(limits: SafetyLimits) -> float:
 
 
 def _timer_s(limits: SafetyLimits, state: State) -> float:
-    """Return the time to the next check of the clock; at rest nothing ages and no voltage moves."""
+    """Return the time to the next check of the clock; at rest no command ages and no voltage
+    changes."""
     if state.mode in AT_REST and not waits_for_read_back(limits, state):
         return max(SAMPLE_S, limits.age.wake_s)
     return limits.age.wake_s

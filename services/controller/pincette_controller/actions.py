@@ -1,9 +1,9 @@
-"""Actions on a running program, from the request to the tick in which they act.
+"""Actions on a running program, from the request to the tick in which they take effect.
 
 An operator requests them, or the lease granted by the supervisor ends. The lease is the time for
-which a program plays on without a message of the supervisor. It is counted on the clock that the
-step is given. Its end is an action that is logged as a request, so that a replay, which has no such
-clock, finds it in the record.
+which a program continues without a message of the supervisor. It is measured by the clock that is
+passed to the step. The end of a lease is an action that is logged as a request, so that a replay,
+which has no such clock, finds it in the record.
 """
 
 from collections.abc import Sequence
@@ -46,7 +46,7 @@ class RunningLease(FrozenRecord, frozen=True):
 
 def stop(player: Player) -> Player:
     """Hold a part at the present F_r; without one, bring x_r to rest and end."""
-    # Nothing moves after a pause, or if nothing is known of the contact.
+    # Nothing moves after a pause, or if the contact is not known.
     resting, open_loop = player.pause.active, player.segment.open_loop
     law, speed = player.segment.law, 0.0 if resting else player.ref.speed_um_per_s
     player = replace(
@@ -68,10 +68,10 @@ def stop(player: Player) -> Player:
 
 
 def _rest(player: Player, speed_um_per_s: float) -> tuple[tuple[float | None, ...], float]:
-    """Return the goal and time of a stop of a free arm, never nearer to a part.
+    """Return the goal and duration of a stop of a free arm, never nearer to a part.
 
-    The arm slows down over v·t/2, but not beyond the goal of its segment. A seek may touch at any
-    sample: its arm goes back to where the seek began, where it was free.
+    The arm slows down over v·t/2, but not beyond the goal of its segment. During a seek a contact
+    is possible at any sample, so its arm goes back to where the seek began, where it was free.
     """
     if player.felt is not None:
         return (None, None), STOP_S
@@ -87,7 +87,7 @@ def _rest(player: Player, speed_um_per_s: float) -> tuple[tuple[float | None, ..
 
 
 def let_go(program: Program, player: Player) -> Player:
-    """Stop where the arm is after it has unloaded a held part."""
+    """Stop at the arm's position after it has unloaded a held part."""
     if not player.held:
         return stop(player)
     return release(program, replace(player, outcome=Outcome.STOPPED, ends_after=Phase.UNLOAD))
@@ -105,7 +105,7 @@ def retract(program: Program, player: Player) -> Player:
 
 
 def release(program: Program, player: Player) -> Player:
-    """Go to the unload from any phase in which a part is held."""
+    """Jump to the unload from any phase in which a part is held."""
     return jump(program, player, Phase.UNLOAD, player.ref.x_um)
 
 
@@ -120,13 +120,13 @@ def may_keep(player: Player) -> bool:
 
 
 def waits(player: Player) -> bool:
-    """Return whether the program waits for ``continue``; in a hold it waits for another action."""
+    """Return whether the program waits for ``continue``; a hold waits for another action."""
     endless = isinstance(player.segment, Drive) and player.segment.duration_s is None
     return endless and not player.held and not player.pause.active
 
 
 def pause(player: Player) -> Player:
-    """Request a pause; one that is active already goes on."""
+    """Request a pause; an active pause continues."""
     if player.pause.active:
         return player
     return replace(player, pause=replace(player.pause, requested=True))
@@ -138,7 +138,7 @@ def resume(player: Player) -> Player:
 
 
 def action_objection(pending: Sequence[Action], player: Player | None, action: ActionCode) -> str:
-    """Return why a program rejects an action, given those pending; empty if it accepts it."""
+    """Return why a program rejects an action, given the pending ones; empty if it accepts it."""
     held = player is not None and player.held
     paused = player is not None and player.pause.active
     outcome = Outcome.NONE if player is None else player.outcome
@@ -163,7 +163,8 @@ def action_objection(pending: Sequence[Action], player: Player | None, action: A
 def act(
     program: Program, player: Player, pending: Sequence[Action], seq: int, x_um: float
 ) -> tuple[Player, tuple[Action, ...], list[Acted]]:
-    """Perform all due actions; return the player, the later ones, and what acted except a pause."""
+    """Perform all due actions; return the player, the later actions, and the performed ones
+    except a pause."""
     acted: list[Acted] = []
     later: list[Action] = []
     for request in pending:
@@ -205,9 +206,9 @@ def _done(
 
 
 def acted_in_tick(acted: Sequence[Acted], before: Player, after: Player) -> tuple[Acted, ...]:
-    """Return what telemetry reports as having acted.
+    """Return the action that telemetry reports for this tick.
 
-    ``before`` is the player at the tick's start.
+    ``before`` is the player at the start of the tick.
     """
     begun = after.pause.active and (not before.pause.active or Acted.RESUME in acted)
     return (*acted, Acted.PAUSE) if begun else tuple(acted)
@@ -231,7 +232,7 @@ def lease_end(running: RunningLease, outcome: Outcome, now: float) -> Action | N
 
     Returns None if there is nothing to stop.
     """
-    if outcome == Outcome.STOPPED:  # there is nothing left to stop
+    if outcome == Outcome.STOPPED:  # nothing is left to stop
         return None
     silent_s, length_s = now - running.heard_s, running.lease.length_s
     if silent_s <= length_s:

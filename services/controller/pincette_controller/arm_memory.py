@@ -1,7 +1,7 @@
 """Memory of an arm's voltages in the controller, for laws of the identified set.
 
-It is updated as the estimator updates its own, by the voltage applied in every tick of an epoch,
-whether a law plays or not, and is the same to the last bit.
+It is updated in the same way as the estimator's memory, by the voltage applied in every tick of an
+epoch, whether a law plays or not, and is bit-identical to it.
 """
 
 from msgspec import field
@@ -13,7 +13,7 @@ from pincette.core.messages import Estimate
 
 
 class ArmMemory(FrozenRecord, frozen=True):
-    """The free response in its present state."""
+    """Free response of an arm, updated up to the newest sample."""
 
     response: FreeResponse
     model: FreeResponse
@@ -21,13 +21,13 @@ class ArmMemory(FrozenRecord, frozen=True):
     past: VoltageMemory = field(default_factory=VoltageMemory)
     """Voltages since the start; a changed model replays them."""
     followed_seq: int = -1
-    """Newest sample up to which ``response`` has followed the voltage."""
+    """Newest sample up to which ``response`` has been updated."""
 
     def updated(self, estimate: Estimate, voltage_V: float, period_s: float) -> "ArmMemory":
         """Update the memory by the voltage applied to this arm.
 
-        Where the voltage is missing, the next one counts for longer. A sample that has been
-        followed already is not followed again.
+        After a missing voltage, the next one counts for a longer time. A sample is processed once
+        only.
         """
         if estimate.degraded or estimate.seq <= self.followed_seq:
             return self

@@ -29,7 +29,7 @@ class ArmConfig:
 
     parameters: ArmParameters
     response: FreeResponse
-    """Free response of the arm unpoled, at 0 V; laws of the identified set work with it."""
+    """Free response of the unpoled arm at 0 V, used by laws of the identified set."""
     monitors: MonitorLimits
     voltage: VoltageLimits
 
@@ -41,19 +41,19 @@ class ControllerConfig:
     period_s: float
     arms: tuple[ArmConfig, ...]
     law: LawSettings
-    """Law of a program that names none."""
+    """Law of a program that specifies none."""
     installed: Mapping[str, LawDefinition]
     """Laws by name."""
     force_filter_s: float
     output: OutputTiming
-    """Delay and lag of the voltage on its way to the arm."""
+    """Delay and lag between the commanded voltage and the arm."""
     steps: StepLimits
     """Limits by which a step of the position is judged."""
     part_um_per_mN: float
     """Compliance c of a part between two arms, in µm/mN."""
 
     def laws(self, program: Program) -> tuple[ControlLaw, ...]:
-        """Return the laws of a program, in its order; raises ValueError where one is impossible."""
+        """Return the laws of a program, in its order; raises ValueError if one is impossible."""
         if len(self.arms) == 2:
             return self._two_arm_laws(program)
         chosen = [self._settings(spec) for spec in program.laws] or [self.law]
@@ -102,7 +102,7 @@ class ControllerConfig:
 def check_program(config: ControllerConfig, program: Program) -> None:
     """Raise ValueError for a program that cannot be played.
 
-    A model comes with the arming: until then a law that works with it cannot be made.
+    A model arrives with the arming, so a law that needs a model cannot be created earlier.
     """
     if not program.segments:
         raise ValueError("the program has no segments")

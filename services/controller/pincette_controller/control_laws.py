@@ -1,7 +1,7 @@
 """Adaptors of the control laws for the controller: one interface for one arm and for two.
 
-The equations are in ``pincette.control.laws``. An adaptor takes from sample and references the
-inputs of its equations, and turns their result into the voltage of each arm.
+The equations are in ``pincette.control.laws``. An adaptor derives the inputs of its equations from
+the sample and the references, and converts their result to the voltage of each arm.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from pincette.control.response.inverse import voltage_for
 
 
 class ArmView(FrozenRecord, frozen=True):
-    """One arm at the newest sample."""
+    """Quantities of one arm at the newest sample."""
 
     x_um: float
     force_mN: float
@@ -33,7 +33,7 @@ class ArmView(FrozenRecord, frozen=True):
     limited: int
     """1 if the voltage cannot rise, -1 if it cannot fall, else 0."""
     response: FreeResponse
-    """Free response, followed up to this sample."""
+    """Free response, updated up to this sample."""
     memory: HysteresisState | None
     """Memory of an identified free response; None if no response is identified."""
 
@@ -42,13 +42,13 @@ class Setpoint(FrozenRecord, frozen=True):
     """Goal of a law at the coming sample."""
 
     ref: Reference
-    """References; their speeds are those of the coming motion, 0 at rest."""
+    """References of the law; their speeds are those of the coming motion, 0 at rest."""
     pressed: bool
     """True if the force is an input of the law."""
     open_loop: bool
-    """True if the voltage is given without a law."""
+    """True if the voltage is specified without a law."""
     seeks: bool
-    """True if free arms look for the part."""
+    """True if free arms search for the part."""
     line: LoadLine | None
     """Contact line of one pressed arm; None if it is not known or the arm is free."""
     correction_um: float
@@ -67,16 +67,15 @@ class Wanted(FrozenRecord, frozen=True):
 
 
 class Handover(FrozenRecord, frozen=True):
-    """Continuation of the references where a segment, or another law, begins."""
+    """Continuation of the references at the beginning of a segment or of another law."""
 
     ref: Reference
-    """References of the newest sample; where the references start again, those of the coming one.
-    """
+    """References of the newest sample; if the references restart, those of the coming sample."""
     pressed: bool
     restarted: bool
-    """True where the references start again in this tick, so that the law must be rebased."""
+    """True if the references restart in this tick, so that the law must be rebased."""
     before: "ControlLaw"
-    """Law that drove the arms up to the newest sample."""
+    """Law that moved the arms up to the newest sample."""
 
 
 UNSEEN = LawOutput(*(0.0,) * len(LawOutput.__struct_fields__))
@@ -84,7 +83,7 @@ UNSEEN = LawOutput(*(0.0,) * len(LawOutput.__struct_fields__))
 
 
 class ControlLaw(Protocol):
-    """A law with its parameters, for the arms of one rig."""
+    """A control law with its parameters, for the arms of one rig."""
 
     arms: ClassVar[int]
     """Number of arms that the law drives."""
@@ -94,7 +93,7 @@ class ControlLaw(Protocol):
         ...
 
     def rebase(self, state: Any, arms: tuple[ArmView, ...], handover: Handover) -> Any:
-        """Return the state from which the next step changes the voltages without a bump."""
+        """Return the state from which the next step changes the voltages without a jump."""
         ...
 
     def step(self, state: Any, arms: tuple[ArmView, ...], setpoint: Setpoint) -> tuple[Any, Wanted]:
@@ -122,7 +121,7 @@ class OneArmLaw:
         )
 
     def rebase(self, state: LawState, arms: tuple[ArmView, ...], handover: Handover) -> LawState:
-        """Return the state from which the next step changes the voltage without a bump."""
+        """Return the state from which the next step changes the voltage without a jump."""
         (arm,), ref, pressed, before = arms, handover.ref, handover.pressed, handover.before
         other = before.law if isinstance(before, OneArmLaw) else self.law
         return one_arm.rebase(
@@ -167,7 +166,8 @@ class OneArmLaw:
 
 @dataclass(frozen=True, slots=True)
 class TwoArmsLaw:
-    """A law of two arms, which regulates place and opening, or place and force of a held part."""
+    """A law of two arms, which regulates position and opening, or position and force of a held
+    part."""
 
     parameters: TwoArmParameters
     um_per_V: Pair
@@ -176,14 +176,14 @@ class TwoArmsLaw:
     arms: ClassVar[int] = 2
 
     def start(self, arms: tuple[ArmView, ...]) -> TwoArmState:
-        """Return the initial state; the next step takes the present errors as it finds them."""
+        """Return the initial state; the next step starts with the present errors."""
         _ = arms
         return two_arms.start()
 
     def rebase(
         self, state: TwoArmState, arms: tuple[ArmView, ...], handover: Handover
     ) -> TwoArmState:
-        """Return a new state where the references start again.
+        """Return a new state if the references restart.
 
         The step handles force and opening.
         """

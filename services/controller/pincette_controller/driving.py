@@ -1,4 +1,4 @@
-"""Voltages from a player's references, by the law of its segment or without one."""
+"""Compute voltages from a player's references, by the law of its segment or without one."""
 
 from typing import Any
 
@@ -14,11 +14,11 @@ from pincette_controller.felt import Arms
 from pincette_controller.player_state import Player
 
 RAISING, LOWERING = VOLTAGE_MAX | SLEW_UP, VOLTAGE_MIN | SLEW_DOWN
-"""Bits of ``limits_active`` that prevent a rise, and a fall, of the voltage."""
+"""Bits of ``limits_active`` that prevent a rise or a fall of the voltage."""
 
 
 def arm_view(estimate: ArmEstimate, memory: ArmMemory) -> ArmView:
-    """Return one arm as a law sees it."""
+    """Return the view of one arm that a law uses."""
     bits, limited, response = estimate.limits_active, 0, memory.response
     if bits:
         limited = 1 if bits & RAISING else -1 if bits & LOWERING else 0
@@ -27,7 +27,7 @@ def arm_view(estimate: ArmEstimate, memory: ArmMemory) -> ArmView:
 
 
 def at_measured(player: Player, arms: Arms, x_um: float) -> Player:
-    """Return the player with references at the measured place, as in a segment without a law."""
+    """Return the player with references at the measured position, as in a segment without a law."""
     force_mN, opening_um = arms[0].force_mN, 0.0
     if player.felt is not None:
         force_mN = 0.5 * (force_mN + arms[1].force_mN)
@@ -54,11 +54,11 @@ def drive(
     Parameters
     ----------
     state
-        State of the law of ``before``; None where none has driven the arms yet.
+        State of the law of ``before``; None before the first step of any law.
     before
-        Player that has set the references of the newest sample.
+        Player that set the references of the newest sample.
     player
-        Player that has set those of the coming sample.
+        Player that sets the references of the coming sample.
     correction_um
         Learned correction of x_r.
     """
@@ -66,7 +66,7 @@ def drive(
     if state is None:
         state = law_before.start(arms)
         if before.segment.presses:
-            # The force of a part that is held already does not arrive as a step.
+            # The force of a part that is held already does not change suddenly.
             taken = Handover(before.ref, pressed=True, restarted=True, before=law_before)
             state = law_before.rebase(state, arms, taken)
     handover = _handover(before, player, law_before)
@@ -85,7 +85,7 @@ def _handover(before: Player, player: Player, law_before: ControlLaw) -> Handove
     if restarts or player.segment.presses != before.segment.presses:
         ref = player.ref
         if player.bump and isinstance(segment, Press) and segment.follows:
-            # These references begin in motion, at the newest sample, which has the touch.
+            # These references begin in motion, at the newest sample, which shows the contact.
             ref = player.entry.ref
         return Handover(ref, player.segment.presses, restarts, law_before)
     if segment.law != before.segment.law:
@@ -95,7 +95,7 @@ def _handover(before: Player, player: Player, law_before: ControlLaw) -> Handove
 
 
 def _setpoint(player: Player, correction_um: float) -> Setpoint:
-    """Return the goal of the law; in a pause, at the end and in open loop nothing moves."""
+    """Return the goal of the law; in a pause, at the end and in open loop the references rest."""
     ref, segment, pressed = player.ref, player.segment, player.segment.presses
     rests = player.pause.active or player.ended
     if rests or segment.open_loop:

@@ -1,4 +1,4 @@
-"""Place of the arms, and contact of two arms with a part since a segment began."""
+"""Position of the arms, and contact of two arms with a part since a segment began."""
 
 from math import exp
 
@@ -9,33 +9,34 @@ from pincette.control.record import FrozenRecord
 from pincette.core.messages.arms import ArmEstimate
 
 FELT_S = 0.03
-"""Time constant over which the force and tip of each side are averaged to find a touch, in s."""
+"""Time constant over which the force and tip position of each side are averaged to detect a
+contact, in s."""
 DRIFT_S = 1.0
-"""Time constant of the mean of each free side's force, in s; the mean is the model's error along
-the way."""
+"""Time constant of the mean force on each free side, in s; this mean is the error of the model
+during the motion."""
 
 Arms = tuple[ArmEstimate, ...]
 """Estimate of each arm at one sample."""
 
 
 def place_um(arms: Arms) -> float:
-    """Return the position of one arm, or the place q of a part between two, in µm."""
+    """Return the position of one arm, or the position q of a part between two arms, in µm."""
     if len(arms) == 1:
         return arms[0].x_um
     return 0.5 * (arms[0].x_um - arms[1].x_um)
 
 
 class Felt(FrozenRecord, frozen=True):
-    """Forces and tips of two arms since a segment began."""
+    """Forces on two arms, and positions of their tips, since a segment began."""
 
     tips_um: Pair
-    """Tips at the newest sample, in µm."""
+    """Positions of the tips at the newest sample, in µm."""
     mean_mN: Pair = (0.0, 0.0)
-    """Force on each arm, averaged since the segment began, in mN."""
+    """Force on each arm, averaged over ``FELT_S``, in mN."""
     mean_um: Pair = (0.0, 0.0)
-    """Tip of each arm, averaged since the segment began, in µm."""
+    """Position of each tip, averaged over ``FELT_S``, in µm."""
     drift_mN: Pair = (0.0, 0.0)
-    """Mean of each force since the segment began, without a touch, in mN."""
+    """Mean of each force since the segment began, excluding contacts, in mN."""
     felt_s: float = 0.0
     """Time since the segment began, in s."""
     fresh: bool = True
@@ -48,8 +49,8 @@ class Felt(FrozenRecord, frozen=True):
     def updated(self, arms: Arms, period_s: float, most_drift_mN: float) -> "Felt":
         """Add the newest sample.
 
-        A rise by more than ``most_drift_mN`` above the drift is a touch, which the drift does not
-        follow. The drift itself stays within ``most_drift_mN`` of 0.
+        A force that exceeds the drift by more than ``most_drift_mN`` is a contact and does not
+        change the drift. The drift itself stays within ``most_drift_mN`` of 0.
         """
         first, second = arms
         tips = mean_um = first.x_um, second.x_um

@@ -1,7 +1,7 @@
-"""Guards that end a segment early: contact, too much force, a lost part, a position limit.
+"""Guards that end a segment early: contact, excessive force, a lost part, a position limit.
 
-Each guard works for one arm and for two. Steps of the position and the contact line of a load are
-watched with one arm alone.
+Each guard works for one arm and for two, except two that need one arm: the watch for steps of the
+position, and the watch of the contact line of a load.
 """
 
 from math import inf
@@ -34,14 +34,14 @@ from pincette_controller.taking_over import force_unknown, keep_as_it_is
 from pincette_controller.touching import RETREAT_S, seek, watch_way
 
 STOP_S = 0.3
-"""Time in which a stop brings x_r to rest, in s."""
+"""Time within which a stop brings x_r to rest, in s."""
 FREE = 2.0
 """Bound of the force of an arm that has lost its part, as a multiple of the stated uncertainty."""
 UNGUARDED = (Outcome.CONTACT, Outcome.SENSOR_JUMP, Outcome.POSITION_STEP)
-"""Outcomes after which a free way is not watched, because it leads back or the force is not known.
-"""
+"""Outcomes after which a free motion is not watched, because it moves back or the force is not
+known."""
 CONFIRMED_PERIODS = 0.5
-"""Upper bound, in periods, of the age of a zero that answers the newest request."""
+"""Upper bound, in periods, of the age of a zero that confirms the newest request."""
 WATCHED = (*KEPT, Phase.SETTLE, Phase.TRACK)
 """Phases in which a part can be lost; during a pause any phase counts."""
 
@@ -56,7 +56,7 @@ def guard(
 ) -> Player:
     """Judge the newest sample; without ``limits`` steps of the position are not detected.
 
-    ``x_um`` is the position of one arm, or the place of a part between two.
+    ``x_um`` is the position of one arm, or of a part between two arms.
     """
     segment, outcome, alone, first = player.segment, player.outcome, player.felt is None, arms[0]
     if alone and (isinstance(segment, Rest) or player.slip.noise.last_um is not None):
@@ -131,7 +131,7 @@ def _listen(player: Player, estimate: ArmEstimate) -> Player:
 
 
 def _line(program: Program, player: Player, estimate: ArmEstimate) -> ContactLine:
-    """Add a sample to the contact line; after a slip, none of an arm that has lost the part."""
+    """Add a sample to the contact line, unless the arm has lost the part after a slip."""
     if player.slip.slips and estimate.force_mN < program.guards.contact_force_mN:
         return ContactLine()
     return player.line.add(estimate.x_um, estimate.force_mN, player.ref.force_mN)
@@ -148,7 +148,7 @@ def _too_much(program: Program, player: Player, arms: Arms) -> bool:
 
 
 def with_planned_line(program: Program, player: Player, estimate: ArmEstimate) -> Player:
-    """Put a line of the planned stiffness through the newest sample, for the way back."""
+    """Put a line of the planned stiffness through the newest sample, for the motion back."""
     planned = program.contact_stiffness_mN_per_um
     return with_line(player, estimate.x_um - estimate.force_mN / planned, planned)
 
@@ -163,7 +163,7 @@ def _beyond(guards: Guards, arms: Arms) -> bool:
 
 
 def give_up(program: Program, player: Player, x_um: float) -> Player:
-    """Move each arm back to its rest, by the program's own way back if it has one."""
+    """Move each arm back to its rest position, by the program's own retreat if it has one."""
     for phase in (Phase.RETREAT, Phase.UNLOAD):
         if has_phase(program, phase):
             return jump(program, player, phase, x_um)
@@ -177,8 +177,8 @@ def _await_zero(
 ) -> Player:
     """Continue once the zero of each arm is confirmed, or end if one is refused or too late.
 
-    The estimate of the sample after the command with the zero answers it. If that estimate does
-    not, the reading, the voltage or the command was lost. The zero is then requested again, in the
+    The estimate of the sample after the command with the zero confirms it. If that estimate does
+    not, the reading, the voltage or the command was lost, and the zero is requested again in the
     same rest.
     """
     waited, guards = player.watch.count + 1, program.guards
@@ -198,11 +198,11 @@ def _await_zero(
 def _follow_line(
     program: Program, player: Player, period_s: float, limits: StepLimits | None
 ) -> Player:
-    """Move the contact line of the references towards the stiffest one that the load admits.
+    """Move the contact line of the references towards the stiffest line that the load admits.
 
-    K ← K + (1 - e^(-T/τ))·(K_stiffest - K), and x_e in the same way. A load that falls keeps the
-    line that was fitted over the rise. Whether the part is the planned one is judged at the end of
-    the load.
+    K ← K + (1 - e^(-T/τ))·(K_stiffest - K), and x_e likewise. While the force of a load falls, the
+    line that was fitted during the rise is kept. At the end of the load the fitted stiffness is
+    compared with the planned one.
     """
     line = player.entry.line
     if not player.line.count or line is None:
@@ -221,9 +221,9 @@ def _follow_line(
 
 
 def _watch_frozen(program: Program, player: Player, estimate: ArmEstimate) -> Player:
-    """End as ``lost`` if the step of a frozen arm has moved it to where it would be free.
+    """End as ``lost`` if the step of a frozen arm has moved it to the position of a free arm.
 
-    A sensor would have to jump by exactly the force times the compliance to read no force.
+    A sensor error would have to equal force times compliance exactly to show no force.
     """
     guards = program.guards
     least_mN = min(guards.contact_force_mN, FREE * estimate.force_uncertainty_mN)
@@ -235,14 +235,14 @@ def _watch_frozen(program: Program, player: Player, estimate: ArmEstimate) -> Pl
 
 
 def _watch_part(program: Program, player: Player, arms: Arms, x_um: float) -> Player:
-    """End as ``lost`` if the least force on the part is far below its reference.
+    """End as ``lost`` if the smallest force on the part is far below its reference.
 
-    Both arms open if either has none of its force, so that neither releases the part alone.
+    Both arms open if either has no force, so that neither releases the part alone.
     """
     guards, count, force_mN = program.guards, player.watch.count, arms[0].force_mN
     if player.felt is not None:
         force_mN = min(force_mN, arms[1].force_mN)
-    # At the trough of a path an error of the estimate must not pass for a loss.
+    # At the minimum of a path an error of the estimate must not be taken for a loss.
     passing = player.segment.phase != Phase.HOLD or player.index < 0
     light = passing and player.ref.force_mN < 2.0 * guards.contact_force_mN
     if light or force_mN >= guards.lost_fraction * player.ref.force_mN:

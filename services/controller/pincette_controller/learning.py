@@ -1,4 +1,4 @@
-"""Learning across the cycles of a program's path, at full amplitude, while it plays."""
+"""Iterative learning over the cycles of a program's path, at full amplitude, during the motion."""
 
 from msgspec.structs import replace
 
@@ -41,7 +41,7 @@ def check_cycle(program: Program, period_s: float) -> None:
 
 
 def learn(learning: Learning, before: Player, estimate: ArmEstimate, period_s: float) -> Learning:
-    """Update the learner with x - x_r of the newest sample; x_r is from the tick before."""
+    """Update the learner with x - x_r of the newest sample; x_r is from the previous tick."""
     if learning.learner is None:
         return learning
     path = _cyclic_path(before.segment)
@@ -59,7 +59,7 @@ def learn(learning: Learning, before: Player, estimate: ArmEstimate, period_s: f
 
 
 def correct(learning: Learning, player: Player, period_s: float) -> Learning:
-    """Update the correction of the next x_r; it is blended in and out as the path is."""
+    """Update the correction of the next x_r; it is blended in and out with the path."""
     if learning.learner is None:
         return learning
     path = _cyclic_path(player.segment)
@@ -71,6 +71,6 @@ def correct(learning: Learning, player: Player, period_s: float) -> Learning:
 
 
 def _cyclic_path(segment: Segment) -> Path | None:
-    """Return the path of the force where it has cycles; None otherwise."""
+    """Return the path of the force if it has cycles; None otherwise."""
     path = segment.force if isinstance(segment, Track) else None
     return None if path is None or path.knots else path

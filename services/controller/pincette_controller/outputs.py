@@ -1,9 +1,10 @@
 """Outputs of the controller: a command within the hard limits, or none, and its telemetry.
 
 The guards end a program gently. If that is not enough, or the law has diverged, the controller
-commands no more. It checks each command by the actuator's own rules. A command that breaks them is
-sent as invalid, with its fault and the known facts of the sample, by which the actuator finds the
-same and trips. Without it the actuator's age limit would act, since no valid command follows.
+sends no more valid commands. It checks each command by the actuator's own rules. A command that
+violates them is sent as invalid, with its fault and the known values of the sample, from which the
+actuator finds the same fault and trips. Without these values the actuator's age limit would trip
+it, since no valid command follows.
 """
 
 from operator import attrgetter
@@ -24,14 +25,14 @@ from pincette_controller.force_bounds import sure_force_mN
 from pincette_controller.player_state import Player
 
 NUMBERS, ARM_NUMBERS = largest_floats(Telemetry), largest_floats(ArmTelemetry)
-"""Numbers of telemetry, and of each arm in it, with the largest magnitude that a decoder accepts.
-"""
+"""Numbers of telemetry, and of each arm in it, with the largest magnitude that a decoder
+accepts."""
 NUMBERS_OF = attrgetter(*[name for name, _ in NUMBERS])
 ARM_NUMBERS_OF = attrgetter(*[name for name, _ in ARM_NUMBERS])
 
 
 def known_force_mN(estimate: Estimate, arm: int, player: Player | None) -> float | None:
-    """Return the force that is compared with an arm's hard limit, as the guards take it.
+    """Return the force that is compared with an arm's hard limit, computed as the guards do.
 
     The result is None within a sweep.
     """
@@ -43,7 +44,8 @@ def known_force_mN(estimate: Estimate, arm: int, player: Player | None) -> float
 def no_command(
     estimate: Estimate, epoch: int, owner: int, silenced: Fault | None, player: Player | None
 ) -> Command:
-    """Return an invalid command with the forces, by which the actuator watches a frozen part."""
+    """Return an invalid command with the forces, by which the actuator monitors a part held at
+    constant voltage."""
     arms: list[ArmCommand] = []
     for arm, seen in enumerate(estimate.arms):
         arms.append(ArmCommand(seen.applied_V, force_mN=known_force_mN(estimate, arm, player)))
@@ -94,7 +96,7 @@ def telemetry_of(
     acted: tuple[Acted, ...],
     correction_um: float,
 ) -> Telemetry:
-    """Return the telemetry of sample k; the tick before set its references."""
+    """Return the telemetry of sample k, whose references were set in the previous tick."""
     seen, line, touch = player.slip.confirmed, player.entry.line, player.touch
     output, alone = wanted.output, player.felt is None
     return Telemetry(
@@ -131,7 +133,8 @@ def telemetry_of(
 
 
 def number_out_of_bounds(telemetry: Telemetry) -> Fault | None:
-    """Return the fault of a law whose number a decoder would reject; None if there is none."""
+    """Return the fault of a law with a number that a decoder would reject; None if there is
+    none."""
     for arm, of_arm in zip(ARM_PREFIXES, telemetry.arms, strict=False):
         for (name, most), number in zip(ARM_NUMBERS, ARM_NUMBERS_OF(of_arm), strict=True):
             if not -most <= number <= most:
@@ -178,7 +181,10 @@ def check_command(
 
 
 def invalid_command(command: Command, estimate: Estimate, why: Fault, *, known: bool) -> Command:
-    """Return a command that keeps the voltages; ``known`` if force and x_d are finite."""
+    """Return a command that keeps the voltages.
+
+    ``known`` states whether force and x_d are finite.
+    """
     arms: list[ArmCommand] = []
     for asked, measured in zip(command.arms, estimate.arms, strict=True):
         kept = ArmCommand(measured.applied_V)

@@ -1,9 +1,9 @@
-"""Playback of a program: the references in force, and the transition after a segment.
+"""Playback of a program: the current references, and the transition after a segment.
 
 Times are counted in ticks in which the controller could act. A tick without a valid estimate does
-not advance the program, and neither does one of a pause. A pause begins at a safe point, a sample
-at which the references are at rest: in a rest, between two segments that end at rest, at the
-turning point of a path. There the law goes on regulating, and the guards go on watching.
+not advance the program, and neither does a tick of a pause. A pause begins at a safe point, a
+sample at which the references are at rest: in a rest, between two segments that end at rest, at the
+turning point of a path. During a pause the law and the guards remain active.
 """
 
 from msgspec.structs import replace
@@ -43,20 +43,20 @@ CARRY = "move"
 
 
 def begin(program: Program, arms: Arms, period_s: float) -> Player:
-    """Return a player at the first segment, with the arms' present place and force."""
+    """Return a player at the first segment, with the present positions and forces of the arms."""
     first, held, x_um = program.segments[0], program.begins_held, place_um(arms)
     if program.takes_force_over and len(arms) == 1:
         return take_over(program, arms[0], period_s)
     tips_um = tuple([arm.x_um for arm in arms])
     voltages_V = tuple([arm.applied_V for arm in arms])
     forces_mN = [arm.force_mN for arm in arms]
-    # A force that is taken over has a zero, so that its limit counts from 0.
+    # The force of a held part has a zero, so its limit counts from 0.
     unknown = held and not program.takes_force_over
     began = Began(tips_um, voltages_V, max(forces_mN) if unknown else 0.0)
     ref = Reference(x_um, voltages_V=voltages_V)
     if len(arms) == 1:
         return Player(0, first, 0, Entry(ref, period_s), ref, began, voltages_V, held=held)
-    # A held part is pressed on with the force that is read, which may have no zero.
+    # A held part is pressed with the force that is read, which may have no zero.
     presses = held and first.presses
     one_um, two_um = tips_um
     ref = ref._replace(
@@ -85,7 +85,7 @@ def advance(
 ) -> Player:
     """Advance by one tick: guards first, then time, then the references of the next sample.
 
-    While a step of the position waits for its confirmation, references and time rest.
+    While a step of the position waits for its confirmation, references and time do not advance.
     """
     felt, x_um, applied_V = player.felt, arms[0].x_um, (arms[0].applied_V,)
     if felt is not None:
@@ -116,7 +116,7 @@ def advance(
 def _moved(
     player: Player, checks: tuple[FreeArm, ...], arms: Arms, period_s: float
 ) -> tuple[FreedomFit, ...]:
-    """Return the motion of each arm in a check, with the newest sample."""
+    """Return the motion of each arm in a check of whether it is free, with the newest sample."""
     fits = player.freedom or (FreedomFit(),) * len(checks)
     return tuple(
         fit.add(check, player.ticks * period_s, arm.x_um, arm.force_mN)
@@ -180,7 +180,7 @@ def _next(
     """Leave a segment whose duration has passed."""
     segment = player.segment
     if segment.zeroes:
-        # Stamped with this tick's command; the estimate of the next sample answers it.
+        # Requested by the command of this tick; the estimate of the next sample confirms it.
         return replace(with_watch(player, zeroing=True, count=0), zero=True)
     if isinstance(segment, Seek):
         player = replace(player, outcome=Outcome.NO_CONTACT)
@@ -200,7 +200,7 @@ def _next(
 
 
 def _outcome(program: Program, player: Player) -> Outcome:
-    """Return the outcome reached with the end of a segment."""
+    """Return the outcome reached at the end of a segment."""
     segment = player.segment
     if program.begins_held:
         if segment.phase == Phase.UNLOAD:
@@ -219,15 +219,16 @@ def _outcome(program: Program, player: Player) -> Outcome:
 def _settle_contact(
     program: Program, player: Player, estimate: ArmEstimate, limits: StepLimits | None
 ) -> Player:
-    """Adopt the contact line fitted over the load, so that x_r and F_r agree from here on.
+    """Adopt the contact line fitted over the load, so that x_r and F_r are consistent from here on.
 
-    K_e counts as wrong only if it is inadmissible for every force within F ± U, since it has the
-    same relative error, and if noise does not explain it: over the short load of a small force, the
-    fit of a noisy sensor scatters by more than the tolerance of the part. Where noise explains it,
-    the line has the nearest permitted stiffness.
+    K_e is judged wrong only if it is inadmissible for every force within F ± U, since it has the
+    same relative error, and if noise does not explain the deviation: over the short load of a small
+    force, the fit of a noisy sensor scatters by more than the tolerance of the part. If noise
+    explains it, the line gets the nearest permitted stiffness.
 
-    A wrong stiffness that no part can have leaves the planned K_e, through the newest sample, for
-    the way back. So does a load whose highest force is not above U, where the fit is meaningless.
+    After a stiffness that no part can have, the motion back uses the planned K_e, with a line
+    through the newest sample. The same holds for a load whose highest force is not above U, where
+    the fit is meaningless.
     """
     fit, guards = player.line.fit(), program.guards
     highest_mN = max(abs(estimate.force_mN), player.entry.ref.force_mN)

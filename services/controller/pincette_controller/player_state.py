@@ -1,4 +1,4 @@
-"""Position in a program, its references at a tick, and the transitions between segments."""
+"""Position in a program, its references in a tick, and the transitions between segments."""
 
 from typing import Any
 
@@ -20,12 +20,12 @@ class SeenStep(FrozenRecord, frozen=True):
 
     step: Step
     step_um: float
-    """Size of the step, averaged over the samples since, in µm; positive towards the part."""
+    """Size of the step, averaged over the samples since then, in µm; positive towards the part."""
     force_mN: float
     """Estimated force just before the step, in mN; the force after it if the sensor caused the
     step."""
     after_mN: float
-    """Estimated force just after the step, averaged over the samples since, in mN."""
+    """Estimated force just after the step, averaged over the samples since then, in mN."""
     samples: int = 1
 
     def averaged(self, shown_um: float, force_mN: float) -> "SeenStep":
@@ -65,30 +65,30 @@ class GuardWatch(FrozenRecord, frozen=True):
     count: int = 0
     """Number of consecutive samples that a guard has seen."""
     drift_mN: float = 0.0
-    """Mean of the estimated force on an approach, in mN; a touch is a jump above it."""
+    """Mean of the estimated force on an approach, in mN; a contact is a jump above it."""
     clear: bool = False
-    """True if the arm has been free on this way; a touch counts only then."""
+    """True if the arm has been free during this motion; a contact counts only then."""
     touching: int = 0
-    """Number of consecutive samples of a touch."""
+    """Number of consecutive samples with contact."""
     zeroing: bool = False
-    """True while a requested zero of the force is not yet answered."""
+    """True while a requested zero of the force is not yet confirmed."""
 
 
 class SlipWatch(FrozenRecord, frozen=True):
-    """Search for steps of the position of a pressed part, and its findings."""
+    """Search for steps in the position of a pressed part, and its results."""
 
     noise: RestNoise = field(default_factory=RestNoise)
     """Noise of the sensor, measured in the rests of this program."""
     noise_um: float = 0.0
     """Standard deviation of the noise at the end of the newest rest, in µm."""
     steps: StepWatch = field(default_factory=StepWatch)
-    """Newest positions, which are searched for a step."""
+    """Newest positions, in which a step is searched for."""
     suspect: Step | None = None
-    """Step that the next sample must confirm; the voltage is frozen until then."""
+    """Step that the next sample must confirm; the voltage is kept until then."""
     confirmed: SeenStep | None = None
     """Step that was confirmed; None without one."""
     slips: int = 0
-    """Number of times that the part has slipped under moving references."""
+    """Number of times that the part has slipped while the references moved."""
 
 
 class Began(FrozenRecord, frozen=True):
@@ -104,7 +104,7 @@ class Began(FrozenRecord, frozen=True):
 
 
 class Touch(FrozenRecord, frozen=True):
-    """An unexpected touch while the arm moves through free space."""
+    """Unexpected contact while the arm moves through free space."""
 
     x_um: float | None
     force_mN: float
@@ -117,45 +117,45 @@ class Player(FrozenRecord, frozen=True):
     segment: Segment
     ticks: int
     entry: Entry
-    """State in which the segment began, and knowledge of the contact since."""
+    """State at the start of the segment, and what is known of the contact since then."""
     ref: Reference
     """References of the coming sample."""
     began: Began
     applied_V: tuple[float, ...]
-    """Voltage applied to each arm, in V, as the newest estimate states it."""
+    """Voltage applied to each arm according to the newest estimate, in V."""
     held: bool = False
     """True while a part is held."""
     line: ContactLine = field(default_factory=ContactLine)
-    """Contact line of the load, as its samples show it."""
+    """Contact line of the load, fitted to its samples."""
     watch: GuardWatch = field(default_factory=GuardWatch)
     slip: SlipWatch = field(default_factory=SlipWatch)
     pause: Pause = NO_PAUSE
     freedom: tuple[FreedomFit, ...] = ()
     """Motion of each arm in a check of whether it is free; empty in other segments."""
     touch: Touch | None = None
-    """Touch on the way through free space; None without one."""
+    """Contact during the motion through free space; None without one."""
     felt: Felt | None = None
-    """Forces and tips that two arms have felt since the segment began; None with one arm."""
+    """Forces and tip positions of two arms since the segment began; None with one arm."""
     outcome: Outcome = Outcome.NONE
     ended: bool = False
     ends_after: str = ""
     """Phase under a law with which the program ends early; empty if there is none."""
     zero: bool = False
-    """True where the command of this tick requests a zero of the force."""
+    """True if the command of this tick requests a zero of the force."""
     bump: bool = False
-    """True where the references start again in this tick, so that the law must be rebased."""
+    """True if the references restart in this tick, so that the law must be rebased."""
 
     @property
     def contact_known(self) -> bool:
-        """True if the contact line, or the place of a part between two arms, is known."""
+        """True if the contact line, or the position of a part between two arms, is known."""
         return self.entry.line is not None or self.entry.held_at_um is not None
 
 
 def enter(player: Player, index: int, segment: Segment) -> Player:
     """Return the player at the start of a segment; references and voltages do not change.
 
-    A retreat never moves an arm forward: where a part pushes an arm back behind its home, the way
-    there would press it.
+    A retreat never moves an arm forward: if a part pushes an arm back behind its home position, the
+    motion there would press the part.
     """
     ref = player.ref._replace(force_rate_mN_per_s=0.0, voltages_V=player.applied_V)
     return replace(
@@ -164,28 +164,28 @@ def enter(player: Player, index: int, segment: Segment) -> Player:
         segment=_not_forward(segment, ref, player.felt),
         ticks=0,
         freedom=(),
-        # A zero without an answer belongs to the rest that ends here.
+        # A zero that was not confirmed belongs to the rest that ends here.
         watch=replace(player.watch, count=0, zeroing=False),
         entry=player.entry._replace(ref=ref),
         ref=ref,
-        # A step that was suspected in the segment before must not freeze this one.
+        # A step that was suspected in the previous segment must not freeze this one.
         slip=replace(player.slip, suspect=None),
         felt=None if player.felt is None else player.felt.entered(),
     )
 
 
 def with_watch(player: Player, **changes: float) -> Player:
-    """Return the player with other values in the state of its guards."""
+    """Return the player with changed values in the state of its guards."""
     return replace(player, watch=replace(player.watch, **changes))
 
 
 def with_slip(player: Player, **changes: Any) -> Player:
-    """Return the player with other values in its search for steps of the position."""
+    """Return the player with changed values in its search for steps of the position."""
     return replace(player, slip=replace(player.slip, **changes))
 
 
 def _not_forward(segment: Segment, ref: Reference, felt: Felt | None) -> Segment:
-    """Limit the goals of a retreat to each arm's present place; other segments are unchanged."""
+    """Limit the goals of a retreat to each arm's present position; other segments are unchanged."""
     if segment.phase != Phase.RETREAT or not isinstance(segment, Move):
         return segment
     tips_um = (ref.x_um,) if felt is None else felt.tips_um
@@ -212,7 +212,8 @@ def enter_next(program: Program, player: Player, x_um: float) -> Player:
 
 
 def jump(program: Program, player: Player, phase: str, x_um: float) -> Player:
-    """Go to the first segment of a phase, paused or not; a program without it ends."""
+    """Go to the first segment of a phase, also during a pause; a program without this phase
+    ends."""
     player = replace(player, pause=NO_PAUSE)
     for index, segment in enumerate(program.segments):
         if segment.phase == phase:
@@ -228,7 +229,7 @@ def has_phase(program: Program, phase: str) -> bool:
 def leave(player: Player, following: Segment, x_um: float) -> Player:
     """Return the player after the end of contact: the law gets no force, x_r starts from x.
 
-    Without a law a part that is pressed stays held.
+    If the next segment has no law, a pressed part remains held.
     """
     if following.open_loop:
         return player
@@ -241,7 +242,7 @@ def leave(player: Player, following: Segment, x_um: float) -> Player:
         return player
     ref = opened(player)._replace(force_mN=0.0, speed_um_per_s=0.0)
     if player.felt is not None:
-        # The reference of the place stays; the opening begins where both arms are.
+        # The reference of the position q stays; the opening begins at the present tip positions.
         return replace(player, held=False, ref=ref)
     return replace(player, held=False, bump=True, ref=ref._replace(x_um=x_um))
 

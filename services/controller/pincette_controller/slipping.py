@@ -4,11 +4,11 @@ The first sample that shows the step freezes the voltage. The next one confirms 
 continues. The meaning of a confirmed step depends on its direction and on the references:
 
     backwards                   ``sensor_jump``: no slip moves the arm back
-    forwards, references move   ``slipped``: the part has given way; the line starts again there
+    forwards, references move   ``slipped``: the part has yielded; the line restarts there
     forwards, references rest   ``position_step``: slip or sensor, not distinguishable here
 
-After a slip in a load the program may load again, as often as it allows. A held part whose force is
-in doubt is never dropped for that: the voltage stays frozen until the hold ends.
+After a slip during a load the program repeats the load, up to its limit. A held part whose force is
+uncertain is not released: the voltage stays frozen until the hold ends.
 """
 
 from msgspec.structs import replace
@@ -37,23 +37,24 @@ from pincette_controller.player_state import (
 )
 
 CONFIRMING_SHARE = 0.3
-"""Share of a step that the next sample must show to confirm it; the mode's ring may hide the rest.
-"""
+"""Share of a step that the next sample must show to confirm it; oscillation of the mode may hide
+the rest."""
 AVERAGED = 8
 """Number of samples after a step over which its size is averaged while the voltage is frozen."""
 LINE_KNOWN, LINE_ERROR = 4, 0.1
-"""Number of samples of a load, and largest relative standard error of its stiffness, from which on
-the fitted line judges a step."""
+"""Number of samples of a load, and largest relative standard error of its stiffness, from which
+the fitted line is used to judge a step."""
 LINE_AFTER_UM = 1.2
-"""Way of the arm under load, in µm, after which the fitted line judges a step."""
+"""Distance that the arm moves under load, in µm, after which the fitted line is used to judge a
+step."""
 UNWATCHED = (Phase.UNLOAD, Phase.RETREAT, Phase.STOPPING)
-"""Phases that end the contact: the arm steps back on purpose."""
+"""Phases that end the contact: there the arm moves back intentionally."""
 
 
 def admissible(program: Program, K_e: float) -> bool:
     """Return whether a contact stiffness may be used: within 0.3 to 3 times the planned one.
 
-    A program that looks for the stiffness itself states wider bounds, which hold then.
+    A program that measures the stiffness itself specifies wider bounds, which apply instead.
     """
     least, most = stiffness_bounds(program.contact_stiffness_mN_per_um, program.guards)
     return least <= K_e <= most
@@ -102,9 +103,9 @@ def watch_steps(
 def _watched(program: Program, player: Player, estimate: ArmEstimate, *, along_path: bool) -> bool:
     """Return whether a part is pressed, so that the position follows from voltage and stiffness.
 
-    A path is not watched where the force is less than that of a touch, since the arm may be free
-    there. Two arms are not watched: place and opening move by both voltages, and the difference of
-    the two forces shows what one arm alone cannot.
+    A path is not watched while the force is below the contact force, since the arm may be free. Two
+    arms are not watched: both voltages determine position and opening, and the difference of the
+    two forces shows what one arm alone cannot.
     """
     segment = player.segment
     if not player.held or segment.phase in UNWATCHED or player.felt is not None:
@@ -115,7 +116,8 @@ def _watched(program: Program, player: Player, estimate: ArmEstimate, *, along_p
 
 
 def _kappa(program: Program, player: Player, limits: StepLimits, x_um: float) -> Kappa:
-    """Return s_p·K_e of the part; the least possible one in a load whose line is not known yet."""
+    """Return s_p·K_e of the part; in a load whose line is not known yet, the smallest possible
+    value."""
     planned = program.contact_stiffness_mN_per_um
     if player.segment.phase != Phase.LOAD or program.contact_line != "identified":
         return Kappa(limits.kappa(_stiffness(program, player)))
@@ -135,7 +137,7 @@ def _confirm(
     free_um: float,
     kappa: Kappa,
 ) -> Player:
-    """Act on a step that the next sample still shows; discard one that is gone."""
+    """Act on a step that the next sample still shows; discard a step that has disappeared."""
     step = player.slip.suspect
     assert step is not None
     shown_um = unexplained_um(step, estimate.x_um, free_um, kappa)
@@ -155,7 +157,7 @@ def _act(program: Program, player: Player, estimate: ArmEstimate, *, forwards: b
     """End, freeze or load again after a confirmed step."""
     segment, x_um = player.segment, estimate.x_um
     if segment.open_loop and rests(player):
-        # The voltage is kept as it is already.
+        # The voltage is kept anyway.
         outcome = Outcome.POSITION_STEP if forwards else Outcome.SENSOR_JUMP
         return replace(player, outcome=outcome)
     if not forwards:
@@ -174,8 +176,8 @@ def _act(program: Program, player: Player, estimate: ArmEstimate, *, forwards: b
 def within_plan(program: Program, player: Player, x_um: float) -> Player:
     """End a program whose references are about to leave the range of its plan.
 
-    A force that cannot be reached there is not pursued: the part has slipped, or is softer than any
-    that the plan admits.
+    A force that cannot be reached within the range is not pursued: the part has slipped, or is
+    softer than the plan admits.
     """
     planned = program.planned_range
     if planned is None or not player.segment.presses or player.segment.phase in UNWATCHED:

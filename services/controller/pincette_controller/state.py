@@ -27,28 +27,29 @@ class State(FrozenRecord, frozen=True):
     """The running program, its position, and the memories of law and arms."""
 
     memories: tuple[ArmMemory, ...]
-    """Memory of each arm; it outlives an arming, as the arm's own does."""
+    """Memory of each arm; it persists over an arming, as the arm's own memory does."""
     watches: tuple[Watches, ...]
     """State of the check of each arm's hard limits."""
     epoch: int = 0
     owner: int = 0
     seq: int = -1
     loaded: Program | None = None
-    """Program of the next arming; loading it does not affect the one that plays."""
+    """Program of the next arming; loading it does not affect the program that plays."""
     program: Program | None = None
     playing: bool = False
     laws: tuple[ControlLaw, ...] = ()
     """Laws of ``program``."""
     player: Player | None = None
     law_state: Any = None
-    """State of the law that drives the arms; None before the first step."""
+    """State of the law that moves the arms; None before the first step."""
     learning: Learning | None = None
-    """Learning along the cycles of a path; None if the program learns nothing."""
+    """Learning over the cycles of a path; None if the program learns nothing."""
     pending: tuple[Action, ...] = ()
     lease: RunningLease | None = None
-    """Lease of the program; without one it plays to its end, with or without a supervisor."""
+    """Lease of the program; without a lease it plays to its end, with or without a supervisor."""
     silenced: Fault | None = None
-    """Reason why the controller stopped commanding, though no action has ended the program."""
+    """Reason why the controller stopped sending commands, although no action has ended the
+    program."""
     refused: int = 0
     found: Fault | None = None
     """Reason why the program stops or has stopped without a requested action."""
@@ -70,7 +71,7 @@ def ended_tick(
 ) -> tuple[State, tuple[Command] | tuple[Command, Telemetry]]:
     """Return the state after a tick, and the messages of the controller.
 
-    A number of the law that a decoder rejects makes the command invalid, and no telemetry is sent.
+    If a decoder would reject a number of the law, the command is invalid and no telemetry is sent.
 
     Parameters
     ----------

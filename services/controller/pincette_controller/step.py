@@ -60,7 +60,8 @@ def start(config: ControllerConfig) -> State:
 def step(
     config: ControllerConfig, state: State, inputs: Inputs, now: float
 ) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
-    """Answer an estimate with a command; an ended lease stops the program at the next one."""
+    """Reply to an estimate with a command; an ended lease stops the program at the next
+    estimate."""
     state, outputs = _answer(config, state, inputs.estimate)
     if state.lease is None or not state.playing:
         return state, outputs
@@ -144,7 +145,7 @@ def _asked(
 ) -> tuple[tuple[ArmCommand, ...], tuple[ArmTelemetry, ...]]:
     """Return the command of each arm, and its references at the newest sample."""
     alone = player.felt is None
-    # The actuator alone keeps two arms within the range that their plan has stated.
+    # With two arms, only the actuator enforces the range that the plan has stated.
     planned = program.planned_range if alone else None
     stated = state.law_state is not None and not player.ended
     stated = stated and not (alone and player.segment.open_loop)
@@ -163,8 +164,9 @@ def _asked(
 def _aims_um(before: Player, player: Player, wanted: Wanted) -> tuple[float, ...]:
     """Return the desired position of each tip at the newest sample, in µm.
 
-    The law of one arm states it. Two arms share the place, and a part that is pressed leaves them
-    as open as they are. Without a law both tips are taken where they are.
+    With one arm, the law returns it. With two arms it follows from the position reference and the
+    opening, which is the measured one while a part is pressed. Without a law the measured positions
+    of both tips are returned.
     """
     felt, ref = player.felt, before.ref
     if felt is None:

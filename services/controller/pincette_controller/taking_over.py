@@ -1,12 +1,12 @@
 """Programs that begin with a held part, at the force that acts on it.
 
-The references begin at the measured place of the arm, with the estimated force, so that neither
+The references begin at the measured position of the arm, with the estimated force, so that neither
 they nor the voltage jump. The contact line of one arm goes through that sample with the stiffness
-of the hardest part, and follows the samples of the load from there, whether the force rises or
-falls: a falling force is then above its reference, and the contact is not lost. Two arms have no
+of the hardest part. It is then fitted to the samples of the load, whether the force rises or falls:
+a falling force is at first above its reference, and the contact is not lost. Two arms have no
 contact line: their law controls the force itself.
 
-A force without a zero may hide any force. No voltage is moved for it: the part is kept as it is.
+A force without a zero may be any force. No voltage is changed then: the part is kept as it is.
 """
 
 from msgspec.structs import replace
@@ -22,7 +22,7 @@ from pincette_controller.player_state import NO_PAUSE, Began, Player, enter, wit
 from pincette_controller.slipping import admissible
 
 LARGEST_ERROR = 0.02
-"""Largest relative standard error of the fitted stiffness with which the fit is used."""
+"""Largest relative standard error of the fitted stiffness at which the fit is used."""
 
 
 def take_over(program: Program, estimate: ArmEstimate, period_s: float) -> Player:
@@ -45,7 +45,7 @@ def take_over(program: Program, estimate: ArmEstimate, period_s: float) -> Playe
 
 
 def force_unknown(player: Player, arms: Arms) -> bool:
-    """Return whether a held part is loaded by a force without a zero, or with too large a U."""
+    """Return whether the force on a held part has no zero or too large a U."""
     segment = player.segment
     if segment.phase != Phase.LOAD or player.outcome:
         return False
@@ -62,7 +62,7 @@ def keep_as_it_is(player: Player) -> Player:
 def settle_held(program: Program, player: Player) -> Player:
     """Adopt the contact line fitted over the load, if the fit is certain and admissible.
 
-    Unlike in a grip a wrong stiffness ends nothing, since the part is held already.
+    Unlike in a grip, a wrong stiffness does not end the program, since the part is held already.
     """
     fit = player.line.fit()
     if fit is None or not admissible(program, fit.K_e_mN_per_um):

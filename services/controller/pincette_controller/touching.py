@@ -1,10 +1,10 @@
-"""Touches of moving arms: of the part that they look for, or of something in the way.
+"""Contacts of moving arms: with the part that they search for, or with an obstacle.
 
-In its motion in free space an arm must meet nothing, from the first sample on. A touch that the
-estimator has found stops the motion, and the arms go back to where they were free.
+During a motion through free space, contact is a fault from the first sample on. A contact that the
+estimator has found stops the motion, and the arms go back to positions where they were free.
 
-A part between two arms counts as held from the moment at which the required sides have touched
-together.
+A part between two arms counts as held as soon as the required sides are in contact at the same
+time.
 """
 
 from math import exp, inf
@@ -33,29 +33,30 @@ from pincette_controller.player_state import (
 )
 
 RETREAT_S = 2.0
-"""Duration of the way back, in s, if a program has none."""
+"""Duration of the motion back, in s, if a program has no retreat."""
 BACK_UM, BACK_SHARE = 2.0, 0.1
-"""Distance of the way out after a touch on the way back, in µm, or as a share of the voltage."""
+"""Distance of the motion away after a contact during the motion back, in µm, or as a fraction of
+the voltage."""
 BEND_FORCES = 10.0
-"""Multiple of the contact force above which a kink is not a bend of the arm itself, however soft.
-"""
+"""Multiple of the contact force above which a kink is not a bend of the arm's own response,
+however small its slope."""
 DRIFT_S = 0.2
 """Time over which the force of a free approach is averaged, in s."""
 
 
 def seek(program: Program, player: Player, segment: Seek, arms: Arms, x_um: float) -> Player:
-    """Go on to the next segment once each arm that looks for the part has touched it."""
+    """Enter the next segment once each arm that searches for the part is in contact with it."""
     if player.felt is None:
         return _seek_by_one(program, player, arms, x_um)
     return _seek_by_two(program, player, segment, player.felt, arms, x_um)
 
 
 def _seek_by_one(program: Program, player: Player, arms: Arms, x_um: float) -> Player:
-    """Go on to the load after a touch; go back if a hidden force may be as large as that load.
+    """Enter the load after a contact; go back if a hidden force may be as large as that load.
 
-    A part could press with the force of the load where U is as large, before its touch shows. A
-    part that pressed when the force was zeroed is met at once, before its planned place. Every
-    force read from that zero is then too small by the hidden force.
+    If U is as large as the force of the load, a part could press with that force before its contact
+    shows. A part that pressed when the force was zeroed makes contact at once, before its planned
+    position. Every force read from that zero is then too small by the hidden force.
     """
     guards, following, (estimate,) = program.guards, program.segments[player.index + 1], arms
     load_mN = following.to_mN if isinstance(following, Press) else None
@@ -86,14 +87,15 @@ def _seek_by_one(program: Program, player: Player, arms: Arms, x_um: float) -> P
 
 
 def _least_place_um(guards: Guards, arm: int) -> float:
-    """Return the least place of contact that a plan admits for an arm, in µm."""
+    """Return the smallest position of contact that a plan admits for an arm, in µm."""
     return guards.contacts_from_um[arm] if guards.contacts_from_um else -inf
 
 
 def load_rate(load: Press, force_mN: float, rate_mN_per_s: float) -> float:
-    """Return the rate at which the reference of the force begins a load, in mN/s.
+    """Return the rate at which the force reference begins a load, in mN/s.
 
-    It is the rate of the seek, but not so large that the reference passes the end of the load.
+    It corresponds to the speed of the seek, but is limited so that the reference does not pass the
+    end of the load.
     """
     way_mN, duration_s = (load.to_mN or 0.0) - force_mN, load.move_s or load.duration_s
     if way_mN <= 0.0 or not duration_s:
@@ -104,19 +106,21 @@ def load_rate(load: Press, force_mN: float, rate_mN_per_s: float) -> float:
 def _seek_by_two(
     program: Program, player: Player, segment: Seek, felt: Felt, arms: Arms, x_um: float
 ) -> Player:
-    """Go on once both arms have touched together, or the one that moves alone has."""
+    """Continue once both arms are in contact at the same time, or the arm that moves alone is."""
     together = all(segment.sides)
     if together:
         felt_mN = min(felt.mean_mN)
     else:
-        # The touch of an arm that moves alone is a rise above the error of its model.
+        # The contact of an arm that moves alone is a rise of its force above the error of its
+        # model.
         side = segment.sides.index(True)
         felt_mN = felt.mean_mN[side] - felt.drift_mN[side]
     if felt_mN < program.guards.contact_force_mN:
         return player
     for side, touches in enumerate(segment.sides):
-        # As for one arm, a part that pressed when the force was zeroed is met at once. The faces of
-        # both sides yield alike, so that a tip is F/(2·K) beyond the place at which it touched.
+        # As for one arm, a part that pressed when the force was zeroed makes contact at once. The
+        # faces of both sides yield equally, so that a tip is F/(2·K) beyond the position of its
+        # first contact.
         yielded_um = 0.5 * felt.mean_mN[side] / program.contact_stiffness_mN_per_um
         place_um = felt.mean_um[side] - yielded_um
         doubted = touches and arms[side].zero_unconfirmed
@@ -128,7 +132,8 @@ def _seek_by_two(
         ref = ref._replace(force_mN=0.5 * (arms[0].force_mN + arms[1].force_mN))
         found: tuple[float | None, ...] = felt.mean_um
     else:
-        # The arm that has found the part stops there. The references go on from the measured tips.
+        # The arm that has found the part stops there. The references continue from the measured
+        # tips.
         ref, held_at_um = opened(player)._replace(x_um=x_um), player.entry.held_at_um
         before = player.entry.found_um
         found = tuple(
@@ -144,11 +149,11 @@ def _seek_by_two(
 
 
 def watch_way(program: Program, player: Player, arms: Arms, x_um: float, period_s: float) -> Player:
-    """Turn back where an arm meets something; it must first clear what it is still leaving.
+    """Turn back if an arm meets an obstacle; the arm must first leave its present contact.
 
-    A touch comes from the estimator, or is a jump of the force on a quick way to the stand-off. The
-    strongest counts. On the way back from a refused zero an arm whose own zero was refused is not
-    watched, since its force is not known.
+    A contact is reported by the estimator, or is a jump of the force in a fast motion to the
+    stand-off. The strongest contact counts. On the way back from a refused zero, an arm whose own
+    zero was refused is not watched, since its force is not known.
     """
     guards, segment = program.guards, player.segment
     approaches = segment.phase == Phase.APPROACH and arms[0].zero_age_s is not None
@@ -162,11 +167,11 @@ def watch_way(program: Program, player: Player, arms: Arms, x_um: float, period_
         if player.outcome == Outcome.ZERO_REFUSED and estimate.zero_refusal is not None:
             continue
         if segment.phase == Phase.RETREAT:
-            # Away from the part only what is behind the arm can be met.
+            # During motion away from the part, only an object behind the arm can be met.
             touch_mN = min(touch_mN, 0.0)
         elif segment.zeroes or estimate.zero_age_s is None:
-            # An arm at rest meets nothing behind it: what pushed it at the zero before is gone.
-            # While the force has no zero, no pull is known either.
+            # An arm at rest meets nothing behind it: what pushed it at the previous zero is gone.
+            # While the force has no zero, a pull is not known either.
             touch_mN = max(touch_mN, 0.0)
         met = abs(touch_mN) > abs(strongest_mN)
         if met and not _is_own_bend(guards, player.began.tips_um[arm], estimate, touch_mN):
@@ -184,10 +189,11 @@ def watch_way(program: Program, player: Player, arms: Arms, x_um: float, period_
 
 
 def _is_own_bend(guards: Guards, began_um: float, estimate: ArmEstimate, touch_mN: float) -> bool:
-    """Return whether an apparent touch is a bend of the free arm that the guards admit.
+    """Return whether an apparent contact is a bend in the free arm's response that the guards
+    admit.
 
-    Free arms bend where they come near saturation, and softly. No arm does before the place where
-    it began to move.
+    The response of a free arm bends near saturation, with a small slope. It never bends before the
+    position where the motion began.
     """
     touch_x_um = estimate.touch_x_um
     if not guards.bend_mN_per_um or touch_x_um is None or touch_x_um <= began_um:
@@ -197,7 +203,7 @@ def _is_own_bend(guards: Guards, began_um: float, estimate: ArmEstimate, touch_m
 
 
 def _watches_at_rest(player: Player) -> bool:
-    """Return whether an arm is watched before its strokes, without having been clear before."""
+    """Return whether an arm is watched before its strokes, even if it has not been free before."""
     return player.index == 0 and player.segment.phase == CONDITION
 
 
@@ -206,9 +212,9 @@ def _watch_jump(
 ) -> tuple[Player, bool]:
     """Return the player, and whether the force has jumped from its earlier mean.
 
-    On its first way the free arm's force may have an error larger than stated, but that error grows
-    gradually; a touch at the speed of an approach is a jump. A part that is met slowly, near the
-    end, is found by the zero there.
+    In its first motion the free arm's force may have an error larger than stated, but that error
+    grows gradually; a contact at the speed of an approach is a jump. A part that is met slowly,
+    near the end, is found by the zero there.
     """
     guards, jump_mN = program.guards, estimate.force_mN - player.watch.drift_mN
     if jump_mN - estimate.force_uncertainty_mN < guards.contact_force_mN:
@@ -221,9 +227,9 @@ def _watch_jump(
 def _turn_back(
     program: Program, player: Player, arms: Arms, x_um: float, side: int, touch: Touch
 ) -> Player:
-    """Go back to where the program began, or away from what is behind an arm.
+    """Go back to where the program began, or away from an object behind an arm.
 
-    The law of one arm is rebased; that of two takes the present errors as it finds them.
+    The law of one arm is rebased; the law of two arms starts with the present errors.
     """
     behind, began = touch.force_mN < 0.0, player.began
     touched = replace(

@@ -1,7 +1,7 @@
 """Two arms: each has its own estimate, by the same code, and the two forces are compared.
 
-Both arms press with one force. A mean of F̂_1 - F̂_2 other than 0 while a part is held shows that a
-model of one of them is wrong, or that something else holds the part.
+Both arms press with the same force. If the mean of F̂_1 - F̂_2 is not 0 while a part is held, the
+model of one arm is wrong, or something else holds the part.
 """
 
 from math import exp, hypot
@@ -14,13 +14,13 @@ from pincette.control.record import FrozenRecord
 from pincette.core.messages import Estimate
 
 APART_S = 0.5
-"""Time constant of the mean, in s; long against a swing of the part."""
+"""Time constant of the mean, in s; long compared with an oscillation of the part."""
 LEAST_S = 1.0
 """Time for which a part must have been held before the forces are compared, in s."""
 
 
 class ForceDisagreement(FrozenRecord, frozen=True):
-    """The mean difference of both forces while a part is held."""
+    """Mean difference of both forces while a part is held."""
 
     held_s: float = 0.0
     mean_mN: float = 0.0

@@ -21,38 +21,43 @@ class ArmConfig:
 
     period_s: float
     unseen_V: float
-    """Largest change of the voltage between two programs, in V, that the estimator may miss. In
-    lockstep no sample follows the last voltage of a program."""
+    """Largest change of the voltage between two programs, in V, that the estimator may miss.
+
+    In lockstep the last voltage of a program is not followed by a sample.
+    """
     plant: DifferenceEquation
     response: FreeResponse
-    """Free response x_1 before any motion: the arm unpoled, at 0 V."""
+    """Free response x_1 before any motion: the unpoled arm at 0 V."""
     unknown: UnknownPast
-    """Possible past of an arm whose voltage no program has followed.
+    """Possible voltage history of an arm before the first program.
 
-    A simulated arm that starts with the programs is new, but not every new arm is as the model's.
+    A simulated arm that starts with the programs is new, but not every new arm is in the initial
+    state of the model.
     """
     approach_tells: bool
-    """True if the approach of a free arm narrows an unknown past; see ``derived``."""
+    """True if the approach of a free arm reduces the uncertainty from an unknown history; see
+    ``derived``."""
     residual: ResidualTable | None
     """Error of x_1 along the armed program; None if it was not measured."""
     observer: ForceObserver
     """Force observer of an arm at rest without a force."""
     compliance_um_per_mN: float
     noise_um: float
-    """Standard deviation of the force from the sensor's noise, times s_p, in µm."""
+    """Standard deviation of s_p times the force caused by the sensor's noise, in µm."""
     sensor_noise_um: float
     """Standard deviation of one reading, in µm."""
     creep_mN_per_decade: float
     creep_percent_per_decade: float
     """Creep per decade of time, in percent of a step; U grows by it beyond ``creep_known_s``."""
     creep_known_s: float
-    """Age of a zero, in s, up to which x_1 follows creep; infinite where it follows none."""
+    """Age of a zero, in s, up to which x_1 models the creep; infinite if x_1 models no creep."""
     forgotten_mN: float
     forgotten_scale_V: float
     return_error_um: float
-    """Standard error of x_1 on the way back, in µm; 0 if it was not measured."""
+    """Standard error of x_1 in a motion back, in µm; 0 if it was not measured."""
     turn_error_um_per_V: float
-    """Standard error of the slope of x_1 just after a turn, in µm/V; 0 if it was not measured."""
+    """Standard error of the slope of x_1 just after a reversal, in µm/V; 0 if it was not
+    measured."""
     ring_shares: RingShares
     """Contribution of the mode's ringing to the uncertainty of a position."""
     zero_limits: ZeroLimits
@@ -62,10 +67,10 @@ class ArmConfig:
     stuck_V: float
     """Change of the voltage, in V, that the reading of a working sensor must show."""
     position_um: tuple[float, float]
-    """Range of the sensor, as positions of the arm, in µm."""
+    """Measuring range of the sensor, as positions of the arm, in µm."""
     voltage_V: tuple[float, float]
-    """Voltages that are possible at all, in V: the range of the limits, widened by its own width on
-    either side."""
+    """Voltages that are possible at all, in V: the range of the limits, extended by its own
+    width on either side."""
     drift_um_per_s: float = 0.0
     """Largest drift of the sensor's reading, in µm/s."""
     moving: tuple[float, float] | None = None

@@ -15,14 +15,15 @@ from pincette_estimator.state import ArmState, Ringing
 OUTPUT_LOST = (Cause.DEVICE, Cause.SUSPEND)
 """Causes of a trip after which the actuator had to query the output for its voltage."""
 UNHEARD_S = 0.5
-"""Time without a message of the actuator, in s, after which something else may have moved the
-output: less than a restart takes, more than lost messages cause."""
+"""Time without a message of the actuator, in s, after which something else may have changed the
+output: shorter than a restart, longer than a gap due to lost messages."""
 
 
 def _ringing(
     config: ArmConfig, state: ArmState, response: FreeResponse, applied: Applied
 ) -> Ringing:
-    """Add the ring that a step of the free position excites to the ring of earlier steps."""
+    """Add the oscillation that a step of the free position excites to the oscillation of earlier
+    steps."""
     shares = config.ring_shares
     if shares.free == 0.0:
         return state.ringing
@@ -31,10 +32,10 @@ def _ringing(
 
 
 def unfollowed(config: ArmConfig, state: ArmState, seq: int, applied: Applied | None) -> ArmState:
-    """Discard the arm's past after an interval in which its voltage was not known.
+    """Discard the arm's history after an interval in which its voltage was not known.
 
-    During that interval it may have been anywhere within the limits. It is taken to go straight
-    from there to the next known voltage.
+    The voltage may have had any value within the limits during that interval. It is assumed to go
+    straight from there to the next known voltage.
     """
     lost = (seq - state.followed_seq) * config.period_s > UNHEARD_S
     if applied is not None:
@@ -48,7 +49,7 @@ def unfollowed(config: ArmConfig, state: ArmState, seq: int, applied: Applied | 
 
 
 def follow_voltage(config: ArmConfig, state: ArmState, applied: Applied) -> ArmState:
-    """Update the memories by the voltage applied over all samples since the last known one."""
+    """Update the memories by the voltage applied over all samples since the last known voltage."""
     voltage_V = applied.arms[config.arm].voltage_V
     passed_s = (applied.seq + 1 - state.followed_seq) * config.period_s
     response = state.response.updated(voltage_V, passed_s)

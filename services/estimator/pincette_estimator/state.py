@@ -2,7 +2,8 @@
 
 ``StuckWatch`` finds a sensor that shows the same reading while the voltage moves. Noise makes a
 laser's readings differ even at rest, but a coarse display may hide it, so a constant reading alone
-proves nothing. It is a fault if the voltage should have moved the arm by much more than the noise.
+proves nothing. A constant reading is a fault if the voltage should have moved the arm by much more
+than the noise.
 """
 
 from math import copysign, inf
@@ -23,8 +24,10 @@ from pincette.core.messages import Applied, Position
 from pincette_estimator.both_arms import ForceDisagreement
 
 SURE = 3.0
-"""Multiple of U above which a force before a zero is not taken for an error. The zero has not
-removed that error yet, and U is stated for the time after a zero."""
+"""Multiple of U above which a force before a zero is not attributed to the model error.
+
+The zero has not removed that error yet, and U is specified for the time after a zero.
+"""
 NOT_TOUCHED = 1.5
 """Multiple of U, three standard uncertainties, that no force after a zero can exceed without a
 part."""
@@ -32,14 +35,15 @@ SAMPLES = 8
 """Number of equal readings in a row that show a stuck sensor. With the age limit of a command the
 actuator trips at the tenth."""
 LATE_SAMPLES = 2
-"""Number of newest voltages that output delay, arm and averaging may not have made visible yet."""
+"""Number of newest voltages whose effect may not be visible yet, because of output delay, arm
+and averaging."""
 FREE_SAMPLES = 128
-"""Samples of free motion kept, enough for the branch that leads to a rest."""
+"""Number of stored samples of free motion, enough for the branch that leads to a rest."""
 CHUNK = 16
 RESTS_V = 0.02
 """Width, in V, within which a law holds the voltage of an arm at rest."""
 NOISES = 10.0
-"""Motion that the sensor is certain to show, in standard deviations of its noise."""
+"""Smallest motion that the sensor shows with certainty, in standard deviations of its noise."""
 
 
 def moved_V(noise_um: float, piezo_um_per_V: float) -> float:
@@ -98,9 +102,9 @@ class FreeMotion(FrozenRecord, frozen=True):
         return (*self.older, *self.newer)[-FREE_SAMPLES:]
 
     def rests(self, count: int) -> bool:
-        """Return whether the voltage rests for ``count`` samples.
+        """Return whether the voltage is at rest for ``count`` samples.
 
-        This is checked only at the end of a ``CHUNK``.
+        The result is updated only at the end of a ``CHUNK``.
         """
         if self.newer or len(self.older) < count:
             return False
@@ -116,7 +120,7 @@ class FreeMotion(FrozenRecord, frozen=True):
 
 
 class Inputs(FrozenRecord, frozen=True):
-    """One position, and the voltage applied at the sample before.
+    """Inputs: one position, and the voltage applied at the previous sample.
 
     ``applied`` is None if it did not arrive in time.
     """
@@ -126,46 +130,47 @@ class Inputs(FrozenRecord, frozen=True):
 
 
 class Ringing(FrozenRecord, frozen=True):
-    """Ring of the mode after the steps of the voltage so far."""
+    """Oscillation of the mode after the steps of the voltage so far."""
 
     free_um: float = 0.0
-    """Amplitude for a free arm, in µm; the rings of all steps are added by their squares."""
+    """Amplitude for a free arm, in µm; the amplitudes of all steps are added in quadrature."""
     part_held: bool = False
 
 
 class ArmState(FrozenRecord, frozen=True):
-    """The free response of an arm, the samples behind it, and the past that a force needs."""
+    """Free response of an arm, the samples behind it, and the history that a force depends on."""
 
     response: FreeResponse
-    """Free response of the arm; its memory outlives an arming, as the arm's does."""
+    """Free response of the arm; its memory persists over an arming, as the arm's own memory
+    does."""
     model: FreeResponse
     """Initial ``response``, unpoled."""
     observer: ForceObserver
     unknown: UnknownPast
-    """Possible history of the arm before the start, or since it was last followed."""
+    """Possible history of the arm before the start, or since the last followed voltage."""
     followed_seq: int = -1
-    """Newest sample up to which ``response`` has followed the voltage."""
+    """Newest sample up to which ``response`` has been updated by the voltage."""
     observed_seq: int | None = None
-    """Newest sample that ``observer`` has seen; None before the first of an epoch."""
+    """Newest sample that ``observer`` has processed; None before the first of an epoch."""
     free_motion: FreeMotion = field(default_factory=FreeMotion)
     """Recorded motion of the free arm, up to the newest sample."""
     contact_detector: ContactDetector = field(default_factory=lambda: ContactDetector(0.0, 0.0))
     """Search for a contact since the zero, or since the first sample of the epoch."""
     zero_s: float | None = None
-    """Time of the zero that the force counts from, in s; negative if a held part keeps an earlier
-    one, None without a zero."""
+    """Time of the zero to which the force refers, in s; negative if an earlier zero is kept for
+    a held part, None without a zero."""
     zero_kept: bool = False
     """True if x_1 still goes through a zero, or a first sample, of an earlier epoch."""
     zeroed: bool = False
-    """True if x_1 goes through a zero of this epoch or an earlier one, rather than only through the
-    place where the arm was found."""
+    """True if x_1 goes through a zero of this epoch or an earlier one; False if it goes only
+    through the position where the arm was found."""
     kept_age_s: float = 0.0
-    """Time that earlier epochs have played since that zero, in s; the pauses between them are not
-    known."""
+    """Time that earlier epochs have played since that zero, in s; the pauses between them are
+    not known."""
     zero_confirmed: bool = False
-    """True if something other than the zero itself shows that no part pressed when it was taken: an
-    operator's confirmation, or a part found at its planned place later. It outlives an arming that
-    keeps the zero."""
+    """True if other evidence than the zero itself shows that no part pressed when it was taken:
+    an operator's confirmation, or a part found at its planned position later. It persists over
+    an arming that keeps the zero."""
     zero_refusal: Fault | None = None
     zero_due_V: float | None = None
     """Voltage, in V, of a zero whose sample was not measured; None if no zero is due."""
@@ -174,24 +179,25 @@ class ArmState(FrozenRecord, frozen=True):
     reversal_memory: ReversalMemory = field(default_factory=lambda: ReversalMemory(0.0))
     """Reversals of the voltage since the zero."""
     highest_V: float = 0.0
-    """Highest voltage that ``response`` has followed since its past was unknown, in V."""
+    """Highest voltage by which ``response`` has been updated since its history was unknown, in
+    V."""
     missed: Residual | None = None
     """Error of x_1 at the newest tick, by the residual table; None if it is not known."""
     known_V: float = 0.0
-    """Value of ``highest_V`` at the start of this epoch, in V; up to there ``response`` has the
-    arm's memory."""
+    """Value of ``highest_V`` at the start of this epoch, in V; up to this voltage ``response``
+    has the arm's memory."""
     ringing: Ringing = Ringing()
     stuck: StuckWatch = field(default_factory=StuckWatch)
     """Detector of a sensor that does not follow the voltage."""
     past: VoltageMemory = field(default_factory=VoltageMemory)
-    """Voltages since the past was unknown; a changed model replays them."""
+    """Voltages since the history was unknown; a changed model replays them."""
     bottom: Bottom = Bottom()
     """Rest at the bottom of the last conditioning stroke of this epoch."""
     way_base: Base | None = None
-    """Rest after those strokes, from which the way to the next zero counts; None before that rest.
-    """
+    """Rest after those strokes, which is the start of the motion to the next zero; None before
+    that rest."""
     stroke: StrokeChange | None = None
-    """Newest measured change of the stroke; None if none was measured since the start."""
+    """Newest measured change of the stroke; None if none was measured since the program started."""
 
     @property
     def zero_unconfirmed(self) -> bool:
@@ -224,7 +230,7 @@ class State(FrozenRecord, frozen=True):
     epoch: int = 0
     refused: int = 0
     apart: ForceDisagreement = field(default_factory=ForceDisagreement)
-    """Mean difference between the forces of two arms."""
+    """Mean difference between the forces of two arms, while a part is held."""
 
     @property
     def findings(self) -> tuple[Fault, ...]:
@@ -235,7 +241,7 @@ class State(FrozenRecord, frozen=True):
 
 
 def stroke_fault(found: StrokeChange) -> Fault:
-    """Return the finding of a stroke that has changed since the calibration."""
+    """Return the fault of a stroke that has changed since the calibration."""
     return fault(
         FaultCode.MODEL_MISMATCH,
         change_percent=100.0 * found.change,
@@ -253,19 +259,20 @@ def touched(
     F_mN: float,
     u_F_mN: float,
 ) -> tuple[float | None, float | None]:
-    """Return where an arm that should be free met something, and its least force; or None, None.
+    """Return where an arm that should be free met an obstacle, and the least force; or None, None.
 
-    The largest of three forces counts. The first is the lag of the arm behind the slope of its way
-    since a kink on new ground. The second is F minus ``SURE`` times U, with the sign of F, at
-    voltages that x_1 has followed in an earlier arming; on the first stroke of an arm its error
-    exceeds U. After a zero, ``NOT_TOUCHED`` times U suffices for F > 0. The third, while nothing
-    shows that no part pressed when the force was zeroed, is F where it is above U. Such a part has
-    no kink, and presses harder with each step of the way. The U of a straight line does not hold on
-    the first way after a start, so that it shows no such touch.
+    The largest of three forces counts. The first is the lag of the arm behind the slope of its
+    motion since a kink at positions not reached before. The second is F minus ``SURE`` times U,
+    with the sign of F, at voltages that x_1 has followed in an earlier arming; on the first stroke
+    of an arm the error of x_1 exceeds U. After a zero, ``NOT_TOUCHED`` times U suffices for F > 0.
+    The third is F if it is above U and a part may have pressed when the force was zeroed. Such a
+    part causes no kink, and its force grows with each step. A straight line as model has no valid U
+    in the first motion after a start, so this third force is not used with it.
 
-    Noise bends about one way in a hundred as a part does, and the lag computed from such a kink
-    grows with the way. So after a zero it counts up to F + ``NOT_TOUCHED``·U, as far as a step of
-    ``KinkLimits``, ``step_um``, beyond the voltages that x_1 has followed.
+    In about one motion of a hundred, noise causes a kink like that of a part, and the lag computed
+    from such a kink grows with the distance. So after a zero the lag is limited to F +
+    ``NOT_TOUCHED``·U, up to ``step_um`` (a step of ``KinkLimits``) beyond the voltages that x_1 has
+    followed.
     """
     touch, met = state.contact_detector.touch, (None, None)
     d_p, voltage_V = state.response.nominal_um_per_V, state.response.voltage_V

@@ -1,4 +1,4 @@
-"""Statements of the estimator on a sample: the force with its uncertainty, or a fault."""
+"""Output of the estimator for a sample: the force with its uncertainty, or a fault."""
 
 from math import hypot
 
@@ -19,7 +19,7 @@ def estimate(
     F_mN: float,
     p_mN: float,
 ) -> Estimate:
-    """State the force of an arm at the newest sample, and its uncertainty."""
+    """Return the force of an arm at the newest sample, and its uncertainty."""
     x_um, output = position.arms[config.arm].x_um, applied.arms[config.arm]
     age_s = None if state.zero_s is None else position.seq * config.period_s - state.zero_s
     u_F_mN = hypot(
@@ -91,7 +91,7 @@ def degraded(
 def _fault(
     config: ArmConfig, state: ArmState, position: Position, applied: Applied | None
 ) -> Fault | None:
-    """Return the reason why a sample gives no force; None if it gives one."""
+    """Return the reason why a sample yields no force; None if it yields one."""
     sample = position.arms[config.arm]
     if not sample.valid:
         return sample.fault

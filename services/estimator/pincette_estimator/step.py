@@ -30,10 +30,11 @@ from pincette_estimator.statements import degraded, estimate
 from pincette_estimator.uncertainty import creep_um, narrowed_past, past_creep_um, rested_past
 
 AHEAD_SHARE = 0.5
-"""Share of a touch's way by which an arm may be ahead of its zero and still keep it. Read as a
-force, more than the whole way would look as if something pulled the arm."""
+"""Share of the distance within which a contact is found, by which an arm may be ahead of its
+earlier zero and keep it. If an arm were ahead by more than the whole distance, the force would
+look like a pull."""
 KEPT_ZERO_S = 86_400.0
-"""Age, in s, whose creep is allowed for when a zero is compared with one of an earlier epoch."""
+"""Age, in s, for which creep is allowed when a zero is compared with one of an earlier epoch."""
 
 
 def start(config: EstimatorConfig) -> State:
@@ -48,8 +49,11 @@ def start(config: EstimatorConfig) -> State:
 def step(
     config: EstimatorConfig, state: State, inputs: Inputs, _now: float
 ) -> tuple[State, tuple[Message | SetVoltage, ...]]:
-    """Estimate the force of one sample; a sample of another epoch, or of another number of arms
-    than the rig has, is dropped and counted."""
+    """Estimate the force of one sample.
+
+    A sample of another epoch, or with another number of arms than the rig has, is dropped and
+    counted.
+    """
     position, applied = inputs.position, inputs.applied
     if position is None:
         return state, ()
@@ -112,10 +116,10 @@ def _estimated(
 
 
 def _zero_due_V(config: ArmConfig, state: ArmState, applied: Applied) -> float | None:
-    """Return the voltage of a zero that this sample has to take, in V; None without one.
+    """Return the voltage of a zero that this sample has to take, in V; None without a zero.
 
     A zero whose sample was not measured stays due while the output keeps its voltage and no other
-    command has been output: the arm is in the same rest.
+    command has been output: the arm is still in the same rest.
     """
     voltage_V = applied.arms[config.arm].voltage_V
     if applied.zero:
@@ -159,10 +163,12 @@ def _take_sample(
 def _found_in_place(
     config: ArmConfig, state: ArmState, applied: Applied, x_um: float, F_mN: float
 ) -> bool:
-    """Return whether the place of contact confirms that the zero was taken before the part pressed.
+    """Return whether the position of contact confirms that the zero was taken before the part
+    pressed.
 
-    A part that pressed at the zero makes contact at once as the arm goes on. By the force without
-    the hidden amount, contact begins where the zero was taken, which is before the planned place.
+    A part that pressed at the zero is in contact as soon as the arm moves on. The force lacks the
+    hidden amount, so the contact seems to begin where the zero was taken, which is before the
+    planned position.
     """
     if not applied.part_held or state.zero_s is None:
         return False
@@ -172,9 +178,10 @@ def _found_in_place(
 def _begin(config: ArmConfig, state: ArmState, x_um: float, applied: Applied) -> ArmState:
     """Put x_1 through the first sample of an epoch, unless it goes through an earlier zero.
 
-    An earlier zero stays where a part is held, and where the arm is on it or behind it: a part may
-    be pushing the arm back, which a new begin would hide. An arm ahead of it by more than a zero
-    may change is not pushed by any part, so that the earlier zero was wrong.
+    An earlier zero is kept while a part is held, and if the arm is at the position of that zero or
+    behind it: a part may be pushing the arm back, which a new start of x_1 would hide. An arm that
+    is ahead by more than a zero may change is not pushed by any part, so the earlier zero was
+    wrong.
     """
     response, limits = state.response, config.zero_limits
     if state.zero_kept:
@@ -194,12 +201,12 @@ def _begin(config: ArmConfig, state: ArmState, x_um: float, applied: Applied) ->
 def _begun_detector(
     state: ArmState, x_um: float, nominal_um: float, applied: Applied
 ) -> ContactDetector:
-    """Begin the search for a touch at the first sample of an epoch.
+    """Begin the search for a contact at the first sample of an epoch.
 
-    Where x_1 goes through an earlier zero, the ground up to this sample counts as free, so that a
-    kink on it is one of the arm's own: the force then shows a part that presses the arm already.
-    Without such a zero nothing shows it, and an arm that holds a part is not free either. Such an
-    arm meets the part again once it has been lower.
+    If x_1 goes through an earlier zero, the range up to this sample counts as free, so that a kink
+    in it is one of the arm's own: the force then shows a part that presses the arm already. Without
+    such a zero nothing shows that part, and an arm that holds a part is not free either. Such an
+    arm meets the part again after it has moved back.
     """
     known = state.response.remembers and state.zeroed and not applied.part_held
     return ContactDetector(nominal_um, x_um, free_to_um=x_um if known else -inf)
@@ -208,13 +215,14 @@ def _begun_detector(
 def _follow_free_motion(
     config: ArmConfig, state: ArmState, x_um: float, applied: Applied
 ) -> ArmState:
-    """Keep the sample if the arm is free, and look for a contact; the first sample begins x_1."""
+    """Store the sample if the arm is free, and search for a contact; the first sample starts
+    x_1."""
     first = state.observed_seq is None
     # The offset of x_1 does not include its known error.
     modelled_um = x_um - state.missed_um
     state = _begin(config, state, modelled_um, applied) if first else state
     if first and not applied.part_held and state.zero_s is not None:
-        state = replace(state, zero_s=None)  # kept for a part that is gone
+        state = replace(state, zero_s=None)  # it was kept for a part that is gone
     response = state.response
     nominal_um = response.nominal_um_per_V * applied.arms[config.arm].voltage_V
     detector = state.contact_detector
@@ -284,10 +292,10 @@ def _zero(config: ArmConfig, state: ArmState, position: Position, applied: Appli
 
 
 def _compare_stroke(config: ArmConfig, state: ArmState) -> StrokeChange | None:
-    """Compare the way that ends at the present rest with that of the calibration.
+    """Compare the stroke that ends at the present rest with that of the calibration.
 
     It begins at the rest after the conditioning strokes, or, for the zero at that rest, at the
-    bottom of the last stroke. Returns None where nothing can be compared.
+    bottom of the last stroke. Returns None if nothing can be compared.
     """
     response, count = state.response, config.zero_limits.rest_samples
     samples = state.free_motion.samples
@@ -311,10 +319,10 @@ def _compare_stroke(config: ArmConfig, state: ArmState) -> StrokeChange | None:
 
 
 def _stroke_um(state: ArmState, compared: StrokeChange | None) -> float:
-    """Return how far a changed stroke, which the zero corrects, has moved x_1 on its way.
+    """Return how far a changed stroke, which the zero corrects, has moved x_1 since the last rest.
 
-    At the rest after the strokes the arm is compared with its last zero there, so that a change of
-    the stroke explains nothing: the way from the bottom may be shortened by a part that presses.
+    At the rest after the strokes the arm is compared with its last zero there, so a change of the
+    stroke explains no deviation: a part that presses may have shortened the motion from the bottom.
     """
     if compared is None or state.way_base is None:
         return 0.0
@@ -338,9 +346,9 @@ def _with_stroke(config: ArmConfig, state: ArmState, compared: StrokeChange | No
 
 
 def _rezeroed(config: ArmConfig, state: ArmState, before: FreeResponse) -> FreeResponse:
-    """Return x_1 put through the rest at the end of the free motion.
+    """Return x_1 shifted to go through the rest at the end of the free motion.
 
-    The samples of that rest have displacements by the response before the stroke was corrected.
+    The displacements of that rest's samples were computed before the stroke was corrected.
     """
     response, samples = state.response, state.free_motion.samples
     count = config.zero_limits.rest_samples
@@ -357,10 +365,11 @@ def _rezeroed(config: ArmConfig, state: ArmState, before: FreeResponse) -> FreeR
 
 
 def _drift_um(config: ArmConfig, state: ArmState, t_s: float) -> float:
-    """Return how far creep and the unknown past may have moved x_1 since the last zero, in µm.
+    """Return how far creep and the unknown history may have moved x_1 since the last zero, in µm.
 
-    The time between two jobs is not known. The drift of the sensor over a day could hide any part.
-    The drift allowed for in that time is therefore at most the way by which a touch moves the arm.
+    The time between two jobs is not known, and the drift of the sensor over a day could hide any
+    part. The drift allowed for in that time is therefore at most the distance within which a
+    contact is found.
     """
     unknown_um = state.unknown.error_um(state.response)
     if state.zero_kept:
@@ -374,13 +383,14 @@ def _drift_um(config: ArmConfig, state: ArmState, t_s: float) -> float:
 def handle(
     config: EstimatorConfig, state: State, request: Message, _now: float
 ) -> tuple[State, Message, tuple[Message, ...]]:
-    """Begin a new epoch. x_1, or that of a new model, keeps the arm's past and its offset.
+    """Begin a new epoch; x_1, also of a new model, keeps the arm's history and its offset.
 
-    The force has no zero until the new epoch takes one. The last offset outlives the arming, so
-    that a zero which would hide the force of a part is refused, however often it is tried. Only
-    ``zero_confirmed``, an operator's confirmation that nothing touches the arm, discards it. With
-    ``zero_kept`` the zero of the epoch before counts for a part that is still held. A past that no
-    program has followed stays unknown to a new model too, until a stroke has wiped it out.
+    The force has no zero until the new epoch takes one. The last offset persists over the arming,
+    so that a zero which would hide the force of a part is refused, however often it is repeated.
+    Only ``zero_confirmed``, an operator's confirmation that nothing is in contact with the arm,
+    discards it. With ``zero_kept`` the zero of the previous epoch remains valid for a part that is
+    still held. A history that no program has followed stays unknown to a new model too, until a
+    stroke has erased it.
     """
     if not isinstance(request, Arm):
         raise RefusedError(f"the estimator does not answer {type(request).__name__}")
@@ -418,7 +428,7 @@ def _begun(config: ArmConfig, state: ArmState, request: Arm) -> ArmState:
 
 
 def _played_s(config: ArmConfig, state: ArmState) -> float:
-    """Return the time played since the last zero, in s, earlier epochs included."""
+    """Return the time played since the last zero, in s, including earlier epochs."""
     epoch_s = (state.observed_seq or 0) * config.period_s
     return state.kept_age_s + epoch_s if state.zero_s is None else epoch_s - state.zero_s
 

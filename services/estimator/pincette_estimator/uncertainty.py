@@ -21,14 +21,14 @@ from pincette_estimator.state import ArmState, Ringing
 def uncertainty_mN(config: ArmConfig, state: ArmState, seq: int) -> float:
     """Return the uncertainty of the force at a sample, in mN, by the memories updated up to it.
 
-    A residual table contains the errors of x_1 from hysteresis, reversals and creep along this very
-    motion, so that only the error of the table remains. Past the end of the recorded motion creep
-    counts from there.
+    A residual table contains the errors of x_1 from hysteresis, reversals and creep in the same
+    motion, so that only the error of the table remains. After the end of the recorded motion, creep
+    counts from that end.
     """
     t_s, zero_s = seq * config.period_s, state.zero_s
     missed, response = state.missed, state.response
     age_s = t_s if zero_s is None else t_s - zero_s
-    # Any drift up to the largest is equally likely.
+    # All drifts up to the largest are equally likely.
     drift_um = config.drift_um_per_s * max(0.0, age_s) / ROOT_3
     free_um, shown = _free_error(config, response)
     share = forgotten_share(state.reversal_memory.total_V, config.forgotten_scale_V)
@@ -51,7 +51,7 @@ def uncertainty_mN(config: ArmConfig, state: ArmState, seq: int) -> float:
         free_error_um=hypot(free_um, unknown_um, drift_um, late_um, ring, past_um, stroke_um),
         compliance_um_per_mN=config.compliance_um_per_mN,
         creep_mN_per_decade=config.creep_mN_per_decade,
-        # Up to that age creep is part of what the rehearsals have shown.
+        # Up to that age the error found in the rehearsals includes creep.
         zero_age_s=(age_s - shown.until_s) / (1.0 + shown.until_s),
         forgotten_mN=lost_mN,
         few_um=shown.error_um,
@@ -60,21 +60,23 @@ def uncertainty_mN(config: ArmConfig, state: ArmState, seq: int) -> float:
 
 
 def ring_um(config: ArmConfig, ringing: Ringing) -> float:
-    """Return the standard uncertainty of x_1, in µm, from the ring after steps of the voltage."""
+    """Return the standard uncertainty of x_1, in µm, from oscillation after steps of the
+    voltage."""
     shares = config.ring_shares
     return ringing.free_um * (shares.pressed if ringing.part_held else shares.free)
 
 
 def _free_error(config: ArmConfig, response: FreeResponse) -> tuple[float, ShownError]:
-    """Return the standard error of x_1 since the zero, in µm, and its part by rehearsals.
+    """Return the standard error of x_1 since the zero, in µm, and its component from rehearsals.
 
         E² = E(reach)² + a·[E_return² - E(reach)²] + (1 - a)·(s·fall)²
 
-    The error over the way since a zero was measured on ways up, the error on the way back at the
-    place of the zero. In between its square grows with the way back, as it does on the way up: a
-    rises from 0 at a fall of ``FRESH_V`` to 1 at that place. A smaller fall, as caused by creep in
-    a hold, is no way back; its error is that of the slope s of x_1 just after a turn, which was
-    measured up to ``TURN_V``.
+    The error over the distance since a zero was measured during rising motion, the error of the
+    motion back at the position of the zero. In between its square grows with the distance moved
+    back, as it does during rising motion: a rises from 0 at a fall of ``FRESH_V`` to 1 at that
+    position. A smaller fall, for example due to creep in a hold, does not count as a motion back;
+    its error is that of the slope s of x_1 just after a reversal, which was measured up to
+    ``TURN_V``.
     """
     if not isinstance(response, IdentifiedResponse):
         error_um = response.error_um()
@@ -104,8 +106,8 @@ def uncorrected_um(state: ArmState) -> float:
     """Return the standard uncertainty of x_1, in µm, from a change of the stroke below its limit.
 
     The change was measured over the last conditioned motion. Its standard uncertainty is its limit
-    divided by ``SIGMAS``. It is not corrected, since noise may have caused it, so the error is
-    between 0 and the sum of both, in proportion to the motion since the zero.
+    divided by ``SIGMAS``. The change is not corrected, since noise may have caused it, so the error
+    is between 0 and the sum of both, in proportion to the motion since the zero.
     """
     stroke, response = state.stroke, state.response
     if stroke is None or not stroke.rested or not isinstance(response, IdentifiedResponse):
@@ -118,8 +120,8 @@ def uncorrected_um(state: ArmState) -> float:
 def stroke_uncertainty_mN(response: FreeResponse, F_mN: float) -> float:
     """Return the standard uncertainty, in mN, from a changed stroke: |g|·F/√3.
 
-    The free response is corrected for it. If the sensor was the cause, the force still has an
-    error of g·F; position and voltage do not distinguish a changed sensor from a changed actuator.
+    The free response is corrected for it. If the sensor was the cause, the force still has an error
+    of g·F; position and voltage cannot distinguish a changed sensor from a changed actuator.
     """
     if not isinstance(response, IdentifiedResponse) or response.factor == 1.0:
         return 0.0
@@ -129,7 +131,7 @@ def stroke_uncertainty_mN(response: FreeResponse, F_mN: float) -> float:
 def creep_um(config: ArmConfig, age_s: float, most_drift_um: float = inf) -> float:
     """Return how far creep and drift may have moved the reading since a zero of this age, in µm.
 
-    Creep counts at two standard errors, drift at its largest, up to ``most_drift_um``.
+    Creep is taken at two standard errors, drift at its largest value, up to ``most_drift_um``.
     """
     age_s = max(0.0, age_s)
     creep_mN = config.creep_mN_per_decade * log10(1.0 + age_s)
@@ -138,10 +140,10 @@ def creep_um(config: ArmConfig, age_s: float, most_drift_um: float = inf) -> flo
 
 
 def rested_past(config: ArmConfig, state: ArmState) -> UnknownPast:
-    """Return the past narrowed by the creep that a free arm at rest shows since another rest.
+    """Return the history narrowed by the creep of a free arm between two rests.
 
     Between the two rests there may have been strokes over the whole range, so that x_1 has the
-    error that the model leaves there, at both.
+    residual error of the model at both.
     """
     response, count = state.response, config.zero_limits.rest_samples
     if not isinstance(response, MemoryResponse):
@@ -152,7 +154,7 @@ def rested_past(config: ArmConfig, state: ArmState) -> UnknownPast:
 
 
 def narrowed_past(config: ArmConfig, state: ArmState, t_s: float) -> UnknownPast:
-    """Return the past narrowed by a free arm since the last zero.
+    """Return the history narrowed by the motion of a free arm since the last zero.
 
     It is unchanged before the first zero.
     """

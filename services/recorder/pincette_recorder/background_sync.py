@@ -1,4 +1,4 @@
-"""Syncs an open record to the disk twice a second, in a thread beside the writing one."""
+"""Syncs an open record to the disk twice a second, in a thread beside the writing thread."""
 
 import logging
 import os
@@ -10,7 +10,7 @@ log = logging.getLogger(__name__)
 SYNC_S = 0.5
 """Time between two syncs in s. With the age of a chunk, 0.25 s, a power cut loses less than 1 s."""
 BEHIND_S = 1.0
-"""Age in s of the oldest data not yet on the disk, beyond which the recorder is behind."""
+"""Age of the oldest data not yet on the disk, in s, above which the recorder is behind."""
 
 
 class BackgroundSync:
@@ -54,7 +54,7 @@ class BackgroundSync:
             return 0.0 if oldest_s is None else self._clock_s() - oldest_s
 
     def stop(self) -> None:
-        """Begin no more syncs; does not wait for one that hangs."""
+        """Begin no more syncs; do not wait for one that hangs."""
         self._stop.set()
 
     def _work(self) -> None:

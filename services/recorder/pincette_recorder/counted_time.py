@@ -1,4 +1,4 @@
-"""Time that the recorder counts itself, which determines the age of records.
+"""Time counted by the recorder itself, which determines the age of records.
 
 The time of day may be changed by years, and begins in 1970 if a clock has no battery. So a record's
 age grows only while a recorder runs, by its monotonic clock. The time of day is compared with the
@@ -112,7 +112,7 @@ class CountedTime:
                 state.stepped = False
                 self._save()
         elif not state.stepped:
-            with suppress(OSError):  # it would belong to an earlier step
+            with suppress(OSError):  # the file would belong to an earlier step
                 (self._records / files.CLOCK_AGREED).unlink()
             state.stepped = True
             log.error(
@@ -134,7 +134,7 @@ class CountedTime:
     def ages_s(self, names: Sequence[str]) -> Mapping[str, float]:
         """Return the ages of closed records in s, in the order in which they were first seen.
 
-        New ones are 0.
+        Newly seen records have age 0.
         """
         with self._lock:
             self._count()

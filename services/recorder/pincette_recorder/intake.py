@@ -8,13 +8,13 @@ from pincette.core.messages import JobNotice, Message, RequestLog, Sample, Timin
 from pincette.core.topics import Topic
 
 ROOM = 50_000
-"""Largest number of messages that wait to be written; nearly three minutes of a loop at 50 Hz."""
+"""Largest number of messages in the queue; nearly three minutes of a loop at 50 Hz."""
 
 OfEpoch = Sample | RequestLog | Timing
 
 
 class Intake:
-    """Receives the messages of one epoch."""
+    """Queue of the messages of one epoch."""
 
     def __init__(self, clock_ns: Callable[[], int] = time_ns, room: int = ROOM) -> None:
         self._clock_ns, self._room = clock_ns, room
@@ -24,7 +24,7 @@ class Intake:
         """Number of messages that did not fit, by topic."""
 
     def open(self, job: str, epoch: int) -> None:
-        """Receive the messages of an epoch, and the notices of its job, from here on."""
+        """Begin to receive the messages of an epoch, and the notices of its job."""
         self._queue.clear()
         self.dropped = Counter()
         self._job, self._epoch = job, epoch
@@ -34,7 +34,7 @@ class Intake:
         self._job, self._epoch = "", 0
 
     def take(self, topic: Topic, message: Message) -> None:
-        """Receive a message of the open record, or one without an epoch; ignore others."""
+        """Queue a message of the open record, or one without an epoch; ignore others."""
         if not self._epoch:
             return
         if isinstance(message, JobNotice):
@@ -49,7 +49,7 @@ class Intake:
 
     @property
     def waiting_s(self) -> float:
-        """Age of the oldest message that waits to be written, in s; 0 without any."""
+        """Age of the oldest message in the queue, in s; 0 without any."""
         try:
             arrival_ns, _ = self._queue[0]
         except IndexError:

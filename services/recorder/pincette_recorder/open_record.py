@@ -26,13 +26,16 @@ from pincette_recorder.background_sync import BackgroundSync
 
 log = logging.getLogger(__name__)
 MADE = (Position, Estimate, Command, Telemetry, Applied)
-"""Message types that a playing loop sends for every sample."""
+"""Message types that the loop publishes for every sample."""
 TIMING_S = 10.0
 """Interval in s at which the programs' timing is stored; each message includes the earlier ones."""
 
 
 class OpenRecord:
-    """Record of one epoch; OSError if it cannot begin; a disk that fills later is only noted."""
+    """Record of one epoch.
+
+    OSError is raised if it cannot begin; a disk that fills later is only noted.
+    """
 
     def __init__(
         self,
@@ -54,7 +57,7 @@ class OpenRecord:
         self.file = McapFile(folder / NAME, rig, about=about, start_ns=start_ns, period_s=period_s)
         self._sync = BackgroundSync(self.file.duplicate())
         self._chunks = 0
-        """Number of the file's chunks that the syncing thread knows of."""
+        """Number of the file's chunks that were passed to the syncing thread."""
         self._tables = Tables(folder, self.about, period_s, every_tick=every_tick)
         self.trouble = ""
         """Reason why the disk accepts no more data; empty while it does."""
@@ -86,7 +89,7 @@ class OpenRecord:
 
     def put(self, topic: str, message: Message, arrival_ns: int, now_s: float) -> None:
         """Write a message."""
-        if isinstance(message, Timing):  # which even an idle loop sends
+        if isinstance(message, Timing):  # idle loops send these too
             self._timings[message.service] = message, arrival_ns
             if now_s - self._timed_at_s >= TIMING_S:
                 self._timed_at_s = now_s
@@ -144,7 +147,7 @@ class OpenRecord:
     def has(self, seq: int | None) -> bool:
         """Return whether all messages of a sample have arrived, each on its own link.
 
-        None: the last sample.
+        If ``seq`` is None, the last sample is checked.
         """
         known = [one for one in (seq, self.over_seq) if one is not None]
         return bool(known) and all(self._newest.get(kind, -2) >= min(known) for kind in MADE)
@@ -152,7 +155,7 @@ class OpenRecord:
     def reached(self, seq: int | None) -> bool:
         """Return whether any message of a sample has arrived.
 
-        A program that has died sends no more.
+        A terminated program sends no more messages.
         """
         return seq is None or max(self._newest.values(), default=-2) >= seq
 
@@ -165,7 +168,7 @@ class OpenRecord:
                 self._note_chunks()
                 wrong, missing = self._tables.write(), self._tables.missing
                 times = self._tables.times
-            else:  # the file may lack messages that the tables have
+            else:  # the file may lack messages that are in the tables
                 self._tables.close()
                 written = write_tables_of_file(self.folder)
                 wrong, missing, times = written.wrong, written.missing, written.times
@@ -184,7 +187,7 @@ class OpenRecord:
         return {name: self.about[name] for name in TIMES if name in self.about}
 
     def finish(self, closing: Mapping[str, str]) -> str:
-        """Close the file; returns the reason if that was not possible."""
+        """Close the file; return the reason if that is not possible."""
         self._tables.close()
         self._sync.stop()
         if not self.trouble:
@@ -197,7 +200,8 @@ class OpenRecord:
         return self.trouble
 
     def abandon(self, error: OSError) -> None:
-        """Leave the file in its present state; messages that come later are counted as refused."""
+        """Leave the file in its present state; messages that arrive later are counted as
+        refused."""
         self._tables.close()
         self._give_up(error)
 

@@ -1,4 +1,4 @@
-"""Closes records that broke off, and repairs records that differ from their manifests."""
+"""Closes interrupted records, and repairs records that differ from their manifests."""
 
 import logging
 from collections.abc import Collection, Iterator, Mapping
@@ -24,27 +24,25 @@ OWN = frozenset((files.LIVE, *TABLES))
 
 
 def unclosed(records: Path) -> Iterator[Path]:
-    """Yield folders of jobs whose record has no end, the oldest first; raises OSError."""
+    """Yield folders of jobs whose record was not closed, the oldest first; raises OSError."""
     for path in sorted(records.glob(f"*/{NAME}")):
         if not mcap_reading.is_closed(path):
             yield path.parent
 
 
 def finish_record(folder: Path, why: str) -> dict[str, str]:
-    """Close a record that broke off, with tables and manifest; returns its end; raises OSError."""
+    """Close an interrupted record, with tables and manifest; return its end; raises OSError."""
     path, manifest = folder / NAME, files.read_manifest(folder)
-    for name in OWN:  # drafts of a recorder that was killed
+    for name in OWN:  # drafts left by a killed recorder
         for draft in folder.glob(f"{name}*{DRAFT}"):
             draft.unlink()
     if manifest.get("complete") is True and files.SAMPLES in _sound(folder):
-        # Its tables have samples that the file has lost.
+        # The tables contain samples that the file has lost.
         written, why = Written([], {}, files.times(folder)), LOST_LATER
     else:
         try:
             written = write_tables_of_file(folder)
-        except (
-            ValueError
-        ) as error:  # of another version; the file itself can be closed all the same
+        except ValueError as error:  # of another version; the file itself can still be closed
             written = Written([f"no table: {error}"], {}, {})
     why = manifest.get("detail") or why
     closing = repair(
@@ -114,7 +112,7 @@ def _restore_manifest(folder: Path) -> None:
 def _state_incomplete(folder: Path, why: str) -> None:
     """Mark a record as damaged in its manifest; the entries of its files stay."""
     manifest = files.read_manifest(folder)
-    if manifest.get("complete") is not True:  # the recorder's status names the files
+    if manifest.get("complete") is not True:  # otherwise the recorder's status names the files
         return
     why = f"{why}; copy it from a backup to {folder}"
     detail = "; ".join(filter(None, (manifest.get("detail"), why)))
@@ -122,7 +120,7 @@ def _state_incomplete(folder: Path, why: str) -> None:
 
 
 def _end(manifest: Mapping[str, Any]) -> dict[str, str]:
-    """Return the end of a record as its manifest states it."""
+    """Return the end of a record from its manifest."""
     complete = manifest.get("complete") is True
     return {
         "complete": "true" if complete else "false",
@@ -150,11 +148,11 @@ def write_manifest(
 
 
 def repair(path: Path, closing: Mapping[str, str]) -> dict[str, str]:
-    """Close a record that broke off, and return its closing; raises OSError.
+    """Close an interrupted record, and return its closing; raises OSError.
 
     The closing also has the number of messages, and the numbers of the first and the last sample.
     """
-    # The file is replaced only once the copy of it is complete and on the disk.
+    # The file is replaced only after its copy is complete and on the disk.
     draft = path.with_name(path.name + DRAFT)
     stream = Unbuffered(draft, "wb")
     copy = FinishedCopy(path, closing)

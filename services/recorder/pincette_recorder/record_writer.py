@@ -24,7 +24,7 @@ from pincette_recorder.wall_clock import WallClock
 
 log = logging.getLogger(__name__)
 LAST_S, LAST_QUIET_S = 2.0, 0.3
-"""Limits of the wait for a loop's last samples, in s: in total, and without any message."""
+"""Longest waits for a loop's last samples, in s: in total, and without any message."""
 QUIET_S = 1.0
 """Time in s after which a silent loop no longer prevents the recording of another job."""
 JOB_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,79}")
@@ -53,10 +53,10 @@ class RecordWriter:
         """Number of records closed since the start."""
 
     def begin(self, request: Record, reply: Reply) -> None:
-        """Open a record, or write the tables of the open one; a returned text is a refusal.
+        """Open a record, or write the tables of the open one; return the text of a refusal.
 
-        While another job's loop still plays, the reply comes later: the client may have received
-        that loop's last sample before it arrived here.
+        While another job's loop is still running, the reply is sent later: the client may have
+        received that loop's last sample before it arrived here.
         """
         if self._beginning is not None:
             reply(f"job {self._beginning[0].job} is about to be recorded")
@@ -137,7 +137,7 @@ class RecordWriter:
         return Ack(0)
 
     def _documents(self, about: Mapping[str, str]) -> dict[str, str]:
-        """Return the documents in the record's file: request, rig file and model."""
+        """Return the documents to store in the record's file: request, rig file and model."""
         found = {"rig.json": self._config.rig_file}
         if "request" in about:
             found[files.REQUEST] = about["request"]
@@ -159,7 +159,7 @@ class RecordWriter:
         return _lack(self.record.job, _not_kept(dropped)) if self.record and dropped else self._lack
 
     def take(self) -> None:
-        """Write new messages, detect a loop that has fallen silent, and open a waiting record."""
+        """Write new messages, detect a silent loop, and open a waiting record."""
         self._write_arrivals()
         if self._beginning is not None:
             self._begin_in_turn(*self._beginning)
@@ -190,7 +190,7 @@ class RecordWriter:
                 self._close("it was not finished: did the supervisor end?")
 
     def finish(self, request: Finish, reply: Reply) -> None:
-        """Close a record as soon as its last samples have arrived; the reply may come later."""
+        """Close a record as soon as its last samples have arrived; the reply may be sent later."""
         record = self.record
         if record is None or (record.job, record.epoch) != (request.job, request.epoch):
             if JOB_NAME.fullmatch(request.job):
@@ -246,7 +246,7 @@ class RecordWriter:
             reply(recorded)
 
     def _write_manifest(self, record: OpenRecord, closing: Mapping[str, str]) -> str:
-        """Write into the folder itself how the record ended; returns the reason if that fails.
+        """Write to the folder itself how the record ended; return the reason if that fails.
 
         The supervisor may have ended, so its journal is not enough.
         """
@@ -276,7 +276,7 @@ def _lack(job: str, lack: Sequence[str]) -> str:
 
 
 def _lacking(recorded: Recorded, trouble: str) -> Recorded:
-    """Return the end of an incomplete record, with the first reason for that."""
+    """Return the end of an incomplete record, with the first reason why it is incomplete."""
     detail = recorded.detail if not recorded.complete else trouble
     return replace(recorded, complete=False, detail=detail[:MOST_TEXT])
 

@@ -1,6 +1,6 @@
-"""Closes, repairs and deletes records, in a thread beside the recording one.
+"""Closes, repairs and deletes records, in a thread beside the recording thread.
 
-Closing a long record takes many seconds; a new job still gets its reply during that time.
+Closing a long record takes many seconds; meanwhile a new job still gets its reply.
 """
 
 import logging
@@ -23,7 +23,7 @@ from pincette_recorder.counted_time import CountedTime
 
 log = logging.getLogger(__name__)
 CHECKED = 10
-"""Number of the newest records that a start compares with their manifests."""
+"""Number of the newest records that are compared with their manifests at the start."""
 KNOWN = 100
 """Number of records whose intact state is remembered."""
 MOST_TEXT = 380
@@ -39,7 +39,7 @@ class RecordRepairer:
         self.counted = counted or CountedTime(config.records)
         self._pool = ThreadPoolExecutor(1, "repairer")
         self.repaired = self.deleted = 0
-        """Number of records that were closed here since the start."""
+        """Number of records that this program has closed after an interruption since the start."""
         self.damaged: dict[str, list[str]] = {}
         """Files that differ from the manifest and could not be restored, by record."""
         self._sound: deque[str] = deque(maxlen=KNOWN)
@@ -50,11 +50,12 @@ class RecordRepairer:
         self._sound.append(name)
 
     def tidy(self, left: Iterable[Path]) -> None:
-        """Close unfinished records, then delete those beyond the rig file's limits; log errors."""
+        """Close unfinished records, then delete those that exceed the rig file's limits; log
+        errors."""
         self._pool.submit(self.tidy_now, tuple(left)).add_done_callback(log_failure)
 
     def tell_end(self, request: Finish, reply: Reply) -> None:
-        """Reply how a record that is not open ended, once it is closed and repaired."""
+        """Reply how a record that is not open ended, after it has been closed and repaired."""
         folder = self._config.records / request.job
 
         def answer(*, check: bool) -> None:
@@ -67,7 +68,8 @@ class RecordRepairer:
                     ended = replace(ended, complete=False, detail=_lost_words(folder, lost))
                 reply(ended)
             except Exception as error:
-                # A damaged file may raise anything, and the supervisor waits for this reply.
+                # Reading a damaged file may raise any error, and the supervisor waits for this
+                # reply.
                 reply(f"the record of job {request.job} cannot be read: {error}"[:MOST_TEXT])
                 if not isinstance(error, OSError):
                     raise
@@ -116,7 +118,7 @@ class RecordRepairer:
             self._pool.submit(check).add_done_callback(log_failure)
 
     def close(self) -> None:
-        """Finish the running work, and begin no more."""
+        """Finish the running work, and begin no more work."""
         self._pool.shutdown(cancel_futures=True)
         self.counted.close()
 
@@ -126,10 +128,10 @@ class RecordRepairer:
             self.repaired += 1
 
     def _repair(self, folder: Path) -> None:
-        """Close a record that broke off, and restore files that differ from its manifest."""
+        """Close an interrupted record, and restore files that differ from its manifest."""
         if (folder / NAME).exists():
             self._close_record(folder)
-        # The supervisor makes its own documents again.
+        # The supervisor writes its own documents again.
         lost = [name for name in record_repair.restore(folder) if name in record_repair.OWN]
         if not lost:
             self.damaged.pop(folder.name, None)
@@ -154,7 +156,7 @@ class RecordRepairer:
 
 
 def _lost_words(folder: Path, lost: list[str]) -> str:
-    """Return which files of a record are damaged, with place and remedy."""
+    """Return which files of a record are damaged, with their folder and the remedy."""
     return f"{folder}: {', '.join(lost)} lost or changed: copy it from a backup"
 
 

@@ -1,10 +1,10 @@
-"""UTC that does not step while a record is open; steps of the machine's clock are noted."""
+"""UTC that does not step while a record is open; steps of the machine's clock are recorded."""
 
 from collections.abc import Callable
 from time import monotonic_ns, time_ns
 
 STEP_S = 0.5
-"""Deviation in s between wall clock and elapsed time from which the clock was set."""
+"""Smallest deviation in s between wall clock and elapsed time that counts as a step."""
 MOST = 5
 """Largest number of steps that are listed individually."""
 
@@ -26,7 +26,7 @@ class WallClock:
         self.begin()
 
     def begin(self) -> None:
-        """Anchor the monotonic clock at the time of day, and forget earlier steps."""
+        """Anchor the monotonic clock at the time of day, and discard earlier steps."""
         self._begun_ns = self._steady_ns()
         self._offset_ns = self._seen_ns = self._wall_ns() - self._begun_ns
         self._steps.clear()

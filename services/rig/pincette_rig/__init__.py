@@ -1,1 +1,1 @@
-"""Simulated rig as a program; no other program knows that it is simulated."""
+"""Simulated rig as a program; the other programs cannot distinguish it from a real rig."""

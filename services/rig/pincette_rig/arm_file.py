@@ -1,8 +1,8 @@
 """File that stores the simulated arm while its program does not run.
 
-A real arm keeps its hysteresis and its creep over a restart of the programs, while time passes. The
-rig program writes the state of the simulated arm twice a second from a separate thread, and the
-next start resumes from it. The loop never waits for the disk.
+A real arm keeps its hysteresis over a restart of the programs, and its creep continues. The rig
+program writes the state of the simulated arm twice a second from a separate thread, and the next
+start resumes from it. The loop never waits for the disk.
 """
 
 import hashlib
@@ -24,7 +24,7 @@ from pincette.sim.rig.rig import SimulatedRig
 log = logging.getLogger(__name__)
 SAVE_S = 0.5
 STARTING_S = 1.0
-"""Least simulated time that passes for the arm between two starts, in s."""
+"""Smallest simulated time that passes for the arm between two starts, in s."""
 CLOSE_S = 2.0
 
 
@@ -56,14 +56,14 @@ class ArmFile:
         self._action = RepeatedAction("simulated-arm", SAVE_S, self.save)
 
     def start(self) -> None:
-        """Resume the saved arm, if there is one, and begin to save; raises OSError."""
+        """Resume the saved arm, if there is one, and begin to save it; raises OSError."""
         make_folder(self._path.parent)
         for draft in self._path.parent.glob(f"{self._path.name}.*{DRAFT}"):
             draft.unlink(missing_ok=True)
         saved = self._read()
         if saved is not None:
             away_s = STARTING_S
-            if not self._lockstep:  # where only voltages make simulated time pass
+            if not self._lockstep:  # in lockstep only voltages advance simulated time
                 away_s = max(away_s, self._clock() - saved.saved_s)
             self._rig.resume(saved.arms, away_s)
         self.save()
@@ -101,7 +101,7 @@ class ArmFile:
 
 
 def _digest(rig_file: RigFile) -> str:
-    """Return the digest of the settings on which the memory of each arm depends."""
+    """Return the digest of the settings that determine the memory of each arm."""
     tables = [arm.simulation or rig_file.simulation for arm in rig_file.arms]
     kept = {"hysteresis", "relays"}
     texts = [one.model_dump_json(include=kept) for one in tables if one is not None]

@@ -20,11 +20,11 @@ from pincette_rig.arm_file import ArmFile
 
 log = logging.getLogger(__name__)
 BEHIND_S = 0.1
-"""Longest stall in s that a rig makes up for; after a longer one it skips the time."""
+"""Longest delay in s that a rig makes up for; after a longer one it skips the time."""
 
 
 class Pace:
-    """Limits lockstep to ``pace`` times real time."""
+    """Limits the speed of lockstep to ``pace`` times real time."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class Pace:
 
 @contextmanager
 def kept_arm(file: ArmFile) -> Generator[None]:
-    """Keep the simulated arm over restarts of this program, if its folder allows it."""
+    """Keep the simulated arm over restarts of this program, if its folder permits it."""
     try:
         file.start()
     except OSError as error:

@@ -7,7 +7,7 @@ from pincette.config import ConfigError, RigFile, Sensor
 
 @dataclass(frozen=True, slots=True)
 class ArmSensor:
-    """Range of one arm's instrument and its place on the arm, in µm."""
+    """Range of one arm's instrument and its position on the arm, in µm."""
 
     minimum_um: float
     maximum_um: float

@@ -24,7 +24,10 @@ from pincette_sensor.config import ArmSensor, SensorConfig, configure
 
 
 class Inputs(FrozenRecord, frozen=True):
-    """``device`` is the instrument's reading of this tick."""
+    """Inputs of a step.
+
+    ``device`` is the instrument's reading of this tick.
+    """
 
     device: Reading | None
 
@@ -41,8 +44,8 @@ class State(FrozenRecord, frozen=True):
     idle: bool = False
     """True from an ``Idle`` request to the next arming: samples are taken seldom."""
     stride: int = 1
-    """Control periods from the newest sample to the next one; the sample number grows by as many.
-    """
+    """Number of control periods from the newest sample to the next one; the sample number grows
+    by as many."""
 
     @property
     def findings(self) -> tuple[Fault, ...]:
@@ -56,7 +59,7 @@ def start(_config: SensorConfig) -> State:
 
 
 def _measured(config: ArmSensor, reading: ArmReading, arm: int) -> ArmPosition:
-    """Return one arm's position, or the fault of a reading that is no measurement.
+    """Return one arm's position, or the fault of an invalid reading.
 
     Parameters
     ----------
@@ -72,7 +75,7 @@ def _measured(config: ArmSensor, reading: ArmReading, arm: int) -> ArmPosition:
 
 
 def _fault(config: ArmSensor, reading: ArmReading) -> Fault | None:
-    """Return the fault of a reading that is no measurement; None if it is one."""
+    """Return the fault of an invalid reading; None if it is valid."""
     if reading.fault:
         return reading.fault
     if not isfinite(reading.x_um):
@@ -90,7 +93,7 @@ def _fault(config: ArmSensor, reading: ArmReading) -> Fault | None:
 def step(
     config: SensorConfig, state: State, inputs: Inputs, now: float
 ) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
-    """Number the reading; one that is no measurement is sent as invalid, with its fault."""
+    """Number the reading; an invalid reading is sent as invalid, with its fault."""
     reading = inputs.device
     if reading is None:
         return state, ()
@@ -127,7 +130,7 @@ def _burst(config: ArmSensor, state: State, acquired: Acquired) -> Burst:
 def handle(
     _config: SensorConfig, state: State, request: Message, _now: float
 ) -> tuple[State, Message, tuple[Message, ...]]:
-    """Begin a new epoch at seq 0, or sample rarely because the epoch is over."""
+    """Begin a new epoch at seq 0, or reduce the sampling rate because the epoch is over."""
     if isinstance(request, Idle):
         if request.epoch != state.epoch:
             raise RefusedError(

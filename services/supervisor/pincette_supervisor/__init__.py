@@ -1,1 +1,1 @@
-"""The supervisor: plans, runs and records jobs over REST; never inside the loop."""
+"""The supervisor: plans, runs and records jobs over REST; it is never part of the loop."""

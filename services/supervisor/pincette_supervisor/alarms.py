@@ -17,16 +17,16 @@ from pincette_supervisor.journal.events import AlarmRepository, AlarmRow, Clears
 from pincette_supervisor.journal.store import Store, StoreError, utc_now
 from pincette_supervisor.journal.write_queue import WriteQueue
 
-# Why the actuator has tripped, with the program that was silent at that moment.
+# Reason why the actuator has tripped, with the program that was silent at that moment.
 
-# The actuator knows only that no command came. Which program was silent is seen from outside, by
+# The actuator only detects that no command arrived. The silent program is found from outside, by
 # the numbers of the programs' newest samples at the moment of the trip.
 
 
 LATE_PERIODS = 1.5
 """Number of periods after which a sensor without a new sample counts as silent."""
 IN_FLIGHT = 1
-"""Number of samples by which a program may lag behind the one before it."""
+"""Number of samples by which a program may lag behind the previous program of the loop."""
 
 
 def fault_views(faults: Iterable[Fault]) -> list[FaultView]:
@@ -82,7 +82,8 @@ def reason_of(applied: Applied) -> TripReason:
 
 
 def trip_ending(trip: TripReason) -> Ending:
-    """Return the ending of a job whose actuator has tripped; an abort by a person is no fault."""
+    """Return the ending of a job whose actuator has tripped; an abort by a person is not a
+    fault."""
     if trip.cause == Cause.ABORT:
         return Ending(code="requested")
     return Ending(code="tripped", trip=str(trip.cause), faults=fault_views(trip.faults))
@@ -139,7 +140,7 @@ class TripMonitor:
             self.newest = TripRecord(applied.epoch, reason_of(applied), newest, now)
 
     def lost_s(self, reason: TripReason) -> float | None:
-        """Return the time since the loss of output that a reason reports, in s; None: unknown."""
+        """Return the time since the loss of output that a reason reports, in s; None if unknown."""
         trip = self.newest
         return None if trip is None or trip.reason != reason else self._clock() - trip.at_s
 
@@ -154,14 +155,17 @@ class TripMonitor:
 
 
 class AlarmLog:
-    """Alarms of one rig. What cannot be written keeps its time stamp, and is written later."""
+    """Alarms of one rig.
+
+    Alarms that cannot be written keep their time stamps, and are written later.
+    """
 
     def __init__(self, store: Store, events: EventLog, write_queue: WriteQueue) -> None:
         self._repository, self._events, self.rig = AlarmRepository(store), events, events.rig
         self._write_queue = write_queue
         self._lock = threading.Lock()
         self._tripped: TripReason | None = None
-        """Reason of the newest trip that was raised, until it is cleared."""
+        """Reason of the newest trip for which an alarm was raised, until the trip is cleared."""
         self._new = True
         """True until the alarms that an earlier supervisor has raised were looked up."""
         self._by: dict[Cause, str] = {}
@@ -198,7 +202,7 @@ class AlarmLog:
 
     def raise_trip(self, reason: TripReason, words: str, job: str | None, detail: str = "") -> None:
         """Raise the alarm of a trip, only once for each trip; ``detail`` says what failed."""
-        # Asked without the lock, which an emergency stop takes, too: the journal may hang.
+        # Queried without the lock, since an emergency stop also needs it: the journal may hang.
         stands = self._is_raised_already(reason.cause)
         with self._lock:
             by = self._by.pop(reason.cause, "")

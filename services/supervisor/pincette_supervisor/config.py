@@ -28,21 +28,21 @@ class SupervisorConfig:
     names: frozenset[str]
     """Host names that requests may use besides addresses and localhost, in lower case."""
     in_container: bool
-    """True where the port is published on the loopback interface of a container's host only."""
+    """True if the port is published on the loopback interface of a container's host only."""
     always_keys: bool
-    """True where keys are required even before the first one exists."""
+    """True if keys are required even before the first one exists."""
     clients_per_address: int
     """Factor by which the request limits of an address without a key are multiplied."""
     store: Path
     """SQLite file with jobs, actions and results; the keys are stored next to it."""
     store_url: str
-    """URL of a PostgreSQL database used instead of the file; empty: the file."""
+    """URL of a PostgreSQL database used instead of the file; empty to use the file."""
 
 
 def configure(rig: RigFile, data: Path) -> SupervisorConfig:
-    """Return the settings of a rig file; the supervisor's files lie under ``data``.
+    """Return the settings of a rig file; the supervisor's files are in the folder ``data``.
 
-    Raises ConfigError where TLS is wanted without certificates.
+    Raises ConfigError if TLS is configured without certificates.
     """
     tls = None
     if rig.supervisor.tls:

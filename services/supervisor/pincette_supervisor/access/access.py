@@ -24,7 +24,8 @@ DEFAULT_PORTS = {"http": 80, "https": 443}
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether only this machine can reach an address; a name except localhost may be any."""
+    """Return whether an address is reachable from this machine only; a name except localhost may
+    be any address."""
     try:
         return ip_address(host).is_loopback
     except ValueError:
@@ -45,8 +46,8 @@ def name_of(place: str) -> str | None:
 
 def is_ours(place: str, names: Iterable[str]) -> bool:
     """Return whether a ``Host`` header names this supervisor, by an address or a known name."""
-    # A foreign page may let its own name lead to this address (DNS rebinding), and then reads and
-    # sends as if it came from here. It cannot do so with an address in place of a name.
+    # A foreign page may resolve its own name to this address (DNS rebinding), and then reads and
+    # sends as if it came from here. With an address instead of a name this is impossible.
     host = name_of(place)
     if host is None:
         return False
@@ -60,10 +61,12 @@ def is_ours(place: str, names: Iterable[str]) -> bool:
 
 
 def is_foreign(site: str | None, origin: str | None, host: str) -> bool:
-    """Return whether a foreign page sent a request that may change something (rules of Go 1.25)."""
-    # Browsers send ``Sec-Fetch-Site``, over plain HTTP beyond loopback ``Origin`` alone; a client
-    # that sends neither is no browser. Another port of the same host is foreign too. The rule is
-    # that of ``net/http.CrossOriginProtection``, but a proxy may add the default port to Host.
+    """Return whether a request that may change something was sent by a foreign page (rules of Go
+    1.25)."""
+    # Browsers send ``Sec-Fetch-Site``, but over plain HTTP beyond loopback only ``Origin``; a
+    # client that sends neither is no browser. Another port of the same host is foreign too. The
+    # rule is that of ``net/http.CrossOriginProtection``, except that a proxy may add the default
+    # port to Host.
     if site is not None:
         return site not in ("same-origin", "none")
     if origin is None:
@@ -76,16 +79,16 @@ def is_foreign(site: str | None, origin: str | None, host: str) -> bool:
     return host.lower() not in (place, f"{place}:{default}") or not place
 
 
-# Audit entries that wait in memory for the journal, so that no answer waits for the disk.
+# Audit entries that wait in memory for the journal, so that no reply waits for the disk.
 
 ROOM = 10_000
 """Largest number of entries in the buffer; beyond it, the oldest are dropped and counted."""
 LOST = "audit entries lost: the journal could not be written"
 REFUSED_H = 10.0 / 3600.0
-"""Time in h within which equal entries of a caller without a key become one entry, so that a
-persistent stranger does not push the entries of others out of the log."""
+"""Time in h within which equal entries of a caller without a key are merged into one, so that
+repeated requests of an unknown client do not displace the entries of others in the log."""
 ADDRESSES, OTHERS = 100, "others"
-"""Number of addresses that are distinguished meanwhile, and the name of the rest."""
+"""Number of addresses that are distinguished within that time, and the name of all others."""
 
 
 class AuditBuffer:
@@ -120,7 +123,8 @@ class AuditBuffer:
             self._refused[place] = replace(known or row, count=count)
 
     def flush(self, repository: AuditRepository, *, everything: bool = False) -> None:
-        """Write entries, refusals if old or ``everything``.
+        """Write the entries to the journal; write refusals only if they are old or ``everything``
+        is True.
 
         On StoreError they stay in the buffer.
         """
@@ -147,8 +151,8 @@ class AuditBuffer:
 
 log = logging.getLogger("pincette")
 PER_S, BURST = 200.0, 400.0
-"""Refill rate and capacity in requests: more than a page and an orchestrator need, less than what
-would keep the supervisor from serving others."""
+"""Refill rate in requests per second, and capacity in requests: more than a page and an
+orchestrator need, too few to keep the supervisor from serving others."""
 CLIENTS = 1000
 """Number of token buckets in memory; the least recently used one is removed first."""
 
@@ -191,7 +195,7 @@ class TokenBuckets:
 
 @dataclass(frozen=True)
 class Access:
-    """Data by which the REST application decides on access; by default anyone has it."""
+    """Data by which the REST application decides on access; by default every caller has access."""
 
     authenticator: Authenticator = field(default_factory=Authenticator)
     audit_buffer: AuditBuffer = field(default_factory=AuditBuffer)
@@ -200,11 +204,14 @@ class Access:
     buckets: TokenBuckets | None = None
     """Rate limit of each client; None: no limit."""
     clients_per_address: int = 1
-    """Number of clients without a key that one address represents."""
+    """Number of clients without a key that share one address."""
 
 
 class NoKeyError(OSError):
-    """Other machines can reach the supervisor, and there is no key; the text states the remedy."""
+    """Error raised if other machines can reach the supervisor and there is no key.
+
+    The text states the remedy.
+    """
 
 
 def authenticator_of(config: SupervisorConfig, supervisor: str) -> Authenticator:
@@ -256,7 +263,7 @@ class KeySync:
     """Reads changed keys, and writes the audit log and the last use of keys, until closed.
 
     While it fails, the store contains the cause, from which the alarm of every rig is raised. The
-    authenticator itself rejects callers once the keys could not be read for too long.
+    authenticator itself rejects callers if the keys could not be read for too long.
     """
 
     def __init__(self, store: Store, access: Access) -> None:
@@ -273,7 +280,7 @@ class KeySync:
             self._authenticator.refresh(self._store)
             self._audit_buffer.flush(self._audit, everything=last)
         except Exception as error:
-            # What was done waits: the disk may have room again.
+            # The entries stay in the buffer: the disk may have room again later.
             self._store.troubles[KEYS] = f"keys and audit log: {error}"
             raise
         self._store.troubles.pop(KEYS, None)

@@ -31,7 +31,7 @@ REALM = 'Bearer realm="pincette"'
 IDLE_H = 12.0
 """Time in h without a request after which a session ends; an open page sends one every second."""
 HOUR = len("2026-01-01T00")
-"""Number of characters of a time up to its hour."""
+"""Number of characters of a time down to its hour."""
 UNCONFIRMED_S = 15.0
 """Longest time without a successful reading of the keys after which they are still accepted, in
 s."""
@@ -61,11 +61,11 @@ def digest_of(secret: str) -> str:
 
 
 def _found(rows: Sequence[R], secret: str) -> R | None:
-    """Return the row with the digest of a secret."""
+    """Return the row whose digest is that of a secret."""
     if len(secret) > LONGEST:
         return None
     digest, found = digest_of(secret), None
-    for row in rows:  # all of them, so that the duration reveals nothing
+    for row in rows:  # compare all rows, so that the duration reveals nothing
         if hmac.compare_digest(row.digest, digest):
             found = row
     return found
@@ -87,12 +87,12 @@ class Caller:
 
     address: str
     name: str | None = None
-    """Name of the caller's key; None if no keys are in force or no valid one was shown."""
+    """Name of the caller's key; None if no keys are in force or no valid one was sent."""
     scope: Scope | None = None
     """Scope of the caller; None: nothing is allowed."""
     way: Literal["open", "key", "session", "none"] = "none"
     showed: bool = False
-    """True if a key or a cookie was shown, valid or not."""
+    """True if a key or a cookie was sent, valid or not."""
     unconfirmed: bool = False
     """True if the caller is rejected because the supervisor cannot read its keys."""
     digest: str = ""
@@ -105,11 +105,12 @@ class Caller:
 
     @property
     def client(self) -> str:
-        """Return the client whose share of the limits a request uses: a key, else an address."""
+        """Return the client whose limits a request uses up: a key, otherwise an address."""
         return self.name or self.network
 
     def signed(self, label: str) -> str:
-        """Return the name stored with an action: key and label, or without keys the label."""
+        """Return the name stored with an action: key and label, or the label if there are no
+        keys."""
         if self.name is None:
             return (label if self.way == "open" else "") or self.address
         return f"{self.name} ({label})" if label else self.name
@@ -123,7 +124,7 @@ class KeySnapshot:
     sessions: Sequence[SessionRow] = ()
 
     def key(self, text: str, now: str) -> KeyRow | None:
-        """Return the key that a caller shows; None if it is not valid at that time."""
+        """Return the key that a caller sent; None if it is not valid at that time."""
         found = _found(self.keys, text)
         return found if found is not None and found.usable(now) else None
 
@@ -139,11 +140,10 @@ class KeySnapshot:
 
 
 class Authenticator:
-    """Identify callers by the keys and sessions in memory, so that no stop waits for the disk."""
+    """Identifies callers by the keys and sessions in memory, so that no stop waits for the disk."""
 
-    # Keys are required once there is, or was, one: with the last one revoked all requests
-    # are refused.
-    # The key file and the snapshot of it in memory decide. The journal has no part in it, except
+    # Keys are required as soon as one exists or has existed: after the last one is revoked all
+    # requests are refused. The key file and its snapshot in memory decide. The journal is used only
     # for the note by which a missing key file is recognised.
 
     def __init__(
@@ -213,9 +213,10 @@ class Authenticator:
             asked_s = self._clock()
             rows = file.read()
             if self._noted is None:
-                # Before any key is judged: a clock that was set back may have begun this program.
+                # This precedes the check of any key: the clock may have been set back before this
+                # program started.
                 self.time.learn(file.latest_at() or self.time.now())
-            # A key that was revoked opens nothing, also while the journal cannot be used.
+            # A revoked key is rejected, also while the journal cannot be used.
             self._had_keys = self._had_keys or bool(rows)
             self._snapshot = KeySnapshot(rows, self._snapshot.sessions)
             if not rows and (self._had_keys or store.get_note(KEYS_WANTED) is not None):
@@ -276,7 +277,7 @@ class Authenticator:
         return self._clock() - self._confirmed_s > UNCONFIRMED_S
 
     def identify(self, address: str, shown: str | None, cookie: str | None) -> Caller:
-        """Return the caller, identified by the key shown (valid or not), otherwise by a cookie."""
+        """Return the caller, identified by the key sent (valid or not), otherwise by a cookie."""
         if self.unconfirmed:
             return Caller(address, unconfirmed=True)
         if not self.keys_wanted:
@@ -331,7 +332,7 @@ class Authenticator:
         return Caller(caller.address, user.name, user.scope, "key", showed=True, digest=user.digest)
 
     def sign_in(self, store: Store, caller: Caller, cookie: str) -> None:
-        """Start a session, whose cookie replaces the key that a caller has shown.
+        """Start a session, whose cookie replaces the key that a caller has sent.
 
         The session is valid at once, even while the journal cannot be written.
         """
@@ -340,7 +341,7 @@ class Authenticator:
 
         def write() -> None:
             with self._sessions_turn:
-                if row.digest not in self._unwritten:  # signed out meanwhile
+                if row.digest not in self._unwritten:  # the session was ended meanwhile
                     return
                 SessionRepository(store).sign_in(row)
             self.refresh(store)
@@ -392,7 +393,7 @@ def _same_minute(used_at: str | None, now: str) -> bool:
 
 
 def _drained(used: dict[str, str]) -> dict[str, str]:
-    """Remove and return the entries so far; those that other threads add meanwhile stay."""
+    """Remove and return the present entries; those that other threads add meanwhile stay."""
     found = dict(used)
     for name in found:
         used.pop(name, None)
@@ -400,7 +401,7 @@ def _drained(used: dict[str, str]) -> dict[str, str]:
 
 
 def hours_before(now: str, hours: float) -> str:
-    """Return a UTC time in the journal's format, a number of hours before another one."""
+    """Return the UTC time that is a number of hours before another one, in the journal's format."""
     return utc_text(datetime.fromisoformat(now) - timedelta(hours=hours))
 
 

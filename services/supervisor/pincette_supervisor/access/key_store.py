@@ -32,8 +32,8 @@ class KeyStore:
     def add(self, name: str, scope: Scope, days: float | None) -> tuple[str, KeyView]:
         """Make a key, which is shown this once.
 
-        Raises ValueError where the name is taken, and for a key with an end where the time of day
-        is behind the latest time that a supervisor has seen.
+        Raises ValueError if the name is taken, or if the key is to expire and the time of day is
+        behind the latest time that a supervisor has seen.
         """
         key, expires_at, now = new_key(), None, utc()
         if days is not None:
@@ -57,7 +57,7 @@ class KeyStore:
     def add_user(self, name: str, scope: Scope, password: str) -> KeyView:
         """Add a person who signs in by name and password; raises ValueError like ``add``."""
         try:
-            # The digest of a key that no one has.
+            # The digest of a key that nobody knows.
             digest = digest_of(new_key())
             row = self._file.add(name, digest, scope, password=hashed(password))
         except KeyNameTakenError as error:
@@ -67,7 +67,7 @@ class KeyStore:
         return self._noted(row)
 
     def _noted(self, row: KeyRow) -> KeyView:
-        """Record in the journal that keys are required; return the key as it is shown."""
+        """Record in the journal that keys are required; return the key for display."""
         if isinstance(self._journal, Store):
             with suppress(StoreError):  # the supervisor notes it when it reads the key
                 self._journal.set_note(KEYS_WANTED, "1")
@@ -83,7 +83,7 @@ class KeyStore:
     def all(self, *, users: bool = False) -> list[KeyView]:
         """Return all keys, or all users, including revoked ones.
 
-        Raises StoreError where there are none and there have been some, or might have been.
+        Raises StoreError if there are none although there have been, or may have been, some.
         """
         rows = self._file.read()
         if not rows:
@@ -101,7 +101,7 @@ class KeyStore:
         return self._file.revoke(name)
 
     def _view(self, row: KeyRow) -> KeyView:
-        """Return a key as it is shown.
+        """Return a key for display.
 
         Its expiry is judged by the latest time, as in a supervisor.
         """

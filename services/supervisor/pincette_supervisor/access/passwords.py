@@ -1,7 +1,7 @@
 """Passwords of people, stored as scrypt hashes (RFC 7914), and limits of attempts.
 
-Hashes are computed in a separate thread. Each address has one place in its queue at a time, so
-that a flood of tries from one address delays those from another by one try at most.
+Hashes are computed in a separate thread. Each address has at most one entry in its queue, so that
+many attempts from one address delay those from another by one attempt at most.
 """
 
 import asyncio
@@ -96,14 +96,15 @@ class PasswordCheck:
     ) -> bool:
         """Return whether a password is right; raises ProblemError for too many attempts.
 
-        ``kept`` is None for an unknown user, which takes as long. A ``trusted`` caller does not
-        have to wait.
+        ``kept`` is None for an unknown user, for whom the check takes as long. A ``trusted`` caller
+        does not have to wait.
         """
         if self._waiting[address] >= WAITING_MAX:
             raise _too_many(f"{WAITING_MAX} login attempts from {address} are waiting", 2.0)
         self._waiting[address] += 1
         try:
-            # One try of a name at an address after the other: each knows how the last one ended.
+            # Attempts for the same name and address run one after the other, so that each depends
+            # on the result of the previous one.
             async with self._lock(name, address):
                 if not trusted:
                     await self._wait(name, address)
@@ -130,7 +131,7 @@ class PasswordCheck:
 
 
 def _give_way() -> None:
-    """Let all other threads of the machine run before this one; Linux has priorities by thread."""
+    """Lower the priority of this thread below all others; Linux has priorities by thread."""
     if sys.platform == "linux":
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)
 

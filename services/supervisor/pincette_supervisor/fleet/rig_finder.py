@@ -22,12 +22,15 @@ log = logging.getLogger(__name__)
 FIRST_S = 4.0
 """Time in s that the supervisor waits at its start for rigs that are already running."""
 SETTLE_S = 0.1
-"""Time in s within which changes are handled together: the programs of a rig come and go
-together."""
+"""Time in s within which changes are handled together: the programs of a rig appear and
+disappear together."""
 AGAIN_S, AGAIN_MOST_S = 1.0, 30.0
-"""Delay of the next check, in s. A rig that is served and not ready is checked again after the
-first time. One that cannot be served is checked after the same time, which doubles with each
-further failure up to the second: any tool can hold the tokens of a rig that does not exist."""
+"""Delay of the next check, in s.
+
+A rig that is served and not ready is checked again after the first time. For a rig that cannot be
+served, the delay starts at the first time and doubles with each further failure up to the second
+time: any tool can hold the tokens of a rig that does not exist.
+"""
 WORKERS = 4
 """Number of rigs that are checked concurrently."""
 JOIN_S = 2.0
@@ -62,7 +65,7 @@ class FoundRig:
     programs: set[str] = field(default_factory=set[str])
     here: bool = False
     due_s: float = inf
-    """Time of the next check; infinite if none is due before its programs change."""
+    """Time of the next check; infinite if none is due until its programs change."""
     failures: int = 0
     """Number of consecutive checks after which the rig could not be served."""
     busy: bool = False
@@ -72,7 +75,7 @@ class FoundRig:
 
 
 class RigFinder:
-    """Serves every rig whose programs appear, besides the supervisor's own."""
+    """Serves every rig whose programs appear, in addition to the supervisor's own rig."""
 
     def __init__(
         self, rigs: Rigs, others: AskRigFile, create: Callable[[RigFile], JobManager]
@@ -129,7 +132,8 @@ class RigFinder:
                 self._changed.notify()
 
     def _next_due(self) -> str | None:
-        """Wait until a rig is due, those with the fewest failures first; None at the end."""
+        """Wait until a rig is due, those with the fewest failures first; None when the finder is
+        closed."""
         while not self._closing:
             now_s = monotonic()
             free = [(rig, found) for rig, found in self._found.items() if not found.busy]
@@ -150,7 +154,7 @@ class RigFinder:
             self._refuse(rig, str(error))
             if isinstance(error, ConfigError):
                 return inf
-        except Exception as error:  # the thread goes on, and checks the rig again
+        except Exception as error:  # the thread continues, and checks the rig again
             log.exception("rig %s cannot be checked", rig)
             self._refuse(rig, f"the supervisor has a fault, see its log: {error}")
         if self._rigs.find(rig) is not None:
@@ -177,7 +181,7 @@ class RigFinder:
         return not programs or self._compare(manager, self._request_rig_files(rig, programs))
 
     def _request_rig_files(self, rig: str, programs: set[str]) -> Mapping[str, RigFileReply]:
-        """Return the rig files of the programs; raises BusError if none answers."""
+        """Return the rig files of the programs; raises BusError if none replies."""
         replies: dict[str, RigFileReply] = {}
         trouble = ""
         for program in ASKED_FIRST:
@@ -191,9 +195,9 @@ class RigFinder:
         return replies
 
     def _read(self, rig: str, replies: Mapping[str, RigFileReply]) -> RigFile:
-        """Return the rig file with priority.
+        """Return the rig file with the highest priority.
 
-        Raises ConfigError if it does not permit to serve the rig.
+        Raises ConfigError if it does not permit serving the rig.
         """
         program, first = next(iter(replies.items()))
         try:
@@ -209,7 +213,7 @@ class RigFinder:
 
     def _serve(self, file: RigFile, word: str) -> None:
         manager = self._create(file)
-        # Before it is served, so that a client that sees the rig finds the event.
+        # Published before the rig is served, so that a client that sees the rig finds the event.
         found = {"found": word, "digest": manager.context.digest}
         manager.context.write_queue.submit(
             partial(manager.context.events.append, "rig", None, **found)
@@ -222,7 +226,7 @@ class RigFinder:
             _end(manager)
 
     def _compare(self, manager: JobManager, replies: Mapping[str, RigFileReply]) -> bool:
-        """Reopen a rig once it is idle, if its programs agree on another rig file."""
+        """Reopen a rig as soon as it is idle, if its programs agree on another rig file."""
         health, before = manager.context.health, manager.context.model.file
         if len({one.text for one in replies.values()}) > 1:
             return True  # each program's status reports it

@@ -42,10 +42,10 @@ SETTLED_MAX = 600
 
 
 class SettledJobs:
-    """The newest jobs as JSON, if only their journal row can change; safe to use from threads.
+    """The newest jobs as JSON, for jobs that only a change of their journal row can change.
 
-    Many clients request the newest jobs repeatedly. Reading, validating and encoding such a job
-    takes twenty times as long as finding it here.
+    Safe to use from threads. Many clients request the newest jobs repeatedly. Reading, validating
+    and encoding such a job takes twenty times as long as finding it here.
     """
 
     def __init__(self, most: int = SETTLED_MAX) -> None:
@@ -82,11 +82,12 @@ class Rigs:
         own: JobManager,
         stop_others: Callable[[Collection[str], float], StopOfOthers] | None = None,
     ) -> None:
-        """Create the rigs; ``stop_others`` trips actuators of rigs not served, within a time."""
+        """Create the rigs; ``stop_others`` trips the actuators of rigs that are not served,
+        within a time limit."""
         self.own = own
         self._stop_others = stop_others
         self._turns = SharedTurns[StopOfOthers]("estop-others")
-        """Separate turns, so that no stop of a served rig waits for one that is not served."""
+        """Locks that keep a stop of a served rig from waiting for a rig that is not served."""
         self._lock = threading.Lock()
         self._managers: Mapping[str, JobManager] = {own.name: own}
         self._unusable: Mapping[str, str] = {}
@@ -186,7 +187,7 @@ class Rigs:
         return next((one for one in self.all() if one.index.has_job(job)), self.own)
 
     def job(self, name: str) -> Job:
-        """Return one job; raises ProblemError if there is none of this name."""
+        """Return one job; raises ProblemError if no job has this name."""
         return self._view(require_job(self.store, name))
 
     def listed_jobs(
@@ -203,11 +204,11 @@ class Rigs:
         jobs = self._settled.find(newest)
         missing = [name for name, _ in newest if name not in jobs]
         for row in self.store.several(missing) if missing else ():
-            # Checked before the job is built: one that settles meanwhile is built again.
+            # Checked before the job is built: a job that settles in between is built again.
             settled = self._is_settled(row)
             job = self._view(row)
             jobs[row.id] = encoded = job.model_dump_json(by_alias=True).encode()
-            if settled and job.revision == row.revision:  # else the journal is behind
+            if settled and job.revision == row.revision:  # otherwise the journal is behind
                 self._settled.add(row.id, row.revision, encoded)
         return {name: jobs[name] for name, _ in newest if name in jobs}
 
@@ -221,7 +222,7 @@ class Rigs:
             yield [self._present_row(row) for row in page]
 
     def _present_row(self, row: TableRow) -> TableRow:
-        """Return the manager's own row if the journal may not have its present state."""
+        """Return the manager's own row if the journal may not contain its present state."""
         name, rig = row.fixed[:2]
         manager = None if rig is None else self.find(rig)
         if name is None or manager is None or not manager.index.has_job(name):
@@ -283,7 +284,8 @@ class OpenBus(Protocol):
 
 @dataclass(frozen=True)
 class RigFactory:
-    """Factory of everything that serves a rig; holds what the rigs of a supervisor share."""
+    """Factory of everything that serves a rig; contains the resources that all rigs of a
+    supervisor share."""
 
     store: Store
     listeners: Listeners
@@ -296,7 +298,7 @@ class RigFactory:
     suspend_aware_clock: Callable[[], float] | None = None
     """Clock that stops while this process is suspended."""
     trip_directly: Callable[[RigFile, Trip], object] | None = None
-    """Function that trips a rig's actuator without the router; None: there is no such link."""
+    """Function that trips a rig's actuator without the router; None if there is no such link."""
 
     def create(self, rig: RigFile, unfinished: Sequence[str] = ()) -> JobManager:
         """Open a rig with its interrupted jobs, the newest last; raises BusError."""
@@ -313,7 +315,8 @@ class RigFactory:
         return manager
 
     def _context(self, rig: RigFile, bus: WatchedBus) -> RigContext:
-        # A rig that joins states where the supervisor is too; certificates are the own rig's.
+        # A rig that joins reports where the supervisor is, too; the certificates are those of the
+        # own rig.
         home = rig.home(self.data)
         observer = Observer(bus, monotonic, self.suspend_aware_clock)
         return RigContext(

@@ -107,8 +107,8 @@ class Calibrations:
         """Return why a calibration would be rejected with a model; None if it would not.
 
         A plan depends on the model, with its rig file, and on the request, which is always the
-        same. It is computed once for each model in use, since a plan can take a quarter of a
-        second.
+        same. The reason is computed once for each model in use, since a plan can take a quarter of
+        a second.
         """
         model, known = self._refusals
         if model is not used:
@@ -128,7 +128,7 @@ class Calibrations:
         Raises
         ------
         ProblemError
-            If there is none, it is decided already, or its values make an impossible rig.
+            If there is none, if it is decided already, or if its values are impossible for the rig.
         """
         row = self._row(name)
         decided = self._decision(name)
@@ -251,12 +251,12 @@ def _percent(difference: float, of: float) -> float | None:
 
 
 LOOKED_AT = 500
-"""Number of newest proposals that the checklist searches for undecided ones."""
+"""Number of newest proposals among which the checklist searches for undecided ones."""
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A calibration with its functions, and the quantities that the steps before it find."""
+    """A calibration with its functions, and the quantities that the preceding steps find."""
 
     variant: Variant
     functions: CalibrationFunctions
@@ -265,7 +265,8 @@ class Step:
 
 @cache
 def ordered() -> tuple[Step, ...]:
-    """Return all calibrations, each after those that find what it assumes, otherwise by place."""
+    """Return all calibrations, each after those that find the quantities it requires, otherwise
+    by ``place``."""
     found = {name: functions_of(name) for name in KIND.variants}
     waiting = {name: functions for name, functions in found.items() if functions.of_bring_up}
     steps: list[Step] = []
@@ -277,7 +278,8 @@ def ordered() -> tuple[Step, ...]:
 
 
 def _first(waiting: dict[str, CalibrationFunctions]) -> str:
-    """Return the first calibration that assumes nothing another one finds; otherwise the first."""
+    """Return the first calibration that requires nothing from another waiting one; otherwise the
+    first."""
     for name, functions in waiting.items():
         others = (other for other in waiting.values() if other is not functions)
         if not any(set(functions.assumes) & set(other.finds) for other in others):

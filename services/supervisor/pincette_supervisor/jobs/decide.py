@@ -28,7 +28,7 @@ AWAITING: States = frozenset({"awaiting_recovery"})
 PLAYED: States = TRIPPABLE | ABORTING
 """States of a job whose program is loaded and that has not ended."""
 Asked = Literal["no", "refused", "accepted", "effective"]
-"""Progress of the command that the present state gives the controller."""
+"""Progress of the command to the controller that belongs to the present state."""
 Why = tuple[str, Ending]
 """Message and code of a cause."""
 ENDS: Why = ("the supervisor ended", Ending(code="supervisor_ended"))
@@ -40,9 +40,9 @@ class Facts:
 
     state: JobState
     over: bool = False
-    """True when no further sample of this arming is expected."""
+    """True if no further sample of this arming is expected."""
     trip: TripReason | None = None
-    """Reason for which the actuator tripped; None: it has not."""
+    """Reason why the actuator tripped; None if it has not."""
     outcome: Outcome = Outcome.NONE
     """Outcome of the program."""
     held: bool = False
@@ -50,9 +50,9 @@ class Facts:
     paused: bool = False
     """True while the references are at rest."""
     interrupted: bool = False
-    """True when the supervisor shuts down."""
+    """True if the supervisor shuts down."""
     late: Why | None = None
-    """Cause if the loop is silent or the deadline of the state has passed."""
+    """Cause if the loop is silent or the time limit of the state has passed."""
     cut_off: bool = False
     """True if no message arrives and no program replies; the lease then ends the program."""
     lease: Why | None = None
@@ -65,9 +65,9 @@ class Facts:
     stop_acts: bool = False
     """True once a stop has taken effect."""
     pause_asked: bool = False
-    """True from the request to pause until the program continues."""
+    """True from the request of a pause until the program continues."""
     trip_asked: bool = False
-    """True once the actuator was requested to trip."""
+    """True once a trip of the actuator was requested."""
     given_up: bool = False
     """True once the job was stopped because samples are missing."""
     on_stop: ActionCode = ActionCode.STOP
@@ -169,7 +169,7 @@ RULES: tuple[Rule, ...] = (
     Rule(PLAYED | TERMINAL, lambda f: f.interrupted, lambda _: Interrupt()),
     Rule(ABORTING, lambda f: not f.trip_asked and f.trip is None, lambda _: AskTrip()),
     Rule(ABORTING, lambda f: f.late, lambda f: Close("fail", f.late)),
-    # Without a trip: the loop is probably healthy, and a trip would drop its part.
+    # Without a trip: the loop probably works, and a trip would drop the part.
     Rule(TRIPPABLE, lambda f: f.late and f.cut_off, lambda f: Close("fail", f.late)),
     Rule(TRIPPABLE, lambda f: f.late, _late),
     Rule(RUNNING, lambda f: f.lack, lambda f: Move("stop", f.lack)),

@@ -57,7 +57,7 @@ class ChangeNotifier:
                 loop.call_soon_threadsafe(event.set)
 
     async def wait(self, over: Callable[[], bool], timeout_s: float) -> None:
-        """Wait until ``over()`` is true, checked after each change, or for the timeout."""
+        """Wait until ``over()`` is true, checked after each change, or until the timeout."""
         event = asyncio.Event()
         entry = (asyncio.get_running_loop(), event)
         with self._lock:
@@ -76,7 +76,8 @@ class ChangeNotifier:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobStatus:
-    """State of a job at one moment; replaced as a whole, so that a reader sees one moment."""
+    """State of a job at one moment; replaced as a whole, so that all values a reader gets are
+    consistent."""
 
     id: str
     state: JobState
@@ -86,10 +87,10 @@ class JobStatus:
     moves: int = 0
     """Number of changes of the state."""
     played_s: float = 0.0
-    """Time in states in which the program plays, without the present one."""
+    """Time in states in which the program plays, excluding the present state."""
     cause: str = ""
     ending: Ending | None = None
-    """Reason of the end, by what was found first; never None for an ended job."""
+    """Reason of the end, from the first cause found; never None for an ended job."""
     held: bool = False
     """True while the job holds a part."""
     letting_go: bool = False
@@ -97,11 +98,11 @@ class JobStatus:
     phase: str = ""
     progress: Progress | None = None
     waiting: int | None = None
-    """Segment of the program that waits for a person."""
+    """Segment of the program that waits for a person; None without one."""
     recovery: RecoveryWait | None = None
     """Decision for which the job waits."""
     next_job: JobRequest | None = None
-    """Request of the job that continues this one, or repeats it; None once that has started."""
+    """Request of the job that continues this one, or repeats it; None once that job has started."""
     stalled: bool = False
     """True if a stall tripped the job; the job that continues resets the latch."""
 
@@ -138,7 +139,7 @@ def actions_of(status: JobStatus) -> list[ActionType]:
 
 
 def traced(traceparent: str | None) -> dict[str, str]:
-    """Return the member of events and log lines of a job that has a trace context."""
+    """Return the trace members of a job's events and log lines; empty without a trace context."""
     return {} if traceparent is None else {"traceparent": traceparent}
 
 
@@ -169,7 +170,7 @@ class LiveJob:
         """Set when the supervisor shuts down."""
         self.wake = threading.Event()
         self.done = threading.Event()
-        """Set once nothing moves any more and the rig is free."""
+        """Set when nothing moves any more and the rig is free."""
         self.recorded = threading.Event()
         """Event that is cleared from the end of the job until its record is written."""
         self.recorded.set()
@@ -213,7 +214,8 @@ class LiveJob:
         ending: Ending | None = None,
         about: Mapping[str, Any] | None = None,
     ) -> bool:
-        """Apply an event, if in ``only_from``; raises TransitionError if it is not permitted.
+        """Apply an event, if the state is in ``only_from``; raises TransitionError if it is not
+        permitted.
 
         ``about`` has further members of the event in the journal.
         """
@@ -234,11 +236,11 @@ class LiveJob:
                 body["ending"] = end.code
             enter = partial(self._enter, state, known.moves + 1)
             urgent = event in URGENT
-            if urgent:  # what acts on the state waits for no disk
+            if urgent:  # a change that affects the state does not wait for a disk
                 enter(known.revision + 1)
                 self.wake.set()
             log.info("job %s is %s", self.id, state, extra={"job": self.id, **body})
-            # A listener may act at once, so the state is set before the event is out.
+            # A listener may act at once, so the state is set before the event is published.
             self._write(
                 partial(self._store.change, self.id, **values),
                 "state",
@@ -257,7 +259,7 @@ class LiveJob:
         by: str,
         next_job: JobRequest | None = None,
     ) -> bool:
-        """End a job that waits for a decision; return False if it does not wait any more."""
+        """End a job that waits for a decision; return False if it no longer waits."""
         with self._lock:
             wait = self.status.recovery
             if self.status.state != "awaiting_recovery" or wait is None:
@@ -277,7 +279,7 @@ class LiveJob:
     ) -> bool:
         """Wait for a decision on a grip that did not succeed; return False if it has just ended.
 
-        ``held`` is True if its result has a force held. A short hold has none in its progress.
+        ``held`` is True if its result has a held force. A short hold has none in its progress.
         """
         progress = self.status.progress
         held = held or (progress is not None and progress.force_held_mN is not None)
@@ -296,7 +298,7 @@ class LiveJob:
         with self._lock:
             if "recover" not in STATES[self.status.state].events:
                 return False
-            self.recorded.clear()  # the record is written once it is decided
+            self.recorded.clear()  # the record is written after the decision
             self.update(recovery=wait, cause=cause)
             return self.move("recover", about=wait.model_dump(mode="json"))
 
@@ -328,9 +330,10 @@ class LiveJob:
         change
             Changes the journal, and returns the revision.
         then
-            Called with the revision before the event is passed on; also where the write is late.
+            Function called with the revision before the event is passed on; also if the write is
+            late.
         wait
-            False for a change that waits for no disk.
+            False for a change that does not wait for a disk.
         """
         apply = then or self.revise
 
@@ -370,7 +373,8 @@ class LiveJob:
         self._context.bus.publish(notice)
 
     def end(self, event: Event, cause: str = "", code: EndingCode | None = None) -> None:
-        """Move to a terminal state; a stop or an abort that came first is confirmed instead."""
+        """Move to a terminal state; if a stop or an abort was requested before, confirm that
+        instead."""
         with self._lock:
             if not self.status.terminal:
                 ending = None if code is None else Ending(code=code)
@@ -383,7 +387,7 @@ class LiveJob:
         Parameters
         ----------
         why
-            Why the supervisor aborts the job; empty: a person does.
+            Reason why the supervisor aborts the job; empty if a person aborts it.
         """
         ramps = isinstance(self.request, PolicyRequest) and self.request.on_abort == "ramp"
         return Trip(Cause.SUPERVISOR if why else Cause.ABORT, release_now=ramps, words=why)
@@ -453,7 +457,7 @@ class LiveJob:
         """Store the sample at which the oldest open action of a type took effect."""
         body = {"type": action, "applied": True, "seq": seq}
         with self._lock:
-            if action == "resume":  # the pause will not act any more
+            if action == "resume":  # the pause will not take effect any more
                 self._actions = [entry for entry in self._actions if entry[1] != "pause"]
             entry = next((entry for entry in self._actions if entry[1] == action), None)
             if entry is None:

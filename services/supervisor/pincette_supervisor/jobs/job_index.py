@@ -1,7 +1,7 @@
 """Jobs of a rig by name, with their state: queued, live or ended.
 
-Requests that wait for a change poll this index; of its methods for them only ``job`` reads the
-journal.
+Requests that wait for a change poll this index; of the methods that they call, only ``job`` reads
+the journal.
 """
 
 import hashlib
@@ -69,14 +69,14 @@ def new_row(
 
 
 def fingerprint_of(request: JobRequest) -> str:
-    """Return a digest of a request, which is the same for equal requests."""
+    """Return a digest of a request; equal requests have the same digest."""
     tree = request.model_dump(mode="json", exclude_unset=True)
     text = json.dumps({**tree, "kind": request.kind}, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _ending(row: JobRow) -> Ending | None:
-    # As JSON, in which a code may be a text.
+    # JSON form, in which a code may be a text.
     return None if row.ending is None else Ending.model_validate_json(json.dumps(row.ending))
 
 
@@ -178,7 +178,7 @@ class JobIndex:
 
     @property
     def active(self) -> LiveJob | None:
-        """Return the job that has the rig; a stopped job keeps it while it holds a part."""
+        """Return the job that occupies the rig; a stopped job still does while it holds a part."""
         live = self.newest
         return None if live is None or live.done.is_set() else live
 
@@ -202,7 +202,7 @@ class JobIndex:
         return job_view(row, live, place, self._context.records, self.left)
 
     def has_job(self, name: str) -> bool:
-        """Return whether a job waits to begin or was started most recently."""
+        """Return whether a job is waiting to begin or is the most recently started one."""
         return self._entry(name) is not None or self._live(name) is not None
 
     def is_over(self, name: str) -> bool:
@@ -211,7 +211,7 @@ class JobIndex:
         if waits or (live := self._live(name)) is None:
             return not waits
         status = live.status
-        if status.next_job is not None:  # a caller then finds the job that follows
+        if status.next_job is not None:  # a caller then finds the following job
             return False
         return live.done.is_set() or (status.terminal and not status.letting_go)
 
@@ -244,7 +244,7 @@ class JobIndex:
         return self._entry(name) is None and (live is None or live.done.is_set())
 
     def is_settled(self, name: str) -> bool:
-        """Return whether a job depends on its journal row alone, at each revision of it."""
+        """Return whether the REST form of a job depends on its journal row alone."""
         if self._entry(name) is not None or self.left.being_written(name):
             return False
         live = self._live(name)
@@ -300,11 +300,12 @@ class JobIndex:
 
     def _entry(self, name: str) -> Entry | None:
         """Return a job that has not begun: queued, or proposed."""
-        # First the proposals: an approved job enters the queue before it leaves them.
+        # Proposals first: an approved job enters the queue before it leaves them.
         return self._proposals.entry(name) or self._queue.entry(name)
 
     def _live(self, name: str) -> LiveJob | None:
-        """Return a started job that may not be recorded yet; search the waiting jobs first."""
+        """Return a started job that may not be recorded yet; the waiting jobs are searched
+        first."""
         return next((live for live in self._lives if live.id == name), None)
 
 

@@ -37,13 +37,12 @@ from pincette_supervisor.rigs.latch import LatchControl
 from pincette_supervisor.rigs.rig_context import RigContext
 from pincette_supervisor.watch import AlarmMonitor
 
-# Requests with the same ``Idempotency-Key`` take turns: the later one finds the earlier one's job.
-#
-# A key counts from the moment it is received. While the first request is being planned, a second
-# one waits, and then gets the same job. If the first was rejected, or its caller disconnected, the
-# next one is planned in its place. The journal keeps the keys of created jobs across restarts.
-#
-# A key may be stopped before its job exists, as long as this supervisor runs: it creates no job.
+# Requests with the same ``Idempotency-Key`` are handled one at a time: the later request finds the
+# job of the earlier one. A key is in use from the moment it is received. While the first request is
+# being planned, a second one waits, and then gets the same job. If the first was rejected, or its
+# caller disconnected, the next one is planned instead. The journal keeps the keys of created jobs
+# across restarts. A key may be stopped before its job exists, as long as this supervisor runs: it
+# then creates no job.
 
 WAITING = 12
 """Largest number of requests that wait for another one with their key: each uses a thread."""
@@ -80,7 +79,8 @@ class KeyTurns:
         return self._created.get(key)
 
     def stop(self, key: str) -> None:
-        """Prevent any job of a key; a job that is being accepted is in the journal on return."""
+        """Prevent that a key creates a job; on return, a job that was being accepted is in the
+        journal."""
         with self._accepting:
             self._stopped.append(key)
 
@@ -99,7 +99,7 @@ class KeyTurns:
 
     @contextmanager
     def of(self, key: str | None) -> Generator[None]:
-        """Hold a key once no other request does; raises ProblemError if too many wait."""
+        """Hold a key as soon as no other request does; raises ProblemError if too many wait."""
         if key is None:
             yield
             return
@@ -149,7 +149,7 @@ ENDS: dict[ActionType, JobState] = {"stop": "stopped", "abort": "aborted"}
 FREED_S = 15.0
 """Longest wait in s until an ended job has released the rig; usually a few milliseconds."""
 KEPT_S = 15.0
-"""Time in s within which a job that only holds a part hands it over, and its record is closed."""
+"""Time limit in s for a job that only holds a part to hand it over and close its record."""
 
 
 class JobActions:
@@ -171,7 +171,8 @@ class JobActions:
         queue.remove(entry, ENDS[action])
 
     def on_ended(self, row: JobRow, action: ActionType) -> bool:
-        """Return True if an ended job has the action's state; raises ProblemError otherwise."""
+        """Return True if an ended job is in the state that the action requests; raises
+        ProblemError otherwise."""
         if row.state in HOLDS[action]:
             return True
         raise invalid_action(action, row.state, [])
@@ -179,7 +180,7 @@ class JobActions:
     def on_live(
         self, live: LiveJob, action: ActionType, by: str, again: JobRequest | None = None
     ) -> bool:
-        """Act on a live job; return True if it has the action's state already.
+        """Act on a live job; return True if it is already in the state that the action requests.
 
         Raises ProblemError. ``again`` is the request that follows from a decision.
         """
@@ -217,7 +218,10 @@ class JobActions:
 
 
 def _moved(live: LiveJob, action: Moving, state: JobState) -> bool:
-    """Return whether a job accepts an action; a stop continues if the job has just moved on."""
+    """Return whether a job accepts an action.
+
+    A stop continues if the job has just changed its state.
+    """
     while not live.status.terminal and state not in HOLDS[action]:
         if live.move(action, only_from=state):
             return True
@@ -235,9 +239,10 @@ def await_end(active: LiveJob | None) -> None:
 
 
 def hand_over(context: RigContext, active: LiveJob | None, planned: Planned) -> None:
-    """End a job that only holds a part, for a next job with a held part; raises ProblemError.
+    """End a job that only holds a part, so that the next job begins with it; raises ProblemError.
 
-    A new force also takes the part from a job that still runs and holds it until a release.
+    A job that sets a new force also takes the part from a job that still runs and holds it until a
+    release.
     """
     if active is None or not planned.begins_held:
         return
@@ -291,13 +296,14 @@ class JobManager:
 
     @property
     def active(self) -> LiveJob | None:
-        """Return the job that has the rig; a stopped job keeps it while it holds a part."""
+        """Return the job that occupies the rig; a stopped job still does while it holds a part."""
         return self.index.active
 
     def recover(self, unfinished: list[str]) -> None:
-        """Recover from an earlier run of the supervisor; this moves nothing."""
+        """Recover jobs of an earlier run of the supervisor; this causes no motion."""
         context = self.context
-        # Already marked, unless the journal could not be written, as on a full disk.
+        # Already marked, unless the journal could not be written, for example because of a full
+        # disk.
         left = [name for name in context.store.unfinished() if name in unfinished]
         mark = partial(context.store.interrupt, left, utc_now())
         marked = not left or context.write_queue.submit(mark)
@@ -347,8 +353,8 @@ class JobManager:
     ) -> tuple[Job, bool]:
         """Create a job, unless its caller is ``gone``; propose it if it needs an approval.
 
-        ``trace`` is the W3C trace context of the request. The flag is True if its key created the
-        job earlier.
+        ``trace`` is the W3C trace context of the request. The returned flag is True if its key
+        created the job earlier.
         """
         fingerprint = fingerprint_of(request)
         with self.turns.of(key):
@@ -376,7 +382,7 @@ class JobManager:
     def _prepared(
         self, request: JobRequest, *, predict: bool, starts: bool = True
     ) -> tuple[ResolvedRequest, Planned]:
-        """Plan and predict a request, and if it ``starts`` wait for an ending job.
+        """Plan and predict a request; if it ``starts`` now, wait for a job that is ending.
 
         Raises ProblemError.
         """
@@ -408,7 +414,7 @@ class JobManager:
         return row.id
 
     def _approve(self, entry: Entry, by: str) -> None:
-        """Start or queue a proposed job, planned again; raises ProblemError if it cannot be."""
+        """Plan a proposed job again, and start or queue it; raises ProblemError if that fails."""
         resolved, planned = self._prepared(entry.request, predict=True)
         hand_over(self.context, self.active, planned)
         with self._lock:
@@ -537,7 +543,7 @@ class JobManager:
             return
         entry = refusals.startable_entry(self.context, self.queue)
         if entry is not None:
-            # Active before it leaves the queue, so that no waiting request misses it.
+            # Activated before the job leaves the queue, so that no waiting request misses it.
             self._begin(entry.row, entry.request, None)
             self.queue.take(entry)
 
@@ -561,11 +567,12 @@ class JobManager:
     ) -> tuple[Job, bool]:
         """Perform an action on a job; the flag is True if nothing was left to do.
 
-        Raises ProblemError. ``place`` is that of ``retry_at``.
+        Raises ProblemError. ``place`` is the position of ``retry_at``.
         """
         live = self.active
         if live is None or live.id != name:
-            # The holder of the lock may wait for a disk, which a stop of the live job must not.
+            # The holder of the lock may wait for a disk; a stop of the live job must not wait for
+            # it.
             with self._lock:
                 entry = self.queue.entry(name)
                 if entry is not None:
@@ -604,20 +611,22 @@ class JobManager:
 
     @contextmanager
     def settled(self) -> Generator[None]:
-        """Block starts and ends of jobs within the block; an end includes what follows from it."""
+        """Prevent starts and ends of jobs within the ``with`` block; an end includes what
+        follows from it."""
         with self._lock:
             yield
 
     @contextmanager
     def free(self) -> Generator[None]:
-        """Block jobs within the block; raises ProblemError if one is running."""
+        """Prevent starts of jobs within the ``with`` block; raises ProblemError if a job is
+        running."""
         await_end(self.active)
         with self._lock:
             refusals.require_free(self.active)
             yield
 
     def expire(self) -> None:
-        """End the proposed jobs whose time for an approval has passed."""
+        """End the proposed jobs whose time limit for an approval has passed."""
         if not len(self.proposals):
             return
         with self._lock:

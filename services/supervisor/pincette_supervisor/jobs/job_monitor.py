@@ -1,4 +1,5 @@
-"""Monitoring of a job: follows its samples to their end and passes its actions to the rig."""
+"""Monitoring of a job: processes its samples until the last one, and passes its actions to the
+rig."""
 
 from collections.abc import Callable
 from time import monotonic
@@ -43,10 +44,9 @@ from pincette_supervisor.results import archive
 from pincette_supervisor.rigs.observer import MessageBuffer
 from pincette_supervisor.rigs.rig_context import RigContext
 
-# Check of a job's deadline, by the time in which the supervisor was running.
-#
-# An exceeded deadline means that a rig does not do what was requested. While the supervisor was
-# not scheduled, it could not see the progress: that time does not count.
+# Check of a job's time limit, by the time in which the supervisor was running. An exceeded limit
+# means that a rig does not do what was requested. While the supervisor was not scheduled, it could
+# not see the progress: that time does not count.
 
 STANDSTILL_S = 0.25
 """Longest normal interval between two checks, in s; the excess counts as a scheduling stall."""
@@ -56,7 +56,7 @@ RELEASING = ("unload", "release", "retreat")
 
 
 class Watch:
-    """Deadlines of one job."""
+    """Time limits of one job."""
 
     def __init__(
         self,
@@ -66,9 +66,9 @@ class Watch:
         clock: Callable[[], float],
         look_clock: Callable[[], float] = monotonic,
     ) -> None:
-        """Create the deadlines.
+        """Create the time limits.
 
-        ``clock`` is that of the states, ``look_clock`` that of the checks.
+        ``clock`` measures the states, ``look_clock`` the checks.
         """
         self._job, self._planned, self._tracker = job, planned, tracker
         self._clock, self._look_clock = clock, look_clock
@@ -87,14 +87,14 @@ class Watch:
         self._missed_s += missed_s
 
     def overdue(self) -> bool:
-        """Return whether the deadline of the job's state has passed."""
+        """Return whether the time limit of the job's state has passed."""
         request, status, rig = self._job.request, self._job.status, self._planned.model.rig
         on_stop = kind_of(request).stop_of(request)
         limit_s = deadline_s(status.state, self._planned, rig, on_stop)
         spent_s = self._clock() - status.entered_at
         running = status.state == "running"
         if rig.lockstep:
-            # A machine may take as long as it likes for what is played.
+            # The time that the machine needs to play the program is not limited.
             spent_s = self._tracker.played_s if running else spent_s
         elif running:
             spent_s += status.played_s - self._missed_s
@@ -117,7 +117,7 @@ def deadline_s(
     if row.beyond == "letting_go":
         return row.deadline_s + (0.0 if on_stop == "hold" else _release_s(planned))
     if state == "running" and planned.planned_s is None:
-        return None  # a program without an end, whose pause must come all the same
+        return None  # a program without an end, whose pause must still begin
     return row.deadline_s + planned.plan.duration_s
 
 
@@ -131,8 +131,8 @@ def _release_s(planned: Planned) -> float:
 def silence_s(rig: RigFile, reason: TripReason) -> float | None:
     """Return the time without a command before a trip by a stall, in s; None for another trip.
 
-    Faults in addition to the silence are its cause, such as a failed reading. Lockstep has no
-    clock.
+    If further faults were found, such as a failed reading, they caused the silence, and the result
+    is None. Lockstep has no clock.
     """
     codes = [one.code for one in reason.faults]
     if rig.lockstep or reason.cause != Cause.COMMAND_AGE or codes != [FaultCode.NO_COMMAND]:
@@ -141,7 +141,7 @@ def silence_s(rig: RigFile, reason: TripReason) -> float | None:
 
 
 INSTRUMENTS = {"sensor": "sensor", "actuator": "output"}
-"""Instrument of each program that has one."""
+"""Instrument of each program that uses one."""
 
 
 def exchange_fault(context: RigContext, reason: TripReason) -> Fault | None:
@@ -188,7 +188,7 @@ def stall_words(context: RigContext, reason: TripReason) -> str:
 LOOK_S = 0.02
 """Interval at which the run processes new messages, in s."""
 LATE_S = 0.5
-"""Time within which the last samples of a run may arrive after the one that ended it, in s."""
+"""Time within which the last samples of a run may arrive after the sample that ended it, in s."""
 PROGRESS_S = 0.2
 """Shortest interval between two progress events, in s."""
 CUT_SHORT: Why = (
@@ -237,9 +237,9 @@ class JobMonitor:
         self._lease_seq = -1
         """Number of the sample at which the controller has stopped by itself."""
         self._moves = 0
-        """Number of the job's moves at the last check."""
+        """Number of the job's state changes at the last check."""
         self._asked_in = -1
-        """Number of the job's moves at the last command to the controller."""
+        """Number of the job's state changes at the last command to the controller."""
         self._effective_seq: int | None = None
         """The seq at which that command takes effect; None if it was rejected."""
         self._recovery: Recovery | None = None
@@ -257,7 +257,7 @@ class JobMonitor:
                     return
                 self._job.wait(LOOK_S)
         except BaseException:
-            if self._recovery is not None:  # else nothing waits for the record
+            if self._recovery is not None:  # otherwise nothing waits for the record
                 self._job.finish_record()
             raise
 
@@ -274,7 +274,7 @@ class JobMonitor:
             self._share()
         over = tracker.over and not self._awaits_last_samples()
         silent = None if over or job.interrupted else self._silent()
-        # Read after the actuator's status, whose request blocks, so that the state is the newest.
+        # Read after the actuator's status, whose request blocks, so that the state is up to date.
         status = job.status
         state, self._moves = status.state, status.moves
         late = self._late(state, silent)
@@ -308,7 +308,8 @@ class JobMonitor:
         return None if reason is None else (self._trip_words(reason), trip_ending(reason))
 
     def _asked(self) -> Asked:
-        """Return the progress of the command that the present state gives the controller."""
+        """Return the progress of the command to the controller that belongs to the present
+        state."""
         if self._asked_in != self._moves:
             return "no"
         if self._effective_seq is None:
@@ -325,7 +326,7 @@ class JobMonitor:
         return (words, Ending(code="silent", values={"silent_s": lasts_s})) if words else None
 
     def _late(self, state: JobState, silent: Why | None) -> Why | None:
-        """Return why the job does not continue: a silent loop, or an exceeded deadline."""
+        """Return why the job does not progress: a silent loop, or an exceeded time limit."""
         first = state == "aborting" or self._silence.cut_off
         if (silent and first) or not self._watch.overdue():
             return silent
@@ -348,7 +349,8 @@ class JobMonitor:
             self._over_at = now
         if now - self._over_at < (self._context.guard_s if self._rig.lockstep else LATE_S):
             return True
-        # A busy link loses samples, and the controller publishes only once how a program ended.
+        # A busy link loses samples, and the controller publishes the outcome of a program only
+        # once.
         self._last_fetched = True
         self._tracker.update(self._context.observer.fetch_latest(TELEMETRY))
         return False
@@ -465,7 +467,7 @@ class JobMonitor:
     def _complete(self) -> None:
         """Complete the record of a job that was stopped while a part was held."""
         tracker = self._tracker
-        if self._recovery is None:  # else it was evaluated before the wait
+        if self._recovery is None:  # otherwise it was evaluated before the wait
             self._recorder.evaluate(tracker, self._collection)
         if tracker.over:
             if tracker.trip is not None:
@@ -506,7 +508,7 @@ class JobMonitor:
         )
         if touched and isinstance(job.request, ZeroingRequest):
             self._context.zero_doubt.raise_by(job.id)
-        # A client that sees the end also sees that the record is not there yet.
+        # A client that sees the end also sees that the record is not available yet.
         with self._recorder.expected():
             job.end(event)
             self._recorder.publish_result()
@@ -542,7 +544,7 @@ class JobMonitor:
         job.decide(wait.default, f"default after {recovery.wait_s:g} s", again)
 
     def _prepare_next_job(self, trip: TripReason | None) -> None:
-        """Ask the kind for the next job after a stall or an exceeded position limit."""
+        """Request from the kind the next job after a stall or an exceeded position limit."""
         job, run = self._job, self._recorder.run
         why: Interruption
         if trip is not None and silence_s(self._rig, trip) is not None:

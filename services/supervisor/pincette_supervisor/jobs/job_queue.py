@@ -23,10 +23,9 @@ from pincette_supervisor.journal.write_queue import WriteQueue
 from pincette_supervisor.kinds.bodies import REQUEST
 from pincette_supervisor.problems import ProblemError
 
-# A client's temporary claim on a rig: what others see of it, and what it blocks.
-#
-# A claim prevents others from starting motion. It never blocks a stop, an abort or an emergency
-# stop, and does not affect jobs that were created before it.
+# A client's temporary claim on a rig: what others see of it, and what it blocks. A claim prevents
+# others from starting motion. It never blocks a stop, an abort or an emergency stop, and does not
+# affect jobs that were created before it.
 
 ALWAYS: tuple[ActionType, ...] = ("stop", "abort", "reject")
 """Actions that no claim blocks."""
@@ -134,7 +133,10 @@ class Claims:
             return claim
 
     def give_back(self, token: str | None, *, by: str, force: bool) -> None:
-        """End the claim, that of another caller only with ``force``; no effect without a claim."""
+        """End the claim; a claim of another caller only with ``force``.
+
+        No effect without a claim.
+        """
         with self._lock:
             if not force:
                 self.require(token)
@@ -146,7 +148,7 @@ class Claims:
             self._keep(how, by, holder)
 
     def _keep(self, how: str | None, by: str, holder: str = "") -> None:
-        """Submit the write of the claim; without it, the claim is valid but lost at a restart."""
+        """Submit the write of the claim; if it fails, the claim is valid but lost at a restart."""
         held = self._held
         text = "" if held is None else json.dumps(asdict(held), ensure_ascii=False)
         until = None if held is None else held.expires_at
@@ -171,7 +173,7 @@ class Entry:
     request: JobRequest
     revision: int
     place: int | None = None
-    """Place in the queue, as stored in the journal."""
+    """Position in the queue, as stored in the journal."""
 
 
 class WaitingJobs:
@@ -218,14 +220,14 @@ class JobQueue(WaitingJobs):
         self.halt(RESTARTED)
 
     def add(self, row: JobRow, request: JobRequest) -> None:
-        """Add a job behind those of its priority, and before those with a lower one."""
+        """Add a job after those of its priority, and before those of a lower one."""
         before = [one for one in self._entries if one.request.priority >= request.priority]
         place = max((self._entries.index(one) + 1 for one in before), default=0)
         self._entries.insert(place, Entry(row, request, row.revision))
         self._moved_up()
 
     def move(self, entry: Entry, place: int) -> None:
-        """Move a job to another place, counted from 1, regardless of its priority."""
+        """Move a job to another position, counted from 1, regardless of its priority."""
         self._entries.remove(entry)
         self._entries.insert(place - 1, entry)
         self._moved_up()
@@ -256,7 +258,7 @@ class JobQueue(WaitingJobs):
         self._moved_up()
 
     def position(self, name: str) -> int | None:
-        """Return the place of a job in the queue, from 1; None if it is not queued."""
+        """Return the position of a job in the queue, from 1; None if it is not queued."""
         places = (place for place, entry in enumerate(self._entries, 1) if entry.row.id == name)
         return next(places, None)
 
@@ -276,7 +278,7 @@ class JobQueue(WaitingJobs):
         return names
 
     def _moved_up(self) -> None:
-        """Store the place of every job, with a new revision for each job that has moved."""
+        """Store the position of every job, with a new revision for each job that has moved."""
         for place, entry in enumerate(self._entries, 1):
             if entry.place != place:
                 entry.place, entry.revision = place, self._store.change(entry.row.id, place=place)

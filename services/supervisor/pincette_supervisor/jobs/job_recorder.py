@@ -44,7 +44,7 @@ from pincette_supervisor.rigs.rig_context import RigContext
 
 # The record of a job: opened before the arming, closed after the last sample.
 
-# Errors of the recorder are returned, not raised: a job that has moved must come to its end.
+# Errors of the recorder are returned, not raised: a job that has moved must be completed.
 
 
 log = logging.getLogger(__name__)
@@ -61,7 +61,7 @@ FIGURES = (
     "voltage_V",
     "statement",
 )
-"""Values of a result that its event contains."""
+"""Values of a result that are included in its event."""
 MOTION = ("shape", "frequency_hz", "force_mean_mN", "force_pp_mN")
 """Values of a plan that describe the motion of a program that learns."""
 BEGIN_S = 5.0
@@ -78,14 +78,15 @@ class JobRecorder:
         self._context, self._job, self._planned, self._epoch = context, job, planned, epoch
         self._figures: dict[str, Any] = {}
         self._row: JobRow | None = None
-        """Journal row as last read: a journal on a server may be unreachable at the end."""
+        """Journal row as last read: a journal on a server may be unreachable when the job ends."""
         self._gathered: Gathered | None = None
         self._writes, self._turn = 0, threading.Lock()
-        """Number of the requested write: one more if a part was held beyond the end."""
+        """Number of the newest requested write, and its lock; there is a second write if a part
+        was held beyond the end."""
 
     @property
     def verified(self) -> bool | None:
-        """Return whether the zero after the release verifies the force; None if it cannot tell."""
+        """Return whether the zero after the release verifies the force; None if that is unknown."""
         return self._figures.get("zero_return_verified")
 
     @property
@@ -99,11 +100,11 @@ class JobRecorder:
         return None if self._gathered is None else self._gathered.run
 
     def begin(self, row: JobRow) -> str:
-        """Open a record; return the reason if there is none."""
+        """Open a record; return the reason if that fails."""
         self._row = row
         closer, whose = self._context.closer, (self._context.bus, self._job.id, self._epoch)
         trouble = closer.submit(begin_record, *whose, self._about(row)).result()
-        if trouble:  # one that did not answer in time may open it all the same
+        if trouble:  # a recorder that did not reply in time may still open it
             closer.submit(finish_record, *whose, None).add_done_callback(log_failure)
         return trouble
 
@@ -117,7 +118,8 @@ class JobRecorder:
         row = self._current_row()
         if row is None:
             return ""
-        # Not by the archivist, who may still draw: the rig is not free before this is done.
+        # Not in the archivist's thread, which may still draw: the rig is not free before this is
+        # done.
         self._gathered = record = archive.gathered(
             planned.model.rig, row, planned, self._epoch, tracker.samples, collection.dropped
         )
@@ -150,7 +152,7 @@ class JobRecorder:
     def expected(self) -> Generator[None]:
         """Mark the record as being written from now on.
 
-        If the block fails, nothing writes it, and nothing waits for it.
+        If the ``with`` block fails, nothing writes the record, so nothing waits for it.
         """
         self._job.recorded.clear()
         try:
@@ -160,9 +162,9 @@ class JobRecorder:
             raise
 
     def write(self, tracker: Tracker, *, over: bool) -> None:
-        """Have the archivist write the record; the rig is free meanwhile.
+        """Have the archivist write the record; meanwhile the rig is free.
 
-        ``over``: no more samples come. A part that is held after a stop is still being recorded:
+        If ``over``, no more samples come. A part that is held after a stop is still being recorded:
         its record has the samples so far, and is closed when the part is released.
         """
         if self._gathered is None:
@@ -189,9 +191,9 @@ class JobRecorder:
     ) -> None:
         try:
             recorded = closed.result() or GOES_ON
-            if number == self._writes:  # else the part was released before drawing
+            if number == self._writes:  # otherwise the part was released before drawing
                 self._write_documents(record, recorded, over=over)
-        except Exception as error:  # no thread waits for the result of this one
+        except Exception as error:  # no thread waits for the result of this function
             log.exception("the record of job %s was not written", self._job.id)
             self._job.append_cause(lacking(error))
         finally:
@@ -206,11 +208,11 @@ class JobRecorder:
         try:
             folder = self._context.records / job.id
             replace(record, job=row).write(folder, recorded, self._context.draw)
-        except Exception as error:  # whatever it was, the job says that they are lacking
+        except Exception as error:  # for any error, the job states that they are missing
             log.exception("the documents of job %s were not written", job.id)
             job.append_cause(lacking(error))
         state = completeness(recorded)
-        # Open until the part is released: a supervisor that is started meanwhile closes it.
+        # Open until the part is released: a supervisor that starts meanwhile closes it.
         job.store(plan={**row.plan, "record": state | {"open": not over}})
         append = self._context.events.append
         self._context.write_queue.submit(partial(append, "record", job.id, **state))
@@ -288,11 +290,12 @@ def finish_record(bus: Bus, job: str, epoch: int, last_seq: int | None) -> Recor
         return str(error)
 
 
-# Recovery at start from an earlier supervisor's end.
+# Recovery at the start from the end of an earlier supervisor.
 
 ASK_S = 1.0
 RECENT = CAPACITY + 4
-"""Number of newest jobs that are searched for open records: those that wait are newer."""
+"""Number of newest jobs that are searched for open records, in addition to those that wait,
+which are newer."""
 COMPARED = 10
 """Number of the newest jobs whose records are compared with their manifests at the start."""
 
@@ -312,10 +315,11 @@ NOTHING = UnfinishedJobs()
 
 
 def stop_left_program(context: RigContext, jobs: Sequence[str]) -> None:
-    """Stop a program that an earlier supervisor has left running, and record it in its job."""
-    # The stop is requested once. A held part stays held until a person holds or releases it by a
-    # job; a free arm comes to rest, and a part that a calibration presses is released. No job is
-    # continued.
+    """Stop a program that an earlier supervisor has left running, and record the stop in its
+    job."""
+    # The stop is requested once. A held part stays held until a person starts a job that holds or
+    # releases it; a free arm comes to rest, and a part that a calibration presses is released. No
+    # job is continued.
     row = context.store.get(jobs[-1]) if jobs else None
     how = interruption(None if row is None else job_kinds().get(row.kind))
     stopped = _stop(context, how) or _stopped_by_itself(context)
@@ -331,7 +335,7 @@ def stop_left_program(context: RigContext, jobs: Sequence[str]) -> None:
 
     try:
         write()
-    except StoreError as error:  # as on a full disk
+    except StoreError as error:  # for example on a full disk
         log.error("%s", error)
         context.write_queue.post(write)
 
@@ -344,7 +348,7 @@ def complete_left_records(context: RigContext, notify: Callable[[], None]) -> Un
     applied = context.observer.newest(Applied)
     stored: dict[str, Future[None]] = {}
     for left in _unwritten(context):
-        # Making its tables takes its time, and an emergency stop must be taken meanwhile.
+        # Writing its tables takes time, and an emergency stop must be accepted meanwhile.
         epoch = int(left.epoch or 0)
         last_seq = None if applied is None or applied.epoch != epoch else applied.seq
         closed = context.closer.submit(_closed, context.bus, left.id, epoch, last_seq)
@@ -357,7 +361,8 @@ def complete_left_records(context: RigContext, notify: Callable[[], None]) -> Un
 
 
 def _unwritten(context: RigContext) -> list[JobRow]:
-    """Return jobs that moved and whose supervisor ended before their record was written; by age.
+    """Return jobs that moved and whose supervisor ended before their record was written, oldest
+    first.
 
     The rig is free while a record is drawn, so there may be several.
     """
@@ -384,7 +389,7 @@ def _compare(context: RigContext, row: JobRow) -> None:
     if not lost:
         return
     log.warning("%s: %s lost or changed since the record was written", where, ", ".join(lost))
-    # The recorder repairs its own files before it answers.
+    # The recorder repairs its own files before it replies.
     recorded = _closed(context.bus, row.id, int(row.epoch or 0), None)
     state = completeness(recorded)
     why = ""
@@ -393,7 +398,7 @@ def _compare(context: RigContext, row: JobRow) -> None:
             if folder.LIVE not in lost and where.is_dir():
                 _gathered(context, row).write(where, recorded, context.draw)
                 lost = _lost(where, row)
-        except Exception as error:  # whatever it was, the job says that they are lacking
+        except Exception as error:  # for any error, the job states that they are missing
             log.exception("the documents of job %s were not rebuilt", row.id)
             why = f" ({str(error) or type(error).__name__})"
     if lost:
@@ -451,7 +456,7 @@ def _stopped_by_itself(context: RigContext) -> str:
 def _closed(bus: Bus, job: str, epoch: int, last_seq: int | None) -> Recorded | str:
     """Have the recorder close its open record."""
     recorded = finish_record(bus, job, epoch, last_seq)
-    if isinstance(recorded, str):  # it may still make the tables of an unfinished record
+    if isinstance(recorded, str):  # it may still write the tables of an unfinished record
         recorded = finish_record(bus, job, epoch, last_seq)
     return recorded
 
@@ -466,7 +471,7 @@ def _store_end(context: RigContext, row: JobRow, closed: Future[Recorded | str])
         if made is not None:
             made.write(context.records / row.id, recorded, context.draw)
             values = {"result": made.tree}
-    except Exception as error:  # whatever it was, the job says that they are lacking
+    except Exception as error:  # for any error, the job states that they are missing
         log.exception("the record of job %s was not completed", row.id)
         values = {"cause": "; ".join(filter(None, (row.cause, lacking(error))))}
     if row.result is None and "result" not in values:
@@ -478,7 +483,7 @@ def _store_end(context: RigContext, row: JobRow, closed: Future[Recorded | str])
 def _gathered(context: RigContext, row: JobRow) -> Gathered:
     """Return the recorded job with its result, if it has one.
 
-    Raises OSError, or ValueError if the job cannot be planned again as it was.
+    Raises OSError, or ValueError if the original plan of the job cannot be computed again.
     """
     path = context.records / row.id / NAME
     request = REQUEST.validate_json(json.dumps({"kind": row.kind, **row.request}))
@@ -497,7 +502,7 @@ def _gathered(context: RigContext, row: JobRow) -> Gathered:
 
 
 def _result(samples: Path, period_s: float) -> JobResult | None:
-    """Return the progress of a job, if its own result cannot be computed."""
+    """Return the progress of a job whose own result cannot be computed."""
     taken = RunSamples(period_s)
     try:
         for part in parquet.parts(samples):

@@ -28,7 +28,7 @@ STOPS: Mapping[OnStop, LeaseEnd] = {
     "release": LeaseEnd.LET_GO,
     "retract": LeaseEnd.RETRACT,
 }
-"""Way in which the controller stops a program, by the effect of a stop on a part."""
+"""How the controller stops a program, by the effect of a stop on a part."""
 
 
 def lease_s(request: JobRequest, rig: RigFile) -> float:
@@ -44,7 +44,7 @@ def lease_end(request: JobRequest) -> LeaseEnd:
 def interruption(kind: JobKind | None) -> ActionCode:
     """Return how a program is stopped after its supervisor has ended.
 
-    A part stays held whatever the request says about a stop, unless the kind releases it.
+    A part stays held regardless of the request's setting for a stop, unless the kind releases it.
     """
     return ActionCode(STOPS["hold" if kind is None else kind.on_stop])
 

@@ -54,7 +54,7 @@ def resolve(
     moving
         True if a job moves the arm, so that its position is not known in advance.
     place
-        Place for which a recorded job was planned; None: the one that the request asks for.
+        Position for which a recorded job was planned; None for the one in the request.
     """
     rig = context.rig
     if request.rig is not None and request.rig != rig.rig.name:
@@ -76,7 +76,7 @@ def resolve(
 
 
 def repeated(row: JobRow, **changes: Any) -> JobRequest:
-    """Return the request of a job once more, with other members, for the next job of the rig."""
+    """Return the request of a job with other members, as the next job of the rig."""
     members = {**row.request, "kind": row.kind, "autostart": True, "queue": False, **changes}
     return REQUEST.validate_json(json.dumps(members))
 
@@ -105,10 +105,10 @@ def _refusals() -> Generator[None]:
         ) from error
 
 
-# Trajectories of a rig: made, looked up, and planned again as they were made.
+# Trajectories of a rig: created, looked up, and planned again from the original request.
 
 OF_A_START = set(PolicyRequest.model_fields) - {"kind", "recipe"}
-"""Members on the start and end of a job, which are not part of a trajectory."""
+"""Members about the start and end of a job, which are not part of a trajectory."""
 
 
 class TrajectoryStore:
@@ -182,7 +182,7 @@ class TrajectoryStore:
         return job_plans.plan(resolved)
 
     def require_planned(self, row: TrajectoryRow) -> Planned:
-        """Return the original plan; raises ProblemError if it cannot be made."""
+        """Return the original plan; raises ProblemError if it cannot be computed."""
         planned = self.planned(row)
         if planned is None:
             raise self._stale(row)
@@ -246,7 +246,7 @@ class TrajectoryStore:
 SAME_V = 0.05
 """Largest difference in V at which the voltage counts as unchanged since then."""
 NEAR_UM = 1.0
-"""Distance from the last target within which the arm counts as being there, in µm."""
+"""Distance from the last target within which the arm counts as being at the target, in µm."""
 
 
 def last_pose_um(rows: Sequence[JobRow], present: Present) -> float | None:

@@ -31,7 +31,7 @@ def approval_until(row: JobRow) -> str | None:
 
 
 class Proposals(WaitingJobs):
-    """The proposed jobs of one rig. None of them has the rig, nor a place in its queue.
+    """The proposed jobs of one rig; they neither occupy the rig nor have a place in its queue.
 
     They are in the journal, so that they survive a restart. The caller holds the manager's lock.
     """
@@ -69,7 +69,7 @@ class Proposals(WaitingJobs):
         self._entries.remove(entry)
 
     def end(self, entry: Entry, action: ActionType, by: str) -> None:
-        """End a job by an action; raises ProblemError for one that a proposed job has not."""
+        """End a job by an action; raises ProblemError if a proposed job does not allow it."""
         if action not in ENDS:
             raise refused(action)
         self._record(entry, action, by)
@@ -77,7 +77,8 @@ class Proposals(WaitingJobs):
         self._entries.remove(entry)
 
     def expire(self) -> bool:
-        """End the jobs whose time for an approval has passed; return whether there was one."""
+        """End the jobs whose time limit for an approval has passed; return whether there was
+        one."""
         now = utc_now()
         late = [one for one in self._entries if (approval_until(one.row) or now) <= now]
         for entry in late:
@@ -92,5 +93,6 @@ class Proposals(WaitingJobs):
 
 
 def refused(action: ActionType, state: JobState = STATE) -> ProblemError:
-    """Return a 409 problem because a job is not proposed, or a proposed one has no such action."""
+    """Return a 409 problem because a job is not proposed, or a proposed job does not allow the
+    action."""
     return invalid_action(action, state, allowed_actions(state, held=False))

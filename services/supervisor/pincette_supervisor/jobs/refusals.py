@@ -36,7 +36,7 @@ class Readiness:
     latched: TripReason | None
     """Reason of a latch that a person must clear; None without one."""
     faults: tuple[str, ...]
-    """Reasons why no job can start, independent of who has the rig; a latch is among them."""
+    """Reasons why no job can start, regardless of what occupies the rig; a latch is among them."""
     actuator_unknown: str
     """Reason why nothing can start because the actuator's state is unknown; empty if it is known. A
     request is still accepted: a latched actuator rejects its program."""
@@ -54,7 +54,7 @@ class Readiness:
         )
 
     def is_free(self, *, begins_held: bool) -> bool:
-        """Return True if nothing that has the rig prevents a job."""
+        """Return True if the rig is not occupied in a way that prevents a job."""
         row = OCCUPANTS[self.occupant]
         return row.may_take_over if begins_held else row.may_start
 
@@ -85,7 +85,7 @@ def readiness(context: RigContext, job: JobStatus | None) -> Readiness:
 def lasting_readiness(context: RigContext) -> Readiness:
     """Return what can start on a free rig.
 
-    If a program was late, or has just started, the programs are queried once more.
+    If a program was late, or has just started, the programs are queried again.
     """
     found = readiness(context, None)
     if found.faults and found.latched is None:
@@ -95,7 +95,7 @@ def lasting_readiness(context: RigContext) -> Readiness:
 
 
 def occupant_of(part: PartState, job: JobStatus | None, *, playing: bool) -> Occupant:
-    """Return what has the rig: a job, a held part, or a program of another supervisor."""
+    """Return what occupies the rig: a job, a held part, or a program of another supervisor."""
     if job is not None:
         return "ended_job" if job.keeps_part else "job"
     if part == "held":
@@ -115,9 +115,9 @@ def motion_of(
     state
         State of the actuator; ``unknown`` also before its first sample.
     job
-        Job that has the rig.
+        Job that occupies the rig.
     telemetry
-        Newest sample of the controller; None where it is too old.
+        Newest sample of the controller; None if it is too old.
     estimate
         Newest estimate of the force.
     """
@@ -153,7 +153,7 @@ def reset_words(context: RigContext, reason: TripReason) -> str:
 
 
 def _faults(context: RigContext) -> list[str]:
-    """Return why no job can start, independent of who has the rig."""
+    """Return why no job can start, regardless of what occupies the rig."""
     found, state = context.reasons(), context.health.state
     if context.health.latched() is not None or state in ("frozen", "ramping"):
         found.append(f"actuator: {_state_words(context, state)}")
@@ -201,7 +201,7 @@ def _unsafe(context: RigContext, motion: MotionState, job: JobStatus | None) -> 
 
 
 def require_job(store: Store, name: str) -> JobRow:
-    """Return a job of the journal; raises ProblemError if there is none of this name."""
+    """Return a job of the journal; raises ProblemError if no job has this name."""
     row = store.get(name)
     if row is None:
         raise not_found("job", name)
@@ -226,14 +226,14 @@ def require_ready(context: RigContext, *, begins_held: bool, queued: bool = Fals
     """Raise ProblemError if no job can start on the free rig.
 
     The programs are queried for their state: an actuator that has just replaced another one is
-    latched, and would reject a job that was accepted by the state of the other.
+    latched, and would reject a job that was accepted according to the state of the previous one.
 
     Parameters
     ----------
     begins_held
         True for a job that begins with a held part.
     queued
-        True for the next job of the queue, which waits for the program of the one before.
+        True for the next job of the queue, which waits for the program of the previous job.
     """
     context.health.refresh(force=True)
     found = lasting_readiness(context)
@@ -278,8 +278,8 @@ def require_startable(context: RigContext, entry: Entry) -> None:
 def startable_entry(context: RigContext, queue: JobQueue) -> Entry | None:
     """Return the next job; None for an empty or halted queue, and for one that is halted now.
 
-    An emergency stop between two jobs, a held part, or a missing program consumes no job: the job
-    waits until a person has resolved it and resumes the queue.
+    An emergency stop between two jobs, a held part, or a missing program does not remove a job: the
+    job waits until a person has resolved the problem and resumes the queue.
     """
     entry = queue.next()
     if entry is None:
@@ -336,9 +336,9 @@ def held_by(active: LiveJob) -> ProblemError:
 
 
 def job_active(active: LiveJob) -> ProblemError:
-    """Return a 409 problem: another job has the rig.
+    """Return a 409 problem: another job occupies the rig.
 
-    ``part-held`` if it only keeps a part at rest.
+    Its code is ``part-held`` if that job only keeps a part at rest.
     """
     status = active.status
     if active.rests_with_part:
@@ -391,7 +391,7 @@ def model_changed() -> ProblemError:
 
 
 def require_free(active: LiveJob | None) -> None:
-    """Raise ProblemError if a job has the rig."""
+    """Raise ProblemError if a job occupies the rig."""
     if active is not None:
         raise job_active(active)
 
