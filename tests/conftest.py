@@ -1,4 +1,4 @@
-"""Plug-ins of all tests: which ones a session runs and reruns, and the settings they see."""
+"""Plug-ins of all tests: selection and reruns of tests, and the settings that tests see."""
 
 import gc
 import os
@@ -11,11 +11,11 @@ from hypothesis import settings
 
 pytest_plugins = ["tests.support.selection", "tests.support.reruns", "tests.support.settings"]
 
-# A busy machine may need any time for one example; what needs more examples says so itself.
+# On a busy machine one example may take any time; a test that needs more examples says so.
 settings.register_profile("few", deadline=None, max_examples=25)
 settings.load_profile("few")
 
-# There is a worker for each core: a further thread of OpenBLAS would only wait for its turn.
+# There is a worker for each core: further threads of OpenBLAS would only compete with them.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 

@@ -78,7 +78,7 @@ KINDS: dict[str, Callable[[str, str], Ends]] = {
 
 
 def main(kind: str, role: str, url: str, before: str, after: str) -> None:
-    """Pass on until the process before hangs up, or this one is ended."""
+    """Pass messages on until the previous process disconnects or this one is stopped."""
     link = open_link(url, baud=115200, timeout_s=5.0) if role in REQUESTS else None
     receive, send = KINDS[kind](before, after)
     payload = bytes(SIZES[role])

@@ -1,7 +1,7 @@
-"""What a second of simulated time costs: each plant beside a bare loop of multiplications.
+"""Cost of a second of simulated time: each plant compared with a bare loop of multiplications.
 
 The bare loop multiplies as often as the plant's formulas do, counted by hand below; both run in
-turn, several times, and the least time of each counts. Run by ``python -m tests.bench.plant``.
+turn, several times, and the minimum of each counts. Run by ``python -m tests.bench.plant``.
 """
 
 import math
@@ -33,7 +33,7 @@ class Row:
     bare_s: float
 
     def text(self) -> str:
-        """As a line of the table; times for a second of simulated time."""
+        """Return the line of the table; times are per second of simulated time."""
         return (
             f"{self.name:<28} {1e3 * self.substep_s:6.2f} {1e3 * self.plant_s:10.2f} "
             f"{1e3 * self.bare_s:10.2f} {self.plant_s / self.bare_s:8.1f}"
@@ -57,7 +57,8 @@ def main() -> None:
 
 
 def plants() -> tuple[PlantParameters, PlantParameters]:
-    """The demo rig with one mode, and with everything that a plant can have."""
+    """Return the plants: the demo rig with one mode, and one with every effect that a plant can
+    have."""
     simulation = demo_rig().simulation
     assert simulation is not None
     plain = resolved(simulation, "icpdas_i7024")
@@ -73,7 +74,7 @@ def plants() -> tuple[PlantParameters, PlantParameters]:
 
 
 def measured(name: str, p: PlantParameters, count: int, low_V: float) -> Row:
-    """Plant and bare loop in turn."""
+    """Measure plant and bare loop in turn."""
     start = plant.advance(p, plant.set_voltage(p, plant.start(), low_V), 1.0)
     loops = round(SECONDS / p.substep_s)
     plant_s = bare_s = math.inf

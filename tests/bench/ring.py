@@ -1,11 +1,11 @@
-"""One do-nothing process of the bare ring: the loop's hops, settings and payloads, no work.
+"""One idle process of the bare ring: the loop's hops, settings and payloads, without computation.
 
-    python -m tests.bench.ring ROLE URL PORT [routed | whole | coded]
+python -m tests.bench.ring ROLE URL PORT [routed | whole | coded]
 
-Roles have the names of the services. The sensor begins a tick with a serial exchange, the
-actuator ends it with one; each hands on a payload of the size that its service sends. In a whole
-one each also takes what else its service takes, and drops it; in a coded one, which is whole, each
-decodes what it takes and encodes what it sends.
+Roles have the names of the services. The sensor begins a tick with a serial exchange, the actuator
+ends it with one; each sends a payload of the size that its service sends. In mode ``whole`` each
+process also receives and discards the other messages that its service receives; in mode ``coded``,
+which includes ``whole``, it also decodes what it receives and encodes what it sends.
 """
 
 # Zenoh's stubs leave the return types of its calls open.
@@ -37,15 +37,15 @@ from tests.bench.shape import (
 )
 
 DROPPED = 2
-"""What is taken and has no further use."""
+"""Received messages that are not used further."""
 
 
 def main(role: str, url: str, port: int, kind: str = "") -> None:
-    """Hand on until standard input closes."""
+    """Pass messages on until standard input closes."""
     coded = kind == "coded"
     whole = coded or kind == "whole"
     place = routed_ends(port) if kind == "routed" else ends(port, role, whole=whole)
-    # As the programs', but with no guard at its port.
+    # Same settings as in the programs, but without a guard at the port.
     session = zenoh.open(zenoh.Config.from_json5(json.dumps(settings(place, role))))
     link = open_link(url, baud=115200, timeout_s=5.0) if role in REQUESTS else None
     queue: SimpleQueue[int] = SimpleQueue()

@@ -1,4 +1,4 @@
-"""What the bare ring takes from the loop: its hops, its payloads, its places on the bus."""
+"""Properties that the bare ring shares with the loop: hops, payloads and connections."""
 
 from pincette.bus.topology import SessionConfig, endpoint
 from pincette.core.codec import encode
@@ -46,9 +46,9 @@ EXAMPLES: dict[str, Message] = {
     ),
 }
 SIZES = {name: len(encode(message)) for name, message in EXAMPLES.items()}
-"""Bytes that each service hands on within a tick."""
+"""Number of bytes that each service sends within a tick."""
 REQUESTS = {"sensor": b"MS,01", "actuator": b"#010+01.000"}
-"""What those with an instrument ask it."""
+"""Requests of the services that have an instrument."""
 
 
 def hop_key(role: str) -> str:
@@ -62,7 +62,8 @@ def start_key() -> str:
 
 
 def heard(role: str, *, whole: bool) -> list[str]:
-    """Roles whose hops a role takes: the one before it; ``whole``: all that its service takes."""
+    """Return the roles whose messages a role receives: the previous one; with ``whole``, all that
+    its service receives."""
     before = LOOP[LOOP.index(role) - 1]
     if not whole:
         return [before]
@@ -71,7 +72,7 @@ def heard(role: str, *, whole: bool) -> list[str]:
 
 
 def ends(port: int, role: str, *, whole: bool = False) -> SessionConfig:
-    """A peer in a ring, with a link to each that it hears or that hears it."""
+    """Open a peer in a ring, with a link to each process that it sends to or receives from."""
     earlier = [
         other
         for other in LOOP[: LOOP.index(role)]
@@ -82,5 +83,5 @@ def ends(port: int, role: str, *, whole: bool = False) -> SessionConfig:
 
 
 def routed_ends(port: int) -> SessionConfig:
-    """A place at a router, by way of which everything goes."""
+    """Open a client of a router, through which all messages pass."""
     return SessionConfig("client", connect=(endpoint("127.0.0.1", port, "router"),))

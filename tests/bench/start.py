@@ -31,7 +31,7 @@ def measured(command: str, folder: Path) -> tuple[float, float]:
                 await_text(log, "is up at", process, LONG_S)
                 up_s = monotonic() - begun_s
                 process.send_signal(signal.SIGINT)
-            _, ended, used = os.wait4(process.pid, 0)  # with all programs that it has started
+            _, ended, used = os.wait4(process.pid, 0)  # including all programs that it has started
         except BaseException:
             process.terminate()
             raise

@@ -26,7 +26,7 @@ Script = Callable[[list[bytes | None]], str]
 
 
 class Understudy:
-    """A replayed dialogue, whose requests the instrument is told for what they do to it."""
+    """A replayed dialogue, which is told the requests that change the instrument's state."""
 
     def __init__(self, replay: ReplayLink, instrument: Instrument) -> None:
         self.replay = replay
@@ -80,9 +80,9 @@ def offer_replayed(folder: Path, played: list[ReplayLink]) -> Reach:
 
 @pytest.fixture(params=["memory", "tcp", "pty", "recording"])
 def reach(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Reach]:
-    """Offer an instrument in one of four ways: the url, and the link where there is no port.
+    """Offer an instrument in one of four ways; yields the url, and the link if there is no port.
 
-    A recording is made of the very test, over memory; then the test is played from it.
+    A recording is made of this test over memory; then the test is played from it.
     """
     way: Literal["memory", "tcp", "pty", "recording"] = request.param
     if way == "memory":
@@ -102,7 +102,8 @@ def reach(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Reach]:
 
 @pytest.fixture
 def script() -> Iterator[Script]:
-    """A peer that answers each request by the next of these bytes, and hangs up at None."""
+    """Serve a peer that sends the next of these replies to each request, and disconnects at
+    None."""
     listener = socket.create_server(("127.0.0.1", 0))
     threads = list[threading.Thread]()
 

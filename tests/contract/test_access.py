@@ -1,7 +1,7 @@
-"""Access lists at work, over real TLS: what they let pass, and what they keep out.
+"""Access lists over real TLS: which messages they let pass and which they block.
 
-A router, an actuator and a controller that stand for the real ones, and intruders of every kind at
-the router's port and at the actuator's own.
+A router, an actuator and a controller represent the real programs; intruders of every kind connect
+to the router's port and to the actuator's own.
 """
 
 # Zenoh's stubs leave the return types of its calls open.
@@ -48,7 +48,7 @@ from tests.support.rigs import demo_rig
 
 WAIT_S = 30.0
 QUIET_S = 0.3
-"""Within which a put that is let through has long arrived."""
+"""Time within which a permitted put has certainly arrived, in s."""
 FORGED = Command(
     2**40, 7, 3, (ArmCommand(2.5),), part_held=False, zero=False, final=False, valid=True
 )
@@ -82,7 +82,7 @@ class Site:
             sleep(0.005)
 
     def ports(self) -> tuple[int, int]:
-        """The router's, and the actuator's own."""
+        """Port of the router, and the actuator's own port."""
         return self.rig.bus.port, self.rig.bus.port + 4
 
 
@@ -225,7 +225,8 @@ def test_a_rig_that_joins_a_router_publishes_its_own_keys_only(site: Site) -> No
     assert heard[0] == TRUE
     while not everywhere.alive_everywhere() >= {("right", "controller"), ("demo", "controller")}:
         assert monotonic() < deadline
-    while controller.alive() != {"controller"}:  # the router tells it of its own token, too
+    # the router also announces the client's own token to it
+    while controller.alive() != {"controller"}:
         assert monotonic() < deadline
     for bus in (controller, everywhere):
         bus.close()

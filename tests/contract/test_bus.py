@@ -30,13 +30,14 @@ from tests.support.rigs import demo_rig, free_ports
 
 WAIT_S = 5.0
 ANSWER_S = 0.5 * WAIT_S
-"""Longest time of an answer to a question that is given up after ``WAIT_S``."""
+"""Longest time until a reply to a request that is given up after ``WAIT_S``."""
 SAMPLE = Position(3, 0, 0.0, (ArmPosition(1.25, valid=True),))
 ACQUIRED = Burst(3, 0, 1000.0, (1.0, 2.0), (0.1, 0.2), valid=True)
 
 
 class BusContract:
-    """What a program may rely on; each bus brings two places and a way to let messages pass."""
+    """Guarantees on which a program may rely; each bus provides two endpoints and a function that
+    lets messages pass."""
 
     places: ClassVar[tuple[str, ...]] = ("one", "two")
 
@@ -146,7 +147,7 @@ class TestMemoryBus(BusContract):
 class TestZenohBus(BusContract):
     @pytest.fixture
     def ends(self) -> Generator[SessionConfig]:
-        """A tool's place at a router of its own."""
+        """Connect a tool to its own router."""
         port = free_ports(1)
         end, up = threading.Event(), threading.Event()
 
@@ -184,7 +185,7 @@ class TestZenohBus(BusContract):
             yield session
 
     def settle(self, buses: tuple[LatestBus, LatestBus], done: Callable[[], bool]) -> None:
-        """Declarations and messages need a moment between processes; both are polled for."""
+        """Wait for declarations and messages, which take a moment between processes."""
         first, second = buses
         assert isinstance(first, ZenohBus)
         assert isinstance(second, ZenohBus)
@@ -280,7 +281,7 @@ class TestZenohBus(BusContract):
 
 
 def test_a_simulated_rig_waits_for_a_router_that_starts_late() -> None:
-    """The two are started together, and on a busy machine the router takes longer."""
+    """Both are started together, and on a busy machine the router takes longer."""
     rig = demo_rig()
     with ThreadPoolExecutor(1) as pool:
         joining = pool.submit(

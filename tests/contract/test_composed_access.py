@@ -32,7 +32,7 @@ from tests.support.rigs import demo_rig
 
 WAIT_S = 30.0
 QUIET_S = 0.3
-"""Within which a put that is let through has long arrived."""
+"""Time within which a permitted put has certainly arrived, in s."""
 PAIR = "estimator+controller"
 OWN = {"estimate", "command", "telemetry", "request_log"}
 TRUE = Command(
@@ -51,7 +51,7 @@ class Site:
     supervisor: ZenohBus
     commands: list[Message] = field(default_factory=list[Message])
     told: set[str] = field(default_factory=set[str])
-    """Topics that have come to the supervisor."""
+    """Topics that the supervisor has received."""
     asked: list[Message] = field(default_factory=list[Message])
 
     def answer(

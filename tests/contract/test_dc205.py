@@ -1,4 +1,5 @@
-"""The DC205's driver: its bytes, what it makes of refusals, and of anything a line may carry."""
+"""The DC205's driver: its bytes, and its handling of refusals and of arbitrary bytes on the
+line."""
 
 import logging
 import random
@@ -30,7 +31,7 @@ def settings(url: str = "memory://", /, **options: str | float | bool) -> Output
 
 
 class Recorded:
-    """A source behind a link that writes down each line; its answers can be replaced."""
+    """A source behind a link that records each line; its replies can be replaced."""
 
     def __init__(self, *before: bytes) -> None:
         self.voltages_V: list[float] = []
@@ -216,7 +217,7 @@ def test_a_source_that_lost_its_power_is_not_switched_on_again() -> None:
 
 @contextmanager
 def lent_clock(clock: Callable[[], float]) -> Generator[None]:
-    """Let the links that the driver opens go by another clock."""
+    """Give the links that the driver opens another clock."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(srs_dc205, "open_link", partial(open_link, clock=clock))
         yield
@@ -258,7 +259,8 @@ def test_every_fault_of_the_line_raises_the_same_exception_type() -> None:
 def _spoilt(
     honest: Callable[[bytes], bytes | None], chance: random.Random, line: bytes
 ) -> bytes | None:
-    """An answer with a byte changed, dropped or added; or something else altogether; or none."""
+    """Return the reply with a byte changed, dropped or added, or something else entirely, or
+    None."""
     reply, kind = honest(line), chance.randrange(6)
     if kind == 0 or reply is None:
         return None

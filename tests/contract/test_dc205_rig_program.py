@@ -1,4 +1,5 @@
-"""The rig program offers the output that the rig file's driver expects, in its own line ends."""
+"""The rig program serves the output that the rig file's driver expects, with its line
+terminators."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A line behind a device server: banners, telnet, a second client, a device that is away, restarts.
+"""A line behind a device server: banners, telnet, a second client, a missing device, restarts.
 
 Real ser2net and socat in front of a simulated laser.
 """
@@ -105,7 +105,7 @@ def test_a_server_that_restarts_is_found_again(laser: Wire, tmp_path: Path) -> N
             sensor.read_um()
         assert caught.value.code == "hung_up"
     with ser2net(laser.url, tmp_path, port=server.port), closing(sensor):
-        time.sleep(serial_link.RETRY_S)  # real servers: the line tries again after this time
+        time.sleep(serial_link.RETRY_S)  # real servers: the line retries after this time
         assert sensor.read_um() == pytest.approx(X_UM)
 
 
@@ -173,7 +173,8 @@ def test_a_banner_of_a_reopened_port_costs_no_further_exchange(
                 peers[-1].shutdown(socket.SHUT_RDWR)
                 with pytest.raises(InstrumentError):
                     sensor.read_um()
-                time.sleep(serial_link.RETRY_S)  # a real server: the line tries no more often
+                # a real server: the line retries at most this often
+                time.sleep(serial_link.RETRY_S)
                 assert sensor.read_um() == pytest.approx(X_UM)
         thread.join(10.0)
         assert not thread.is_alive()
@@ -205,7 +206,8 @@ MOST_MORE_S = 1.5e-3
 @pytest.mark.usefixtures("stalls")
 @pytest.mark.parametrize("server", ["ser2net", "socat"])
 def test_a_reading_over_a_server_takes_little_longer(server: str, tmp_path: Path) -> None:
-    """At 9600 baud the bytes come one by one; the same terminal directly is measured in turns."""
+    """At 9600 baud the bytes arrive one by one; the server and the same terminal directly are
+    measured in turn."""
 
     def reading_s(link: Link) -> float:
         began_s = time.monotonic()

@@ -1,4 +1,4 @@
-"""Each driver says to the byte what is written down in tests/data/dialogues."""
+"""Each driver sends exactly the bytes that are documented in tests/data/dialogues."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The driver of the how-to does what every position sensor must."""
+"""The driver of the how-to guide satisfies the contract of a position sensor."""
 
 import importlib.util
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""One program at a time opens an instrument; a second one learns which program has it."""
+"""Only one program at a time can open an instrument; a second one is told which program has it."""
 
 import os
 import socket
@@ -101,7 +101,7 @@ def listening(address: str, port: int = 0) -> Generator[int]:
 def test_all_addresses_of_this_host_count_as_one_instrument(
     server: str, first: str, second: str
 ) -> None:
-    """A host has several addresses, such as those of its own name and of localhost."""
+    """A host has several addresses, for example those of its name and of localhost."""
     with listening(server) as port, another_program_at(f"socket://{first}:{port}") as holder:
         assert f"process {holder.pid} " in str(refusal(f"socket://{second}:{port}"))
 

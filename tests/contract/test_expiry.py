@@ -1,4 +1,4 @@
-"""What happens when a certificate ends while its link is up, in real time."""
+"""Expiry of a certificate while its link is up, in real time."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
@@ -21,7 +21,8 @@ pytestmark = pytest.mark.usefixtures("stalls")
 
 LASTS = timedelta(seconds=4)
 AFTER_S = 3.0
-"""Zenoh looks at the end of a certificate about once a second."""
+"""Time after which the link must be closed; Zenoh checks the expiry of a certificate about once a
+second."""
 BEAT_S = 0.05
 TOOL = program("supervisor", "")
 

@@ -1,4 +1,5 @@
-"""Nobody is taken for the router who is not, and a list the other way round would have a hole."""
+"""No other program is mistaken for the router, and a default of allow would leave a hole in the
+access list."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
@@ -43,7 +44,7 @@ def test_a_viewer_cannot_be_mistaken_for_a_router(folder: Folder) -> None:
 
 
 def test_a_client_sends_nothing_to_a_false_router(folder: Folder) -> None:
-    """A service's certificate is good for a server; a client gives it nothing all the same."""
+    """A service's certificate is valid for a server; a client still sends nothing to it."""
     rig = demo_rig().secured(folder.path)
     sensor = TlsIdentity(folder.credentials(program("sensor", "demo")), {})
     tree = settings(secured(router_session("127.0.0.1", rig.bus.port), sensor), "false")
@@ -62,7 +63,7 @@ def test_a_client_sends_nothing_to_a_false_router(folder: Folder) -> None:
 def test_a_wildcard_bypasses_a_deny_rule_under_a_default_of_allow(
     folder: Folder,
 ) -> None:
-    """Why everything is denied that no rule allows: the other way round there is a hole."""
+    """The reason for denying everything that no rule allows: a default of allow leaves a hole."""
     port = demo_rig().bus.port
     member = TlsIdentity(folder.credentials(program("router", "")), {})
     tree = settings(secured(router_session("127.0.0.1", port), member), "lax")

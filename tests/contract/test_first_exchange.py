@@ -1,4 +1,4 @@
-"""One wrong answer, or noise, while a program opens its instrument does not end its start."""
+"""One wrong reply, or noise, while a program opens its instrument does not prevent its start."""
 
 from collections.abc import Callable
 from itertools import count
@@ -20,11 +20,12 @@ from tests.support.rigs import demo_rig
 ANY = "socket://127.0.0.1:0"
 SERVICES = loop_services()
 EXCHANGES = 6
-"""That an output makes until its program serves, the voltage that is read back included."""
+"""Number of exchanges of an output until its program serves, including the voltage that is read
+back."""
 
 
 def nth(number: int, spoil: Callable[[bytes], bytes]) -> Garble:
-    """Spoil one answer."""
+    """Corrupt one reply."""
     numbers = count()
     return lambda data: spoil(data) if next(numbers) == number else data
 

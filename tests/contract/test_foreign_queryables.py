@@ -1,4 +1,5 @@
-"""Requests and queries reach the programs of a rig beside the stores and tools of others."""
+"""Requests and queries reach the programs of a rig although foreign stores and tools are
+connected."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
@@ -66,7 +67,7 @@ Reply = Callable[[Message | str], None]
 
 @dataclass
 class Site:
-    """A rig's router, its actuator, and the supervisor that asks it."""
+    """A rig's router, its actuator, and the supervisor that sends it requests."""
 
     rig: RigFile
     router: zenoh.Session
@@ -74,7 +75,7 @@ class Site:
     supervisor: ZenohBus
     asked: list[Message]
     mode: Mode | None = Mode.IDLE
-    """Mode that the actuator states; None: it does not answer."""
+    """Return the mode that the actuator reports; None if it does not reply."""
 
     def trip(self) -> Message:
         return self.supervisor.call(TRIP, Trip(Cause.ESTOP), PATIENCE_S)
@@ -130,7 +131,7 @@ def secure(folder: Folder) -> Generator[Site]:
 
 @contextmanager
 def beside(site: Site, kind: str, where: str) -> Generator[Store]:
-    """Declare a foreign complete queryable at one of the places where a tool can be."""
+    """Declare a foreign complete queryable at one of the places where a tool can connect."""
     bus, stamps = site.rig.bus, kind == "stamping store"
     port = bus.port + (4 if where == "at the actuator" else 0)
     mode = {"at the actuator": "peer"}.get(where, where)
@@ -142,7 +143,7 @@ def beside(site: Site, kind: str, where: str) -> Generator[Store]:
             session = stack.enter_context(outsider(mode, place, stamps=stamps))
         store = stack.enter_context(declared(session, kind))
         probe = stack.enter_context(outsider("client", f"tcp/{bus.host}:{bus.port}"))
-        if where != "at the actuator":  # a link of peers only; the router does not learn of it
+        if where != "at the actuator":  # a link between peers only; the router does not see it
             until(lambda: _reaches(probe, store))
         yield store
 
@@ -182,7 +183,7 @@ class TestBesideAForeignQueryable:
             remembered = dict(store.newest)
             plain.actuator.publish(NEWEST)
             sleep(0.02)
-            store.newest |= remembered  # a store that missed the newer one
+            store.newest |= remembered  # a store that missed the newer message
             begun_s = monotonic()
             assert plain.supervisor.latest(APPLIED, PATIENCE_S) == NEWEST
             assert monotonic() - begun_s < ANSWER_S
@@ -379,7 +380,7 @@ def test_a_certificate_can_hold_only_its_own_token(secure: Site, folder: Folder,
 def test_with_certificates_a_store_inside_the_router_answers_nothing(
     secure: Site, kind: str
 ) -> None:
-    """A plugin of the router is bound by no access list."""
+    """No access list applies to a plugin of the router."""
     with declared(secure.router, kind):
         secure.asked.clear()
         assert secure.trip() == Ack(1)
@@ -425,7 +426,8 @@ def test_an_empty_query_on_a_request_key_is_answered_and_not_counted(plain: Site
 def test_each_program_of_the_loop_counts_and_reports_refused_messages(
     plain: Site, service: str
 ) -> None:
-    """A stranger sends rubbish on a topic that the service takes, and on one of its requests."""
+    """A foreign program sends garbage on a topic that the service subscribes to, and on one of its
+    requests."""
     services, rig = loop_services(), "stranger"
     config = program_endpoint(plain.rig, "recorder", lockstep=False)
     bus, asker = ZenohBus(config, rig, service), ZenohBus(config, rig, "asker")
@@ -456,7 +458,8 @@ def test_each_program_of_the_loop_counts_and_reports_refused_messages(
 def test_a_valid_sample_of_another_program_is_refused_until_the_producer_is_silent(
     plain: Site, states: bool
 ) -> None:
-    """The stranger is ahead: its number is due, and the producer's own sample comes later."""
+    """The foreign program is ahead: its sequence number is due, and the producer's own sample comes
+    later."""
     heard: list[Message] = []
     bus = ZenohBus(tool_endpoint(plain.rig), "demo", "listener")
     bus.subscribe(APPLIED, lambda _topic, message: heard.append(message))
@@ -481,7 +484,7 @@ def test_a_valid_sample_of_another_program_is_refused_until_the_producer_is_sile
         until(lambda: published(replace(NEWEST, seq=due)))
         sleep(1.2 * SILENT_S)
         heard.clear()
-        foreign()  # of the same program, started again, as far as anybody can know
+        foreign()  # it looks like the same program after a restart
         until(lambda: bool(heard) if states else bus.refused.count > 1)
         assert bool(heard) is states
     bus.close()

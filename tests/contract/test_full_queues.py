@@ -1,7 +1,7 @@
-"""No message waits for a link that takes nothing, whatever quality of service its sender chose.
+"""No message waits for a link that accepts no data, whatever quality of service its sender chose.
 
-The limits after which Zenoh or the project ends a stalled link are much longer here than in use, so
-that a thread which waits for such a link is easy to tell from a busy machine.
+The limits after which Zenoh or the project closes a stalled link are much longer here than in use,
+so that a thread which waits for such a link can be distinguished from a busy machine.
 """
 
 # Zenoh's stubs leave the return types of its calls open.
@@ -42,14 +42,14 @@ from tests.support.rigs import free_ports
 from tests.support.routed import until
 
 STALL_S = 20.0
-"""Time for which a link may stall here before anything ends it, in s; 0.2 and 0.5 in use."""
+"""Time for which a link may stall here before it is closed, in s; 0.2 and 0.5 in use."""
 LONGEST_S = 2.0
 """Longest time of a call that must not wait, on a busy machine."""
 LOUD = 4
 """Number of senders; Zenoh receives in two threads for each process."""
 CHUNK = "x" * 60_000
 FULL_BYTES = 8_000_000
-"""More than all buffers of a link and the queue of one priority hold."""
+"""Number of bytes that exceeds all buffers of a link and the queue of one priority."""
 NOTICE = JobNotice("j" * 300, "grip", 1, "running", "hold", "c" * 300, held=True, at="t" * 300)
 QUICK_S = 0.3
 """Deadline of the requests."""
@@ -64,9 +64,9 @@ def _long_stalls(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @contextmanager
 def stall(port: int, *, both_ways: bool = False) -> Generator[tuple[int, threading.Event]]:
-    """Carry connections on to a port; while the event is set, nothing that the port sends is read.
+    """Forward connections to a port; while the event is set, nothing that the port sends is read.
 
-    ``both_ways``: nothing that is sent to the port either.
+    ``both_ways``: nothing is sent to the port either.
     """
     stalled, lines = threading.Event(), list[socket.socket]()
 
@@ -135,7 +135,7 @@ def longest(calls: int, call: Callable[[], object]) -> float:
 
 @pytest.mark.parametrize("refused", [False, True], ids=["replies", "refusals"])
 def test_a_loop_program_does_not_wait_for_a_client_that_reads_no_reply(refused: bool) -> None:
-    """By default a query of any Zenoh tool asks for a reply that blocks."""
+    """By default a query of any Zenoh tool requests a reply that blocks."""
     port, took_s, sent = free_ports(8), list[float](), 0
     place = peer_session("127.0.0.1", port, "actuator", loop_services(), lockstep=False)
 
@@ -193,7 +193,7 @@ def test_a_supervisor_does_not_wait_for_a_router_that_reads_nothing() -> None:
 
 
 def test_a_router_continues_despite_a_tool_that_reads_nothing() -> None:
-    """Both tools are foreign, and the sender asks that its messages block."""
+    """Both tools are foreign, and the sender requests that its messages block."""
     door = Door(None)
     with ExitStack() as stack:
         stack.callback(door.router.close)

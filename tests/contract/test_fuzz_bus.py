@@ -1,4 +1,5 @@
-"""A stranger puts anything on the keys of a rig: what is no message is counted, answered, dropped.
+"""A foreign program puts arbitrary bytes on the keys of a rig: invalid messages are counted,
+rejected and dropped.
 
 Over a real router. Seeded.
 """
@@ -35,7 +36,7 @@ ENCODINGS = (ENCODING, "zenoh/bytes", OTHER_ENCODING, "text/plain", "x" * 200)
 
 @pytest.fixture(scope="module")
 def program() -> Generator[tuple[ZenohBus, zenoh.Session]]:
-    """A program of the rig, and a stranger's session."""
+    """Start a program of the rig and a foreign session."""
     with router(RIG) as ends, open_session(ends, "stranger") as stranger:
         bus = ZenohBus(ends, RIG, "actuator")
         yield bus, stranger

@@ -1,6 +1,6 @@
-"""Whatever comes over the bus, a decoder says a sound message or a refusal, and nothing else.
+"""Whatever arrives over the bus, a decoder returns a valid message or raises a refusal.
 
-Seeded; the million frames of ``make soak`` go through the same lines as those of every run.
+Seeded; the million frames of ``make soak`` use the same code as those of every run.
 """
 
 import random
@@ -22,7 +22,7 @@ SOUND_EACH = 100
 
 
 def check(value: Any, name: str = "") -> None:
-    """Hold every part of a decoded message to its bounds."""
+    """Check that every part of a decoded message is within its bounds."""
     if isinstance(value, Struct):
         for name in value.__struct_fields__:
             check(getattr(value, name), name)
@@ -43,7 +43,8 @@ def check(value: Any, name: str = "") -> None:
 
 
 def fuzzed(frames: int, seed: int) -> Counter[str]:
-    """So many frames through the decoders; how many each took, and how many were refused."""
+    """Send this many frames through the decoders; returns how many each accepted, and how many were
+    refused."""
     chance, kinds, reported = random.Random(seed), list(BY_NAME.values()), Counter[str]()
     for _ in range(frames):
         kind = chance.choice(kinds)

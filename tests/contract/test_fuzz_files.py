@@ -1,4 +1,5 @@
-"""Whatever is in a rig file or a told model, it is read, or refused in words without a traceback.
+"""Whatever a rig file or a received model contains, it is accepted, or refused with a message and
+no traceback.
 
 Seeded.
 """
@@ -90,7 +91,8 @@ def test_doctor_names_what_is_broken(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def refusal(read: Callable[[], object]) -> str:
-    """The words with which reading is refused, each line fit for a terminal; empty: it is read."""
+    """Return the message with which reading is refused, each line fit for a terminal; empty if it
+    is accepted."""
     message = ""
     try:
         read()
@@ -101,7 +103,7 @@ def refusal(read: Callable[[], object]) -> str:
 
 
 def spoilt(chance: random.Random) -> bytes:
-    """A rig file with some values exchanged, some lines in disorder, some bytes changed."""
+    """Return a rig file with some values exchanged, some lines reordered, some bytes changed."""
     lines = TOML.splitlines()
     for _ in range(chance.randrange(1, 4)):
         place = chance.randrange(len(lines))
@@ -132,7 +134,7 @@ VALUES: tuple[Any, ...] = (
     1.0, -1.0, 0.0, float("nan"), float("inf"), 1e308, 10**400, True, None, "x", [], {}, [[1]],
     {"coefficients": []}, TREE["model"]["free_response"], {"free_response": 1}, [1.0] * 50,
 )  # fmt: skip
-"""Values that may stand for any quantity."""
+"""Values that may replace any quantity."""
 
 
 def test_received_models_are_accepted_or_refused() -> None:

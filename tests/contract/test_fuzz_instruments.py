@@ -1,5 +1,5 @@
-"""Whatever a line carries, a simulated instrument answers bytes or nothing, and a driver fails in
-one way; over memory, and less of it over a real pseudo-terminal. Seeded."""
+"""Whatever bytes a line carries, a simulated instrument replies with bytes or nothing, and a driver
+raises one type of exception; over memory, and fewer frames over a real pseudo-terminal. Seeded."""
 
 import random
 from collections.abc import Callable
@@ -63,7 +63,7 @@ def _bounded(limit_V: float) -> Callable[[float], None]:
 
 @dataclass(frozen=True)
 class Subject:
-    """An instrument, lines that it knows, and what its driver does over a link."""
+    """An instrument, lines that it understands, and the calls of its driver over a link."""
 
     instrument: Callable[[random.Random], Instrument]
     lines: tuple[bytes, ...]
@@ -134,7 +134,7 @@ SUBJECTS = {
 
 
 def spoilt(chance: random.Random, line: bytes, terminator: bytes) -> bytes:
-    """A line with bytes changed, dropped or added, or something else; on one line in any case."""
+    """Return one line with bytes changed, dropped or added, or something else entirely."""
     kind = chance.randrange(6)
     if kind == 0:
         line = chance.randbytes(chance.randrange(40))
@@ -163,7 +163,7 @@ def test_an_instrument_survives_arbitrary_frames(name: str) -> None:
 
 
 def misled(subject: Subject, chance: random.Random) -> Callable[[bytes], bytes | None]:
-    """An instrument whose every other answer is spoilt, or none."""
+    """Return an instrument whose every other reply is corrupted or missing."""
     instrument = subject.instrument(chance)
 
     def answer(line: bytes) -> bytes | None:
@@ -178,7 +178,7 @@ def misled(subject: Subject, chance: random.Random) -> Callable[[bytes], bytes |
 
 
 def provoke(subject: Subject, chance: random.Random, link: Link, replies: int) -> dict[str, int]:
-    """Put a driver through so many replies; what left it, counted by cause."""
+    """Make a driver process this many replies; returns the exceptions, counted by cause."""
     left: dict[str, int] = {}
     acts: list[Action] = []
     for _ in range(replies):
@@ -195,7 +195,7 @@ def provoke(subject: Subject, chance: random.Random, link: Link, replies: int) -
 
 
 class Unclosed:
-    """A link that a driver cannot close, so that the next may go on with it."""
+    """A link that a driver cannot close, so that the next driver can continue with it."""
 
     def __init__(self, link: Link) -> None:
         self.exchange, self.tell = link.exchange, link.tell
@@ -220,7 +220,7 @@ def test_a_driver_raises_the_same_exception_type_for_any_invalid_answer(
 
 
 class Misled:
-    """The same, to be served on a port."""
+    """The same corrupted instrument, to be served on a port."""
 
     def __init__(self, subject: Subject, chance: random.Random) -> None:
         self._answer = misled(subject, chance)

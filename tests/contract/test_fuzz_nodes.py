@@ -1,6 +1,6 @@
-"""Whatever gets past the decoders, no service fails on it, and what it says is heard by others.
+"""Whatever messages pass the decoders, no service raises, and others can decode what it sends.
 
-Each service gets frames of all that it listens to and answers, sound, odd and spoilt. Seeded.
+Each service receives frames of all its topics and requests: valid, odd and corrupted. Seeded.
 """
 
 import random
@@ -24,7 +24,7 @@ from tests.support.rigs import demo_rig
 
 SEED = 20132
 FRAMES = 5_000
-"""For each service, in each kind of time."""
+"""Number of frames for each service, in each kind of time."""
 MANY = 125_000
 STEP_S = 0.004
 SERVICES = loop_services()
@@ -32,12 +32,13 @@ STEADY: dict[type, dict[str, Any]] = {
     Applied: {"state": "armed", "final": False},
     Estimate: {"tripped": False, "zero_age_s": 0.0, "x_um": 1.5},
 }
-"""What keeps a program playing, mostly."""
+"""Shares of the choices that mostly keep a program playing."""
 RIGS = {time: demo_rig(time=time) for time in ("real", "lockstep")}
 
 
 class Line:
-    """An instrument of either kind: reads the same, and puts out what is within the limits."""
+    """An instrument of either kind: returns constant readings, and outputs voltages within the
+    limits."""
 
     def __init__(self, rig: RigFile) -> None:
         self._limits = rig.limits
@@ -62,11 +63,12 @@ class Line:
         """The wave goes on."""
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Do nothing: there is no port to close."""
 
 
 class Besieged:
-    """A service that hears and is asked anything; what it publishes is read as others read it."""
+    """A service that receives arbitrary messages and requests; its own messages are decoded as
+    others decode them."""
 
     def __init__(self, name: str, rig: RigFile, chance: Chance) -> None:
         service = SERVICES[name]
@@ -75,14 +77,14 @@ class Besieged:
         self._heard = [item.topic.message for item in service.inputs]
         self._asked = [question.request for question in service.requests]
         self._good: set[tuple[int, int]] = set()
-        """Epoch and seq of commands that the actuator may take."""
+        """Epoch and seq of commands that the actuator may accept."""
         self._armed: int | None = None
         self._seq = -1
         self.told = Counter[str]()
         self._runner.begin(self._now)
 
     def frame(self) -> None:
-        """Let something come, then let time pass."""
+        """Deliver a message, then let time pass."""
         luck = self._chance.random()
         if luck < 0.02:
             self._begin()
@@ -104,7 +106,7 @@ class Besieged:
             self._runner.settle(self._now)
 
     def _begin(self) -> None:
-        """Arm, as a supervisor does, so that the service has something to lose."""
+        """Arm the service as a supervisor does, so that it has a state to lose."""
         self._seq = -1
         load: Load = sound(Load, self._chance)
         for request in (Reset(acknowledge=True), load, Arm(EPOCH, OWNER, self._digest)):
@@ -112,7 +114,8 @@ class Besieged:
                 self._take(request)
 
     def _go_on(self) -> None:
-        """The next sample of each topic, as its place has it, though with any values."""
+        """Send the next sample of each topic with the next sequence number, though with any
+        values."""
         self._seq += 1
         for kind in self._heard:
             sample = replace(sound(kind, self._chance), epoch=EPOCH, seq=self._seq)
@@ -147,7 +150,7 @@ class Besieged:
 
 
 def besiege(name: str, time: str, frames: int, seed: int) -> Counter[str]:
-    """So many frames at one service; what became of them."""
+    """Send this many frames to one service; returns the outcomes."""
     besieged = Besieged(name, RIGS[time], random.Random(f"{seed} {name} {time}"))
     for _ in range(frames):
         besieged.frame()

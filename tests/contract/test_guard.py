@@ -43,7 +43,7 @@ from tests.support.rigs import free_ports
 
 MANY = 400
 FAILED, FAILED_S = 20, 0.1
-"""Failed handshakes, and the time for which Zenoh sleeps after each."""
+"""Number of failed handshakes, and the time for which Zenoh sleeps after each."""
 ENDED_S = 5.0
 BACK_S = 30.0
 SETTLED_S = 5.0
@@ -158,7 +158,7 @@ def test_refusals_are_counted_and_logged_with_a_bound(
 
 
 def test_closing_a_link_does_not_block(door: Door) -> None:
-    """Zenoh would wait for 10 s, and be deaf meanwhile: see ``let_go_at_once``."""
+    """Zenoh would wait for 10 s and receive nothing meanwhile: see ``let_go_at_once``."""
     with open_session(door.client, "tool"):
         deadline = monotonic() + 5.0
 
@@ -189,7 +189,7 @@ def test_each_link_is_reported_with_its_peer_and_the_reason_of_its_end(
     caplog.set_level("INFO", "pincette")
     deadline = monotonic() + 5.0
     with open_session(door.client, "tool"):
-        while len(caplog.messages) < 2:  # of both sides
+        while len(caplog.messages) < 2:  # messages of both sides
             assert monotonic() < deadline
             sleep(0.01)
         (mine,) = [one for one in caplog.messages if f":{door.port}" in one]
@@ -243,7 +243,8 @@ def test_the_port_behind_the_guard_accepts_connections_from_the_guard_only(
 
 
 def test_a_connection_dropped_by_the_guard_ends_quickly() -> None:
-    """Zenoh's one accepting thread waited for 10 s at each, and the port stayed shut for hours."""
+    """Zenoh's one accepting thread waited for 10 s at each, and the port stayed blocked for
+    hours."""
     if why := objection():
         pytest.skip(why)
     words = alone([sys.executable, "-m", "tests.support.forgotten_end"])

@@ -1,4 +1,4 @@
-"""Why two programs do not come together, in words, as real handshakes with Zenoh fail."""
+"""Messages that say why two programs cannot connect, from real handshakes with Zenoh that fail."""
 
 import shutil
 from collections.abc import Generator
@@ -24,7 +24,8 @@ TOOL = program("supervisor", "")
 
 @contextmanager
 def router(credentials: Credentials | None) -> Generator[str]:
-    """A router with these credentials, or a plain one; yields where it is, for the same kind."""
+    """Start a router with these credentials, or a plain one; yields its endpoint, for the same
+    protocol."""
     port = free_ports(1)
     ends = router_session("127.0.0.1", port)
     if credentials is not None:
@@ -70,7 +71,7 @@ def test_a_router_of_another_authority_is_diagnosed(
 ) -> None:
     other = folder_for(tmp_path / "other", "demo")
     assert "not trusted here" in diagnose_link(place, other.credentials(TOOL))
-    # One that believes the router, which does not believe it.
+    # The client trusts the router, but the router does not trust the client.
     shutil.copy(folder.path / "authority.crt", other.path / "authority.crt")
     diagnosis = diagnose_link(place, other.credentials(TOOL))
     assert "trusts another authority" in diagnosis

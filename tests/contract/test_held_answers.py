@@ -23,12 +23,12 @@ from tests.support.device_servers import DeviceServer, ser2net, socat
 READINGS = 40
 Start = Callable[..., AbstractContextManager[DeviceServer]]
 LENGTHS = ((3, 9), (6, 15))
-"""Bytes of requests and answers of the Keyence: measuring mode, one reading."""
+"""Sizes in bytes of requests and replies of the Keyence: measuring mode, one reading."""
 OVERHEAD_S = 0.0003
 
 
 def arrivals(baud: int, line_baud: int, held_s: float, *, in_pieces: bool) -> Arrivals:
-    """Exchanges over a line at ``line_baud`` that the rig file states as ``baud``."""
+    """Simulate exchanges over a line at ``line_baud`` for which the rig file states ``baud``."""
     found = Arrivals(baud)
     for _ in range(READINGS):
         for sent, received in LENGTHS:
@@ -75,7 +75,7 @@ def test_too_few_or_too_short_answers_give_no_finding() -> None:
 
 
 class Thinking:
-    """An instrument that answers after a time of its own."""
+    """An instrument that replies after a time of its own."""
 
     def __init__(self, instrument: Instrument, takes_s: float) -> None:
         self._instrument, self._takes_s = instrument, takes_s
@@ -91,7 +91,7 @@ class Thinking:
 def measured(
     folder: Path, server: str, options: str, baud: int, line_baud: int, thinks_s: float = 0.0
 ) -> Hop:
-    """Read a simulated laser behind a real server."""
+    """Measure the readings of a simulated laser behind a real server."""
     laser = Thinking(SimulatedKeyence(lambda: 12.34), thinks_s)
     start: Start = partial(ser2net, baud=line_baud) if server == "ser2net" else socat
     with ExitStack() as running:

@@ -1,4 +1,4 @@
-"""The I-7024's driver: its bytes, and what it makes of refusals."""
+"""The I-7024's driver: its bytes, and its handling of refusals."""
 
 import re
 from collections.abc import Callable
@@ -17,7 +17,8 @@ def settings(url: str = "memory://", /, **options: str | float | bool) -> Output
 
 
 class Lines:
-    """A link that answers the module's name and configuration, and one reply to all else."""
+    """A link that returns the module's name and configuration, and one fixed reply to all other
+    requests."""
 
     def __init__(
         self, reply: bytes, name: bytes = b"!017024", configuration: bytes = b"!01330A00"

@@ -1,4 +1,4 @@
-"""An I-7024 whose answers come so late that each is taken for that of the next question."""
+"""An I-7024 whose replies are so late that each is mistaken for the reply to the next request."""
 
 from pincette.instruments.icpdas_i7024 import I7024, I7024Options
 from pincette.instruments.line.memory_link import MemoryLink
@@ -6,7 +6,7 @@ from pincette.sim.instruments.dcon import SimulatedI7024
 
 
 class LateLink:
-    """Answers each question with the answer of the one before, as a module that is slow does."""
+    """Return to each request the reply to the previous one, as a slow module does."""
 
     def __init__(self, link: MemoryLink) -> None:
         self._link = link
@@ -33,7 +33,7 @@ def test_a_late_answer_to_a_write_lets_a_reset_succeed() -> None:
     now_s = 1.0
     module.idle()
     assert module.tripped
-    link.late = [b"!"]  # of a write that nobody waits for any more
+    link.late = [b"!"]  # the late reply belongs to a write that is no longer waited for
     output.clear_trip()
     assert not module.tripped
     assert output.read_V() == voltages_V[-1]

@@ -1,4 +1,4 @@
-"""The I-7024's own host watchdog: when it runs, when it trips, and who clears it."""
+"""The I-7024's own host watchdog: when it runs, when it trips, and which action clears it."""
 
 from functools import partial
 
@@ -19,7 +19,7 @@ def settings(url: str = "memory://", /, **options: str | float | bool) -> Output
 
 
 class Bench:
-    """A module on a clock that is set by hand, its lines written down; it can be unplugged."""
+    """A module on a clock that the test sets; its lines are recorded, and it can be unplugged."""
 
     def __init__(self, checksum: bool = False) -> None:
         self.now_s = 0.0

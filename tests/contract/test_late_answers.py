@@ -1,7 +1,7 @@
-"""An accepted answer belongs to its question, however late, lost or doubled the answers are.
+"""An accepted reply belongs to its request, however late, lost or duplicated replies are.
 
-Each simulated instrument states the time in what it answers, so the age of each accepted value is
-known. Time is virtual; ``test_late_answers_on_ports.py`` has the same over TCP and a pty.
+Each simulated instrument states the time in its reply, so the age of each accepted value is known.
+Time is virtual; ``test_late_answers_on_ports.py`` has the same tests over TCP and a pty.
 """
 
 import random
@@ -39,27 +39,27 @@ PERIOD_S = 0.02
 TIMEOUTS_S = (0.1, 0.0058)
 QUICK_S = 0.002
 WRAP_S = 9.0
-"""Largest time that a value can carry, in s."""
+"""Largest time that a value can represent, in s."""
 
 
 def since(clock: Clock) -> float:
-    """Time that an instrument states, with the resolution of its display."""
+    """Return the time that an instrument states, with the resolution of its display."""
     return round(clock.now_s % WRAP_S, 3)
 
 
 @dataclass(slots=True)
 class Driven:
-    """A driver before its delayed instrument."""
+    """A driver with its delayed instrument."""
 
     clock: Clock
     port: DelayedPort
     use: Callable[[], float]
-    """Makes one exchange and returns the time at which the instrument answered it."""
+    """Make one exchange and return the time at which the instrument replied."""
     timeout_s: float
     counts: LineCounts
 
     def age_s(self) -> float | None:
-        """Make one exchange; returns the age of its answer, None where the driver raised."""
+        """Make one exchange; returns the age of its reply, None if the driver raised."""
         try:
             stated_s = self.use()
         except InstrumentError:
@@ -69,7 +69,7 @@ class Driven:
 
 
 class Stated:
-    """A voltage output that notes what it puts out, and when."""
+    """A voltage output that records its voltages and their times."""
 
     def __init__(self, clock: Clock) -> None:
         self.clock = clock
@@ -80,7 +80,7 @@ class Stated:
 
 
 class Speaking:
-    """A module that shows the time where it is asked what it puts out."""
+    """A module that returns the time when its output voltage is read."""
 
     def __init__(self, module: SimulatedI7024, clock: Clock) -> None:
         self.module, self.clock = module, clock
@@ -98,7 +98,7 @@ class Speaking:
 
 
 class SpeakingDC205:
-    """A source whose setting shows the time while it is asked for."""
+    """A source whose setting is the time at which it is read."""
 
     def __init__(self, source: SimulatedDC205, clock: Clock) -> None:
         self.source, self.clock = source, clock
@@ -148,7 +148,7 @@ def example_lds(clock: Clock) -> Made:
 
 
 class Plain:
-    """Answers each request with nothing but the time."""
+    """An instrument that replies to each request with the time only."""
 
     def __init__(self, clock: Clock) -> None:
         self.clock = clock
@@ -162,7 +162,7 @@ class Plain:
 
 
 def plain(clock: Clock) -> Made:
-    """Make a driver that does not state how its answers can be distinguished."""
+    """Make a driver that does not state how its replies can be distinguished."""
 
     def opened(timeout_s: float) -> Callable[[], float]:
         line = open_link(URL, baud=115200, timeout_s=timeout_s)
@@ -185,7 +185,7 @@ def i7024_read_with_checksum(clock: Clock) -> Made:
 
 
 def writes(write_V: Callable[[float], None], stated: Stated) -> Callable[[], float]:
-    """Write another voltage each time; the answer is as old as the voltage at the output."""
+    """Write a new voltage each time; the age of the reply is that of the output voltage."""
     chance = random.Random(1)
 
     def use() -> float:
@@ -245,7 +245,7 @@ every_timeout = pytest.mark.parametrize("timeout_s", TIMEOUTS_S)
 
 @contextmanager
 def driven(make: Callable[[Clock], Made], timeout_s: float, **port: bool) -> Generator[Driven]:
-    """Open a driver whose first exchanges are answered at once."""
+    """Open a driver whose first exchanges get immediate replies."""
     clock, counts = Clock(), LineCounts()
     instrument, terminator, open_ = make(clock)
     behind = DelayedPort(clock, instrument, constant(QUICK_S / 4), terminator, **port)
@@ -255,7 +255,8 @@ def driven(make: Callable[[Clock], Made], timeout_s: float, **port: bool) -> Gen
 
 
 def check_ages(driver: Driven, delays: Delays, times: int = 60) -> int:
-    """Make exchanges, one each period, of which none may be accepted late; returns how many were.
+    """Make one exchange each period and check that no late reply is accepted; returns the number
+    accepted.
 
     A value states milliseconds.
     """
@@ -274,7 +275,7 @@ def check_ages(driver: Driven, delays: Delays, times: int = 60) -> int:
 
 
 def check_recovers(driver: Driven) -> None:
-    """See that the driver works again, at the latest when the patience is over."""
+    """Check that the driver works again, at the latest when the patience is over."""
     driver.port.delays = constant(QUICK_S / 4)
     until_s = driver.clock.now_s + 2.0 * max(LEAST_PATIENCE_S, 4.0 * driver.timeout_s)
     while driver.age_s() is None:
@@ -364,7 +365,7 @@ def test_a_connection_is_lost_while_answers_are_pending(
     survives: bool,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """``survives``: as at a serial server, which hands an old answer to the next connection."""
+    """``survives``: the old reply reaches the next connection, as with a serial server."""
     with driven(make, timeout_s, survives=survives) as driver:
         chance, receive = random.Random(5), DelayedPort.receive
 

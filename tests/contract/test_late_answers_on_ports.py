@@ -1,4 +1,4 @@
-"""Over TCP and a pseudo-terminal an accepted answer belongs to its question, however late it is."""
+"""Over TCP and a pseudo-terminal an accepted reply belongs to its request, however late it is."""
 
 import time
 from collections.abc import Callable, Generator
@@ -29,10 +29,10 @@ pytestmark = pytest.mark.usefixtures("stalls")
 
 TIMEOUT_S = 0.02
 OPENING_S = 10.0
-"""Timeout while a driver opens its instrument, which is not what is measured here."""
+"""Timeout while a driver opens its instrument, which is not measured here."""
 WRAP_S = 9.0
 UNCERTAIN_S = 0.002
-"""Resolution of what an instrument states, in s, and of what is measured here."""
+"""Resolution of the time that an instrument states, in s, and of the measurement here."""
 
 
 class Delayed:
@@ -48,7 +48,7 @@ class Delayed:
         self.instrument.idle()
 
     def answer(self, line: bytes) -> bytes | None:
-        """Work the request off at once, and answer it late, twice or never."""
+        """Process the request at once, and reply late, twice or never."""
         reply = self.instrument.answer(line)
         delays_s = self.delays(self.number)
         self.number += 1
@@ -96,7 +96,7 @@ def module(url: str, delays: Delays) -> Generator[Callable[[], float]]:
 
 @contextmanager
 def module_write(url: str, delays: Delays) -> Generator[Callable[[], float]]:
-    """Write another voltage each time; the answer is as old as the voltage at the output."""
+    """Write a new voltage each time; the age of the reply is that of the output voltage."""
     reached_s: dict[float, float] = {}
 
     def put_out(voltage_V: float) -> None:
@@ -132,7 +132,7 @@ def source_write(url: str, delays: Delays) -> Generator[Callable[[], float]]:
 
 @contextmanager
 def source_read(url: str, delays: Delays) -> Generator[Callable[[], float]]:
-    """Read a DC205 back, whose setting shows the time while it is asked for."""
+    """Read a DC205 back, whose setting is the time at which it is read."""
     source = SimulatedDC205(lambda _voltage_V: None)
     source.answer(b"RNGE RANGE10;SOUT 1")
 
@@ -154,7 +154,7 @@ def source_read(url: str, delays: Delays) -> Generator[Callable[[], float]]:
 
 @contextmanager
 def third_party(url: str, delays: Delays) -> Generator[Callable[[], float]]:
-    """Read the sensor of the example of a driver."""
+    """Read the sensor of the driver example."""
     instrument = Delayed(SimulatedLDS(lambda: 100.0 * stated_s()), constant(0.0))
     with serve(url, instrument) as wire:
         settings = sensor_settings("example_lds", OPENING_S).model_copy(update={"url": wire.url})
@@ -166,7 +166,7 @@ def third_party(url: str, delays: Delays) -> Generator[Callable[[], float]]:
 
 
 class Plain:
-    """Answers each request with nothing but the time."""
+    """An instrument that replies to each request with the time only."""
 
     def idle(self) -> None:
         pass
@@ -178,7 +178,7 @@ class Plain:
 
 @contextmanager
 def third_party_without_patterns(url: str, delays: Delays) -> Generator[Callable[[], float]]:
-    """Read through a line whose driver cannot assign an answer to its question."""
+    """Read through a line whose driver cannot assign a reply to its request."""
     instrument = Delayed(Plain(), delays)
     with (
         serve(url, instrument) as wire,
@@ -193,7 +193,8 @@ def written(
     instrument: Delayed,
     delays: Delays,
 ) -> Generator[Callable[[], float]]:
-    """Yield an exchange that writes a voltage of its own and returns when it reached the output."""
+    """Yield an exchange that writes a unique voltage and returns the time when it reached the
+    output."""
     numbers = count()
 
     def use() -> float:
@@ -214,7 +215,7 @@ def shorten(link: object, timeout_s: float) -> None:
 
 
 def check_ages(use: Callable[[], float], for_s: float) -> tuple[int, int]:
-    """Make exchanges for a while; returns how many were accepted, and how many not."""
+    """Make exchanges for a while; returns how many were accepted and how many were not."""
     accepted = refused = 0
     until_s = time.monotonic() + for_s
     while time.monotonic() < until_s:
@@ -273,7 +274,7 @@ def test_answers_may_be_late_lost_or_duplicated_at_random(
 def test_late_answers_of_an_output_are_never_assigned_to_another_request(
     offer: Offer, port: str, tmp_path: Path
 ) -> None:
-    """First all answers are late, then they are late, lost or doubled by chance."""
+    """First all replies are late, then they are late, lost or duplicated at random."""
     late = constant((1.3 + GRACE) * TIMEOUT_S)
     with offer(url_of(port, tmp_path), late) as use:
         _, refused = check_ages(use, 0.5)

@@ -1,4 +1,4 @@
-"""Every way a port can fail must come out as an error that says what happened."""
+"""Every failure of a port raises an error that states what happened."""
 
 import io
 import logging
@@ -116,7 +116,7 @@ def test_a_reset_connection_is_closed_cleanly() -> None:
         url = f"socket://127.0.0.1:{listener.getsockname()[1]}"
         with opened(url) as link:
             peer, _ = listener.accept()
-            # Lingering for no time sends a reset instead of an orderly end.
+            # A linger time of zero sends a reset instead of an orderly end.
             peer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             peer.close()
             with pytest.raises(InstrumentError, match="connection was closed"):
@@ -168,7 +168,7 @@ def test_a_command_without_an_answer_is_sent_before_the_request(script: Script) 
 
 
 class Wreck:
-    """A port of pyserial that raises what the case says."""
+    """A port of pyserial that raises the exception of the test case."""
 
     def __init__(self, error: Exception) -> None:
         self.error = error
@@ -231,7 +231,7 @@ def test_every_exchange_is_logged_with_its_bytes_escaped(
 
 
 def test_a_vanished_peer_is_replaced_by_the_present_one() -> None:
-    """As behind a network that was cut: the connection stands, and no program answers over it."""
+    """As after a network failure: the connection remains open, but no program replies over it."""
     passed_s = 0.0
     with socket.create_server(("127.0.0.1", 0)) as server:
         url = f"socket://127.0.0.1:{server.getsockname()[1]}"

@@ -1,4 +1,4 @@
-"""Plain ports, at which Zenoh itself listens, beside connections that never become a link."""
+"""Plain ports, on which Zenoh itself listens, and connections that never become a link."""
 
 import os
 import resource
@@ -35,12 +35,12 @@ from tests.support.router_process import RIG, router_process
 WITHIN_S = 5.0
 ROUND = 1000
 MOST_FILES, SETTLED_S = 600, 5.0
-"""Open files of a program soon after a burst of connections that stay."""
+"""Number of open files of a program soon after a burst of connections that stay open."""
 BACK_S = 5.0
 """Limit of the time until all links are back after an overload."""
 JOINED_S, OVERLOAD_S = 30.0, 60.0
 QUEUE, GUARD_QUEUE = 1100, BACKLOG + 100
-"""More connections than a listener of Zenoh, or a guard, lets wait to be accepted."""
+"""Number of connections that exceeds the accept queue of a Zenoh listener or a guard."""
 PARTNERS = ("sensor", "estimator", "controller", "actuator", "supervisor")
 
 
@@ -89,7 +89,8 @@ def _many_files() -> Generator[None]:
 
 
 def said(words: str, first_message: bytes) -> bytes:
-    """Return what a kind of stranger sends: nothing, no message, half of the first one, or all."""
+    """Return the bytes that a kind of unknown client sends: nothing, no message, half of the first
+    one, or all."""
     return {
         "silent": b"",
         "garbage": b"GET / HTTP/1.1\r\n\r\n",
@@ -217,7 +218,8 @@ def test_links_are_kept_however_many_unknown_connections_arrive(first_message: b
 
 @pytest.mark.usefixtures("stalls")
 def test_many_connections_from_one_address_affect_only_that_address() -> None:
-    """The newest of the crowd and the single connection of another address stay."""
+    """The newest connections of the crowded address and the single connection of another address
+    stay."""
     port = free_ports(1)
     accepted = list[socket.socket]()
     with ExitStack() as stack:

@@ -1,4 +1,5 @@
-"""Exchanges with slow instruments are measured over real ports, and refused before any motion."""
+"""Exchanges with slow instruments are measured over real ports, and a loop that is too slow is
+refused before any motion."""
 
 from collections.abc import Callable, Generator
 from contextlib import closing, contextmanager
@@ -22,7 +23,7 @@ ANY = "socket://127.0.0.1:0"
 
 
 class Slow:
-    """An instrument that answers each request after a time."""
+    """An instrument that replies to each request after a time."""
 
     def __init__(self, instrument: Instrument, delay_s: float) -> None:
         self._instrument, self._delay_s = instrument, delay_s
@@ -110,7 +111,7 @@ def test_a_sensor_reports_its_measured_latency_and_is_armed_if_the_loop_has_time
     with bench(reading_s, 0.0) as rig:
         reply, status = armed(rig, "sensor", read)
     (took,) = status.exchanges
-    # A reading that a busy machine makes later than its timeout is not counted.
+    # A reading that a busy machine delays beyond its timeout is not counted.
     assert 5 <= took.count <= 10
     assert took.minimum_s >= reading_s
     assert isinstance(reply, Ack), reply

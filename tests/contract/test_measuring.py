@@ -1,4 +1,4 @@
-"""One real measurement of this machine, by programs of its own over a bus of its own."""
+"""One real measurement of this machine, by separate programs over a separate bus."""
 
 import pytest
 
@@ -13,7 +13,7 @@ NONE = Scheduling(priority=0, timer_slack_s=0.0)
 
 
 def test_a_real_machine_is_measured() -> None:
-    """How punctual it is, is its own affair: only that it was looked at is asserted."""
+    """The test asserts that the machine was measured, not how punctual it is."""
     received: list[str] = []
 
     def progress(what: str, part_s: float) -> None:
@@ -37,7 +37,7 @@ def test_a_failing_program_is_reported_with_a_readable_message(
         return command(scheduling, "no such task", *numbers)
 
     def progress(_what: str, _part_s: float) -> None:
-        """Nobody looks."""
+        """Do nothing: progress is not shown."""
 
     monkeypatch.setattr(machine, "command", other)
     with pytest.raises(MeasuringError, match="has failed"):

@@ -1,4 +1,5 @@
-"""Real programs whose data folder lies on a file system without locks: refused, nothing damaged."""
+"""Real programs whose data folder lies on a file system without locks are refused and damage
+nothing."""
 
 import errno
 import subprocess
@@ -35,7 +36,8 @@ def preloaded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(params=NUMBERS)
 def share(request: pytest.FixtureRequest, preloaded: Path, tmp_path: Path) -> tuple[Path, Run]:
-    """A folder without locks, and what runs a program that sees it so."""
+    """Provide a folder without locks, and a function that runs a program that sees it in this
+    way."""
     folder = tmp_path / "share"
     folder.mkdir()
     variables = environment(preloaded, folder, NUMBERS[request.param])
@@ -103,7 +105,7 @@ def test_a_backup_can_be_written_to_a_share_without_locks(
 
 
 def test_a_port_that_cannot_be_locked_is_not_opened(share: tuple[Path, Run]) -> None:
-    # A pseudo-terminal has its name below /dev/pts, and its locks are those of any file.
+    # The name of a pseudo-terminal is below /dev/pts, and its locks are ordinary file locks.
     folder, run = share
     device = folder / "ttyUSB0"
     device.touch()

@@ -1,6 +1,6 @@
-"""Device servers in configurations that a bench may have without wanting them.
+"""Device servers in unwanted configurations.
 
-What is wrong is named by a code and a remedy, no wrong value is taken, and the line recovers.
+The fault is reported by a code and a remedy, no wrong value is accepted, and the line recovers.
 """
 
 import os
@@ -48,7 +48,7 @@ def recovered_um(sensor: keyence_lkg.KeyenceLKG) -> float:
     while time.monotonic() < until_s:
         with suppress(InstrumentError):
             return sensor.read_um()
-        time.sleep(0.02)  # a real server: ask again about as often as the loop does
+        time.sleep(0.02)  # a real server: request about as often as the loop does
     return sensor.read_um()
 
 
@@ -129,7 +129,7 @@ def test_doctor_does_not_suspect_the_cable_of_a_host_name_or_a_port_without_a_se
 def test_doctor_suspects_the_baud_rate_of_a_server_behind_which_nothing_answers(
     tmp_path: Path,
 ) -> None:
-    """An instrument that is addressed at another baud rate stays silent."""
+    """An instrument that is sent bytes at another baud rate stays silent."""
     silent = serve(str(tmp_path / "tty"), SimulatedKeyence(lambda: X_UM), terminator=b"\x00")
     with silent as wire, ser2net(wire.url, tmp_path) as server:
         found = finding(server.url)
@@ -165,7 +165,7 @@ def test_an_unusable_url_is_answered_with_a_valid_form(url: str, remedy: str) ->
 
 @contextmanager
 def answering(*, banner: bytes = b"", before: bytes = b"", resets: bool = False) -> Generator[str]:
-    """Serve one client of a simulated laser; ``before``: what precedes each of its answers."""
+    """Serve one client of a simulated laser; ``before``: bytes that precede each of its replies."""
     instrument = SimulatedKeyence(lambda: X_UM)
 
     def serve_one() -> None:
@@ -214,8 +214,8 @@ def test_a_missing_name_server_does_not_delay_a_reopened_line(
 
     def numeric_only(host: str, *more: object, **named: object) -> object:
         if host == "localhost":
-            time.sleep(RECOVERS_S)  # a name server that is away keeps its caller waiting
-        # The arguments are passed on as they came.
+            time.sleep(RECOVERS_S)  # a name server that is missing keeps its caller waiting
+        # The arguments are passed on unchanged.
         return resolve(host, *more, **named)  # type: ignore[arg-type]
 
     options = "kickolduser: true"
@@ -248,7 +248,7 @@ def test_a_replaced_client_reconnects_and_suspects_a_second_program(
 
 
 def test_an_idle_timeout_of_the_server_does_not_prevent_an_arming(tmp_path: Path) -> None:
-    """An output is not written to between jobs, where it has no watchdog."""
+    """An output without a watchdog is not written to between jobs."""
     module = SimulatedI7024(lambda _voltage_V: None, time.monotonic)
     with (
         serve(str(tmp_path / "tty"), module) as wire,
@@ -272,7 +272,7 @@ def test_an_idle_timeout_of_the_server_does_not_prevent_an_arming(tmp_path: Path
 def test_an_output_whose_client_is_replaced_keeps_working(
     watchdog_s: float, tmp_path: Path
 ) -> None:
-    """The second client goes at once, as a look with a terminal program does."""
+    """The second client disconnects at once, as after a brief use of a terminal program."""
     put_V: list[float] = []
     module = SimulatedI7024(put_V.append, time.monotonic)
     with (
@@ -283,12 +283,13 @@ def test_an_output_whose_client_is_replaced_keeps_working(
         counts = LineCounts()
         with counting(counts):
             output = icpdas_i7024.open_output(settings.model_copy(update={"url": server.url}))
-        # A period that is long enough for a busy machine; the time that it took is printed.
+        # The period is long enough for a busy machine; the time taken is printed.
         instrument = Instrument(output, 1.0, ReadingWatch(1.0), counts)
         took_s: list[float] = []
         with closing(instrument):
             for number in range(REPLACED):
-                until_s = time.monotonic() + serial_link.RETRY_S  # the line tries no more often
+                # the line retries at most this often
+                until_s = time.monotonic() + serial_link.RETRY_S
                 end_s = until_s + RECOVERS_S
                 while counts.retried <= number:
                     began_s = time.monotonic()
@@ -316,7 +317,7 @@ def is_connected(port: int) -> bool:
 
 @contextmanager
 def second_client(port: int) -> Generator[None]:
-    """Ask for readings all the time, as another program does."""
+    """Request readings continuously, as a second program does."""
     ended = Event()
 
     def ask() -> None:
@@ -338,7 +339,7 @@ def second_client(port: int) -> Generator[None]:
 def test_readings_beside_a_second_client_are_new_and_doctor_suspects_it(
     tmp_path: Path,
 ) -> None:
-    """The server passes every answer on to both clients; each answer is larger than the last."""
+    """The server passes every reply on to both clients; each reply is larger than the last."""
     numbers = count()
     simulated = SimulatedKeyence(lambda: 0.01 * next(numbers))
     module = SimulatedI7024(lambda _voltage_V: None, time.monotonic)
@@ -351,7 +352,7 @@ def test_readings_beside_a_second_client_are_new_and_doctor_suspects_it(
         values_um = [-1.0]
         with closing(open_sensor(server.url)) as sensor:
             for _ in range(50):
-                with suppress(InstrumentError):  # a line that was left silent, in its own words
+                with suppress(InstrumentError):  # The message of a line that was left silent.
                     values_um.append(sensor.read_um())
         rig = demo_rig({"sensor": {"url": server.url}, "output": {"url": output.url}})
         found = list(instruments(rig))

@@ -1,4 +1,4 @@
-"""A second supervisor of a rig, at whatever port and folder, does not start."""
+"""A second supervisor of a rig does not start, whatever its port and folder."""
 
 import threading
 from collections.abc import Generator

@@ -1,4 +1,4 @@
-"""A line that is being opened: what was opened is closed where it fails, and it takes its time."""
+"""Opening a line: on failure everything already opened is closed, and the time is limited."""
 
 import errno
 import gc
@@ -23,8 +23,8 @@ from pincette.sim.wires.wire import serve
 
 TIMEOUT_S = 0.4
 DEAD, WITHIN_S = 10, 2.0
-"""Addresses that do not answer, and the limit for all of them on a busy machine; with the whole
-time for each it would be twice as much."""
+"""Number of addresses that do not reply, and the limit for all of them on a busy machine; with the
+full timeout for each, it would take twice as long."""
 NAME = "laser.example"
 """Host name that the name server of these tests knows."""
 
@@ -53,7 +53,7 @@ def know(monkeypatch: pytest.MonkeyPatch, *addresses: Address) -> None:
 
 @contextmanager
 def unanswered(family: socket.AddressFamily, address: str, port: int) -> Generator[None]:
-    """Let an address answer nothing, as a host behind a cut network: its queue is full."""
+    """Make an address silent, like a host behind a failed network: its accept queue is full."""
     with ExitStack() as stack:
         listener = stack.enter_context(socket.socket(family, socket.SOCK_STREAM))
         listener.bind((address, port))
@@ -95,7 +95,7 @@ def test_a_connection_that_is_reset_while_it_is_opened_is_closed_and_its_lock_fr
 
 
 def test_a_connection_that_is_reset_at_once_leaves_no_socket_open() -> None:
-    """Whichever call finds it: the warning of an unclosed socket fails a test."""
+    """The warning of an unclosed socket fails a test, whichever call finds it."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         url = f"socket://127.0.0.1:{server.getsockname()[1]}"
 
@@ -107,7 +107,8 @@ def test_a_connection_that_is_reset_at_once_leaves_no_socket_open() -> None:
         for _ in range(3):
             thread = Thread(target=reset)
             thread.start()
-            with suppress(InstrumentError):  # a busy machine resets it after it was opened
+            # a busy machine resets the connection after it was opened
+            with suppress(InstrumentError):
                 opened(url).close()
             thread.join()
     gc.collect()

@@ -1,4 +1,4 @@
-"""What every driver of a position sensor must do, over every kind of link."""
+"""Contract of every driver of a position sensor, over every kind of link."""
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -21,7 +21,7 @@ def _always(reply: bytes) -> Callable[[bytes], bytes]:
 
 
 class Target:
-    """What an instrument looks at; it can be replaced by a voice of its own."""
+    """The object in front of an instrument; its value can be replaced by the test."""
 
     def __init__(self, instrument: Callable[[Callable[[], float | None]], Instrument]) -> None:
         self.x_um: float | None = 0.0
@@ -36,7 +36,8 @@ class Target:
 
 
 class PositionSensorContract:
-    """Derive from it, and say how the driver is opened and which instrument it meets."""
+    """Base class of the tests; a subclass states how the driver is opened and which instrument it
+    reads."""
 
     step_um: float
     far_um: float
@@ -144,7 +145,7 @@ class TestKeyenceMillimetres(PositionSensorContract):
 
 
 class Lines:
-    """A link that answers from a table."""
+    """A link that replies from a table."""
 
     def __init__(self, table: dict[bytes, bytes]) -> None:
         self.table = table
@@ -297,7 +298,7 @@ def test_a_reopened_port_finds_the_instrument_measuring_or_reports_the_mode_chan
 
 
 def _on_open_of(sensor: Sensor) -> Callable[[Link], None]:
-    """What the driver has a link do where a lost port has been opened again."""
+    """Return the function that the driver passes to a link for a port that has been reopened."""
     given = list[Callable[[Link], None]]()
 
     def opened(*_wanted: object, on_open: Callable[[Link], None], **_how: object) -> Lines:

@@ -1,4 +1,4 @@
-"""A lost port is opened again, not too often, and the instrument prepared before it works on."""
+"""A lost port is reopened at a limited rate, and the instrument is prepared before it continues."""
 
 import re
 from collections.abc import Callable
@@ -223,7 +223,7 @@ def test_a_late_answer_fails_only_its_own_exchange() -> None:
     rig.arrived = [b"TG,01,+0001.00\rre", b" A\r"]
     began_s = rig.now_s
     assert rig.line.exchange(b"B") == b"re B"
-    assert rig.now_s == began_s  # what it owed has come, so that nothing is waited for
+    assert rig.now_s == began_s  # the pending reply has arrived, so nothing is waited for
 
 
 def test_the_line_is_not_clean_after_one_of_two_pending_answers() -> None:

@@ -1,4 +1,5 @@
-"""A record opens in tools that know nothing of pincette: Rerun's converter, pandas, plain Arrow."""
+"""A record opens in tools that do not depend on pincette: Rerun's converter, pandas, plain
+Arrow."""
 
 import os
 import subprocess
@@ -43,7 +44,7 @@ def _plain(messages: list[Message]) -> Iterator[Message]:
 
 
 def _rerun(*words: str | Path, home: Path) -> str:
-    # In a home of its own every session is a first one, of which nothing is sent to anybody.
+    # In a separate home folder every session is a first one, of which no telemetry is sent.
     environment = os.environ | {"HOME": str(home), "XDG_CONFIG_HOME": str(home)}
     done = subprocess.run(
         [RERUN, *words], capture_output=True, text=True, timeout=120, env=environment, check=False
@@ -54,7 +55,7 @@ def _rerun(*words: str | Path, home: Path) -> str:
 
 @pytest.fixture(params=["closed", "being written", "killed"])
 def mcap(request: pytest.FixtureRequest, record: Path) -> Path:
-    """The file of a closed record, or a snapshot of one without an end."""
+    """Return the file of a closed record, or a snapshot without an end."""
     path = record / "job.mcap"
     if request.param == "closed":
         return path
@@ -92,7 +93,7 @@ def test_the_rerun_converter_shows_decoded_fields(mcap: Path, tmp_path: Path) ->
     _rerun("mcap", "convert", mcap, "--output", target, home=tmp_path)
     shown = _rerun("rrd", "print", "-vvv", target, home=tmp_path)
     assert "pincette.Estimate:message" in shown
-    assert shown.count(f"arms: [{{x_um: {X_UM}, valid: true") == 20  # it cuts longer records off
+    assert shown.count(f"arms: [{{x_um: {X_UM}, valid: true") == 20  # it cuts off longer records
     for name in (
         "Position",
         "Command",

@@ -100,7 +100,8 @@ def test_a_recording_is_replayed(tmp_path: Path) -> None:
 
 def test_a_driver_plays_its_recording_without_a_change(tmp_path: Path) -> None:
     path = tmp_path / "dialogue.txt"
-    positions_um = iter([0.0, 1.0, 20_000.0, None, 2.5])  # the first is read when it is opened
+    # the first value is read when the port is opened
+    positions_um = iter([0.0, 1.0, 20_000.0, None, 2.5])
 
     def all_said(settings: Sensor) -> list[float | str]:
         device = keyence_lkg.open_sensor(settings)

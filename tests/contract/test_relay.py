@@ -1,4 +1,4 @@
-"""A relay between two TCP connections: it loses nothing, and ends when a side takes nothing."""
+"""A relay between two TCP connections loses nothing, and ends when one side accepts no data."""
 
 import secrets
 import selectors
@@ -16,7 +16,7 @@ from pincette.bus.relay import MOST_WAITING, Relay
 MEGABYTES = 4
 LEASE_S = 0.5
 SLACK_S = 5.0
-"""Time that a busy machine may add; without the watch a stalled relay lasts for ever."""
+"""Time that a busy machine may add; without the watchdog a stalled relay lasts for ever."""
 CHUNK = bytes(60_000)
 
 
@@ -30,7 +30,7 @@ def connected(stack: ExitStack) -> tuple[socket.socket, socket.socket]:
 
 @pytest.fixture
 def line() -> Generator[socket.socket]:
-    """Connection over a relay to a peer that sends back all it receives."""
+    """Connect through a relay to a peer that sends back all that it receives."""
     with ExitStack() as stack:
         client, outer = connected(stack)
         inner, peer = connected(stack)
@@ -77,7 +77,7 @@ def test_a_slow_reader_is_waited_for_and_nothing_is_lost(line: socket.socket) ->
     line.settimeout(20.0)
     sender = threading.Thread(target=line.sendall, args=(sent,))
     sender.start()
-    sleep(0.3)  # everything on the way is full
+    sleep(0.3)  # all buffers in between are full
     while len(got) < len(sent):
         got += line.recv(20_000)
     sender.join()

@@ -1,4 +1,5 @@
-"""A program that is seen but does not answer: the session is opened again, and all continues."""
+"""A program that is alive but does not reply: the session is reopened, and the program
+continues."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
@@ -29,7 +30,7 @@ WAIT_S = 30.0
 
 @pytest.fixture
 def ends(monkeypatch: pytest.MonkeyPatch) -> Generator[SessionConfig]:
-    """Of a client; what is waited for takes a fifth of its time."""
+    """Ends of a client whose waiting times are a fifth of the usual ones."""
     monkeypatch.setattr(zenoh_bus, "UNANSWERED_S", 0.6)
     port = free_ports(1)
     with open_session(router_session("127.0.0.1", port), "router"):
@@ -38,7 +39,7 @@ def ends(monkeypatch: pytest.MonkeyPatch) -> Generator[SessionConfig]:
 
 @pytest.fixture
 def mute(ends: SessionConfig) -> Generator[zenoh.Session]:
-    """An estimator that is alive, and keeps every request."""
+    """Start an estimator that is alive but replies to no request."""
     kept: list[zenoh.Query] = []
     with open_session(ends, "mute") as session:
         token = session.liveliness().declare_token(live_key(RIG, "estimator"))
@@ -124,7 +125,8 @@ def test_links_of_the_previous_session_are_reported_as_closed(
     request.getfixturevalue("mute")
 
     def told() -> list[str]:
-        """Return what the supervisor and the mute estimator say of links with the router."""
+        """Return what the supervisor and the silent estimator report of their links with the
+        router."""
         router = ends.connect[0].removeprefix("tcp/")
         return [one[: len("link up")] for one in caplog.messages if f"program at {router}" in one]
 

@@ -1,4 +1,5 @@
-"""Certificates that were revoked: their links end, and no damage to the list lets them in again."""
+"""Revoked certificates: their links end, and no damage to the revocation list lets them in
+again."""
 
 import re
 from datetime import UTC, datetime
@@ -54,7 +55,8 @@ def test_a_revoked_certificate_is_disconnected_and_stays_refused(tmp_path: Path)
 
 
 def test_without_the_revocation_list_no_program_listens(tmp_path: Path) -> None:
-    """What was lost or cut is taken for an empty list neither by a start nor by a revocation."""
+    """A lost or truncated list is not treated as an empty one, neither by a start nor by a
+    revocation."""
     folder = folder_for(tmp_path / "pki", "demo")
     for name in ("viewer", "operator"):
         folder.revoke(folder.named(name))

@@ -1,4 +1,5 @@
-"""The rig program: both instruments at the urls of the rig file, and the truth for the record."""
+"""The rig program serves both instruments at the urls of the rig file, and the true state for the
+record."""
 
 from pathlib import Path
 

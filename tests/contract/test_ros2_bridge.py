@@ -1,4 +1,5 @@
-"""The example's topics of ROS 2: type hashes by REP 2016, bytes by CDR, and who sees them."""
+"""The example's topics of ROS 2: type hashes by REP 2016, encoding by CDR, and discovery by
+nodes."""
 
 import hashlib
 import json
@@ -18,7 +19,8 @@ from tests.support.rigs import free_ports
 EXAMPLE = Path(__file__).parents[2] / "docs/examples/ros2_bridge.py"
 BRIDGE: dict[str, Any] = runpy.run_path(str(EXAMPLE))
 NESTED, INT32, UINT32, DOUBLE, STRING, SEQUENCE = 1, 6, 7, 11, 17, 144
-"""Numbers of types in a description; a sequence without a bound adds to that of its elements."""
+"""Numbers of types in a description; an unbounded sequence is added to the number of its element
+type."""
 WAIT_S = 20.0
 AT_NS = 1_700_000_000_000_000_007
 
@@ -72,7 +74,7 @@ def test_messages_are_encoded_in_cdr() -> None:
 
 
 def read_joint_state(data: bytes) -> tuple[Any, ...]:
-    """A reader by the rules of CDR, apart from the writer's."""
+    """Decode by the rules of CDR, independently of the encoder."""
     assert data[:4] == bytes.fromhex("00010000")
     body, at = data[4:], 0
 

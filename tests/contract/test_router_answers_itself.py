@@ -1,4 +1,4 @@
-"""The question that a router asks itself is answered, and no tool on the bus sees it."""
+"""The query that a router sends to itself gets a reply, and no tool on the bus sees it."""
 
 import threading
 from collections.abc import Generator
@@ -22,7 +22,7 @@ QUESTIONS = 20
 
 @contextmanager
 def router(config: SessionConfig) -> Generator[AskRouter]:
-    """Route in a thread; gives what the router is asked with."""
+    """Run a router in a thread; yields the queries that the router receives."""
     asks: list[AskRouter] = []
     up, end = threading.Event(), threading.Event()
 

@@ -121,7 +121,7 @@ def test_the_actuator_drives_both_arms_over_one_line() -> None:
 
 
 def test_a_grip_over_one_module_equals_that_over_two() -> None:
-    """But for what the rig file is called by."""
+    """All else is equal, except the name of the rig file."""
     rig = two_arm_rig()
     url, options = rig.output.url, {"address": 1, "channel": 1}
     one, _ = play(changes={"second": {"output": {"url": url, "options": options}}})

@@ -1,4 +1,4 @@
-"""A partner that reads nothing: its link is ended within a lease, and the others carry on."""
+"""A partner that reads nothing: its link is closed within a lease, and the others continue."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
@@ -35,7 +35,7 @@ from tests.support.stalled_reader import KEY
 ROOT = Path(__file__).parents[2]
 LEASE_S = 0.5
 SLACK_S = 5.0
-"""What a busy machine may add; without the limits a stalled link lasts for ever."""
+"""Time that a busy machine may add; without the limits a stalled link lasts for ever."""
 CHUNK = bytes(60_000)
 
 
@@ -53,7 +53,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
 
 @pytest.fixture(params=["plain", "secure"])
 def door(request: pytest.FixtureRequest, folder: Folder) -> Generator[tuple[Door, list[str]]]:
-    """A router, and the arguments of a stalled reader that joins it."""
+    """Start a router; yields it and the arguments of a stalled reader that joins it."""
     secure = request.param == "secure"
     with ExitStack() as stack:
         made = Door(folder if secure else None)
@@ -81,7 +81,7 @@ def stalled_reader(arguments: list[str]) -> Generator[None]:
 def test_a_link_that_accepts_no_data_for_a_lease_is_closed(
     door: tuple[Door, list[str]], caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Its partner's keep-alives come all the time, and what is published may be dropped."""
+    """Its partner's keep-alives arrive all the time, and published messages may be dropped."""
     caplog.set_level("INFO", "pincette")
     router, arguments = door
     session = router.router.session
@@ -102,7 +102,8 @@ def test_a_link_that_accepts_no_data_for_a_lease_is_closed(
 
 @contextmanager
 def proxy(port: int) -> Generator[tuple[int, threading.Event, list[socket.socket]]]:
-    """Carry connections on to a port; while the event is set nothing is carried either way."""
+    """Forward connections to a port; while the event is set nothing is forwarded in either
+    direction."""
     stalled, lines = threading.Event(), list[socket.socket]()
     with socket.create_server(("127.0.0.1", 0)) as listener:
 
@@ -148,7 +149,7 @@ def test_closing_a_session_does_not_wait_for_a_stalled_link() -> None:
 
 
 def test_an_abandoned_session_keeps_no_link(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its sockets are shut down, so its partner knows of it no more, although nothing is read."""
+    """Its sockets are shut down, so its partner drops it although nothing is read."""
     monkeypatch.setattr(zenoh_bus, "UNANSWERED_S", 0.3)
     door = Door(None)
     with ExitStack() as stack:
@@ -180,7 +181,7 @@ def answer(_question: Request, _message: Message, reply: Callable[[Message], Non
 
 
 def test_hanging_consumers_do_not_block_a_stop() -> None:
-    """The network threads of a process are shared by its sessions, those of a stop included."""
+    """The sessions of a process share its network threads, including the session of a stop."""
     port = free_ports(8)
     never, hung = threading.Event(), threading.Semaphore(0)
 
@@ -213,7 +214,7 @@ def test_hanging_consumers_do_not_block_a_stop() -> None:
 
         for _ in buses:
             until(lambda: publish() or hung.acquire(blocking=False))
-        for _ in range(2000):  # more than Zenoh keeps for a callback
+        for _ in range(2000):  # more than Zenoh queues for a callback
             publish()
             sleep(0.0005)
         begun_s = monotonic()
@@ -221,4 +222,4 @@ def test_hanging_consumers_do_not_block_a_stop() -> None:
         assert trip_at(ends, "demo", Trip(Cause.ESTOP)) == Ack(1)
         assert monotonic() - begun_s < 1.0 + SLACK_S
         for bus in buses:
-            assert bus.alive() == set()  # which is an answer of the router
+            assert bus.alive() == set()  # which is a reply of the router

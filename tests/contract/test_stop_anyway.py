@@ -1,4 +1,4 @@
-"""`pincette estop` stops whatever is missing or damaged around it, and says what was confirmed."""
+"""`pincette estop` stops the rig whatever is missing or damaged, and reports what was confirmed."""
 
 import json
 import os
@@ -48,7 +48,8 @@ def estop(
     before: Callable[[], None] | None = None,
     **streams: Any,
 ) -> "subprocess.CompletedProcess[str]":
-    """Run the command as a process of its own, perhaps as an account that is in no list."""
+    """Run the command in a separate process, optionally under an account without an entry in the
+    list of accounts."""
     account = ["unshare", "--user", f"--map-user={NOBODY}"] if other_account else []
     settings: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **streams}
     return subprocess.run(
@@ -76,13 +77,13 @@ def has_namespaces() -> bool:
 
 
 def odd_environments(folder: Path) -> dict[str, dict[str, Any]]:
-    """Surroundings in which nothing that the stop needs is missing."""
+    """Return environments in which only things are missing that the stop does not need."""
     broken = folder / "broken.toml"
     broken.write_bytes(b"[rig\x00\xff")
     closed = folder / "closed"
     closed.mkdir()
     if os.geteuid() == 0:
-        os.chown(closed, NOBODY, NOBODY)  # which is no account of the namespace
+        os.chown(closed, NOBODY, NOBODY)  # which is not an account of the namespace
     closed.chmod(0o000)
     gone = folder / "gone"
     gone.mkdir()
@@ -217,7 +218,7 @@ def test_one_rig_is_stopped_by_name(capsys: pytest.CaptureFixture[str]) -> None:
         words = ["--url", supervisor.url, "--rig", "/nonexistent", "--rig-name", "right"]
         assert main(["estop", *words]) == Exit.DONE
         assert supervisor.posts[0][0] == "/api/v1/rigs/right/estop"
-        assert main(["estop", *words[:-1], "left"]) != Exit.DONE  # the answer names another
+        assert main(["estop", *words[:-1], "left"]) != Exit.DONE  # the reply names another rig
     assert "rig right: stopped" in capsys.readouterr().out
 
 
@@ -225,7 +226,7 @@ def test_one_rig_is_stopped_by_name(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_key_is_sent_only_if_a_certificate_proves_the_server_and_is_omitted_if_refused(
     proven: bool, tmp_path: Path
 ) -> None:
-    """Any program may have taken the port. A proxy may refuse a key that a stop does not need."""
+    """Any program may have taken the port. A proxy may refuse a key, which a stop does not need."""
     folder = Folder(tmp_path / "pki")
     folder.begin(NOW, DAYS)
     institute = folder.issue(program("supervisor", ""), ("127.0.0.1",), NOW, DAYS)

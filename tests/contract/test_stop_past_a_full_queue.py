@@ -1,4 +1,4 @@
-"""The router hangs and the queue to it is full: a stop still takes the direct link in time."""
+"""The router hangs and the queue to it is full: a stop still uses the direct link in time."""
 
 import signal
 import subprocess
@@ -88,7 +88,7 @@ def test_a_direct_stop_is_confirmed_in_time_despite_a_full_queue(
 
 
 def _supervisor(rig: RigFile) -> ZenohBus:
-    """Join as the supervisor, once the router listens."""
+    """Connect as the supervisor, once the router listens."""
     deadline_s = monotonic() + WAITED_S
     while True:
         try:

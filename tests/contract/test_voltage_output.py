@@ -1,4 +1,4 @@
-"""What every driver of a voltage output must do, over every kind of link."""
+"""Contract of every driver of a voltage output, over every kind of link."""
 
 import math
 from collections.abc import Callable, Generator
@@ -30,7 +30,7 @@ def _always(reply: bytes) -> Callable[[bytes], bytes]:
 
 
 class Load:
-    """What an output drives; the instrument can be replaced by a voice of its own."""
+    """The load of an output; the instrument can be replaced by the test."""
 
     def __init__(self, instrument: Callable[[Callable[[float], None]], Instrument]) -> None:
         self.voltages_V: list[float] = []
@@ -45,7 +45,8 @@ class Load:
 
 
 class VoltageOutputContract:
-    """Derive from it, and say how the driver is opened and which instrument it meets."""
+    """Base class of the tests; a subclass states how the driver is opened and which instrument it
+    drives."""
 
     step_V: float
     limit_V: float
@@ -162,7 +163,7 @@ class TestDC205(VoltageOutputContract):
 
 @pytest.mark.parametrize("reach", ["memory"], indirect=True)
 class TestDC205WithNumbersInItsLargeRange(TestDC205):
-    """The instrument says 1 where it else says ON."""
+    """The instrument replies 1 where the driver expects ON."""
 
     limit_V = 100.0
 

@@ -30,7 +30,7 @@ SAMPLE = Position(3, 0, 0.0, (ArmPosition(1.25, valid=True),))
 
 @pytest.fixture
 def both() -> Generator[tuple[ZenohBus, zenoh.Session]]:
-    """A program of this version, and a session of whichever."""
+    """Start a program of this version, and a session of any version."""
     with router("demo") as ends, open_session(ends, "other") as other:
         bus = ZenohBus(ends, "demo", "tool")
         yield bus, other
@@ -122,7 +122,7 @@ def test_waiting_for_a_program_reports_that_it_has_another_version(
     stop = threading.Event()
 
     class Alone:
-        """Of its partners one is of another version, until all are there."""
+        """Waiting ends although one of the partners has another version."""
 
         def __init__(self) -> None:
             self.there = [{"estimator"}, {"estimator"}, {"estimator", "actuator"}]

@@ -1,7 +1,7 @@
-"""What Zenoh does where one would expect something else: each row of the table in `wire.md`.
+"""Unexpected behaviour of Zenoh: each row of the table in `wire.md`.
 
-No code of this project is involved. A test that fails after an update of Zenoh says that its row,
-and what rests on it, is out of date.
+No code of this project is involved. A test that fails after an update of Zenoh shows that its row,
+and the code that relies on it, is out of date.
 """
 
 # Zenoh's stubs leave the return types of its calls open.
@@ -148,7 +148,7 @@ def test_a_queryable_that_never_finishes_ends_a_query_at_its_timeout_as_an_error
     declared = mute.declare_queryable(KEY, kept.append)
     until(lambda: bool(list(cast("Iterable[Any]", asker.get(KEY, timeout=0.1))) or kept))
     replies = list(cast("Iterable[zenoh.Reply]", asker.get(KEY, timeout=0.2)))
-    # One or more: each part of the network that waits for the queryable may say so.
+    # One or more: each part of the network that waits for the queryable may report it.
     assert replies
     assert {reply.err and reply.err.payload.to_bytes() for reply in replies} == {b"Timeout"}
     for query in kept:

@@ -1,4 +1,4 @@
-"""What the tests in containers share: an engine, and a witness of the machine's stalls."""
+"""Shared parts of the tests in containers: an engine, and a monitor of the machine's stalls."""
 
 import signal
 from collections.abc import Generator
@@ -22,7 +22,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def an_engine() -> Generator[None]:
-    # A shell's background job ignores Ctrl-C, and so would every program that is started here.
+    # A shell's background job ignores Ctrl-C, and so would every program started here.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     await_demo_ports()
     with engine():

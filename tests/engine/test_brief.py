@@ -1,4 +1,4 @@
-"""Two commands of README.md end in a grip, on a machine with Docker and nothing else."""
+"""Two commands of README.md complete a grip on a machine that has only Docker."""
 
 import re
 import runpy
@@ -24,7 +24,8 @@ BASE = "python:3.12-slim"
 TOLD = ("title", "licenses", "base.name")
 """Labels of an image."""
 OWN_MB = {"pincette-loop": 145, "pincette": 500}
-"""What an image may weigh above its base: with one of 205 MB the loop's stays below 350 MB."""
+"""Largest size of an image above its base, in MB: with a base of 205 MB the loop's image stays
+below 350 MB."""
 NAME = "pincette-brief"
 
 
@@ -35,7 +36,7 @@ def commands() -> list[str]:
 
 @pytest.fixture(scope="module")
 def project(commands: list[str]) -> Generator[Project]:
-    """What the first command starts, on a machine that has none of its images."""
+    """Start the containers of the first command on a machine that has none of the images."""
     one = Project(NAME)
     one.down()
     docker("image", "rm", "--force", "pincette", "pincette-loop")

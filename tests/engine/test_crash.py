@@ -1,4 +1,5 @@
-"""A program is killed in its container while a part is held: the fault table's outcome."""
+"""A program is killed in its container while a part is held: the outcome is that of the fault
+table."""
 
 import os
 import signal
@@ -15,7 +16,7 @@ from tests.support.reactions import TRIPPED
 from tests.support.witness import Witness, witness
 
 BESIDE_S = 1.0
-"""Time for which the loop is seen to go on without a program that stands beside it."""
+"""Time during which the loop must continue without a program that is not part of it."""
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +40,7 @@ def seen(rig: ContainerRig) -> Generator[Witness]:
 
 
 def killed(rig: ContainerRig, name: str) -> tuple[float, int]:
-    """Kill a program; when, and how often Docker had started it again before."""
+    """Kill a program; returns the time, and how often Docker had already restarted it."""
     before = rig.containers.restarts(name)
     now = monotonic()
     rig.containers.signal(name, signal.SIGKILL)
@@ -47,7 +48,7 @@ def killed(rig: ContainerRig, name: str) -> tuple[float, int]:
 
 
 def comes_back(rig: ContainerRig, name: str, before: int) -> None:
-    """See Docker start a program again, and the supervisor find it."""
+    """Check that Docker restarts a program and that the supervisor finds it."""
     rig.containers.until_restarted(name, before)
     until_seen_again(rig)
 
@@ -63,7 +64,7 @@ def test_without_a_program_of_the_loop_the_part_is_kept_and_the_rig_latched(
     kept_V = seen.newest(Applied).arms[0].voltage_V
     at_s, before = killed(rig, name)
     _, first = seen.until_state(TRIPPED, at_s)
-    if name != "rig":  # whose own output is gone
+    if name != "rig":  # whose own output is missing
         assert first.state == "frozen"
         assert abs(first.arms[0].voltage_V - kept_V) < 0.1
     ended = rig.ended(job)
@@ -161,7 +162,7 @@ def test_the_container_with_the_network_is_restarted_and_the_others_are_recreate
 
 
 def goes_on(seen: Witness, since_s: float) -> None:
-    """See the loop work on for a while, at its period and without a trip."""
+    """Check that the loop continues for a while, at its period and without a trip."""
     sleep(BESIDE_S)
     echoes = [echo for _, echo in seen.since(Applied, since_s)]
     assert {echo.state for echo in echoes} == {"armed"}

@@ -1,4 +1,4 @@
-"""The network of the containers is cut at one program's port, and heals; packets are dropped."""
+"""The network of the containers is cut at one program's port and restored; packets are dropped."""
 
 import shutil
 import subprocess
@@ -18,7 +18,7 @@ from tests.support.witness import Witness, witness
 
 ROUTER, CONTROLLER = 7447, 7450
 CUT_S = 1.0
-"""Longer than Zenoh takes to give up a link, shorter than the lease of a job."""
+"""Duration of a cut: longer than Zenoh needs to close a link, shorter than the lease of a job."""
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,7 @@ def in_network(process: int, *command: str) -> None:
 
 @contextmanager
 def cut(rig: ContainerRig, port: int) -> Generator[float]:
-    """Drop what goes to and from a port of the containers' loopback; since when."""
+    """Drop packets to and from a port of the containers' loopback; returns the time of the cut."""
     init = told("inspect", "-f", "{{.State.Pid}}", rig.containers.project.container("loopback"))
     rules = [
         ["INPUT", "-i", "lo", "-p", "tcp", side, str(port), "-j", "DROP"]
@@ -81,7 +81,7 @@ def test_without_the_router_the_loop_continues_and_all_programs_reconnect(
         echo = again.newest(Applied)
         assert echo.state == "armed"
         assert echo.seq >= ticks + 0.8 * CUT_S / rig.rig.rig.period_s
-        # A supervisor that heard nothing for a second has given its job up; the part stays held.
+        # A supervisor that received nothing for a second has given up its job; the part stays held.
         make_ready(rig)
         assert rig.job(job)["state"] in ("failed", "stopped", "aborted", "succeeded")
         whole_grip(rig, again)

@@ -1,4 +1,4 @@
-"""With deploy/secure.yml the programs talk over mutual TLS, and a listener needs a certificate."""
+"""With deploy/secure.yml the programs use mutual TLS, and a subscriber needs a certificate."""
 
 import subprocess
 import tarfile
@@ -92,7 +92,7 @@ def test_a_viewer_receives_the_rig(rig: ContainerRig, tmp_path: Path) -> None:
 
 
 def test_certificates_are_made_once(rig: ContainerRig) -> None:
-    """Brought up again, the programs keep the certificates that they have."""
+    """After another start the programs keep the certificates that they have."""
     digest = ("run", "--rm", "-v", f"{NAME}_pki:/pki:ro", "--entrypoint", "md5sum", "pincette")
     before = told(*digest, f"{MADE}/authority.crt")
     rig.containers.project.up("--force-recreate")

@@ -1,4 +1,5 @@
-"""Another version in place: containers are replaced, what was kept is kept, and a grip succeeds."""
+"""Upgrade to another version: containers are replaced, stored data are kept, and a grip
+succeeds."""
 
 import hashlib
 from collections.abc import Generator
@@ -25,7 +26,7 @@ REVISION = "org.opencontainers.image.revision"
 
 
 def version(revision: str, folder: Path) -> Project:
-    """The project as a checkout of some revision builds it."""
+    """Build the images from a checkout of some revision."""
     return Project(NAME, "listen", mounting(short_rig(), folder), PINCETTE_REVISION=revision)
 
 
@@ -47,7 +48,7 @@ def rig(folder: Path) -> Generator[ContainerRig]:
 
 
 def artifacts(rig: ContainerRig, job: str) -> dict[str, str]:
-    """SHA-256 of each file of a job's record, of what REST gives."""
+    """Return the SHA-256 of each file of a job's record, as REST returns it."""
     listed: list[Json] = rig.get(f"/jobs/{job}/artifacts")["artifacts"]
     found: dict[str, str] = {}
     for one in listed:
@@ -58,7 +59,7 @@ def artifacts(rig: ContainerRig, job: str) -> dict[str, str]:
 
 
 def containers(rig: ContainerRig) -> dict[str, str]:
-    """The number of each program's container."""
+    """Return the id of each program's container."""
     names = {name: rig.containers.project.container(name) for name in contained()}
     return {name: told("inspect", "-f", "{{.Id}}", one) for name, one in names.items()}
 

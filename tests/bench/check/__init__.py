@@ -1,1 +1,1 @@
-"""Whether a measured ratio has become worse than its noise explains."""
+"""Decide whether a measured ratio is worse than its noise explains."""

@@ -22,7 +22,7 @@ from tests.bench.loop.report import REPORT
 
 
 def counted() -> dict[str, float]:
-    """What a hop of each service takes, by service and count."""
+    """Return the counts for one hop of each service."""
     return {
         f"{name}-{count}": figure
         for name, alone in recorded_grip().items()
@@ -31,7 +31,7 @@ def counted() -> dict[str, float]:
 
 
 def timed() -> Mapping[str, float]:
-    """What ``make bench`` has left; nothing where it was not run."""
+    """Return the ratios that ``make bench`` has stored; empty if it was not run."""
     if not REPORT.is_file():
         return {}
     return json.loads(REPORT.read_text(encoding="utf-8"))["summary"]

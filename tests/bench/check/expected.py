@@ -1,4 +1,4 @@
-"""Ratios as they are expected, and which of those found are worse."""
+"""Expected ratios, and the decision which measured ones are worse."""
 
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -13,28 +13,28 @@ Kind = Literal["counted", "timed"]
 
 
 class Expected(BaseModel):
-    """One ratio."""
+    """An expected ratio."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     value: float = Field(gt=0.0)
     noise: float = Field(ge=0.0)
-    """By what share of the value it may be worse."""
+    """Share of the value by which a measured ratio may be worse."""
     better: Literal["higher", "lower"]
 
     @property
     def limit(self) -> float:
-        """The worst that counts as the same."""
+        """Worst value that counts as unchanged."""
         return self.value * (1.0 + (self.noise if self.better == "lower" else -self.noise))
 
     def holds(self, found: float) -> bool:
-        """Whether what was found is within the limit; what is no number is not."""
+        """Return whether a measured value is within the limit; NaN is not."""
         return found <= self.limit if self.better == "lower" else found >= self.limit
 
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """A ratio that was looked for."""
+    """An expected ratio with its measured value."""
 
     name: str
     expected: Expected
@@ -42,17 +42,17 @@ class Judged:
 
     @property
     def holds(self) -> bool:
-        """Whether it was found, and within its limit."""
+        """Return whether the ratio was measured and is within its limit."""
         return self.found is not None and self.expected.holds(self.found)
 
 
 def expected(kind: Kind, path: Path = EXPECTED) -> dict[str, Expected]:
-    """Ratios of a kind; raises ValueError where the file is not in order."""
+    """Read the expected ratios of a kind; raises ValueError if the file is invalid."""
     tables = tomllib.loads(path.read_text(encoding="utf-8"))
     return TypeAdapter(dict[Kind, dict[str, Expected]]).validate_python(tables)[kind]
 
 
 def judged(wanted: Mapping[str, Expected], found: Mapping[str, float]) -> Iterator[Judged]:
-    """Every ratio that is expected, in order."""
+    """Compare every expected ratio with its measured value, in the order of the file."""
     for name, one in wanted.items():
         yield Judged(name, one, found.get(name))

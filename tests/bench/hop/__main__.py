@@ -1,7 +1,7 @@
-"""Print what a hop of each service costs; run by ``python -m tests.bench.hop``.
+"""Print the cost of one hop of each service; run by ``python -m tests.bench.hop``.
 
-CPU time, the least of several runs; ``--profile NAME`` shows where a service spends it. Adds the
-mean of a hop, in units of the fixed loop, to ``bench.json``.
+The cost is CPU time, the minimum of several runs; ``--profile NAME`` shows where a service spends
+it. The mean of a hop, in units of the fixed loop, is added to ``bench.json``.
 """
 
 import argparse
@@ -21,7 +21,7 @@ COUNTS = ("calls", "calls_awaited", "kept_blocks", "peak_bytes", "said_bytes")
 
 
 def main() -> None:
-    """Measure every service, print a table, keep it."""
+    """Measure every service, print a table and store the result."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench.hop", description=__doc__)
     parser.add_argument("--profile", choices=LOOP)
     wanted = parser.parse_args().profile

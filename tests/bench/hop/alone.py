@@ -1,6 +1,7 @@
-"""A service by itself, to which a recorded grip is played as bytes.
+"""A single service, to which a recorded grip is played as bytes.
 
-The messages go through the whole way of a program: decoded, queued, joined, stepped with, encoded.
+The messages take the same path as in a program: they are decoded, queued, joined, used in a step,
+and encoded.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,7 +24,7 @@ from tests.support.rigs import demo_rig
 
 
 class NullBus:
-    """A bus that delivers given bytes on request, and drops what is published."""
+    """A bus that delivers given bytes on request and discards what is published."""
 
     def __init__(self) -> None:
         self._sinks: dict[str, Sink] = {}
@@ -40,20 +41,20 @@ class NullBus:
         self._sinks[topic.name] = sink
 
     def serve(self, question: Request, answerer: RequestHandler) -> None:
-        """Nobody asks."""
+        """Do nothing: no program sends requests."""
 
     def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:
         raise NotImplementedError
 
     def close(self) -> None:
-        """Nothing to leave."""
+        """Do nothing: there is no connection to close."""
 
     def deliver(self, topic: Topic, payload: bytes) -> None:
         self._sinks[topic.name](topic, decode(topic.message, payload))
 
 
 class Alone:
-    """A service, the recorded inputs that are played to it, and what it says to them."""
+    """A service, the recorded inputs that are played to it, and the messages that it sends."""
 
     def __init__(self, name: str, rig: RigFile, program: Program, said: Sequence[Message]) -> None:
         self.service: AnyService = plugins.load(plugins.SERVICES, name)
@@ -70,7 +71,8 @@ class Alone:
         each: Callable[[], None] | None = None,
         sent: Callable[[], None] | None = None,
     ) -> Callable[[], None]:
-        """A fresh service, armed; returns what plays all inputs to it, as a program would.
+        """Begin with a fresh, armed service; returns a function that plays all inputs to it, as a
+        program would.
 
         ``each`` is called before every input, ``sent`` after every message.
         """
@@ -91,7 +93,7 @@ class Alone:
         return play
 
     def steps(self) -> list[tuple[Any, ...]]:
-        """Arguments of every step that the service makes."""
+        """Return the arguments of every step that the service makes."""
         made: list[tuple[Any, ...]] = []
         step = self.service.step
 
@@ -104,7 +106,7 @@ class Alone:
 
 
 def recorded_grip() -> dict[str, Alone]:
-    """Every service of the loop, with the same grip of the demo rig."""
+    """Return every service of the loop with the inputs of the same grip of the demo rig."""
     rig = demo_rig({"rig": {"name": "bench"}, "simulation": {"truth": False}}, time="lockstep")
     program = plan_job(GripJobRequest(kind="grip"), rig).program
     messages = recording(rig, program)

@@ -1,4 +1,5 @@
-"""What a hop takes that no clock is needed for: the same on every machine with the same Python."""
+"""Costs of a hop that are counted without a clock: they are equal on all machines with the same
+Python."""
 
 import gc
 import sys
@@ -14,18 +15,18 @@ from tests.bench.hop.alone import Alone
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """Of one service, a tick."""
+    """Counts of one service, per tick."""
 
     calls: float
-    """Functions that are called, Python's own and built in."""
+    """Number of functions called, in Python and built in."""
     calls_awaited: float
-    """Of them those from the arrival of an input to the first message that it leads to."""
+    """Number of the calls between the arrival of an input and the first message that it causes."""
     kept_blocks: float
-    """Blocks of memory that a tick leaves behind."""
+    """Number of memory blocks that a tick leaves allocated."""
     peak_bytes: float
-    """Most memory that a tick takes on its way, beyond what it found."""
+    """Largest memory that a tick allocates temporarily, in bytes."""
     said_bytes: float
-    """Payload that leaves the service."""
+    """Size of the payload that the service sends, in bytes."""
 
 
 def counts_of(alone: Alone) -> Counts:
@@ -65,7 +66,7 @@ def _calls_awaited(alone: Alone) -> int:
     def sent() -> None:
         nonlocal since, awaited
         if since is not None:
-            awaited += calls - since - 1  # without that of this function
+            awaited += calls - since - 1  # without the call of this function
             since = None
 
     _profiled(alone.begun(each=came, sent=sent), called)

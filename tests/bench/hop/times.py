@@ -1,4 +1,4 @@
-"""CPU time of a hop and its parts, and of a fixed loop that machines are compared by."""
+"""CPU time of a hop and its parts, and of a fixed loop with which machines are compared."""
 
 import gc
 from collections.abc import Callable
@@ -15,7 +15,7 @@ LOOPS = 20_000
 
 @dataclass(frozen=True, slots=True)
 class Hop:
-    """CPU time of a service alone, in µs a tick."""
+    """CPU time of a single service, in µs per tick."""
 
     whole_us: float
     decode_us: float
@@ -24,12 +24,12 @@ class Hop:
 
     @property
     def join_us(self) -> float:
-        """Queue, joins, instrument, bookkeeping: what is left."""
+        """Time of the queue, joins, instrument and bookkeeping, which is the remainder."""
         return self.whole_us - self.decode_us - self.step_us - self.encode_us
 
 
 def hop_of(alone: Alone) -> Hop:
-    """The least of several runs of each part."""
+    """Measure each part of a hop; returns the minimum of several runs."""
     inputs, outputs, step, steps = alone.inputs, alone.outputs, alone.service.step, alone.steps()
 
     def decode_all() -> None:
@@ -56,12 +56,13 @@ def hop_of(alone: Alone) -> Hop:
 
 
 def fixed_us() -> float:
-    """CPU time of the loop that machines are compared by, the least of many."""
+    """Return the CPU time of the fixed loop with which machines are compared, the minimum of many
+    runs."""
     return min(cpu_us(_fixed) for _ in range(10 * ROUNDS))
 
 
 def cpu_us(work: Callable[[], None]) -> float:
-    """CPU time of a piece of work, in µs, without the collector."""
+    """Return the CPU time of a function in µs, without garbage collection."""
     gc.collect()
     gc.disable()
     begin_s = process_time()

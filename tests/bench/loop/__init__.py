@@ -1,1 +1,1 @@
-"""The loop in lockstep beside rings of do-nothing processes: rates, tails, CPU, their ratios."""
+"""The loop in lockstep beside rings of idle processes: rates, tails, CPU time and their ratios."""

@@ -1,7 +1,7 @@
-"""Measure the loop beside the rings, block by block, so that a slow machine slows all of them.
+"""Measure the loop and the rings in alternating blocks, so that a slow machine slows all of them.
 
-All turn over the same hops with the same bus settings, payload sizes and serial exchanges; the
-instruments are in this process and take the time of every tick. Writes ``bench.json`` and
+All pass ticks over the same hops with the same bus settings, payload sizes and serial exchanges;
+the instruments are in this process and measure the time of every tick. Writes ``bench.json`` and
 ``bench.png``.
 """
 
@@ -26,7 +26,7 @@ from tests.support.certificates import folder_for
 
 TICKS = 2000
 LEAST_TICKS = WARM_UP + 2
-"""Two measurements begin and end one tick that is counted."""
+"""Lowest number of ticks in a measurement, which begins and ends with a counted tick."""
 BLOCKS = 6
 PLOT = Path("bench.png")
 

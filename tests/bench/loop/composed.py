@@ -1,4 +1,4 @@
-"""A whole grip in one process on the bus in memory: how much faster than real time."""
+"""A whole grip in one process on the bus in memory, and its speed relative to real time."""
 
 from time import process_time
 
@@ -12,7 +12,7 @@ ROUNDS = 5
 
 
 def composed_over_realtime(rig: RigFile) -> float:
-    """Simulated time over CPU time of the best of several grips, plant and all."""
+    """Return simulated time over CPU time of the best of several grips, including the plant."""
     program = plan_job(GripJobRequest(kind="grip"), rig).program
     best = 0.0
     for _ in range(ROUNDS):

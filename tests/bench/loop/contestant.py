@@ -1,4 +1,4 @@
-"""Something that turns over ticks, and what is noted of a block of them."""
+"""A loop or ring that passes ticks on, and the figures of a block of ticks."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -9,11 +9,11 @@ from tests.bench.loop.watch import Stopwatch
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Some ticks in a row."""
+    """Figures of a number of consecutive ticks."""
 
     ticks_s: list[float]
     cpu_us: dict[str, float]
-    """CPU time of each process, a tick, and of the instruments' own as ``instruments``."""
+    """CPU time of each process per tick; ``instruments`` is that of the instruments."""
     stolen_s: float
 
     @property
@@ -24,18 +24,18 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Contestant:
-    """A loop or a ring that is up."""
+    """A running loop or ring."""
 
     name: str
     run: Callable[[int], None]
-    """Turns over a number of ticks, and returns when they are over."""
+    """Pass a number of ticks on, and return after the last one."""
     watch: Stopwatch
     processes: Mapping[str, int]
-    """By role, the number of the process."""
+    """Process number by role."""
     blocks: list[Block] = field(default_factory=list[Block])
 
     def measure(self, ticks: int) -> None:
-        """Run one block and keep it."""
+        """Run one block and store its figures."""
         before, stolen = cpu_of(self.processes), stolen_s()
         self.run(ticks)
         spent = {

@@ -1,4 +1,4 @@
-"""Rates and tails of blocks, and the ratios that are kept."""
+"""Rates and tails of blocks, and the ratios that are stored."""
 
 from collections.abc import Sequence
 from statistics import fmean, median
@@ -10,28 +10,28 @@ SHARES = {"p50": 0.5, "p99": 0.99, "p999": 0.999}
 
 
 def quantile(values: Sequence[float], share: float) -> float:
-    """Value below which a share of the values lies."""
+    """Return the value below which a share of the values lies."""
     ordered = sorted(values)
     return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
 
 
 def rate(blocks: Sequence[Block]) -> float:
-    """Ticks per second, of the block in the middle."""
+    """Return the ticks per second of the median block."""
     return median(block.per_s for block in blocks)
 
 
 def tail_ms(blocks: Sequence[Block], share: float) -> float:
-    """Length that all but a share of the ticks keep below, of the block in the middle."""
+    """Return the tail quantile of the tick lengths in ms, of the median block."""
     return 1e3 * median(quantile(block.ticks_s, share) for block in blocks)
 
 
 def cpu_us(blocks: Sequence[Block]) -> dict[str, float]:
-    """CPU time a tick by process, over all blocks."""
+    """Return the CPU time per tick by process, over all blocks."""
     return {name: fmean(block.cpu_us[name] for block in blocks) for name in blocks[0].cpu_us}
 
 
 def own(contestant: Contestant) -> dict[str, float]:
-    """Figures of one contestant under its own name."""
+    """Return the figures of one contestant, prefixed with its name."""
     name, blocks = contestant.name, contestant.blocks
     tails = {f"{name}_{word}_ms": tail_ms(blocks, share) for word, share in SHARES.items()}
     spent = cpu_us(blocks)
@@ -40,7 +40,7 @@ def own(contestant: Contestant) -> dict[str, float]:
 
 
 def ratios(loop: Contestant, bare: Contestant) -> dict[str, float]:
-    """The loop over the bare ring."""
+    """Return the ratios of the loop to the bare ring."""
     mine, other = loop.blocks, bare.blocks
     return {
         "loop_over_bare": rate(mine) / rate(other),
@@ -51,5 +51,6 @@ def ratios(loop: Contestant, bare: Contestant) -> dict[str, float]:
 
 
 def own_us_per_hop(loop: Contestant, bare: Contestant) -> float:
-    """By how much a tick is longer than one of the bare ring, divided by its hops."""
+    """Return the difference between a tick of the loop and one of the bare ring, divided by the
+    number of hops."""
     return 1e6 * (1.0 / rate(loop.blocks) - 1.0 / rate(bare.blocks)) / len(LOOP)

@@ -1,4 +1,4 @@
-"""The packages that only rings need, in an environment of their own."""
+"""The packages that only the rings need, in a separate environment."""
 
 import sys
 from hashlib import sha256
@@ -14,7 +14,8 @@ PACKAGES = ("zeromq", "cyclonedds")
 
 
 def folder_of_packages() -> Path:
-    """Return the folder that has them; an environment is made once for each list of pins."""
+    """Return the folder with these packages; an environment is made once for each list of pinned
+    versions."""
     made = Path(sys.prefix) / f"rings-{sha256(PINS.read_bytes()).hexdigest()[:12]}"
     if not made.exists():
         with TemporaryDirectory(dir=sys.prefix) as folder:

@@ -1,4 +1,4 @@
-"""How long the ticks of each contestant take: what share exceeds a length."""
+"""Chart of the tick lengths of each contestant: share of ticks longer than a given length."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +11,7 @@ HEIGHT_IN = 4.0
 
 
 def draw(path: Path, contestants: Sequence[Contestant]) -> None:
-    """Write a picture of all ticks of all blocks."""
+    """Draw the ticks of all blocks."""
 
     def lines(axes: list[Axis]) -> None:
         (axis,) = axes

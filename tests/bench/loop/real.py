@@ -31,7 +31,7 @@ def bench_rig() -> RigFile:
 
 
 def resting(ticks: int, period_s: float) -> Program:
-    """A program that rests for a number of ticks; the law regulates all along."""
+    """Run a program that rests for a number of ticks; the control law is active throughout."""
     return Program((Move("rest", ticks * period_s, to_um=(0.0,)),), GUARDS, 2.17)
 
 
@@ -39,10 +39,10 @@ def resting(ticks: int, period_s: float) -> Program:
 def real_loop(
     name: str, folder: Path, rig: RigFile, *, plant: bool = False
 ) -> Generator[Contestant]:
-    """Router, services and instruments; the instruments are in this process.
+    """Start router, services and instruments; the instruments are in this process.
 
-    ``plant``: they have one. Without it they do as little as those of a bare ring, so that both
-    are held up alike.
+    ``plant``: simulate a plant. Without one, the instruments do as little as those of a bare ring,
+    so both cause the same delay.
     """
     simulated = open_bench(rig, perf_counter)
     sensor, output = simulated.sensor.answer, simulated.output.answer
@@ -74,7 +74,7 @@ def real_loop(
 
 @contextmanager
 def _up(fleet: Fleet, rig: RigFile) -> Generator[ZenohBus]:
-    """The programs, ready to be armed, and a place among them."""
+    """Start the programs, ready to be armed, and connect to their bus."""
     try:
         fleet.start(["router"])
         fleet.start(LOOP)

@@ -1,4 +1,4 @@
-"""The file that measurements are kept in; each bench leaves what the others have written."""
+"""The file with the measurements; each bench keeps the entries of the others."""
 
 import json
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ REPORT = Path("bench.json")
 
 
 def keep(summary: Mapping[str, float], details: Mapping[str, Any]) -> None:
-    """Put figures into the summary of ``bench.json``, and details beside it."""
+    """Add figures to the summary of ``bench.json`` and details next to it."""
     report: dict[str, Any] = {}
     if REPORT.is_file():
         report = json.loads(REPORT.read_text(encoding="utf-8"))

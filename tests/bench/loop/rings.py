@@ -1,4 +1,4 @@
-"""Rings of do-nothing processes: over Zenoh, direct or by a router, and over what others use."""
+"""Rings of idle processes: over Zenoh, direct or through a router, and over other middleware."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
@@ -24,9 +24,9 @@ from tests.bench.shape import start_key
 from tests.support.rigs import free_ports
 
 MATCHED_S = 1.0
-"""Until every member of a ring knows the others."""
+"""Limit of the time until all members of a ring are connected."""
 DOMAINS = 100
-"""Domains of Cyclone DDS that a ring may have; each has ports of its own."""
+"""Domains of Cyclone DDS that a ring may use; each has its own ports."""
 ON_LOOPBACK = """
 <CycloneDDS><Domain Id="any">
   <General>
@@ -46,10 +46,10 @@ Kind = Literal["", "routed", "whole", "coded"]
 
 @contextmanager
 def zenoh_ring(name: str, kind: Kind = "") -> Generator[Contestant]:
-    """Four processes that hand on by Zenoh.
+    """Start four processes that pass ticks on by Zenoh.
 
-    ``routed``: each by way of a router alone; ``whole``: each takes all that its service takes;
-    ``coded``: and decodes it, and encodes what it sends.
+    ``routed``: only through a router; ``whole``: each also receives all topics that its service
+    receives; ``coded``: each also decodes what it receives and encodes what it sends.
     """
     port = free_ports(8)
     with ExitStack() as stack:
@@ -74,7 +74,7 @@ def zenoh_ring(name: str, kind: Kind = "") -> Generator[Contestant]:
 
 @contextmanager
 def socket_ring(name: str) -> Generator[Contestant]:
-    """Four processes that hand on by Unix sockets: what the machine itself takes for a tick."""
+    """Start four processes that pass ticks on by Unix sockets: the cost of the machine itself."""
     pairs = [socket.socketpair() for _ in LOOP]
     with ExitStack() as stack:
         for one in chain.from_iterable(pairs):
@@ -86,7 +86,7 @@ def socket_ring(name: str) -> Generator[Contestant]:
 
 @contextmanager
 def package_ring(name: str, packages: Path) -> Generator[Contestant]:
-    """Four processes that hand on by ``zeromq`` or ``cyclonedds``, whose package a folder has."""
+    """Start four processes that use ``zeromq`` or ``cyclonedds``, installed in the given folder."""
     ports = range(first := free_ports(len(LOOP)), first + len(LOOP))
     if name == "zeromq":
         places = [str(port) for port in ports]
@@ -103,7 +103,8 @@ def package_ring(name: str, packages: Path) -> Generator[Contestant]:
 def _other_ring(
     name: str, kind: str, into: Sequence[str], out_of: Sequence[str], more: Mapping[str, str]
 ) -> Generator[Contestant]:
-    """Four processes of ``tests.bench.others``, with names of the two ends of each hop."""
+    """Start four processes of ``tests.bench.others``, with the names of the two ends of each
+    hop."""
     with ExitStack() as stack:
         wires, watch = stack.enter_context(_blank_instruments(free_ports(8)))
         words = {role: [into[place - 1], out_of[place]] for place, role in enumerate(LOOP)}
@@ -132,7 +133,8 @@ def _contestant(
 
 @contextmanager
 def _blank_instruments(port: int) -> Generator[tuple[dict[str, str], Stopwatch]]:
-    """A sensor and an output without a plant; where they are, and what times the ticks."""
+    """Serve a sensor and an output without a plant; yields their urls and the stopwatch of the
+    ticks."""
     watch = Stopwatch(blank)
     wires = {
         "sensor": f"socket://127.0.0.1:{port + 6}",
@@ -149,10 +151,10 @@ def _processes(
     wires: Mapping[str, str],
     more: Mapping[str, str] | None = None,
 ) -> Generator[dict[str, Process]]:
-    """One process a role, each told its instrument and its own words, once all are ready.
+    """Start one process per role with the url of its instrument and its own arguments; yields once
+    all are ready.
 
-    Words that are numbers of open sockets are handed on with them. ``more``: variables of the
-    environment.
+    Arguments that are numbers of open sockets are inherited. ``more``: environment variables.
     """
     started = {
         role: subprocess.Popen(

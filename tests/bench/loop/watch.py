@@ -1,4 +1,4 @@
-"""An instrument that times the ticks, and one that says nothing new."""
+"""Instruments that measure the length of ticks, or reply without a plant."""
 
 from collections.abc import Callable
 from itertools import cycle, pairwise
@@ -14,7 +14,8 @@ BLOCK_LIMIT_S = 60.0
 
 
 class Stopwatch:
-    """An instrument that notes when it is asked, and hands on to the real one or answers blank."""
+    """An instrument that records the time of each request, and passes it to the real one or sends a
+    blank reply."""
 
     def __init__(self, answer: Callable[[bytes], bytes | None]) -> None:
         self._answer = answer
@@ -27,28 +28,28 @@ class Stopwatch:
         return self._answer(line)
 
     def idle(self) -> None:
-        """Nothing to look after."""
+        """Do nothing: there is no plant to update."""
 
     def ticks_s(self) -> list[float]:
-        """Lengths of the ticks since the last call, the warm-up left out."""
+        """Return the lengths of the ticks since the last call, without the warm-up."""
         times, self.asked_s = self.asked_s, []
         return [later - sooner for sooner, later in pairwise(times)][WARM_UP:]
 
 
 def at_rest(noise_um: float, sensor: Answer) -> Answer:
-    """A sensor before an arm that rests: its noise over and over, without a plant to ask."""
+    """Simulate a sensor in front of an arm at rest: its noise is repeated, without a plant."""
     noise = GaussianNoise(1)
     shown = cycle([b"MS,01," + value(noise_um * noise.at(tick), "um") for tick in range(NOISES)])
     return lambda line: next(shown) if line.startswith(b"MS") else sensor(line)
 
 
 def obeyed(output: Answer) -> Answer:
-    """An output that takes each voltage, and moves nothing."""
+    """Simulate an output that accepts each voltage and moves nothing."""
     return lambda line: b">" if line.startswith(b"#") else output(line)
 
 
 def blank(line: bytes) -> bytes | None:
-    """What an instrument without a plant says."""
+    """Return the reply of an instrument without a plant."""
     return b"MS,01,+0030.02" if line.startswith(b"MS") else b">"
 
 

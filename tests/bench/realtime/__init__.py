@@ -1,1 +1,1 @@
-"""Loops in real time: how punctual, at which rate, with how many rigs and listeners."""
+"""Loops in real time: punctuality by rate, number of rigs and number of subscribers."""

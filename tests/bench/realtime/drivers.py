@@ -1,6 +1,7 @@
-"""The demo rig's drivers for instruments of which nothing is stated: they may be as fast as ours.
+"""Drivers for the demo rig's instruments that state no durations, so the instruments may be as fast
+as the simulated ones.
 
-Registered for the programs of a bench alone, by a folder on their path.
+Only the programs of a bench find them, through a folder on their path.
 """
 
 import os
@@ -24,18 +25,19 @@ ENTRIES = f"""\
 
 
 def open_sensor(settings: Sensor) -> PositionSensor:
-    """A laser whose bytes take no time."""
+    """Open a laser whose bytes take no time."""
     return keyence_lkg.open_sensor(settings)
 
 
 def open_output(settings: Output) -> VoltageOutput:
-    """An output that responds at once."""
+    """Open an output that responds at once."""
     return icpdas_i7024.open_output(settings)
 
 
 @contextmanager
 def registered(folder: Path) -> Generator[None]:
-    """Make a distribution of them in a folder, and have programs that start find it."""
+    """Write a distribution with these drivers into a folder, where newly started programs find
+    it."""
     place = folder / "pincette_bench-0.dist-info"
     place.mkdir()
     (place / "METADATA").write_text("Metadata-Version: 2.1\nName: pincette-bench\nVersion: 0\n")

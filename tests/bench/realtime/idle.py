@@ -30,7 +30,8 @@ DEPTH = 3
 """Generations of processes below ``pincette up``."""
 DEMO = Path("deploy") / "rigs" / "demo.toml"
 PORTS = ("7447", "7461", "7462", "8000")
-"""Ports in the file of the demo rig; the programs of the loop take the four after the first."""
+"""Number of ports in the rig file of the demo rig; the programs of the loop use the four after the
+first."""
 COLUMNS = {"cpu": "% of a core", "wakes": "wake-ups/s", "pss_MB": "PSS MB", "rss_MB": "RSS MB"}
 
 
@@ -60,7 +61,7 @@ class Taken:
 
 @contextmanager
 def rig_up(checkout: Path, folder: Path) -> Generator[int]:
-    """Start the demo rig of a checkout on ports of its own; yields the number of its process."""
+    """Start the demo rig of a checkout on its own ports; yields the process number."""
     bus, *others = PORTS
     first, text = free_ports(len(PORTS) + 4), (checkout / DEMO).read_text(encoding="utf-8")
     text = text.replace(bus, str(first))
@@ -116,7 +117,8 @@ def wakes(process: int) -> int:
 
 
 def memory_MB(process: int) -> tuple[float, float]:
-    """Return the memory of a process, with shared pages divided among all processes, and whole."""
+    """Return the memory of a process in MB: with shared pages divided among their processes, and in
+    full."""
     found: dict[str, float] = {}
     for line in Path(f"/proc/{process}/smaps_rollup").read_text(encoding="ascii").splitlines()[1:]:
         name, size, _ = line.split()
@@ -144,7 +146,7 @@ def measure(up: Mapping[int, Taken], seconds: float) -> None:
 
 
 def main() -> None:
-    """Measure, print, keep."""
+    """Measure, print and store."""
     parser = argparse.ArgumentParser(
         prog="python -m tests.bench.realtime.idle", description=__doc__
     )

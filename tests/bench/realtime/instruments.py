@@ -1,9 +1,8 @@
-"""The simulated instruments of some rigs in one process, which answer as fast as they can.
+"""The simulated instruments of some rigs in one process, which reply as fast as they can.
 
-    python -m tests.bench.realtime.instruments RIG_FILE ...
+python -m tests.bench.realtime.instruments RIG_FILE ...
 
-Neither line nor instrument takes its time, unlike those of the program ``rig``; the plants are
-the same.
+Unlike in the program ``rig``, neither line nor instrument has a delay; the plants are the same.
 Ends when standard input closes.
 """
 
@@ -23,14 +22,14 @@ READY = b"ready\n"
 
 
 class Unhurried:
-    """An instrument that does not think before it answers."""
+    """An instrument that replies without delay."""
 
     def __init__(self, instrument: Instrument) -> None:
         self.answer, self.idle = instrument.answer, instrument.idle
 
 
 def main(paths: Sequence[str]) -> None:
-    """Serve them."""
+    """Serve the instruments."""
     with ExitStack() as stack:
         for path in paths:
             rig = read_rig(Path(path))
@@ -44,7 +43,7 @@ def main(paths: Sequence[str]) -> None:
 
 @contextmanager
 def instruments(paths: Sequence[Path]) -> Generator[int]:
-    """Start that process; gives its number."""
+    """Start the process of the instruments; yields its number."""
     command = [sys.executable, "-m", __name__, *map(str, paths)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         try:

@@ -29,7 +29,7 @@ PATIENCE_S = 120.0
 
 @contextmanager
 def rigs_up(count: int, folder: Path) -> Generator[tuple[RunningRig, list[Fleet]]]:
-    """Rigs under the supervisor of the first one, and their programs."""
+    """Start rigs under the supervisor of the first one; yields the rigs and their programs."""
     rig = demo_rig(laid_over(ONE_PROGRAM, {"rig": {"name": "rig0"}}))
     with ExitStack() as stack:
         first = stack.enter_context(running_rig(rig, folder))
@@ -52,7 +52,8 @@ def rigs_up(count: int, folder: Path) -> Generator[tuple[RunningRig, list[Fleet]
 
 
 def grips(first: RunningRig, rig: str, until_s: float) -> tuple[int, list[str]]:
-    """Grip with a rig until a time; returns how often it succeeded, and what else happened."""
+    """Grip with a rig until a given time; returns the number of successes and the other
+    outcomes."""
     succeeded, failures = 0, list[str]()
     deadline = monotonic() + PATIENCE_S
     while not any(one["name"] == rig and one["can_start"] for one in first.get("/rigs")["rigs"]):

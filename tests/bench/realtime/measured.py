@@ -1,4 +1,4 @@
-"""Punctuality and CPU of some rigs over a time."""
+"""Punctuality and CPU time of some rigs during a period."""
 
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -23,13 +23,14 @@ from tests.support.rigs import Tree
 from tests.support.stalls import STALL_S, StallRecorder
 
 SETTLED_S = 2.0
-"""After the start, whose imports take the processors for themselves."""
+"""Time after the start before measuring; the programs' imports keep the processors busy until
+then."""
 SHARES = {"p50": 0.5, "p99": 0.99, "p999": 0.999, "max": 1.0}
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """What some rigs took, all of them together."""
+    """Resources and delays of some rigs, all rigs together."""
 
     rigs: int
     listeners: int
@@ -37,26 +38,27 @@ class Measured:
     seconds: float
     ticks: int
     missed: int
-    """Points of the sensor's grid that were skipped, and samples that no service acted on."""
+    """Points of the sensor's grid that were skipped, and samples on which a service did not act."""
     missed_undisturbed: int
-    """Of these, those of a second in which no stall was recorded."""
+    """Those of ``missed`` that lie in a second without a recorded stall."""
     stalls: int
-    """Times of more than 5 ms in which a processor was not run, or ran something else."""
+    """Number of times that a processor did not run, or ran something else, for more than 5 ms."""
     stolen_s: float
     age_ms: dict[str, float]
-    """Of the newest sample where the actuator acts on it."""
+    """Age of the newest sample when the actuator acts on it, in ms."""
     lateness_ms: dict[str, float]
-    """Of the sensor's wake-ups against its grid."""
+    """Lateness of the sensor's wake-ups relative to its grid, in ms."""
     deviation: float | None
-    """Of an interval between two samples from the period, r.m.s., over the period."""
+    """R.m.s. deviation of the interval between two samples from the period, divided by the
+    period."""
     deviation_undisturbed: float | None
-    """The same in seconds without a stall; None where there was none."""
+    """The same deviation in seconds without a stall; None if there was none."""
     cores: dict[str, float]
-    """Processors that a program kept busy, over all rigs."""
+    """Number of processors that a program kept busy, over all rigs."""
 
 
 def measured(rigs: int, listeners: int, seconds: float, own: Tree) -> Measured:
-    """Start rigs, let their loops run for a time, and end them; ``own``: see ``rigs_up``."""
+    """Start rigs, run their loops for a time, and stop them; ``own``: see ``rigs_up``."""
     with (
         TemporaryDirectory() as folder,
         rigs_up(rigs, Path(folder), own) as up,
@@ -114,8 +116,8 @@ def _spread(parts: Iterable[Distribution]) -> dict[str, float]:
 
 
 def _deviation(latenesses: Iterable[tuple[int, int]], period_s: float) -> float | None:
-    """Standard deviation of the difference of two latenesses that know nothing of each other, over
-    the period; of buckets and how many each holds."""
+    """Return the standard deviation of the difference between two independent latenesses, divided
+    by the period, from a histogram."""
     items = list(latenesses)
     if not items:
         return None
@@ -126,7 +128,7 @@ def _deviation(latenesses: Iterable[tuple[int, int]], period_s: float) -> float 
 
 @contextmanager
 def listening(count: int, rig: Rig) -> Generator[None]:
-    """Clients of the router, each of which takes all that the rig says."""
+    """Connect clients to the router, each of which receives everything that the rig publishes."""
     place = client_session(rig.file.bus.host, rig.file.bus.port)
     with ExitStack() as stack:
         for number in range(count):

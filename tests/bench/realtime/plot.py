@@ -1,4 +1,4 @@
-"""Ages, lateness and processors by the number of rigs, and by that of listeners."""
+"""Charts of age, lateness and CPU use by number of rigs and by number of subscribers."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +11,7 @@ HEIGHT_IN = 7.0
 
 
 def draw(path: Path, by_rigs: Sequence[Measured], by_listeners: Sequence[Measured]) -> None:
-    """Write a picture: rigs to the left, listeners to the right."""
+    """Draw the chart: rigs on the left, subscribers on the right."""
 
     def lines(axes: list[Axis]) -> None:
         rigs = [one.rigs for one in by_rigs]

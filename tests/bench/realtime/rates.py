@@ -1,7 +1,7 @@
-"""Measure how punctual a loop is by its rate: as four programs, as four bound to two processors,
-and as one.
+"""Measure the punctuality of a loop at several rates: as four programs, as four bound to two
+processors, and as one.
 
-On an idle machine, without a fixed priority unless one is asked for. Adds to ``bench.json``; run by
+For an idle machine; without real-time priority unless requested. Adds to ``bench.json``; run by
 ``python -m tests.bench.realtime.rates``.
 """
 
@@ -23,11 +23,12 @@ FORMS: tuple[Tree, ...] = (
     {"rig": {"composed": ["loop"]}},
 )
 SLOWEST_S = 0.0052
-"""Two periods of the mode; a quicker loop estimates the force with a filter that knows the mode."""
+"""Two periods of the mode, in s; a faster loop estimates the force with a filter that models the
+mode."""
 
 
 def main() -> None:
-    """Measure, print, keep."""
+    """Measure, print and store."""
     parser = argparse.ArgumentParser(
         prog="python -m tests.bench.realtime.rates", description=__doc__
     )

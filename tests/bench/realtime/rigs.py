@@ -21,38 +21,39 @@ from tests.support.rigs import Tree, demo_rig, laid_over, rig_toml
 
 EPOCH_BITS = 47
 TOGETHER = 4
-"""Rigs whose instruments share a process, and so an interpreter's lock, for which they wait."""
+"""Number of rigs whose instruments share a process, and therefore one interpreter lock."""
 TOLD = ("sensor", "actuator")
-"""Services whose timing is asked for: the first of a tick, and the last."""
+"""Services whose timing is measured: the first and the last of a tick."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rig:
-    """A rig that is up."""
+    """A running rig."""
 
     file: RigFile
     bus: ZenohBus
     processes: dict[str, int]
-    """Their numbers by program; every ``TOGETHER`` rigs, one has the instruments of all these."""
+    """Process numbers by program; the first of every ``TOGETHER`` rigs also has the process of
+    their instruments."""
 
     def begin(self, duration_s: float) -> None:
-        """Let the law keep the arm where it is for so long."""
+        """Keep the arm in place under closed-loop control for a given time."""
         period_s = self.file.rig.period_s
         self.bus.call(RESET, Reset(acknowledge=True))
         program = resting(round(duration_s / period_s), period_s)
         arm(self.bus, program, epoch=randbits(EPOCH_BITS), digest=self.file.digest())
 
     def timing(self) -> dict[str, Timing]:
-        """How punctual the services have been since then."""
+        """Return the timing of the services since ``begin``."""
         settings = TimingRequest()
         return {name: cast(Timing, self.bus.call(TIMING_OF[name], settings)) for name in TOLD}
 
 
 @contextmanager
 def rigs_up(count: int, folder: Path, own: Tree) -> Generator[list[Rig]]:
-    """Rigs on ports of their own, of which the first has the router.
+    """Start rigs on their own ports; the first has the router.
 
-    ``own`` is what all of them have unlike the demo rig.
+    ``own`` holds the settings of all rigs that differ from the demo rig.
     """
     files: list[RigFile] = []
     for number in range(count):

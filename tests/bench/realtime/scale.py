@@ -1,4 +1,4 @@
-"""Measure how ages and processors grow with rigs, and with listeners on the keys of one.
+"""Measure how age and CPU use grow with the number of rigs, and of subscribers to one rig.
 
 Every rig runs at its own period in real time, its loop in one program. Adds to ``bench.json`` and
 draws ``scale.png``; run by ``python -m tests.bench.realtime.scale``.

@@ -1,4 +1,4 @@
-"""Published timing of services, second by second, so that stalls can be left out."""
+"""Published timing of services per second, so that seconds with stalls can be left out."""
 
 import threading
 from bisect import bisect_right
@@ -16,25 +16,25 @@ from tests.bench.realtime.rigs import TOLD, Rig
 from tests.support.stalls import STALL_S, StallRecorder
 
 MARGIN_S = 0.1
-"""Between what happens and the word of it."""
+"""Largest delay between an event and the message that reports it, in s."""
 Place = tuple[str, str]
-"""Rig and service."""
+"""A rig and one of its services."""
 
 
 @dataclass(frozen=True, slots=True)
 class Second:
-    """From one word of a service to the next."""
+    """Interval between two timing messages of a service."""
 
     begin_s: float
     end_s: float
     service: str
     missed: int
     lateness: Mapping[int, int]
-    """How many by bucket."""
+    """Number of wake-ups by bucket of the lateness."""
 
 
 class Seconds:
-    """All of them, of some rigs whose epoch has just begun."""
+    """All intervals of some rigs since their epoch began."""
 
     def __init__(self, rigs: Sequence[Rig]) -> None:
         begin_s = monotonic()
@@ -67,13 +67,13 @@ class Seconds:
             self._all.append(second)
 
     def undisturbed(self, recorder: StallRecorder, period_s: float) -> list[Second]:
-        """Those in which nothing stood still for long enough to cost a tick."""
+        """Return the intervals without a stall long enough to cost a tick."""
         return apart_from(recorder.apart(min(STALL_S, JOIN_WAIT_PERIODS * period_s)), self._all)
 
 
 def apart_from(stalls: Sequence[tuple[float, float]], seconds: Sequence[Second]) -> list[Second]:
-    """Those within which none of the stalls lies, not even in part; of stalls as begin and end, in
-    order and without overlap."""
+    """Return the intervals that overlap none of the stalls; stalls are (begin, end), sorted and
+    without overlap."""
     ends_s = [end_s for _, end_s in stalls]
     return [
         one

@@ -1,4 +1,4 @@
-"""What was measured, a line each; (quiet): in seconds without a recorded stall."""
+"""Table of the measurements, one line each; (quiet): in seconds without a recorded stall."""
 
 from tests.bench.realtime.measured import Measured
 
@@ -7,7 +7,7 @@ SPREADS = ("p50", "p99", "p999", "max")
 
 
 def head() -> None:
-    """Name the columns."""
+    """Print the column names."""
     spreads = "".join(
         f"{f'{quantity} ms':>10}" + "".join(f"{share:>8}" for share in SPREADS)
         for quantity in ("age", "late")
@@ -19,7 +19,7 @@ def head() -> None:
 
 
 def tell(one: Measured) -> Measured:
-    """Print its line."""
+    """Print the line of one measurement."""
     counts = (one.rigs, one.listeners, round(one.rate_hz), one.ticks)
     figures = (*counts, one.missed, one.missed_undisturbed, one.stalls)
     spreads = "".join(

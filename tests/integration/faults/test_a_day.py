@@ -1,4 +1,4 @@
-"""A day of grips and holds in virtual time, without a fault: nothing trips, nothing is refused."""
+"""A day of grips and holds in virtual time, without a fault: no trip and no refusal."""
 
 import os
 import resource
@@ -13,10 +13,10 @@ from tests.support.virtual_loop_places import T, begun
 
 DAY_H = 24.0
 REST_S = 60.0
-"""Between two grips the rig idles, and every tenth time it rests for longer."""
+"""Time for which the rig idles between two grips; every tenth time it rests for longer."""
 LONGEST_S = 20.0
 GROWTH_KB = 20_000
-"""Of the memory after the first hour; what grew with the ticks would be far above it."""
+"""Allowed growth of the memory after the first hour; a leak per tick would be far above it."""
 
 
 def test_several_grips_in_a_row_do_not_trip() -> None:
@@ -40,12 +40,12 @@ def test_a_day_runs_without_a_fault(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def memory_kB() -> int:
-    """The most that this process has had so far."""
+    """Return the largest memory that this process has used so far."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def live(loop: VirtualLoop, for_s: float) -> int:
-    """Grip again and again; how often."""
+    """Grip repeatedly; returns the number of grips."""
     until_s, grips = loop.now_s + for_s, 0
     epoch = loop.runner("actuator").state.epoch
     loop.told = None
@@ -61,7 +61,7 @@ def live(loop: VirtualLoop, for_s: float) -> int:
 
 
 def check(loop: VirtualLoop) -> None:
-    """No trip, no refusal, no tick missed, and a part that was gripped."""
+    """Check that there was no trip, no refusal and no missed tick, and that a part was gripped."""
     states = {echo.state for _, echo in loop.applied}
     assert states <= {"latched", "idle", "armed"}, states
     view = loop.runner("controller").state.player
@@ -70,8 +70,8 @@ def check(loop: VirtualLoop) -> None:
         status = loop.call(name, StatusRequest())
         assert isinstance(status, Status)
         assert (program.refused, status.missed) == (0, 0), status
-        # Samples of the idle loop that are on their way while it is being armed are of the epoch
-        # before, and rightly not taken.
+        # Samples of the idle loop that are in transit while it is being armed belong to the
+        # previous epoch and are rightly dropped.
         assert status.refused <= 4 * loop.runner("actuator").state.epoch, status
     loop.applied = loop.applied[-1:]
     loop.put_out = loop.put_out[-1:]

@@ -1,7 +1,7 @@
-"""Faults of a loop of which several services are one program, in virtual time.
+"""Faults of a loop in which several services are one program, in virtual time.
 
-What a fault does, and within which bounds, is as with a program for each service; but one that
-hangs or dies takes with it all that it composes, the actuator too where that is among them.
+The effects and limits of a fault are those of separate programs; but a program that hangs or dies
+stops all services that it contains, including the actuator if it is one of them.
 """
 
 import random
@@ -35,7 +35,8 @@ TOGETHER = [
 WATCHDOG_S, TICK_S = 0.5, 0.05
 AFTER_S = 0.3
 HUNG_PERIODS = 4.0
-"""Longer than a command may be old, and less than what is left out for a standstill."""
+"""Number of periods that a program hangs: longer than the age limit of a command, shorter than a
+stall that is discounted."""
 BENCH = [fault for fault in FATAL if fault.deed == "bench"]
 PHASES = (0.02, 0.27, 0.52, 0.77, 0.97)
 
@@ -87,7 +88,7 @@ def test_an_emergency_stop_acts_within_a_period(state: str) -> None:
 def test_a_service_that_computes_too_long_trips_its_program_at_once(
     state: str, service: str, period_s: float
 ) -> None:
-    """It is no standstill of the machine, for which a command would be waited for."""
+    """This is no stall of the machine, for which a command would be waited for."""
     loop = composed_place(state, "loop", period_s=period_s).loop.fork(1)
     program, hung_s = loop.program(service), HUNG_PERIODS * period_s
     program.slow_s, program.slow_service = hung_s, service
@@ -119,7 +120,7 @@ def test_a_program_that_hangs_moves_nothing_and_does_not_jump_afterwards(
     hung_at_s = loop.now_s
     loop.stop("loop", hung_s)
     loop.run(hung_at_s + hung_s)
-    # A voltage that was accepted before may still be on its way.
+    # A voltage that was accepted before may still be in transit.
     assert all(at_s < hung_at_s + T / 4 for at_s, _ in loop.put_out)
     loop.run(loop.now_s + AFTER_S)
     voltages_V = [put_V for _, put_V in loop.put_out]
@@ -152,7 +153,7 @@ def test_a_nan_inside_a_program_never_becomes_a_voltage() -> None:
 
 
 def _without_numbers(service: AnyService) -> AnyService:
-    """The service, but its force is no number."""
+    """Return the service with a force of NaN."""
 
     def step(*given: Any) -> Any:
         state, outputs = service.step(*given)

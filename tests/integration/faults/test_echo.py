@@ -20,19 +20,21 @@ from tests.support.virtual_loop_places import FREEZE_S, STATES, T, place
 SEED = 20130503
 MOVING = tuple(state for state in STATES if state != "idle")
 MOST_LATE_S = 0.2 * T
-"""More than this on a way that takes half a period as a whole is a fault of its own, row 5."""
+"""Largest lateness of a message, in s; a longer delay in one direction is a separate fault, row
+5."""
 SETTLES_S = 5.0 * T
 FEW, MANY = 3, 60
 """Patterns for each state."""
 RARELY = 0.005
-"""Share of patterns in which so many messages are late that lost echoes end in a trip.
+"""Share of patterns in which so many messages are late that lost echoes cause a trip.
 
-Of 400 patterns for each state 3 or 4 in all did.
+Of 400 patterns for each state, 3 or 4 in total did.
 """
 
 
 def hurried(state: str, seed: int) -> tuple[VirtualLoop, random.Random]:
-    """A loop whose messages come late by chance, on every way, at some place of a period."""
+    """Return a loop whose messages are randomly late, in both directions, from some phase of a
+    period."""
     chance = random.Random(f"{SEED} {state} {seed}")
     loop = place(state).loop.fork(chance.getrandbits(32))
     loop.links += [
@@ -44,7 +46,7 @@ def hurried(state: str, seed: int) -> tuple[VirtualLoop, random.Random]:
 
 
 def check_cut(state: str, seed: int) -> float:
-    """Cut the echo; how long until the reaction."""
+    """Cut the echo; returns the time until the reaction."""
     loop, _ = hurried(state, seed)
     cut_s = loop.now_s
     loop.links.append(LinkFault("lost", "actuator", "estimator", begin_s=cut_s))
@@ -69,7 +71,7 @@ def trips_after_lost_echoes(state: str, seed: int) -> bool:
     loop, chance = hurried(state, seed)
     for _ in range(2):
         begin_s = loop.now_s + chance.random() * T
-        # As wide as a period, less what an echo may vary by: one is lost, and no two.
+        # The window is a period wide, less the variation of an echo: one echo is lost, never two.
         ends_s = begin_s + T - MOST_LATE_S
         loop.links.append(LinkFault("lost", "actuator", "estimator", begin_s=begin_s, end_s=ends_s))
         loop.run(begin_s + SETTLES_S)

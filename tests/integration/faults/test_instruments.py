@@ -1,7 +1,7 @@
-"""Faults of instruments and of the bench in a grip, in virtual time, and what becomes of each.
+"""Faults of instruments and of the bench during a grip, in virtual time, and their outcomes.
 
-../shared/faults.md has the table. A sensor's fault is named by its samples, an output's by the
-actuator's cause. Each fault has a twin that must not trip.
+../shared/faults.md has the table. A sensor's fault is identified by its samples, an output's by the
+actuator's cause. Each fault has a counterpart that must not trip.
 """
 
 from math import isfinite
@@ -24,16 +24,17 @@ FREE_OR_HELD = pytest.mark.parametrize(
 FORCE_MAX_MN = 40.0
 FREEZE_S = 0.4
 RAMP_TICKS = 2
-"""Of 35 ms."""
+"""Number of ticks in 35 ms."""
 
 
 def at(seq: int, target: str, what: str, **more: float) -> Tree:
-    """An entry of the rig file that acts from a sample on."""
+    """Return an entry of the rig file that takes effect from a given sample on."""
     return {"at_s": seq * T, "target": target, "what": what, **more}
 
 
 def check_safe(played: Played, state: str, seq: int) -> None:
-    """It tripped at ``seq`` into ``state``, did what that asks for, and took no command after."""
+    """Check that the rig tripped at ``seq`` into ``state``, made the required ramp or freeze, and
+    accepted no command afterwards."""
     trip = played.trip
     assert trip is not None
     assert (trip.seq, trip.state) == (seq, state)
@@ -43,7 +44,7 @@ def check_safe(played: Played, state: str, seq: int) -> None:
     kept_V = next(echo.arms[0].voltage_V for echo in played.applied if echo.seq == trip.seq - 1)
     frozen = [echo for echo in after if echo.state == "frozen"]
     assert {echo.arms[0].voltage_V for echo in frozen} <= {kept_V}
-    # The end of the freeze falls on a tick, or a rounding after it.
+    # The end of the freeze falls on a tick, or after it by a rounding error.
     assert len(frozen) - (round(FREEZE_S / T) if state == "frozen" else 0) in (0, 1)
     assert len(after) - len(frozen) <= RAMP_TICKS + 1
 
@@ -97,7 +98,7 @@ def test_a_force_above_the_limit_ends_the_grip_and_releases() -> None:
     assert played.positions[-1].arms[0].x_um < 1.0
     assert played.truths[-1].arms[0].force_mN == 0.0
     lighter = play(at(HOLD, "weight", "hang", value=2.0))
-    # Nothing but the sensor, or what pushes the part, moves the arm back at once.
+    # The arm moves back at once only if the sensor, or what pushes the part, moves it.
     assert lighter.outcome == "sensor_jump"
     check_untripped(lighter)
 
@@ -152,13 +153,14 @@ def test_a_stuck_sensor_is_found_within_ten_samples_while_the_voltage_moves(
 
 
 def test_a_stuck_sensor_does_not_trip_while_the_arm_is_at_rest() -> None:
-    # In a hold the law follows the creep: from the eighth sample on the voltage gives it away.
+    # In a hold the law follows the creep: from the eighth sample on, the voltage has changed
+    # enough.
     for seq, count in ((1, 12), (HOLD, 7)):
         played = play(at(seq, "sensor", "stuck", for_s=count * T))
         stuck = {position.arms[0].x_um for position in played.positions[seq : seq + count]}
         assert len(stuck) == 1
         check_untripped(played)
-        # In a hold the reading steps as it comes back.
+        # In a hold the reading jumps when it returns.
         assert played.outcome == ("position_step" if seq == HOLD else "gripped")
 
 
@@ -177,7 +179,8 @@ def test_an_output_that_does_not_confirm_trips_at_once_and_is_named(
 
 
 def test_a_tripped_watchdog_of_the_output_is_a_trip_that_is_named() -> None:
-    """The instrument had no message of its host for 1 s, and reports it at the next write."""
+    """The instrument received no message from its host for 1 s, and reports this at the next
+    write."""
     played = play(host_stands_at_s=HOLD * T)
     assert played.trip is not None
     assert (played.trip.seq, played.trip.state) == (HOLD, "frozen")

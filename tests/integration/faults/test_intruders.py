@@ -1,4 +1,5 @@
-"""Rows 9, 14 and 15: two controllers, old commands again, foreign publishers; none is obeyed."""
+"""Rows 9, 14 and 15: two controllers, repeated old commands, foreign publishers; none of them is
+obeyed."""
 
 import random
 from functools import partial
@@ -21,7 +22,7 @@ TIMES_THE_RATE = 10
 
 
 def echoes(loop: VirtualLoop) -> list[Applied]:
-    """Since the controller has spoken in this loop."""
+    """Return the echoes since the controller first published in this loop."""
     first = min(item.seq for item in commands(loop) if item.valid)
     return [echo for _, echo in loop.applied if echo.seq >= first and echo.epoch == newest(loop)]
 
@@ -35,7 +36,8 @@ def commands(loop: VirtualLoop) -> list[Command]:
 
 
 def check_obeys(loop: VirtualLoop, owner: int, least_share: float = 0.9) -> None:
-    """It follows one owner, tick by tick, and no other sender trips it."""
+    """Check that the actuator follows one owner in every tick, and that no other sender trips
+    it."""
     by_seq = {item.seq: item.arms[0].voltage_V for item in commands(loop) if item.owner == owner}
     answered = [echo for echo in echoes(loop) if echo.answered]
     assert {echo.state for echo in echoes(loop)} == {"armed"}
@@ -98,7 +100,7 @@ def test_repeated_old_commands_are_refused_individually() -> None:
 
 
 def stranger_says(loop: VirtualLoop, payload: bytes, to: str = "actuator") -> None:
-    """On the topic that the program takes, as the payload of its kind."""
+    """Publish on the topic that the program receives, with a payload of its type."""
     topics = {"actuator": COMMAND, "estimator": POSITION, "controller": ESTIMATE}
     topic = APPLIED if to == "estimator" and b"command_age_s" in payload else topics[to]
     loop.send(("stranger", to), topic, payload)
@@ -126,7 +128,8 @@ def test_a_flood_of_other_epochs_displaces_no_valid_message(
 
 
 def test_a_flood_of_forged_and_invalid_commands_is_refused_and_the_loop_continues() -> None:
-    """Ten times the rate: other owners, other epochs, the future, the past, and no messages."""
+    """Ten times the rate: other owners, other epochs, the future, the past, and invalid
+    messages."""
     loop = place("approach").loop.fork(5)
     chance = random.Random(5)
     good = Command(

@@ -1,4 +1,4 @@
-"""Row 10: whatever programs are killed and started again, in whatever state, a person is asked.
+"""Row 10: whatever programs are killed and restarted, in whatever state, a person must reset.
 
 Every subset of the eight programs of a rig, in every state of a job: the loop's four, the simulated
 rig with its instruments, the router, the recorder and the supervisor.
@@ -19,10 +19,10 @@ from tests.support.virtual_supervisor import Notes, VirtualSupervisor
 OF_THE_LOOP = ("sensor", "estimator", "controller", "actuator")
 PROGRAMS = (*OF_THE_LOOP, "rig", "router", "recorder", "supervisor")
 AWAY_S = (0.03, 0.3)
-"""Restarted at once, and after the loop has come to rest."""
+"""Times until the restart: at once, and after the loop has come to rest."""
 SEED = 21
 DRAWN, DRAWN_IN_FULL = 4, 24
-"""Subsets of each state in the short forms."""
+"""Number of subsets of each state in the short tests."""
 
 
 def subsets() -> Iterator[tuple[str, ...]]:
@@ -31,7 +31,7 @@ def subsets() -> Iterator[tuple[str, ...]]:
 
 
 def drawn(state: str, count: int) -> list[tuple[str, ...]]:
-    """Some subsets, of which half have the actuator."""
+    """Draw some subsets, half of which include the actuator."""
     chance = random.Random(f"{SEED} {state}")
     every = [one for one in subsets() if one]
     with_it = [one for one in every if "actuator" in one]
@@ -39,7 +39,7 @@ def drawn(state: str, count: int) -> list[tuple[str, ...]]:
 
 
 def check(state: str, killed: Sequence[str], away_s: float) -> None:
-    """Kill, start again, and try a job three times: the latch stands until a person clears it."""
+    """Kill, restart, and try a job three times: the latch remains until a person clears it."""
     case = f"{'+'.join(killed) or 'nothing'} killed in {state} for {away_s} s"
     loop = place(state).loop.fork(SEED)
     loop.told = []

@@ -1,8 +1,8 @@
-"""A grip whose instruments answer late, twice or never ends with the right force, or with a trip.
+"""A grip whose instruments reply late, twice or never ends with the right force, or with a trip.
 
-The loop is in virtual real time, with the drivers' own bytes over lines whose answers are delayed.
-A reading that was taken for that of the question after it would be a period old or more: the grip
-would press on for that time, and end as if nothing had been wrong.
+The loop is in virtual real time, with the drivers' own bytes over lines whose replies are delayed.
+A reading that was mistaken for the reply to the next request would be a period old or more: the
+grip would continue to press for that time, and end as if nothing had been wrong.
 """
 
 import logging
@@ -16,11 +16,12 @@ from tests.support.delayed_rig import AT_ONCE_S, Grip, grip
 
 FORCE_MN = 8.0
 LARGEST_MN = 8.6
-"""True force that the same grip reaches at most where the sensor answers at once, and a margin of
-0.2 mN for readings as old as are accepted."""
+"""Largest true force of the same grip if the sensor replies at once, plus a margin of 0.2 mN for
+readings as old as are accepted."""
 T = 0.02
 IN_TIME_S = {False: 0.8 * T, True: 0.0058}
-"""Time that the loop waits for the sensor: as a separate program, or in one with all others."""
+"""Time that the loop waits for the sensor, in s: as a separate program, or in one with all
+others."""
 SEED = 20261127
 
 
@@ -53,7 +54,7 @@ def test_a_grip_with_late_readings_is_right_or_trips(delay_s: float, composed: b
 @pytest.mark.parametrize("composed", [False, True])
 @pytest.mark.parametrize("from_s", [0.5, 1.75, 2.1, 3.0])
 def test_a_line_may_become_slow_during_a_grip(from_s: float, composed: bool) -> None:
-    """In the approach, before the touch, in the load and in the hold."""
+    """In the approach, before the contact, in the load and in the hold."""
     came = grip(constant(0.042), composed=composed, from_s=from_s)
     assert came.peak_mN <= LARGEST_MN
     assert came.trip is not None
@@ -110,7 +111,7 @@ def test_a_grip_succeeds_if_the_output_confirms_late(delay_s: float) -> None:
 
 
 def test_in_many_cases_a_grip_has_the_right_force_or_trips() -> None:
-    """Each delay from 0 to 3 timeouts, from each phase on, with losses and doubles (long)."""
+    """Each delay from 0 to 3 timeouts, from each phase on, with losses and duplicates (long)."""
     for composed in (False, True):
         timeout_s = IN_TIME_S[composed]
         for tenths in range(31):

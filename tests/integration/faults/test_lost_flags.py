@@ -1,7 +1,8 @@
-"""A flag that one message carries, or one reading answers, is not lost with it.
+"""A flag of one message, which one reading confirms, is not lost with that message or reading.
 
-The zero of the force is the flag of one command: its tick's voltage carries it to the estimator,
-and the reading after it answers it. Whichever of them is lost, the zero is taken in the same rest.
+The flag for zeroing the force is in one command: the voltage of its tick passes it to the
+estimator, and the next reading confirms it. Whichever of them is lost, the zero is taken in the
+same rest.
 """
 
 from collections.abc import Callable
@@ -32,7 +33,7 @@ class LosingLoop(VirtualLoop):
     """Tick of the first command that carried a zero."""
 
     def send(self, link: tuple[str, str], topic: Topic, payload: bytes) -> None:
-        """Put bytes on their way to one program, unless they are to be lost."""
+        """Send bytes to one program, unless they are to be lost."""
         message = decode(topic.message, payload)
         if isinstance(message, Command) and message.zero and self.zero_seq is None:
             self.zero_seq = message.seq
@@ -48,7 +49,7 @@ class LosingLoop(VirtualLoop):
 
 
 def played(loses: Callable[[LosingLoop, str, Message], bool]) -> LosingLoop:
-    """Play a short grip in which a message is lost, and check that it was."""
+    """Play a short grip in which a message is lost, and check that it was lost."""
     loop = LosingLoop(near_rig())
     loop.loses = loses
     loop.run(0.1)

@@ -1,4 +1,4 @@
-"""Fault × job state × phase of the cycle, in virtual time, each judged for itself."""
+"""Fault × job state × phase of the cycle, in virtual time, each judged separately."""
 
 import os
 import random
@@ -24,7 +24,7 @@ MOVING = tuple(state for state in STATES if state != "idle")
 
 
 def drawn(fault: Fault, state: str) -> tuple[float, int]:
-    """Where in the period it falls, and the seed of what the machine does meanwhile."""
+    """Draw the time of the fault within the period, and the seed of the machine's delays."""
     chance = random.Random(f"{SEED} {fault.name} {state}")
     return chance.random(), chance.getrandbits(32)
 

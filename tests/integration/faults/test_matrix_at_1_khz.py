@@ -1,6 +1,7 @@
-"""Fault × job state at T = 1 ms in virtual time: age limit, ramp and freeze are those of a period.
+"""Fault × job state at T = 1 ms in virtual time: age limit, ramp and freeze follow from this
+period.
 
-The whole matrix is that of 20 ms. Four programs on a machine that keeps 1 ms, and all in one.
+The complete matrix is tested at 20 ms. Four programs on a machine that keeps 1 ms, and all in one.
 """
 
 import random
@@ -21,7 +22,7 @@ MOVING = tuple(state for state in STATES if state != "idle")
 FEW = ("approach", "hold")
 WATCHDOG_S, TICK_S = 0.5, 0.1
 STEP_V = 0.001
-"""Of the output, by which a voltage is rounded."""
+"""Step to which the output rounds a voltage, in V."""
 
 
 def drawn(fault: Fault, state: str) -> tuple[float, int]:
@@ -105,7 +106,7 @@ def test_a_hanging_composed_program_moves_nothing_and_does_not_jump_afterwards(
     hung_at_s = loop.now_s
     loop.stop("loop", hung_s)
     loop.run(hung_at_s + hung_s)
-    # A voltage that was accepted before may still be on its way.
+    # A voltage that was accepted before may still be in transit.
     assert all(at_s < hung_at_s + SHORT_S / 4 for at_s, _ in loop.put_out)
     put_V = loop.put_out[-1][1]
     loop.run(loop.now_s + SHORT_S)

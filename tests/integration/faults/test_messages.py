@@ -1,4 +1,4 @@
-"""Row 4 and 15: whatever a field may say, no handler fails and no voltage leaves its limits."""
+"""Rows 4 and 15: whatever value a field has, no handler raises and no voltage leaves its limits."""
 
 from itertools import cycle, pairwise
 from math import inf, nan
@@ -20,7 +20,7 @@ SOURCES: dict[type[Message], str] = {
 
 
 def hints_of(kind: type[Message]) -> dict[str, Any]:
-    """Fields of a message and of the record of its arm, with their types."""
+    """Return the fields of a message and of the record of its arm, with their types."""
     own = get_type_hints(kind)
     return own | get_type_hints(get_args(own["arms"])[0])
 
@@ -39,7 +39,7 @@ WATCHED_S = 4.5 * T
 
 
 def spoilt(state: str, source: str, field: str, value: Any, *, once: bool = True) -> VirtualLoop:
-    """A loop in which a field says something else, once or from here on."""
+    """Return a loop in which a field has another value, once or from here on."""
     loop = place(state).loop.fork(1)
     loop.run(loop.now_s + 0.4 * T)
     end_s = loop.now_s + (ONCE_S if once else WATCHED_S)
@@ -49,12 +49,13 @@ def spoilt(state: str, source: str, field: str, value: Any, *, once: bool = True
 
 
 def refused(loop: VirtualLoop) -> int:
-    """Payloads that were no message."""
+    """Return the number of payloads that were invalid."""
     return sum(program.refused for program in loop.programs.values())
 
 
 def check_voltages(loop: VirtualLoop) -> None:
-    """Within the limits, and by steps that the slew limit and the ramp allow."""
+    """Check that voltages are within the limits, and that their steps respect the slew limit and
+    the ramp."""
     limits, safety = loop.rig.limits, loop.rig.safety
     ramp_V = (limits.voltage_max_V - limits.voltage_min_V) * 0.35 * T / safety.ramp_s
     step_V = max(limits.slew_V_per_s * T, ramp_V)
@@ -79,7 +80,7 @@ def test_an_invalid_value_is_refused_in_the_same_cycle_and_counted(source: str, 
     values = (*NO_VALUES, *(NO_NUMBERS if is_float(source, field) else ()))
     for value in values:
         if value == [] and is_list(source, field):
-            continue  # which says that there is nothing
+            continue  # the value that means that there is nothing
         loop = spoilt("approach", source, field, value)
         listeners = {"sensor": 2, "actuator": 1, "estimator": 1, "controller": 1}[source]
         assert refused(loop) == listeners, f"{source}.{field} = {value!r}"
@@ -93,17 +94,17 @@ def test_an_invalid_value_is_refused_in_the_same_cycle_and_counted(source: str, 
 def test_no_value_makes_a_handler_raise_or_a_voltage_exceed_its_limits(
     source: str, field: str
 ) -> None:
-    """Values come in the approach and in the hold by turns."""
+    """The values come alternately in the approach and in the hold."""
     for value, state in zip((*ABSURD, *OPTIONAL), cycle(("approach", "hold")), strict=False):
         check_voltages(spoilt(state, source, field, value, once=value in ABSURD))
 
 
 @pytest.mark.parametrize("source", SOURCES.values())
 def test_extreme_numbers_have_no_lasting_effect(source: str) -> None:
-    """Said once and then no more, they neither shut out what is right nor stay in a memory."""
+    """Values sent once neither block valid values afterwards nor stay in a memory."""
     for field, value in (("seq", 2**53), ("seq", -1), ("epoch", 0), ("epoch", 2**53)):
         if source == "sensor":
-            continue  # a sample that is lost for all: test_matrix has it
+            continue  # a sample that all programs miss: see test_matrix
         loop = spoilt("approach", source, field, value)
         loop.run(loop.now_s + 10.0 * T)
         last = loop.newest

@@ -1,4 +1,4 @@
-"""Row 13: of samples that come twice, late or in another order, what counts is in order."""
+"""Row 13: of samples that come twice, late or in another order, only those in order are used."""
 
 import random
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ class Tape:
         return 0.0
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Do nothing: there is no port to close."""
 
 
 @cache
@@ -63,7 +63,8 @@ def recorded() -> dict[type[Message], list[Sample]]:
 
 
 def shuffled(orders: Sequence[tuple[int, int]]) -> list[int]:
-    """Numbers 0 to SAMPLES, some repeated, and some earlier or later than they are due."""
+    """Return the numbers 0 to SAMPLES, some repeated, and some earlier or later than they are
+    due."""
     seqs = list(range(SAMPLES))
     for seq, by in orders:
         seqs.insert(max(0, min(len(seqs), seq + by)), seq)
@@ -71,7 +72,7 @@ def shuffled(orders: Sequence[tuple[int, int]]) -> list[int]:
 
 
 def in_order(seqs: Sequence[int]) -> list[int]:
-    """The part of it that is in order."""
+    """Return the elements that are in order."""
     kept: list[int] = []
     for seq in seqs:
         if not kept or seq > kept[-1]:
@@ -165,7 +166,8 @@ def test_of_reordered_messages_the_actuator_uses_only_those_in_order(
 
 @pytest.mark.parametrize("seed", range(2))
 def test_duplicated_messages_do_not_change_the_loop(seed: int) -> None:
-    """The second of each comes when it will; the numbers are the same to the last bit."""
+    """The second copy of each message comes at any time; the numbers are the same to the last
+    bit."""
     loops = [place("approach").loop.fork(seed) for _ in range(2)]
     late_s = random.Random(seed).uniform(0.0, 3.0 * T)
     loops[1].links.append(LinkFault("twice", late_s=late_s))

@@ -24,7 +24,7 @@ def tripped(loop: VirtualLoop) -> bool:
 
 
 def taken_times(loop: VirtualLoop, since_s: float) -> list[float]:
-    """When commands were taken."""
+    """Return the times at which commands were accepted."""
     return [at_s for at_s, echo in loop.applied if echo.answered and at_s >= since_s]
 
 
@@ -38,12 +38,13 @@ def longest_gap(times: Sequence[float]) -> float:
 def test_lost_messages_are_tolerated_or_trip_by_the_age_limit(
     link: tuple[str, str], share: float, seed: int
 ) -> None:
-    """Of three commands in a row that do not come the last is too old; of two none is."""
+    """If three consecutive commands are lost, the last one that arrived becomes too old; if two are
+    lost, it does not."""
     loop = place("approach").loop.fork(seed)
     began_s = loop.now_s
     loop.links.append(LinkFault("lost", *link, share=share))
     loop.run(began_s + WATCHED_S, lambda: tripped(loop))
-    newest_s = began_s - 0.75 * T  # the last command before, as late as it may have been
+    newest_s = began_s - 0.75 * T  # the last command before them, as late as it may have been
     gap_s = longest_gap([newest_s, *taken_times(loop, began_s), loop.now_s])
     if tripped(loop):
         assert gap_s >= 2.0 * T, "a trip needs commands that did not come"
@@ -85,7 +86,7 @@ def test_a_step_of_the_wall_clock_does_not_change_a_bit(monkeypatch: pytest.Monk
 
 @pytest.mark.parametrize("periods", [1.2, 3.4])
 def test_a_starved_sensor_skips_ticks_and_never_bursts(periods: float) -> None:
-    """Each of its steps takes longer than the period: the grid is kept, with holes."""
+    """Each of its steps takes longer than the period: the grid is kept, with gaps."""
     loop = place("approach").loop.fork(1)
     sensor = loop.runner("sensor")
     due_at, missed = sensor.due_at, sensor.missed
