@@ -38,7 +38,7 @@ class Door:
         """Listen at ``place``; raises OSError if it is in use.
 
         ``origins`` are pages that may connect, in addition to those that this machine serves
-        itself. ``proof`` is the TLS certificate; TLS is terminated here.
+        itself. ``proof`` is the TLS context; TLS is terminated here.
         """
         self._behind, self._origins, self._proof = behind, frozenset(origins), proof
         self._open, self._told = 0, set[str]()

@@ -92,5 +92,7 @@ class Checklist(Model):
 
     rig: str
     next: str | None
-    """Calibration to run now, or whose proposal needs a decision; null if none is left."""
+    """Calibration to run now, or to decide about if its proposal is waiting; null if none is
+    left.
+    """
     steps: list[ChecklistStep]

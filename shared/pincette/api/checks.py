@@ -7,7 +7,7 @@ from pincette.control.vocabulary import FaultCode
 
 
 class FaultView(Model):
-    """A fault: programs use ``code`` and ``values``, people read ``text``."""
+    """A fault. ``code`` and ``values`` are for programs, ``text`` is for people."""
 
     model_config = example(
         code="no_command",
@@ -17,7 +17,9 @@ class FaultView(Model):
 
     code: FaultCode
     values: dict[str, float | None]
-    """Numbers of the fault by name, which ends in the unit; null if the number is not finite."""
+    """Numbers of the fault by name. Names end with the unit. A number that is not finite is
+    null.
+    """
     text: str
 
 
@@ -38,19 +40,18 @@ class Check(Model):
     name: str
     ok: bool
     needed: bool
-    """True if the rig is ready only when this check passes. The other checks are hints for people.
-    """
+    """True if the rig is ready only when this check passes. Other checks are advice for people."""
     value: float | str | None
     limit: float | str | None
     unit: str
     age_s: float | None
     """Time since the check was made; null if it is not known."""
     words: str
-    """Result of the check, in words."""
+    """Time since the check was made; null if it is unknown."""
 
 
 class Alive(Model):
-    """State of the supervisor itself: whether it works."""
+    """State of the supervisor process itself: whether it is running properly."""
 
     model_config = example(status="alive", checks=[])
 

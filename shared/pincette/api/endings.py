@@ -1,4 +1,4 @@
-"""Reason for the end of a job: a code with numbers for programs, words for people."""
+"""Reason for the end of a job: a code with numbers for programs, and a text for people."""
 
 from collections.abc import Mapping
 from typing import Literal
@@ -71,7 +71,9 @@ ENDINGS: Mapping[EndingCode, str] = {
 
 
 class Ending(Model):
-    """Reason for the end of a job for programs; ``cause`` of the job is the text for people."""
+    """Reason for the end of a job in a form for programs; the job's ``cause`` is the text for
+    people.
+    """
 
     model_config = example(
         code="tripped",
@@ -90,12 +92,12 @@ class Ending(Model):
 
     code: EndingCode
     trip: str = ""
-    """Code of the cause why the actuator has tripped; empty if it has not."""
+    """Code of the cause of the actuator's trip; empty if it has not tripped."""
     faults: list[FaultView] = Field(default_factory=list["FaultView"])
     """Faults that the actuator has found."""
     values: dict[str, float] = Field(default_factory=dict[str, float])
-    """Numbers by name, which ends in the unit, such as ``spent_s`` and ``limit_s``."""
+    """Numbers by name, such as ``spent_s`` and ``limit_s``. Names end with the unit."""
     problem: str = ""
-    """Code of the problem document that a request with this fault would get."""
+    """Code of the problem document with which a request with this fault would be rejected."""
     next_job: str = ""
     """Identifier of the job that continues or repeats this one; empty if there is none."""

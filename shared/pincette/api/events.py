@@ -20,11 +20,13 @@ EventKind = Literal[
 ]
 """Kinds of event that are stored and numbered, so that no client misses one."""
 PassingKind = Literal["progress", "dropped"]
-"""Kinds of event that only connected listeners get: progress, and counts of missed events."""
+"""Kinds of event that are sent to connected listeners only: progress, and counts of missed
+events.
+"""
 
 
 class Event(Model):
-    """Event of a job or a rig; as a server-sent event, its ``id`` is the number."""
+    """Event of a job or a rig. When it is sent as a server-sent event, its ``id`` is ``number``."""
 
     model_config = example(
         number=318,
@@ -36,16 +38,17 @@ class Event(Model):
     )
 
     number: int | None
-    """Number of the event, ascending over all rigs; null for events that are not stored."""
+    """Number of the event, ascending over all rigs; null if the event is not stored."""
     at: str
     rig: str
     job: str | None
-    """Identifier of the job; null for events of the rig alone."""
+    """Identifier of the job; null if the event concerns only the rig."""
     kind: EventKind | PassingKind
     body: dict[str, Any]
     """Content of the event, by its kind. For ``dropped``: ``progress`` is the number of progress
-    events that a slow listener has missed, ``numbered`` the largest possible number of stored
-    events that have been deleted since."""
+    events that a slow listener has missed, and ``numbered`` the largest possible number of stored
+    events that were deleted before this listener received them.
+    """
 
 
 class EventList(Model):
@@ -63,7 +66,7 @@ class EventList(Model):
 class Alarm(Model):
     """Alarm for the operator.
 
-    It stays open until its condition has ended and a person has acknowledged it.
+    The alarm stays open until its condition has ended and a person has acknowledged it.
     """
 
     model_config = example(
@@ -88,13 +91,14 @@ class Alarm(Model):
     job: str | None
     """Job that used the rig; null if there was none."""
     severity: Literal["alarm", "warning"]
-    """Severity of the alarm; ``warning``: nothing was stopped."""
+    """Severity of the alarm. For a ``warning``, nothing was stopped."""
     cause: str
-    """Stable code of the cause; ``words`` are for people."""
+    """Stable code of the cause; ``words`` is the text for people."""
     words: str
     clears: Literal["reset", "condition", "acknowledge"]
-    """Event that ends the alarm: a reset of the rig, the end of the condition, or, if the condition
-    is over at once, the acknowledgement."""
+    """Event that ends the alarm's condition: a reset of the rig, the end of the condition, or, for
+    a momentary condition, the acknowledgement.
+    """
     count: int
     """Number of times that the condition occurred while the alarm was open."""
     raised_at: str
@@ -102,7 +106,7 @@ class Alarm(Model):
     acknowledged_at: str | None
     acknowledged_by: str | None
     cleared_at: str | None
-    """Time at which the condition was found to be over."""
+    """Time at which the condition was found to have ended."""
     open: bool
 
 
@@ -124,4 +128,4 @@ class AlarmAction(Model):
     model_config = example(type="acknowledge")
 
     type: Literal["acknowledge"]
-    """Acknowledge the alarm: a person has seen it. Nothing moves and nothing is reset."""
+    """``acknowledge``: a person has seen the alarm. Nothing moves and nothing is reset."""

@@ -1,4 +1,4 @@
-"""History of a rig over hours, read from its records."""
+"""Measured history of a rig over hours, read from its records."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ JOB: dict[str, Any] = {
 
 
 class HistoryJob(Model):
-    """A job that ran in the requested time."""
+    """A job that ran during the requested time."""
 
     model_config = example(**JOB)
 
@@ -30,16 +30,17 @@ class HistoryJob(Model):
     to_s: float | None
     """End of the job; null while it runs."""
     recorded: bool
-    """True if the samples of the job are among the points. Those of a running job are added when it
-    ends."""
+    """True if the points include the samples of the job. A running job's samples are added when it
+    ends.
+    """
 
 
 class History(Model):
     """Smallest and largest values in each interval of time, as columns of equal length.
 
-    Times are seconds since 1970, UTC. There is no point where there is no record; a column holds
-    null where the record has no value. ``…_error_…`` is the measured or estimated value minus its
-    reference. ``second_…`` belongs to the second arm; records of one arm have no such column.
+    Times are seconds since 1970, UTC. An interval without a record has no point; a column holds
+    null for a value that the record lacks. ``…_error_…`` is the measured or estimated value minus
+    its reference. ``second_…`` belongs to the second arm; records of one arm have no such column.
     """
 
     model_config = example(
@@ -58,12 +59,12 @@ class History(Model):
     from_s: float
     to_s: float
     step_s: float
-    """Length of an interval."""
+    """Length of an interval, in s."""
     at_s: list[float]
-    """Middle of each interval that has samples."""
+    """Centre of each interval that has samples."""
     low: dict[str, Column]
     high: dict[str, Column]
     jobs: list[HistoryJob] = Field(default_factory=list[HistoryJob])
     """Jobs, oldest first."""
     left_out: int
-    """Number of older jobs of that time that were left out because there were too many."""
+    """Number of older jobs in the requested time that were omitted because there were too many."""

@@ -1,8 +1,8 @@
 """Kinds of job: name, request, result and views. A plug-in registers each kind.
 
-A kind is one object ``KIND = JobKind(...)`` in the entry-point group ``pincette.job_kinds``. It
-imports nothing heavy: ``functions`` names the code that plans, evaluates and draws, and the
-supervisor imports it when it is needed.
+A kind is one object ``KIND = JobKind(...)`` in the entry-point group ``pincette.job_kinds``. The
+module of the object imports no large packages: ``functions`` names the code that plans, evaluates
+and draws, and the supervisor imports that code when it needs it.
 """
 
 from collections.abc import Iterable, Mapping
@@ -22,12 +22,12 @@ from pincette.core import plugins
 from pincette.core.units import unit_of
 
 LAST = 1000
-"""Place in lists for kinds that state none."""
+"""Sort position of kinds that state none: the last."""
 Widget = Literal["number", "choice", "check", "list", "pairs", "text", "words", "recipe"]
 
 
 class Choice(Model):
-    """One choice of a field. An empty value is not sent."""
+    """One choice of a field. A choice with an empty value is not sent."""
 
     model_config = example(value="sinusoid", label="sinusoid")
 
@@ -36,7 +36,7 @@ class Choice(Model):
 
 
 class FieldSpec(Model):
-    """A field of a form. The request's schema supplies what the field does not state."""
+    """A field of a form. Properties that are not stated here come from the request's schema."""
 
     model_config = example(name="force_mN", label="Force")
 
@@ -48,35 +48,42 @@ class FieldSpec(Model):
     placeholder: str | None = None
     """Text shown while the field is empty."""
     limit: str = ""
-    """Name of the rig's limit that is the upper bound of the field; empty: none."""
+    """Name of the rig's limit that is the upper bound of the field; empty if there is none."""
     when: dict[str, tuple[str, ...]] = Field(default_factory=dict[str, tuple[str, ...]])
-    """Other fields, each with the values for which this field is shown and sent."""
+    """Conditions of this field: names of other fields, each with the values for which this field is
+    shown and sent.
+    """
     excludes: str = ""
-    """Field that is disabled while this field is on."""
+    """Name of the field that is disabled while this field is on."""
     advanced: bool = False
     """True if the form shows the field under *More*."""
     planned: str = ""
-    """Phase and member of the plan of an empty request whose value fills this field."""
+    """Phase and member of a plan that supply the default of this field; the plan is that of an
+    empty request.
+    """
     required: bool = False
     names: bool = False
-    """True if the value of this field is only the name under which another field is sent."""
+    """True if this field is not sent itself: its value is the name under which another field is
+    sent.
+    """
     named_by: str = ""
-    """Field whose value is the name under which this one is sent."""
+    """Name of the field whose value is the name under which this field is sent."""
     sent_as: str = ""
-    """Name under which the field is sent; empty: its own name."""
+    """Name under which the field is sent; empty means its own name."""
     within: str = ""
-    """Member of the request that contains the field, such as ``gains``; empty: the request itself.
+    """Member of the request that contains the field, such as ``gains``; empty means the request
+    itself.
     """
     own_unit: str = ""
-    """Unit of the field, if its name does not end with one."""
+    """Unit of the field if its name does not end with a unit."""
     meaning: str = ""
     """Explanation shown beside the label."""
     arms: tuple[int, ...] = (1, 2)
-    """Numbers of driven arms of the rigs for which the field is offered."""
+    """Numbers of driven arms for which the field is shown."""
 
 
 class ResultField(Model):
-    """A result value as it is shown."""
+    """A result value to be shown."""
 
     model_config = example(
         name="force_held_mN",
@@ -98,17 +105,17 @@ class ResultField(Model):
     uncertainty: str = ""
     """Member of the result that contains the uncertainty of the value."""
     assumed: str = ""
-    """Member that lists the assumed quantities on which its uncertainty is based."""
+    """Member that lists the assumed quantities which contribute to this uncertainty."""
     optional: bool = False
-    """True if the value is left out while it is null."""
+    """True if the value is not shown while it is null."""
     main: bool = False
     """True if lists of jobs show the value."""
     arms: tuple[int, ...] = (1, 2)
-    """Numbers of driven arms of the rigs whose results show the value."""
+    """Numbers of driven arms for which the value is shown."""
 
 
 def number(name: str, label: str, unit: str | None = None, **more: Any) -> ResultField:
-    """Return a result value whose unit follows from its name."""
+    """Return a result value whose unit is the suffix of its name."""
     return ResultField(name=name, label=label, unit=unit_of(name) if unit is None else unit, **more)
 
 
@@ -136,9 +143,13 @@ class RecipeRules:
     """Rules by which a recipe completes a request."""
 
     exclusive: tuple[tuple[str, str], ...] = ()
-    """Pairs of members: a request that states one does not get the other from a recipe."""
+    """Pairs of members that exclude each other. If a request contains one, a recipe does not supply
+    the other.
+    """
     dependent: Mapping[str, frozenset[str]] = field(default_factory=dict[str, frozenset[str]])
-    """Members that are taken from a recipe only if it has the same value of another member."""
+    """Members that a recipe supplies only if another member has the same value in request and
+    recipe.
+    """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,26 +166,28 @@ class JobKind:
     plan: type[JobPlan]
     result: type[JobResult]
     functions: str
-    """``module:attribute`` of the functions that plan, evaluate and draw; imported when needed."""
+    """``module:attribute`` of the functions that plan, evaluate and draw; imported at first use."""
     form: tuple[FieldSpec, ...] = ()
-    """Fields of the page's form, in order of appearance."""
+    """Fields of the page's form, in the order of display."""
     figures: tuple[ResultField, ...] = ()
-    """Result values that are shown, in order of appearance."""
+    """Result values to be shown, in the order of display."""
     brief: Mapping[str, str] = field(default_factory=dict[str, str])
-    """Short labels of the values in a short result, by member, in order; empty: all."""
+    """Short labels of the values in a short result, by member, in the order of display; empty means
+    all values.
+    """
     variant_field: str = ""
     """Member of the request that chooses a variant; empty if there are none."""
     variants: Mapping[str, Variant] = field(default_factory=dict[str, Variant])
     begins_held: bool = False
     """True if the job begins with a part that is already held."""
     from_present: bool = False
-    """True if the plan begins at the present position of the arm, not at rest at the safe voltage.
+    """True if the plan begins at the arm's present position. Otherwise it begins at rest at the
+    safe voltage.
     """
     predicted: bool = False
-    """True if the course of the job is predicted before it starts and can be stored as a
-    trajectory."""
+    """True if the motion is predicted before the start and can be stored as a trajectory."""
     jogs: bool = False
-    """True if the page offers steps of the arm and taught poses beside the form."""
+    """True if the page shows buttons for arm steps and taught poses beside the form."""
     proposes: bool = False
     """True if the result proposes values for the model in use."""
     waits: bool = False
@@ -182,34 +195,37 @@ class JobKind:
     relative: tuple[str, ...] = ()
     """Members that are relative to the present position; a trajectory cannot store them."""
     goal_phase: str = ""
-    """Phase in which the tolerances must be met; empty: the request has no tolerances."""
+    """Phase in which the tolerances must be met; empty if the request has no tolerances."""
     recipe: RecipeRules | None = None
-    """Rules by which a recipe completes the request; None: no recipe does."""
+    """Rules by which a recipe completes the request; None if no recipe can."""
     picture: str = ""
-    """File name of the job's plot in the record; default: the name of the kind with ``.png``."""
+    """File name of the job's plot in the record; empty means the name of the kind with ``.png``."""
     place: int = LAST
-    """Place in lists of kinds."""
+    """Sort position in lists of kinds."""
     arms: tuple[int, ...] = (1,)
-    """Numbers of driven arms of the rigs for which the kind is offered."""
+    """Numbers of driven arms for which the kind is available."""
     only: Mapping[int, frozenset[str]] = field(default_factory=dict[int, frozenset[str]])
-    """Members of the request that only rigs with this number of driven arms accept."""
+    """Members of the request that are accepted only for this number of driven arms."""
     pair_plan: type[JobPlan] | None = None
-    """Type of the plan on a rig with two driven arms; None: ``plan``."""
+    """Type of the plan on a rig with two driven arms; None means the same as ``plan``."""
     pair_result: type[JobResult] | None = None
-    """Type of the result on a rig with two driven arms; None: ``result``."""
+    """Type of the result on a rig with two driven arms; None means the same as ``result``."""
     on_stop: OnStop = "hold"
-    """Action on the part when a job is stopped, if the request cannot state it, and when the
-    supervisor ends."""
+    """Action on a held part when a job is stopped and its request has no ``on_stop``, and when the
+    supervisor ends.
+    """
     lease_factor: float = 1.0
-    """Ratio of the time for which the program continues without its supervisor to ``lease_s``."""
+    """Ratio of two times: how long the motion program continues without its supervisor, and
+    ``lease_s``.
+    """
     needs_every_sample: bool = False
     """True if a job is stopped when a phase lacks too many samples."""
     figures_in_prediction: bool = False
-    """True if a prediction for two arms contains the result of the predicted samples."""
+    """True if the prediction for two arms includes the result that the predicted samples give."""
 
     @property
     def holds_part(self) -> bool:
-        """Return whether the job holds a part, so that a stop or an abort may release it."""
+        """Return True if the job holds a part, so that a stop or an abort may release it."""
         return issubclass(self.request, PolicyRequest)
 
     @property
@@ -223,7 +239,7 @@ class JobKind:
         return (self.result,) if self.pair_result is None else (self.result, self.pair_result)
 
     def foreign(self, arms: int) -> frozenset[str]:
-        """Return the members of the request that a rig with this number of arms refuses."""
+        """Return the members of the request that are refused on a rig with this number of arms."""
         others = (names for number, names in self.only.items() if number != arms)
         return frozenset[str]().union(*others)
 
@@ -248,7 +264,7 @@ class JobKind:
 
     @property
     def actions(self) -> tuple[ActionType, ...]:
-        """Return the actions that can be requested of a job of this kind."""
+        """Return the actions that a client can request for a job of this kind."""
         held: tuple[ActionType, ...] = ("release",) if self.holds_part or self.begins_held else ()
         waiting: tuple[ActionType, ...] = ("continue",) if self.waits else ()
         members = self.request.model_fields
@@ -260,14 +276,14 @@ class JobKind:
 
     @property
     def body(self) -> Any:
-        """Return the kind's request as a type: a discriminated union if it has variants."""
+        """Return the type of the kind's request: a discriminated union if the kind has variants."""
         if not self.variant_field:
             return self.request
         requests = [variant.request for variant in self.variants.values()]
         return discriminated(requests, self.variant_field)
 
     def stop_of(self, request: JobRequest) -> OnStop:
-        """Return the action on a part when a job is stopped."""
+        """Return the action on a held part when this job is stopped."""
         return request.on_stop if isinstance(request, PolicyRequest) else self.on_stop
 
     def request_of(self, variant: str = "") -> type[JobRequest]:
@@ -294,12 +310,10 @@ def discriminated(types: list[Any], member: str) -> Any:
 
 
 def registered(group: str, of: type[K]) -> Mapping[str, K]:
-    """Return everything that is registered in a group, ordered by place.
+    """Return everything that is registered in an entry-point group, sorted by place.
 
-    Raises
-    ------
-    PluginError
-        One cannot be imported, or is registered under another name than its own.
+    Raises ------ PluginError One cannot be imported, or is registered under another name than its
+    own.
     """
     found: list[K] = []
     for name in plugins.names(group):

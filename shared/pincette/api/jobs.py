@@ -21,7 +21,7 @@ class ActionRequest(Model):
 
     type: ActionType
     place: PartPlace | None = None
-    """Place at which ``retry_at`` expects the part; for no other action."""
+    """Place at which ``retry_at`` expects the part; refused for every other action."""
 
     @model_validator(mode="after")
     def _place_of_retry_at(self) -> "ActionRequest":
@@ -31,7 +31,9 @@ class ActionRequest(Model):
 
 
 class StopRequest(Model):
-    """Request to stop the job of another request, whether or not that job exists yet."""
+    """Request to stop the job of another request, even if that request has not created its job
+    yet.
+    """
 
     model_config = example(idempotency_key="cell 4, part 17")
 
@@ -53,17 +55,17 @@ class Action(Model):
     type: ActionType
     requested_at: str
     by: str
-    """Client that requested the action, as ``by`` of a job."""
+    """Client that requested the action, in the form of a job's ``by``."""
     applied_at: str | None = None
-    """Time at which the supervisor learned that the action took effect."""
+    """Time at which the supervisor was notified that the action took effect."""
     seq: int | None = None
-    """Sample at which the action took effect; null before."""
+    """Number of the sample at which the action took effect; null before."""
 
 
 class JobEdit(Model):
     """Changes of a job's notes, labels and pin, possible also after its end.
 
-    Members that are left out do not change.
+    Omitted members do not change.
     """
 
     model_config = example(sample="B7", notes="bead with a chip", pinned=True)
@@ -73,13 +75,13 @@ class JobEdit(Model):
     operator: Annotated[str, Field(max_length=80)] | None = None
     notes: Notes | None = None
     labels: Labels | None = None
-    """Labels that replace all present ones."""
+    """Labels that replace all existing labels."""
     pinned: bool | None = None
     """True keeps the record regardless of the age and size limits in the rig file."""
 
 
 class Progress(Model):
-    """Progress of a running job, from its newest samples."""
+    """Progress of a running job, computed from the newest samples."""
 
     model_config = example(
         phase="hold",
@@ -109,12 +111,12 @@ class Progress(Model):
     seq: int
     elapsed_s: float
     planned_s: float | None
-    """Planned duration without pauses; null if the hold has no end."""
+    """Planned duration without pauses; null for a hold without an end."""
     paused: bool = False
     percent: float | None = None
-    """Completed share of the planned duration; null if the hold has no end."""
+    """Percentage of the planned duration that is completed; null for a hold without an end."""
     remaining_s: float | None = None
-    """Remaining planned time; a pause does not change it."""
+    """Remaining planned time, in s; it stays constant during a pause."""
     x_r_um: float | None = None
     """Reference of the position."""
     x_um: float | None
@@ -126,20 +128,23 @@ class Progress(Model):
     """Applied voltage; null while the output has not confirmed it."""
     held: bool
     hold_in_s: float | None = None
-    """Planned time until the hold begins; 0 during the hold, null if there is none."""
+    """Planned time until the hold begins; 0 during the hold, null if there is no hold."""
     force_held_mN: float | None = None
-    """Mean force in the hold without its first half second, of both arms if there are two; null
-    before."""
+    """Mean force in the hold after its first half second, of both arms if there are two; null
+    before.
+    """
     target: float | None = None
-    """Set value of the phase: the force while a part is held, otherwise x."""
+    """Reference of the phase: the force while a part is held, otherwise the position x."""
     current: float | None = None
-    """Actual value of the quantity that ``target`` states."""
+    """Actual value of the quantity whose reference is ``target``."""
     unit: str = ""
     """Unit of ``target`` and ``current``: mN or µm."""
     instruction: str = ""
-    """Task of a person before the action ``continue``; empty if the job does not wait."""
+    """Task that a person must do before the action ``continue``; empty if the job does not wait for
+    one.
+    """
     weight_mN: float | None = None
-    """Weight that a person must hang on the arm before ``continue``."""
+    """Weight that a person must hang on the arm before the action ``continue``."""
 
 
 class Job(Model):
@@ -184,19 +189,19 @@ class Job(Model):
     rig: str
     state: JobState
     revision: int = 0
-    """Revision number. It increases with every change except progress; the ETag is derived from it.
-    """
+    """Revision number. It increases with every change except progress; the ETag contains it."""
     position: int | None = None
-    """Place in the queue, 1 for the next job; null if it does not wait for another job."""
+    """Position in the queue, 1 for the next job; null if the job does not wait for another one."""
     cause: str
-    """Reason why the job did not succeed, in words."""
+    """Reason why the job did not succeed, as text."""
     ending: Ending | None = None
-    """Reason for the end of the job, as a code with numbers; null before."""
+    """Reason for the end of the job, as a code with numbers; null before its end."""
     request: dict[str, Any]
     """The request as it was sent."""
     values: dict[str, Any]
-    """Values with which the job works: the request completed from the rig file. A null ``hold_s``
-    means a hold without an end."""
+    """Parameters that the job uses: the request completed from the rig file. A null ``hold_s``
+    means a hold without an end.
+    """
     sample: str = ""
     batch: str = ""
     operator: str = ""
@@ -213,11 +218,13 @@ class Job(Model):
     recovery: RecoveryWait | None = None
     """Decision for which the job waits in the state ``awaiting_recovery``; null otherwise."""
     approval_until: str | None = None
-    """Time at which a job in the state ``proposed`` ends unless it is approved, in UTC; null
-    otherwise."""
+    """Time, in UTC, at which a job in the state ``proposed`` ends unless it is approved; null in
+    other states.
+    """
     result: dict[str, Any] | None
-    """Result of a job that has moved, by its kind. For an interrupted job it has the members common
-    to all results, as far as the record allows."""
+    """Result of a job that has moved the arm; its members depend on the kind. For an interrupted
+    job it contains the members common to all kinds, as far as the record allows.
+    """
     actions: list[Action]
     allowed_actions: list[ActionType]
     created_at: str
@@ -227,15 +234,17 @@ class Job(Model):
     ended_at: str | None
     """Time at which the job ended, in UTC; null before."""
     record: str | None
-    """Folder of the record on the supervisor's machine."""
+    """Folder of the record on the supervisor's computer."""
     artifacts: ArtifactState = "none"
-    """State of the record's files. They are written after the end, while the rig can run another
-    job."""
+    """State of the record's files. They are written after the end of the job; the rig can run
+    another job meanwhile.
+    """
     record_complete: bool | None = None
-    """True if the record has every sample of the job; null while it is open, or if there is none.
+    """True if the record contains every sample of the job; null while it is being written, or if
+    there is none.
     """
     record_detail: str = ""
-    """Reason why the record is not complete."""
+    """Reason why the record is incomplete; empty if it is complete."""
 
 
 class StoppedRequest(Model):
@@ -244,8 +253,9 @@ class StoppedRequest(Model):
     model_config = example(job=None)
 
     job: Job | None
-    """Job that the request had created; it has been stopped unless it had already ended. Null if
-    there was none; the request will create none."""
+    """Job that the request had created, now stopped unless it had already ended. Null if there is
+    no job; the request will not create one.
+    """
 
 
 class JobList(Model):

@@ -1,4 +1,4 @@
-"""Kinds of job over REST: the data from which forms, command lines and views are built."""
+"""Kinds of job over REST: data to build forms, command lines and views."""
 
 from typing import Any, cast
 
@@ -48,11 +48,11 @@ class FormField(FieldSpec):
     minimum: float | None
     maximum: float | None
     whole: bool
-    """True if only whole numbers are allowed."""
+    """True if the value must be an integer."""
     ticked: bool
-    """True if the box is ticked by default."""
+    """True if the checkbox is ticked by default."""
     columns: tuple[str, ...]
-    """Names of both numbers of each pair."""
+    """Names of the two numbers of each pair."""
 
 
 class KindVariant(Model):
@@ -64,7 +64,7 @@ class KindVariant(Model):
     label: str
     summary: str
     request: dict[str, Any]
-    """JSON schema of the request, with ``unit`` for each member that has one."""
+    """JSON schema of the request; each member with a unit has the property ``unit``."""
 
 
 class Kind(Model):
@@ -96,35 +96,37 @@ class Kind(Model):
     label: str
     summary: str
     request: dict[str, Any]
-    """JSON schema of the request, with ``unit`` for each member that has one; if there are
-    variants, of their common members."""
+    """JSON schema of the request; each member with a unit has the property ``unit``. If the kind
+    has variants, the schema contains their common members.
+    """
     variant_field: str
     """Member of the request that chooses a variant; empty if there are none."""
     variants: list[KindVariant]
     form: list[FormField]
-    """Fields of a form, in order of appearance."""
+    """Fields of the form, in the order of display."""
     figures: list[ResultField]
-    """Result values that are shown, in order of appearance."""
+    """Result values to be shown, in the order of display."""
     actions: list[ActionType]
-    """Actions that can be requested of such a job; ``allowed_actions`` of the job states when."""
+    """Actions that clients can request for jobs of this kind. A job's ``allowed_actions`` lists
+    those that it accepts now.
+    """
     plot: str
     """File name of the job's plot in the record."""
     begins_held: bool
     """True if the job begins with a part that is already held."""
     holds_part: bool
-    """True if a stop or an abort may keep or release a part."""
+    """True if a stop or an abort can keep or release a part."""
     predicted: bool
-    """True if the course of the job is predicted before it starts and can be stored as a
-    trajectory."""
+    """True if the motion is predicted before the start and can be stored as a trajectory."""
     takes_recipe: bool
     jogs: bool
-    """True if a page offers steps of the arm and taught poses beside the form."""
+    """True if a page should show buttons for arm steps and taught poses beside the form."""
     proposes: bool
     """True if the result proposes values for the model in use."""
     arms: list[int]
-    """Numbers of driven arms of the rigs for which the kind is offered."""
+    """Numbers of driven arms for which the kind is available."""
     on_stop: OnStop
-    """Action on the part when a job is stopped, if the request cannot state it."""
+    """Action on a held part when a job is stopped, for kinds whose request has no ``on_stop``."""
 
 
 class KindList(Model):
@@ -136,7 +138,7 @@ class KindList(Model):
 
 
 def described(kind: JobKind) -> Kind:
-    """Return a kind as the supervisor sends it."""
+    """Return a kind in the form that the supervisor sends."""
     variants = [
         KindVariant(
             name=one.name, label=one.label, summary=one.summary, request=schema_of(one.request)

@@ -1,4 +1,4 @@
-"""Corrections that motion programs have learned across their cycles, over REST."""
+"""Corrections that motion programs have learned over their cycles, over REST."""
 
 from typing import Any
 
@@ -8,7 +8,9 @@ from pincette.api import Model, example
 
 
 class LearnedProgram(Model):
-    """Corrections learned by one motion program; every job of the same program begins with them."""
+    """Corrections that one motion program has learned. Every job with the same program starts with
+    them.
+    """
 
     model_config = example(
         program="5f0c1e2a9b7d4c3e",
@@ -22,21 +24,21 @@ class LearnedProgram(Model):
     )
 
     program: str
-    """Digest of the program, its law and the free response."""
+    """Digest of the motion program, its law and the free response."""
     job: str
-    """Identifier of the job that learned last."""
+    """Identifier of the last job that learned."""
     learned_at: str
-    """Time of the last learning, in UTC."""
+    """Time of the last change of the corrections, in UTC."""
     motion: dict[str, Any]
     """Description of the program's motion."""
     cycles: int
-    """Number of cycles that were used to learn."""
+    """Number of cycles from which the corrections were learned."""
     over: bool
     """True if learning has ended."""
     values_um: list[float]
-    """Correction added to x_r at each tick of a cycle."""
+    """Correction that is added to x_r, at each tick of a cycle."""
     errors_um: list[float]
-    """Root mean square of x minus x_r for each of these cycles, in order."""
+    """Root mean square of x minus x_r in each cycle that was used for learning, in order."""
 
 
 class LearnedList(Model):

@@ -1,4 +1,4 @@
-"""Samples of a rig as they arrive, and the timing of its programs."""
+"""Samples of a rig, sent as they arrive, and the timing of its programs."""
 
 from pydantic import Field
 
@@ -27,10 +27,10 @@ class SecondColumns(Model):
 
 
 class LiveBatch(Model):
-    """Samples joined by their number, as columns of equal length, all of one epoch and one phase.
+    """Samples of one epoch and one phase, joined by sample number, as columns of equal length.
 
     A column holds null where a value is unknown: references while no program plays, the force
-    before it was zeroed, the position if the sensor could not measure it, the voltage while the
+    before it was zeroed, the position if the sensor could not measure it, and the voltage while the
     output has not confirmed it.
     """
 
@@ -57,23 +57,26 @@ class LiveBatch(Model):
 
     rig: str
     epoch: int
-    """Random number of the arming; samples with the same number belong together."""
+    """Random number of the arming. All samples between one arming and the next have the same
+    number.
+    """
     playing: bool
     """True while a program plays. Samples of an idle rig have only position and voltage."""
     phase: str
     """Name of the phase; empty while no program plays."""
     now_s: float
-    """The supervisor's clock at the time of sending; its zero is arbitrary."""
+    """Time of sending by the supervisor's clock; its zero is arbitrary."""
     dropped: int
-    """Number of samples since the last event that were lost before this listener read them."""
+    """Number of samples lost since the last event, before this listener read them."""
     seq: list[int]
     at_s: list[float]
-    """Arrival time of each position by the clock of ``now_s``, which does not restart with an
-    epoch."""
+    """Arrival time of each position, by the same clock as ``now_s``. It does not restart with an
+    epoch.
+    """
     t_s: list[float]
-    """Time since the arming, by the sensor's grid."""
+    """Time since the arming, by the sensor's sampling grid."""
     after_gap: list[bool]
-    """True for each sample before which samples are missing. A late sample is not missing."""
+    """True for each sample that follows missing samples. A late sample is not missing."""
     x_um: Column
     x_r_um: Column
     force_mN: Column
@@ -123,30 +126,33 @@ class Spread(Model):
 
 
 class ProgramTiming(Model):
-    """Timing of a program of the loop since its epoch began."""
+    """Timing of a program of the loop since the beginning of its epoch."""
 
     model_config = example(**TIMED)
 
     program: str
     epoch: int
     seq: int
-    """Number of the newest sample that is counted."""
+    """Number of the newest sample that the statistics include."""
     missed: int
     """Number of samples and grid points that were skipped."""
     lateness: Spread
-    """Lateness of wake-ups against the program's own grid, or of samples' arrival against their
-    grid."""
+    """Lateness of wake-ups relative to the program's own grid, or of arriving samples relative to
+    theirs.
+    """
     age: Spread
-    """Time from the first arrival of a sample's number to the step that uses it."""
+    """Time from the arrival of the first message with a sample's number to the step that uses the
+    sample.
+    """
     execution: Spread
-    """Duration of steps until all outputs were published, instruments included."""
+    """Duration of a step until all outputs are published, including exchanges with instruments."""
 
 
 class LoopTiming(Model):
-    """Timing of all programs of a loop; it is not counted in lockstep."""
+    """Timing of all programs of a loop; not measured in lockstep."""
 
     model_config = example(programs=[TIMED], silent={})
 
     programs: list[ProgramTiming]
     silent: dict[str, str] = Field(default_factory=dict[str, str])
-    """Programs that did not reply, each with the reason."""
+    """Programs that did not reply, with the reason for each."""

@@ -1,4 +1,4 @@
-"""The model in use over REST, its versions, and why one is not used."""
+"""The model in use over REST, its versions, and the reason why a version is not used."""
 
 from typing import Annotated, Any, Literal
 
@@ -8,7 +8,7 @@ from pincette.api import WHOLE, Model, example
 
 
 class ModelQuantity(Model):
-    """A quantity that calibrations can find, as it is in use."""
+    """A quantity that calibrations can find, with its value in use."""
 
     model_config = example(
         quantity="model.compliance_um_per_mN",
@@ -33,10 +33,12 @@ class ModelQuantity(Model):
     accepted_at: str | None
     """Time of acceptance; null for assumed values."""
     due_at: str | None
-    """Time at which it should be measured again; null if it has no such time."""
+    """Time at which the quantity should be measured again; null if there is none."""
     overdue: bool
     serial_numbers: dict[str, str]
-    """Known serial numbers of the instruments that measured it, by table of the rig file."""
+    """Serial numbers of the instruments used for the measurement, if known, by table of the rig
+    file.
+    """
 
 
 class ModelVersion(Model):
@@ -56,13 +58,15 @@ class ModelVersion(Model):
     made_at: str
     quantities: list[str]
     previous: str
-    """Digest of the model that was in use before; empty: the rig file's."""
+    """Digest of the model that was in use before; empty if that was the rig file alone."""
     trouble: str
-    """Reason why a person must confirm the version before it is used; empty if not required."""
+    """Reason why a person must confirm the version before it is used; empty if no confirmation is
+    needed.
+    """
 
 
 class ModelChange(Model):
-    """A key of the rig file whose value has changed since the model was chosen."""
+    """A key of the rig file whose value has changed since the model in use was chosen."""
 
     model_config = example(key="sensor.driver", before="keyence_lkg", now="nidaqmx")
 
@@ -92,12 +96,13 @@ class ModelView(Model):
     digest: str
     rig_file_digest: str
     trouble: str
-    """Reason why the model from before a restart is not in use; empty if it is in use."""
+    """Reason why the model that was in use before a restart is not in use now; empty if it is."""
     changed: list[ModelChange]
-    """Values that have changed since the model was measured, so that it is not in use."""
+    """Values that have changed since the model was measured; because of them it is not in use."""
     set_aside: list[ModelChange]
-    """Values that were changed in the rig file since the calibration and that replace calibrated
-    ones."""
+    """Values that were changed in the rig file after the calibration, and that replace calibrated
+    values.
+    """
     quantities: list[ModelQuantity]
     versions: list[ModelVersion]
 

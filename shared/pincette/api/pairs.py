@@ -22,7 +22,7 @@ COURSE = {
 
 
 def _named_gains(value: object) -> object:
-    """Return gains by name; raises ValueError for a parameter set."""
+    """Return gains by name; raises ValueError if a parameter set is given."""
     if isinstance(value, dict):
         return Gains.model_validate(value)
     if value is None or isinstance(value, Gains):
@@ -31,25 +31,26 @@ def _named_gains(value: object) -> object:
 
 
 class PairJobRequest(PolicyRequest, frozen=True):
-    """Members of every request for two arms. The rig file supplies those that are left out."""
+    """Members of every request for two arms. The rig file supplies omitted members."""
 
     load_s: Duration | None = None
     """Duration of the load."""
     approach_um_per_s: Speed | None = None
-    """Peak speed of each free arm on its way to the part, and of a part that is carried."""
+    """Peak speed of each free arm during the approach, and of a part while it is moved."""
     seek_um_per_s: Speed | None = None
-    """Speed of one arm that searches for the part, or sum of the speeds of both arms that close on
-    it."""
+    """Speed of one arm that searches for the part, or the sum of the speeds of both arms if both
+    search.
+    """
     contact_force_mN: Positive | None = None
-    """Force of each arm that counts as a contact."""
+    """Force of each arm from which on a contact is reported."""
     gains: Annotated[Gains | None, BeforeValidator(_named_gains)] = None
-    """Gains that differ from the defaults of the law of two arms, which ``/laws`` lists."""
+    """Gains that differ from the defaults of the two-arm law, listed under ``/laws``."""
 
 
 class PairCurves(Curves):
     """Predicted course of both arms with fewer samples.
 
-    ``x_r_um`` and ``voltage_V`` are those of the first arm.
+    ``x_r_um`` and ``voltage_V`` belong to the first arm.
     """
 
     model_config = example(**COURSE)
@@ -61,7 +62,7 @@ class PairCurves(Curves):
 
 
 class PairResult(JobResult):
-    """Result of a job of both arms. A value is null if the job did not reach that phase."""
+    """Result of a job with both arms. A value is null if the job did not reach its phase."""
 
     model_config = example(
         outcome="tracked",
@@ -89,58 +90,73 @@ class PairResult(JobResult):
     )
 
     arms: Literal[2] = 2
-    """Number of driven arms; results of one arm lack this member."""
+    """Number of driven arms; results of one-arm rigs do not have this member."""
     met_place_um: float | None
-    """Place q at which both arms had touched."""
+    """Place q at which both arms had made contact."""
     held_place_um: float | None
-    """Mean q over the hold, the path or the rest."""
+    """Mean place q during the hold or the path, or after the motion."""
     force_held_mN: float | None
-    """Mean force of both estimates over the same time."""
+    """Mean of both force estimates over the same time as ``held_place_um``."""
     force_uncertainty_mN: float | None
-    """Expanded uncertainty of that mean, from what both estimators state for single samples."""
+    """Expanded uncertainty of ``force_held_mN``, from the uncertainties that both estimators state
+    for single samples.
+    """
     place_um: Tracking | None
-    """Measured q minus its reference, over the hold or the path."""
+    """Measured place q minus its reference, during the hold or the path."""
     force_mN: Tracking | None
-    """Mean of both estimated forces minus F_r; null if no zero was taken."""
+    """Mean of both estimated forces minus F_r; null if the force was not zeroed."""
     true_place_um: Tracking | None
-    """True q minus its reference over the same time, from the true positions of the tips, which
-    only a simulated rig knows."""
+    """True place q minus its reference over the same time, from the true positions of the tips;
+    known only on a simulated rig.
+    """
     true_force_mN: Tracking | None
     difference_mN: float | None
-    """Mean of F̂_1 - F̂_2 over the same time: 0 if nothing else holds the part."""
+    """Mean of F̂_1 - F̂_2 over the same time; expected to be 0 if nothing but the arms holds the
+    part.
+    """
     difference_uncertainty_mN: float | None
-    """Expanded uncertainty of that difference, from both estimators."""
+    """Expanded uncertainty of ``difference_mN``, from both estimators."""
     forces_agree: bool | None
     """True if the difference is within its uncertainty. If it is not, a model is wrong or something
     else holds the part. Null if nothing was held."""
     peak_force_mN: float | None
-    """Largest estimate of either arm after the zero."""
+    """Largest force estimate of either arm after the force was zeroed."""
     held_at_end: bool
     stroke_change_percent: float | None = None
-    """Change of the first arm's stroke since its calibration, measured on the way that began with
-    conditioning strokes; null if it has not been compared since the estimator's start."""
+    """Change of the first arm's stroke since its calibration, measured during an approach with
+    conditioning strokes; null if it has not been measured since the estimator started.
+    """
     stroke_limit_percent: float | None = None
-    """Largest change of the first arm's stroke that noise and repetition explain; the force is
-    corrected beyond it."""
+    """Largest change of the first arm's stroke that noise and repeatability explain; if the change
+    is larger, the force is corrected for it.
+    """
     second_stroke_change_percent: float | None = None
-    """Change of the second arm's stroke since its calibration; null if it has not been compared
-    since the estimator's start."""
+    """Change of the second arm's stroke since its calibration; null if it has not been measured
+    since the estimator started.
+    """
     second_stroke_limit_percent: float | None = None
-    """Largest change of the second arm's stroke that noise and repetition explain."""
+    """Largest change of the second arm's stroke that noise and repeatability explain."""
     model_mismatch: bool = False
-    """True if noise and repetition do not explain the change of the stroke of either arm."""
+    """True if noise and repeatability do not explain the change of the stroke of at least one
+    arm.
+    """
     zero_unconfirmed: bool = False
-    """True if only the zero itself shows that no part pressed on an arm when it was taken: the
-    forces of that arm may then be too small by the hidden one."""
+    """True if nothing independent of the force estimate confirms that no part pressed on an arm
+    while its force was zeroed. If a part did, the forces of that arm are too small by the force at
+    that time.
+    """
     zero_return: ZeroReturn | None = None
-    """Zero return of the first arm; null if the arm did not come back free to the place of its
-    zero."""
+    """Zero return of the first arm; null if the free arm did not return to the position at which
+    its force was zeroed.
+    """
     second_zero_return: ZeroReturn | None = None
-    """Zero return of the second arm; null if the arm did not come back free to the place of its
-    zero."""
+    """Zero return of the second arm; null if the free arm did not return to the position at which
+    its force was zeroed.
+    """
     release: ReleaseVerdict | None = None
-    """Verdict on the release at the end of the job, of the arm that is held more; null if it
-    released no part."""
+    """Verdict on the release at the end of the job, for the arm on which more force acts; null if
+    no part was released.
+    """
 
 
 PREDICTED_COURSE = {
@@ -158,11 +174,13 @@ PREDICTED_COURSE = {
     "place_um": [0.0, -0.25],
     "place_r_um": [0.0, -0.25],
 }
-"""Example of the predicted course of both arms."""
+"""Example of the predicted motion of both arms."""
 
 
 class PredictedPairCurves(PredictedCurves):
-    """Predicted course of both arms; columns without ``second_`` are those of the first."""
+    """Predicted motion of both arms; columns without the prefix ``second_`` belong to the first
+    arm.
+    """
 
     model_config = example(**PREDICTED_COURSE)
 
@@ -175,9 +193,10 @@ class PredictedPairCurves(PredictedCurves):
 
 
 class PairPrediction(Prediction):
-    """Plan of both arms played on the model in use: no noise, the part at its expected place.
+    """Prediction for both arms, from running the plan on the model in use: no noise, the part at
+    its expected place.
 
-    The ground holds the part until both arms have touched it; afterwards only the arms do.
+    The ground holds the part until both arms are in contact; after that, only the arms hold it.
     """
 
     model_config = example(
@@ -189,7 +208,7 @@ class PairPrediction(Prediction):
     second_peaks: Peaks
     """Peaks of the second arm."""
     figures: PairResult | None
-    """Result that a job would give, including uncertainties; null if there is none."""
+    """Result that the job is expected to give, including uncertainties; null if there is none."""
 
 
 class PairPlan(JobPlan):
@@ -210,6 +229,6 @@ class PairPlan(JobPlan):
     curves: PairCurves
     law: Law
     prediction: PairPrediction | None = None  # pyright: ignore[reportIncompatibleVariableOverride]
-    """Prediction from playing the plan on the model in use; null if it was not requested."""
+    """Prediction from running the plan on the model in use; null if none was requested."""
     warnings: list[str] = Field(default_factory=list[str])
     """Warnings that a person should read before the job starts."""

@@ -1,4 +1,6 @@
-"""Places of parts that a request or a vision client states, and how far off they were."""
+"""Places of parts as stated by a request or a vision client, and their differences from where the
+parts were found.
+"""
 
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal, Self
@@ -19,7 +21,7 @@ Width = Annotated[float, Field(gt=0, le=LARGEST["µm"])]
 
 
 def in_utc(text: str) -> str:
-    """Return a time in UTC, to the millisecond; raises ValueError without a time zone."""
+    """Return a time in UTC, to the millisecond; raises ValueError if it has no time zone."""
     try:
         found = datetime.fromisoformat(text)
     except ValueError:
@@ -42,17 +44,19 @@ class MeasuredPlace(Model):
     model_config = example(**MEASURED)
 
     x_um: Micrometres
-    """Position of the arm at first touch; with two arms the place q = (x_1 - x_2)/2."""
+    """Arm position at first contact; with two arms, the place q = (x_1 - x_2)/2."""
     u_um: Width
     """Expanded uncertainty (k = 2) of ``x_um``."""
     width_um: Width | None = None
-    """Width of the part; two arms only."""
+    """Width of the part; for two arms only."""
     u_width_um: Width | None = None
     """Expanded uncertainty (k = 2) of ``width_um``."""
     measured_at: Moment
     """Time of the measurement, with its time zone."""
     source: Source
-    """Name of the instrument, by which the differences of its places are averaged."""
+    """Name of the instrument. Differences between stated and found places are averaged for each
+    name.
+    """
 
     @model_validator(mode="after")
     def _both_of_the_width(self) -> Self:
@@ -61,31 +65,39 @@ class MeasuredPlace(Model):
         return self
 
     def seconds_until(self, now: datetime) -> float:
-        """Return the time since the measurement, in s; negative if it lies in the future."""
+        """Return the time since the measurement, in s; negative if the measurement lies in the
+        future.
+        """
         return (now - datetime.fromisoformat(self.measured_at)).total_seconds()
 
 
 class PartPlace(Model):
-    """Member ``place`` of a request: where to expect the part, in place of the rig file's place."""
+    """Member ``place`` of a request: the expected place of the part; it replaces the place in the
+    rig file.
+    """
 
     model_config = example(**MEASURED, max_age_s=5.0)
 
     x_um: Micrometres | None = None
-    """Position of the arm at first touch; with two arms the place q = (x_1 - x_2)/2."""
+    """Arm position at first contact; with two arms, the place q = (x_1 - x_2)/2."""
     u_um: Width | None = None
-    """Expanded uncertainty (k = 2) of ``x_um``: the part is searched for within it."""
+    """Expanded uncertainty (k = 2) of ``x_um``; the arm searches for the part within it."""
     width_um: Width | None = None
-    """Two arms only: width of the part. Needs ``second.gap_um`` in the rig file."""
+    """Width of the part, for two arms only. It needs ``second.gap_um`` in the rig file."""
     u_width_um: Width | None = None
     """Expanded uncertainty (k = 2) of ``width_um``."""
     measured_at: Moment | None = None
     """Time of the measurement, with its time zone."""
     source: Annotated[str, Field(max_length=80)] = ""
-    """Name of the instrument. With ``given_by`` = bus, an empty name means the only source."""
+    """Name of the instrument. If ``given_by`` is ``bus``, it may be empty when there is only one
+    source.
+    """
     max_age_s: Annotated[float, Field(gt=0, le=3600)] = 5.0
-    """Largest age of the measurement when the job is planned and when it starts to move."""
+    """Largest permitted age of the measurement, both when the job is planned and when it starts to
+    move.
+    """
     given_by: Literal["request", "bus"] = "request"
-    """``bus``: take the newest place that a vision client has published for the rig."""
+    """``bus``: use the newest place that a vision client has published for the rig."""
 
     @model_validator(mode="after")
     def _one_origin(self) -> Self:
@@ -103,12 +115,12 @@ class PartPlace(Model):
         return self
 
     def measured(self) -> MeasuredPlace:
-        """Return the place that the request itself states."""
+        """Return the place that the request states; None if it does not state one."""
         return MeasuredPlace(**{name: getattr(self, name) for name in MeasuredPlace.model_fields})
 
 
 class PlannedPlace(MeasuredPlace):
-    """Place for which a job was planned, and the range in which the part is searched for."""
+    """Place for which a job was planned, and the range in which the arm searches for the part."""
 
     model_config = example(
         **MEASURED, age_s=0.4, max_age_s=5.0, search_from_um=[29.5], search_to_um=[33.9]
@@ -118,31 +130,33 @@ class PlannedPlace(MeasuredPlace):
     """Age of the measurement when the job was planned."""
     max_age_s: float
     search_from_um: list[float] = Field(default_factory=list)
-    """Position of each arm up to which it moves at the speed of the approach."""
+    """Position of each arm at which the approach ends and the slower search begins."""
     search_to_um: list[float] = Field(default_factory=list)
-    """Position of each arm at which the search ends without a part."""
+    """Position of each arm at which the search ends if no part was found."""
 
 
 class PlaceBias(Model):
-    """Differences of the places of one source from where the arm met the part, over jobs."""
+    """Statistics of the differences between the places stated by one source and those where the arm
+    found the part.
+    """
 
     model_config = example(source="camera-1", count=12, mean_um=0.31, deviation_um=0.12)
 
     source: str
     count: int
-    """Number of jobs, the newest 100 at most."""
+    """Number of jobs included, at most the newest 100."""
     mean_um: float
-    """Mean of found minus given place; the offset of the camera lacks so much."""
+    """Mean of found minus stated place. Adding it to the camera's offset removes the bias."""
     deviation_um: float | None = None
     """Standard deviation of the differences; null for one job."""
     width_count: int = 0
     width_mean_um: float | None = None
-    """Mean of found minus given width; null without a width."""
+    """Mean of found minus stated width; null if no width was stated."""
     width_deviation_um: float | None = None
 
 
 class PlaceFound(Model):
-    """Place where the part was met, compared with the place that was given."""
+    """Place where the arm found the part, compared with the stated place."""
 
     model_config = example(
         source="camera-1",
@@ -158,19 +172,19 @@ class PlaceFound(Model):
     """Age of the measurement when the job was planned."""
     given_um: float
     found_um: float | None
-    """Place where the arm met the part; null if it met none."""
+    """Place where the arm found the part; null if it found none."""
     difference_um: float | None
-    """Found minus given place."""
+    """Found minus stated place."""
     uncertainty_um: float | None
     """Expanded uncertainty (k = 2) of the difference."""
     width_given_um: float | None = None
     width_found_um: float | None = None
     width_difference_um: float | None = None
-    """Found minus given width."""
+    """Found minus stated width."""
     width_uncertainty_um: float | None = None
-    """Expanded uncertainty (k = 2) of the difference of the widths."""
+    """Expanded uncertainty (k = 2) of ``width_difference_um``."""
     bias: PlaceBias | None = None
-    """Differences of this source over the jobs of the rig so far, this one included."""
+    """Differences of this source over all jobs of the rig up to now, including this one."""
 
 
 class SeenPlace(MeasuredPlace):
@@ -182,7 +196,9 @@ class SeenPlace(MeasuredPlace):
 
 
 class PlaceList(Model):
-    """Places that vision clients have published for a rig, and how far their places were off."""
+    """Places that vision clients have published for a rig, and their differences from where the
+    parts were found.
+    """
 
     model_config = example(
         rig="demo",
@@ -199,4 +215,4 @@ class PlaceList(Model):
     """Newest place of each source."""
     biases: list[PlaceBias]
     refused: str
-    """Reason why the last message on the key was refused; empty if none was."""
+    """Reason why the last message on the key was rejected; empty if it was accepted."""

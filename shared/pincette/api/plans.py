@@ -13,7 +13,9 @@ GainsFrom = Literal["rig", "paper", "default", "request", "tuned"]
 
 
 class PlannedPhase(Model):
-    """A planned phase; position, force and voltage are those at its end, null if not planned."""
+    """A planned phase. Position, force and voltage are the values at its end; null if they are not
+    planned.
+    """
 
     model_config = example(
         phase="load", start_s=6.85, duration_s=2.0, x_um=39.22, force_mN=20.0, voltage_V=2.55
@@ -22,19 +24,19 @@ class PlannedPhase(Model):
     phase: str
     start_s: float
     duration_s: float | None
-    """Planned duration; null if the phase waits for a person."""
+    """Planned duration; null for a phase that waits for a person."""
     x_um: float | None
     force_mN: float | None
     voltage_V: float
     instruction: str = ""
-    """Task of a person in this phase."""
+    """Task that a person must do in this phase."""
 
 
 class Curves(Model):
-    """Predicted course with fewer samples, as columns of equal length.
+    """Predicted motion with fewer samples, as columns of equal length.
 
-    Where plan and rig agree, position and force are those of the references. The voltage follows
-    from the rig file's free response, hysteresis and creep included, if it has one.
+    Position and force are the references, which the rig follows if the plan is right. If the rig
+    file has a free response, the voltage includes hysteresis and creep.
     """
 
     model_config = example(
@@ -50,8 +52,8 @@ class Curves(Model):
 class SteadyErrors(Model):
     """Ranges of the steady errors (51) and (52) over the tolerances of the part.
 
-    They hold for the plan as it is. Once a contact line has been identified during the load, only
-    the errors of that line remain.
+    They apply to the contact line of the plan. If the line is identified during the load, only the
+    errors of the identified line remain.
     """
 
     model_config = example(
@@ -84,7 +86,7 @@ LAW: dict[str, Any] = {
     "sensitivity_peak": 1.91,
     "sensitivity_peak_limit": None,
 }
-"""Law in the examples of several models."""
+"""Law used in the examples of several models."""
 
 
 class Law(Model):
@@ -96,22 +98,26 @@ class Law(Model):
     """Name of the law, one of those under ``/laws``."""
     set: ParameterSet
     gains_from: GainsFrom
-    """Source of the gains. Gains that a request leaves out are those of the rig file; without any
-    there, the paper's (printed) or the defaults (consistent)."""
+    """Source of the gains. Gains that a request omits come from the rig file, or else from the
+    paper (``printed``) or the defaults (``consistent``).
+    """
     gains: dict[str, float]
     """Gains by name; units and meanings are listed under ``/laws``."""
     force_age: ForceAge
     spectral_radius: float
-    """Spectral radius of the loop in the worst case that the rig file admits; 1 and more is
-    unstable."""
+    """Spectral radius of the loop in the worst case that the rig file admits; the loop is unstable
+    from 1 on.
+    """
     spectral_radius_limit: float
-    """Largest spectral radius with which a job may start: that of a fixed time constant, at the
-    control period."""
+    """Largest spectral radius with which a job may start. It corresponds to a fixed time constant
+    at the control period.
+    """
     sensitivity_peak: float | None = None
-    """Sensitivity peak M_s of the loop in its worst case; null: the loop is unstable."""
+    """Sensitivity peak M_s of the loop in its worst case; null if the loop is unstable."""
     sensitivity_peak_limit: float | None = None
-    """Largest sensitivity peak with which a job may start; null if periods are long against the
-    mode, where the radius alone decides."""
+    """Largest sensitivity peak with which a job may start. Null if the control period is long
+    compared with the period of the mode; then only the spectral radius is limited.
+    """
 
 
 class JobPlan(Model):
@@ -121,34 +127,40 @@ class JobPlan(Model):
     rig: str
     feasible: bool
     duration_s: float
-    """Planned duration. A hold without an end counts as a short one, and a wait for a person as
-    none."""
+    """Planned duration. A hold without an end counts as a short hold, and a wait for a person as 0
+    s.
+    """
     phases: list[PlannedPhase]
     violations: list[Violation]
     place: PlannedPlace | None = None
-    """Place that the request or a vision client states; null: that of recipe or rig file."""
+    """Place that the request or a vision client states; null if the place comes from a recipe or
+    the rig file.
+    """
     prediction: Prediction | None = None
-    """Prediction from playing the plan on the model in use; null if it was not requested."""
+    """Prediction from running the plan on the model in use; null if none was requested."""
 
 
 class PlannedGoal(Model):
-    """Prediction whether the result will be able to state that the goal was met."""
+    """Prediction of whether the result will be able to state that the goal was met."""
 
     model_config = example(judged=True, phase="hold", lasts_s=4.0, settling_s=0.5)
 
     judged: bool
-    """False if the phase is not longer than the settling time, or the force may be off by its whole
-    tolerance because of the arm's unknown past: ``goal.met`` will be null."""
+    """False if ``goal.met`` will be null: the phase is not longer than the settling time, or the
+    arm's unknown history may cause a force error as large as the tolerance.
+    """
     phase: str
     """Phase over which the errors are compared with the tolerances."""
     lasts_s: float | None
-    """Planned duration of that phase; null if an action ends it."""
+    """Planned duration of that phase; null if it ends with an action."""
     settling_s: float
-    """Time, from the beginning of the phase, by which the errors must have settled."""
+    """Time, from the beginning of the phase, after which the errors must stay within the
+    tolerances.
+    """
 
 
 class Plan(JobPlan):
-    """Plan of a job that meets a part, and whether it may start."""
+    """Plan of a job that contacts a part, and whether the job may start."""
 
     model_config = example(
         kind="grip",
@@ -171,17 +183,17 @@ class Plan(JobPlan):
 
     curves: Curves
     profile: Literal["quick", "gentle"] | None = None
-    """Profile of a grip by one arm; null for other jobs."""
+    """Profile of a one-arm grip; null for other jobs."""
     steady_errors: SteadyErrors
     law: Law
     warnings: list[str] = Field(default_factory=list[str])
     """Warnings that a person should read before the job starts."""
     goal: PlannedGoal | None = None
-    """Planned goal; null if no tolerance is requested."""
+    """Planned goal; null if the request has no tolerance."""
 
 
 class Pose(Model):
-    """Position, force and voltage of the arm; a value is null if it is unknown."""
+    """Position, force and voltage of the arm; unknown values are null."""
 
     model_config = example(x_um=12.48, voltage_V=0.66)
 
@@ -192,8 +204,8 @@ class Pose(Model):
 class MotionPlan(JobPlan):
     """Plan of a move, a hold or a release, and whether it may start.
 
-    The plan knows nothing of a held part except that it is there: the way of the arm during the
-    release is planned as a line from its present position to its rest.
+    The only known fact about a held part is that it is held. The motion of the arm during the
+    release is therefore planned as a line from its present position to its rest position.
     """
 
     model_config = example(
@@ -213,11 +225,11 @@ class MotionPlan(JobPlan):
     begins_at: Pose
     curves: Curves
     law: Law | None
-    """Law that controls the arm; null if none does."""
+    """Law that controls the arm; null if the job uses no law."""
     warnings: list[str]
-    """Assumptions of the plan that a person should know."""
+    """Assumptions of the plan of which a person should be aware."""
     goal: PlannedGoal | None = None
-    """Planned goal; null if no tolerance is requested."""
+    """Planned goal; null if the request has no tolerance."""
 
 
 class LawGain(Model):
@@ -232,7 +244,7 @@ class LawGain(Model):
     meaning: str
     default: float
     positive: bool
-    """True if the gain must be above 0; otherwise it must be at least 0."""
+    """True if the gain must be greater than 0; otherwise 0 is also allowed."""
 
 
 class InstalledLaw(Model):
@@ -253,13 +265,13 @@ class InstalledLaw(Model):
     summary: str
     gains: list[LawGain]
     tunable: bool
-    """True if ``"gains": "tuned"`` is offered for the law."""
+    """True if the law accepts ``"gains": "tuned"``."""
     arms: int = 1
-    """Number of driven arms of the rigs for which it is offered."""
+    """Numbers of driven arms for which the law is available."""
 
 
 class LawList(Model):
-    """The control laws that are installed, by name."""
+    """The installed control laws, by name."""
 
     model_config = example(laws=[])
 

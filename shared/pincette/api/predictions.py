@@ -1,4 +1,4 @@
-"""Prediction of a dry run on the model in use, and the limits that the plan violates."""
+"""Prediction of a dry run on the model in use, and the limits that the plan exceeds."""
 
 from typing import Any, Literal
 
@@ -10,7 +10,9 @@ Side = Literal["above", "below"]
 
 
 class Violation(Model):
-    """A violated limit: programs use the codes and numbers, people read the message."""
+    """A limit that the plan exceeds. Codes and numbers are for programs, the message is for
+    people.
+    """
 
     model_config = example(
         pointer="/force_mN",
@@ -24,7 +26,7 @@ class Violation(Model):
     )
 
     pointer: str
-    """JSON pointer to the member of the request; empty if none can be named."""
+    """JSON pointer to the member of the request that causes it; empty if it is not one member."""
     quantity: Quantity
     side: Side
     """Side of the limit on which the value lies."""
@@ -36,7 +38,7 @@ class Violation(Model):
 
 
 class PredictedCurves(Model):
-    """Predicted course, reduced to at most 400 samples, as columns of equal length."""
+    """Predicted motion, reduced to at most 400 samples, as columns of equal length."""
 
     model_config = example(
         t_s=[0.0, 8.9],
@@ -59,11 +61,11 @@ class PredictedCurves(Model):
     x_r_um: list[float]
     force_r_mN: list[float]
     sliding_um: list[float]
-    """Sliding variable s; if s is a force, s over K̄."""
+    """Sliding variable s as a length; if the law defines s as a force, it is divided by K̄."""
 
 
 class PredictedPhase(Model):
-    """A phase as predicted."""
+    """A predicted phase."""
 
     model_config = example(phase="hold", start_s=6.6, duration_s=4.0)
 
@@ -73,7 +75,7 @@ class PredictedPhase(Model):
 
 
 class Margin(Model):
-    """Smallest distance of a quantity to its limit, and the place where it occurs."""
+    """Smallest distance of a quantity to its limit, and where it occurs."""
 
     model_config = example(
         quantity="force",
@@ -96,11 +98,11 @@ class Margin(Model):
     at_s: float
     phase: str
     arm: int = 1
-    """Arm with the smallest distance, of two driven arms."""
+    """Arm with the smallest distance, if there are two driven arms."""
 
 
 class Peaks(Model):
-    """Extremes of the prediction."""
+    """Extreme values in the prediction."""
 
     model_config = example(
         force_max_mN=20.16,
@@ -153,29 +155,30 @@ PREDICTED: dict[str, Any] = {
 
 
 class Prediction(Model):
-    """A plan played by the services of the loop on the model in use, at full speed.
+    """Prediction from running a plan with the programs of the loop on the model in use, at full
+    speed.
 
     What the model does not contain is not predicted: noise, a part at another place or softer than
-    expected, and the arm's memory of earlier voltages.
+    expected, and the effect of earlier voltages on the arm.
     """
 
     model_config = example(**PREDICTED)
 
     outcome: str
-    """End of the program as predicted, as an outcome code of results."""
+    """Predicted end of the motion program, as an outcome code of results."""
     succeeds: bool
-    """True if the program would end as planned."""
+    """True if the motion program is predicted to end as planned."""
     duration_s: float
-    """Duration of the part that was played."""
+    """Duration of the simulated part of the plan."""
     complete: bool
-    """True if the whole plan was played."""
+    """True if the whole plan was simulated."""
     cut: str
-    """Reason why only a part was played; empty if the whole plan was."""
+    """Reason why the simulation ended early; empty if the whole plan was simulated."""
     curves: PredictedCurves
     phases: list[PredictedPhase]
     peaks: Peaks
     margins: list[Margin]
     violations: list[Violation]
-    """Limits that are violated; they make the plan infeasible."""
+    """Limits that the plan exceeds, for which it is infeasible."""
     assumptions: list[str]
-    """Assumptions of the prediction, in words."""
+    """Assumptions of the prediction, as text."""

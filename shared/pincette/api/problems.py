@@ -1,4 +1,4 @@
-"""Problem documents as the OpenAPI document shows them."""
+"""Problem documents, as described in the OpenAPI document."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -106,7 +106,7 @@ REMEDIES: Mapping[str, str] = {
     "busy": "send the request again in a moment",
     "internal-error": "look for `instance` in the supervisor's log, and report the fault",
 }
-"""Remedy for each problem, by its code."""
+"""Remedies by problem code."""
 
 
 def remedy_of(code: str) -> str:
@@ -152,11 +152,11 @@ class Problem(Model):
     remedy: str
     """Action that can resolve the problem."""
     instance: str
-    """Identifier of this response, which is also in the supervisor's log."""
+    """Identifier of this response; the supervisor's log contains it too."""
 
 
 def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """Return the problem documents that a route may answer with."""
+    """Return the problem documents with which a route may reply."""
     reference = {"$ref": "#/components/schemas/Problem"}
     return {
         status: {

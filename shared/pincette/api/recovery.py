@@ -1,4 +1,6 @@
-"""Recovery of a job whose grip did not succeed: what its request asks, and what it waits for."""
+"""Recovery of a job whose grip did not succeed: members of its request, and the decision for which
+it waits.
+"""
 
 from collections.abc import Mapping
 from typing import Annotated, Literal, get_args
@@ -29,18 +31,20 @@ DECISIONS: Mapping[Decision, str] = {
 class Recovery(Model):
     """Member ``recovery`` of a request: wait for a decision if the grip does not succeed.
 
-    The motion program has ended by then: the part is unloaded, and the arm is free and at rest.
+    While the job waits, its motion program has ended, the part is unloaded, and the arm is free and
+    at rest.
     """
 
     model_config = example(wait_s=60.0, default="give_up")
 
     wait_s: Annotated[float, Field(gt=0, le=86_400)] = 60.0
-    """Time for which the job waits for a decision."""
+    """Time limit for the decision, in s."""
     default: Literal["retry", "accept", "give_up"] = "give_up"
-    """Decision that is taken when the time has passed. ``give_up`` replaces one that is not allowed
-    then."""
+    """Decision taken when the time limit expires. ``give_up`` is taken instead if it is not allowed
+    then.
+    """
     tries: Annotated[int, Field(ge=0, le=10), WHOLE] = 1
-    """Number of times that the default ``retry`` repeats the job, before it gives up."""
+    """Number of times that the default ``retry`` repeats the job before the job fails."""
 
 
 class RecoveryWait(Model):
@@ -56,12 +60,13 @@ class RecoveryWait(Model):
     case: RecoveryCase
     """Reason why the job waits."""
     decisions: list[Decision]
-    """Actions that decide it."""
+    """Actions that the job accepts as a decision."""
     default: Decision
-    """Decision after the time limit; ``give_up`` if that of the request is not
-    allowed."""
+    """Decision taken when the time limit expires: the requested one, or ``give_up`` if that is not
+    allowed.
+    """
     until: str
-    """Time at which the default is taken, in UTC."""
+    """Time, in UTC, at which the default is applied."""
 
 
 def decisions_of(*, placed: bool, was_held: bool) -> list[Decision]:
@@ -69,8 +74,7 @@ def decisions_of(*, placed: bool, was_held: bool) -> list[Decision]:
 
     Parameters
     ----------
-    placed
-        True if its request may state the place of the part; ``retry_at`` needs that.
+    placed True if the job's request may state the place of the part, which ``retry_at`` requires.
     was_held
         True if a part was held with the requested force, so that there is a result to ``accept``.
     """

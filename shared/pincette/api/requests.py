@@ -1,4 +1,4 @@
-"""Members that requests for jobs share, and the recipes that complete them."""
+"""Members that all job requests have in common, and the recipes that complete requests."""
 
 from typing import Annotated, Any, Literal
 
@@ -27,7 +27,7 @@ OnAbort = Literal["freeze", "ramp"]
 
 
 def check_one_hold(hold_s: float | None, *, until_released: bool) -> None:
-    """Raise ValueError if a request gives a hold both an end and none."""
+    """Raise ValueError if a request gives both a duration of the hold and a hold without an end."""
     if until_released and hold_s is not None:
         raise ValueError(
             f"hold_s = {hold_s} s and until_released = true exclude each other: leave one out"
@@ -42,34 +42,34 @@ class JobRequest(BaseModel, frozen=True):
 
     kind: str
     autostart: bool = False
-    """True if the job begins as soon as it is ready, without the action ``start``."""
+    """True if the job starts as soon as it is ready, without the action ``start``."""
     dry_run: bool = False
     """True to plan and predict only, without creating a job."""
     rig: str | None = Field(default=None, max_length=40)
-    """Name of the rig; may be left out if there is only one."""
+    """Name of the rig; may be omitted if there is only one."""
     sample: Label = ""
-    """Name of the part that is gripped, such as B7."""
+    """Name of the part to be gripped, such as B7."""
     batch: Label = ""
-    """Batch that the sample belongs to."""
+    """Batch to which the sample belongs."""
     operator: Annotated[str, Field(max_length=80)] = ""
     """Name of the person who works at the rig."""
     notes: Notes = ""
-    """Anything that should be known about the job later."""
+    """Free text about the job."""
     labels: Labels = Field(default_factory=dict)
     queue: bool = False
-    """True to wait while another job has the rig, instead of being refused."""
+    """True to wait while another job uses the rig; otherwise the request is rejected then."""
     priority: Annotated[int, Field(ge=0, le=9), WHOLE] = 0
-    """Priority in the queue; higher numbers come first."""
+    """Priority in the queue; jobs with higher numbers run first."""
     approval_s: Annotated[float, Field(gt=0, le=604_800)] | None = None
-    """Longest time until a person approves the job. None: it needs no approval."""
+    """Time limit for the approval of the job by a person, in s; None if it needs no approval."""
     recipe: RecipeName | None = None
-    """Name of a recipe, or name@version, that completes what the request leaves out."""
+    """Name of a recipe, or name@version, that supplies the omitted members."""
 
     @property
     def plays(self) -> str | None:
-        """Return the job whose recorded motion is played again.
+        """Return the id of the job whose recorded motion is repeated.
 
-        An empty text means the newest job; None means that no motion is played again.
+        An empty text means the newest job; None means that no recorded motion is repeated.
         """
         return None
 
@@ -78,13 +78,14 @@ class ZeroingRequest(JobRequest, frozen=True):
     """Members of every request for a job that zeroes the force."""
 
     zero_confirmed: bool = False
-    """Confirmation that a person has seen that nothing touches the arm. It is needed after a job
-    that touched something before its zero, and if the arm is where a part could press on it: a zero
-    taken there would hide that force."""
+    """Confirmation that a person has checked that nothing touches the arm. It is needed after a job
+    in which the arm contacted something before the force was zeroed, and if the arm is at a
+    position where a part could press on it: a zero taken there would hide that force.
+    """
 
 
 class PolicyRequest(JobRequest, frozen=True):
-    """Members of every request for a job that holds a part, about its end."""
+    """Members of every request for a job that holds a part; they determine how it ends."""
 
     on_stop: OnStop = "hold"
     """Action on a held part when the job is stopped: keep it, release it, or release it and
@@ -95,19 +96,20 @@ class PolicyRequest(JobRequest, frozen=True):
 
 
 class GoalRequest(JobRequest, frozen=True):
-    """Tolerances within which a job must keep to its references for its goal to be met.
+    """Tolerances of a job's errors; the goal is met if the errors stay within them.
 
-    A missed goal does not stop the job; the result states it. The guards of the rig file stop a
+    A missed goal does not stop the job; the result reports it. The guards in the rig file stop a
     job.
     """
 
     position_tolerance_um: Positive | None = None
-    """Largest settled position error."""
+    """Largest permitted position error after the settling time."""
     force_tolerance_mN: Positive | None = None
-    """Largest settled force error."""
+    """Largest permitted force error after the settling time."""
     settling_s: NotNegative | None = None
-    """Time, from the beginning of the hold, path or rest, by which both errors must have settled;
-    default: 0.5 s."""
+    """Time, from the beginning of the hold, path or rest, after which both errors must stay within
+    the tolerances; default: 0.5 s.
+    """
 
     @model_validator(mode="after")
     def _tolerance_given(self) -> "GoalRequest":
@@ -124,7 +126,7 @@ Gain = Annotated[float, Field(ge=0, le=1e9)]
 
 
 class Gains(Model):
-    """Gains by name that replace the rig file's; names and units are listed under ``/laws``."""
+    """Gains by name that replace those of the rig file; ``/laws`` lists names and units."""
 
     model_config = example(K_P=0.5, K_f=4000.0) | ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Gain] = Field(init=False)  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -133,12 +135,14 @@ class Gains(Model):
 
     @property
     def by_name(self) -> dict[str, float]:
-        """Return the gains that are stated."""
+        """Return the gains that the request states."""
         return dict(self.__pydantic_extra__)
 
 
 def _apart(value: object) -> object:
-    """Validate gains separately, so that their errors are not repeated as errors of ``tuned``."""
+    """Validate gains separately, so that their errors are not reported again for the alternative
+    ``tuned``.
+    """
     if isinstance(value, dict):
         return Gains.model_validate(value)
     if value is None or value == "tuned" or isinstance(value, Gains):
@@ -147,46 +151,57 @@ def _apart(value: object) -> object:
 
 
 class ContactJobRequest(PolicyRequest, GoalRequest, ZeroingRequest, frozen=True):
-    """Members of every request for a job that meets a part.
+    """Members of every request for a job that contacts a part.
 
-    The rig file supplies members that are left out.
+    The rig file supplies omitted members.
     """
 
     load_s: Duration | None = None
     """Duration of the load."""
     approach_um_per_s: Speed | None = None
-    """Speed of the free arm on its way to the part."""
+    """Speed of the free arm during the approach."""
     seek_um_per_s: Speed | None = None
     """Speed near the part until contact is found."""
     contact_force_mN: Positive | None = None
-    """Force that counts as a contact."""
+    """Force from which on a contact is reported."""
     retries: Annotated[int, Field(ge=0, le=3), WHOLE] = 0
     """Number of times that a load continues after the part has slipped. After that, or with 0, the
-    part is released and the job ends as ``slipped``. A sensor that jumps towards the part during a
-    load is mistaken for a slip: each retry may then press harder by the jump divided by the
-    compliance of the arm."""
+    part is released and the job ends as ``slipped``. A sensor jump towards the part during a load
+    is mistaken for a slip: the force after each retry may then be too large by the jump divided by
+    the compliance of the arm.
+    """
     condition: Literal["auto", "always", "never"] | None = None
-    """Use of conditioning strokes before the approach. ``auto``: if the model in use allows them.
-    ``always``: the plan is refused if it does not. None: as in the rig file."""
+    """Use of conditioning strokes before the approach. ``auto``: use them if the model in use
+    allows them. ``always``: refuse the plan if the model does not allow them. None: use the value
+    of the rig file.
+    """
     scheme: Annotated[str, Field(min_length=1, max_length=100)] | None = None
     """Control law, one of those under ``/laws``."""
     set: ParameterSet | None = None
-    """Parameter set of the law: m, b, k, d of the rig (consistent) or of the paper (printed), or
-    the rig's with its identified free response (identified, the default if there is one)."""
+    """Parameter set of the law. ``consistent``: m, b, k, d of the rig. ``printed``: those of the
+    paper. ``identified``: those of the rig with its identified free response; this is the default
+    if there is one.
+    """
     gains: Annotated[Gains | Literal["tuned"] | None, BeforeValidator(_apart)] = None
-    """Gains that differ from those of the rig file, or ``tuned`` for the balanced ones that a
-    search on its model finds."""
+    """Gains that differ from those of the rig file, or ``tuned`` for balanced gains from a search
+    on the law's model.
+    """
     recovery: Recovery | None = None
-    """Wait for a decision if no part is met, if it has the wrong stiffness, is lost or slips, or if
-    the zero after the release does not verify its force. None: the job ends at once."""
+    """Wait for a decision if no part is found, if the part has the wrong stiffness, is lost or
+    slips, or if the zero return after the release does not verify the force. None: the job ends at
+    once.
+    """
 
 
 class PlacedRequest(JobRequest, frozen=True):
-    """Members of every request for a job that may take the place of its part from outside."""
+    """Members of every request for a job that accepts the place of its part from an external
+    measurement.
+    """
 
     place: PartPlace | None = None
-    """Expected place of the part, measured from outside, instead of the rig file's: stated here, or
-    the newest one that a vision client has published."""
+    """Externally measured place of the part, used instead of the place in the rig file: either
+    stated here, or the newest one that a vision client has published.
+    """
 
 
 RecipeTitle = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,40}$")]
@@ -194,28 +209,28 @@ VALUES = {"force_mN": 8.0, "hold_s": 2.0, "part": {"stiffness_mN_per_um": 2.1}}
 
 
 class PartExpectation(Model):
-    """Expected properties of the object, in place of the rig file's part.
+    """Expected properties of the part, which replace those in the rig file.
 
-    The rig file supplies members that are left out.
+    The rig file supplies omitted members.
     """
 
     model_config = example(contact_um=28.5, stiffness_mN_per_um=2.1)
 
     contact_um: float | None = None
-    """Position of the driven arm at first touch."""
+    """Position of the driven arm at first contact."""
     contact_tolerance_um: Positive | None = None
     stiffness_mN_per_um: Positive | None = None
     stiffness_tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
 
 
 class RecipeRequest(Model):
-    """A recipe, or its next version, to be stored."""
+    """Request to store a recipe or its next version."""
 
     model_config = example(name="bead-1mm", values=VALUES, note="glass, measured on the bench")
 
     name: RecipeTitle
     values: dict[str, Any] = Field(min_length=1)
-    """Members of a grip or a track request, and ``part``: the expected properties of the object."""
+    """Members of a grip or track request, and ``part``: the expected properties of the part."""
     note: str = Field(default="", max_length=1000)
 
 
@@ -241,7 +256,7 @@ class Recipe(Model):
 
 
 class RecipeHistory(Model):
-    """The newest version of a recipe, and all versions."""
+    """A recipe: its newest version, and the list of all versions."""
 
     model_config = example(
         newest={

@@ -10,7 +10,7 @@ from pincette.api.states import ActionType
 
 
 class Phase(Model):
-    """A phase as it was played."""
+    """A phase that was executed."""
 
     model_config = example(phase="hold", start_s=8.9, duration_s=4.0)
 
@@ -20,7 +20,7 @@ class Phase(Model):
 
 
 class Percentiles(Model):
-    """Percentiles of a magnitude, in the unit of its name."""
+    """Percentiles of a magnitude; the unit is the suffix of the name."""
 
     model_config = example(p50=0.021, p95=0.064, p99=0.091)
 
@@ -49,14 +49,17 @@ class ActionTaken(Model):
 
 
 class Tracking(Model):
-    """Errors over a hold or a path: actual value minus reference, in the member's unit."""
+    """Statistics of the error (actual value minus reference) during a hold or a path. The unit is
+    the suffix of the member's name.
+    """
 
     model_config = example(rmse=0.087, rmse_percent=0.95, maximum=0.29)
 
     rmse: float
     rmse_percent: float | None
     """Root mean square error relative to the reference's peak-to-peak range; null if the reference
-    rests."""
+    is constant.
+    """
     maximum: float
     """Largest magnitude of the error."""
 
@@ -74,33 +77,39 @@ CAUSES: dict[str, Any] = {
 
 
 class ErrorCauses(Model):
-    """An error by cause; each part is a root mean square in the unit of the parent's name.
+    """Contributions to an error, by cause. Each is a root mean square; its unit is the suffix of
+    the parent's name.
 
-    The squares can be added; where two causes cancel in part, the total is smaller.
+    Squares of the contributions can be added; if two causes partly cancel, the total is smaller.
     """
 
     model_config = example(**CAUSES)
 
     total: float
-    """Total error: of the measured position, or of the true force as expected."""
+    """Total error of the measured position, or expected total error of the true force."""
     noise: float
-    """Part that repeats in no cycle; for the force, the contribution of the resulting motion of the
-    arm."""
+    """Contribution that is not the same in each cycle; for the force, the effect of the resulting
+    motion of the arm.
+    """
     response: float
-    """Error of the model of the free arm; for the force, as the estimator states it."""
+    """Contribution from the error of the free-arm model; for the force, as stated by the
+    estimator.
+    """
     contact_line: float
-    """Deviation of estimate and position from the contact line of the references."""
+    """Contribution from the deviation of force estimate and position from the contact line of the
+    references.
+    """
     lag: float
-    """Part that is proportional to speed and acceleration of the reference."""
+    """Contribution that is proportional to velocity and acceleration of the reference."""
     limits: float
-    """Part from samples at which a limit of the voltage was active, and just after."""
+    """Contribution from samples during and shortly after an active voltage limit."""
     largest: Literal["noise", "response", "contact_line", "lag", "limits"]
     to_do: str
-    """Change that would reduce the largest contribution."""
+    """Change that would reduce the largest contribution to the error."""
 
 
 class ErrorSources(Model):
-    """Causes of the errors in a hold or on a path."""
+    """Causes of the errors during a hold or a path."""
 
     model_config = example(position_um=CAUSES, force_mN=CAUSES)
 
@@ -123,13 +132,16 @@ class Goal(Model):
 
     met: bool | None
     """True if the errors stayed within their tolerances; null if the phase was not longer than the
-    settling time, so that the goal is not judged."""
+    settling time, so that no statement is possible.
+    """
     settling_s: float
-    """Time, from the beginning of the hold, path or rest, by which every error should have settled.
+    """Time, from the beginning of the hold, path or rest, after which every error must stay within
+    its tolerance.
     """
     settled_s: float | None
-    """Time from which every error stays within its tolerance, counted from the same beginning; null
-    if there is none or the job did not reach that phase."""
+    """Time, from the same beginning, after which every error stays within its tolerance; null if
+    there is no such time, or the job did not reach that phase.
+    """
     position_tolerance_um: float | None
     position_error_um: float | None
     """Largest magnitude of x minus x_r after the settling time; null if there is none."""
@@ -139,30 +151,34 @@ class Goal(Model):
 
 
 class ZeroReturn(Model):
-    """Estimated force when the arm, free again, returns to the place of its zero.
+    """Estimated force when the free arm returns to the position at which the force was zeroed.
 
-    It is 0 except for the error of the free response. Drift or a jump of the sensor, an unnoticed
-    slip, or a large change of a gain shows in it.
+    Except for the error of the free response it should be 0. It reveals drift or a jump of the
+    sensor, an unnoticed slip, or a large change of a gain.
     """
 
     model_config = example(force_mN=-0.11, uncertainty_mN=0.42, x_um=26.0, verified=True)
 
     force_mN: float
-    """Mean estimate over the samples around the place of the zero, while the arm returns."""
+    """Mean estimate over the samples near that position while the arm returns."""
     uncertainty_mN: float
-    """Expanded uncertainty, from the returns of rehearsed grips, or from the estimator if the model
-    has none."""
+    """Expanded uncertainty, from the zero returns of rehearsed grips, or from the estimator if the
+    model contains none.
+    """
     x_um: float
-    """Place of the zero."""
+    """Position at which the force was zeroed."""
     verified: bool
-    """False if the force exceeds its uncertainty: no force since that zero is then verified."""
+    """False if the force exceeds its uncertainty. The forces estimated since the zeroing are then
+    not verified.
+    """
 
 
 class ReleaseVerdict(Model):
-    """Verdict on the release of a part, from the motion of the arm on its way back.
+    """Verdict on the release of a part, from the motion of the arm during its return.
 
     An arm that a part holds moves less than a free one, whether the part is pressed or pulled. A
-    part that comes along on the arm alone pulls on nothing: only a camera sees it.
+    part that sticks to this arm only and moves with it exerts no force: only a camera can detect
+    it.
     """
 
     model_config = example(
@@ -175,30 +191,35 @@ class ReleaseVerdict(Model):
     )
 
     verdict: Literal["released", "sticks", "unknown"]
-    """``released`` if the arm moves as a free one, ``sticks`` if it moves as one that the part
-    holds, ``unknown`` if the uncertainty admits both or neither, or if a free arm is pulled."""
+    """``released`` if the arm moves like a free arm, ``sticks`` if it moves like an arm held by the
+    part, ``unknown`` if both or neither are possible within the uncertainty, or if the motion is
+    free but a pull remains.
+    """
     strategies: list[str]
-    """Strategies that were tried, in order; empty for a release without."""
+    """Release strategies that were tried, in order; empty if the release used none."""
     stiffness_mN_per_um: float | None
-    """Stiffness that holds the arm at the end of the way back; about 0 for a free arm; null if the
-    way back is too short."""
+    """Stiffness that acts on the arm at the end of its return; about 0 for a free arm; null if the
+    return is too short to measure it.
+    """
     stiffness_uncertainty_mN_per_um: float | None
-    """Expanded uncertainty of that stiffness."""
+    """Expanded uncertainty of ``stiffness_mN_per_um``."""
     pull_off_mN: float | None
-    """Pull that ended as the part came off; 0 if noise and speed hide it; null if it has not. A
-    bridge of liquid may pull on a little longer."""
+    """Pulling force at which the part came off; 0 if it is hidden by noise and speed; null if it
+    did not come off. A liquid bridge may continue to pull for a short distance.
+    """
     pull_off_uncertainty_mN: float | None
-    """Expanded uncertainty of the pull-off force; a slow way back makes it small."""
+    """Expanded uncertainty of the pull-off force; a slower return reduces it."""
 
 
 StepCause = Literal["slip", "sensor", "unknown"]
 
 
 class PositionStep(Model):
-    """A step of the position of a pressed part that the voltage does not explain.
+    """A step in the measured position of a pressed part that the voltage does not explain.
 
     At constant voltage one arm and one sensor cannot distinguish a part that slips from a sensor
-    that jumps towards the part: the force is ``force_if_slip_mN`` or ``force_if_sensor_mN`` then.
+    that jumps towards the part: the force after the step is either ``force_if_slip_mN`` or
+    ``force_if_sensor_mN``.
     """
 
     model_config = example(
@@ -214,18 +235,22 @@ class PositionStep(Model):
     )
 
     cause: StepCause
-    """``slip`` of the part; ``sensor``, or a push; ``unknown`` where neither the direction of the
-    step nor the force that the free arm reads afterwards decides."""
+    """``slip``: the part slipped. ``sensor``: the sensor jumped, or the arm was pushed.
+    ``unknown``: neither the direction of the step nor the force estimate of the free arm afterwards
+    is conclusive.
+    """
     at_s: float
     """Time at which the step was confirmed."""
     x_um: float
     """Position just before the step."""
     step_um: float
-    """Step of the position, positive towards the part; the sum if there were several."""
+    """Step of the position, positive towards the part; the sum if there were several steps."""
     slip_um: float | None
-    """Distance by which the part slipped, if a slip is possible and its stiffness is known."""
+    """Distance by which the part slipped, if a slip is possible and the stiffness of the part is
+    known.
+    """
     slips: int
-    """Number of slips of the part in a load."""
+    """Number of slips of the part during a load."""
     force_mN: float
     """Estimated force just before the step."""
     force_if_slip_mN: float | None
@@ -233,9 +258,10 @@ class PositionStep(Model):
     force_if_sensor_mN: float | None
     """Force just after the step, if the sensor jumped; null if the part certainly slipped."""
     rang: bool | None = None
-    """Hint: true if the pressed arm rang after the step, as it does after a slip but not after a
-    sensor jump. False proves nothing, since friction may damp a slip. Null if the voltage moved at
-    that time."""
+    """Hint: true if the pressed arm oscillated after the step, as it does after a slip but not
+    after a sensor jump. False proves nothing, since friction may damp the oscillation. Null if the
+    voltage changed at that time.
+    """
 
 
 OutcomeCode = Literal[
@@ -277,8 +303,9 @@ class JobResult(Model):
     )
 
     outcome: OutcomeCode
-    """End of the program as the controller reported it; ``tripped`` if the actuator reported a
-    trip; ``unfinished`` if neither reported an end."""
+    """End of the motion program: as the controller reported it; ``tripped`` if the actuator
+    reported a trip; ``unfinished`` if neither reported an end.
+    """
     phases: list[Phase]
     limits_acted: list[LimitActed]
     actions: list[ActionTaken]
@@ -286,24 +313,26 @@ class JobResult(Model):
     missed_ticks: int
     """Number of samples that were never taken or never arrived."""
     unanswered_ticks: int
-    """Number of ticks for which the actuator accepted no command."""
+    """Number of ticks in which the actuator accepted no command."""
     dropped_messages: int
     touch_x_um: float | None = None
-    """Position at which the arm met something during its motion through free space."""
+    """Position at which the arm contacted something during its motion through free space."""
     touch_force_mN: float | None = None
-    """Force at that touch when the arm turned back, from the free response or from the slope of its
-    way."""
+    """Force at that contact when the arm turned back, from the free response or from the slope of
+    its motion.
+    """
     position_step: PositionStep | None = None
     """Step of the position that the voltage does not explain; null if there was none."""
     goal: Goal | None = None
     """Comparison of the errors with the tolerances; null if the request has none."""
     place: PlaceFound | None = None
-    """Comparison of the place where the part was met with the one that was given; null if none was
-    given."""
+    """Comparison of the place where the part was found with the stated place; null if none was
+    stated.
+    """
 
 
 class LoadForces(Model):
-    """Smallest and largest estimated force of a load."""
+    """Smallest and largest estimated force during a load."""
 
     model_config = example(lowest_mN=2.1, highest_mN=20.1)
 
@@ -312,61 +341,74 @@ class LoadForces(Model):
 
 
 class ClosedLoopResult(JobResult):
-    """Result of a job under a control law. A value is null if the job did not reach that phase."""
+    """Result of a job with a control law. A value is null if the job did not reach its phase."""
 
     contact_load: LoadForces | None = None
-    """Forces over which stiffness and place of the contact are means; null without a load. A round
-    face is softer at smaller and stiffer at larger forces, and is touched slightly before that
-    place."""
+    """Force range over which stiffness and place of the contact are averaged; null without a load.
+    A part with a round face is softer at smaller and stiffer at larger forces, and contact begins
+    slightly before that place.
+    """
     contact_x_um: float | None
     contact_x_error_um: float | None
-    """Standard error of the place, from the load's deviation from a straight line and the force's
-    own error."""
+    """Standard error of the contact place, from the deviation of the load from a straight line and
+    the error of the force.
+    """
     contact_stiffness_mN_per_um: float | None
     contact_stiffness_error_mN_per_um: float | None
-    """Standard error of the stiffness, from the load's deviation from a straight line."""
+    """Standard error of the contact stiffness, from the deviation of the load from a straight
+    line.
+    """
     force_uncertainty_mN: float | None
-    """Uncertainty of the mean force of a grip's hold, in which noise is averaged; otherwise of
-    single samples, as a mean over the path."""
+    """Uncertainty of the force. For the hold of a grip it is that of the mean force, in which noise
+    is averaged; otherwise that of single samples, averaged over the path.
+    """
     force_assumed: list[str]
-    """Quantities on which the uncertainty is based and that no calibration has found."""
+    """Quantities that contribute to the uncertainty and that no calibration has found."""
     zero_age_s: float | None
-    """Age of the zero at the end of the hold or the path."""
+    """Time between the zeroing of the force and the end of the hold or the path."""
     stroke_change_percent: float | None = None
-    """Change of the arm's stroke since its calibration, from the way that began with conditioning
-    strokes; null if the arm has not been conditioned since the estimator started."""
+    """Change of the arm's stroke since its calibration, measured during an approach with
+    conditioning strokes; null if the arm has not been conditioned since the estimator started.
+    """
     stroke_limit_percent: float | None = None
-    """Largest change of the stroke that noise and repetition explain; the force is corrected beyond
-    it."""
+    """Largest change of the stroke that noise and repeatability explain; if the change is larger,
+    the force is corrected for it.
+    """
     model_mismatch: bool = False
-    """True if noise and repetition do not explain the change of the stroke."""
+    """True if noise and repeatability do not explain the change of the stroke."""
     zero_unconfirmed: bool = False
-    """True if only the zero itself shows that no part pressed when it was taken: all forces may
-    then be too small by the hidden one. A part found at its planned place, or ``zero_confirmed``,
-    also shows it."""
+    """True if nothing independent of the force estimate confirms that no part pressed on the arm
+    while the force was zeroed. If a part did, all forces are too small by the force at that time. A
+    part found at its planned place, or ``zero_confirmed``, counts as confirmation.
+    """
     peak_force_mN: float | None
     final_force_mN: float | None
     zero_return: ZeroReturn | None = None
-    """Zero return; null if the arm did not come back free to the place of a zero of this job."""
+    """Zero return; null if the free arm did not return to the position at which this job zeroed the
+    force.
+    """
     release: ReleaseVerdict | None = None
-    """Verdict on the release at the end of the job; null if it released no part."""
+    """Verdict on the release at the end of the job; null if no part was released."""
     contact_rmse_position_um: float | None
-    """Root mean square position error from the load to the unload."""
+    """Root mean square position error from the start of the load to the end of the unload."""
     contact_rmse_force_mN: float | None
-    """Root mean square force error from the load to the unload."""
+    """Root mean square force error from the start of the load to the end of the unload."""
     sliding_um: Percentiles | None
-    """Percentiles of |s| over all samples, as are the members down to
-    ``true_perturbation_error_mN``. With K_S = 0 nothing returns s: it follows the perturbation and
-    moves no voltage."""
+    """Percentiles of |s| over all samples; the members down to ``true_perturbation_error_mN`` also
+    cover all samples. With K_S = 0 nothing drives s to 0: it follows the perturbation and does not
+    influence the voltage.
+    """
     sliding_in_band: float | None
-    """Share of samples with |s| within its band, outside of which |s| cannot have grown."""
+    """Fraction of samples with |s| within its band. Outside of the band |s| cannot have grown."""
     residual_um: Percentiles | None
-    """Magnitude of x minus its prediction (17), with the law's own force."""
+    """Magnitude of x minus its prediction (17), computed with the force that the law uses."""
     law_perturbation_mN: Percentiles | None
-    """Magnitude of p̂ (6), with the law's own force and parameter set."""
+    """Magnitude of p̂ (6), computed with the law's force and parameter set."""
     perturbation_error_mN: Percentiles | None
-    """Magnitude of p̃ (8) with the law's own force and parameter set; K_S would have to exceed it.
-    If the force is estimated from the same position and voltage, two models are compared."""
+    """Magnitude of p̃ (8), computed with the law's force and parameter set; K_S would have to
+    exceed it. If the force is estimated from the same position and voltage, p̃ is the difference
+    between two models.
+    """
     true_perturbation_error_mN: Percentiles | None
     """Magnitude of p̃ (8) from the measured position, the applied voltage and the true force, with
     the law's parameter set; known only on a simulated rig, null on a real one."""
@@ -405,7 +447,7 @@ COMMON: dict[str, Any] = {
 
 
 class MotionResult(ClosedLoopResult):
-    """Result of a move, a hold or a release. A value is null if the job has none."""
+    """Result of a move, a hold or a release. A value is null if the job does not have it."""
 
     model_config = example(
         outcome="moved",
@@ -423,9 +465,9 @@ class MotionResult(ClosedLoopResult):
     begins_at: Pose
     """Pose at the first sample."""
     ends_at: Pose
-    """Mean position over the last rest, and the voltage that is kept."""
+    """Mean position at the end of the job, while the arm rests, and the voltage that is kept."""
     teach: str | None
-    """Name under which the pose is taught, to be stored in a recipe."""
+    """Name under which the pose was taught; a recipe can store it."""
     target_um: float | None
     target_error_um: float | None
     """Position minus the target."""
@@ -435,13 +477,13 @@ class MotionResult(ClosedLoopResult):
 
 
 ARMS = (("", "arm"), ("second_", "second arm"))
-"""Prefixes of the names of figures, each with the arm that the figures describe."""
+"""Prefixes of result members, each with the arm that these members describe."""
 
 
 def confirmations(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield the facts that confirm the figures of a result or make them doubtful.
+    """Yield the facts that confirm the values of a result or make them doubtful.
 
-    Each fact is a short statement and a text with numbers or a remedy, which may be empty.
+    Each fact is a short statement and a text with numbers or a remedy; the text may be empty.
     """
     goal = result.get("goal")
     if goal is not None:

@@ -1,8 +1,8 @@
-"""Tables of the states of a rig, and of the jobs that may start in them.
+"""Tables of the states of a rig, and of the jobs that may start in each.
 
-``RIG_STATES`` lists the states of the actuator, ``PART`` how far its report of a part can be
-trusted, ``OCCUPANTS`` what can use the rig, and ``MOTION`` how the arm moves. The supervisor, the
-page, the command line and the documentation read the same tables.
+``RIG_STATES`` lists the states of the actuator, ``PART`` the certainty of its report about a part,
+``OCCUPANTS`` the possible users of the rig, and ``MOTION`` the motions of the arm. The supervisor,
+the page, the command line and the documentation read the same tables.
 """
 
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 
 RigState = Literal["unknown", "switched_on", "idle", "armed", "frozen", "ramping", "latched"]
 Certainty = Literal["known", "believed", "unknown"]
-"""Certainty of a report: recent; older, but not contradicted; unknown."""
+"""Certainty of a report: recent; older but not contradicted; or unknown."""
 PartState = Literal["none", "held", "unknown"]
 ReportedPart = Literal["none", "held"]
 Occupant = Literal["job", "ended_job", "part", "program", "unknown_part", "nothing"]
@@ -34,8 +34,9 @@ class RigStateEntry(NamedTuple):
     """True if the actuator allows a job to start. A held part, a running job or a failing program
     may still prevent it."""
     may_move: bool
-    """True if the actuator allows the stage to move. While it is armed, the program decides and
-    reports when it rests."""
+    """True if the actuator allows the stage to move. In the armed state, the motion program
+    decides, and reports when it rests.
+    """
     remedy: str = ""
     """Action that a person can take in this state; empty if none is needed."""
 
@@ -80,20 +81,25 @@ _UNTOLD: Mapping[ReportedPart, Mapping[Certainty, Certainty]] = {
     reported: dict.fromkeys(("known", "believed", "unknown"), "unknown")
     for reported in ("none", "held")
 }
-"""Certainty in states in which nothing is known of the part, whatever the actuator reported last.
+"""Certainty in states in which nothing is known about the part, whatever the actuator reported
+last.
 """
 _EMPTY: Mapping[Certainty, Certainty] = {
     "known": "known",
     "believed": "believed",
     "unknown": "believed",
 }
-"""Certainty of an empty gripper: no failure makes it hold a part."""
+"""Certainty of an empty gripper. It stays certain, since no failure can make the gripper hold a
+part.
+"""
 _UNCONFIRMED: Mapping[Certainty, Certainty] = {
     "known": "believed",
     "believed": "believed",
     "unknown": "unknown",
 }
-"""Certainty of a held part in states in which no voltage is written that could confirm it."""
+"""Certainty of a held part in states in which no voltage is written, so that none can be
+confirmed.
+"""
 
 PART: Mapping[RigState, Mapping[ReportedPart, Mapping[Certainty, Certainty]]] = {
     "unknown": _UNTOLD,
@@ -107,18 +113,19 @@ PART: Mapping[RigState, Mapping[ReportedPart, Mapping[Certainty, Certainty]]] = 
     "ramping": _UNTOLD,
     "latched": _UNTOLD,
 }
-"""Certainty of the part, by the actuator's last state, the part it reported, and the certainty that
-follows from the age of that report."""
+"""Certainty of the part, by three keys: the last state of the actuator, its report about the part,
+and the certainty due to the age of that report.
+"""
 
 
 class OccupantEntry(NamedTuple):
-    """User of a rig, and the jobs that can start meanwhile."""
+    """What uses the rig, and the jobs that can start meanwhile."""
 
     meaning: str
     may_start: bool
     """True if a job that needs an empty gripper can start."""
     may_take_over: bool
-    """True if a job that begins with a held part can start."""
+    """True if a job that begins with a part already held can start."""
 
 
 OCCUPANTS: Mapping[Occupant, OccupantEntry] = {
@@ -143,7 +150,7 @@ OCCUPANTS: Mapping[Occupant, OccupantEntry] = {
 
 
 class MotionEntry(NamedTuple):
-    """Motion of the arm, and whether the stage may move meanwhile."""
+    """Motion of the arm, and whether the stage may move at the same time."""
 
     meaning: str
     may_move: bool

@@ -18,19 +18,19 @@ class InstrumentCounts(Model):
     model_config = example(late=3, lost=1, unexpected=0, reopened=0, retried=0)
 
     late: int
-    """Number of replies that arrived after their timeout and were dropped."""
+    """Number of replies that arrived after the timeout and were discarded."""
     lost: int
     """Number of replies that never arrived."""
     unexpected: int
-    """Number of replies without a request, such as those that a line repeats."""
+    """Number of replies without a request, for example replies that the line repeated."""
     reopened: int
     """Number of times that a lost or silent port was reopened."""
     retried: int
-    """Number of times that opening an instrument, or reading back its voltage, was repeated."""
+    """Number of repeated attempts to open an instrument or read back its voltage."""
 
 
 class ExchangeTimes(Model):
-    """Durations of the newest exchanges with an instrument that succeeded, as measured."""
+    """Durations of the newest successful exchanges with an instrument."""
 
     model_config = example(count=40, minimum_s=0.0018, median_s=0.0019, worst_s=0.0024)
 
@@ -40,15 +40,17 @@ class ExchangeTimes(Model):
     median_s: float
     worst_s: float
     held_s: float = 0.0
-    """Time for which a device server holds replies back before it forwards them whole; 0 if none
-    was found."""
+    """Time for which a device server buffers a reply before it forwards it as a whole; 0 if none
+    was detected.
+    """
     line_baud: int = 0
-    """Estimated rate of the serial line behind a device server if it is slower than the rig file
-    states; 0 if it is not."""
+    """Estimated baud rate of the serial line behind a device server if it is lower than stated in
+    the rig file; otherwise 0.
+    """
 
 
 class Program(Model):
-    """State of a program of the rig, as far as it is known."""
+    """Known state of a program of the rig."""
 
     model_config = example(
         name="estimator",
@@ -67,22 +69,26 @@ class Program(Model):
     """True if the program's liveliness token is visible."""
     version: str | None
     age_s: float | None
-    """Time since its newest sample."""
+    """Time since the program's newest sample."""
     epoch: int | None
     missed: int | None
     """Number of samples that the program has skipped since its start."""
     refused: int | None
     """Number of messages that the program has refused since its start."""
     instrument: InstrumentCounts | None = None
-    """Failed exchanges with its instruments; null if it has none or has not reported a status."""
+    """Failed exchanges with the program's instruments; null if it has none, or has not reported its
+    status.
+    """
     exchanges: list[ExchangeTimes] = Field(default_factory=list["ExchangeTimes"])
-    """Durations of readings, or of exchanges with the output, for each arm; empty in lockstep."""
+    """Durations of sensor readings, or of exchanges with the output, for each arm; empty in
+    lockstep.
+    """
     detail: str
-    """State of the program in words, for people."""
+    """State of the program as text for people."""
     faults: list[FaultView] = Field(default_factory=list["FaultView"])
     """Faults in ``detail`` as codes and numbers, for programs."""
     trouble: str
-    """Reason why the program cannot be relied on; empty if it can."""
+    """Reason why the program is not reliable; empty if it is."""
 
 
 class Latch(Model):
@@ -103,7 +109,7 @@ class Latch(Model):
     faults: list[FaultView] = Field(default_factory=list["FaultView"])
     """Faults that were found, with their numbers."""
     words: str = ""
-    """The cause for people, with the name of the silent program."""
+    """Cause as text for people, with the name of the silent program."""
     clear: str
     """Action that clears the latch; empty if there is nothing to clear."""
 
@@ -129,14 +135,16 @@ class Standing(Model):
     state_age_s: float | None
     """Time since the last message of the actuator; null if there was none."""
     part: PartState
-    """State of the part: held or not, or unknown; also unknown if the output's own watchdog may
-    have released it."""
+    """State of the part: held, not held or unknown. It is also unknown if the output's own watchdog
+    may have released the part.
+    """
     part_certainty: Certainty
     """Certainty of the part; at most ``believed`` for a held part while no voltage is written that
     could be confirmed."""
     part_age_s: float | None
-    """Time since the output confirmed the voltage of a held part; otherwise the same as
-    ``state_age_s``."""
+    """Time since the output last confirmed the voltage of a held part; without one, the same as
+    ``state_age_s``.
+    """
 
 
 class LimitValue(Model):
@@ -150,12 +158,12 @@ class LimitValue(Model):
 
 
 class ModelInUse(Model):
-    """Model with which jobs work."""
+    """Model that jobs use."""
 
     model_config = example(version=3, digest="9f31c2a4550b7e66")
 
     version: int
-    """Version of the model; 0: the rig file alone."""
+    """Version of the model; 0 means the rig file alone."""
     digest: str
 
 
@@ -176,16 +184,17 @@ class Newest(Model):
     phase: str
     x_um: float | None
     force_mN: float | None
-    """Contact force; null if it is unknown, such as before the force is zeroed."""
+    """Contact force; null if it is unknown, for example before it is zeroed."""
     force_uncertainty_mN: float | None
-    """Expanded uncertainty of that force."""
+    """Expanded uncertainty of ``force_mN``."""
     zero_age_s: float | None
-    """Time since the force was zeroed; null if it has no zero."""
+    """Time since the force was zeroed; null if it has not been zeroed."""
     voltage_V: float | None
     """Applied voltage; null while the output has not confirmed it."""
     second_x_um: float | None = None
-    """Position of the second arm. This member and those that follow are null on a rig with one arm;
-    all others describe the first arm."""
+    """Position of the second arm. On a rig with one arm, this member and the following ones are
+    null. All other members describe the first arm.
+    """
     second_force_mN: float | None = None
     second_voltage_V: float | None = None
 
@@ -203,28 +212,29 @@ class Queue(Model):
     the queue."""
     capacity: int
     proposed: int = 0
-    """Number of jobs that wait for an approval. They have no place in the queue."""
+    """Number of jobs that wait for an approval. They have no position in the queue."""
 
 
 QueueOrder = Literal["resume", "clear", "move"]
 
 
 class QueueRequest(Model):
-    """Change of the queue."""
+    """Request to change the queue."""
 
     model_config = example(type="move", job="20260301-120000-1f0c", position=1)
 
     type: QueueOrder
-    """Change to make: resume with the next job, stop all waiting jobs, or move one of them."""
+    """Requested change: resume with the next job, stop all waiting jobs, or move one of them."""
     job: str | None = Field(default=None, max_length=100)
-    """Waiting job to be moved; only with ``move``."""
+    """Waiting job to be moved; only for ``move``."""
     position: Annotated[int, Field(ge=1, le=100), WHOLE] = 1
-    """New place of the job, 1 for the next; larger numbers than the length mean the last place.
-    Only with ``move``."""
+    """New position of the job, 1 for the next; a number larger than the length means the last
+    position. Only for ``move``.
+    """
 
 
 class SafeToMove(Model):
-    """Permission to move the stage that carries the gripper."""
+    """Statement whether the stage that carries the gripper may move."""
 
     model_config = example(value=False, state="moving", reasons=["the arm moves: approach"])
 
@@ -232,7 +242,7 @@ class SafeToMove(Model):
     state: MotionState
     """Motion of the arm; see the table of motions."""
     reasons: list[str]
-    """Reasons why the stage must not be moved."""
+    """Reasons why the stage must not move."""
 
 
 class Rig(Model):
@@ -267,37 +277,41 @@ class Rig(Model):
     time: Literal["real", "lockstep"]
     period_s: float
     arms: int = 1
-    """Number of driven arms. Kinds of job and laws state for how many arms they are."""
+    """Number of driven arms. Kinds of job and laws list the numbers for which they are
+    available.
+    """
     digest: str
-    """Digest of the rig file; it must be the same in all programs."""
+    """Digest of the rig file; it must be equal in all programs."""
     model: ModelInUse
     programs: list[Program]
     checks: list[Check] = Field(default_factory=list[Check])
-    """All checks, each with value and limit."""
+    """All checks, each with its value and limit."""
     limits: list[LimitValue]
     latch: Latch
     newest: Newest | None
     part: PartState
-    """State of the part: held or not, or unknown; ``standing`` states how certain it is."""
+    """State of the part: held, not held or unknown; ``standing`` states how certain it is."""
     standing: Standing
     safe_to_move: SafeToMove
     claim: Claim | None = None
-    """Claim on the rig; null if unclaimed."""
+    """Claim on the rig; null if there is none."""
     active_job: str | None
     queue: Queue
     can_start: bool
-    """True if a job can start that needs an empty gripper."""
+    """True if a job that needs an empty gripper can start."""
     startable: list[str]
-    """Kinds of job that can start: while a part is held and no job holds it, hold and release."""
+    """Kinds of job that can start. While a part is held without a job, these are ``hold`` and
+    ``release``.
+    """
     reasons: list[str]
-    """Reasons why a job cannot start, in words."""
+    """Reasons why a job cannot start, as text."""
     warnings: list[str]
-    """Matters that a person should attend to, though jobs can start."""
+    """Problems that need attention although jobs can start."""
     allowed_actions: list[RigAction]
 
 
 class RigList(Model):
-    """The rigs this supervisor serves."""
+    """The rigs that this supervisor serves."""
 
     model_config = example(rigs=[])
 
@@ -305,7 +319,7 @@ class RigList(Model):
 
 
 class ResetRequest(Model):
-    """Request to clear the actuator's latch; it states that a person has seen the cause."""
+    """Request to clear the actuator's latch. It confirms that a person has seen the cause."""
 
     model_config = example(acknowledge=True)
 
@@ -325,11 +339,13 @@ class Stopped(Model):
     """True if the actuator has confirmed the stop or reset."""
     detail: str
     supervisor: str = ""
-    """Identifier of the supervisor that replied, as in the page check; empty over the bus."""
+    """Identifier of the supervisor that replied, as in the page check; empty if the reply came over
+    the bus.
+    """
 
 
 class StoppedList(Model):
-    """Result of an emergency stop of every rig: each has confirmed."""
+    """Result of an emergency stop of every rig, all of which have confirmed it."""
 
     model_config = example(
         rigs=[

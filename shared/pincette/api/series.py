@@ -1,4 +1,4 @@
-"""Series over REST: one request for many jobs, and the life of a series as data."""
+"""Series over REST: one request for many jobs; and the table of the states of a series."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class SeriesStateMeaning:
     meaning: str
     actions: Mapping[SeriesActionType, SeriesState]
     over: bool = False
-    """True if a caller that waits for the end of the series gets its answer."""
+    """True if the series has ended, so that callers who wait for its end get a reply."""
 
 
 SERIES_STATES: Mapping[SeriesState, SeriesStateMeaning] = {
@@ -51,13 +51,13 @@ TARGETS: Mapping[SeriesActionType, SeriesState] = {
     "resume": "running",
     "stop": "stopped",
 }
-"""State in which the purpose of an action is reached."""
+"""State that fulfils the purpose of an action."""
 
 
 class SeriesRequest(Model):
-    """A request for many jobs on one rig, one after the other.
+    """A request for many jobs on one rig, one after another.
 
-    ``values``, ``grid`` and ``csv`` exclude each other; without them every job is the same.
+    Only one of ``values``, ``grid`` and ``csv`` may be given; without any, all jobs are equal.
     """
 
     model_config = example(
@@ -72,31 +72,38 @@ class SeriesRequest(Model):
     name: Label = ""
     """Name of the series, for people."""
     rig: str | None = Field(default=None, max_length=40)
-    """Name of the rig; may be left out if there is only one."""
+    """Name of the rig; may be omitted if there is only one."""
     job: dict[str, Any] = Field(default_factory=dict[str, Any])
-    """Members that all jobs have, as in a request for one job. ``rig``, ``autostart``, ``queue``
-    and ``dry_run`` are those of the series."""
+    """Members that all jobs have in common, as in a request for one job. ``rig``, ``autostart``,
+    ``queue`` and ``dry_run`` are determined by the series.
+    """
     values: list[dict[str, Any]] = Field(default_factory=list[dict[str, Any]], max_length=MOST_JOBS)
-    """Further members of each job, one entry for each job."""
+    """Additional members of each job; one entry per job."""
     grid: dict[str, Annotated[list[Any], Field(min_length=1, max_length=MOST_JOBS)]] = Field(
         default_factory=dict[str, list[Any]]
     )
-    """Lists of values by member; there is a job for each combination, and the last member changes
-    fastest."""
+    """Lists of values by member. There is one job per combination; the last member changes
+    fastest.
+    """
     csv: str = ""
-    """Table with one line for each job, after a line with the names of the members, such as
-    ``sample,force_mN``. ``label.NAME`` is a label; an empty cell leaves the member out."""
+    """Table in CSV: a header line with the names of the members, such as ``sample,force_mN``, then
+    one line per job. The column ``label.NAME`` contains a label; an empty cell omits the member.
+    """
     repeats: Annotated[int, Field(ge=1, le=MOST_JOBS), WHOLE] = 1
-    """Number of times that the jobs are repeated, all of them each time."""
+    """Number of times that the list of all jobs is run."""
     shuffle_seed: Annotated[int, Field(ge=0, le=2**31 - 1), WHOLE] | None = None
-    """Seed by which the order of all jobs is shuffled; null: in the given order."""
+    """Seed of the random order of all jobs; null for the given order."""
     stop_after_failures: Annotated[int, Field(ge=1, le=MOST_JOBS), WHOLE] | None = 1
-    """Number of failed jobs after which the series stops; null: it goes on whatever fails."""
+    """Number of failed jobs after which the series stops; null: it continues regardless of
+    failures.
+    """
     pause_s: float = Field(default=0.0, ge=0, le=86_400)
     """Time between the end of a job and the start of the next one."""
     after_restart: Literal["wait", "continue"] = "wait"
-    """``wait``: after a restart of the supervisor the series is paused until a person resumes it.
-    ``continue``: it goes on by itself. Either way an interrupted job is repeated."""
+    """Behaviour after a restart of the supervisor. ``wait``: the series is paused until a person
+    resumes it. ``continue``: it continues automatically. In both cases an interrupted job is
+    repeated.
+    """
     dry_run: bool = False
     """True to plan and predict all jobs only, without starting any."""
 
@@ -114,12 +121,14 @@ class SeriesAction(Model):
     model_config = example(type="pause")
 
     type: SeriesActionType
-    """``pause`` lets the running job end. ``stop`` stops the running job too; a held part stays
-    held. ``resume`` goes on with the next job, and counts failures from 0."""
+    """``pause`` starts no further job; the running one continues to its end. ``stop`` also stops
+    the running job; a held part stays held. ``resume`` continues with the next job, and resets the
+    count of failures to 0.
+    """
 
 
 class SeriesJob(Model):
-    """A job of a series, started or not."""
+    """A job of a series, whether or not it has started."""
 
     model_config = example(
         number=1,
@@ -132,20 +141,24 @@ class SeriesJob(Model):
     )
 
     number: int
-    """Place in the series, from 1."""
+    """Number of the job in the series, from 1."""
     request: dict[str, Any]
     planned_s: float | None
-    """Planned duration; null if it has no end, or was not known when the series was created."""
+    """Planned duration; null if the job has no end, or if it was unknown when the series was
+    created.
+    """
     job: str | None
-    """Identifier of the job; null before it is created. A repeated one is the newest."""
+    """Identifier of the job; null before it is created. After a repetition it is that of the newest
+    job.
+    """
     state: JobState | None
     cause: str
     tries: int = 0
-    """Number of jobs created for it: more than 1 after a `retry` or an interruption."""
+    """Number of jobs created for this entry: more than 1 after a `retry` or an interruption."""
 
 
 class SeriesSummary(Model):
-    """A series without its jobs."""
+    """A series without the list of its jobs."""
 
     model_config = example(
         id="20260301-115900-7c2e",
@@ -175,22 +188,23 @@ class SeriesSummary(Model):
     ended: int
     """Number of jobs that have ended."""
     failed: int
-    """Number of them that have not succeeded."""
+    """Number of ended jobs that did not succeed."""
     job: str | None
     """Identifier of the newest job."""
     remaining_s: float | None
-    """Estimated time until the end, by the planned durations and the pace so far; null if it is not
-    known."""
+    """Estimated time until the end, from the planned durations and the pace so far; null if it is
+    unknown.
+    """
     allowed_actions: list[SeriesActionType]
     by: str | None
-    """Client that requested the series, as ``by`` of a job."""
+    """Client that requested the series, in the form of a job's ``by``."""
     created_at: str
     ended_at: str | None
     """Time at which the series was stopped or completed; null before."""
 
 
 class Series(SeriesSummary):
-    """A series: its request, its progress, and its jobs in their order."""
+    """A series: its request, its progress, and its jobs in order."""
 
     model_config = example(
         id="20260301-115900-7c2e",
@@ -225,17 +239,17 @@ class Series(SeriesSummary):
     request: dict[str, Any]
     jobs: list[SeriesJob]
     traceparent: str | None = None
-    """W3C trace context of the request, which all jobs have; null without one."""
+    """W3C trace context of the request, which all jobs inherit; null without one."""
 
 
 class SeriesPlan(Model):
-    """Result of a dry run: all jobs of the series in their order; nothing was started."""
+    """Result of a dry run: all jobs of the series in order; nothing was started."""
 
     model_config = example(total=1, planned_s=9.4, jobs=[])
 
     total: int
     planned_s: float | None
-    """Planned duration of all jobs with the pauses between them; null if it is not known."""
+    """Planned duration of all jobs and the pauses between them; null if it is unknown."""
     jobs: list[SeriesJob]
 
 
@@ -250,6 +264,6 @@ class SeriesList(Model):
 
 
 def allowed_series_actions(state: SeriesState) -> list[SeriesActionType]:
-    """Return the actions that a series in a state accepts."""
+    """Return the actions that a series accepts in a state."""
     actions = SERIES_STATES[state].actions
     return [one for one in get_args(SeriesActionType) if one in actions]

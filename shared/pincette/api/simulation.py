@@ -1,4 +1,4 @@
-"""Commands to a simulated rig over REST: manual actions at its bench, and faults."""
+"""Commands to a simulated rig over REST: manual actions at the bench, and faults."""
 
 from typing import Annotated
 
@@ -15,12 +15,13 @@ class SimulationCommand(Model):
     target: Annotated[str, Field(min_length=1, max_length=40)]
     what: Annotated[str, Field(min_length=1, max_length=40)]
     value: Annotated[float, Field(allow_inf_nan=False)] | None = None
-    """Value in the unit of the operation; null if the operation has no value, or for its default.
+    """Value in the unit of the operation. Null if the operation has no value, or to use its
+    default.
     """
     after_s: Annotated[float, Field(ge=0.0, le=86_400.0)] = 0.0
-    """Time from now at which the command takes effect, in the rig's own time."""
+    """Delay until the command takes effect, in the rig's own time."""
     for_s: Annotated[float, Field(gt=0.0, le=86_400.0)] | None = None
-    """Duration of a fault; null: until ``heal``."""
+    """Duration of a fault; null means until ``heal``."""
 
 
 class SimulationOperation(Model):
@@ -41,13 +42,15 @@ class SimulationOperation(Model):
     what: str
     meaning: str
     quantity: str
-    """Quantity of the value, with its unit; empty: the operation has no value."""
+    """Quantity of the value, with its unit; empty if the operation has no value."""
     least: float
     most: float
     default: float | None
-    """Default of the value. Null: a value must be given if the operation has one."""
+    """Default of the value. If it is null and the operation has a value, the value must be
+    given.
+    """
     lasts: bool
-    """True if the operation is a fault, which lasts for a time and can be healed."""
+    """True if the operation is a fault, which has a duration and can be healed."""
 
 
 class SimulationOperationList(Model):

@@ -1,4 +1,4 @@
-"""The life of a job as data: states, events, deadlines and allowed actions.
+"""The states of a job as data: states, events, deadlines and allowed actions.
 
 The program, the documents and the tests read the same table.
 """
@@ -71,26 +71,29 @@ Beyond = Literal["", "program", "letting_go", "freeze"]
 
 
 class TransitionError(Exception):
-    """An event that the present state does not allow."""
+    """Error for an event that the present state does not allow."""
 
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """A state of a job: its meaning, the next state for each event, and its deadline."""
+    """A state of a job: its meaning, the next state after each event, and its deadline."""
 
     meaning: str
     events: Mapping[Event, JobState] = field(default_factory=dict[Event, JobState])
     deadline_s: float | None = None
-    """Deadline of the state; every state that ends in -ing has one. When it passes, the event is
-    ``overdue``."""
+    """Time limit of the state; every state whose name ends in -ing has one. When it expires, the
+    event ``overdue`` occurs.
+    """
     beyond: Beyond = ""
-    """Duration that is added to the deadline; see ``BEYOND``."""
+    """Name of a duration that is added to the deadline; see ``BEYOND``."""
     actions: tuple[ActionType, ...] = ()
-    """Actions that are offered; one with a need is offered only while it is met, see ``NEEDS``."""
+    """Actions that are offered. An action with a condition in ``NEEDS`` is offered only while that
+    is fulfilled.
+    """
 
     @property
     def terminal(self) -> bool:
-        """Return whether no state can follow."""
+        """Return True if no other state can follow."""
         return not self.events
 
 
@@ -283,7 +286,7 @@ BEYOND: Mapping[Beyond, str] = {
 """Description of the durations that are added to deadlines."""
 
 NEEDS: Mapping[ActionType, Need] = {"release": "held", "continue": "waiting"}
-"""Condition under which an action is offered: a part is held, or the program waits for a person."""
+"""Conditions under which actions are offered: a part is held, or the program waits for a person."""
 
 HOLDS: Mapping[ActionType, tuple[JobState, ...]] = {
     "start": ("running",),
@@ -300,7 +303,7 @@ HOLDS: Mapping[ActionType, tuple[JobState, ...]] = {
     "approve": (),
     "reject": (),
 }
-"""States in which the purpose of an action is already reached."""
+"""States in which the purpose of an action is already fulfilled, by action."""
 
 OUTCOMES: Mapping[str, str] = {
     "gripped": "the part was gripped, held and released as planned",
@@ -333,7 +336,7 @@ OUTCOMES: Mapping[str, str] = {
         "states the force for both cases"
     ),
 }
-"""Meanings of the ways in which a program can end, by the controller's outcome code."""
+"""Meanings of the controller's outcome codes: the ways in which a motion program can end."""
 GOOD_OUTCOMES = ("gripped", "tracked", "released", "moved")
 
 
@@ -351,7 +354,7 @@ def next_state(state: JobState, event: Event) -> JobState:
 def allowed_actions(
     state: JobState, *, held: bool, waiting: bool = False, recovery: RecoveryWait | None = None
 ) -> list[ActionType]:
-    """Return the allowed actions. An ended job has some only while it holds a part."""
+    """Return the allowed actions. An ended job allows some only while it holds a part."""
     if STATES[state].terminal and not held:
         return []
     met: dict[Need | None, bool] = {None: True, "held": held, "waiting": waiting}

@@ -1,4 +1,4 @@
-"""Trajectories over REST: plans that were checked, predicted and stored by their digest."""
+"""Trajectories over REST: plans that were checked, predicted and stored under their digest."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from pincette.api.plans import MotionPlan, Plan
 from pincette.api.requests import Label, LabelName, OnAbort, OnStop
 
 REQUEST: dict[str, Any] = {"kind": "grip", "force_mN": 20.0}
-"""Request in the examples of several models."""
+"""Request used in the examples of several models."""
 
 
 class TrajectorySummary(Model):
@@ -32,7 +32,7 @@ class TrajectorySummary(Model):
     request: dict[str, Any]
     created_at: str
     stale: list[str]
-    """Changes since the plan was stored, in words; empty if a job can still be made of it."""
+    """Changes since the plan was stored, as text; empty if a job can still be created from it."""
 
 
 class Trajectory(TrajectorySummary):
@@ -57,7 +57,7 @@ class Trajectory(TrajectorySummary):
     """Time between two samples."""
     samples: int
     plan: Plan | PairPlan | MotionPlan | None
-    """The plan; null if the rig file or the model that it was made with no longer exists."""
+    """The plan; null if the rig file or the model with which it was made no longer exists."""
 
 
 class TrajectoryList(Model):
@@ -71,14 +71,14 @@ class TrajectoryList(Model):
 
 
 class TrajectoryStart(Model):
-    """Options for the beginning and the end of a job made of a trajectory."""
+    """Options for the beginning and the end of a job that is created from a trajectory."""
 
     model_config = example(autostart=True, labels={"part": "bead 12"})
 
     autostart: bool = False
-    """True if the job begins as soon as it is ready, without the action ``start``."""
+    """True if the job starts as soon as it is ready, without the action ``start``."""
     queue: bool = False
-    """True to wait while another job has the rig, instead of being refused."""
+    """True to wait while another job uses the rig; otherwise the request is rejected then."""
     labels: dict[LabelName, Label] = Field(default_factory=dict, max_length=16)
     on_stop: OnStop | None = None
     """Action on a held part when the job is stopped; only for a grip or a track."""
@@ -97,7 +97,7 @@ class SampleColumn(Model):
 
 
 class TrajectorySamples(Model):
-    """All samples of a trajectory, one each control period."""
+    """All samples of a trajectory, one per control period."""
 
     model_config = example(
         digest="4be9f7a3c2d18e5f6a70",
@@ -110,7 +110,7 @@ class TrajectorySamples(Model):
     digest: str
     period_s: float
     cut: str
-    """Reason why the samples do not reach the end of the plan; empty if they do."""
+    """Reason why the samples end before the plan does; empty if they reach its end."""
     columns: list[SampleColumn]
     samples: dict[str, list[float] | list[str]]
     """Columns of equal length, by name."""

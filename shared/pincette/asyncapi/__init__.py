@@ -1,1 +1,1 @@
-"""The keys of the bus as an AsyncAPI document, made from their declarations."""
+"""AsyncAPI document of the keys on the bus, generated from their declarations."""

@@ -1,6 +1,6 @@
 """The AsyncAPI document of the bus: ``python -m pincette.asyncapi.document FILE``.
 
-It describes the side of the rig: the rig sends samples, and receives requests.
+The document describes the bus from the rig's side: the rig sends samples and receives requests.
 """
 
 import json

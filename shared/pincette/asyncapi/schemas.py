@@ -1,4 +1,4 @@
-"""Messages by their source: JSON Schema, texts, and the records within each."""
+"""Messages, generated from their source: JSON Schema, texts, and the records in each message."""
 
 import ast
 import inspect as python_inspect
@@ -19,9 +19,9 @@ def summary(kind: type) -> str:
 
 
 def notes(kind: type) -> dict[str, str]:
-    """Return the text under each field in the source, in Markdown.
+    """Return the docstring under each field in the source, in Markdown.
 
-    Fields without one are left out.
+    Fields without a docstring are omitted.
     """
     bases = [base for base in kind.__mro__ if issubclass(base, Struct) and base is not Struct]
     found: dict[str, str] = {}
@@ -31,7 +31,7 @@ def notes(kind: type) -> dict[str, str]:
 
 
 def _notes_of(kind: type) -> dict[str, str]:
-    """Return the texts of the fields that a class defines itself."""
+    """Return the docstrings of the fields that a class defines itself."""
     (tree,) = ast.parse(textwrap.dedent(python_inspect.getsource(kind))).body
     assert isinstance(tree, ast.ClassDef)
     found: dict[str, str] = {}
@@ -47,7 +47,7 @@ def _notes_of(kind: type) -> dict[str, str]:
 
 
 def reachable(kinds: Iterable[type]) -> list[type]:
-    """Return these records, each followed by the records that its fields carry, once each."""
+    """Return these records and all records that their fields contain, each once."""
     found: dict[type, None] = {}
     for kind in kinds:
         _collect(inspect.type_info(kind), found)
@@ -76,7 +76,7 @@ def _plain(text: str) -> str:
 
 
 def record_schema(kind: type) -> Json:
-    """Return the schema of a record: a map of its fields by name, and no other."""
+    """Return the schema of a record: a map of its fields by name; other fields are forbidden."""
     node, texts = inspect.type_info(kind), notes(kind)
     assert isinstance(node, inspect.StructType)
     tree: Json = {"type": "object", "description": summary(kind), "additionalProperties": False}
@@ -95,17 +95,17 @@ def _field(name: str, node: inspect.Type, texts: dict[str, str]) -> Json:
     about: Json = {"description": texts[name]} if name in texts else {}
     if unit_of(name):
         about["x-unit"] = unit_of(name)
-    # Beside a reference nothing else counts, so a reference is wrapped.
+    # In JSON Schema, keywords beside a reference are ignored, so the reference is wrapped.
     return {"allOf": [tree], **about} if about and "$ref" in tree else tree | about
 
 
 def type_schema(node: inspect.Type) -> Json:
-    """Return the schema of a field's type; records by reference.
+    """Return the schema of a field's type; records are included by reference.
 
     Raises
     ------
     TypeError
-        If a message has a field of a type that the codec does not carry.
+        If a message has a field of a type that the codec does not support.
     """
     match node:
         case inspect.Metadata():

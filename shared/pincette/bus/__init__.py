@@ -1,1 +1,1 @@
-"""The buses: one protocol, in one process and over Zenoh."""
+"""The buses: one protocol, implemented within one process and over Zenoh."""

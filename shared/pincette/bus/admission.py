@@ -1,4 +1,4 @@
-"""Admission of connections by a guard: one step of a handshake at a time, without waiting."""
+"""Admission of connections by a guard, one handshake step at a time, without blocking."""
 
 import os
 import selectors
@@ -16,20 +16,20 @@ from pincette.bus.relay import READ, WRITE, Stream
 from pincette.bus.vouching import Vouching
 
 HELLO_S, PROOF_S = 1.0, 3.0
-"""Time limits of the first bytes, and of all that follows, in s."""
+"""Time limits, in s, for the first bytes, and for everything after them."""
 TLS_HANDSHAKE = b"\x16\x03"
-"""First bytes of TLS: a record of that type, of version 3."""
+"""First bytes of TLS: a handshake record, version 3."""
 
 
 class Stage(Enum):
-    """Next event that a pending connection waits for."""
+    """Event for which a pending connection waits next."""
 
     HELLO = auto()
     """The first bytes of the client."""
     PROOF = auto()
     """The end of the handshake with the client."""
     CONNECT = auto()
-    """The connection with Zenoh."""
+    """The established connection to Zenoh."""
     VOUCH = auto()
     """The end of the handshake with Zenoh."""
     ADMITTED = auto()
@@ -39,7 +39,7 @@ class Stage(Enum):
 class Pending:
     """A connection that is being admitted.
 
-    ``inner`` is the connection to Zenoh that belongs to it.
+    ``inner`` is the corresponding connection to Zenoh.
     """
 
     address: str
@@ -51,12 +51,12 @@ class Pending:
 
     @property
     def silent(self) -> bool:
-        """Return whether no byte has arrived."""
+        """Return True if no byte has arrived."""
         return self.stage is Stage.HELLO
 
 
 class Admission:
-    """Admits connections that present a valid certificate, and connects them with Zenoh."""
+    """Admits connections that present a valid certificate, and connects them to Zenoh."""
 
     def __init__(
         self,
@@ -84,9 +84,9 @@ class Admission:
         return one
 
     def lead(self, one: Pending) -> bool:
-        """Continue as far as possible; return True once it is admitted.
+        """Continue as far as possible without waiting; return True once the connection is admitted.
 
-        Raises OSError, BusError or ValueError if it may not be.
+        Raises OSError, BusError or ValueError if it is rejected.
         """
         while one.stage is not Stage.ADMITTED:
             before, one.stage = one.stage, self._steps[one.stage](one)
@@ -99,8 +99,7 @@ class Admission:
     def end(self, one: Pending, close: Callable[[Stream], None]) -> None:
         """End both connections; ``close`` ends the outer one.
 
-        The inner one is reset, so that nothing of it remains for Zenoh's accepting thread to wait
-        for.
+        The inner one is reset, so that Zenoh's accepting thread does not have to wait for it.
         """
         for line in (one.outer, one.inner):
             self._forget(line)
@@ -126,7 +125,8 @@ class Admission:
         if not first:
             raise ConnectionError("ended")
         if not _tls_begins(first):
-            # The selector would report these bytes again and again: the guard checks at intervals.
+            # The selector would report these bytes again and again; therefore the guard checks at
+            # intervals instead.
             self._forget(one.outer)
             return Stage.HELLO
         one.until_s = monotonic() + PROOF_S
@@ -174,7 +174,7 @@ class Admission:
     def _shaken(self, line: Stream) -> bool:
         """Return whether a handshake is complete.
 
-        Otherwise register the event that it waits for.
+        If it is not, register the event for which it waits.
         """
         if not isinstance(line, ssl.SSLSocket):
             raise BusError("no handshake")
@@ -195,6 +195,6 @@ def _tls_begins(first: bytes) -> bool:
 
 
 def reset(line: Stream) -> None:
-    """End a connection without leaving a state in the kernel."""
+    """Close a connection by a reset, so that the kernel keeps no state of it."""
     line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     line.close()

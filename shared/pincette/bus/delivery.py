@@ -1,9 +1,10 @@
-"""Deliveries of a session in threads of their own, so that a slow consumer stalls no link.
+"""Delivery of a session's messages in separate threads, so that a slow consumer stalls no link.
 
-By default Zenoh keeps 256 samples for a callback, and then its network thread waits for the
+By default Zenoh queues 256 samples for a callback, and then its network thread waits for the
 callback. A process has two of these threads for all its sessions. Two hanging callbacks thus
-blocked every session of the process, also one that was opened to stop the rig. Here the oldest
-sample is dropped instead: numbers of samples show what is missing, and the newest counts.
+blocked every session of the process, even one that was opened to stop the rig. Here the oldest
+sample is dropped instead: the sample numbers show what is missing, and the newest sample matters
+most.
 """
 
 import logging
@@ -21,12 +22,12 @@ log = logging.getLogger("pincette")
 
 
 def ring() -> Any:
-    """Return a handler for ``declare_…`` that keeps the newest deliveries and never waits."""
+    """Return a handler for ``declare_…`` that queues the newest deliveries and never blocks."""
     return cast("Any", zenoh.handlers.RingChannel(WAITING))
 
 
 def deliver_each(source: Iterable[T], sink: Callable[[T], object], name: str) -> None:
-    """Pass on all deliveries of a subscriber, in a thread that ends with the subscriber."""
+    """Pass all deliveries of a subscriber on, in a thread that ends with the subscriber."""
 
     def run() -> None:
         for one in source:
@@ -39,7 +40,7 @@ def deliver_each(source: Iterable[T], sink: Callable[[T], object], name: str) ->
 
 
 class RateLimit:
-    """Limits how many messages a subscriber reads; short bursts pass."""
+    """Limits the rate at which a subscriber reads messages; short bursts are allowed."""
 
     def __init__(self, rate_hz: float, clock: Callable[[], float] = monotonic) -> None:
         self.rate_hz, self._clock = rate_hz, clock

@@ -1,4 +1,6 @@
-"""Sessions of a rig file's programs, with mutual TLS by its certificates; raise SecurityError."""
+"""Endpoints of a rig file's programs, with mutual TLS by their certificates; they raise
+SecurityError.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -43,13 +45,14 @@ if TYPE_CHECKING:
     from pincette.security.folder import Folder
 
 LATE_ROUTER_S = 20.0
-"""Time limit for a simulated rig to join, in s: `pincette up` starts it together with the router,
-which takes longer on a busy machine, above all with certificates."""
+"""Time limit for a simulated rig to join the bus, in s. `pincette up` starts it together with the
+router, and the router's start takes longer on a busy machine, especially with certificates.
+"""
 THE_ROUTER, THE_UPSTREAM = program(ROUTER, ""), program(UPSTREAM, "")
 
 
 def router_endpoint(rig: "RigFile") -> SessionConfig:
-    """Return the session of the router."""
+    """Return the endpoint of the router."""
     bus = rig.bus
     host = bus.listen or bus.host
     config = router_session(host, bus.port, lockstep=rig.lockstep, upstream=bus.upstream_at)
@@ -65,7 +68,7 @@ def router_endpoint(rig: "RigFile") -> SessionConfig:
 
 
 def upstream_endpoint(rig: "RigFile") -> SessionConfig:
-    """Return the session of a laboratory server's router.
+    """Return the endpoint of a laboratory server's router.
 
     Raises BusError if the rig file has none.
     """
@@ -85,7 +88,7 @@ def upstream_endpoint(rig: "RigFile") -> SessionConfig:
 def service_endpoint(
     rig: "RigFile", name: str, services: Mapping[str, Participant]
 ) -> SessionConfig:
-    """Return the session of a program of the loop, which has an access list of its own."""
+    """Return the endpoint of a program of the loop, which has its own access list."""
     bus, lockstep = rig.bus, rig.lockstep
     config = peer_session(
         bus.host, bus.port, name, services, lockstep=lockstep, router_at=bus.router_at
@@ -100,10 +103,10 @@ def service_endpoint(
 
 
 def program_endpoint(rig: "RigFile", name: str, *, lockstep: bool) -> SessionConfig:
-    """Return the session of a program outside the loop, at the router.
+    """Return the endpoint of a program outside the loop, connected to the router.
 
-    A program of an extra has no certificate of its own: it presents that of ``[bus] identity``, as
-    a tool does.
+    A program of an extra has no certificate of its own: like a tool, it presents the certificate of
+    ``[bus] identity``.
     """
     config = client_session(*rig.bus.served_by, lockstep=lockstep)
     if name == "rig":
@@ -113,14 +116,14 @@ def program_endpoint(rig: "RigFile", name: str, *, lockstep: bool) -> SessionCon
 
 
 def tool_endpoint(rig: "RigFile | StopFile") -> SessionConfig:
-    """Return the session of a person's tool, at the router."""
+    """Return the endpoint of a person's tool, connected to the router."""
     return _client(rig, client_session(*rig.bus.served_by))
 
 
 def direct_endpoint(
     rig: "RigFile | StopFile", service: str, identity: Identity | None = None
 ) -> SessionConfig:
-    """Return the session of a client at one service, without the router.
+    """Return the endpoint of a client that connects to one service without the router.
 
     ``identity``: name of the certificate that the client presents; None: that of a person's tool.
     """
@@ -155,7 +158,7 @@ def _joined(
 def _folder(rig: "RigFile | StopFile") -> "Folder | None":
     if rig.bus.pki is None:
         return None
-    # Loaded only if there are certificates: the import is a tenth of a program's start.
+    # Imported only if there are certificates: the import takes a tenth of a program's start time.
     from pincette.security.folder import Folder
 
     return Folder(Path(rig.bus.pki))

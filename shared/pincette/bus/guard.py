@@ -1,8 +1,9 @@
-"""Accepts TLS connections for a program, so that no client can block the Zenoh behind it.
+"""Accepts TLS connections for a program, so that no client can block the program's Zenoh session.
 
 Zenoh handles failed TLS handshakes one after another, and sleeps for 0.1 s after each (zenoh issue
-2685). The guard handles many handshakes at once, each with its time limit, and ends the oldest one
-of the address with most. It connects only clients with a valid certificate to Zenoh.
+2685). The guard handles many handshakes at once, each with a time limit. If there are too many, it
+ends the oldest one of the address that has most. It connects only clients with a valid certificate
+to Zenoh.
 """
 
 import errno
@@ -28,18 +29,18 @@ MOST_PENDING = 128
 """Largest number of connections that have not yet proved their identity."""
 MOST_LINKS = 512
 BATCH = 64
-"""Number of connections accepted before the links are served again."""
+"""Number of connections accepted before the existing links are served again."""
 BACKLOG = 4096
 LOOK_S = 0.1
-"""Interval of the search for overdue connections, in s."""
+"""Interval between checks for overdue connections, in s."""
 REVOKED_S = 1.0
-"""Interval of checks of the list of revoked certificates if no connection is pending, in s."""
+"""Interval between checks of the revocation list while no connection is pending, in s."""
 PAUSE_S = 0.01
-"""Pause when no more files can be opened, in s."""
+"""Pause in s when the limit of open files is reached."""
 
 
 class Guard:
-    """One thread that accepts connections at some ports and relays them to one port behind."""
+    """Thread that accepts connections at some ports and relays them to one internal port."""
 
     def __init__(
         self,
@@ -50,7 +51,7 @@ class Guard:
     ) -> None:
         """Listen; raises OSError if a port is taken.
 
-        ``stalls`` ends a link if one of its sides accepts none of the bytes that are sent.
+        ``stalls`` ends a link if one of its ends accepts none of the bytes sent to it.
         """
         self.refused = RefusedConnections()
         self._stalls = stalls
@@ -62,7 +63,7 @@ class Guard:
         self._many = 0
         self._relays: set[Relay] = set()
         self._links: dict[str, Relay] = {}
-        """Newest links, ended ones included, by Zenoh's name of their other end."""
+        """Newest links, including ended ones, by Zenoh's name of the other end."""
         self._wake, self._woken = socket.socketpair()
         self._selector.register(self._woken, READ)
         self._listeners = list[socket.socket]()
@@ -77,11 +78,11 @@ class Guard:
         self._thread = threading.Thread(target=self._run, name="guard", daemon=True)
 
     def start(self) -> None:
-        """Start to admit connections, once Zenoh listens behind the guard."""
+        """Start to admit connections. Call it once Zenoh listens behind the guard."""
         self._thread.start()
 
     def link_of(self, end: str) -> Relay | None:
-        """Return the link that Zenoh knows by ``end``, also after its end.
+        """Return the link whose other end Zenoh calls ``end``, even after it has ended.
 
         None if there is none.
         """
@@ -110,7 +111,8 @@ class Guard:
             for key, events in found:
                 if key.fileobj is self._woken:
                     return
-                # Connections that an earlier event of this round has ended are not registered.
+                # An earlier event of the same round may have ended a connection; it is no longer
+                # registered.
                 if key is found[0][0] or self._selector.get_map().get(key.fd) is key:
                     key.data(key.fileobj, events)
             if monotonic() > look_s:
@@ -163,7 +165,9 @@ class Guard:
         return list(chain.from_iterable(self._pending.values()))
 
     def _make_room(self) -> None:
-        """End the oldest connection of the address with most; silent connections go first."""
+        """End the oldest connection of the address that has most; silent connections are ended
+        first.
+        """
         if not self._many:
             return
         crowd = max(self._pending.values(), key=len)
@@ -173,7 +177,7 @@ class Guard:
         )
 
     def _look(self) -> None:
-        """End overdue connections, and continue those that have received more."""
+        """End overdue connections, and continue those that have received more bytes."""
         now_s = monotonic()
         for one in self._all():
             if now_s > one.until_s:
@@ -192,7 +196,7 @@ class Guard:
                     relay.close("its certificate was revoked")
 
     def _refuse(self, one: Pending, why: str, close: Callable[[Stream], None]) -> None:
-        """Count a connection that is not admitted, and end it."""
+        """Count a rejected connection, and end it."""
         self.refused.note(one.address, why)
         self._end(one, close)
 
@@ -209,14 +213,16 @@ class Guard:
 
 
 def _close(line: Stream) -> None:
-    """Close a connection in order; unread bytes would make the end look like a line fault."""
+    """Close a connection without a reset; unread bytes would cause one, which looks like a line
+    fault.
+    """
     with suppress(OSError):
         line.recv(CHUNK)
     line.close()
 
 
 def _listening(place: tuple[str, int]) -> socket.socket:
-    """Return a socket that listens; raises OSError with reason and remedy."""
+    """Return a listening socket; raises OSError with reason and remedy."""
     host, port = place
     try:
         family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]

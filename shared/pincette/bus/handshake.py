@@ -1,4 +1,6 @@
-"""Diagnoses a link by a handshake with Python's TLS, since Zenoh does not give the reason."""
+"""Diagnosis of a failed link by a handshake with Python's TLS, since Zenoh does not report the
+reason.
+"""
 
 import errno
 import socket
@@ -10,8 +12,9 @@ from pincette.core.listening import bound
 from pincette.security.identity import Credentials
 
 ANSWER_S, ALERT_S = 3.0, 0.5
-"""Time limits, in s, of a reply (Zenoh hangs up on other protocols after 1 s), and of an alert
-after the handshake."""
+"""Time limits, in s, for a reply (Zenoh closes connections of other protocols after 1 s), and for
+an alert after the handshake.
+"""
 PLAIN = "it does not speak TLS: is [bus] pki missing in its rig file?"
 REFUSED = "it does not accept the certificate {ours}"
 UNKNOWN = "it trusts another authority than the one that signed {ours}"
@@ -27,14 +30,15 @@ REASONS = {
     "WRONG_VERSION_NUMBER": PLAIN,
     "UNEXPECTED_EOF": PLAIN,
 }
-"""Meanings of a refusal by the other side, by a part of OpenSSL's name."""
+"""Reasons for a rejection by the other side, by a substring of OpenSSL's error name."""
 ALERT = "ALERT"
-"""Part of OpenSSL's name of an alert by the other side, as ``TLSV13_ALERT_CERTIFICATE_REQUIRED``.
+"""Substring of OpenSSL's name for an alert from the other side, as in
+``TLSV13_ALERT_CERTIFICATE_REQUIRED``.
 """
 
 
 def diagnose_link(place: str, credentials: Credentials | None, name: str = "") -> str:
-    """Return why a certificate of ``name`` gets no link to an endpoint; empty if it does."""
+    """Return why the certificate of ``name`` gets no link to an endpoint; empty if it gets one."""
     address = address_of(place)
     try:
         with socket.create_connection(address, ANSWER_S) as line:
@@ -61,7 +65,7 @@ def is_taken(endpoint: str) -> bool:
 
 
 def _shaken(place: str, host: str, line: socket.socket, credentials: Credentials, name: str) -> str:
-    """Return the result of a handshake with these credentials."""
+    """Return the result of a TLS handshake with these credentials."""
     ours = credentials.certificate
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     try:
@@ -79,8 +83,8 @@ def _shaken(place: str, host: str, line: socket.socket, credentials: Credentials
 
 
 def _ended(wrapped: ssl.SSLSocket) -> bool:
-    """Return whether the other side ends the connection once it has seen our certificate."""
-    # With TLS 1.3 a client has finished before the server has checked its certificate.
+    """Return whether the other side closes the connection after it has received our certificate."""
+    # With TLS 1.3 the client's handshake is complete before the server has checked its certificate.
     wrapped.settimeout(ALERT_S)
     try:
         return wrapped.recv(1) == b""
@@ -91,13 +95,13 @@ def _ended(wrapped: ssl.SSLSocket) -> bool:
 
 
 def _shown(wrapped: ssl.SSLSocket) -> str:
-    """Return the common name in the certificate of the other side."""
+    """Return the common name in the other side's certificate."""
     subject = cast(Any, wrapped.getpeercert() or {}).get("subject", ())
     return next((value for part in subject for field, value in part if field == "commonName"), "")
 
 
 def _speaks_tls(place: str, line: socket.socket) -> str:
-    """Return why a plain link fails if the other side requires TLS; empty if it does not."""
+    """Return why a plain link fails: the other side requires TLS; empty if it does not."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
     try:

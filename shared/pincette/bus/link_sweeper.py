@@ -1,12 +1,12 @@
-"""Ends connections that never become a link, while Zenoh itself listens at a program's ports.
+"""Resets connections that never become a link, if Zenoh itself listens at a program's ports.
 
 Zenoh accepts connections in one thread, and closes those that fail in the same thread. Two of its
-properties let failing clients block others. It gives each accepted socket a linger time of 10 s
-(``SO_LINGER``), so that closing one whose other end does not respond blocks the thread for 10 s
-(zenoh issue 2350). And a silent connection stays until ``accept_timeout``.
+properties let failing clients block others. Each accepted socket has a linger time of 10 s
+(``SO_LINGER``), so that closing a socket whose other end does not respond blocks the thread for 10
+s (zenoh issue 2350). And a silent connection stays open until ``accept_timeout``.
 
-A `LinkSweeper` therefore looks at the sockets that the program has accepted and that are no link
-yet. It sets their linger time to zero, resets those that stay silent, and resets the oldest where
+A `LinkSweeper` therefore checks the sockets that the program has accepted and that are not a link
+yet. It sets their linger time to zero, resets those that stay silent, and resets the oldest if
 there are too many. No message passes through it.
 """
 
@@ -32,41 +32,46 @@ MOST_PENDING = 128
 SILENT_S = 1.0
 """Time after which a connection without a byte is reset, in s."""
 BRIEF_S = 0.5
-"""Longest life, in s, of a connection that does not count as refused when it ends by itself: it may
-have been a link that was closed before its socket was noted."""
+"""Longest duration, in s, of a connection that is not counted as rejected when it ends without a
+reset: it may have been a link that was closed before its socket was noted.
+"""
 IDLE_S, LOOK_S = 0.2, 0.01
-"""Interval between two checks without pending connections, and the shortest pause with some, in s.
+"""Interval between two checks while no connection is pending, and the shortest interval while some
+are, in s.
 """
 PAUSE_LOOKS = 1.0
-"""Shortest pause after a check, in durations of that check; a flood then costs half a processor."""
+"""Shortest pause after a check, relative to the duration of that check; so a flood uses at most
+half a processor.
+"""
 LISTENS_S, LISTENS_LOOK_S = 2.0, 0.01
-"""Time within which Zenoh must listen once its session is open, and interval of the checks for it,
-in s."""
+"""Time within which Zenoh must listen after its session is open, and the interval of the checks for
+it, in s.
+"""
 MOST_DESCRIPTORS = 65_536
-"""Number of descriptors that are tried if the list of open ones cannot be read."""
+"""Number of descriptors that are checked if the list of open ones cannot be read."""
 ESTABLISHED = 1
 """State of a TCP connection that neither side has ended; see ``tcp_states.h`` of Linux."""
 BYTES_RECEIVED = 128
-"""Offset of ``tcpi_bytes_received`` in ``struct tcp_info`` of ``linux/tcp.h``."""
+"""Offset of ``tcpi_bytes_received`` in ``struct tcp_info`` of ``linux/tcp.h``, in bytes."""
 UNCONNECTED = struct.pack("=H14x", socket.AF_UNSPEC)
-"""Address with which ``connect`` dissolves a connection; see connect(2)."""
+"""Address that makes ``connect`` dissolve a connection; see connect(2)."""
 FAMILIES = (socket.AF_INET, socket.AF_INET6)
 _LIBC = ctypes.CDLL(None, use_errno=True)
 
 
 @dataclass(slots=True)
 class _Pending:
-    """An accepted connection that is no link yet."""
+    """An accepted connection that is not a link yet."""
 
     descriptor: int
     address: str
-    """Address of its other end."""
+    """Address of the other end."""
     seen_s: float
     """Time of the first check that found the connection."""
 
 
 class LinkSweeper:
-    """A thread that checks the connections which some listeners of this process accept."""
+    """Thread that checks the connections accepted by some listeners of this process."""
 
     def __init__(self, ports: Collection[int]) -> None:
         """``ports``: local ports at which Zenoh listens or will listen."""
@@ -87,7 +92,7 @@ class LinkSweeper:
         self._thread = threading.Thread(target=self._run, name="link sweeper", daemon=True)
 
     def start(self) -> None:
-        """Start once Zenoh listens at every port; raises BusError if it does not in time."""
+        """Start once Zenoh listens at every port; raises BusError if it does not listen in time."""
         until_s, left = monotonic() + LISTENS_S, set(self._ports)
         while left:
             with closing(own_sockets()) as sockets:
@@ -103,7 +108,7 @@ class LinkSweeper:
         self._thread.start()
 
     def note_links(self, inodes: Iterable[int]) -> None:
-        """Note the sockets of a link that has come up, so that they are not reset."""
+        """Note the sockets of an established link, so that they are not reset."""
         with self._lock:
             self._links.update(inodes)
 
@@ -120,7 +125,8 @@ class LinkSweeper:
 
     def _run(self) -> None:
         while True:
-            # Zenoh may accept a connection before this thread sees it waiting, hence the limit.
+            # Zenoh may accept a connection before this thread sees it in the queue, hence the time
+            # limit.
             busy = bool(self._pending or self._queue.poll(IDLE_S))
             if self._closing.is_set():
                 return
@@ -151,7 +157,7 @@ class LinkSweeper:
         for descriptor in _descriptors():
             try:
                 status = os.fstat(descriptor)
-            except OSError:  # closed meanwhile
+            except OSError:  # closed in the meantime
                 continue
             if not stat.S_ISSOCK(status.st_mode):
                 continue
@@ -167,9 +173,12 @@ class LinkSweeper:
         return found
 
     def _accepted(self, descriptor: int, now_s: float) -> _Pending | None:
-        """Set the linger time of an accepted connection to zero; None for any other socket."""
+        """Set the linger time of an accepted connection to zero; returns None for any other
+        socket.
+        """
         try:
-            # Given family and type, Python does not query them; wrong ones are harmless.
+            # If family and type are given, Python does not query them; wrong values do no harm
+            # here.
             line = socket.socket(socket.AF_INET, socket.SOCK_STREAM, 0, descriptor)
         except OSError:
             return None
@@ -189,12 +198,14 @@ class LinkSweeper:
     def _end_silent(self, now_s: float) -> None:
         for inode, one in list(self._pending.items()):
             if now_s - one.seen_s < SILENT_S:
-                return  # the others are younger
+                return  # the remaining ones are younger
             if _is_silent(one):
                 self._reset(inode, f"nothing came within {SILENT_S:g} s")
 
     def _make_room(self) -> None:
-        """Reset the oldest connection of the address with most; silent connections go first."""
+        """Reset the oldest connection of the address that has most; silent connections are reset
+        first.
+        """
         surplus = len(self._pending) - MOST_PENDING
         if surplus <= 0:
             return
@@ -202,7 +213,7 @@ class LinkSweeper:
         for inode, one in self._pending.items():
             crowds.setdefault(one.address, []).append(inode)
         for crowd in crowds.values():
-            # Victims are taken from the end; the sort keeps the order of arrival.
+            # Connections are reset from the end of the list; the sort keeps the order of arrival.
             crowd.reverse()
             crowd.sort(key=lambda inode: _is_silent(self._pending[inode]))
         for _ in range(surplus):
@@ -217,10 +228,11 @@ class LinkSweeper:
 
 
 def reset_connection(descriptor: int, inode: int) -> bool:
-    """Reset a TCP connection without closing its descriptor; false if it was closed already.
+    """Reset a TCP connection without closing its descriptor; returns False if it was already
+    closed.
 
-    The other end is notified at once, nothing lingers in the kernel, and any reader or writer here
-    gets ECONNRESET.
+    The other end is notified at once, the kernel keeps no state, and any reader or writer here gets
+    ECONNRESET.
     """
     try:
         if os.fstat(descriptor).st_ino != inode:
@@ -233,7 +245,7 @@ def reset_connection(descriptor: int, inode: int) -> bool:
 def _descriptors() -> Iterable[int]:
     try:
         return [int(one.name) for one in os.scandir("/proc/self/fd")]
-    except OSError:  # no descriptor is left to open the folder with
+    except OSError:  # no descriptor is available to open the folder
         limit = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
         return range(MOST_DESCRIPTORS if limit < 0 else min(limit, MOST_DESCRIPTORS))
 
@@ -246,7 +258,7 @@ def _listens_at(line: socket.socket) -> int | None:
         if not line.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN):
             return None
         return int(line.getsockname()[1])
-    except OSError:  # Zenoh has closed it meanwhile
+    except OSError:  # Zenoh has closed it in the meantime
         return None
 
 
@@ -258,7 +270,7 @@ def _address_of(line: socket.socket) -> str:
 
 
 def _is_silent(one: _Pending) -> bool:
-    """Return whether nothing has arrived over a connection, or nothing more will."""
+    """Return whether a connection has received no byte, or will receive no more."""
     try:
         line = socket.socket(socket.AF_INET, socket.SOCK_STREAM, 0, one.descriptor)
     except OSError:

@@ -1,4 +1,6 @@
-"""A bus within one process: delivery in order of publication, when the owner pumps it."""
+"""A bus within one process. Messages are delivered in order of publication when the owner calls
+``pump``.
+"""
 
 from collections import deque
 from collections.abc import Callable
@@ -10,7 +12,9 @@ from pincette.core.topics import TOPIC_OF, Request, Topic
 
 
 class MemoryBus:
-    """Deterministic single-threaded bus; messages are frozen, so they are passed on unchanged."""
+    """Deterministic single-threaded bus. Messages are immutable, so they are delivered without a
+    copy.
+    """
 
     def __init__(self) -> None:
         # By the type of the message, since a lookup by topic takes longer.
@@ -20,10 +24,10 @@ class MemoryBus:
         self._latest: dict[type[Message], Message] = {}
         self._step: Callable[[], bool] | None = None
         self.refused = RefusedMessages("memory")
-        """Empty: messages are passed on unchanged, so none is invalid."""
+        """Always empty: messages are delivered as they are, so none is invalid."""
 
     def step_when_empty(self, step: Callable[[], bool]) -> None:
-        """Let ``pump`` call a step of a loop when no message waits.
+        """Set the function that ``pump`` calls when no message waits: a step of a loop.
 
         The function returns whether it made a step.
         """
@@ -40,15 +44,15 @@ class MemoryBus:
         return self._latest.get(topic.message)
 
     def subscribe(self, topic: Topic, sink: Sink) -> None:
-        """Deliver to ``sink`` when the bus is pumped."""
+        """Deliver messages to ``sink`` when ``pump`` is called."""
         self._sinks.setdefault(topic.message, []).append(sink)
 
     def serve(self, question: Request, answerer: RequestHandler) -> None:
-        """Reply to a request at once, in the caller's thread."""
+        """Serve a request; the reply is sent at once, in the caller's thread."""
         self._answerers[question] = answerer
 
     def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:
-        """Send a request; see Bus. The reply comes at once, or never."""
+        """Send a request; see Bus. The reply arrives at once, or never."""
         if question not in self._answerers:
             raise BusError(f"no program answers {question.service}/{question.name}")
         replies: list[Message | str] = []
@@ -60,7 +64,7 @@ class MemoryBus:
         return replies[0]
 
     def pump(self) -> bool:
-        """Deliver the oldest message, or make a step; return False if there is neither."""
+        """Deliver the oldest message, or make a step; return False if neither was possible."""
         if not self._queue:
             return self._step is not None and self._step()
         topic, message = self._queue.popleft()

@@ -1,10 +1,10 @@
-"""The TCP sockets of this process, including those of Zenoh, and how long they may stall.
+"""The TCP sockets of this process, including those of Zenoh, and a limit on how long they may
+stall.
 
-Zenoh waits forever for a partner that reads nothing: neither its lease nor its limit of a blocked
-message ends the link, and the threads that wait for it serve no other link (zenoh issue 1876).
-``TCP_USER_TIMEOUT`` is no remedy: in Linux each segment of such a partner, for example one with its
-keep-alive, restarts that time. A thread therefore watches whether the partner accepts the sent
-data.
+Zenoh waits forever for a partner that reads nothing: neither its lease nor its time limit for a
+blocked message ends the link, and the threads that wait for it serve no other link (zenoh issue
+1876). ``TCP_USER_TIMEOUT`` does not help: in Linux each segment from such a partner, for example a
+keep-alive, restarts that time. A thread therefore checks whether the partner accepts the sent data.
 """
 
 import fcntl
@@ -20,20 +20,21 @@ from pathlib import Path
 from time import monotonic
 
 SEND_BYTES = 262_144
-"""Size of a send buffer, in bytes; the kernel's own grows to 4 MB, which would hide a stall."""
+"""Size of a send buffer, in bytes; the kernel's default buffer grows to 4 MB, which would hide a
+stall.
+"""
 LOOKS, IDLE_LOOKS = 5, 2
-"""Number of checks within a lease while data wait to be sent, and while none do."""
+"""Number of checks per lease while data wait to be sent, and while none do."""
 BYTES_ACKED = 120
-"""Offset of ``tcpi_bytes_acked`` in ``struct tcp_info`` of ``linux/tcp.h``."""
+"""Offset of ``tcpi_bytes_acked`` in ``struct tcp_info`` of ``linux/tcp.h``, in bytes."""
 FAMILIES = (socket.AF_INET, socket.AF_INET6)
 
 
 def own_sockets() -> Generator[socket.socket]:
     """Yield every TCP socket of this process, each valid until the next one.
 
-    They are borrowed. A copy of a descriptor, once closed, would release all locks of this process
-    on that file: for example SQLite's on the journal, which another process that closes it would
-    then remove.
+    The descriptors are borrowed, not copied. Closing a copy would release all locks of this process
+    on that file, for example SQLite's locks on the journal; another process could then remove it.
     """
     for number in Path("/proc/self/fd").iterdir():
         try:
@@ -48,10 +49,8 @@ def own_sockets() -> Generator[socket.socket]:
 
 
 def let_go_at_once() -> None:
-    """Prevent every end of a link of this process from waiting until all sent data have arrived.
-
-    Zenoh makes the kernel wait for up to 10 s (``SO_LINGER``), in the thread that also serves the
-    other links. Over a broken line nothing arrives, and the program receives nothing for that time.
+    """Make the end of a link never wait until all sent data have arrived, for all links of this
+    process.
     """
     for line in own_sockets():
         with suppress(OSError):
@@ -59,27 +58,27 @@ def let_go_at_once() -> None:
 
 
 def let_go(line: socket.socket) -> None:
-    """Prevent the end of a connection from waiting; raises OSError if it has ended."""
+    """Make the end of a connection not wait for sent data; raises OSError if it has ended."""
     line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 0, 0))
 
 
 def limit_buffer(line: socket.socket) -> None:
-    """Limit the data of a connection that wait in the kernel to be sent to ``SEND_BYTES``."""
-    with suppress(OSError):  # it has ended meanwhile
+    """Limit the unsent data of a connection in the kernel to ``SEND_BYTES``."""
+    with suppress(OSError):  # the connection has ended in the meantime
         line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BYTES)
 
 
 class LinkSockets:
-    """The sockets of one session's links: watches them, and shuts them down."""
+    """The sockets of one session's links: it watches them, and shuts them down."""
 
     def __init__(self, watch: "StallWatch") -> None:
         self._watch = watch
         self._lock = threading.Lock()
         self._inodes: dict[str, set[int]] = {}
-        """Inodes of the sockets of each link, by Zenoh's name of its other end."""
+        """Inodes of the sockets of each link, by Zenoh's name of the other end."""
 
     def add(self, own_end: str, other_end: str) -> set[int]:
-        """Find the sockets of a link that has come up, by Zenoh's names of its ends.
+        """Find the sockets of an established link from Zenoh's names of its ends.
 
         Returns their inodes.
         """
@@ -94,7 +93,7 @@ class LinkSockets:
                             continue
                         limit_buffer(line)
                         self._watch.add(line)
-                    except OSError:  # Zenoh has closed it meanwhile
+                    except OSError:  # Zenoh has closed it in the meantime
                         continue
                     found.add(inode)
             self._inodes.setdefault(other_end, set()).update(found)
@@ -102,7 +101,7 @@ class LinkSockets:
             return found
 
     def remove(self, other_end: str) -> None:
-        """Remove the sockets of a link that has gone."""
+        """Remove the sockets of a link that has ended."""
         with self._lock, _CLAIMING:
             _CLAIMED.difference_update(self._inodes.pop(other_end, ()))
 
@@ -124,7 +123,7 @@ _CLAIMED: set[int] = set()
 
 
 def shut_down(inodes: Iterable[int]) -> None:
-    """Shut down the own sockets with these inodes, in both directions."""
+    """Shut down the sockets of this process that have these inodes, in both directions."""
     wanted = frozenset(inodes)
     with closing(own_sockets()) as sockets:
         for line in sockets:
@@ -137,19 +136,19 @@ def _is_of(line: socket.socket, own_end: str, other_end: str) -> bool:
     try:
         own, other = line.getsockname(), line.getpeername()
         return (_named(own), _named(other)) == (_address(own_end), _address(other_end))
-    except OSError:  # it listens, or is no longer connected
+    except OSError:  # a listening socket, or one that is no longer connected
         return False
 
 
 def _named(address: tuple[str, int]) -> str:
-    """Return an address as Zenoh writes it."""
+    """Return an address in Zenoh's notation."""
     host, port = address[:2]
     if ":" not in host:
         return f"{host}:{port}"
     bare, _, zone = host.partition("%")
     if not zone:
         return f"[{host}]:{port}"
-    # Python names the interface of a link-local address, Zenoh gives its number.
+    # In a link-local address, Python gives the name of the interface, Zenoh its number.
     return f"[{bare}%{zone if zone.isdigit() else socket.if_nametoindex(zone)}]:{port}"
 
 
@@ -171,9 +170,10 @@ class _Line:
 
 
 class StallWatch:
-    """Shuts a connection down whose partner has accepted none of the waiting data for a lease.
+    """Shuts a connection down if the partner has accepted none of the waiting data for the time of
+    a lease.
 
-    The count is that of data which the partner's kernel has accepted.
+    Accepted data are those that the partner's kernel has acknowledged.
     """
 
     def __init__(self, lease_s: float) -> None:
@@ -186,9 +186,9 @@ class StallWatch:
         self._looked_s = monotonic()
 
     def add(self, line: socket.socket, on_stall: Callable[[], None] | None = None) -> None:
-        """Watch a connection from here on until it is closed.
+        """Watch a connection from now on until it is closed.
 
-        ``on_stall`` is called before its end.
+        ``on_stall`` is called before the connection is shut down.
         """
         descriptor = line.fileno()
         with self._lock:
@@ -210,7 +210,7 @@ class StallWatch:
         """Check each connection once."""
         with self._lock:
             now_s = monotonic()
-            # Time in which this process did not run says nothing about a partner.
+            # If this process did not run for a time, that says nothing about a partner.
             passed_s = min(now_s - self._looked_s, 2.0 * self._lease_s / LOOKS)
             self._looked_s = now_s
             for descriptor, line in list(self._lines.items()):
@@ -228,7 +228,7 @@ class StallWatch:
                     shut_down([line.inode])
 
     def _mark(self, descriptor: int, line: _Line) -> int:
-        """Return a value that is constant while a connection stalls.
+        """Return a value that stays constant while a connection stalls.
 
         Raises OSError if it is closed.
         """

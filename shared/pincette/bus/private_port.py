@@ -1,4 +1,4 @@
-"""The port at which Zenoh listens behind a guard, closed to all other programs."""
+"""The port at which Zenoh listens behind a guard; other programs cannot connect to it."""
 
 import secrets
 import socket
@@ -14,13 +14,16 @@ TCP_MD5SIG_EXT, PREFIX, ADDRESS_BYTES, KEY_BYTES = 32, 1, 128, 80
 """Constants of RFC 2385 in Linux: see ``struct tcp_md5sig`` of ``linux/tcp.h``."""
 
 LISTENS_S, LOOK_S = 2.0, 0.01
-"""Time within which Zenoh must listen once its session is open, and the interval of the checks, in
-s."""
+"""Time within which Zenoh must listen after its session is open, and the interval of the checks for
+it, in s.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class PrivatePort:
-    """A loopback port, and the key that the kernel requires in every segment to it (RFC 2385)."""
+    """A loopback port, and the key with which the kernel signs and checks every segment to it (RFC
+    2385).
+    """
 
     host: str
     port: int
@@ -28,16 +31,16 @@ class PrivatePort:
 
     @classmethod
     def chosen(cls) -> "PrivatePort":
-        """Return a random port; whether it is taken shows only when Zenoh listens at it."""
+        """Return a random port. Whether it is free is known only when Zenoh listens at it."""
         a, b, c = (secrets.randbelow(254) + 1 for _ in range(3))
         return cls(f"127.{a}.{b}.{c}", 20_000 + secrets.randbelow(12_000), secrets.token_bytes(32))
 
     def close_to_others(self) -> bool:
-        """Require the key of every client that connects to this process's listener.
+        """Require the key from every client that connects to this process's listener.
 
-        Return False if that is impossible.
+        Return False if the kernel has no such option.
 
-        Then the kernel has no such option, and any account of this machine can open the port.
+        Any account of this machine can then connect to the port.
         """
         until_s = monotonic() + LISTENS_S
         while (signed := self.sign_listener()) is None:
@@ -47,7 +50,9 @@ class PrivatePort:
         return signed
 
     def sign_listener(self) -> bool | None:
-        """Return whether the option is set; None if nothing listens yet."""
+        """Set the option on the listener; return whether it is set, or None if nothing listens
+        yet.
+        """
         with closing(own_sockets()) as sockets:
             for found in sockets:
                 if _listens(found) == (self.host, self.port):
@@ -55,14 +60,14 @@ class PrivatePort:
         return None
 
     def connecting(self) -> socket.socket:
-        """Return a socket that is connecting to the port, without waiting for it."""
+        """Return a socket that is connecting to the port; does not wait for the connection."""
         line = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         line.setblocking(False)
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._sign(line)
-        # From the listener's own address: only there does the kernel find the key to sign a reset
-        # with. Without it nothing replies to the end of a connection that it has dropped, and Zenoh
-        # waits for its whole linger time, in the thread that accepts.
+        # Connect from the listener's own address: only for this address does the kernel find the
+        # key to sign a reset. Without the key, the end of a dropped connection gets no reply, and
+        # Zenoh's accepting thread waits for the whole linger time.
         line.bind((self.host, 0))
         line.connect_ex((self.host, self.port))
         return line
@@ -88,6 +93,6 @@ def _listens(line: socket.socket) -> tuple[str, int] | None:
         if not line.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN):
             return None
         host, port = line.getsockname()
-    except OSError:  # Zenoh has closed it meanwhile
+    except OSError:  # Zenoh has closed it in the meantime
         return None
     return host, port

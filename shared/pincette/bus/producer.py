@@ -1,4 +1,4 @@
-"""Distinguishes the publisher of a topic from other programs, by the session in each sample."""
+"""Distinguishes the publisher of a topic from other programs by the session in each sample."""
 
 from collections.abc import Callable
 from time import monotonic
@@ -8,15 +8,17 @@ import zenoh
 from pincette.core.topics import COMMAND, LOOP, Topic
 
 SILENT_S = 0.5
-"""Silence of a program, in s, after which another one may publish its topic; a restart takes
-longer."""
+"""Time in s for which a program must be silent before another one may publish its topic; a restart
+takes longer.
+"""
 
 
 class Producer:
     """The session whose samples of one topic are accepted.
 
-    Programs state their session with every sample. The first session received keeps the topic until
-    it is silent. A program that states another one's session cannot be distinguished from it.
+    Programs state their session with every sample. The first received session owns the topic until
+    it is silent. A program that states the session of another program cannot be distinguished from
+    that program.
     """
 
     __slots__ = ("_clock", "_name", "_received_at_s", "_session")
@@ -30,7 +32,7 @@ class Producer:
         """Time of the newest accepted sample."""
 
     def refusal(self, source: zenoh.SourceInfo | None) -> str:
-        """Return why a sample is refused; empty if it is accepted."""
+        """Return why a sample is rejected; empty if it is accepted."""
         if source is None:
             return f"the sample states no session, so it is not from the {self._name}"
         session, now_s = source.source_id.zid, self._clock()
@@ -41,9 +43,9 @@ class Producer:
 
 
 def producer_of(topic: Topic) -> Producer | None:
-    """Return the program whose samples of a topic are accepted; None if every program's are.
+    """Return the program whose samples of a topic are accepted; None if those of every program are.
 
-    Commands state an owner, by which the actuator detects a second controller.
+    Commands state an owner, which the actuator uses to detect a second controller.
     """
     checked = topic.producer in LOOP and topic is not COMMAND
     return Producer(topic.producer) if checked else None

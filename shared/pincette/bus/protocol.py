@@ -8,29 +8,35 @@ from pincette.core.topics import Request, Topic
 
 Sink = Callable[[Topic, Message], None]
 RequestHandler = Callable[[Request, Message, Callable[[Message | str], None]], None]
-"""Function that receives a request, and a function for the reply or the text of a refusal."""
+"""Function that receives a request and a second function, which it calls with the reply or the text
+of a refusal.
+"""
 
 
 class BusError(Exception):
-    """The bus cannot be joined, or a request got no reply; the text gives the remedy."""
+    """Error if the bus cannot be joined, or a request got no reply; the text contains the
+    remedy.
+    """
 
 
 class AbsentError(BusError):
-    """A liveliness token names the program, but nothing on the bus accepts requests for it.
+    """Error if a program has a liveliness token, but nothing on the bus accepts requests for it.
 
-    Any tool can hold such a token. A program declares its requests before its own token.
+    Any tool can declare such a token. A program declares its requests before its own token.
     """
 
 
 class RefusalError(BusError):
-    """A program refused a request; the text gives the reason."""
+    """Error if a program refused a request; the text contains the reason."""
 
 
 class Bus(Protocol):
     """Publish and subscribe to messages; send requests and reply to them."""
 
     def publish(self, message: Message) -> None:
-        """Publish a message on its topic; never blocks for long, never raises for a lost link."""
+        """Publish a message on its topic. It never blocks for long, and raises no error for a lost
+        link.
+        """
         ...
 
     def subscribe(self, topic: Topic, sink: Sink) -> None:
@@ -54,7 +60,7 @@ class Bus(Protocol):
 
 
 class LatestBus(Bus, Protocol):
-    """A bus that can return the newest message of a topic."""
+    """A bus that can also return the newest message of a topic."""
 
     def latest(self, topic: Topic, timeout_s: float = 1.0) -> Message | None:
         """Return the producer's newest message, or None if there is none; raises BusError."""

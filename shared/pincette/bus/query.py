@@ -1,7 +1,7 @@
 """Queries that reach the programs of a rig, whatever else replies on the same keys.
 
-Every query and request of this project uses `Query`, because Zenoh's defaults let other tools on
-the bus intercept it. By default Zenoh queries only the best matching queryable, which is the
+Every query and request of this project uses `Query`, because with Zenoh's defaults other tools on
+the bus could intercept it. By default Zenoh queries only the best matching queryable, which is the
 nearest one that declares itself complete, such as a last-value store on ``pincette/**``. It also
 keeps one reply for each key, and prefers a stored reply with a timestamp to a newer one without. A
 `Query` therefore queries all queryables and accepts every reply as it arrives.
@@ -27,18 +27,19 @@ from pincette.core.codec.wire import ENCODING
 
 MARK_BYTES = 16
 LONGEST_MARK = 64
-"""Longest attachment, in bytes, that a program returns with its reply."""
+"""Length of the longest attachment, in bytes, that a program returns with its reply."""
 MESSAGE = zenoh.Encoding(ENCODING)
 REFUSAL = zenoh.Encoding.TEXT_PLAIN
-"""Encoding of a refusal. Its schema is the mark of the query, in hexadecimal digits."""
+"""Encoding of a refusal. Its schema is the query's mark, in hexadecimal digits."""
 LEEWAY_S = 1.0
-"""Time from the deadline of a query until Zenoh gives it up, in s. It is too late to matter, since
-a query is cancelled at its deadline."""
+"""Time from the deadline of a query until Zenoh's own timeout, in s. It has no effect, since a
+query is cancelled at its deadline.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class ProgramReply:
-    """A reply that carries the mark of its query."""
+    """A reply that contains the mark of its query."""
 
     payload: zenoh.ZBytes
     encoding: str
@@ -50,10 +51,10 @@ class ProgramReply:
 
 
 class Query:
-    """A pending query. Iterate over it for the replies of programs, as they arrive.
+    """A pending query. Iterate over it to receive the replies of programs as they arrive.
 
-    The iteration ends when every queryable has finished, or at the deadline. Leave the context to
-    cancel the rest.
+    The iteration ends when every queryable has finished, or at the deadline. Leaving the context
+    cancels the query.
     """
 
     def __init__(
@@ -67,7 +68,7 @@ class Query:
     ) -> None:
         """Send the query; raises ZError if the session is closed.
 
-        ``marked``: False accepts every reply, for Zenoh's own admin space, which returns no mark.
+        ``marked``: False accepts replies without a mark; needed for Zenoh's own admin space.
         """
         self._needs_mark = marked
         mark = secrets.token_bytes(MARK_BYTES)
@@ -81,7 +82,7 @@ class Query:
         self._cancellation = zenoh.CancellationToken()
         session.get(
             place,
-            # Both run in Zenoh's thread, and a thread for each query would cost more than they do.
+            # Both run in Zenoh's thread: a separate thread per query would cost more than they do.
             zenoh.handlers.Callback(self._take, self._finish, indirect=False),
             target=zenoh.QueryTarget.ALL,
             consolidation=zenoh.ConsolidationMode.NONE,
@@ -140,12 +141,12 @@ def _any(reply: zenoh.Reply) -> ProgramReply | None:
 
 
 def respond(query: zenoh.Query, place: str, payload: bytes) -> None:
-    """Reply to a query with a message, and return its mark."""
+    """Reply to a query with a message and the query's mark."""
     query.reply(place, payload, encoding=MESSAGE, attachment=mark_of(query))
 
 
 def refuse(query: zenoh.Query, reason: str) -> None:
-    """Reply to a query with the reason of a refusal, and return its mark."""
+    """Reply to a query with the reason of a refusal and the query's mark."""
     mark = mark_of(query)
     encoding = REFUSAL if mark is None else REFUSAL.with_schema(mark.hex())
     query.reply_err(reason.encode(), encoding=encoding)

@@ -1,4 +1,6 @@
-"""Messages from the bus that a program refused: their number, the last reason, and bounded logs."""
+"""Rejected messages from the bus: their number, the last reason, and a limited number of log
+lines.
+"""
 
 import logging
 from collections import deque
@@ -10,31 +12,36 @@ from pincette.core.faults import Fault, FaultCode, fault
 
 log = logging.getLogger("pincette")
 LOG_EVERY_S = 10.0
-"""Shortest time between two log lines, in s, however many messages are refused."""
+"""Shortest time between two log lines, in s, however many messages are rejected."""
 SHOWN_S = 60.0
-"""Time for which a refusal stays a finding of its program, in s."""
+"""Time for which a rejected message is reported as a finding of its program, in s."""
 MANY, MANY_WITHIN_S = 5, 10.0
-"""Number of samples of one topic refused because of their numbers, and the time in s within which
-they occur, from which on they become a finding. The bus itself may repeat or reorder a few."""
+"""Number of samples of one topic, rejected because of their numbers, from which on they are
+reported as a finding, and the time in s within which they must occur. The bus itself may repeat or
+reorder a few samples.
+"""
 
 
 class RefusedMessages:
-    """Counts the messages that one program refused, in any of its threads."""
+    """Counts the messages that one program rejected, in any of its threads."""
 
     def __init__(self, program: str, clock: Callable[[], float] = monotonic) -> None:
         self._program, self._clock, self._lock = program, clock, Lock()
         self.count = 0
-        """Number of refused messages since the program started, without those of ``also``."""
+        """Number of rejected messages since the program started, without those noted with
+        ``also``.
+        """
         self._also = 0
         self.reason = ""
-        """Key and reason of the last refusal."""
+        """Key of the last rejected message, and the reason."""
         self.last = "", ""
-        """The same as two texts."""
+        """Key and reason of the last rejected message, as two texts."""
         self._refused_s = self._logged_s = float("-inf")
         self._unlogged = 0
 
     def note(self, place: str, reason: str, *, also: bool = False) -> None:
-        """Count a message on the key ``place``, and log the reason unless one was just logged.
+        """Count a rejected message on the key ``place``, and log the reason unless one was just
+        logged.
 
         ``also``: True if the caller also counts the message in a separate number.
         """
@@ -55,7 +62,9 @@ class RefusedMessages:
         log.warning("%s: refused a message on %s%s", self._program, line, more)
 
     def finding(self) -> Fault | None:
-        """Return the finding that messages are refused; None if none was for ``SHOWN_S``."""
+        """Return the finding that messages are rejected; None if none was rejected within
+        ``SHOWN_S``.
+        """
         with self._lock:
             age_s = self._clock() - self._refused_s
             if age_s >= SHOWN_S:
@@ -65,16 +74,18 @@ class RefusedMessages:
 
 
 class RefusedNumbers:
-    """Reports samples that a program refused because of their numbers, if there are many."""
+    """Reports samples that a program rejected because of their numbers, if there are many."""
 
     def __init__(self, refused: RefusedMessages, clock: Callable[[], float] = monotonic) -> None:
         """``refused``: object that receives the report."""
         self._refused, self._clock = refused, clock
         self._times_s: dict[str, deque[float]] = {}
-        """Times of the newest refusals, by topic."""
+        """Times of the newest rejections, by topic."""
 
     def note(self, topic: str, producer: str, seq: int) -> None:
-        """Note a sample of a topic, which programs other than ``producer`` may publish, too."""
+        """Note a rejected sample of a topic; programs other than ``producer`` may publish the
+        topic, too.
+        """
         times_s = self._times_s.setdefault(topic, deque(maxlen=MANY))
         times_s.append(self._clock())
         if len(times_s) == MANY and times_s[-1] - times_s[0] <= MANY_WITHIN_S:

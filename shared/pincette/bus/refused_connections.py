@@ -1,4 +1,4 @@
-"""Connections to a program's ports that were refused: their number, and bounded log lines."""
+"""Rejected connections to a program's ports: their number, and a limited number of log lines."""
 
 import logging
 from collections.abc import Callable
@@ -6,22 +6,22 @@ from time import monotonic
 
 log = logging.getLogger("pincette")
 LOGGED_S = 10.0
-"""Shortest time between two log lines, in s, however many connections are refused."""
+"""Shortest time between two log lines, in s, however many connections are rejected."""
 
 
 class RefusedConnections:
-    """Counts the connections that one thread refused, and logs a few of them."""
+    """Counts the connections that one thread rejected, and logs a few of them."""
 
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:
         self._clock = clock
         self.count = 0
-        """Number of refused connections since the program started."""
+        """Number of rejected connections since the program started."""
         self._log_s = 0.0
-        """Time from which on a refusal is logged again."""
+        """Time from which on a rejection is logged again."""
         self._unlogged = 0
 
     def note(self, address: str, reason: str) -> None:
-        """Count a refused connection, and log it unless another one was just logged."""
+        """Count a rejected connection, and log it unless another one was just logged."""
         self.count += 1
         self._unlogged += 1
         now_s = self._clock()

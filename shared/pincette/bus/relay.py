@@ -1,4 +1,4 @@
-"""Relay of bytes between two non-blocking streams, either of which may be a TLS stream."""
+"""Relay of bytes between two non-blocking streams, each of which may use TLS."""
 
 import selectors
 import socket
@@ -10,7 +10,7 @@ from functools import partial
 Stream = socket.socket | ssl.SSLSocket
 CHUNK = 65536
 MOST_WAITING = 4 * CHUNK
-"""Number of unsent bytes for one side above which nothing more is read from the other."""
+"""Number of unsent bytes for one side above which reading from the other side pauses."""
 STALLED = "nothing could be sent over it for a lease"
 READ, WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
 BLOCKED = (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError)
@@ -25,11 +25,11 @@ class Side:
     waiting: bytearray = field(default_factory=bytearray)
     """Bytes that wait to be sent to this side."""
     watched: int = 0
-    """Events registered at the selector."""
+    """Events for which the side is registered at the selector."""
 
     @property
     def behind(self) -> bool:
-        """Return whether too many bytes wait for this side to read more for it."""
+        """Return True if so many bytes wait for this side that reading for it must pause."""
         return len(self.waiting) >= MOST_WAITING
 
 
