@@ -39,10 +39,12 @@ from pincette_supervisor.rigs.counters import (
 from pincette_supervisor.rigs.standing import standing
 
 MOST_RIGS = 64
-"""Largest number of exported rigs; the label sets are fixed, so this bounds the number of
-series."""
+"""Largest number of exported rigs.
+
+The label sets are fixed, so this bounds the number of series.
+"""
 ASKED_S = 10.0
-"""Age in s from which an unanswered status request counts against a program's token."""
+"""Age in s above which a status request without a reply counts against a program's token."""
 N_PER_MN = 1e-3
 BOUNDS_N = tuple(N_PER_MN * bound_mN for bound_mN in FORCE_BOUNDS_MN)
 REAL_TIME = "in real time"
@@ -141,7 +143,7 @@ R = TypeVar("R", bound=Callable[..., Readings])
 
 
 def metric(kind: Kind, name: str, *labels: str) -> Callable[[R], R]:
-    """Turn a function that reads all rigs into the metric of a name."""
+    """Return a decorator that turns a function of all rigs into the metric of a name."""
 
     def add(read: R) -> R:
         FAMILIES.append(Family(name, kind, labels, read, _meaning(read)))
@@ -151,7 +153,8 @@ def metric(kind: Kind, name: str, *labels: str) -> Callable[[R], R]:
 
 
 def metric_of_rig(kind: Kind, name: str, *labels: str, where: str = "") -> Callable[[R], R]:
-    """Turn a function that reads one rig into a metric whose first label is the rig's name."""
+    """Return a decorator that turns a function of one rig into a metric whose first label is the
+    rig's name."""
 
     def add(read: R) -> R:
         def read_all(scrape: Scrape) -> Readings:

@@ -1,7 +1,7 @@
 """The model in use: the rig file, overridden by an accepted version of a model.
 
 A version is a file ``NNNN-<digest>.json`` that is never changed after it was written; it names the
-preceding version.
+previous version.
 """
 
 import json
@@ -50,11 +50,11 @@ class StoredModel(BaseModel):
     sources: dict[str, str]
     """Calibration that found each quantity."""
     uncertainties: dict[str, float | None]
-    """Standard uncertainty of each quantity; null where none can be stated."""
+    """Standard uncertainty of each quantity; null if none can be stated."""
     acceptances: dict[str, Acceptance] = Field(default_factory=dict)
     """Acceptance of each quantity."""
     previous: str
-    """Digest of the model that was in use before; empty: the rig file alone."""
+    """Digest of the model that was in use before; empty if that was the rig file alone."""
 
     @property
     def calibration(self) -> Calibration:
@@ -90,7 +90,7 @@ class ModelFiles:
         Raises
         ------
         ConfigError
-            If there is none, or its file is not what was written.
+            If there is none, or its file has changed since it was written.
         """
         path = self._paths().get(version)
         if path is None:
@@ -118,9 +118,8 @@ class ModelFiles:
         replace_file(path, text.encode() + b"\n")
 
 
-# When a calibration must be repeated: it has expired, or it was made with other instruments.
-#
-# Times are in UTC, as ISO 8601 has them.
+# Conditions under which a calibration must be repeated: it has expired, or it was made with other
+# instruments. Times are in UTC, in ISO 8601 format.
 
 
 def due_at(measured_at: str, valid_days: float | None) -> str | None:
@@ -155,7 +154,7 @@ def due(name: str, accepted: Acceptance, present: Mapping[str, str], now: dateti
     name
         The calibration.
     accepted
-        How one of its values came into use.
+        Acceptance of one of its values.
     present
         Serial numbers of the rig file, by table.
     """
@@ -180,7 +179,7 @@ def warnings(
     Parameters
     ----------
     sources, acceptances
-        By quantity in use: the calibration it comes from, and how it was accepted.
+        The calibration that found each quantity in use, and its acceptance, by quantity.
     present
         Serial numbers of the rig file, by table.
     """
@@ -191,10 +190,10 @@ def warnings(
     return [f"{', '.join(names)}: {why}; calibrate again" for why, names in found.items()]
 
 
-# Rig file entries on which a model's measurement depends: a change of them makes it doubtful.
-#
-# Limits, jobs and the loop's programs are not among them. A rig file value that a calibration
-# replaces is treated separately: if a person has changed it, only that value is no longer replaced.
+# Rig file entries on which a model's measurement depends: a change of one of them makes the model
+# doubtful. Limits, jobs and the loop's programs are not among them. A rig file value that a
+# calibration replaces is treated separately: if a person has changed it, only that value is no
+# longer replaced.
 
 MEASURED_WITH: Mapping[str, tuple[str, ...]] = {
     "rig": ("period_s",),
@@ -246,7 +245,7 @@ def changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[ModelChan
 
 
 def doubtful(found: list[ModelChange]) -> list[ModelChange]:
-    """Return the changes that affect the whole model."""
+    """Return the changes that make the whole model doubtful."""
     return [change for change in found if change.key not in (*CALIBRATED, *OF_SECOND)]
 
 
@@ -265,7 +264,8 @@ class RigModel:
 
     A model that was measured with other instruments or another arm (``basis``) is not applied
     without confirmation by a person: until then only the rig file is in use, and ``trouble`` gives
-    the reason. A value that a person has changed in the rig file since then is not replaced.
+    the reason. If a person has changed a value in the rig file since then, the model does not
+    replace that value.
     """
 
     def __init__(self, rig_file: RigFile, folder: Path, store: Store) -> None:
@@ -345,7 +345,7 @@ class RigModel:
         Raises
         ------
         ConfigError
-            If there is no such version, or it makes an impossible rig.
+            If there is no such version, or its values are impossible for the rig.
         """
         with self._lock:
             chosen = (
@@ -386,12 +386,12 @@ class RigModel:
         Parameters
         ----------
         measured_at
-            When they were measured; empty: just now.
+            Time of their measurement; empty for the present time.
 
         Raises
         ------
         ConfigError
-            If they make an impossible rig.
+            If they are impossible for the rig.
         OSError
             If the file cannot be written; nothing has changed then.
         """

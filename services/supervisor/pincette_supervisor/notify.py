@@ -45,7 +45,7 @@ SAID = (
     *("kind", "sample", "batch", "operator"),
     *("requested_by", "traceparent", "started_at", "ended_at"),
 )
-"""Members of a job that the notice of its end contains."""
+"""Members of a job that are included in the notice of its end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +117,7 @@ class NotWantedError(Exception):
     """A receiver accepts no more notices."""
 
 
-# The certificate authorities that receivers of notices are checked against.
+# The certificate authorities by which receivers of notices are verified.
 
 FILE, FOLDER = "SSL_CERT_FILE", "SSL_CERT_DIR"
 """Environment variables that name a file, and folders, of trusted certificate authorities."""
@@ -131,9 +131,10 @@ REMEDY = (
 
 
 def trusted() -> ssl.SSLContext:
-    """Return TLS settings that trust the named authorities, or the system's if none is named.
+    """Return TLS settings that trust the configured authorities, or the system's if none is
+    configured.
 
-    Raises RefusedError if those that are named cannot be read.
+    Raises RefusedError if the configured ones cannot be read.
     """
     context = ssl.create_default_context()
     file, folders = os.environ.get(FILE), os.environ.get(FOLDER)
@@ -167,10 +168,9 @@ def _check(folder: Path) -> None:
         )
 
 
-# The forward proxy of an address, by the environment; pure.
-#
-# httpx reads the same variables, but takes a network in ``NO_PROXY`` (10.0.0.0/8) for its first
-# address, and refuses every request if one is written as fd00::/8.
+# Selection of a forward proxy for an address from environment variables; pure. httpx reads the same
+# variables, but treats a network in ``NO_PROXY`` (10.0.0.0/8) as its first address, and rejects
+# every request if a network is written as fd00::/8.
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,7 +196,7 @@ def proxy_of(url: str, environment: Mapping[str, str]) -> Proxy | None:
     """Return the proxy for an address, or None for a direct connection; raises ValueError."""
     place = urlsplit(url)
     host = (place.hostname or "").rstrip(".")
-    # No proxy reaches a program of this machine by a loopback address.
+    # A proxy cannot reach a program of this machine by a loopback address.
     if is_loopback(host):
         return None
     names = environment.get("no_proxy") or environment.get("NO_PROXY") or ""
@@ -228,7 +228,7 @@ def _covers(entry: str, host: str, port: int) -> bool:
     return bool(suffix) and (host == suffix or host.endswith(f".{suffix}"))
 
 
-# Notices on their way to a receiver.
+# Delivery of notices to a receiver.
 
 PREFIX = "whsec_"
 SECRET_BYTES = (24, 64)
@@ -296,7 +296,7 @@ class WebhookSender:
             )
 
     def send(self, notice: Notice) -> None:
-        """Post a notice, with the same id at each attempt."""
+        """Post a notice, with the same id in each attempt."""
         body = json.dumps(notice.body, ensure_ascii=False, separators=(",", ":")).encode()
         message, sent_s = f"msg_{notice.data['rig']}_{notice.number}", int(time.time())
         headers = {
@@ -318,7 +318,7 @@ def post(url: str, body: bytes, headers: dict[str, str]) -> int:
 
     Raises RefusedError.
     """
-    # Most supervisors post nothing, and httpx is a tenth of the work of their start.
+    # Most supervisors post nothing, and importing httpx takes a tenth of their start.
     import httpx
 
     context = trusted()
@@ -337,7 +337,8 @@ def post(url: str, body: bytes, headers: dict[str, str]) -> int:
 
 
 def _reason(error: Exception) -> str:
-    """Return why a receiver could not be reached, and the remedy if its issuer is not trusted."""
+    """Return why a receiver could not be reached, with the remedy if its certificate's issuer is
+    not trusted."""
     reason = str(error) or type(error).__name__
     cause: BaseException | None = error
     while cause is not None and not isinstance(cause, ssl.SSLCertVerificationError):
@@ -354,7 +355,7 @@ class MailSender:
         self.name = f"mail {mail.host}:{mail.port} {','.join(mail.to)}"
 
     def message(self, notice: Notice) -> EmailMessage:
-        """Return a notice as a mail; its Message-ID is the same at each attempt."""
+        """Return a notice as a mail; its Message-ID is the same in each attempt."""
         mail = self._mail
         message = EmailMessage(policy=SMTP)
         message["From"], message["To"] = mail.sender, ", ".join(mail.to)
@@ -416,15 +417,16 @@ class Delivery:
         self, store: Store, sender: Sender, clock: Callable[[], float] = monotonic
     ) -> None:
         self._store, self._sender, self._clock = store, sender, clock
-        self._note = f"told {sender.name}"  # as in journals of earlier versions
+        self._note = f"told {sender.name}"  # the name that earlier versions used in journals
         self._delay_s = FIRST_DELAY_S
         self._again_at = 0.0
         self._begun = self._ended = False
         self._refused_since: float | None = None
-        """Time of the first rejection of the notice that is being tried; None: not rejected."""
+        """Time of the first rejection of the notice that is being sent; None if it was not
+        rejected."""
 
     def begin(self) -> None:
-        """Start an unknown receiver with the next event; raises StoreError."""
+        """Begin with the next event for an unknown receiver; raises StoreError."""
         _, newest = self._store.event_span()
         known = self._store.get_note(self._note)
         if known is None or int(known) > newest:
@@ -451,7 +453,7 @@ class Delivery:
             self._store.set_note(self._note, str(number))
 
     def _sent(self, notice: Notice) -> bool:
-        """Send one notice; return True if it is finished."""
+        """Send one notice; return True if no further attempt is needed."""
         try:
             self._sender.send(notice)
         except NotWantedError as error:
@@ -459,7 +461,8 @@ class Delivery:
             self._ended = True
             return False
         except RefusedError as error:
-            # By the monotonic clock, since a step of the time of day must lose no notice.
+            # Measured by the monotonic clock: a step of the time of day must not cause the loss of
+            # a notice.
             if self._refused_since is None:
                 self._refused_since = self._clock()
             if self._clock() - self._refused_since > GIVEN_UP_S:
@@ -476,13 +479,13 @@ class Delivery:
 
 
 class Outbox:
-    """Threads of the receivers, one for each, so that none waits for another one."""
+    """Threads of the receivers, one for each, so that no receiver waits for another."""
 
     def __init__(self, store: Store, senders: Sequence[Sender]) -> None:
         self._threads: list[RepeatedAction] = []
         for sender in senders:
             delivery = Delivery(store, sender)
-            # A daemon: a receiver that does not answer delays no end of the program.
+            # A daemon thread: a receiver that does not reply must not delay the end of the program.
             thread = RepeatedAction(f"notices to {sender.name}", LOOK_S, delivery.work)
             thread.run(delivery.begin)
             thread.start()

@@ -93,7 +93,8 @@ class SeriesRepository:
         state: SeriesState | None = None,
         before: int | None = None,
     ) -> list[SeriesRow]:
-        """Return series, newest first; of a rig, in a state, or before a number, if given."""
+        """Return series, newest first; only those of a rig, in a state, or before a number, if
+        given."""
         query = matching(select(SERIES), rig=rig, state=state)
         if before is not None:
             query = query.where(SERIES.c.number < before)
@@ -109,7 +110,7 @@ class SeriesRepository:
             .order_by(JOBS.c.number)
         )
         with self._store.reading() as connection:
-            if connection.dialect.name == "sqlite":  # its LIKE uses no index
+            if connection.dialect.name == "sqlite":  # its LIKE does not use an index
                 query = query.where(CREATIONS.c.key.between(begin, f"{begin[:-1]}!"))
             return [
                 SeriesRun(int(key.split()[2]), job, state, cause)

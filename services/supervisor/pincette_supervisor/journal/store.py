@@ -88,12 +88,13 @@ class Store(Database):
             return [name for name, _ in _live(connection)]
 
     def interrupt_unfinished(self, at: str) -> list[str]:
-        """Mark jobs that an earlier supervisor left unfinished, not queued; return their names."""
+        """Mark jobs that an earlier supervisor left unfinished, except queued ones; return their
+        names."""
         with self.writing() as connection:
             return _interrupt(connection, _live(connection), at)
 
     def interrupt(self, names: Sequence[str], at: str) -> None:
-        """Mark those of these jobs that an earlier supervisor left unfinished."""
+        """Mark the jobs among ``names`` that an earlier supervisor left unfinished."""
         with self.writing() as connection:
             _interrupt(connection, [job for job in _live(connection) if job[0] in names], at)
 
@@ -140,7 +141,7 @@ class Store(Database):
             _revise(connection, name, {})
 
     def get(self, name: str) -> JobRow | None:
-        """Return one job; None if there is none of this name."""
+        """Return one job; None if no job has this name."""
         with self.reading() as connection:
             found = _select(connection, select(JOBS).where(JOBS.c.id == name))
         return found[0] if found else None
@@ -181,7 +182,7 @@ class Store(Database):
         query = select(JOBS).where(JOBS.c.state == state)
         with self.reading() as connection:
             found = _select(connection, query.order_by(JOBS.c.place, JOBS.c.number))
-        # With the rig in the query SQLite would read all jobs of the rig.
+        # If the query contained the rig, SQLite would read all jobs of the rig.
         return [job for job in found if job.rig == rig]
 
     def counted(self) -> dict[tuple[str, str, str], int]:
@@ -202,7 +203,8 @@ class Store(Database):
     def events_after(
         self, number: int, *, rig: str | None = None, job: str | None = None, limit: int = 200
     ) -> list[Event]:
-        """Return events after a number, oldest first; of a rig or a job, if it is given."""
+        """Return events after a number, oldest first; only those of a rig or a job, if it is
+        given."""
         query = matching(select(EVENTS).where(EVENTS.c.number > number), rig=rig, job=job)
         return self.rows(Event, query.order_by(EVENTS.c.number).limit(limit))
 
@@ -322,7 +324,7 @@ def _add_event(
 
 
 def _event_span(connection: Connection) -> tuple[int, int]:
-    # SQLite looks the ends up in the index only if each has a separate query.
+    # SQLite finds both ends by the index only if each has a separate query.
     ends = select(
         select(func.min(EVENTS.c.number)).scalar_subquery(),
         select(func.max(EVENTS.c.number)).scalar_subquery(),

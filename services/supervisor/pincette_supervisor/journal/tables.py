@@ -57,8 +57,11 @@ JOBS = Table(
     Index("ix_jobs_listed", "number", "created_at", "rig", "kind", "state", "pinned"),
     Index("ix_jobs_counted", "rig", "kind", "state"),
 )
-"""Jobs. ``number`` rises with every job, ``revision`` with every change; ``place`` is in the
-queue."""
+"""Jobs.
+
+``number`` rises with every job, ``revision`` with every change; ``place`` is the position in the
+queue.
+"""
 
 JOB_SEARCH = table("job_search", column("rowid", Integer), column("words", String))
 """Full-text index of a journal file (FTS5 of SQLite): text, labels and outcome of each job, by the
@@ -105,7 +108,8 @@ CREATIONS = Table(
     Column("job", String, ForeignKey("jobs.id"), nullable=False),
     Column("created_at", String, nullable=False),
 )
-"""Jobs by the ``Idempotency-Key`` they were created with; the fingerprint is of the request."""
+"""Jobs by the ``Idempotency-Key`` with which they were created; the fingerprint is a digest of
+the request."""
 
 SERIES = Table(
     "series",
@@ -172,7 +176,7 @@ SESSIONS = Table(
     Column("key", String, nullable=False),
     Column("used_at", String, nullable=False),
 )
-"""Signed-in pages; ``digest`` is of the cookie, ``key`` is the digest of the key or user."""
+"""Signed-in pages; ``digest`` is the digest of the cookie, ``key`` that of the key or user."""
 
 AUDIT = Table(
     "audit",
@@ -260,7 +264,7 @@ class JobRow:
     priority: int = 0
     """Priority in the queue; higher numbers come first."""
     place: int | None = None
-    """Place in the queue, from 1; None if the job is not queued."""
+    """Position in the queue, from 1; None if the job is not queued."""
 
 
 class TableRow(NamedTuple):

@@ -1,8 +1,8 @@
 """Journal writes in a separate thread, so that no action on a rig waits for a disk.
 
-A write that fails, as on a full disk, is repeated later in its order. A write that hangs, as on a
-disk that has stopped responding, delays only the writes behind it: a caller waits for a short time
-at most, and then continues as if the write had failed.
+A write that fails, for example on a full disk, is repeated later in its order. A write that hangs,
+for example on a disk that has stopped responding, delays only the writes behind it: a caller waits
+for a short time at most, and then continues as if the write had failed.
 """
 
 import logging
@@ -55,7 +55,7 @@ class WriteQueue:
 
     @property
     def late(self) -> bool:
-        """Return whether a write has taken longer than callers wait: the disk hangs."""
+        """Return whether a write has taken longer than callers wait, because the disk hangs."""
         return self._under_way is not None and monotonic() - self._begun_s > self._wait_s
 
     def post(self, write: Write) -> None:
@@ -78,7 +78,7 @@ class WriteQueue:
         return entry.done
 
     def flush(self) -> bool:
-        """Try to write what waits; return True if nothing is left."""
+        """Try to write the waiting writes; return True if none is left."""
         with self._changed:
             if self._waiting:
                 self._await(self._wake(), lambda: not self._waiting)
@@ -95,7 +95,7 @@ class WriteQueue:
         return self._wake()
 
     def _wake(self) -> int:
-        """Have the first write tried; return the number of writes started before."""
+        """Have the first waiting write tried; return the number of writes started before."""
         self._due = True
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="journal", daemon=True)
@@ -104,7 +104,7 @@ class WriteQueue:
         return self._attempts
 
     def _await(self, begun: int, done: Callable[[], bool]) -> None:
-        """Wait until ``done``, or until a write that started after that many has failed."""
+        """Wait until ``done``, or until a write has failed that started after ``begun`` writes."""
 
         def over() -> bool:
             failed = not self._due and self._under_way is None and self._attempts > begun

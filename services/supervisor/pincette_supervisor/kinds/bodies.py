@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     KindName = str
 else:
     Body = discriminated([kind.body for kind in _KINDS], "kind")
-    """A request for a job; ``kind`` says which."""
+    """Request for a job; its kind is in ``kind``."""
     CalibrationBody = CALIBRATE.body
-    """A request for a calibration; ``calibration`` says which."""
+    """Request for a calibration; its name is in ``calibration``."""
     TrajectoryBody = discriminated([kind.body for kind in _KINDS if kind.predicted], "kind")
-    """A request of a kind whose course is predicted."""
+    """Request of a kind whose course is predicted."""
     AnyPlan = union(plan for kind in _KINDS for plan in kind.plans)
     KindName = Literal[tuple(kind.name for kind in _KINDS)]
 

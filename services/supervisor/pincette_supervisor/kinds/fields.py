@@ -74,7 +74,7 @@ PLACE = (
         advanced=True,
     ),
 )
-"""Fields of a job that takes the place of its part from the bus."""
+"""Fields of a job that reads the place of its part from the bus."""
 RELEASE = FieldSpec(name="release_s", label="Let go over")
 POLICIES = (
     FieldSpec(
@@ -155,7 +155,7 @@ SPEEDS = (
 
 
 def _gain(law: str, gain: LawParameter, placeholder: str, **when: tuple[str, ...]) -> FieldSpec:
-    """Return the field of a law's gain, shown while other fields have these values."""
+    """Return the field of a law's gain, shown only with certain values of other fields."""
     return FieldSpec(
         name=f"{law}-{gain.name}",
         label=gain.name,
@@ -228,7 +228,7 @@ WIDTH_FOUND: tuple[ResultField, ...] = (
         optional=True,
     ),
 )
-"""The same of the width, with two arms."""
+"""Result fields on the width that a request or a vision client has given, for two arms."""
 ZERO_RETURN: tuple[ResultField, ...] = (
     ResultField(name="zero_return.verified", label="verified by the zero return", optional=True),
     number(

@@ -49,7 +49,7 @@ def evaluate(run: Run) -> Evaluation:
     true_force = 0.5 * (series(table, "true_force_mN") + series(table, "true_second_force_mN"))
     true_place = 0.5 * (series(table, "true_x_um") - series(table, "true_second_x_um"))
     place, force = series(table, "place_um"), 0.5 * (first + second)
-    # What rests has no height.
+    # A resting reference has no peak-to-peak value.
     place_pp, force_pp = (
         figures.peak_to_peak(each, chosen) if path is not None else None
         for each, path in zip((place_r, force_r), _paths(run), strict=True)
@@ -174,7 +174,7 @@ def _subtitle(result: PairResult) -> str:
 
 
 MORE_TOUCHES = 2.0
-"""Number of contact forces by which the unknown squeeze may grow during a carry."""
+"""Limit of the growth of the unknown squeeze during a carry, as a multiple of the contact force."""
 
 
 def carry_job(request: CarryJobRequest, model: ModelInUse, present: Present) -> Planned:

@@ -66,11 +66,11 @@ class EmulatedInstruments:
     rig: RigFile
     arms: IdentifiedArm | IdentifiedPair
     put_V: dict[int, float] = field(default_factory=dict[int, float])
-    """Voltage that was output in this tick, by the index of the arm."""
+    """Voltages that were output in this tick, by the index of the arm."""
     plays_wave: bool = False
     missed_um: float | None = None
-    """Model error at the tick of the output, in µm, if a residual table contains it; never for two
-    arms."""
+    """Model error at the tick of the output, in µm, if a residual table contains it; always None
+    with two arms."""
 
     @property
     def device(self) -> Device:
@@ -112,7 +112,7 @@ class EmulatedDevice:
         return sensor.offset_um + sensor.direction * self.instruments.arms.tips_um[self.arm]
 
     def begin_capture(self, rate_hz: float) -> None:
-        """Acquire one sample per tick at any rate: a sweep is not emulated."""
+        """Acquire one sample per tick regardless of the rate: a sweep is not emulated."""
 
     def read_block(self) -> Block:
         """Return the sample of this tick."""
@@ -199,12 +199,12 @@ class RigEmulator:
 
     @property
     def segment(self) -> Segment | None:
-        """Return the segment of the program that plays."""
+        """Return the segment of the program that is being played."""
         return self._program.segments[self.place] if self.place >= 0 else None
 
     @property
     def place(self) -> int:
-        """Return the number of that segment; -1 if none of the program plays."""
+        """Return the number of that segment; -1 if no segment of the program is being played."""
         number = -1 if self.told is None else self.told.segment
         return number if number < len(self._program.segments) else -1
 
@@ -243,7 +243,8 @@ class RigEmulator:
         return ""
 
     def act(self, action: str) -> str:
-        """Request an action of the controller; return why it rejects the request."""
+        """Limits of the part of a plan that is played, in s and in samples; the shorter one
+        applies."""
         try:
             self._bus.call(ACTION, Action(ActionCode(action)))
         except RefusalError as error:
@@ -259,7 +260,8 @@ ENDLESS_S = 0.3
 
 @dataclass(frozen=True, slots=True)
 class DryRun:
-    """Samples, the outcome of the program, and why the rest was not played; empty: all was."""
+    """Samples, the outcome of the program, and the reason why the rest was not played; empty if
+    all was played."""
 
     samples: Samples
     outcome: str
@@ -270,7 +272,7 @@ class DryRun:
 
 
 def stated_instruments(rig: RigFile) -> Instruments:
-    """Return delay and lag as the drivers of a rig state them; 0 if they state nothing."""
+    """Return delay and lag as stated by the drivers of a rig; 0 if they state none."""
     return Instruments(*stated_output(rig))
 
 
@@ -283,7 +285,7 @@ def run_dry(planned: Planned, present: Present, *, part: bool) -> DryRun:
     Parameters
     ----------
     part
-        True if the part is there, as the rig file or a recipe has it.
+        True if the part is present, as described by the rig file or a recipe.
     """
     rig = planned.armed.rig
     rig = rig.model_copy(update={"rig": rig.rig.model_copy(update={"time": "lockstep"})})

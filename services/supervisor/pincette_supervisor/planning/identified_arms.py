@@ -41,9 +41,9 @@ STILL_V = 1e-9
 
 
 Stretch = tuple[float, list[float]]
-"""Length of a substep in s, and the rest position of the free arm in each, in µm."""
+"""Length of a substep in s, and the rest position of the free arm in each substep, in µm."""
 GROUND_MN = 1e6
-"""Force with which the ground holds the part, in mN; unlimited, since it is unknown."""
+"""Force with which the ground holds the part, in mN; practically unlimited, since it is unknown."""
 HOLD_MN, LIFT_S = 0.05, 0.1
 """Assumed force of both arms that carries the part, in mN, and the time in s until they carry it
 alone."""
@@ -53,7 +53,7 @@ SETTLE_S = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Instruments:
-    """Delays and lags between a sample and its voltage."""
+    """Delay and lag between a sample and its voltage."""
 
     delay_s: float
     """Time from the sample to the arrival of the voltage, in s; less than a period."""
@@ -73,7 +73,7 @@ class IdentifiedArm:
     target_V: float
     output_V: float
     missed_um: float = 0.0
-    """Error of the free response at this place of the program, by a residual table, in µm."""
+    """Error of the free response at this tick of the program, by a residual table, in µm."""
     shaping_s: float | None = None
     """Interval between the parts of a shaped voltage step, in s; None: steps are not shaped."""
     hung_mN: float = 0.0
@@ -109,7 +109,7 @@ class IdentifiedArm:
     def moved(self, voltage_V: float, missed_um: float | None = None) -> "IdentifiedArm":
         """Return the arm one period after a sample that results in a voltage.
 
-        ``missed_um`` is the error of the free response then; None: as before.
+        ``missed_um`` is the error of the free response then; None to keep the present one.
         """
         driven, stretches = self.driven(voltage_V, missed_um)
         state = self.state
@@ -120,9 +120,10 @@ class IdentifiedArm:
     def driven(
         self, voltage_V: float, missed_um: float | None = None
     ) -> tuple["IdentifiedArm", list[Stretch]]:
-        """Return the arm with its response one period later, its tip unchanged, and the way of x_f.
+        """Return the arm with its response one period later but its tip unchanged, and the motion
+        of x_f.
 
-        The way consists of stretches, each with substeps of one length and the rest positions of
+        The motion consists of stretches, each with substeps of one length and the rest positions of
         the free arm.
         """
         held = list[list[tuple[float, float]]]()
@@ -190,9 +191,9 @@ def identified_arm(
     Parameters
     ----------
     rig
-        The rig file with the model in use; its table ``simulation`` is not looked at.
+        The rig file with the model in use; its table ``simulation`` is not used.
     part
-        What lies in the arm's way; None: nothing.
+        Object in the way of the arm; None without one.
     """
     model = rig.model
     response = derived.free_response(model).updated(0.0, 0.0).begin(derived.X_START_UM)
@@ -277,11 +278,11 @@ def identified_pair(
     Parameters
     ----------
     rig
-        The rig file with the model in use; its table ``simulation`` is not looked at.
+        The rig file with the model in use; its table ``simulation`` is not used.
     part
-        True if the part is there.
+        True if the part is present.
     held
-        True if both arms press it: then it lies where their tips are.
+        True if both arms press the part, which is then between their tips.
     """
     first_rig, second_rig = rig.arms
     first = identified_arm(first_rig, instruments, present.stand_V(rig), None)
@@ -308,7 +309,7 @@ def identified_pair(
     state = PairState(first.state, second.state, part_um, part_um, APART)
     if not part:
         state = part_gone(state, "removed")
-    # An arm that presses at its voltage rests where the part holds it.
+    # An arm that presses at its voltage is held at rest by the part.
     rests = first.state.x_um, second.state.x_um
     state = move_pair(parameters, state, SUBSTEP_S, [rests] * round(SETTLE_S / SUBSTEP_S))
     return IdentifiedPair((first, second), parameters, state)

@@ -36,7 +36,8 @@ from pincette_supervisor.plugin.model_in_use import (
 )
 
 OF_THE_JOB = set(ZeroingRequest.model_fields)
-"""Members that no recipe contains: how a job begins, and what a person has verified before it."""
+"""Members that no recipe contains: how a job begins, and what a person has verified before the
+job."""
 FindRecipe = Callable[[str], RecipeRow | None]
 FindLearned = Callable[[str], Corrections | None]
 
@@ -44,7 +45,7 @@ FindLearned = Callable[[str], Corrections | None]
 class FaultyValuesError(ValueError):
     """Values that do not form a recipe.
 
-    ``errors`` are pydantic's, their ``loc`` within the values.
+    ``errors`` are those of pydantic; their ``loc`` is relative to the values.
     """
 
     def __init__(self, errors: list[dict[str, Any]]) -> None:
@@ -63,7 +64,7 @@ def checked_values(values: Mapping[str, Any]) -> dict[str, Any]:
     Raises
     ------
     FaultyValuesError
-        If one is unknown or impossible as a member of a request that a recipe completes.
+        If a value is unknown, or impossible as a member of a request that a recipe completes.
     """
     errors: list[dict[str, Any]] = []
     kept: dict[str, Any] = {}
@@ -127,10 +128,10 @@ class ResolvedRequest:
     expecting: ModelInUse
     """The model with the part that the recipe expects."""
     present: Present | None = None
-    """State of the rig; None: unknown."""
+    """State of the rig; None if unknown."""
     recipe: RecipeRow | None = None
     place: PlannedPlace | None = None
-    """Place that a vision client or the request states; None: that of recipe or rig file."""
+    """Place given by a vision client or the request; None to use that of recipe or rig file."""
 
     @property
     def kind(self) -> JobKind:
@@ -159,7 +160,7 @@ def resolve(
     Raises
     ------
     FaultyRequestError
-        If the kind or a member is for another number of arms, or the recipe is missing or does
+        If the kind or a member is for another number of arms, or if the recipe is missing or does
         not fit.
     """
     require_arms(request, model.rig)
@@ -176,11 +177,11 @@ def resolve(
 
 
 def expecting_at(resolved: ResolvedRequest, place: PlannedPlace) -> ResolvedRequest:
-    """Return a request whose part is expected at a place, within its uncertainty.
+    """Return a request whose part is expected at a place, within the uncertainty of that place.
 
-    The uncertainty becomes the tolerance of the contact: the approach ends before it, and the
-    search covers it. Without the width of the part, two arms keep the tolerance of recipe or rig
-    file as well.
+    The uncertainty becomes the tolerance of the contact position: the approach ends before that
+    range, and the search covers it. Without the width of the part, two arms keep the tolerance of
+    recipe or rig file as well.
 
     Raises
     ------
@@ -211,7 +212,7 @@ def expecting_at(resolved: ResolvedRequest, place: PlannedPlace) -> ResolvedRequ
 
 
 def _placed(plan: JobPlan, place: PlannedPlace, program: Program) -> JobPlan:
-    """Return a plan that states its place, with the range in which the part is searched for."""
+    """Return a plan that includes its place, with the range in which the part is searched for."""
     from_um, to_um = list[float](), list[float]()
     for segment in program.segments:
         if isinstance(segment, Seek) and not segment.relative:
@@ -235,16 +236,17 @@ def plan(resolved: ResolvedRequest, find_learned: FindLearned = lambda _name: No
     Parameters
     ----------
     find_learned
-        Returns what a program has learned in earlier jobs, by the digest of the program.
+        Function that returns what a program has learned in earlier jobs, by the digest of the
+        program.
 
     Raises
     ------
     FaultyRequestError
-        If members of the request do not go together.
+        If members of the request contradict each other.
     UnsupportedError
         If the instruments are too slow for a calibration.
     ValueError
-        If the numbers make no plan.
+        If the numbers do not form a plan.
     """
     model, expecting = resolved.model, resolved.expecting
     present = resolved.present or Present()
@@ -283,7 +285,7 @@ def plan_job(
     rig
         Rig with the model in use, or the rig file alone.
     present
-        Position of the rig; None: unknown.
+        State of the rig; None if unknown.
     """
     model = rig if isinstance(rig, ModelInUse) else rig_file_alone(rig)
     return plan(resolve(request, model, present, lambda _reference: None))
@@ -339,7 +341,7 @@ def _completed(request: JobRequest, recipe: RecipeRow, rig: RigFile) -> JobReque
 def _offered(recipe: RecipeRow, own: Mapping[str, Any], kind: JobKind, arms: int) -> dict[str, Any]:
     """Return the values of a recipe for a rig with this number of arms.
 
-    Values that contradict the request's members are left out.
+    Values that contradict members of the request are left out.
     """
     rules = kind.recipe or RecipeRules()
     refused = OF_THE_JOB | own.keys() | kind.foreign(arms)

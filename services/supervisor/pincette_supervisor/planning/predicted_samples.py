@@ -80,7 +80,7 @@ class Samples:
         Raises
         ------
         ValueError
-            If the services have answered for another number of arms.
+            If the services have replied for another number of arms.
         """
         command, applied, view = told
         asked_V = [one.voltage_V for one in command.arms]
@@ -118,7 +118,8 @@ def table(samples: Samples) -> dict[str, list[Any]]:
 
 
 def as_csv(samples: Samples, about: dict[str, str]) -> bytes:
-    """Return a CSV: comments on origin and columns, the names, and a line for each sample."""
+    """Return a CSV: comments on origin and columns, the column names, and a line for each
+    sample."""
     stream = StringIO()
     for name, value in about.items():
         stream.write(f"# {name}: {value}\n")

@@ -1,6 +1,6 @@
 """Prediction of a plan on the model in use: curves, peaks, margins, exceeded limits.
 
-Predictions are computed one at a time, since each keeps a processor busy, and the last ones are
+Predictions are computed one at a time, since each occupies a processor, and the last ones are
 cached.
 """
 
@@ -64,8 +64,8 @@ def played(planned: Planned) -> DryRun:
 def with_prediction(planned: Planned, dry_run: DryRun) -> Planned:
     """Return a plan with the prediction of its dry run; an exceeded limit makes it infeasible.
 
-    The plan lists its own violations first; that of an unstable loop, which has no place and time,
-    comes last.
+    The plan lists its own violations first; the violation of an unstable loop, which has no place
+    and time, comes last.
     """
     prediction = predict(planned, dry_run)
     broken = sorted(
@@ -160,7 +160,7 @@ def phases(samples: Samples, period_s: float) -> list[PredictedPhase]:
 
 
 def _assumptions(planned: Planned, instruments: Instruments) -> list[str]:
-    """Return the assumptions of a prediction, in words."""
+    """Return the assumptions of a prediction as texts."""
     model = planned.armed
     words: list[str] = []
     for number, arm in enumerate(model.rig.arms, start=1):
@@ -205,12 +205,12 @@ class Limit(NamedTuple):
     unit: str
     limit: float
     side: float
-    """Side of the limit; +1: values must not be above it, -1: not below it."""
+    """Side of the limit: +1 for an upper limit, -1 for a lower limit."""
     values: Sequence[float]
 
 
 def rates_V_per_s(samples: Samples, period_s: float) -> list[float]:
-    """Return the rates at which each requested voltage follows the voltage before it."""
+    """Return the rate of each requested voltage relative to the previous one."""
     return [
         0.0 if index == 0 else (asked_V - samples.voltage_V[index - 1]) / period_s
         for index, asked_V in enumerate(samples.asked_V)
@@ -220,7 +220,8 @@ def rates_V_per_s(samples: Samples, period_s: float) -> list[float]:
 def limits_of(rig: RigFile, samples: Samples) -> list[Limit]:
     """Return the limits of a rig file, each with the samples to which it applies.
 
-    For the voltage, these are the controller's requests, since the actuator enforces its limits.
+    For the voltage, the samples are the controller's requests, since the actuator enforces its
+    limits.
     """
     limits, slew = rig.limits, rates_V_per_s(samples, rig.rig.period_s)
     return [
@@ -242,7 +243,7 @@ def margins(rig: RigFile, samples: Samples, *, switches: bool) -> list[Margin]:
     samples
         At least one.
     switches
-        True if the law has a switching gain K_S; without one nothing keeps s to its band.
+        True if the law has a switching gain K_S; without one nothing keeps s within its band.
     """
     found = [_margin(limit, samples) for limit in limits_of(rig, samples)]
     if switches:
@@ -264,12 +265,13 @@ def _margin(limit: Limit, samples: Samples) -> Margin:
 
 
 def _phase_before(samples: Samples, index: int) -> str:
-    """Return the phase before a sample; its own phase may be a consequence of the sample."""
+    """Return the phase before a sample, since the sample's own phase may be a consequence of it."""
     return samples.phase[max(0, index - 1)]
 
 
 def _band_margin(samples: Samples) -> Iterator[Margin]:
-    """Yield the margin of |s| to its band while a law is active; beyond it, the law returns s."""
+    """Yield the margin of |s| to its band while a law is active; outside the band, the law
+    returns s to it."""
     room = [band - abs(s) for s, band in zip(samples.sliding_um, samples.band_um, strict=True)]
     led = [index for index, band_um in enumerate(samples.band_um) if band_um > 0.0]
     if not led:
@@ -289,12 +291,14 @@ def _band_margin(samples: Samples) -> Iterator[Margin]:
 def violations(
     rig: RigFile, samples: Samples, pointer: Callable[[str, str], str]
 ) -> list[Violation]:
-    """Return every exceeded limit, by the phases in which that begins, in the order of limits.
+    """Return every exceeded limit, for each phase in which the violation begins, in the order of
+    limits.
 
     Parameters
     ----------
     pointer
-        Member of the request that leads beyond a limit, by quantity and phase.
+        Function that returns the member of the request that causes the violation, by quantity and
+        phase.
     """
     return [
         found for limit in limits_of(rig, samples) for found in _broken(limit, samples, pointer)
@@ -349,8 +353,8 @@ def peaks(rig: RigFile, samples: Samples) -> Peaks:
 Play = Callable[[Planned], DryRun]
 KEPT = 8
 WAITING = 4
-"""Largest number of callers that wait for their turn: their threads serve other requests too, and
-there are six of them (``WORKERS`` of the server)."""
+"""Largest number of callers that wait for a prediction: their threads serve other requests too,
+and there are six of them (``WORKERS`` of the server)."""
 
 
 class PredictionCache:
@@ -368,7 +372,7 @@ class PredictionCache:
         Raises
         ------
         ProblemError
-            If too many wait already.
+            If too many callers wait already.
         """
         if not self._room.acquire(blocking=False):
             raise ProblemError(
@@ -388,13 +392,13 @@ class PredictionCache:
     def predicted(self, planned: Planned) -> Planned:
         """Return a plan with its prediction.
 
-        A new force on a held part is planned without prediction: the memory of its arm from the
-        grip is unknown to a model.
+        A new force on a held part is planned without prediction, since a model does not know the
+        memory of the arm from the grip.
 
         Raises
         ------
         ProblemError
-            If too many wait already, or nothing of it can be played.
+            If too many callers wait already, or no part of the plan can be played.
         """
         if planned.program.takes_force_over:
             return planned
@@ -408,15 +412,15 @@ class PredictionCache:
     def checked(self, planned: Planned) -> Planned:
         """Return a plan before its job, with its prediction if that exceeds a limit.
 
-        A held part must be released whatever is predicted, and a calibration finds the model that a
-        prediction would need: neither is played. With any number of predictions waiting, a job that
-        is to begin waits only for the one that is being played.
+        Two plans are not played: a held part must be released regardless of any prediction, and a
+        calibration finds the model that a prediction would need. However many predictions are
+        waiting, a job that is to begin waits only for the running one.
         """
         if not job_kinds()[planned.plan.kind].predicted:
             return planned
         try:
             predicted = with_prediction(planned, self._in_turn(planned))
-        except ValueError:  # nothing of it can be played, and so nothing is predicted
+        except ValueError:  # no part of it can be played, and so nothing is predicted
             return planned
         return planned if predicted.plan.feasible else predicted
 

@@ -32,7 +32,7 @@ MOST_SAMPLES = 500_000
 PRESSED = (Phase.LOAD, Phase.HOLD, Phase.TRACK, Phase.UNLOAD, Phase.STOPPED)
 """Phases in which a part is pressed."""
 MOST_PRESSED = 400
-"""Largest number of pressed samples that are kept of a job."""
+"""Largest number of pressed samples that are kept for a job."""
 
 
 def recorded_motion(store: Store, records: Path, rig: RigFile, job: str) -> RecordedMotion:
@@ -41,7 +41,7 @@ def recorded_motion(store: Store, records: Path, rig: RigFile, job: str) -> Reco
     Raises
     ------
     FaultyRequestError
-        If there is no such job, or its record does not give a motion.
+        If there is no such job, or its record contains no usable motion.
     """
     if rig.second is not None:
         raise FaultyRequestError(
@@ -121,12 +121,12 @@ def motion_of(
     Parameters
     ----------
     pressed_from_mN
-        Force from which on a part counts as pressed; None: pressed samples are left out.
+        Force from which a part counts as pressed, in mN; None to leave out pressed samples.
 
     Raises
     ------
     ValueError
-        If it was paused, or left its program.
+        If the job was paused, or left its program.
     """
     if not program:
         raise ValueError("it was recorded before motions had digests: record it again")
@@ -161,7 +161,7 @@ def motion_of(
 def _pressed(table: Columns, from_mN: float) -> tuple[Pressed, ...]:
     """Return samples of the pressed part after the last zero, thinned out.
 
-    A sample follows the voltage of the tick before it.
+    A sample is caused by the voltage of the previous tick.
     """
     names = ("segment", "segment_tick", "x_um", "force_mN", "zero_age_s")
     segment, tick, x_um, force_mN, age_s = (series(table, name) for name in names)
@@ -177,7 +177,8 @@ def _pressed(table: Columns, from_mN: float) -> tuple[Pressed, ...]:
 
 
 def _stamped(numbers: Series, age_s: Series, period_s: float) -> set[int]:
-    """Return segments at whose end the force was zeroed: the sample after the stamp has age 0."""
+    """Return segments at whose end the force was zeroed: the next sample then has a zero of age
+    0."""
     fresh: Sequence[int] = np.flatnonzero(age_s < 0.5 * period_s).tolist()
     before = [numbers[place - 1] for place in fresh if place]
     return {int(number) for number in before if not np.isnan(number)}

@@ -44,7 +44,7 @@ KIND = JobKind(
     picture="calibration.png",
     arms=(1, 2),
     on_stop="retract",
-    # A calibration lasts for minutes, and a machine that stalls must not end it.
+    # A calibration takes minutes, and a stall of the machine must not end it.
     lease_factor=3.0,
     needs_every_sample=True,
     place=60,

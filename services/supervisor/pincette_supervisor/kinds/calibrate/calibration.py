@@ -1,8 +1,8 @@
 """Interface of calibrations to the job ``calibrate``, and the data of their analysis.
 
-Each calibration is written for a rig of one arm. On a rig of two arms, the rig of one arm is taken
-out of it, the program is put on that arm's voltage while the other arm rests, and columns and
-quantities are found under their names.
+Each calibration is written for a rig of one arm. For a rig of two arms, the rig is reduced to the
+arm that is calibrated. The program moves that arm's voltage while the other arm rests, and columns
+and quantities are renamed accordingly.
 """
 
 import dataclasses
@@ -42,8 +42,8 @@ from pincette_supervisor.plugin.figures import MOST_MISSING, Series, series, tab
 CalibrationProgram = tuple[Program, dict[str, Any], dict[int, Wait]]
 """A program, the values behind it, and the confirmations it waits for, by segment number."""
 MOST_UNLIKE = 0.1
-"""Largest relative change of an untouched arm since its calibration; a part in the way causes a
-larger one."""
+"""Largest relative change of a free arm since its calibration; a part in the way causes a larger
+change."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,24 +75,24 @@ class CalibrationFunctions:
     draw: Callable[[Sheet, Any], None]
     """Function that draws ``drawn`` of the analysis."""
     assumes: tuple[str, ...] = ()
-    """Quantities of the model in use that the calibration takes for granted."""
+    """Quantities of the model in use that the calibration assumes to be known."""
     finds: tuple[str, ...] = ()
     """Quantities of the model that the calibration proposes. A calibration that assumes one of them
     comes later."""
     needs: tuple[NeedCode, ...] = ("part_removed",)
     """Tasks of a person at the rig."""
     needed: Callable[[RigFile], bool] = _needed
-    """Function that returns True if a rig cannot do without the calibration."""
+    """Function that returns True if a rig needs the calibration."""
     of_bring_up: bool = True
     """True if the calibration belongs to the bring-up checklist; a calibration for a single program
     does not."""
     meets_part: bool = False
     """True if a part is expected, and a law moves the arm against it."""
     goes_on: Callable[[Any, Run], tuple[Any, str]] | None = None
-    """Function that returns the request that continues after a stall has tripped the calibration
-    and keeps the measured values, and a message that says where it continues. None: the
-    calibration starts again, since the voltage went to the safe one and the state of the
-    hysteresis was lost."""
+    """Function that returns the request that continues after a stall has tripped the
+    calibration, with the values measured so far, and a message that says where it continues.
+    None if the calibration must start again, since the output was set to the safe voltage and
+    the state of the hysteresis was lost."""
     moves_less: Callable[[Any, Run], tuple[Any, str] | None] | None = None
     """Function that returns the request of a smaller motion after the arm has exceeded a position
     limit, and a message that describes it; None: there is no smaller motion."""
@@ -145,7 +145,7 @@ def figure(name: str, value: float, unit: str, meaning: str) -> Figure:
 
 
 def require_like_in_use(model: ModelInUse, quantity: str, value: float) -> None:
-    """Reject a change that no arm makes by itself; assumed values are not compared.
+    """Reject a change larger than an arm shows without cause; assumed values are not compared.
 
     Raises
     ------
@@ -200,7 +200,7 @@ class Samples:
         Raises
         ------
         ValueError
-            If more than ``MOST_MISSING`` of them are.
+            If the share of missing values exceeds ``MOST_MISSING``.
         """
         found = values[place]
         missing = np.isnan(found)
@@ -286,7 +286,7 @@ def program_for_both(program: Program, rig: RigFile, arm: int) -> Program:
     Raises
     ------
     ValueError
-        If it is more than a motion of the voltage.
+        If the program has other segments than motions of the voltage.
     """
     if rig.second is None:
         return program
@@ -324,7 +324,7 @@ def run_of_arm(run: Run, arm: int) -> Run:
 
 
 def named_of_arm(analysis: Analysis, arm: int) -> Analysis:
-    """Return quantities under the names that the rig file of two arms uses."""
+    """Return the quantities under their names in the rig file of two arms."""
     if arm == 1:
         return analysis
     values = tuple(

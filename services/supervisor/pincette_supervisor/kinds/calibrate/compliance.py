@@ -37,7 +37,7 @@ SURE = 10.0
 
 
 def program(request: ComplianceRequest, model: ModelInUse, _present: Present) -> CalibrationProgram:
-    """Plan a wait and a reading for each weight, up and down, without those already taken."""
+    """Plan a wait and a reading for each weight, up and down, without the weights already read."""
     weights_mN = request.weights_mN or weights_within(model.rig)
     steps, taken = there_and_back(weights_mN), len(request.taken)
     if taken >= len(steps):
@@ -58,7 +58,7 @@ def program(request: ComplianceRequest, model: ModelInUse, _present: Present) ->
 
 
 def weights_within(rig: RigFile) -> list[float]:
-    """Return weights from 0 to the largest of 1, 2, 5, 10, … mN within half of the limits.
+    """Return weights from 0 to the largest of 1, 2, 5, 10, … mN that is within half of the limits.
 
     The other half is reserved for an arm that is softer than in the model in use.
     """
@@ -126,7 +126,7 @@ def _reading(taken: Samples, number: int) -> WeighedStep:
 
 
 def goes_on(request: ComplianceRequest, run: Run) -> tuple[ComplianceRequest, str]:
-    """Keep the weights that were read completely, and continue with the next one.
+    """Keep the complete readings, and continue with the next weight.
 
     Each weight is a separate reading of an arm that only the weight moves. This holds only if the
     arm was at the safe voltage, to which the trip has set it; otherwise the measurement starts

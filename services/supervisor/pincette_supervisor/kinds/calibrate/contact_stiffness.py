@@ -44,16 +44,17 @@ from pincette_supervisor.plugin.plans import (
 )
 
 EARLY_PRESSES = (3.0, 6.0, 12.0)
-"""Forces, as multiples of the contact force, up to which a press belongs to the first touch: the
-least one at which the touch is certain, since faces that are not flat harden with the force."""
+"""Limits of the force up to which a press is used for the first contact, as multiples of the
+contact force. The smallest limit at which the contact is certain is used, since faces that are
+not flat become stiffer with the force."""
 BRING_UP_MIN = 10.0
-"""Age in minutes by which the part position in the rig file, which is a reading, may exceed that of
-this calibration: a bring-up takes so long, and the sensor drifts meanwhile."""
+"""Time in minutes by which the part position in the rig file, which is a reading, may be older
+than that of this calibration: a bring-up takes so long, and the sensor drifts meanwhile."""
 
 
 @dataclass(frozen=True, slots=True)
 class ContactFound:
-    """Results of both halves of a press."""
+    """Results for the contact stiffness and for the first contact."""
 
     stiffness: ContactStiffness
     touch: FirstTouch
@@ -64,8 +65,9 @@ def program(
 ) -> CalibrationProgram:
     """Press the part by a sinusoid of voltage at several levels; raises FaultyRequestError.
 
-    The voltage alone presses, and a straight-line model cannot give the force for a limit: without
-    an identified response, 77 mN acted where 40 are allowed, on a part 7 µm too near.
+    No law limits the force of the press, and a straight-line model cannot predict it: without an
+    identified response, 77 mN acted instead of the permitted 40 mN, on a part that was 7 µm too
+    near.
     """
     rig = model.rig
     if rig.model.free_response is None:
@@ -85,7 +87,7 @@ def program(
 
 
 def analyse(run: Run) -> Analysis:
-    """Analyse a press; raises ValueError where the contact was lost, or none was met."""
+    """Analyse a press; raises ValueError if the contact was lost, or none was found."""
     taken, planned = samples(run.table, run.period_s), run.planned
     rig, values = planned.model.rig, planned.values
     s_p, free = rig.model.compliance_um_per_mN, rig.model.free_response
@@ -155,7 +157,8 @@ def analyse(run: Run) -> Analysis:
 
 
 def _touch(taken: Samples, rig: RigFile, contact_force_mN: float) -> FirstTouch:
-    """Return the first touch, from as little of the press as noise permits; raises ValueError."""
+    """Return the first contact, from the smallest force of the press that noise permits; raises
+    ValueError."""
 
     def up_to(share: float) -> FirstTouch:
         place = _approach(taken, share * contact_force_mN)
@@ -174,7 +177,7 @@ def _touch(taken: Samples, rig: RigFile, contact_force_mN: float) -> FirstTouch:
 
 
 def _error_um(rig: RigFile, way_V: float) -> float:
-    """Return the standard error of x_1 at a distance from a zero, in µm."""
+    """Return the standard error of x_1 after a distance from a zero, in µm."""
     return derived.free_response(rig.model).begin(0.0).updated(way_V, 0.0).error_um()
 
 
@@ -186,7 +189,7 @@ def _approach(taken: Samples, up_to_mN: float) -> slice:
 
 
 def draw(sheet: Sheet, found: ContactFound) -> None:
-    """Draw the swings of each level and the first touch."""
+    """Draw the oscillations of each level and the first contact."""
     line, left, loops, touch = drawing.grid(sheet, 2, 2)
     levels = found.stiffness.levels
     x_pp = np.array([level.x_pp_um for level in levels])

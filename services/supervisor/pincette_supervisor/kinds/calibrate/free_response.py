@@ -37,23 +37,26 @@ from pincette_supervisor.plugin.drawing import MEASURED, REFERENCE, Sheet
 from pincette_supervisor.plugin.plans import GAIN_GROWTH, SPEED_FACTOR
 
 BELOW_REST = 0.1
-"""Distance of the free motion below rest, as a share of its height above rest."""
+"""Distance of the free motion below rest, as a ratio to its height above rest."""
 LARGEST_GAIN = 1.6
-"""Largest gain of an arm without a model, as a multiple of the assumed one. The position limit for
-this gain bounds the lowest voltage: conditioning strokes need depth, but no exact one."""
+"""Largest gain of an arm without a model, as a multiple of the assumed gain.
+
+The position limit for this gain bounds the lowest voltage: conditioning strokes must be deep, but
+need no exact depth.
+"""
 LESS = 0.8
 """Factor applied to the voltage, counted from rest, at which the arm exceeded a position limit."""
 QUICKEST = 0.9
 """Share of the slew limit up to which a grip is rehearsed at the speed of a quick one."""
 GAIN_DIFFERENCE = 0.01
-"""Relative difference of the model's own gain from the measured one above which a warning is
-given."""
+"""Relative difference between the gain of the model and the measured gain, above which a warning
+is given."""
 
 
 def program(
     request: FreeResponseRequest, model: ModelInUse, _present: Present
 ) -> CalibrationProgram:
-    """Plan a motion over the voltages that a grip needs, where the request names no range."""
+    """Plan a motion over the voltages that a grip needs, if the request specifies no range."""
     rig = _within(model.rig, request)
     limits, d_p, rest_V = rig.limits, rig.model.piezo_um_per_V, rig.safety.safe_V
     high_V = request.high_V
@@ -81,7 +84,7 @@ def program(
 
 
 def _within(rig: RigFile, request: FreeResponseRequest) -> RigFile:
-    """Return the rig with the voltages of the request as limits, where they are narrower."""
+    """Return the rig with the voltages of the request as limits, if they are narrower."""
     limits = rig.limits
     least_V, most_V = limits.voltage_min_V, limits.voltage_max_V
     if request.least_V is not None:
@@ -125,9 +128,10 @@ def moves_less(request: FreeResponseRequest, run: Run) -> tuple[FreeResponseRequ
 
 
 def _pressed_um(rig: RigFile) -> float:
-    """Return the free travel that the grip's force uses up on the softest and furthest part, in µm.
+    """Return the free travel that the grip needs for its force on the softest and furthest part, in
+    µm.
 
-    The arm presses with F at x_e + F/K_e where, free, it would be s_p·F further.
+    The arm presses with F at x_e + F/K_e; a free arm would be s_p·F further.
     """
     part, force_mN = rig.part, rig.grip.force_mN
     softest = part.stiffness_mN_per_um * (1.0 - part.stiffness_tolerance)
@@ -136,7 +140,7 @@ def _pressed_um(rig: RigFile) -> float:
 
 
 def analyse(run: Run) -> Analysis:
-    """Analyse the free motion; raises ValueError if it does not admit a model."""
+    """Analyse the free motion; raises ValueError if no model can be identified from it."""
     taken, planned = samples(run.table, run.period_s), run.planned
     cycles, path = taken.of("cycles"), path_of(planned, "cycles")
     whole = full_cycles(path, taken.period_s, GAIN_CYCLES)

@@ -31,7 +31,7 @@ from pincette_supervisor.plugin import (
 from pincette_supervisor.plugin.drawing import MEASURED, REFERENCE, Sheet
 
 SWING_SHARE = 0.5
-"""Share of the distance to the nearest position limit that the resonance may use."""
+"""Share of the distance to the nearest position limit that the amplitude at resonance may use."""
 
 
 def program(
@@ -56,7 +56,7 @@ def program(
 
 
 def sweep_amplitude_V(model: ModelInUse) -> float:
-    """Return the sweep's amplitude, in V: its limit, or less for lack of room at resonance."""
+    """Return the sweep's amplitude, in V: its limit, or less if the resonance needs more room."""
     limits, arm = model.rig.limits, model.rig.model
     room_um = min(limits.position_max_um, -limits.position_min_um)
     swing_V = 2.0 * arm.damping_ratio * SWING_SHARE * room_um / arm.piezo_um_per_V
@@ -72,7 +72,7 @@ def _require_sweep(rig: RigFile, to_hz: float, capture_hz: float) -> None:
     Raises
     ------
     UnsupportedError
-        With the bandwidth that there is, and each instrument's part in it.
+        With the available bandwidth, and each instrument's contribution to it.
     """
     timing = budget(rig)
     parts = (
@@ -191,7 +191,7 @@ def draw(sheet: Sheet, found: SweptMode) -> None:
 
 
 def _moves_fast(rig: RigFile) -> bool:
-    """Return whether the estimator takes the mode into account; a quasi-static one does not.
+    """Return whether the estimator models the mode; a quasi-static one does not.
 
     ``output_timing`` identifies the mode if bursts at the period of the loop show it.
     """

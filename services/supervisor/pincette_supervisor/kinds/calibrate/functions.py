@@ -50,13 +50,13 @@ from pincette_supervisor.plugin.laws import rig_law, unstable
 from pincette_supervisor.plugin.result import course, outcome_of
 
 SOFTER = 1.5
-"""Largest ratio of the compliance of an arm with weights to that of the model in use."""
+"""Largest ratio of the compliance of an arm with weights to that in the model in use."""
 WIDEST_LOOP = 0.5
 """Width of the hysteresis loop of an arm without a model, as a share of its stroke."""
 BEND_SHARE = 0.7
-"""Ratio to the stiffness of the softest part below which a kink counts as a bend of the arm, if a
-person has confirmed that there is no part. It allows for a hysteresis loop that makes the arm move
-more as it proceeds, so that a part seems softer."""
+"""Ratio to the stiffness of the softest part below which a kink counts as a bend in the arm's
+response, if a person has confirmed that there is no part. The ratio allows for a hysteresis loop
+whose slope increases with the motion, so that a part seems softer."""
 WIDEST = 150
 """Largest number of characters of a statement in the picture."""
 BY_HAND = "a person must start it again, since it presses a part"
@@ -71,7 +71,7 @@ def plan(request: CalibrationRequest, model: ModelInUse, present: Present) -> Pl
     UnsupportedError
         If the instruments are too slow.
     ValueError
-        If the numbers make no program, or one that a limit of the rig forbids.
+        If the numbers form no program, or one that exceeds a limit of the rig.
     """
     functions = functions_of(request.calibration)
     of_arm = model_of_arm(model, request.arm)
@@ -117,15 +117,16 @@ def plan(request: CalibrationRequest, model: ModelInUse, present: Present) -> Pl
 def _guarded(
     program: Program, rig: RigFile, *, weights: bool, range_V: float, no_part: bool
 ) -> Program:
-    """Add the rig's position limits: no law enforces them while the voltage moves the arm.
+    """Add the rig's position limits, since no law enforces them while the voltage moves the arm.
 
-    If no part is expected, add the force limits too: weights are forces that a person hangs, and an
-    arm that is softer than in the model in use makes them look larger. As long as no free response
-    is calibrated, a straight line replaces it, and a wide hysteresis loop looks like a force.
+    If no part is expected, add the force limits too. Weights hung by a person are forces, and they
+    appear larger on an arm that is softer than in the model in use. As long as no free response is
+    calibrated, a straight line replaces it, and a wide hysteresis loop looks like a force.
 
-    Some free arms bend as if they touched a soft part, and the apparent force grows with the
-    motion. If a person has confirmed ``no_part``, a kink softer than the softest part counts as
-    such a bend. People make mistakes, so an obstacle as hard as a part still ends the motion.
+    The response of some free arms bends as if they were in contact with a soft part, and the
+    apparent force grows with the motion. If a person has confirmed ``no_part``, a kink softer than
+    the softest part counts as such a bend. The confirmation may be wrong, so an obstacle as hard as
+    a part still ends the motion.
     """
     limits, guards, part = rig.limits, program.guards, rig.part
     bend = 0.0
@@ -147,7 +148,8 @@ def _guarded(
 
 
 def _unknown_loop_mN(rig: RigFile, range_V: float) -> float:
-    """Return the force that an uncalibrated loop may imitate, in mN; 0 if calibrated."""
+    """Return the force that an uncalibrated hysteresis loop may simulate, in mN; 0 if
+    calibrated."""
     model = rig.model
     if model.free_response is not None or model.recorded_response is not None:
         return 0.0
@@ -155,7 +157,7 @@ def _unknown_loop_mN(rig: RigFile, range_V: float) -> float:
 
 
 def assumptions(calibration: str, model: ModelInUse) -> list[Assumption]:
-    """Return quantities that a calibration takes for granted, with their sources."""
+    """Return the quantities that a calibration assumes to be known, with their sources."""
     return [
         Assumption(
             quantity=quantity,
@@ -168,7 +170,8 @@ def assumptions(calibration: str, model: ModelInUse) -> list[Assumption]:
 
 
 def _violations(program: Program, sweep_limit_V: float) -> list[Violation]:
-    """Return a violation if a sweep is too wide; all other limits are checked earlier."""
+    """Return a violation if a sweep's amplitude is too large; all other limits are checked
+    earlier."""
     sweeps = (one.sweep for one in program.segments if isinstance(one, PlayedSweep))
     widest_V = max((sweep.amplitude_V for sweep in sweeps), default=0.0)
     if widest_V <= sweep_limit_V:
@@ -233,7 +236,7 @@ def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
 
 
 def _draw_course(sheet: Sheet, table: Columns) -> None:
-    """Draw position and voltage over time, for a calibration that gave no values."""
+    """Draw position and voltage over time, for a calibration that yielded no values."""
     position, voltage = drawing.grid(sheet, 2)
     t_s: Series = series(table, "t_s")
     drawing.prepare(position, "position / µm")
@@ -243,7 +246,7 @@ def _draw_course(sheet: Sheet, table: Columns) -> None:
 
 
 def goes_on(request: CalibrationRequest, run: Run, why: Interruption) -> NextJob | None:
-    """Return how a calibration continues; one that presses a part is left to a person."""
+    """Return how a calibration continues; if it presses a part, a person must start it again."""
     functions = functions_of(request.calibration)
     left: dict[str, object] = {"tries": request.tries - 1, "autostart": True, "queue": False}
     following = request.model_copy(update=left) if request.tries > 1 else None
@@ -273,9 +276,9 @@ def planned_phases(
     Parameters
     ----------
     contact_um
-        Where a part is expected.
+        Position where a part is expected, in µm.
     rest_V
-        Voltage at which it begins.
+        Voltage at which the program begins, in V.
     """
 
     def pressed_V(force_mN: float) -> float:
@@ -312,7 +315,7 @@ def planned_phases(
 def _voltages(segment: Segment, from_V: float, led_V: float | None) -> tuple[float, float, float]:
     """Return lowest, highest and last voltage of a segment.
 
-    ``led_V`` is the one at which a law ends.
+    ``led_V`` is the final voltage of a segment under a law.
     """
     paths = voltage_paths(segment)
     if paths:

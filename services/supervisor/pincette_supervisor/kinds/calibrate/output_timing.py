@@ -28,16 +28,18 @@ from pincette_supervisor.plugin.drawing import MEASURED, REFERENCE, Sheet
 from pincette_supervisor.plugin.figures import Series
 
 SLEW_SHARE = 0.45
-"""Share of the slew limit of one step; a step from one side to the other uses twice this."""
+"""Share of the slew limit that one burst step uses; a step from one side to the other uses twice
+this."""
 LEAST_EXPLAINED = 0.9
-"""Smallest share of the bursts' variance that must be explained; an object that touches the arm
-lowers it."""
+"""Smallest share of the bursts' variance that must be explained; an object in contact with the
+arm lowers it."""
 
 
 def program(
     request: OutputTimingRequest, model: ModelInUse, _present: Present
 ) -> CalibrationProgram:
-    """Play bursts of voltages; raises UnsupportedError if the period does not show the mode."""
+    """Play bursts of voltages; raises UnsupportedError if the sampling does not resolve the
+    mode."""
     rig = model.rig
     period_s = rig.rig.period_s
     omega_n = rig.model.natural_frequency_rad_per_s
@@ -66,7 +68,7 @@ class Drawn:
 
 
 def analyse(run: Run) -> Analysis:
-    """Find delay, lag and mode; raises ValueError if the bursts do not show them."""
+    """Identify delay, lag and mode; raises ValueError if the bursts do not show them."""
     rest_V, period_s = run.planned.values["rest_V"], run.period_s
     taken = samples(run.table, period_s)
     bursts = [_burst(taken, f"burst {number + 1}", rest_V) for number in range(BURSTS)]
@@ -137,12 +139,13 @@ def _statement(found: IdentifiedTiming) -> str:
 def _burst(taken: Samples, phase: str, rest_V: float) -> Burst:
     """Return samples of one burst, and the voltages that caused them."""
     place = taken.of(phase)
-    taken.filled(taken.x_um, place, phase)  # refuses what lacks too many
+    taken.filled(taken.x_um, place, phase)  # raises ValueError if too many are missing
     return Burst(_answers(taken, place) - rest_V, taken.x_um[place])
 
 
 def _answers(taken: Samples, place: slice) -> Series:
-    """Return the voltages that caused the samples of a burst; an unknown one is the last known."""
+    """Return the voltages that caused the samples of a burst; for an unknown one, the last known
+    voltage."""
     found = taken.voltage_V[place.start + 1 : place.stop + 1].copy()
     for number in np.flatnonzero(np.isnan(found)):
         found[number] = found[number - 1] if number else taken.voltage_V[place.start]

@@ -33,7 +33,7 @@ class WeighedStep(Model):
 
     x_um: float
     scatter_um: NotNegative
-    """Standard uncertainty of the mean."""
+    """Standard uncertainty of the mean position."""
     at_s: float
     """Time of the reading since the job began, in s; negative for a reading of an earlier job."""
 
@@ -56,7 +56,8 @@ class ComplianceRequest(CalibrationRequest, frozen=True):
     weight_uncertainty: Annotated[float, Field(ge=0, le=0.2)] = 0.0
     """Relative standard uncertainty of the weights, common to all of them."""
     taken: list[WeighedStep] = Field(default_factory=list[WeighedStep], max_length=2 * WEIGHTS_MAX)
-    """First readings, taken by an earlier job that a stall has tripped; this job continues."""
+    """First readings, taken by an earlier job that a stall has tripped; this job continues that
+    one."""
 
 
 COMPLIANCE = Variant(

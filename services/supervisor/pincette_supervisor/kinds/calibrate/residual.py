@@ -90,7 +90,8 @@ class Drawn:
 
 
 def analyse(run: Run) -> Analysis:
-    """Compute the residual of the model; raises ValueError if something touched the arm."""
+    """Compute the residual of the model; raises ValueError if something was in contact with the
+    arm."""
     values, rig = run.planned.values, run.planned.model.rig
     places = [
         Place(segment, tick)
@@ -118,7 +119,7 @@ def analyse(run: Run) -> Analysis:
             "more slowly"
         )
     error_um = hypot(found.error_um, values["ring_um"])
-    # The noise of the sensor is in both.
+    # Both values contain the noise of the sensor.
     missed_um = max(0.0, float(np.mean(np.square(runs_um))) - noise_um**2) ** 0.5
     if not error_um < missed_um:
         raise ValueError(
@@ -127,7 +128,7 @@ def analyse(run: Run) -> Analysis:
         )
     if scatter is not None:
         # Error of the model in a later job, as far as the pressed part shows it. The noise of a
-        # position moves both the force and its place on the line.
+        # position changes both the force and its position on the line.
         noise_seen_um = (1.0 + rig.stiffness_ratio) * noise_um
         seen_um = max(0.0, (s_p * scatter.with_mN) ** 2 - noise_seen_um**2) ** 0.5
         error_um = max(error_um, seen_um)
@@ -173,7 +174,7 @@ def analyse(run: Run) -> Analysis:
 def _scatter(
     pressed: list[list[float]], table: ResidualTable, compliance_um_per_mN: float
 ) -> ContactScatter | None:
-    """Return the scatter of the recorded job's force without the table and with it."""
+    """Return the scatter of the force in the recorded job without the table and with it."""
     samples = [Pressed(int(one[0]), int(one[1]), one[2], one[3]) for one in pressed]
     known = [(one, table.at(one.segment, one.tick)) for one in samples]
     rows = [
@@ -188,9 +189,9 @@ def _scatter(
 
 
 def _ring_um(motion: RecordedMotion, rig: RigFile) -> float:
-    """Return the r.m.s. uncertainty of a free arm due to the ring of the mode, along the motion.
+    """Return the r.m.s. uncertainty of a free arm due to oscillation of the mode, along the motion.
 
-    The table contains the ring of the free arm, which a pressed arm does not have.
+    The table contains the oscillation of the free arm, which a pressed arm does not have.
     """
     steps_V = np.diff(np.concatenate([np.asarray(one.voltages_V) for one in motion.segments]))
     if not steps_V.size:
@@ -201,7 +202,7 @@ def _ring_um(motion: RecordedMotion, rig: RigFile) -> float:
 
 
 def _rest(places: list[Place], zeroes: list[bool], period_s: float) -> slice:
-    """Return the ticks of the rest in which the recorded job made its last zero."""
+    """Return the ticks of the rest in which the recorded job took its last zero."""
     if not any(zeroes):
         raise ValueError("the recorded job never zeroed its force")
     last = len(zeroes) - 1 - zeroes[::-1].index(True)
@@ -214,7 +215,7 @@ def _residual_um(
 ) -> Series:
     """Return the residual of one run at each of its ticks.
 
-    Position x_k follows the voltage of the tick before.
+    Position x_k is caused by the voltage of the previous tick.
     """
     s_p, period_s = rig.model.compliance_um_per_mN, rig.rig.period_s
     numbers, ticks = series(table, "segment"), series(table, "segment_tick")

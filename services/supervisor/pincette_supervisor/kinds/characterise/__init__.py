@@ -108,7 +108,7 @@ class FrequencyPoint(Model):
 
 
 class CharacteriseResult(ClosedLoopResult):
-    """Values of the data sheet; empty if the job did not get so far."""
+    """Expanded uncertainty of the gain, with coverage factor 2."""
 
     model_config = example(
         outcome="tracked",

@@ -120,7 +120,7 @@ def _sections(values: Mapping[str, Any], rig: RigFile) -> Sections:
 
 
 def _quick_grip_s(model: ModelInUse, force_mN: float) -> float | None:
-    """Return the planned time of a quick grip until the hold; None if the rig cannot do one."""
+    """Return the planned time of a quick grip up to the hold; None if the rig cannot do one."""
     grip_request = GripJobRequest(
         kind="grip", force_mN=force_mN, profile="quick", condition="never"
     )
@@ -197,7 +197,7 @@ class _Samples:
         return response(reference[:whole], x[:whole], frequency_hz, self.period_s)
 
     def steps(self, section: str, reference: str, name: str) -> Series:
-        """Return the mean of the steps up, from the last sample before the reference moves."""
+        """Return the mean of the steps up, each from the last sample before the reference moves."""
         courses: list[Series] = []
         numbers = self.numbers(section)
         # A step of the free arm is a move and a rest.
@@ -401,7 +401,7 @@ def _force_values(samples: _Samples, cut: CutOff, result: CharacteriseResult) ->
 
 
 def _of_model(run: Run) -> list[SheetValue]:
-    """Return the values that calibrations of the model in use have found, or the rig file has."""
+    """Return the values of the model in use, found by calibrations or given in the rig file."""
     model = run.planned.model
     arm, quick_s = model.rig.model, run.planned.values.get("quick_grip_s")
     values: list[SheetValue] = []

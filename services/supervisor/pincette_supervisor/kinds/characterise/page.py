@@ -56,7 +56,7 @@ GROUPS: Mapping[str, Mapping[Quantity, str]] = {
         "grip_time": "Quick grip, from start to hold",
     },
 }
-"""Names of the quantities, by part of the sheet, in order."""
+"""Names of the quantities in order, by section of the sheet."""
 CONDITIONS: Mapping[str, str] = {
     "at": "at",
     "to": "up to",
@@ -69,7 +69,8 @@ CONDITIONS: Mapping[str, str] = {
     "frequency": "at",
     "force": "to",
 }
-"""Words before the number of a condition; others are its own name."""
+"""Words before the number of a condition; a condition that is missing here is shown by its own
+name."""
 WIDTHS = "".join(f'<col style="width: {share}%">' for share in (26, 9, 9, 8, 33, 9, 6))
 HEAD = ("quantity", "value", "U (k = 2)", "unit", "condition", "source", "Xu 2013")
 PAPER_NOTE = "Xu 2013: Q. Xu, IEEE T-ASE 10(3), 2013; another gripper, at 50 samples per second."
@@ -91,7 +92,7 @@ svg { width: 100%; height: auto; } .figures { break-before: page; }
 
 
 def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
-    """Return the data sheet in all its files; one without values is a picture alone."""
+    """Return the data sheet in all file formats; without values, as a picture only."""
     result = cast("CharacteriseResult", evaluation.result)
     sheet = Sheet()
     _figures(sheet, run, result)
@@ -137,7 +138,8 @@ def facts(run: Run, name: str) -> dict[str, str]:
 
 
 def rows(result: CharacteriseResult) -> list[tuple[str, list[tuple[str, ...]]]]:
-    """Return the table by parts of the sheet: a row of texts for each value, as under ``HEAD``."""
+    """Return the table by sections of the sheet: for each value, a row of texts in the columns
+    of ``HEAD``."""
     return [
         (
             group,
@@ -167,7 +169,7 @@ def _row(label: str, found: SheetValue) -> tuple[str, ...]:
 
 
 def _digits(uncertainty: float) -> int:
-    """Return the number of decimals that show two digits of an uncertainty."""
+    """Return the number of decimals that shows two digits of an uncertainty."""
     return max(0, 1 - int(np.floor(np.log10(uncertainty)))) if uncertainty > 0.0 else 3
 
 

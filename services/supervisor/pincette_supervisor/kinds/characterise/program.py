@@ -1,7 +1,8 @@
 """Motion of a data sheet: sections of the free arm and of the pressed part, each with its name.
 
-Sections are named so that the evaluation finds their samples by the numbers of the segments. What
-the free arm does is bounded by the place of the part, and by shares of the rig's slew limit.
+By the names of the sections, the evaluation finds their samples through the numbers of the
+segments. The motion of the free arm is limited by the position of the part, and by shares of the
+rig's slew limit.
 """
 
 from dataclasses import dataclass
@@ -27,7 +28,8 @@ from pincette.control.planning.segments import (
 )
 
 GAIN_GROWTH = 1.3
-"""Largest ratio of the gain over the free stroke to d_p: hysteresis makes long strokes longer."""
+"""Largest ratio of the gain over the free stroke to d_p: hysteresis increases the gain of long
+strokes."""
 BRANCH_S = 4.0
 """Duration of each branch of a loop, in s."""
 CREEP_S = 10.0
@@ -43,19 +45,23 @@ FORCE_SHARE = 0.05
 SLEW_SHARE = 0.3
 """Share of the slew limit that small signals use."""
 MODE_SHARE = 0.125
-"""Highest frequency as a share of the mode's, which must not ring."""
+"""Highest frequency as a share of the mode's frequency, since the mode must not be excited."""
 MOVE_SAMPLES, TRACK_SAMPLES = 4, 10
 """Fewest samples of a cycle of the free arm, and of the force."""
 CYCLES, CYCLES_S = 4, 0.5
-"""Fewest cycles of a frequency, and the least time that they take, in s. The first is not used."""
+"""Fewest cycles at each frequency, and their shortest duration, in s.
+
+The first cycle is not evaluated.
+"""
 STEPS, STEP_S = 2, 1.5
-"""Number of steps up, and of steps down, and the time for each, in s."""
+"""Number of steps up and of steps down, and the duration of each, in s."""
 HOLD_S = 5.0
 QUINTIC_PEAK = 1.875
 """Ratio of the peak to the mean speed of a quintic move."""
 
 Named = list[tuple[str, Segment]]
-"""Segments in order, each with the name of its section; empty for one that measures nothing."""
+"""Segments in order, each with the name of its section; the name is empty if nothing is
+measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,11 +73,11 @@ class Sections:
     free_V: float
     """Highest voltage of the free stroke, in V."""
     at_um: float
-    """Position about which the free arm swings, in µm."""
+    """Position around which the free arm oscillates, in µm."""
     swing_um: float
-    """Amplitude of its steps, in µm."""
+    """Amplitude of the free arm's oscillations, in µm."""
     at_mN: float
-    """Force about which the force swings, in mN."""
+    """Force around which the force oscillates, in mN."""
     swing_mN: float
     """Amplitude of the force, in mN."""
     step_s: float
@@ -79,7 +85,7 @@ class Sections:
 
     def numbers(self, section: str, segments: int) -> list[int]:
         """Return the numbers of a section's segments in a program with this many segments."""
-        # The pressed part is followed by the retreat alone.
+        # After the pressed part, only the retreat follows.
         first = segments - 1 - len(self.pressed)
         free = [place for place, (name, _) in enumerate(self.free) if name == section]
         pressed = [first + place for place, (name, _) in enumerate(self.pressed) if name == section]
@@ -96,7 +102,7 @@ def sections(
     rig
         Rig with the model in use.
     begin_um
-        Position of the arm as the job begins.
+        Position of the arm at the beginning of the job, in µm.
 
     Raises
     ------
@@ -114,7 +120,7 @@ def sections(
         )
     free_V = room_um / (GAIN_GROWTH * d_p)
     at_mN, swing_mN = 0.5 * force_mN, FORCE_SHARE * force_mN
-    # A force F moves the free displacement by s_p·F + F/K_e.
+    # A force F shifts the free displacement by s_p·F + F/K_e.
     yields = rig.model.compliance_um_per_mN + 1.0 / contact.stiffness_mN_per_um
     largest_um = max(swing_um, 2.0 * swing_mN * yields)
     step_s = period_s * max(1, ceil(QUINTIC_PEAK * largest_um / slew_um_per_s / period_s))
@@ -163,7 +169,7 @@ def _free(
     period_s: float,
     step_s: float,
 ) -> Named:
-    """Return the sections of the free arm, which begin anywhere and end at its start."""
+    """Return the sections of the free arm, which may begin anywhere and end at their start."""
     rate = QUINTIC_PEAK * free_V / BRANCH_S
     loop = voltage_moves([(0.0, rate, 0.0), *(2 * [(free_V, rate, 0.0), (0.0, rate, 0.0)])])
     begin_V = CREEP_SHARE * free_V
@@ -173,7 +179,8 @@ def _free(
     back_s = move_duration(to_um - X_START_UM, approach_um_per_s)
 
     def drive(name: str, course: Stay | Ramp | Follow, duration_s: float) -> tuple[str, Segment]:
-        # These strokes end no program: they have the name of those that precede an approach.
+        # These strokes do not end the program: they have the phase name of strokes before an
+        # approach.
         return name, Drive(PHASE, duration_s, guarded=True, courses=(course,))
 
     def move(name: str, phase: str, goal_um: float, duration_s: float) -> tuple[str, Segment]:

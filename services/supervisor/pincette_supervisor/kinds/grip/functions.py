@@ -98,7 +98,7 @@ def _plan_pair(
 
 
 def pointer(quantity: str, phase: str) -> str:
-    """Return the request member that exceeds a limit; empty if none can be named."""
+    """Return the request member that causes an exceeded limit; empty if none can be named."""
     return "/force_mN" if phase in PRESSING else contact_pointer(quantity, phase)
 
 
@@ -142,7 +142,7 @@ def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
     sheet = Sheet()
     drawing.contact_over_time(sheet, table, result, run.period_s, run.planned.values)
     if result.error_sources is not None:
-        # Below the axis of time, which is moved up for it.
+        # Drawn below the time axis, which is moved up to make room.
         sheet.figure.subplots_adjust(bottom=0.18)
         causes = sheet.figure.add_axes((0.085, 0.025, 0.9, 0.075))
         draw_sources(causes, result.error_sources)
@@ -173,8 +173,8 @@ def chosen_speeds(request: GripJobRequest, rig: RigFile) -> QuickSpeeds | None:
     Raises
     ------
     FaultyRequestError
-        If the request asks for a quick grip that the model or the force does not allow, or for
-        a quick load in a gentle grip.
+        If the request specifies a quick grip that the model or the force does not allow, or a quick
+        load in a gentle grip.
     """
     profile, asked = request.profile or rig.grip.profile, request.profile == "quick"
     speeds = None if profile == "gentle" else _speeds(request, rig, asked=asked)
@@ -188,7 +188,8 @@ def chosen_speeds(request: GripJobRequest, rig: RigFile) -> QuickSpeeds | None:
 
 
 def _speeds(request: GripJobRequest, rig: RigFile, *, asked: bool) -> QuickSpeeds | None:
-    """Return the speeds of a quick grip; None if it is not requested and not possible."""
+    """Return the speeds of a quick grip; None if it is impossible and was not explicitly
+    requested."""
     if rig.model.free_response is None:
         if asked:
             raise FaultyRequestError(

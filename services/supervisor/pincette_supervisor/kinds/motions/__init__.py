@@ -1,4 +1,4 @@
-"""``move``, ``hold``, ``release`` and ``carry``: jobs that load no new part."""
+"""Kinds ``move``, ``hold``, ``release`` and ``carry``: jobs that load no new part."""
 
 from typing import Annotated, Literal
 

@@ -64,7 +64,7 @@ def evaluate(run: Run) -> Evaluation:
     x_um, to_um = figures.mean(series(table, "x_um"), ends), values.get("to_um")
     held, hold = [item for item in table["held"] if item is not None], within(table, ["hold"])
     zero_age_s = figures.last(table["zero_age_s"])
-    # No contact line is followed.
+    # There is no contact line to follow.
     shared = common(run)
     shared |= dict.fromkeys(("contact_rmse_position_um", "contact_rmse_force_mN"))
     spread_mN = figures.mean(series(table, "force_uncertainty_mN"), ends)
@@ -132,7 +132,7 @@ def _subtitle(result: MotionResult) -> str:
 
 
 JUDGED_S = 0.2
-"""Part of the rest after the settling time over which a goal is evaluated, in s."""
+"""Duration, after the settling time, of the rest over which a goal is evaluated, in s."""
 WARM_UP_EXCESS = 1.5
 """Factor by which a warm-up may exceed the requested time without a warning."""
 
@@ -197,7 +197,8 @@ def _warnings(
 
 
 def _overridden(request: MoveJobRequest, made: MotionPlan, rig: RigFile) -> list[str]:
-    """Return a warning for each requested value that the output or whole cycles change."""
+    """Return a warning for each requested value that is changed by the output or to get whole
+    cycles."""
     found: list[str] = []
     step_V, d_p = rig.output.step_V, rig.model.piezo_um_per_V
     for name, way, step, unit in (
@@ -221,12 +222,13 @@ def _overridden(request: MoveJobRequest, made: MotionPlan, rig: RigFile) -> list
 
 
 def _touch_um(rig: RigFile) -> float:
-    """Return the position from which the arm may touch the part of the rig file, in µm."""
+    """Return the smallest position at which the arm may be in contact with the part of the rig
+    file, in µm."""
     return rig.part.contact_um - rig.part.contact_tolerance_um
 
 
 def _cycles(request: MoveJobRequest, rig: RigFile) -> Cycles | None:
-    """Return the requested cycles; default voltages are as far as limits and part permit."""
+    """Return the requested cycles; default voltages go as far as limits and part permit."""
     if not request.conditioning_cycles and not request.warm_up_s:
         return None
     limits, d_p, safe_V = rig.limits, rig.model.piezo_um_per_V, rig.safety.safe_V
@@ -316,7 +318,7 @@ def release_job(request: ReleaseJobRequest, model: ModelInUse, present: Present)
 
 
 def evaluate_release(run: Run) -> Evaluation:
-    """Compute the results of a release; one whose part sticks has failed."""
+    """Compute the results of a release; the release has failed if the part sticks."""
     return replace(evaluate(run), fault=sticking(release_of(run)))
 
 

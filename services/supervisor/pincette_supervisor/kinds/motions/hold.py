@@ -72,7 +72,8 @@ def plan(request: HoldJobRequest, model: ModelInUse, present: Present) -> Planne
 def _wanted(
     request: HoldJobRequest, force_mN: float, load_s: float, rig: RigFile
 ) -> HeldForceRequest:
-    """Return the force to hold; its release takes as long as its load, unless stated."""
+    """Return the force to hold; the release takes as long as the load, unless the request
+    specifies it."""
     return HeldForceRequest(
         force_mN=force_mN,
         load_s=load_s,
@@ -92,7 +93,7 @@ def _plan_pair(
     values: dict[str, Any],
     uncertainty_mN: float,
 ) -> Planned:
-    """Plan a new force of both arms; the part stays in its place."""
+    """Plan a new force of both arms; the part keeps its position."""
     rig, safe_V = model.rig, model.rig.safety.safe_V
     wanted = replace(wanted, release_s=request.release_s or release_duration_s(rig, present))
     limits = replace(derived.planned_rig(rig).limits, force_max_mN=most_mN(rig))

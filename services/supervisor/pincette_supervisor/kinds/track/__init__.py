@@ -24,7 +24,7 @@ MEMBERS = {
 }
 """Request members of each shape."""
 BY_POSITION = {"x_pp_um": "force_pp_mN", "x_points": "points"}
-"""Request members that state positions, and the members of the force that they replace."""
+"""Request members that specify positions, and the members of the force that they replace."""
 PATH = frozenset(("shape", *BY_POSITION, *(name for names in MEMBERS.values() for name in names)))
 
 

@@ -83,7 +83,7 @@ def requested_path(request: TrackJobRequest, rig: RigFile) -> tuple[Path, dict[s
     Raises
     ------
     FaultyRequestError
-        If a member makes no path.
+        If a member does not form a path.
     """
     shape = request.shape or rig.track.shape
     members = MEMBERS[shape]
@@ -119,7 +119,7 @@ def requested_path(request: TrackJobRequest, rig: RigFile) -> tuple[Path, dict[s
 
 
 def _points(request: TrackJobRequest, rig: RigFile) -> list[dict[str, float]]:
-    """Return times and forces of the requested points; raises FaultyRequestError if none are."""
+    """Return times and forces of the requested points; raises FaultyRequestError without points."""
     if request.x_points is not None:
         K_e, contact_um = rig.part.stiffness_mN_per_um, rig.part.contact_um
         return [
@@ -142,7 +142,7 @@ def path_of_two(path: ForcePath | PlacePath, rig: RigFile, place_um: float) -> P
     Raises
     ------
     FaultyRequestError
-        If a member makes no path.
+        If a member does not form a path.
     """
     track, shape = rig.track, path.shape
     members = tuple(_bare(name) for name in MEMBERS[shape])
@@ -203,12 +203,13 @@ def _path(
     limits
         Highest rate and acceleration of the quantity.
     pointer, long_pointer
-        Members of the request to blame for numbers that make no path, and for one that is too long.
+        Members of the request that an error names: for numbers that do not form a path, and for a
+        path that is too long.
 
     Raises
     ------
     FaultyRequestError
-        If the values make no path.
+        If the values do not form a path.
     """
     try:
         if shape == "step":
@@ -233,14 +234,16 @@ def _path(
 
 PAIR_POINTERS = {"load": "/force", "settle": "/place", "track": "", "unload": "/force"}
 LEARNED_CYCLES = 3
-"""Number of last cycles of a learned path whose errors are broken into causes. Before them,
-learning changes the errors from cycle to cycle, which would count as noise."""
+"""Number of last cycles of a learned path whose errors are broken into causes.
+
+In earlier cycles, learning changes the errors from cycle to cycle, which would count as noise.
+"""
 NOISE_IN_ERROR = 1.15
-"""Ratio of the noise of x - x_r to that of a reading: the loop follows some of it."""
+"""Ratio of the noise of x - x_r to the noise of a reading: the loop follows a part of the noise."""
 
 
 def plan(request: TrackJobRequest, model: ModelInUse, present: Present) -> Planned:
-    """Plan a tracked path of one arm, or the paths of force and place of two."""
+    """Plan a tracked path of one arm, or the paths of force and place of two arms."""
     rig = model.rig
     if rig.second is not None:
         return _plan_pair(request, model, present)
@@ -376,7 +379,7 @@ def learned_of(run: Run, path: Path) -> Corrections | None:
     ):
         if tick is None:
             continue
-        # References and limits of a sample are those of the tick before it.
+        # References and limits of a sample are those of the previous tick.
         if before is not None and x_um is not None:
             at_s = before[0] * period_s
             if path.full_from_s - slack_s <= at_s < path.full_to_s - slack_s:
@@ -386,10 +389,10 @@ def learned_of(run: Run, path: Path) -> Corrections | None:
 
 
 def judged(run: Run, learned: Corrections, cycles: Sequence[CycleErrors]) -> HeldOut | None:
-    """Compare cycles of this job that were not used for learning with one without corrections.
+    """Compare cycles of this job that were not used for learning with a cycle without corrections.
 
-    Without earlier corrections, the first cycle is the reference; otherwise the first cycle of the
-    first job is.
+    The reference is the first cycle of this job, or, if it began with earlier corrections, the
+    first cycle of the first job.
     """
     begun = run.planned.program.corrections
     errors_um = [one.position_um for one in cycles if one.position_um is not None]

@@ -1,4 +1,4 @@
-"""Picture of a tracked path: over time from the load phase on, and force over position."""
+"""Picture of a tracked path: curves over time from the load phase on, and force over position."""
 
 from collections.abc import Sequence
 
@@ -119,7 +119,8 @@ def _over_time(axes: list[Axis], table: Columns, result: TrackResult, period_s: 
 
 
 def _loops(line: Axis, loop: Axis, table: Columns, tracked: Mask) -> None:
-    """Draw force over position, if plan and contact agree on one line; position over voltage."""
+    """Draw force over position, if plan and contact have the same line, and position over
+    voltage."""
     drawing.prepare(line, "contact force / mN", "position / µm")
     drawing.prepare(loop, "position / µm", "voltage / V")
     for axis in (line, loop):

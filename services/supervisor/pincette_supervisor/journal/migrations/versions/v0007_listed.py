@@ -1,4 +1,4 @@
-"""One index of all columns that often filter lists of jobs, in the order of the lists."""
+"""One index of all columns that often filter lists of jobs, in the sort order of the lists."""
 
 from alembic import op
 
