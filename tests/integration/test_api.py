@@ -1,4 +1,4 @@
-"""Whatever is sent to the supervisor, it answers as its OpenAPI document says, and never fails."""
+"""The supervisor replies to every request as its OpenAPI document states, and never fails."""
 
 # The package leaves the types of its generic classes open.
 # pyright: reportUnknownVariableType=false
@@ -28,22 +28,23 @@ from tests.unit.supervisor.harness import Harness
 
 SEED = 20131
 EXAMPLES, MORE, MANY = 2, 8, 40
-"""Requests of each operation and mode: in `make test`, in `make test-full`, and in `make soak`."""
+"""Number of requests per operation and mode: in `make test`, in `make test-full`, and in `make
+soak`."""
 WITH_KEYS = 5
-"""One for each key that may be shown."""
+"""Clients with one key of each kind."""
 NAMES = frozenset({"testserver"})
-"""By which schemathesis asks."""
+"""Names that schemathesis uses."""
 PATIENCE_S = 0.05
-"""Longest a request may wait for a job that stands still."""
+"""Longest time that a request may wait for a job without progress, in s."""
 ANSWER_S = 120.0
-"""Longest an answer may take on a machine that is busy: only what hangs takes longer."""
+"""Longest time of a reply on a busy machine, in s: only a hanging request takes longer."""
 LONGEST_S, ALLOWED_S = 20.0, 3600.0
-"""Durations are made short: an hour's plan takes seconds, and says nothing more."""
+"""Durations are kept short: planning an hour takes seconds and tests nothing more."""
 JUDGED = frozenset(
     {"jobs", "commands", "calibrations", "trajectories", "plot", "recipes", "series"}
 )
-"""Ends of paths whose requests are also judged by what no schema can say: whether members go
-together, and whether rig and model bear them."""
+"""Ends of paths whose requests are also validated beyond the schema: whether members are
+compatible, and whether rig and model allow the values."""
 ENDLESS = ("/live", "/events")
 """Ends of the paths of streams; ``test_live`` and ``test_event_routes`` read them."""
 OPERATIONS = [
@@ -70,19 +71,19 @@ def described(desk: Harness) -> Any:
 
 @pytest.fixture(scope="module")
 def guarded(tmp_path_factory: pytest.TempPathFactory) -> Generator[tuple[Any, ScopeKeys]]:
-    """The description of a supervisor that demands keys, and its keys."""
+    """Return the OpenAPI document of a supervisor that requires keys, and its keys."""
     desk = Harness(demo_rig(time="lockstep"), tmp_path_factory.mktemp("guarded"))
     access = Access(names=NAMES)
     desk.app = create_app(desk.rigs, access)
     ring = key_of_each_scope(desk.store, access.authenticator)
-    # Keys that were not read for 15 s are in force no more.
+    # A key table that was not read for 15 s is no longer valid.
     with closing(desk), closing(KeySync(desk.store, access)):
         yield schemathesis.openapi.from_asgi("/openapi.json", desk.app), ring
 
 
 @pytest.fixture(scope="module")
 def known(desk: Harness) -> Known:
-    """What is there to be named: a guess would never find it."""
+    """Return the names that exist: a random guess would never find one."""
     grip = desk.grip()["id"]
     desk.ended(grip)
     calibration = desk.calibrated()["id"]
@@ -101,8 +102,8 @@ TOO_LARGE = 413
 
 
 def excluded(method: str, path: str, *, keys: bool) -> list[Any]:
-    """Checks that cannot hold: every other one of the library must."""
-    # Without keys whatever is shown opens everything.
+    """Checks of the library that cannot pass here; every other one must."""
+    # Without keys, any key opens everything.
     without: list[Any] = [] if keys else [ignored_auth]
     if method == "post" and path.rpartition("/")[2] in JUDGED:
         without.append(positive_data_acceptance)
@@ -110,7 +111,7 @@ def excluded(method: str, path: str, *, keys: bool) -> list[Any]:
 
 
 def aim(case: Any, data: st.DataObject, known: Known) -> None:
-    """Name what is there, mostly, and wait for nothing for long."""
+    """Use existing names in most requests, and limit waiting times."""
     for name in cast("dict[str, Any]", case.path_parameters or {}):
         if name in known and data.draw(st.integers(0, 3), label="known"):
             case.path_parameters[name] = data.draw(st.sampled_from(known[name]), label=name)
@@ -130,7 +131,7 @@ def aim(case: Any, data: st.DataObject, known: Known) -> None:
 def sent(
     described: Any, known: Known, method: str, path: str, mode: GenerationMode, examples: int
 ) -> None:
-    """Send generated requests of one operation, and check each answer against the document."""
+    """Send generated requests of one operation, and check each reply against the document."""
     cases = described[path][method].as_strategy(generation_mode=mode)
 
     @seed(SEED)
@@ -146,7 +147,7 @@ def sent(
         aim(case, data, known)
         response = case.call(timeout=ANSWER_S)
         without = excluded(method, path, keys=False)
-        if response.status_code == TOO_LARGE:  # refused before it was judged
+        if response.status_code == TOO_LARGE:  # refused before it was validated
             without.append(negative_data_rejection)
         case.validate_response(response, excluded_checks=without)
 
@@ -159,7 +160,7 @@ def sent(
 
 @pytest.mark.parametrize(("method", "path"), OPERATIONS)
 def test_every_refusal_is_documented(described: Any, known: Known, method: str, path: str) -> None:
-    """Answers to sound requests are checked below, where keys are required."""
+    """Replies to valid requests are checked below, where keys are required."""
     sent(described, known, method, path, GenerationMode.NEGATIVE, EXAMPLES)
 
 
@@ -184,7 +185,7 @@ def test_the_answers_to_many_requests_are_documented(
 def test_every_answer_is_documented_if_keys_are_required(
     guarded: tuple[Any, ScopeKeys], method: str, path: str
 ) -> None:
-    """Whoever asks: without a key, with one that opens nothing, and with one of each scope."""
+    """Requests are sent without a key, with an invalid one, and with one of each scope."""
     described, ring = guarded
     cases = described[path][method].as_strategy(generation_mode=GenerationMode.POSITIVE)
     shown = st.sampled_from([None, "wrong", *ring.keys.values()])
@@ -206,10 +207,10 @@ def test_every_answer_is_documented_if_keys_are_required(
         more = {} if key is None else {"Authorization": f"Bearer {key}"}
         without = excluded(method, path, keys=True)
         response = case.call(headers=more, timeout=ANSWER_S)
-        if response.status_code == TOO_LARGE:  # refused before it was judged
+        if response.status_code == TOO_LARGE:  # refused before it was validated
             without.append(negative_data_rejection)
         case.validate_response(response, excluded_checks=without, headers=more)
-        # Who signs in shows a key or a password in the body.
+        # A client that signs in sends a key or a password in the body.
         signs_in = (method, path) == ("post", "/api/v1/session")
         assert (response.status_code == 401) <= (key in (None, "wrong") or signs_in)
 

@@ -1,6 +1,6 @@
-"""Requests beyond what a schema can say: bytes, nesting, headers and paths that no client sends.
+"""Requests that no schema can express: bytes, nesting, headers and paths that no client sends.
 
-Whatever comes, the supervisor answers with a documented status and words, and nothing moves.
+The supervisor replies to each with a documented status and a message, and nothing moves.
 """
 
 import json
@@ -19,11 +19,11 @@ from tests.unit.supervisor.harness import Harness
 SEED = 20134
 MUTANTS = 250
 REFUSALS = {400, 401, 403, 404, 405, 406, 408, 409, 411, 413, 415, 421, 422, 429, 431, 503}
-"""Statuses with which a request may be refused, whatever it asks for."""
+"""Statuses with which any request may be refused."""
 MOST_SAID = 2**20
-"""Bytes of any answer to a request of at most a megabyte."""
+"""Largest size in bytes of the reply to a request of at most a megabyte."""
 SECRETS = ("Traceback", 'File "', "sqlite", "site-packages")
-"""What no answer may show of the program within."""
+"""Internal details of the program that no reply may contain."""
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Generator[Harness]:
 
 @pytest.fixture(scope="module")
 def job(desk: Harness) -> str:
-    """A grip that has ended, with labels that would do harm where they were believed."""
+    """Return a completed grip whose labels would do harm if they were trusted."""
     labels = {
         "part": '<script>alert("1")</script>',
         "who": 'x"\r\nSet-Cookie: a=b',
@@ -47,7 +47,7 @@ def job(desk: Harness) -> str:
 
 
 def refused(answer: Answer) -> dict[str, Any]:
-    """The problem of an answer that refuses, in words that show nothing of the program within."""
+    """Return the problem document of a refusal, and check that it contains no internal details."""
     assert answer.status in REFUSALS, (answer.status, answer.body[:300])
     problem = answer.problem
     shown(answer)
@@ -55,7 +55,7 @@ def refused(answer: Answer) -> dict[str, Any]:
 
 
 def shown(answer: Answer) -> None:
-    """Hold any answer to what every answer must be."""
+    """Check a reply against the rules for every reply."""
     assert answer.status < 500 or answer.status == 503, (answer.status, answer.body[:300])
     text = answer.body.decode(errors="replace")
     assert [secret for secret in SECRETS if secret in text] == []
@@ -106,7 +106,8 @@ def test_another_content_type_moves_nothing(desk: Harness, kind: bytes | None) -
 
 @pytest.mark.parametrize("place", PLACES)
 def test_no_path_escapes_its_folder(desk: Harness, job: str, place: str) -> None:
-    """Places that name files take every odd path, each other one a third of them in its turn."""
+    """Path parameters that name files take every odd path, each other parameter a third of them
+    in turn."""
     turn = PLACES.index(place) % 3
     for odd in TRAVERSALS if place in FILES else TRAVERSALS[turn::3]:
         path = place.replace("{job}", job).replace("{}", odd)
@@ -217,7 +218,7 @@ def test_a_request_for_another_version_is_answered_with_the_served_one(
 
 
 def documented() -> dict[tuple[str, str], set[int]]:
-    """Statuses that the OpenAPI document gives for each method and path."""
+    """Return the statuses that the OpenAPI document states for each method and path."""
     return {
         (method.upper(), path): {int(status) for status in operation["responses"]}
         for path, methods in openapi()["paths"].items()
@@ -226,7 +227,7 @@ def documented() -> dict[tuple[str, str], set[int]]:
 
 
 def mutants(chance: random.Random) -> Generator[bytes]:
-    """Bodies near a sound one: a value in the place of another, or some bytes changed."""
+    """Return bodies similar to a valid one: a value replaced by another, or some bytes changed."""
     sound: dict[str, Any] = {
         "kind": "grip", "force_mN": 15.0, "hold_s": 1.0, "labels": {"a": "b"}, "dry_run": True,
         "gains": {"K_P": 0.5}, "scheme": "pbsmic", "rig": "demo", "on_stop": "hold",

@@ -1,4 +1,5 @@
-"""Calibrations played by the whole loop on a simulated rig, and what they propose against truth."""
+"""Calibrations played by the whole loop on a simulated rig; their proposals are compared with
+the truth."""
 
 from collections.abc import Generator
 from functools import partial
@@ -103,7 +104,8 @@ def test_a_press_finds_stiffness_and_place_of_the_contact(bench: list[Bench]) ->
     )
     assert value(record, "part.contact_um") == pytest.approx(simulated.bead_contact_um, abs=0.3)
     (sure,) = [v for v in result_of(record).values if v.quantity == "part.contact_um"]
-    # A kink of the model's error is taken for one of the arm; a few tenths of a volt are looked at.
+    # A kink in the model's error looks like a kink of the arm; only a few tenths of a volt are
+    # examined.
     response = derived.free_response(rig.model).begin(0.0).updated(0.3, 0.0)
     assert sure.uncertainty is not None
     assert response.error_um() < sure.uncertainty < 0.3
@@ -162,7 +164,7 @@ def test_bursts_at_1_khz_find_the_output_delay_and_the_mode(bench: list[Bench]) 
         assert one.uncertainty is not None
         assert abs(one.value - true) <= 3.0 * one.uncertainty, quantity
         sure[quantity] = one.uncertainty
-    # Law and estimator get them as every calibrated quantity, with the arming.
+    # Law and estimator receive them on arming, like every calibrated quantity.
     values = {quantity: one.value for quantity, one in found.items()}
     loaded = calibrated_rig(rig, Calibration(values=values, sources={}))
     delay_s, lag_s = values["model.output_delay_s"], values["model.output_lag_s"]

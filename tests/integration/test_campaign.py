@@ -18,7 +18,7 @@ FEW, FIRST = 6, 1001
 """Rigs of the full test, and the seed of the first."""
 ALL = 200
 WORST_PEAK = 1.5
-"""True force over the plan that no rig may reach, whatever happens to it."""
+"""Largest true force over the plan that any rig may reach, in any event."""
 
 
 @pytest.mark.parametrize("kind", CLASSES)
@@ -32,7 +32,8 @@ def test_a_randomly_drawn_arm_has_the_requested_hysteresis_width(kind: Class, sh
 
 @pytest.mark.parametrize("seed", [1028, 2000, 5000, 6002])
 def test_no_drawn_arm_moves_against_its_voltage(seed: int) -> None:
-    """Each Bouc-Wen arm that could not be brought up did so after a turn, by up to 0.8 of d_p."""
+    """Every Bouc-Wen arm that could not be brought up moved against its voltage after a turn, by
+    up to 0.8 of d_p."""
     hysteresis = draw(seed).arm.hysteresis
     rising = [hysteresis.to(u_V) for u_V in np.linspace(0.0, 3.0, 151)]
     falling = [hysteresis.to(u_V) for u_V in np.linspace(3.0, -1.0, 201)]

@@ -1,4 +1,4 @@
-"""The same job gives the same bits however the services are shared out among programs."""
+"""The same job gives the same bits however the services are distributed over programs."""
 
 from collections import deque
 from functools import cache
@@ -29,7 +29,7 @@ PAIR = two_arm_rig()
 SOME: tuple[Programs, ...] = ((), ("sensor+actuator", "estimator+controller"), ("loop",))
 FAST = at_own_ports(read_rig(KILOHERTZ), NEAR)
 SHORTER = 0.3
-"""Of the program's times at 1 kHz."""
+"""Factor by which the program's times are shorter at 1 kHz."""
 
 
 class Shared:
@@ -64,7 +64,7 @@ class Shared:
         self._on_its_way += [(name, message) for message in outputs]
 
     def run(self) -> None:
-        """To the end of what they play."""
+        """Run until the end of the played programs."""
         while self._hand_over() or self._step():
             pass
 
@@ -88,7 +88,7 @@ class Shared:
 
 
 def by_kind(messages: list[Message]) -> dict[str, list[Message]]:
-    """Each stream in its order; between streams no order is promised."""
+    """Return each stream in its order; the order between streams is not guaranteed."""
     found: dict[str, list[Message]] = {}
     for message in messages:
         if not isinstance(message, RequestLog):

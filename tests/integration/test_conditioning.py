@@ -1,6 +1,7 @@
-"""The first grip after a restart of the programs, on an arm whose past they have not followed.
+"""The first grip after a restart of the programs, on an arm whose history they do not know.
 
-The simulated arm lives on: it was calibrated, moved by others, and is then met by new programs.
+The simulated arm keeps its state: it was calibrated and moved by other programs, and is then used
+by new ones.
 """
 
 from collections.abc import Callable
@@ -38,7 +39,7 @@ RELAYS: Tree = {
 LEAST_V, MOST_V = -0.7, 2.6
 """Of the calibration, so that an arm of relays stays within its travel."""
 DEPTH_V = -0.5
-"""Depth of the strokes, at the least."""
+"""Smallest depth of the strokes, in V."""
 AFTER_S = 30.0
 """Rest at 0 V between the last motion and the restart."""
 
@@ -48,7 +49,7 @@ CLASSES: dict[str, Tree] = {"Bouc-Wen": WIDE_LOOP, "relays": RELAYS}
 
 @dataclass
 class Laboratory:
-    """An arm that lives on, and the programs that are started beside it."""
+    """An arm that keeps its state, and the programs that are started with it."""
 
     rig: RigFile
     told: Callable[[GroundTruth], None] | None = None
@@ -65,7 +66,7 @@ class Laboratory:
         self.bench.rig.resume(arms, 1.0)
 
     def calibrate(self, calibration: str) -> Record:
-        """Take the part away, calibrate, and put the part back."""
+        """Remove the part, calibrate, and put the part back."""
         body = {"kind": "calibrate", "calibration": calibration}
         planned = plan_job(REQUEST.validate_python(body), self.rig)
         assert planned.plan.violations == []
@@ -100,7 +101,8 @@ class Laboratory:
 
 @cache
 def identified(name: str) -> RigFile:
-    """Return a rig of this class of hysteresis, with the free response that is found for it."""
+    """Return a rig with this class of hysteresis and the free response that was identified for
+    it."""
     simulation = CLASSES[name]
     away = demo_rig({"simulation": {**simulation, "bead": False}}, time="lockstep")
     with opened_benches() as benches:
@@ -137,7 +139,7 @@ class Held:
 
 
 def first_grip(lab: Laboratory, condition: str) -> Held:
-    """Start the programs, grip, and return what was held."""
+    """Start the programs, grip, and return the held force."""
     request = GripJobRequest.model_validate(
         {"kind": "grip", "force_mN": FORCE_MN, "hold_s": 2.0, "condition": condition}
     )
@@ -150,7 +152,7 @@ def first_grip(lab: Laboratory, condition: str) -> Held:
     settled = hold[len(hold) // 2 :]
     estimates = {message.seq: message for message in messages if isinstance(message, Estimate)}
     truths = [message for message in messages if isinstance(message, GroundTruth)]
-    # The arm's own count of ticks goes on over a restart.
+    # The arm's own tick counter continues over a restart.
     ahead = truths[0].seq - min(estimates)
     true_mN = {truth.seq - ahead: truth.arms[0].force_mN for truth in truths}
     last = estimates[settled[-1]]

@@ -68,10 +68,10 @@ def number(found: SheetValue) -> tuple[float, float]:
 
 
 def second_loop(run: Run) -> tuple[Series, Series]:
-    """True voltage and true position of the second of both loops by voltage.
+    """Return true voltage and true position of the second of both loops.
 
-    A tick of the truth has the position at its sample, and the voltage that is put out after it:
-    that voltage has caused the position of the next tick.
+    A tick of the truth contains the position at its sample and the voltage that is output after it:
+    that voltage determines the position of the next tick.
     """
     place = series(run.table, "segment") == 2.0
     voltage_V = series(run.table, "true_voltage_V")[place][:-1]
@@ -123,7 +123,7 @@ def test_the_force_error_is_within_its_uncertainty_and_the_noise_equals_that_of_
     assert stated[0].value is not None
     assert abs(float(np.mean(error_mN))) <= stated[0].value
     noise, _ = number(value(result, "position_noise_1_s"))
-    # The closed loop adds to the noise of a reading, and takes none away.
+    # The closed loop adds to the noise of a reading, and removes none.
     assert run.rig.sensor.noise_um <= noise <= 2.0 * run.rig.sensor.noise_um
 
 

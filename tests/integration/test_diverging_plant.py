@@ -1,7 +1,7 @@
-"""An arm that is not the one of the model: it ends by a trip or by a guard, the force bounded.
+"""The arm differs from the model: the job ends with a trip or by a guard, and the force is bounded.
 
-A wrong gain, a reading of the wrong sign, three times the hysteresis; and their negative twins,
-after which nothing trips: a lost part, twice the hysteresis, a part three times as stiff.
+A wrong gain, a reading of the wrong sign, three times the hysteresis; and the counterparts that
+must not trip: a lost part, twice the hysteresis, a part three times as stiff.
 """
 
 import pytest
@@ -16,7 +16,7 @@ LOAD = CLEAN.begin_of("load") + 5
 HOLD = CLEAN.begin_of("hold") + 10
 FORCE_MAX_MN, HARD_MN = 40.0, 50.0
 GAIN_UM_PER_V = 24.95
-"""Of the demo rig's simulation."""
+"""Gain of the demo rig's simulation, in µm/V."""
 GUARDED = (
     "overforce",
     "no_contact",
@@ -35,7 +35,8 @@ def at(seq: int, target: str, what: str, **more: float) -> Tree:
 
 
 def check_ended(played: Played) -> None:
-    """By a trip whose cause names the limit, or by a guard; never gripped, never pressed hard."""
+    """Check that the job ended with a trip whose cause names the limit, or by a guard, without a
+    grip and without a large force."""
     if played.trip is None:
         assert played.outcome in GUARDED
     else:

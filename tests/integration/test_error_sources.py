@@ -1,4 +1,4 @@
-"""On rigs where one cause of errors is above all others, the result of a job names it."""
+"""If one cause of errors is much larger than all others, the result of a job names it."""
 
 from functools import cache
 from math import sqrt
@@ -33,7 +33,7 @@ RELAYS: Tree = {
         "relays": {"loop_share": 0.15, "full_drive_V": 2.5, "centre_V": 1.0},
     }
 }
-"""An arm of another class than the one that the rig's model was taught on."""
+"""An arm of another hysteresis class than the one to which the rig's model was fitted."""
 
 
 def played(
@@ -64,7 +64,7 @@ def test_the_errors_of_a_good_rig_equal_the_noise_of_its_sensor() -> None:
     found = sources(plain())
     assert found.position_um.largest == "noise"
     assert "better sensor" in found.position_um.to_do
-    # What the default gains make of 31 nm with the sensor's step.
+    # Noise that the default gains cause from 31 nm of sensor noise and the sensor's step.
     assert found.position_um.noise == pytest.approx(1.15 * 0.031, rel=0.2)
 
 

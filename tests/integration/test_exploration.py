@@ -1,4 +1,5 @@
-"""The life of a job explored on the simulated rig: whatever is done, no job leaves the table."""
+"""State space exploration of a job on the simulated rig: no sequence of actions leaves the state
+table."""
 
 import pytest
 from hypothesis import HealthCheck, Phase, settings
@@ -15,7 +16,7 @@ def explore(examples: int, steps: int) -> None:
             stateful_step_count=steps,
             deadline=None,
             derandomize=True,
-            phases=[Phase.generate],  # to make it smaller takes minutes, and it is short enough
+            phases=[Phase.generate],  # shrinking takes minutes, and the sequence is short enough
             database=None,
             suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
         ),

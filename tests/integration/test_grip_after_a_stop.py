@@ -1,7 +1,7 @@
-"""A grip right after a stop or a move: the arm stands free of the part, or goes back first.
+"""A grip right after a stop or a move: the arm is free of the part, or goes back first.
 
-A stop on the way once let the arm glide on to the part, which it then pressed while nobody held it;
-and the next grip found it where no force can be zeroed.
+A stop during the approach once let the arm creep on to the part and press it while no job was
+running; the next grip then started where no force could be zeroed.
 """
 
 from collections.abc import Callable
@@ -28,11 +28,11 @@ from tests.support.virtual_rig import VirtualRig
 REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
 LONGEST_TICKS = 2000
 BEYOND_UM = 9.0
-"""Where the part would be touched; it is away."""
+"""Position beyond the place of the part, which is removed, in µm."""
 
 
 class Bench:
-    """A virtual rig, and the jobs that are played on it one after the other."""
+    """A virtual rig and the jobs that are played on it one after the other."""
 
     def __init__(self, rig: RigFile, data: Path) -> None:
         self.rig, self.virtual = rig, VirtualRig(rig, data)
@@ -63,8 +63,8 @@ class Bench:
     def play(
         self, request: dict[str, Any], stop: Callable[[Telemetry], bool] = lambda _: False
     ) -> tuple[str, list[str]]:
-        """Play a job, stopped once; its outcome, and the phases that were planned."""
-        known = self.position is not None  # an idle loop in lockstep says nothing before
+        """Play a job that is stopped once; returns its outcome and the planned phases."""
+        known = self.position is not None  # an idle loop in lockstep publishes nothing before
         stands = Present(self.virtual.applied[-1].arms[0].voltage_V, self.x_um) if known else None
         planned = plan_job(REQUEST.validate_python(request), self.rig, stands)
         assert planned.plan.violations == []
@@ -85,7 +85,7 @@ class Bench:
 
 
 def stopped_in(phase: str, tick: int) -> Callable[[Telemetry], bool]:
-    """A stop from a tick of a phase on."""
+    """Stop from a tick of a phase on."""
     return lambda told: told.phase == phase and told.segment_tick >= tick
 
 

@@ -1,4 +1,5 @@
-"""A held part is loaded and unloaded to new forces by one arm and by two, without letting it go."""
+"""A held part is loaded and unloaded to new forces by one arm and by two, without being
+released."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -117,7 +118,7 @@ class Desk:
     def hold(
         self, force_mN: float, watch: Watch | None = None, hold_s: float | None = None
     ) -> HoldResult | PairResult:
-        """Hold a part with a new force; the result is that of its record."""
+        """Hold a part with a new force; returns the result of its record."""
         request = HoldJobRequest(
             kind="hold", force_mN=force_mN, load_s=1.0, hold_s=hold_s, release_s=1.0
         )
@@ -157,7 +158,7 @@ class Desk:
 
 
 def at(phase: str, tick: int, action: str) -> Watch:
-    """Ask for an action at a tick of a phase."""
+    """Request an action at a tick of a phase."""
 
     def watch(desk: Desk, view: Telemetry) -> None:
         if (view.phase, view.segment_tick) == (phase, tick):
@@ -167,7 +168,7 @@ def at(phase: str, tick: int, action: str) -> Watch:
 
 
 kept = at("hold", KEPT_TICKS, "keep")
-"""End a program in its hold, with the part held."""
+"""End a program during its hold, with the part held."""
 
 
 def stopped_then_kept(phase: str, tick: int) -> Watch:
@@ -185,7 +186,7 @@ Stairs = list[tuple[HoldResult | PairResult, Desk]]
 
 @pytest.fixture(scope="module", params=[RIG, PAIR], ids=["one arm", "two arms"])
 def stairs(request: pytest.FixtureRequest) -> Stairs:
-    """Each step of the staircase after the grip, with its messages."""
+    """Return each step of the staircase after the grip, with its messages."""
     desk, steps = Desk(request.param), Stairs()
     desk.grip(STAIRCASE_MN[0])
     for force_mN in STAIRCASE_MN[1:]:
@@ -221,7 +222,8 @@ def test_each_force_is_held_without_a_higher_peak(stairs: Stairs) -> None:
 
 
 def test_the_true_force_of_a_calibrated_arm_has_no_higher_peak() -> None:
-    """The error of its zero is left in the grip; the true force of each later step is bounded."""
+    """The error of its zero is excluded in the grip; the true force of each later step is
+    bounded."""
     rig = taught(RIG, ("noise", "free_response", "contact_stiffness"))
     assert rig.simulation is not None
     for seed in (1, 4):
@@ -326,7 +328,8 @@ def test_a_release_releases_the_part(rig: RigFile, phase: str) -> None:
 
 @RIGS
 def test_a_force_change_without_a_zero_moves_nothing_and_keeps_the_part(rig: RigFile) -> None:
-    """The estimator has begun an epoch without its zero: the force that it reads may be any."""
+    """The estimator has begun an epoch without its zero, so the force that it estimates is
+    unknown."""
     desk = Desk(rig)
     desk.grip(15.0)
     planned = plan_job(HoldJobRequest(kind="hold", force_mN=20.0), rig, desk.present)

@@ -1,4 +1,5 @@
-"""An idle rig samples seldom: its estimates stay sound, and an arming ends it at once."""
+"""An idle rig samples rarely: its estimates stay valid, and an arming ends the slow sampling at
+once."""
 
 from itertools import pairwise
 

@@ -1,4 +1,5 @@
-"""A supervisor that is killed, or refused its arming, leaves a whole record that says so."""
+"""A supervisor that is killed, or whose arming is refused, leaves a complete record that states
+this."""
 
 import json
 from collections.abc import Iterator
@@ -27,7 +28,7 @@ GRIP = GripJobRequest(kind="grip", autostart=True, until_released=True)
 SHORT_GRIP = GripJobRequest(kind="grip", autostart=True, hold_s=0.2)
 DOCUMENTS = ("grip.png", folder.REPORT, folder.RESULT, folder.REQUEST)
 APPROACH, HOLD = 30, 115
-"""Ticks after which the grip is there."""
+"""Ticks after which the part is gripped."""
 
 
 @pytest.fixture
@@ -64,7 +65,7 @@ def test_the_next_supervisor_closes_the_record_of_an_interrupted_job(
     assert manifest(where)["complete"] is True
     kept = mcap_reading.read(where / NAME).messages
     assert len({getattr(message, "seq", -1) for message in kept} - {-1}) >= played - 1
-    # The stop was asked for, and the rig comes to rest with what it holds.
+    # A stop was requested, and the rig comes to rest with the held part.
     after.steps.pass_(50)
     assert rig.applied[-1].state == ("armed" if ticks == HOLD else "idle")
     assert rig.applied[-1].part_held == (ticks == HOLD)
@@ -181,7 +182,7 @@ def test_the_next_supervisor_completes_records_without_documents(
     if not ended:
         names.append(office.manager.create(GRIP)[0].id)
         office.steps.pass_(HOLD)
-    # As it is left by a kill while it was drawn: closed by the recorder alone.
+    # The state after a kill while the picture was drawn: closed by the recorder alone.
     row = office.store.get(names[0])
     assert row is not None
     plan = {name: value for name, value in row.plan.items() if name != "record"}

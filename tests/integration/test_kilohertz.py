@@ -1,4 +1,4 @@
-"""The rig at T = 1 ms as it is delivered, without a clock: a grip in a second and a half, 10 Hz."""
+"""The delivered rig with T = 1 ms, in virtual time: a grip in a second and a half, 10 Hz."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -24,14 +24,14 @@ from pincette_supervisor.planning.job_plans import plan_job
 
 RIG = read_rig(Path("deploy/rigs/kilohertz.toml"))
 MOST_S = 1.5
-"""Of a grip, its hold left out."""
+"""Longest duration of a grip without its hold, in s."""
 PEAK, HELD = 0.03, 0.03
-"""Shares of the force by which the true one may go beyond it, and miss it in the hold; what it
-misses is the identified contact line, not the loop."""
+"""Shares of the force by which the true force may exceed it, and deviate from it in the hold;
+the deviation comes from the identified contact line, not from the loop."""
 
 
 STEP_TICK, BACK = 200, 0.15
-"""Tick of the hold at which the part steps, and what of the step may be left then."""
+"""Tick of the hold at which the part steps, and the remaining share of the step allowed then."""
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def test_a_path_of_10_hz_is_followed_in_position_and_force() -> None:
     assert [one for one in messages if isinstance(one, Telemetry)][-1].outcome == "tracked"
     found = errors(tracked(messages, path, RIG.rig.period_s))
     assert found.position_percent <= 0.6
-    # The arm has not been stroked: its first load shows what the model does not know of it.
+    # The arm was not stroked: its first load shows the history that the model does not know.
     assert found.force_percent <= 4.0
 
 
@@ -73,10 +73,11 @@ def test_a_healthy_grip_reports_no_position_step(said: list[Message]) -> None:
 def test_a_part_that_steps_during_the_hold_is_detected_within_15_ms(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """By 1 µm; the true position is back where the impedance wants it, but for 15 % of the step.
+    """The step is 1 µm; the true position has returned to the impedance reference, except for 15 %
+    of the step.
 
-    Where that is goes with the force by K_f, slowly. The law alone is tested: the watch for steps,
-    which freezes the voltage at once, is left out.
+    The reference follows the force by K_f, slowly. Only the law is tested: the step detector, which
+    freezes the voltage at once, is disabled.
     """
 
     def unwatched(

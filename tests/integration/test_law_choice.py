@@ -1,4 +1,4 @@
-"""Every law that a job can choose, played by the whole loop, and what its result says of it."""
+"""Every law that a job can choose, played by the whole loop, and the figures of its result."""
 
 from functools import lru_cache
 from statistics import pstdev
@@ -31,7 +31,7 @@ REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
 
 
 def ended(body: dict[str, Any], rig: RigFile = RIG) -> Record:
-    """A job played to its end, as it would be kept."""
+    """Play a job to its end; returns it as it would be stored."""
     planned = plan_job(REQUEST.validate_python(body), rig)
     assert planned.plan.violations == []
     messages: list[Message] = [
@@ -105,10 +105,10 @@ def test_a_result_states_how_accurate_the_model_of_the_law_was(
     assert isinstance(result, ClosedLoopResult)
     plant = discretize(RIG.model.arm() if name == "consistent" else printed_arm(), 0.02)
     residual, error = (percentiles(result, n) for n in ("residual_um", "perturbation_error_mN"))
-    # p̃ is -k̄ times the residual, by whichever set the law has.
+    # p̃ is -k̄ times the residual, for the parameter set that the law uses.
     assert error.p95 == pytest.approx(plant.k_bar * residual.p95)
     assert error.p99 == pytest.approx(plant.k_bar * residual.p99)
-    # That of the true force is of the same making, in the same units.
+    # The residual of the true force is defined in the same way, in the same units.
     true_error = percentiles(result, "true_perturbation_error_mN")
     assert 0.3 * error.p95 < true_error.p95 < 3.0 * error.p95
     # The sensor's noise alone is far above the printed K_S.
@@ -120,7 +120,8 @@ def test_a_result_states_how_accurate_the_model_of_the_law_was(
 
 
 def test_the_error_of_the_perturbation_at_rest_is_the_noise_of_the_sensor() -> None:
-    """By (6) and (8): p̃ is k·(x_{k-1} - x_k), since a voltage at rest and the mass count little."""
+    """By (6) and (8): p̃ is k·(x_{k-1} - x_k), since a constant voltage and the mass contribute
+    little."""
     held = ended({"kind": "grip", "profile": "gentle"})
     table = held.run.table
     x_um = [x for x, phase in zip(table["x_um"], table["phase"], strict=True) if phase == "hold"]
@@ -150,7 +151,7 @@ def test_tuned_gains_of_both_laws_meet_their_specification(kind: str) -> None:
             position = kept.result.position_um
             assert position is not None
             assert position.rmse_percent is not None
-            # What the search knows of the rig, it knows from its identification.
+            # All that the search knows of the rig comes from its identification.
             print(f"{scheme}: position {position.rmse_percent:.2f} %, {found.chosen}")
             assert position.rmse_percent < 3.0 * found.chosen.position_percent
 

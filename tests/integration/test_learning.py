@@ -30,7 +30,8 @@ TRACK = TrackJobRequest(
     learn=True,
     set="consistent",
 )
-"""By a law that leaves something to learn: one with the identified response is at the noise."""
+"""A track with a law that leaves an error to learn: with the identified response the error is
+already at the noise."""
 
 
 def rig() -> RigFile:
@@ -80,7 +81,7 @@ def test_the_record_contains_what_the_controller_has_learned() -> None:
     of = rig()
     published = ComposedLoop(of).play(plan_job(TRACK, of).program)
     view = [m for m in published if isinstance(m, Telemetry) and m.correction_um]
-    # The last cycle at full amplitude was led by all that was learned but its own errors.
+    # The last cycle at full amplitude used all corrections except those from its own errors.
     last = view[-1].segment_tick
     assert last > 0
     largest = max(abs(m.correction_um) for m in view)
@@ -107,7 +108,8 @@ def test_helpful_corrections_are_stored_with_figures_of_independent_cycles() -> 
 
 @pytest.mark.parametrize("cycles", [1, 3])
 def test_useless_corrections_are_not_stored(cycles: int) -> None:
-    """By a law with the identified response a slow path is at the noise from its first cycle on."""
+    """With the identified response in the law, a slow path is at the noise level from its first
+    cycle on."""
     slow = {"frequency_hz": 0.5, "cycles": cycles, "set": None}
     found = played(TRACK.model_copy(update=slow))
     stored = result_of(found).learned

@@ -1,4 +1,5 @@
-"""A lease that ends in lockstep, where only a test asks for one: virtual time, bit by bit."""
+"""The end of a lease in lockstep, where only tests use one: virtual time, reproducible bit by
+bit."""
 
 from collections.abc import Callable
 from functools import cache
@@ -48,7 +49,7 @@ def played(
     request: JobRequest = GRIP,
     then: LeaseEnd = LeaseEnd.STOP,
 ) -> tuple[Message, ...]:
-    """A job under a lease; ``renew`` is called after every tick, of which there are so many."""
+    """Play a job of this many ticks under a lease; ``renew`` is called after every tick."""
     loop = ComposedLoop(RIG)
     received: list[Message] = []
 
@@ -80,7 +81,7 @@ def lost(length_s: float = LENGTH_S) -> tuple[Message, ...]:
 
 
 def ended(messages: tuple[Message, ...]) -> list[RequestLog]:
-    """What the controller has asked of itself."""
+    """Return the actions that the controller has requested of itself."""
     return [item for item in messages if isinstance(item, RequestLog) and item.action is not None]
 
 
@@ -92,7 +93,7 @@ def test_the_program_is_stopped_at_the_tick_at_which_its_lease_has_ended() -> No
     (noted,) = ended(lost())
     assert noted.action is not None
     assert (noted.action.action, noted.service, noted.topic) == ("stop", "controller", "estimate")
-    # Granted at 0 s; the first sample later than the limit is the next after it.
+    # Granted at 0 s; the program stops at the first sample after the limit.
     assert noted.seq == round(LENGTH_S / RIG.rig.period_s) + 1
     acted = [sample.seq for sample in view(lost()) if sample.acted == (Acted.LEASE, Acted.STOP)]
     assert acted == [noted.seq + 1]

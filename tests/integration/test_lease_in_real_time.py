@@ -1,4 +1,4 @@
-"""Row 18 in real time, its time virtual: the supervisor falls silent in every state of a job."""
+"""Row 18 in virtual real time: the supervisor becomes silent in every state of a job."""
 
 import pytest
 
@@ -11,13 +11,15 @@ from tests.support.virtual_loop_places import EPOCH, STATES, T, place
 LENGTH_S = 0.5
 PLACES_IN_THE_PERIOD = (0.05, 0.35, 0.65, 0.95)
 STOPPED_S = 0.5
-"""In which a free arm is at rest once its program is asked to stop, with some ticks to spare."""
+"""Time within which a free arm is at rest after a stop of its program, with some ticks of
+margin, in s."""
 PLAYING = tuple(state for state in STATES if state not in ("idle", "stopping"))
 LONG_S = 3.0
 
 
 def granted(state: str, phase: float, length_s: float = LENGTH_S) -> VirtualLoop:
-    """A loop in a state of its job, somewhere in its period, whose lease has just been granted."""
+    """Return a loop in a state of its job, at some phase of its period, whose lease has just
+    been granted."""
     loop = place(state).loop.fork(round(100 * phase))
     loop.run(loop.now_s + phase * T)
     loop.must("controller", Lease(EPOCH, length_s))
@@ -30,7 +32,7 @@ def told(loop: VirtualLoop, since_s: float) -> list[tuple[float, Telemetry]]:
 
 
 def asked(loop: VirtualLoop, since_s: float) -> list[tuple[float, RequestLog]]:
-    """What the controller has asked of itself."""
+    """Return the actions that the controller has requested of itself."""
     found = [
         (at, one) for at, one in loop.told or [] if isinstance(one, RequestLog) and at > since_s
     ]

@@ -1,4 +1,4 @@
-"""The peak force of a load where the part is softer or harder than planned, on the demo rig."""
+"""Peak force of a load if the part is softer or harder than planned, on the demo rig."""
 
 from collections.abc import Iterator
 from math import exp, log
@@ -11,8 +11,8 @@ from tests.support.slips import played
 PROFILES = ("gentle", "quick")
 PLANNED_MN_PER_UM = 2.17
 MOST = 1.05
-"""Peak of the true force over the planned one at noise up to 0.05 µm, from 10 mN on, where the
-part is 0.5 to 2 times as stiff as planned. Of 5 mN the estimator's own error is 6 to 9 %."""
+"""Largest true force over the planned one at noise up to 0.05 µm, from 10 mN on, if the part is
+0.5 to 2 times as stiff as planned. At 5 mN the estimator's own error is 6 to 9 %."""
 RARE, LARGEST = 0.05, {0.02: 1.05, 0.05: 1.07, 0.15: 1.2}
 """Share of draws that may exceed ``MOST``, and the largest peak of all, by the noise in µm."""
 

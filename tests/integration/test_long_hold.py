@@ -1,4 +1,4 @@
-"""A hold of a minute in one process: how far the estimate drifts, and whether it says so."""
+"""A hold of a minute in one process: the drift of the estimate and its stated uncertainty."""
 
 from math import fsum
 from pathlib import Path
@@ -38,7 +38,7 @@ def demo_rig(seed: int) -> RigFile:
 
 
 def errors_mN(published: list[Message], *phases: str) -> list[tuple[float, float]]:
-    """Error of the estimate and the uncertainty stated, for each sample of some phases."""
+    """Return error and stated uncertainty of the estimate for each sample of some phases."""
     estimates = {message.seq: message for message in published if isinstance(message, Estimate)}
     truths = {message.seq: message for message in published if isinstance(message, GroundTruth)}
     return [
@@ -67,6 +67,6 @@ def test_the_stated_uncertainty_covers_the_drift_of_a_long_hold(seed: int) -> No
     )
     assert share >= 0.9
     assert abs(drift_mN) < hold[-1][1] + hold[0][1]
-    # An uncertainty that covers by being large says nothing.
+    # The uncertainty must not cover the error by being too large.
     assert hold[0][1] < 0.15 * FORCE_MN
     assert hold[-1][1] > hold[0][1]

@@ -1,4 +1,5 @@
-"""A client that retries, through a proxy that delays, drops and repeats: one job, one truth."""
+"""A client that retries, through a proxy that delays, drops and repeats requests, starts one
+job."""
 
 import random
 import threading
@@ -24,7 +25,7 @@ PASSED_ON = ("content-type", "idempotency-key")
 
 
 class LossyProxy(ThreadingHTTPServer):
-    """Passes requests on, each with a fault of its own."""
+    """A proxy that passes requests on, each with its own fault."""
 
     daemon_threads = True
 
@@ -40,7 +41,7 @@ class LossyProxy(ThreadingHTTPServer):
 
 
 class Handler(BaseHTTPRequestHandler):
-    """One connection, which ends with its answer."""
+    """One connection, which ends with its reply."""
 
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002
         """Say nothing."""

@@ -1,4 +1,5 @@
-"""An arm that goes further than its assumed gain says: the free motion is made smaller by itself.
+"""An arm that moves further than its assumed gain predicts: the free motion is reduced
+automatically.
 
 The voltages of the plan are played on the plant alone, as the loop would play them.
 """
@@ -23,7 +24,7 @@ from tests.support.twenty_rigs import unknown_rig
 
 REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
 BEYOND = (9, 26)
-"""Seeds of rigs with relays that leave their lowest position at 1.1 V below rest or less."""
+"""Seeds of rigs with relays whose arms leave their lowest position at 1.1 V below rest or less."""
 
 
 def planned(rig: RigFile, request: JobRequest) -> Planned:
@@ -42,7 +43,7 @@ def voltages(program: Program, period_s: float) -> list[float]:
 
 
 def table_of(x_um: list[float], voltage_V: list[float]) -> dict[str, list[Any]]:
-    """Return the columns of a record that a calibration of a free arm reads."""
+    """Return the columns of a record that a calibration of a free arm uses."""
     count = len(x_um)
     return {
         "seq": list(range(count)),

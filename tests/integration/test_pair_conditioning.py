@@ -1,6 +1,7 @@
-"""Two arms that live on over a restart of the programs: what a pair grip states of their forces.
+"""Two arms that keep their state over a restart of the programs: the forces stated by a pair grip.
 
-Both arms are calibrated, moved by others, and then grip with programs that have not followed them.
+Both arms are calibrated, moved by other programs, and then used by programs that do not know their
+history.
 """
 
 from collections.abc import Callable
@@ -44,7 +45,7 @@ TRUE = ("true_force_mN", "true_second_force_mN")
 
 @cache
 def identified() -> RigFile:
-    """Return the rig of two arms, each with the free response that is found for it."""
+    """Return the rig of two arms, each with the free response identified for it."""
     away = lockstep(bead=False)
     values: dict[str, Any] = {}
     for arm, prefix in ((1, ""), (2, "second.")):
@@ -57,7 +58,7 @@ def identified() -> RigFile:
 
 
 class Laboratory:
-    """Two arms that live on, and the programs that are started beside them."""
+    """Two arms that keep their state, and the programs that are started with them."""
 
     def __init__(self, rig: RigFile) -> None:
         self.rig = rig
@@ -69,13 +70,13 @@ class Laboratory:
             self.told(truth)
 
     def rewire(self, rig: RigFile) -> None:
-        """Give the arms other instruments where they stand, without notice to any program."""
+        """Give the arms in their present state other instruments without informing the programs."""
         arms = self.bench.rig.arm_states()
         self.bench = open_bench(rig, lambda: 0.0, self._tell)
         self.bench.rig.resume(arms, 1.0)
 
     def play(self, program: Program) -> list[Message]:
-        """Start the programs and play one."""
+        """Start the programs and play one job."""
 
         def bench(told: Callable[[GroundTruth], None]) -> Bench:
             self.told = told
@@ -84,13 +85,13 @@ class Laboratory:
         return ComposedLoop(self.rig, bench).play(program)
 
     def move(self, *stops: tuple[float, float]) -> None:
-        """Lead both arms to voltages in V, with a rest in s at each."""
+        """Move both arms to voltages in V, with a rest in s at each."""
         path = voltage_moves([(0.0, 2.0, 0.0), *((to_V, 2.0, rest_s) for to_V, rest_s in stops)])
         both = (Follow(path), Follow(path))
         self.play(free_program(Drive("past", path.duration_s, courses=both)))
 
     def grip(self, condition: str = "auto") -> tuple[PairResult, float]:
-        """Grip with programs that were just started; the result, and the error of the force."""
+        """Grip with newly started programs; returns the result and the error of the force."""
         body = {"kind": "grip", "force_mN": FORCE_MN, "hold_s": 2.0}
         grip = self.rig.grip.model_copy(update={"condition": condition})
         self.rig = self.rig.model_copy(update={"grip": grip})

@@ -14,11 +14,11 @@ from tests.integration.test_two_arm_jobs import lockstep, play
 
 GRIP = {"kind": "grip", "force_mN": 12.0, "hold_s": 2.0}
 HELD_S = 9.0
-"""Time within the hold."""
+"""Time within the hold, in s."""
 
 
 def returned(**simulation: Any) -> tuple[PairResult, dict[str, ZeroReturn | None]]:
-    """A grip of both arms, and what their zeros came back to."""
+    """Play a grip of both arms; returns their zero returns."""
     rig = lockstep(**simulation)
     result, table, _ = play(GRIP, rig)
     assert isinstance(result, PairResult)

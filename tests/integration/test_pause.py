@@ -20,7 +20,7 @@ PROGRAM = plan_job(GripJobRequest(kind="grip", hold_s=1.0, load_s=1.0), RIG).pro
 
 
 class Operator:
-    """Pauses in a phase, and goes on when the pause has lasted; or does something else then."""
+    """Pause in a phase, and resume after the pause, or do something else then."""
 
     def __init__(self, loop: ComposedLoop, phase: str, then: str = "resume") -> None:
         self._loop, self._phase, self._then = loop, phase, then

@@ -1,4 +1,5 @@
-"""A power cut at each stage of a grip: the next start has the job once, and its record repaired."""
+"""A power cut at each stage of a grip: after the next start the job exists once, and its record
+is repaired."""
 
 import json
 import sqlite3
@@ -23,9 +24,9 @@ GRIP = GripJobRequest(kind="grip", autostart=True, hold_s=0.2)
 CHANGES = {**SHORT, "recorder": {"min_free_MB": 4.0}}
 DOCUMENTS = ("grip.png", folder.REPORT, folder.RESULT, folder.REQUEST)
 STAGES = {"load": 75, "unload": 105}
-"""Ticks after which a grip is there."""
+"""Ticks after which the grip is in each stage."""
 ENDED = 400
-"""Ticks after which it has ended."""
+"""Ticks after which the grip has ended."""
 
 
 @pytest.fixture
@@ -40,7 +41,7 @@ def manifest(where: Path) -> dict[str, Any]:
 
 
 def ended(rig: VirtualRig, data: Path) -> str:
-    """Play a grip to its end, and end the supervisor."""
+    """Play a grip to its end, and stop the supervisor."""
     office = Office(rig, data)
     name = office.manager.create(GRIP)[0].id
     office.steps.pass_(ENDED)

@@ -16,7 +16,7 @@ FORCE_MN = 20.0
 
 
 class Grip(NamedTuple):
-    """What came of a grip."""
+    """Outcome of a grip."""
 
     outcome: str
     phases: list[str]

@@ -1,4 +1,4 @@
-"""A part that is still held after a trip or a stop: reset, held by another job, and let go."""
+"""A part that is still held after a trip or a stop: reset, hold by another job, and release."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -71,11 +71,11 @@ class Desk:
 
     @property
     def force_mN(self) -> float:
-        """That the part truly feels."""
+        """True force on the part, in mN."""
         return self.truths[-1].arms[0].force_mN
 
     def play(self, program: Program, epoch: int, watch: Watch | None = None) -> list[Message]:
-        """Arm, and let it run until nothing more happens."""
+        """Arm and run until nothing more happens."""
         self._watch = watch or _nobody
         self.said.clear()
         arm(self.loop.bus, program, epoch=epoch, digest=RIG.digest())
@@ -86,7 +86,7 @@ class Desk:
     def job(
         self, request: JobRequest, epoch: int, watch: Watch | None = None
     ) -> tuple[MotionResult, list[Applied]]:
-        """Plan a job from where the rig stands, play it, and work out its result."""
+        """Plan a job from the present state of the rig, play it, and compute its result."""
         planned = plan_job(request, RIG, self.present)
         assert planned.plan.violations == []
         messages = self.play(planned.program, epoch, watch)
@@ -101,7 +101,7 @@ class Desk:
 
 
 def _nobody(_desk: Desk, _message: Telemetry | Applied) -> None:
-    """Look at nothing."""
+    """Ignore the telemetry."""
 
 
 def trip_and_reset(desk: Desk, message: Telemetry | Applied) -> None:
@@ -133,7 +133,7 @@ def release_after(ticks: int) -> Watch:
 
 
 def held_desk(watch: Watch) -> Desk:
-    """A rig whose program is over, with the part still in the gripper."""
+    """Return a rig whose program has ended with the part still in the gripper."""
     desk = Desk()
     desk.play(GRIP, 1, watch)
     last = [message for message in desk.said if isinstance(message, Applied)][-1]
@@ -167,7 +167,7 @@ def test_a_held_part_is_held_by_another_job_and_released_by_a_third(before: Watc
     assert (let_go.outcome, let_go.held_at_end) == ("released", False)
     assert desk.force_mN == 0.0
     assert desk.voltage_V == RIG.safety.safe_V
-    # Until the last command a fault would have frozen the voltage.
+    # Before the last command, a fault would have frozen the voltage.
     assert [echo.part_held for echo in applied].count(False) == 1
     steps = [abs(b.arms[0].voltage_V - a.arms[0].voltage_V) for a, b in pairwise(applied)]
     assert max(steps) < RIG.limits.slew_V_per_s * RIG.rig.period_s

@@ -21,7 +21,7 @@ def rig() -> RigFile:
 def test_the_true_held_force_depends_on_the_hysteresis_class_of_the_simulated_arm(
     rig: RigFile,
 ) -> None:
-    """The model that was taught on the other class still holds the part, with another error."""
+    """The model that was fitted to the other class still holds the part, with a different error."""
 
     def held_mN(of: RigFile) -> float:
         published = ComposedLoop(of).play(plan_job(GripJobRequest(kind="grip"), of).program)

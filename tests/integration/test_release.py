@@ -1,4 +1,4 @@
-"""Release of parts that cling to the arm: strategies, verdict and pull-off force."""
+"""Release of parts that stick to the arm: strategies, verdict and pull-off force."""
 
 from collections import Counter
 
@@ -47,7 +47,8 @@ def test_a_glued_part_sticks_after_every_strategy() -> None:
 def test_a_later_strategy_releases_a_part_that_sticks_after_the_first(
     strategies: list[str], wishes: dict[str, float]
 ) -> None:
-    """A bond that withstands the static pull of 27 mN for seconds parts in time or by more."""
+    """A bond that withstands the static pull of 27 mN for seconds breaks after some time or
+    under a larger pull."""
     bench = Bench(adhesive_rig({"bond_mN": 31.5, "bond_scale_mN": 1.5}))
     bench.grip(15.0)
     found = bench.release(strategies=strategies, **wishes)
@@ -69,7 +70,7 @@ def test_the_pull_off_force_is_found_in_a_slow_retreat(adhesion: float, true_mN:
 
 @pytest.mark.parametrize(("part", "verdict"), [(DRY, "released"), (GLUED, "sticks")])
 def test_a_grip_states_how_its_release_went(part: dict[str, float], verdict: str) -> None:
-    """An arm that the part still pulls has not come back free: it has no zero return."""
+    """An arm that is still pulled by the part has not returned free: it has no zero return."""
     found = Bench(adhesive_rig(part)).grip(15.0, hold_s=1.0)
     result = found.record.result
     assert found.verdict.verdict == verdict
@@ -112,7 +113,7 @@ def test_a_part_that_sticks_to_an_arm_of_two_is_not_released(
 def test_a_release_is_paused_or_stopped(
     at: tuple[str, int], action: str, verdict: str | None
 ) -> None:
-    """A pause delays the verdict; a stopped release keeps the part, and has none."""
+    """A pause delays the verdict; a stopped release keeps the part and has no verdict."""
     bench = Bench(adhesive_rig(GLUED))
     bench.grip(15.0)
     bench.requests = {at: action, ("stopped", 30): "keep"}
@@ -144,7 +145,7 @@ def judged(seeds: range) -> Counter[tuple[str, bool]]:
 
 
 def is_right(counts: Counter[tuple[str, bool]]) -> bool:
-    """Whether at least 99 % of the verdicts are right, and at most 5 % of all are unknown."""
+    """Return whether at least 99 % of the verdicts are right and at most 5 % of all are unknown."""
     unknown = sum(count for (verdict, _), count in counts.items() if verdict == "unknown")
     wrong = counts["released", False] + counts["sticks", True]
     known = counts.total() - unknown

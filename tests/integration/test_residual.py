@@ -1,4 +1,5 @@
-"""A motion played again without the part: what the model missed is kept, and used by the next."""
+"""A motion is repeated without the part: the model's residual is stored and used by the next
+job."""
 
 from collections.abc import Generator
 from dataclasses import replace
@@ -41,12 +42,12 @@ AWAY = ResidualRequest(kind="calibrate", calibration="residual", confirm=False)
 
 
 def skewed() -> RigFile:
-    """The demo rig with an arm whose hysteresis is not the one that its model was taught on."""
+    """Return the demo rig with an arm whose hysteresis differs from that of its model."""
     return demo_rig({"simulation": {"hysteresis": {"asymmetry": 0.1}}}, time="lockstep")
 
 
 class Desk:
-    """One loop that goes on from job to job, as the arm does, and its bench."""
+    """A loop that continues from job to job, as the arm does, and its bench."""
 
     def __init__(self, rig: RigFile) -> None:
         self.rig, self.epoch = rig, 0
@@ -81,7 +82,7 @@ def evaluated(desk: Desk, planned: Planned, table: Columns) -> Evaluation:
 
 
 def residual_plan(desk: Desk, planned: Planned, table: Columns) -> Planned:
-    """The plan of the calibration that plays a recorded job."""
+    """Return the plan of the calibration that replays a recorded job."""
     rig = desk.rig
     motion = motion_of(
         table,
@@ -95,7 +96,7 @@ def residual_plan(desk: Desk, planned: Planned, table: Columns) -> Planned:
 
 
 def force_error_mN(table: Columns) -> float:
-    """R.m.s. of the estimate less the truth, along the path."""
+    """Return the r.m.s. force error (estimate minus truth) along the path, in mN."""
     rows = zip(table["phase"], table["force_mN"], table["true_force_mN"], strict=True)
     errors = [F - true for phase, F, true in rows if phase == "track" and true is not None]
     return float(np.sqrt(np.mean(np.square(errors))))
@@ -103,7 +104,7 @@ def force_error_mN(table: Columns) -> float:
 
 @cache
 def course() -> tuple[Columns, Evaluation, Columns, Planned]:
-    """A track, the same without the part, and a track with what was kept."""
+    """Play a track, the same without the part, and a track with the stored residual."""
     desk = Desk(skewed())
     first = plan_job(TRACK, desk.rig)
     desk.play(first)
@@ -118,7 +119,7 @@ def course() -> tuple[Columns, Evaluation, Columns, Planned]:
 
 
 def known(rig: RigFile, values: dict[str, object]) -> ModelInUse:
-    """The model with what a calibration has proposed, as it is once that is accepted."""
+    """Return the model after the proposal of a calibration has been accepted."""
     laid = merged({}, values, "2026-03-01T12:00:00Z")
     model = rig_file_alone(rig)
     calibration = Calibration(values=laid, sources=dict.fromkeys(laid, "job"))
@@ -163,7 +164,8 @@ def test_the_prediction_uses_the_table_too() -> None:
 
 
 def test_a_table_of_the_ringing_free_arm_is_not_stored() -> None:
-    """Without a lag of the output a fast motion rings the mode, free otherwise than pressed."""
+    """Without a lag of the output a fast motion excites the mode, differently in free and
+    pressed motion."""
     lagless = {"model": {"output_delay_s": 0.005}, "simulation": {"output_lag_s": 0.0}}
     desk = Desk(demo_rig(laid_over({"limits": {"slew_V_per_s": 40.0}}, lagless), time="lockstep"))
     first = plan_job(TRACK.model_copy(update={"frequency_hz": 2.0, "cycles": 4}), desk.rig)
@@ -183,7 +185,7 @@ NOISE = {"simulation": {"sensor_noise_um": 0.15}, "sensor": {"noise_um": 0.15}}
 
 
 def cover(table: Columns) -> float:
-    """Share of the samples along the path whose true force lies within F ± U."""
+    """Return the share of the samples along the path whose true force lies within F ± U."""
     names = ("phase", "force_mN", "true_force_mN", "force_uncertainty_mN")
     rows = zip(*(table[name] for name in names), strict=True)
     within = [abs(F - true) <= u for phase, F, true, u in rows if phase == "track"]
@@ -201,7 +203,7 @@ def cover(table: Columns) -> float:
 def test_a_table_is_stored_only_if_it_reduces_the_error_and_u_still_covers_it(
     arm: dict[str, dict[str, object]], frequency_hz: float
 ) -> None:
-    """Nobody has stated here when a voltage acts, so that U has no term for the ring."""
+    """This rig states no time at which a voltage acts, so U has no term for the ringing."""
     desk = Desk(demo_rig(laid_over({"limits": {"slew_V_per_s": 40.0}}, arm), time="lockstep"))
     track = TRACK.model_copy(update={"frequency_hz": frequency_hz, "cycles": 3})
     first = plan_job(track, desk.rig)

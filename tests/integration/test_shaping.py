@@ -14,24 +14,24 @@ from tests.support.fast_output import Kind, fast_rig
 from tests.support.rigs import Tree, demo_rig
 
 Output = Literal[Kind, "slow line"]
-"""Kinds of the fast output, and the line of the demo rig, whose module lags by 3.3 ms."""
+"""Kinds of the fast output, and the output of the demo rig, whose module lags by 3.3 ms."""
 DRAWN = 0x52494E47
 PP_MN, GAIN, NOISE_UM = 16.0, 19.0, 0.03
 ARMS = range(3)
 """Seeds of the arms."""
 MOST_PERCENT = {2.0: 0.4, 5.0: 1.2}
-"""Largest median error of x_1 along a path, of its swing, by the frequency in Hz."""
+"""Largest median error of x_1 along a path, in percent of its swing, by the frequency in Hz."""
 COVERED = 0.9
-"""Least share of all samples within U."""
+"""Smallest share of all samples that must be within U."""
 
 
 class Tracked(NamedTuple):
     """Samples of one path."""
 
     error_percent: float
-    """R.m.s. error of x_1, of its swing, the noise of a sample left out."""
+    """Return the r.m.s. error of x_1 in percent of its swing, without the noise of a sample."""
     covered: float
-    """Share of the stated forces within U of the true one."""
+    """Return the share of the stated forces that are within U of the true one."""
 
 
 def drawn_rig(output: Output, seed: int) -> RigFile:

@@ -1,4 +1,4 @@
-"""A part that gives way and a sensor that jumps, on the simulated demo rig in one process."""
+"""A part that slips and a sensor that jumps, on the simulated demo rig in one process."""
 
 import pytest
 
@@ -20,7 +20,8 @@ def in_the_hold(target: str, what: str, value: float) -> Tree:
 
 
 def stays_within_the_plan(job: Played) -> bool:
-    """Whether force, references and voltage stay within what the plan states; it was 3.98 V."""
+    """Check that force, references and voltage stay within the limits of the plan; the voltage
+    was 3.98 V."""
     planned = job.planned.program.planned_range
     assert planned is not None
     assert planned.position_max_um is not None
@@ -86,11 +87,11 @@ FAST: Tree = {
     "limits": {"slew_V_per_s": 60.0},
     "track": {"rate_um_per_s": 600.0, "acceleration_um_per_s2": 8000.0},
 }
-"""Limits that bear a path of 5 Hz."""
+"""Limits that allow a path of 5 Hz."""
 
 
 def along_path(hz: float, simulation: Tree | None = None) -> Played:
-    """Track a sinusoid by an output without a lag, which rings the mode most."""
+    """Track a sinusoid with an output without lag, which excites the mode most."""
     wishes = {"shape": "sinusoid", "frequency_hz": hz, "cycles": 6, "force_pp_mN": 16.0}
     without_lag = {"output_lag_s": 0.0, **(simulation or {})}
     return played(without_lag, FAST, kind="track", **wishes)
@@ -115,7 +116,7 @@ def test_a_step_along_a_path_ends_it(
 ) -> None:
     target, what, value = order
     healthy = along_path(hz).views
-    # The crest of a later cycle, in the time of the script, which counts from the first write.
+    # The crest of a later cycle, in the time of the script, which begins with the first write.
     at_s = next(
         index * 0.02
         for index, view in enumerate(healthy)

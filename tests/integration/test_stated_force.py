@@ -1,4 +1,5 @@
-"""The force's stated uncertainty against the true force, on rigs calibrated as a real one is."""
+"""The stated uncertainty of the force compared with the true force, on rigs calibrated like a
+real one."""
 
 from itertools import product
 from statistics import median
@@ -8,11 +9,11 @@ import pytest
 from tests.support.stated_force import CREPT_S, HOLDS_S, RIGS, gripped, held, judged, known_rig
 
 LEAST = 0.9
-"""Share of samples within F ± U, and of rigs whose held force is."""
+"""Smallest share of samples within F ± U, and of rigs whose held force is within it."""
 WIDEST = 3.0
-"""Median U over the median magnitude of the error, from one rig to the next."""
+"""Largest median U over the median magnitude of the error, across rigs."""
 IDLE_MN = 1.0
-"""Median U over a minute, once creep from before the start is over."""
+"""Largest median U over a minute, after creep from before the start has decayed, in mN."""
 
 
 @pytest.mark.parametrize(
@@ -38,7 +39,7 @@ def test_a_calibrated_rig_holds_within_its_stated_uncertainty(
 def test_on_many_rigs_the_uncertainty_covers_the_error_and_is_not_too_wide(
     hold_s: float, rest_s: float
 ) -> None:
-    """Soon after a start, creep from before widens a long hold; these arms have none of it."""
+    """Soon after a start, earlier creep increases U of a long hold; these arms have no creep."""
     rows = [
         held("slow", seed, relays=relays, hold_s=hold_s, rest_s=rest_s)
         for seed, relays in product(range(RIGS), (False, True))

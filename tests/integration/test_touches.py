@@ -1,7 +1,8 @@
-"""A part where none is expected, met by whole loops on rigs drawn at random of both classes.
+"""Contact with a part where none is expected, by whole loops on randomly drawn rigs of both
+classes.
 
-The true force is held below what a touch can be seen at: the kink needs two steps of 1.2 µm and
-three samples, in which 60 µm/s, the fastest of free motions, add 1.3 mN each.
+The true force stays below the smallest detectable contact plus a margin: the kink needs two steps
+of 1.2 µm and three samples, in which 60 µm/s, the fastest of free motions, add 1.3 mN each.
 """
 
 from typing import Any
@@ -27,7 +28,7 @@ JOBS: dict[str, dict[str, Any]] = {
 
 
 def with_part(rig: RigFile, at_um: float | None) -> RigFile:
-    """The rig with a part at a place, or without one."""
+    """Return the rig with a part at a position, or without one."""
     assert rig.simulation is not None
     update: dict[str, Any] = {"bead": at_um is not None}
     if at_um is not None:
@@ -36,7 +37,7 @@ def with_part(rig: RigFile, at_um: float | None) -> RigFile:
 
 
 def played(rig: RigFile, job: str) -> tuple[Telemetry, float, float]:
-    """The controller's last view, the highest true force, and the last."""
+    """Return the controller's last status, the highest true force, and the last one."""
     program = plan_job(REQUEST.validate_python(JOBS[job]), rig).program
     published = ComposedLoop(rig).play(program)
     assert not any(m.cause for m in published if isinstance(m, Applied))
@@ -62,7 +63,8 @@ def test_an_uncalibrated_rig_detects_a_part_in_the_way(job: str, relays: bool) -
 
 @pytest.mark.parametrize("job", ["grip", "move", "free_response", "contact_stiffness"])
 def test_a_calibrated_rig_detects_a_part_in_the_way(job: str) -> None:
-    """22.5 µm where 30 are planned: 5 mN were asked for, and 34 came."""
+    """The part is at 22.5 µm instead of the planned 30: 5 mN were requested, and 34 mN were
+    reached."""
     seen, most_mN, last_mN = played(with_part(demo_rig(time="lockstep"), 22.5), job)
     print(job, most_mN, seen.touch_x_um, seen.touch_mN)
     assert seen.outcome == "contact"

@@ -16,7 +16,7 @@ TRACE = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01"
 
 
 def played(data: Path, trace: str | None) -> list[Message]:
-    """Grip a part; return the messages of the loop, whose epoch is random, without it."""
+    """Grip a part; returns the messages of the loop without the epoch, which is random."""
     rig = VirtualRig(demo_rig(SHORT, time="lockstep"), data)
     office = Office(rig, data)
     job, _ = office.manager.create(GRIP, trace=trace)

@@ -1,4 +1,5 @@
-"""A path tracked by the whole loop: the contact found, and position and force kept together."""
+"""A path tracked by the whole loop: the contact is found, and position and force are tracked
+together."""
 
 from functools import lru_cache
 
@@ -31,7 +32,8 @@ def tracked(rig: RigFile, shape: str) -> TrackResult:
 
 
 def known_rig(seed: int) -> RigFile:
-    """An arm without hysteresis or creep, of which the estimator knows all but the noise."""
+    """Return a rig whose arm has no hysteresis or creep, so that the estimator's only error is
+    the noise."""
     rig = demo_rig(
         {
             "simulation": {

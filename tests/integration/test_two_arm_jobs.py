@@ -1,6 +1,6 @@
-"""Jobs of two arms by the services of the loop, behind the bytes of four instruments, in lockstep.
+"""Jobs of two arms by the services of the loop, with the bytes of four instruments, in lockstep.
 
-The limits of the figures are those that the study is held to, as they truly were.
+The limits of the true values are those of the study.
 """
 
 from typing import Any
@@ -54,7 +54,7 @@ def play(body: dict[str, Any], rig: RigFile = RIG) -> tuple[JobResult, Columns, 
 
 
 def moved_um(table: Columns) -> float:
-    """The furthest that the part went before both arms held it."""
+    """Return the largest displacement of the part before both arms held it, in µm."""
     places = np.array(table["true_part_um"], dtype=np.float64)
     forces = np.minimum(
         np.array(table["true_force_mN"], dtype=np.float64),
@@ -121,7 +121,7 @@ def test_a_part_off_centre_is_gripped_in_place_without_being_moved(
 
 @pytest.mark.parametrize("off_um", [-3.0, 3.0])
 def test_both_arms_must_touch_before_they_load(off_um: float) -> None:
-    """The ground lets the part be pushed, by which the arms have closed on it."""
+    """The ground lets the part be pushed, so the arms have closed on it."""
     second = RIG.simulation and RIG.simulation.second
     assert second is not None
     at_um = 30.85 + off_um
@@ -158,7 +158,7 @@ def test_a_part_that_sticks_to_one_arm_is_released_on_the_other_first(
 def test_a_part_too_heavy_for_the_friction_of_the_arms_is_lost_to_both(
     density_kg_per_m3: float, outcome: str
 ) -> None:
-    """Of µ = 0.3 the heavy one wants 6 mN of both arms, and the path goes down to 4 mN."""
+    """At µ = 0.3 the heavy part needs 6 mN from both arms, and the path goes down to 4 mN."""
     assert RIG.simulation is not None
     assert RIG.simulation.part is not None
     update = {"friction": 0.3, "density_kg_per_m3": density_kg_per_m3, "lift_after_s": 0.1}

@@ -1,7 +1,7 @@
-"""``free_response`` of arms that nobody knows, with loops of 5 to 45 % and outputs with little lag.
+"""``free_response`` of unknown arms, with loops of 5 to 45 % and outputs with little lag.
 
-The rigs are drawn by seed. A part that is left in the way must be found before it is pressed with
-6 mN, and a free arm must go its whole way. The long tables run in ``make soak``.
+The rigs are drawn by seed. A part that is left in the path must be found before it is pressed with
+6 mN, and a free arm must complete its motion. The long tests run in ``make soak``.
 """
 
 from itertools import product
@@ -27,13 +27,13 @@ from tests.support.twenty_rigs import unknown_rig
 MOST_MN = 6.0
 PLACES_UM = (4.0, 40.0)
 NOISE_UM = 0.03
-"""Of the sensor of arms of plays; that of the other classes is as low."""
+"""Sensor noise for play arms, in µm; it is as low for the other classes."""
 DRAWN_BY = 0x4611
 REQUESTED = {"kind": "calibrate", "calibration": "free_response", "most_V": 2.6}
 
 
 def drawn(seed: int, *, relays: bool) -> tuple[RigFile, float]:
-    """A rig and the place of a part, in µm, both by the seed."""
+    """Draw a rig and the position of a part, in µm, from the seed."""
     chance = np.random.default_rng((DRAWN_BY, seed, relays))
     rig = unknown_rig("slow", seed, relays=False)
     assert rig.simulation is not None
@@ -57,7 +57,8 @@ def drawn(seed: int, *, relays: bool) -> tuple[RigFile, float]:
 
 
 def course(rig: RigFile) -> tuple[str, float]:
-    """Outcome of the course, which reaches every place for the first time, and the peak force."""
+    """Return the outcome of the motion, which reaches every position for the first time, and the
+    peak force."""
     program = plan_job(REQUEST.validate_python(REQUESTED), rig).program
     ends = [segment.phase for segment in program.segments].index("before presses")
     published = ComposedLoop(rig).play(replace(program, segments=program.segments[:ends]))
@@ -66,17 +67,17 @@ def course(rig: RigFile) -> tuple[str, float]:
 
 
 def require_found(seed: int, *, relays: bool) -> None:
-    """Leave a part in the way."""
+    """Check that a part left in the path is found."""
     rig, place_um = drawn(seed, relays=relays)
     outcome, most_mN = course(with_part(rig, place_um))
     print(seed, relays, f"{place_um:.1f} µm", outcome, f"{most_mN:.2f} mN")
-    # An arm that goes farther than its limits is stopped there, perhaps before the part.
+    # An arm that moves beyond its limits is stopped there, perhaps before the part.
     assert most_mN < MOST_MN
     assert outcome == "contact" or (outcome == "overtravel" and most_mN == 0.0)
 
 
 def require_free(seed: int, *, relays: bool) -> None:
-    """Take the part away."""
+    """Check that the motion completes without the part."""
     rig, _ = drawn(seed, relays=relays)
     outcome, most_mN = course(with_part(rig, None))
     assert most_mN == 0.0
@@ -102,9 +103,9 @@ def test_sixty_unknown_arms_find_a_part_and_complete_a_free_motion(seed: int, re
 
 
 def play_arm(seed: int, contact_um: float | None, **more: Any) -> tuple[str, float, float]:
-    """Play the course on an arm of the campaign.
+    """Play the motion on an arm of the campaign.
 
-    Return its outcome, the peak force, and the force as it begins, in mN.
+    Return its outcome, the peak force, and the initial force, in mN.
     """
     arm = draw(seed)
     arm.arm.noise_um, arm.arm.drift_um_per_s = NOISE_UM, 0.0
@@ -123,7 +124,8 @@ def play_arm(seed: int, contact_um: float | None, **more: Any) -> tuple[str, flo
 
 
 def require_arm_of_plays(seed: int) -> None:
-    """Find a part in the way of an arm of plays, and let it go its whole way without one."""
+    """Check that a part in the path of a play arm is found, and that the arm completes its
+    motion without one."""
     place_um = float(np.random.default_rng((DRAWN_BY, seed)).uniform(*PLACES_UM))
     assert draw(seed).kind == "plays"
     outcome, most_mN, _ = play_arm(seed, place_um)
@@ -145,13 +147,14 @@ def test_twenty_arms_with_play_hysteresis_find_a_part_and_complete_a_free_motion
 
 
 PRESSED, TO_PRESS = (-8.0, -3.0), (5.0, 25.0)
-"""Places of a part that presses the arm at rest, and of one that the arm meets on its way."""
+"""Positions of a part that presses the arm at rest, and of one that the arm meets during its
+motion."""
 BENT = 1053
-"""An arm of relays that bends near saturation as if it met a soft part."""
+"""A relay arm whose curve bends near saturation as if it met a soft part."""
 
 
 def require_pressing_found(seed: int) -> None:
-    """Begin with a part that presses the arm at rest, as a part that is held or left in place."""
+    """Check that a part is found that presses the arm at rest, such as a held or forgotten part."""
     for place_um in PRESSED:
         outcome, most_mN, begin_mN = play_arm(seed, place_um)
         assert outcome == "contact"
@@ -159,7 +162,7 @@ def require_pressing_found(seed: int) -> None:
 
 
 def require_found_although_confirmed(seed: int) -> None:
-    """Leave a part where a person has stated that there is none."""
+    """Check that a part is found although a person has stated that there is none."""
     for place_um in (*PRESSED, *TO_PRESS):
         outcome, most_mN, begin_mN = play_arm(seed, place_um, no_part=True)
         assert outcome == "contact"
@@ -169,12 +172,14 @@ def require_found_although_confirmed(seed: int) -> None:
 
 
 def test_a_part_that_presses_the_arm_at_the_start_is_found() -> None:
-    """It is no kink on new ground: such parts were pressed with 70 mN to the end of the course."""
+    """There is no kink in newly reached positions: such parts were pressed with 70 mN to the end
+    of the motion."""
     require_pressing_found(7002)
 
 
 def test_a_part_is_found_although_a_person_has_confirmed_that_there_is_none() -> None:
-    """7.4 mN where the touch limit was twice the contact force for that, and 70 mN without one."""
+    """The force reaches 7.4 mN if the contact limit is twice the contact force in this case, and
+    70 mN without one."""
     require_found_although_confirmed(7001)
 
 

@@ -1,7 +1,7 @@
 """The first zero after a restart of all programs may hide a part that presses the resting arm.
 
-The arm and its instruments live on, and no program knows an earlier zero. The demo rig's model has
-no conditioning strokes. Only time is virtual.
+The arm and its instruments keep their state, and no program knows an earlier zero. The demo rig's
+model has no conditioning strokes. Only time is virtual.
 """
 
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ GRIP: dict[str, Any] = {"kind": "grip", "force_mN": 15.0, "hold_s": 0.6}
 FREE: dict[str, Any] = {"kind": "move", "to_um": 2.0, "speed_um_per_s": 20.0}
 PRESSES_UM = -0.8
 LEAST_MN = 5.0
-"""Planned force that the demo rig can still seek a part for."""
+"""Smallest planned force with which the demo rig can still search for a part, in mN."""
 OVER = 1.1
 """Largest true force, as a multiple of the planned one."""
 

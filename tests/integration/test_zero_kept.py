@@ -1,4 +1,5 @@
-"""A part that presses the arm between two jobs is never zeroed away, however often one starts."""
+"""A part that presses the arm between two jobs is never included in the zero, however often a
+job starts."""
 
 from pathlib import Path
 
@@ -16,7 +17,7 @@ LARGEST_MN = 1.1 * 15.0
 
 
 class Rig(Bench):
-    """A virtual rig that has gripped once, so that its force has had a good zero."""
+    """A virtual rig that has gripped once, so its force has a good zero."""
 
     def __init__(self, data: Path, drift_um_per_min: float = 0.0) -> None:
         scripted = laid_over(SHORT, {"simulation": {"scripts": True}})
@@ -55,7 +56,7 @@ def test_a_part_that_presses_at_rest_stops_every_grip(
         pressed_mN.append(rig.truth[-1].arms[0].force_mN)
         assert rig.estimates[-1].arms[0].force_mN == pytest.approx(pressed_mN[-1], abs=1.5)
         assert rig.estimates[-1].arms[0].zero_age_s is None
-    # The law holds the arm where it stands, so that it presses no harder with each try.
+    # The law keeps the arm in place, so that it presses no harder with each attempt.
     assert max(pressed_mN) < pressed_mN[0] + 1.0
 
 

@@ -1,4 +1,4 @@
-"""Zero return on the demo rig: force read when the free arm is back where it was zeroed."""
+"""Zero return on the demo rig: the force when the free arm is back at the position of its zero."""
 
 import pytest
 
@@ -11,7 +11,7 @@ from tests.support.slips import Played, played
 
 
 def returned(job: Played, **model: float) -> ZeroReturn | None:
-    """The zero return of a job, on a rig with other errors of its free response."""
+    """Return the zero return of a job, on a rig with other errors of its free response."""
     rig = job.rig
     free = rig.model.free_response
     assert free is not None
@@ -31,7 +31,8 @@ def test_an_undisturbed_grip_is_verified(profile: str) -> None:
 
 
 def test_a_drift_of_the_sensor_in_the_hold_leaves_the_grip_unverified() -> None:
-    """The drift of 1.2 µm is held as 1.3 mN too little; no step of the position shows it."""
+    """The drift of 1.2 µm makes the held force 1.3 mN too small; no step of the position reveals
+    it."""
     job = played({"drift": {"slope_um_per_s": 0.3}}, hold_s=4.0)
     assert job.outcome == "gripped"
     found = returned(job, return_error_um=0.1)

@@ -37,7 +37,7 @@ KILLED = ("killed", "timeout", "caught by type check")
 
 
 def laid_out(place: Path) -> None:
-    """Copy what is mutated, what it needs and its tests."""
+    """Copy the mutated code, its dependencies and its tests."""
     skip = shutil.ignore_patterns("__pycache__", *SEARCHES)
     for source in PACKAGES:
         target = place / "src" / Path(source).name
@@ -52,7 +52,7 @@ def laid_out(place: Path) -> None:
 
 
 def mutmut(place: Path, *words: str) -> str:
-    """Run a command of mutmut; its output."""
+    """Run a command of mutmut; returns its output."""
     command = (sys.executable, "-m", "mutmut", *words)
     done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -62,14 +62,14 @@ def mutmut(place: Path, *words: str) -> str:
 
 
 def outcomes(place: Path) -> dict[str, str]:
-    """What became of each mutant, by name."""
+    """Return the outcome of each mutant, by name."""
     lines = mutmut(place, "results", "--all", "true").splitlines()
     pairs = [line.strip().rsplit(": ", 1) for line in lines if ": " in line]
     return {pair[0]: pair[1] for pair in pairs}
 
 
 def judged(place: Path, patterns: Sequence[str]) -> int:
-    """Print the survivors and compare them with the register; the exit status."""
+    """Print the survivors and compare them with the register; returns the exit status."""
     found = {name: end for name, end in outcomes(place).items() if end != "not checked"}
     survivors = sorted(name for name, end in found.items() if end not in KILLED)
     reasons: dict[str, str] = tomllib.loads(REGISTER.read_text(encoding="utf-8"))
@@ -85,7 +85,7 @@ def judged(place: Path, patterns: Sequence[str]) -> int:
 
 
 def main(patterns: Sequence[str]) -> int:
-    """Lay out, mutate, judge."""
+    """Copy, mutate and compare."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         laid_out(place)

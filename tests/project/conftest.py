@@ -1,4 +1,4 @@
-"""What the tests of the tree share: where it is, which files belong to it, its settings."""
+"""Shared by the tests of the source tree: its location, its files and its settings."""
 
 import shutil
 import subprocess
@@ -18,7 +18,7 @@ def root() -> Path:
 
 @pytest.fixture(scope="session")
 def files(root: Path) -> list[Path]:
-    """Files that are tracked, or would be."""
+    """Files that are tracked, or untracked and not ignored."""
     if shutil.which("git") is None or not (root / ".git").exists():
         pytest.skip("no git checkout: which files belong to the tree is not known")
     command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]

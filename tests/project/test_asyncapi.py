@@ -1,4 +1,4 @@
-"""The committed AsyncAPI document is what the topics say, whole and sound."""
+"""The committed AsyncAPI document matches the topics and is complete and valid."""
 
 import asyncio
 import json
@@ -57,7 +57,7 @@ def references(node: Any) -> Iterator[str]:
 
 
 def found(whole: Json, reference: str) -> Any:
-    """What a reference leads to; KeyError where that is nowhere."""
+    """Return the target of a reference; raises KeyError if there is none."""
     node: Any = whole
     for part in reference.removeprefix("#/").split("/"):
         node = node[part]

@@ -1,4 +1,4 @@
-"""A bench that cannot be measured says which number is wrong, its limit and what to give."""
+"""A bench with invalid arguments reports the wrong number, its limit and a valid value."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""README, Makefile and CI name the same commands; documents name what the command line knows."""
+"""README, Makefile and CI name the same commands; documents use existing commands and options."""
 
 import re
 import runpy
@@ -49,7 +49,7 @@ def test_the_command_line_page_is_up_to_date(root: Path) -> None:
 
 
 def of_contrib(root: Path) -> set[tuple[str, ...]]:
-    """Return how command lines begin that packages of contrib add."""
+    """Return the first words of the commands that packages of contrib add."""
     found: set[tuple[str, ...]] = set()
     for path in root.glob("contrib/*/pyproject.toml"):
         points = tomllib.loads(path.read_text("utf-8"))["project"].get("entry-points", {})

@@ -1,4 +1,5 @@
-"""The compose files run the programs there are, each with a health check, bounds and no rights."""
+"""The compose files run the existing programs, each with a health check, limits and no
+privileges."""
 
 import re
 import shutil
@@ -18,7 +19,7 @@ from tests.support.contained import PROFILES, contained
 
 HOLDS_THE_NETWORK = "loopback"
 OF_THE_LOOP = (*LOOP, "rig", "router")
-"""What the image `pincette-loop` is for."""
+"""Programs for which the image `pincette-loop` is made."""
 OVERLAYS = ("listen", "offline", "real-rig", "real-time", "secure")
 Tree = dict[str, Any]
 
@@ -39,7 +40,7 @@ def every(compose: Tree) -> dict[str, Tree]:
 
 @pytest.fixture(scope="module")
 def services(every: dict[str, Tree]) -> dict[str, Tree]:
-    """Those that are up without a profile."""
+    """Services that are up without a profile."""
     return {name: one for name, one in every.items() if "profiles" not in one}
 
 
@@ -60,7 +61,7 @@ def test_every_container_has_limits_and_no_privileges(every: dict[str, Tree]) ->
         assert service["cap_drop"] == ["ALL"], name
         assert service["security_opt"] == ["no-new-privileges:true"], name
         assert service["init"] is True, name
-        # One ends with the program of the agent that has started it.
+        # One container ends with the agent program that has started it.
         assert service["restart"] == ("no" if name == "agents" else "unless-stopped"), name
         assert re.fullmatch(r"\d+[mg]", service["mem_limit"]), name
         assert service["memswap_limit"] == service["mem_limit"], name
@@ -125,7 +126,7 @@ def test_a_profile_adds_a_server_and_its_port_and_nothing_else(every: dict[str, 
 def test_all_data_goes_into_one_volume(compose: Tree, services: dict[str, Tree]) -> None:
     assert compose["volumes"] == {"data": None}
     writing = {name for name, one in services.items() if one.get("command", [])[2:] != []}
-    # The actuator notes how it ended, and reads that when it starts.
+    # The actuator stores how it ended, and reads that when it starts.
     assert writing == {"actuator", "recorder", "supervisor"}
     assert all(services[name]["command"][2:] == ["--data", "/data"] for name in writing)
     assert {name for name, one in services.items() if one.get("volumes") == ["data:/data"]} == (
@@ -179,7 +180,7 @@ def test_the_files_are_valid(root: Path, name: str, monkeypatch: pytest.MonkeyPa
         assert set(overlay(root, name)) <= known
     docker = shutil.which("docker")
     if docker is None or _ran([docker, "compose", "version"], root).returncode:
-        # An engine may come without this plug-in; what else the file must be is tested without it.
+        # An engine may lack this plug-in; the rest of the file is tested without it.
         pytest.skip("no docker compose here: its files are read, but not validated")
     done = _ran([docker, "compose", *over, "config", "--quiet"], root)
     assert done.returncode == 0, done.stderr

@@ -48,7 +48,7 @@ def test_every_fence_is_of_a_known_language() -> None:
 
 
 def rig_of(tables: dict[str, Any], root: Path) -> None:
-    """Lay tables over a rig file and check what comes of it; raises ConfigError."""
+    """Merge tables into a rig file and validate the result; raises ConfigError."""
     base = tables.pop("base", "deploy/rigs/demo.toml")
     below = tomllib.loads((root / base).read_text(encoding="utf-8"))
     parse_rig(laid_over(below, tables))

@@ -1,4 +1,5 @@
-"""The page of equations: none of the paper's is missing, and each leads to what it says."""
+"""The page of equations lists all equations of the paper, and each entry links to its code and
+tests."""
 
 import ast
 import importlib
@@ -26,7 +27,7 @@ RANGE = re.compile(r"\((\d+)\) to \((\d+)\)")
 class Row(NamedTuple):
     number: int
     where: str
-    """Third cell."""
+    """Third cell of the row."""
     whole: str
 
 
@@ -40,7 +41,7 @@ def rows(root: Path) -> list[Row]:
 
 
 def resolve(path: str) -> tuple[ModuleType, Any]:
-    """The module that a dotted path begins with, and what the rest of it names."""
+    """Return the module at the start of a dotted path, and the rest of the path."""
     parts = path.split(".")
     for end in range(len(parts), 0, -1):
         try:
@@ -55,7 +56,7 @@ def resolve(path: str) -> tuple[ModuleType, Any]:
 
 
 def docstrings(thing: Any) -> Iterator[str]:
-    """Its own, and those under the fields of a class."""
+    """Return the docstring of an object, and those of its fields if it is a class."""
     yield inspect.getdoc(thing) or ""
     if inspect.isclass(thing):
         (tree,) = ast.parse(inspect.getsource(thing)).body

@@ -1,4 +1,5 @@
-"""The how-to's package: its page shows its files, and once installed it is listed and opened."""
+"""The how-to guide's package: its page shows its files, and once installed it is listed and
+opened."""
 
 import os
 import re
@@ -31,7 +32,7 @@ def page(root: Path) -> str:
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder that the package is installed in."""
+    """Folder in which the package is installed."""
     return installed("driver", tmp_path_factory)
 
 

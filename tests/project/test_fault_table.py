@@ -1,4 +1,4 @@
-"""The fault table names every row, and tests that are there."""
+"""The fault table has every row, and names tests that exist."""
 
 import ast
 from pathlib import Path
@@ -9,7 +9,7 @@ NUMBERS = 40
 
 
 def functions(path: Path) -> set[str]:
-    """Names of the tests in a file."""
+    """Return the names of the tests in a file."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     return {item.name for item in ast.walk(tree) if isinstance(item, ast.FunctionDef)}
 

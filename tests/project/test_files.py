@@ -1,4 +1,4 @@
-"""Every file of the tree: its size, what it must not name, where its links lead."""
+"""Rules for every file of the tree: its size, forbidden names, and valid links."""
 
 import ast
 import re
@@ -18,7 +18,7 @@ CODE = re.compile(r"`[^`\n]*`")
 
 
 def text_of(path: Path) -> str:
-    """The text of a file; empty where it is none."""
+    """Return the text of a file; empty if it is binary."""
     try:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError:
@@ -38,7 +38,7 @@ def test_no_file_contains_a_package_index_or_a_name_of_this_machine(
 
 
 def anchors(path: Path) -> set[str]:
-    """Anchors of the headings of a Markdown file, as they are made from their words."""
+    """Return the anchors of the headings of a Markdown file, which are made from their words."""
     headings = re.findall(r"^#+ +(.*)$", text_of(path), re.MULTILINE)
     words = (re.sub(r"[^\w\- ]", "", heading.lower()) for heading in headings)
     return {heading.strip().replace(" ", "-") for heading in words}
@@ -62,7 +62,7 @@ def test_no_document_has_a_dead_link(files: list[Path], root: Path) -> None:
 
 
 def undocumented(tree: ast.AST) -> Iterator[str]:
-    """Public functions and classes without a docstring."""
+    """Return the public functions and classes without a docstring."""
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
             if ast.get_docstring(node) is None:

@@ -1,4 +1,4 @@
-"""``make findings`` runs every script of the folder, and fails where one does."""
+"""``make findings`` runs every script of the folder, and fails if one fails."""
 
 import os
 import stat

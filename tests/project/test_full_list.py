@@ -1,4 +1,5 @@
-"""What `make test` leaves out: no line of its list names a test that has gone, and time ends it."""
+"""The list of tests that `make test` leaves out: every line names an existing test, and a time
+limit ends the run."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Images are filled from the pins that are tested, and hold what their programs need."""
+"""Images install the tested pins, and contain what their programs need."""
 
 import re
 import shutil
@@ -40,7 +40,7 @@ roots = {name.partition(".")[0] for name in sys.modules}
 print(*sorted({one for root in roots for one in where.get(root, ())}))
 """
 NOT_OURS = {"pincette", "pincette-client", "setuptools", "pip"}
-"""What is imported in a development environment alone, and ourselves."""
+"""Modules that are imported only in a development environment, and our own."""
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +69,7 @@ PLACES = [
 
 
 def held(root: Path, name: str, place: dict[str, str]) -> set[str]:
-    """The pins that hold in a place."""
+    """Return the pins that apply to a platform."""
     return {
         f"{canonicalize_name(one.name)}{one.specifier}"
         for one in pins(root, name)
@@ -132,7 +132,7 @@ def test_the_loop_installs_exactly_the_packages_that_its_programs_import(
     imported = {canonicalize_name(name) for name in done.stdout.split()} - NOT_OURS
     held = names(root, "loop")
     assert imported - held == set()
-    # One that another needs may be imported when it is first used.
+    # A module that another one needs may be imported when it is first used.
     assert held - imported <= {"pycparser"}
     group = {canonicalize_name(name) for name in pyproject["dependency-groups"]["loop"]}
     assert group < names(root, "run")
@@ -174,7 +174,7 @@ def serves(root: Path, proc: Path, *asked: str) -> "subprocess.CompletedProcess[
 
 @pytest.fixture
 def own(tmp_path: Path) -> Path:
-    """What a container sees of the network, and of one process that sleeps."""
+    """Return the view of a container: its network and one sleeping process."""
     (tmp_path / "1").mkdir()
     (tmp_path / "net").symlink_to("/proc/self/net", target_is_directory=True)
     (tmp_path / "1/status").write_text("Name:\tpincette\nState:\tS (sleeping)\n")
@@ -182,12 +182,12 @@ def own(tmp_path: Path) -> Path:
 
 
 def opened(place: Path) -> Path:
-    """The same, with the files and sockets that this process has open now."""
+    """Return the same with the files and sockets that this process has open now."""
     folder = place / "1/fd"
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     for one in Path("/proc/self/fd").iterdir():
-        with suppress(OSError):  # of the listing itself, which is closed already
+        with suppress(OSError):  # the descriptor of the listing itself is closed already
             (folder / one.name).symlink_to(one.readlink())
     return place
 

@@ -1,4 +1,4 @@
-"""When .venv is filled again, what is installed from where, and what is printed meanwhile."""
+"""Updates of .venv: when it is rebuilt, from which sources, and which progress is printed."""
 
 import os
 import re
@@ -101,7 +101,7 @@ def test_runtime_packages_are_installed_without_test_packages(root: Path) -> Non
 
 
 def python_of(root: Path, version: str, **environment: str) -> "subprocess.CompletedProcess[str]":
-    """What requirements/python.sh finds, with no pyenv but the one that is named."""
+    """Return the Python that requirements/python.sh finds if only the given pyenv exists."""
     bare = {name: text for name, text in os.environ.items() if not name.startswith("PYTHON")}
     return subprocess.run(
         ["sh", str(root / "requirements/python.sh"), version],

@@ -1,4 +1,4 @@
-"""The page of keys is the one that pincette.core.topics makes."""
+"""The page of keys matches pincette.core.topics."""
 
 import runpy
 from collections.abc import Callable

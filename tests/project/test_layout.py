@@ -60,7 +60,7 @@ def test_packages_that_need_only_the_client_import_only_modules_of_its_wheel() -
             folders.append(project.parent / f"pincette_{project.parent.name}")
     assert len(folders) > len(kept)
     modules = [name.removesuffix(".py").replace("/", ".") for name in kept]
-    # An __init__.py brings the names it defines, and no other file of its folder.
+    # An __init__.py imports the names it defines, and no other file of its folder.
     bare = {name.removesuffix(".__init__") for name in modules if name.endswith(".__init__")}
     missing = {
         (str(source.relative_to(ROOT)), name)
@@ -117,6 +117,6 @@ def test_an_extra_installs_the_package_of_contrib(path: Path, pyproject: dict[st
     project = tomllib.loads(path.read_text(encoding="utf-8"))["project"]
     name, wanted = path.parent.name, [f"{project['name']}=={project['version']}"]
     found = [one["project"]["optional-dependencies"].get(name) for one in (pyproject, client)]
-    # An extra of the client is for what needs nothing else of pincette.
+    # An extra of the client is for packages that need nothing else of pincette.
     alone = any(one.startswith("pincette-client") for one in project["dependencies"])
     assert found == [None if name == "madsci" else wanted, wanted if alone else None]

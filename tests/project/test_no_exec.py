@@ -1,4 +1,4 @@
-"""No program of the product makes code out of text."""
+"""No program of the product executes text as code."""
 
 import ast
 from pathlib import Path
@@ -9,7 +9,7 @@ FILES = sorted(path for part in ("shared", "services") for path in (ROOT / part)
 
 
 def made_of_text(source: str) -> list[int]:
-    """Lines that name a builtin which runs text."""
+    """Return the lines that name a builtin which executes text."""
     return [
         node.lineno
         for node in ast.walk(ast.parse(source))

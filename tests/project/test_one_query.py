@@ -7,9 +7,9 @@ from pathlib import Path
 QUERIES = {"declare_querier"}
 ONE = "shared/pincette/bus/query.py"
 EXAMPLE = "docs/examples/latest.py"
-"""Shows readers who do not use pincette the same call."""
+"""Shows the same call to readers who do not use pincette."""
 MATCHING = "shared/pincette/bus/zenoh_bus.py"
-"""Declares a querier to see whether a queryable is there; sends no query by it."""
+"""Declares a querier to find out whether a queryable exists; sends no query with it."""
 ARGUMENTS = {"target", "consolidation", "attachment", "timeout"}
 
 

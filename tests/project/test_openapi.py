@@ -1,4 +1,4 @@
-"""The committed OpenAPI document is what the supervisor says of itself."""
+"""The committed OpenAPI document matches the supervisor's own description."""
 
 import json
 from collections.abc import Iterator

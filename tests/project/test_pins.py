@@ -13,7 +13,7 @@ HASH = re.compile(r"^    --hash=sha256:[0-9a-f]{64}(?: \\)?$")
 
 
 def pinned(root: Path, name: str = "dev") -> tuple[dict[str, list[Requirement]], list[str]]:
-    """The pins by name, and the lines that are neither a pin nor a hash."""
+    """Return the pins by name, and the lines that are neither a pin nor a hash."""
     pins: dict[str, list[Requirement]] = {}
     odd: list[str] = []
     lines = (root / f"requirements/{name}.txt").read_text(encoding="utf-8").splitlines()

@@ -1,4 +1,4 @@
-"""The generated pages of REST and of the rig file leave nothing out, and say no wrong unit."""
+"""The generated pages of REST and of the rig file are complete, and state the right units."""
 
 import json
 import re
@@ -28,7 +28,7 @@ def configuration(root: Path) -> str:
 
 
 def part(page: str, head: str) -> str:
-    """What stands below a heading."""
+    """Return the text below a heading."""
     return re.split(r"^##", page.split(f"\n{head}\n", 1)[1], maxsplit=1, flags=re.MULTILINE)[0]
 
 
@@ -61,7 +61,7 @@ def test_every_link_within_a_page_is_resolved(page: str, request: pytest.Fixture
 
 
 def keys(tree: dict[str, Any], path: str = "") -> Iterator[tuple[str, str]]:
-    """Each table and key of a rig file, as it was read."""
+    """Return each table and key of a rig file, as it was parsed."""
     for name, value in tree.items():
         place = f"{path}.{name}" if path else name
         if isinstance(value, dict) and name not in ("options", "required"):
@@ -80,7 +80,7 @@ def test_every_key_of_our_rig_files_is_listed(root: Path, configuration: str) ->
 
 
 def tables(kind: Any, seen: set[type[Table]]) -> set[type[Table]]:
-    """Every table that a rig file can have."""
+    """Return every table that a rig file can have."""
     if isinstance(kind, type) and issubclass(kind, Table) and kind not in seen:
         seen.add(kind)
         for field in kind.model_fields.values():

@@ -1,4 +1,4 @@
-"""Which failures of real time are run once more, and which stand."""
+"""Which failures in real-time tests are rerun once, and which count."""
 
 import subprocess
 import sys
@@ -96,9 +96,9 @@ def write(
     asks: str = "",
     elsewhere: float = 0.0,
 ) -> None:
-    """A file for each name, with one test that loses a race each odd time.
+    """Write a file for each name, with a test that loses a race in every odd run.
 
-    ``elsewhere`` is the part of a processor that programs of others use.
+    ``elsewhere`` is the share of a processor that other programs use.
     """
     (folder / "helpers.py").write_text(HELPERS, encoding="utf-8")
     (folder / "conftest.py").write_text(

@@ -1,4 +1,4 @@
-"""No branch of the safety module, or of the actuator around it, is without a unit test."""
+"""Every branch of the safety module, and of the actuator around it, is covered by a unit test."""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""The documentation site: built strictly, with every page in reach and every asset its own."""
+"""The documentation site is built strictly, every page is reachable, and all assets are local."""
 
 import os
 import re
@@ -19,7 +19,7 @@ IN_STYLE = re.compile(r"(?:@import\s+|url\()\s*[\"']?((?:[a-z]+:)?//[^\"')\s]+)"
 
 
 class Page(HTMLParser):
-    """What a page loads, where its links lead, and which places it has."""
+    """Resources that a page loads, targets of its links, and its anchors."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -74,7 +74,7 @@ def test_nothing_is_loaded_from_other_sites(site: Path, pages: dict[Path, Page])
 
 
 def followed(path: Path, page: Page) -> dict[Path, set[str]]:
-    """The files that a page links, with the places in them."""
+    """Return the files to which a page links, with the anchors in them."""
     found: dict[Path, set[str]] = {}
     for link in page.links:
         target, place = urldefrag(link)

@@ -1,4 +1,4 @@
-"""The units start every program of a rig, in words that the command line knows."""
+"""The systemd units start every program of a rig with existing commands."""
 
 import re
 import shlex
@@ -56,7 +56,7 @@ def test_each_target_starts_the_programs_that_up_starts_on_its_host(
         set(Fleet(rig, tmp_path, tmp_path, lambda _name, _line: None, server=server).names())
         for server in (False, True)
     )
-    assert wanted(units / "pincette-edge.target") == edge - {"rig"}  # which is simulated
+    assert wanted(units / "pincette-edge.target") == edge - {"rig"}  # the rig is simulated
     assert wanted(units / "pincette-server.target") == server
 
 

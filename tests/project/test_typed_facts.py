@@ -72,7 +72,8 @@ class TextReader(ast.NodeVisitor):
         self.generic_visit(node)
 
     def is_text(self, node: ast.expr) -> bool:
-        """Whether an expression is a text for people: of a field, or of a caught error."""
+        """Return whether an expression is a text for people: the text of a field, or of a caught
+        error."""
         if isinstance(node, ast.Attribute):
             return node.attr in FACTS or (node.attr == "args" and self.is_error(node.value))
         if isinstance(node, ast.Name):
@@ -95,12 +96,12 @@ class TextReader(ast.NodeVisitor):
         return False
 
     def is_error(self, node: ast.expr) -> bool:
-        """Whether an expression is the error that is being handled."""
+        """Return whether an expression is the error that is being handled."""
         return isinstance(node, ast.Name) and node.id in self.errors
 
 
 def has_text(node: ast.expr) -> bool:
-    """Whether an expression is written-out text, or a collection with some in it."""
+    """Return whether an expression is a string literal, or a collection that contains one."""
     if isinstance(node, ast.Tuple | ast.List | ast.Set):
         return any(map(has_text, node.elts))
     if isinstance(node, ast.JoinedStr):
@@ -109,14 +110,14 @@ def has_text(node: ast.expr) -> bool:
 
 
 def texts_read(source: str) -> list[int]:
-    """Lines of a Python file that compare or search a text for people."""
+    """Return the lines of a Python file that compare or search a text for people."""
     reader = TextReader()
     reader.visit(ast.parse(source))
     return reader.lines
 
 
 def texts_read_by_script(source: str) -> list[int]:
-    """The same of a file of the page."""
+    """Return the lines of a script of the page that compare or search a text for people."""
     return [source.count("\n", 0, found.start()) + 1 for found in SCRIPT.finditer(source)]
 
 

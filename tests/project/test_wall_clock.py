@@ -1,4 +1,4 @@
-"""Row 16: nothing in the loop reads a wall clock, so that setting it can have no effect there."""
+"""Row 16: no program of the loop reads a wall clock, so setting it cannot affect the loop."""
 
 import ast
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ NOT_IN_A_TICK = {
 
 
 def readers() -> Iterator[str]:
-    """Every place that could read one."""
+    """Return every place in the code that could read one."""
     for place in LOOP:
         root = ROOT / place
         for path in sorted(root.rglob("*.py")) if root.is_dir() else [root]:

@@ -1,4 +1,4 @@
-"""A rig in one process that plays several jobs, each recorded as a recorder would."""
+"""A rig in one process that plays several jobs, each recorded as by the recorder."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -27,7 +27,7 @@ Watch = Callable[["Desk", Telemetry | Applied], None]
 
 
 class Desk:
-    """A rig, and a person who acts by what it says."""
+    """A rig, and a person who acts on its messages."""
 
     def __init__(self, rig: RigFile) -> None:
         self.rig = rig
@@ -61,11 +61,11 @@ class Desk:
         return [item for item in selected if item.epoch == epoch]
 
     def act(self, action: str) -> None:
-        """Ask the controller."""
+        """Request an action of the controller."""
         self.loop.bus.call(ACTION, Action(ActionCode(action)))
 
     def trip(self) -> None:
-        """Ask the actuator for its safe state."""
+        """Request the safe state from the actuator."""
         self.loop.bus.call(TRIP, Trip(Cause.ESTOP))
 
     def reset(self) -> None:
@@ -74,11 +74,11 @@ class Desk:
 
 
 def nobody(_desk: Desk, _message: Telemetry | Applied) -> None:
-    """Look at nothing."""
+    """Do nothing."""
 
 
 def at(phase: str, tick: int, do: Callable[[Desk], None]) -> Watch:
-    """Do something at a tick of a phase, of whichever segment."""
+    """Act at a tick of a phase, in any segment."""
 
     def watch(desk: Desk, message: Telemetry | Applied) -> None:
         if isinstance(message, Telemetry) and message.playing:
@@ -90,7 +90,7 @@ def at(phase: str, tick: int, do: Callable[[Desk], None]) -> Watch:
 
 
 def recorded(folder: Path, rig: RigFile, messages: list[Message], epoch: int) -> Recording:
-    """The messages once they have been in a record, with the rig file."""
+    """Return the messages as they are read from a record, with the rig file."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "job.mcap"
     period_s = rig.rig.period_s

@@ -97,7 +97,7 @@ NUMBERS: dict[type[Message], tuple[str, ...]] = {
 
 
 class Play(NamedTuple):
-    """A program to play, and what a person does meanwhile."""
+    """A program to play, and the actions of a person meanwhile."""
 
     name: str
     rig: RigFile
@@ -159,7 +159,7 @@ def plays() -> Sequence[Play]:
 
 
 def number(message: Message, path: str) -> bytes:
-    """Return the bits of a number of a message; of none where the field is absent."""
+    """Return the bits of a number of a message; empty if the field is absent."""
     name, _, of_arm = path.partition(".")
     value: Any = getattr(message, name)
     if of_arm:

@@ -1,9 +1,9 @@
-"""Makes the record that is kept in the tree: a second grip, let go by hand, of the demo rig.
+"""Make the record that is stored in the tree: a second grip of the demo rig, released by hand.
 
-    python -m tests.replay.golden
+python -m tests.replay.golden
 
-It is made anew only where a service is meant to give something else, or a record to hold something
-else; that older records can be read must not end with it.
+Run it again only if a service is meant to give other numbers, or a record to contain other data;
+older records must remain readable.
 """
 
 import sys
@@ -19,7 +19,7 @@ EPOCH = 2
 
 
 def make(folder: Path) -> None:
-    """Play, and write ``job.mcap``."""
+    """Play the job and write ``job.mcap``."""
     desk = Desk(demo_rig(time="lockstep"))
     short = GripJobRequest(kind="grip", profile="gentle", hold_s=0.2, load_s=0.3)
     desk.play(plan_job(short, desk.rig).program, 1)

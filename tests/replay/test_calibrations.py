@@ -1,4 +1,5 @@
-"""Calibrations are repeated as other jobs are: with a person's hands, and with a played wave."""
+"""Calibrations are replayed like other jobs: with the actions of a person, and with a played
+wave."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""Grips that an instrument spoils: also what the actuator made of it is repeated."""
+"""Grips with a faulty instrument: the replay also repeats the actuator's reaction."""
 
 import pytest
 

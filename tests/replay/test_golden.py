@@ -1,4 +1,4 @@
-"""A record of an earlier version can be read, and repeated to its end."""
+"""A record of an earlier version can be read and replayed to its end."""
 
 import pytest
 
@@ -9,7 +9,8 @@ from pincette.engine.replay.steps import STEPS
 from tests.replay.golden import FOLDER
 
 LAST_BITS = 1e-9
-"""Share by which another processor's exp and log may differ; see the laws' own tests."""
+"""Largest relative difference between the exp and log of two processors; see the laws' own
+tests."""
 
 
 @pytest.mark.parametrize("name", STEPS)

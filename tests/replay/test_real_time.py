@@ -1,4 +1,4 @@
-"""Real time, where samples are late or lost: each step is repeated with what it had then."""
+"""Real time, with late or lost samples: each step is replayed with the inputs that it had."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -28,24 +28,25 @@ from tests.replay.desk import recorded
 from tests.support.rigs import demo_rig
 
 RIG = demo_rig({"safety": {"following_um": 1000.0}})
-"""The positions are canned, and follow no voltage."""
+"""Rig whose positions are prerecorded, and do not follow the voltage."""
 LOCKSTEP = RIG.model_copy(update={"rig": RIG.rig.model_copy(update={"time": "lockstep"})})
 PLANNED = plan_job(
     GripJobRequest(kind="grip", profile="gentle", hold_s=0.4, load_s=0.5), RIG
 ).program
 PROGRAM = replace(PLANNED, segments=tuple(replace(one, guarded=False) for one in PLANNED.segments))
-"""Such positions would pass for touches."""
+"""Program without contact detection, since such positions would be mistaken for contacts."""
 PERIOD_S = RIG.rig.period_s
 NO_PARTNER = {40, 41, 90, 200}
-"""Ticks whose estimate is made before the voltage of the tick before has come."""
+"""Ticks whose estimate is made before the voltage of the previous tick has arrived."""
 PASSED_OVER = {60, 150}
 """Ticks whose estimate never reaches the controller."""
 TWICE = {75, 120, 300}
-"""Ticks that are answered by the clock, and then by their command, which the next one misses."""
+"""Ticks that are processed at the timeout, and then again with their command, which the next
+tick misses."""
 
 
 class Loop:
-    """Three services in real time, on positions that were recorded and a clock that is made."""
+    """Three services in real time, with recorded positions and an artificial clock."""
 
     def __init__(self) -> None:
         self.said: list[Message] = []
@@ -73,10 +74,10 @@ class Loop:
         return self._say(self.runners[name].fire(now) or ())
 
     def tick(self, position: Position) -> None:
-        """Sample k through all three."""
+        """Pass sample k through all three services."""
         k, now = position.seq, position.seq * PERIOD_S
         self._say([position])
-        answers = self._step("actuator", position, now)  # at once where the program is over
+        answers = self._step("actuator", position, now)  # immediately if the program has ended
         estimator = self.runners["estimator"]
         if k not in NO_PARTNER:
             estimator.take(self.partner, now)

@@ -31,7 +31,7 @@ FOUND = Calibration(values={"model.compliance_um_per_mN": 0.47, "model.creep_mN_
 
 
 def pause_and_resume(desk: Desk, message: Telemetry | object) -> None:
-    """Pause in the hold, go on some ticks later, and let go after that."""
+    """Pause in the hold, resume some ticks later, and then release."""
     if not isinstance(message, Telemetry) or message.phase != "hold":
         return
     for tick, action in ((5, "pause"), (30, "release")):

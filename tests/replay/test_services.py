@@ -1,4 +1,4 @@
-"""A recorded run, played through one service alone, gives what that service had given."""
+"""One service, given a recorded run, publishes what it had published in that run."""
 
 from functools import cache
 
@@ -26,7 +26,7 @@ PROGRAMS = {
 
 @cache
 def recorded(what: str) -> tuple[Message, ...]:
-    """Every message of a whole grip, in order."""
+    """Return every message of a whole grip, in order."""
     return recording(*PROGRAMS[what])
 
 

@@ -1,4 +1,4 @@
-"""Jobs of a rig of two arms, whose outputs have steps of their own: records repeat themselves."""
+"""Jobs of a rig of two arms, whose outputs have different steps: their records are reproduced."""
 
 from functools import cache
 from pathlib import Path
@@ -15,7 +15,7 @@ from tests.replay.desk import Desk, Watch, at, nobody, recorded
 from tests.support.two_arms import play, short_grip, two_arm_rig
 
 COARSE_V = 0.004
-"""Step of the second output, which is no multiple of the first's."""
+"""Step of the second output, in V, which is not a multiple of the first output's step."""
 RIG = two_arm_rig(
     {"safety": {"freeze_s": 0.2}},
     {"second": {"output": {"step_V": COARSE_V}}},
@@ -24,7 +24,7 @@ RIG = two_arm_rig(
 
 
 def stop_and_let_go(desk: Desk, message: Telemetry | Applied) -> None:
-    """Stop in the hold, which keeps the part, and let it go a little later."""
+    """Stop in the hold, which keeps the part, and release it a little later."""
     if not isinstance(message, Telemetry) or not message.playing or message.phase != "hold":
         return
     if message.segment_tick == 10:
@@ -74,7 +74,7 @@ def test_the_state_that_both_arms_carry_into_an_epoch_is_recorded() -> None:
 
 
 def of_second(rig: RigFile) -> tuple[list[float], list[float], list[float]]:
-    """Voltages of the second arm: commanded, applied, and used by its estimator."""
+    """Return voltages of the second arm: commanded, applied, and used by its estimator."""
     messages, _ = play(changes=rig.model_dump(mode="json", include={"second", "simulation"}))
     by_seq = {item.seq: item for item in messages if isinstance(item, Applied)}
     seqs = [seq for seq, item in sorted(by_seq.items()) if item.answered]

@@ -1,1 +1,1 @@
-"""What several kinds of tests stand on."""
+"""Shared code of several kinds of tests."""

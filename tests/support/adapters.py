@@ -1,4 +1,4 @@
-"""A rig as the tests of orchestrators' adapters use it, and two of them with keys and TLS."""
+"""Rigs for the tests of orchestrators' adapters: one, and two of them with keys and TLS."""
 
 from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
@@ -18,14 +18,14 @@ from tests.support.running import RunningRig, running_rig
 
 FORCE_MN = 9.0
 NEAR_MN = 1.0
-"""How near a held force is to what was asked for."""
+"""Largest deviation of a held force from the requested one, in mN."""
 WAIT_S = 60.0
 SLOWLY: Tree = {"grip": {"approach_um_per_s": 4.0}}
 """An approach that is still running when a fault occurs."""
 
 
 def ports_of_adapters() -> Tree:
-    """Free ports for the servers that are programs of a rig."""
+    """Return free ports for the servers that are programs of a rig."""
     first = free_ports(2)
     return {"sila": {"port": first}, "foxglove": {"port": first + 1}}
 
@@ -34,14 +34,14 @@ def ports_of_adapters() -> Tree:
 def adapter_rig(
     folder: Path, changes: Tree | None = None, programs: Iterable[str] = ()
 ) -> Generator[RunningRig]:
-    """A rig in lockstep at the pace of real time, and some of the servers that go with it."""
+    """Start a rig in lockstep at the pace of real time, with some of the servers of its file."""
     with running_rig(paced_rig(laid_over(SHORT, changes or {})), folder) as running:
         running.fleet.start(programs)
         yield running
 
 
 def until(there: Callable[[], Any], what: str, timeout_s: float = WAIT_S) -> None:
-    """Wait until something is the case; raises AssertionError."""
+    """Wait until a condition is true; raises AssertionError."""
     deadline = monotonic() + timeout_s
     while not there():
         assert monotonic() < deadline, what
@@ -50,37 +50,37 @@ def until(there: Callable[[], Any], what: str, timeout_s: float = WAIT_S) -> Non
 
 @dataclass(frozen=True)
 class SecuredLaboratory:
-    """Rigs ``left`` and ``right`` under one supervisor that speaks TLS and wants keys."""
+    """Rigs ``left`` and ``right`` under one supervisor that uses TLS and requires keys."""
 
     rigs: Laboratory
     keys: dict[str, str]
-    """A key of each scope."""
+    """One key of each scope."""
     certificates: Folder
 
     @property
     def url(self) -> str:
-        """Of the supervisor."""
+        """URL of the supervisor."""
         return self.rigs.left.rig.supervisor.url
 
     @property
     def authority(self) -> Path:
-        """Whose certificate is believed."""
+        """Authority that clients trust."""
         return self.certificates.path / "authority.crt"
 
     def holds(self, rig: str) -> bool:
-        """True if a rig is reported to hold a part."""
+        """Return whether a rig reports a held part."""
         return self.rigs.rigs()[rig]["part"] == "held"
 
     def latched(self, rig: str) -> bool:
-        """Whether a rig is latched."""
+        """Return whether a rig is latched."""
         return self.view(rig)["latch"]["state"] in ("frozen", "ramping", "latched")
 
     def view(self, rig: str) -> dict[str, Any]:
-        """A rig over REST."""
+        """Return the state of a rig over REST."""
         return self.rigs.left.get(f"/rigs/{rig}")
 
     def ready(self) -> None:
-        """Clear the latches that a test has left, and let go of what it holds."""
+        """Clear the latches that a test has left, and release what the rig holds."""
         for rig in ("left", "right"):
             if self.latched(rig):
                 until(lambda rig=rig: self.view(rig)["latch"]["state"] == "latched", "moves still")
@@ -94,7 +94,7 @@ class SecuredLaboratory:
 
 @contextmanager
 def secured_laboratory(folder: Path) -> Generator[SecuredLaboratory]:
-    """Both rigs in lockstep, with certificates on the bus and over REST."""
+    """Start both rigs in lockstep, with certificates on the bus and over REST."""
     keys: dict[str, str] = {}
     for scope in ("observe", "operate", "admin"):
         added = pincette("key", "add", f"a-{scope}", "--scope", scope, "--data", folder / "data")

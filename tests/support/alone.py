@@ -1,4 +1,4 @@
-"""One service of a recorded run: a tape replaces its instrument, the record its inputs."""
+"""One service of a recorded run: a tape replaces its instrument, and the record its inputs."""
 
 from collections.abc import Sequence
 
@@ -14,13 +14,14 @@ EPOCH = 1
 
 
 def recording(rig: RigFile, program: Program) -> tuple[Message, ...]:
-    """Every message of a program played whole, in order, without what the simulation knows."""
+    """Return every message of a completely played program, in order, without the truth of the
+    simulation."""
     published = ComposedLoop(rig).play(program, EPOCH)
     return tuple(message for message in published if not isinstance(message, GroundTruth))
 
 
 class Tape:
-    """Both instruments at once: positions as recorded, voltages to nowhere."""
+    """Both instruments at once: positions as recorded, voltages are discarded."""
 
     def __init__(self, rig: RigFile, messages: Sequence[Message]) -> None:
         offset_um = rig.sensor.offset_um
@@ -33,27 +34,27 @@ class Tape:
         )
 
     def read_um(self) -> float:
-        """The next position of the recording."""
+        """Return the next position of the recording."""
         return next(self._positions_um)
 
     def read_V(self) -> float:
-        """As at the start of the recording."""
+        """Return the voltage at the start of the recording."""
         return 0.0
 
     def write_V(self, voltage_V: float) -> None:
-        """Accept anything."""
+        """Accept any voltage."""
 
     def write_parts(self, voltages_V: Sequence[float], interval_s: float) -> None:
-        """Accept anything."""
+        """Accept any voltages."""
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Do nothing: there is no port to close."""
 
 
 def service_alone(
     service: AnyService, rig: RigFile, program: Program, messages: Sequence[Message]
 ) -> tuple[Runner, list[Message]]:
-    """A service ready for the first sample, and what it has published on the way."""
+    """Return a service that is ready for the first sample, and its messages until then."""
     runner = Runner(service, rig, Tape(rig, messages) if service.instrument else None)
     published: list[Message] = []
     questions: list[Message] = [Arm(EPOCH, 1, rig.digest())]

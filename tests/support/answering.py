@@ -1,4 +1,4 @@
-"""An HTTP server in a thread that answers every POST as prepared, and keeps what was sent."""
+"""An HTTP server in a thread that sends prepared replies to every POST, and stores the requests."""
 
 import json
 import ssl
@@ -12,7 +12,7 @@ from typing import Any
 
 @dataclass
 class Answering:
-    """What the server answers, and what it was sent."""
+    """Replies of the server, and the requests that it received."""
 
     status: int = 200
     body: Any = None
@@ -29,7 +29,7 @@ class Answering:
 
 
 def stopped(*names: str) -> dict[str, Any]:
-    """The answer of a supervisor that has stopped rigs."""
+    """Return the reply of a supervisor that has stopped rigs."""
     return {
         "rigs": [
             {"rig": name, "cause": "estop", "acknowledged": True, "detail": ""} for name in names
@@ -55,7 +55,7 @@ def answering(
             self.wfile.write(sent)
 
         def log_message(self, *_: Any) -> None:  # type: ignore[override]
-            """Say nothing."""
+            """Do nothing."""
 
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
     if tls is not None:

@@ -1,4 +1,4 @@
-"""Strangers who connect and say nothing, or too little; all end with the block."""
+"""Unknown clients that connect and send nothing, or too little; all end with the block."""
 
 import socket
 from collections.abc import Generator, Sequence
@@ -6,16 +6,16 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 TLS_HELLO_BEGUN = bytes.fromhex("160301020001")
-"""The first bytes of a handshake that never comes to its end."""
+"""First bytes of a handshake that is never completed."""
 ZENOH_INIT_BEGUN = b"\x20\x00\x01"
-"""The first bytes of a session that is never opened."""
+"""First bytes of a session that is never opened."""
 
 
 @contextmanager
 def strangers(
     ports: Sequence[int], count: int, *, words: bytes = b"", stay: bool = True
 ) -> Generator[None]:
-    """``count`` connections to each port, as fast as they can be made."""
+    """Open ``count`` connections to each port, as fast as possible."""
     held: list[socket.socket] = []
     try:
         for _ in range(count):
@@ -36,10 +36,10 @@ def strangers(
 
 
 def _say(line: socket.socket, words: bytes) -> None:
-    with suppress(OSError):  # ended already, or not yet there
+    with suppress(OSError):  # ended already, or not yet started
         line.send(words)
 
 
 def descriptors(process: int | None = None) -> int:
-    """Open files of a process; of this one if none is given."""
+    """Return the number of open files of a process; of this one if none is given."""
     return sum(1 for _ in Path(f"/proc/{process or 'self'}/fd").iterdir())

@@ -1,4 +1,4 @@
-"""Limits of a message's numbers by their names, as docs/explanations/wire.md states them."""
+"""Limits of a message's numbers by field name, as docs/explanations/wire.md states them."""
 
 from collections.abc import Mapping
 
@@ -12,14 +12,14 @@ RANGES: Mapping[str, tuple[int, int]] = {
     "last_seq": (-1, LAST_SEQ),
     "at_seq": (-1, LAST_SEQ),
 }
-"""Whole numbers that count; seq -1 comes before the first sample."""
+"""Ranges of whole numbers; seq -1 precedes the first sample."""
 
 
 def largest(name: str) -> float:
-    """Largest magnitude of a number that has this name."""
+    """Return the largest magnitude of a number with this field name."""
     return LARGEST[unit_of(name)]
 
 
 def whole_range(name: str) -> tuple[int, int]:
-    """Smallest and largest whole number that may have this name."""
+    """Return the smallest and largest whole number with this field name."""
     return RANGES.get(name, (-LARGEST_INT, LARGEST_INT))

@@ -1,4 +1,4 @@
-"""A real browser at the page of a rig; it notes what the page says and asks for."""
+"""A real browser on the page of a rig; it records messages and requests of the page."""
 
 import shutil
 from collections.abc import Callable, Generator
@@ -28,7 +28,7 @@ TABLETS = ({"width": 1024, "height": 768}, {"width": 768, "height": 1024})
 
 @dataclass
 class Visit:
-    """A page, what it logged, and every address it asked."""
+    """A page, its log, and every address that it requested."""
 
     page: Page
     origin: str
@@ -36,7 +36,7 @@ class Visit:
     addresses: list[str] = field(default_factory=list[str])
 
     def text(self, place: str) -> str:
-        """What a part of the page says; empty where there is no such part."""
+        """Return the text of an element of the page; empty if there is none."""
         found = self.page.locator(place)
         return found.first.inner_text().strip() if found.count() else ""
 
@@ -47,7 +47,7 @@ class Visit:
         )
 
     def until_true(self, there: Callable[[], bool], words: str, timeout_s: float = 20.0) -> None:
-        """Wait until something is the case."""
+        """Wait until a condition is true."""
         deadline = monotonic() + timeout_s
         while not there():
             if monotonic() > deadline:
@@ -58,17 +58,17 @@ class Visit:
             self.page.wait_for_timeout(50)
 
     def foreign(self) -> list[str]:
-        """Addresses that are not the server's."""
+        """Return the requested addresses that are not the server's."""
         return [address for address in self.addresses if not address.startswith(self.origin)]
 
 
 def origin_of(rig: RigFile) -> str:
-    """Where the page of a rig is."""
+    """Return the origin of the page of a rig."""
     return f"http://{rig.supervisor.host}:{rig.supervisor.port}"
 
 
 def find_browser() -> str:
-    """Path of a browser; skips the test where there is none."""
+    """Return the path of a browser; skips the test if there is none."""
     path = next((path for name in NAMES if (path := shutil.which(name))), None)
     if path is None:
         pytest.skip(f"no browser on this machine ({', '.join(NAMES)})")
@@ -77,7 +77,7 @@ def find_browser() -> str:
 
 @contextmanager
 def open_browser() -> Generator[Browser]:
-    """A browser that shows nothing on a screen, with a profile of its own."""
+    """Start a headless browser with a separate profile."""
     path = find_browser()
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=path, headless=True, args=list(FLAGS))
@@ -88,7 +88,7 @@ def open_browser() -> Generator[Browser]:
 
 
 def visit(context: BrowserContext, origin: str, query: str = "") -> Visit:
-    """Open the page of a rig and wait until it knows the rig."""
+    """Open the page of a rig and wait until it shows the rig."""
     page = context.new_page()
     seen = Visit(page, origin)
     page.on("console", lambda message: _note(seen, message.type, message.text))
@@ -102,7 +102,8 @@ def visit(context: BrowserContext, origin: str, query: str = "") -> Visit:
 
 @contextmanager
 def looked_at(browser: Browser, rig: RigFile, query: str = "") -> Generator[Visit]:
-    """The page of a rig at a desk; in the end nothing came from elsewhere or went wrong."""
+    """Open the page of a rig in one process; afterwards check that nothing was loaded from
+    elsewhere or failed."""
     context = browser.new_context(viewport=ViewportSize(**DESK), color_scheme="light")
     try:
         seen = visit(context, origin_of(rig), query)
@@ -120,7 +121,7 @@ def _note(seen: Visit, kind: str, text: str) -> None:
 
 
 def keep_picture(seen: Visit, folder: Path, name: str) -> Path:
-    """Save what the page looks like."""
+    """Save a screenshot of the page."""
     folder.mkdir(parents=True, exist_ok=True)
     sleep(0.3)
     path = folder / f"page-{name}.png"
@@ -129,13 +130,13 @@ def keep_picture(seen: Visit, folder: Path, name: str) -> Path:
 
 
 def luminance(colour: str) -> float:
-    """Relative luminance of ``rgb(r, g, b)``, as WCAG 2 has it."""
+    """Return the relative luminance of ``rgb(r, g, b)``, as defined by WCAG 2."""
     channels = [float(part) / 255.0 for part in colour.split("(")[1].rstrip(")").split(",")[:3]]
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
 def contrast(one: str, other: str) -> float:
-    """Contrast of two colours, 1 to 21."""
+    """Return the contrast of two colours, 1 to 21."""
     high, low = sorted((luminance(one), luminance(other)), reverse=True)
     return (high + 0.05) / (low + 0.05)

@@ -11,12 +11,13 @@ M = TypeVar("M", bound=Message)
 
 
 def carried(message: M) -> M:
-    """The message as it comes over the network; raises CodecError where it would not come."""
+    """Return the message as received over the network; raises CodecError if it cannot be encoded
+    or decoded."""
     return decode(type(message), encode(message))
 
 
 class BytesBus(MemoryBus):
-    """Whatever is published, asked and answered becomes bytes and a message again."""
+    """A bus on which every message, request and reply is encoded to bytes and decoded again."""
 
     def publish(self, message: Message) -> None:
         super().publish(carried(message))

@@ -1,4 +1,4 @@
-"""Calibrations played by the whole loop in one process, with a person at its bench."""
+"""Calibrations played by the whole loop in one process, with a person at the bench."""
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -24,11 +24,11 @@ from pincette_supervisor.results.archive import Record, Take, gather
 
 REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
 HANDS_TICKS = 25
-"""How long a person takes to hang a weight."""
+"""Number of ticks that a person takes to hang a weight."""
 
 
 class Bystander:
-    """A person at the bench: hangs what the program asks for, and says to go on."""
+    """A person at the bench, who hangs the requested weights and confirms."""
 
     def __init__(self, loop: ComposedLoop, bench: Bench, planned: Planned) -> None:
         self.loop, self.bench, self.planned = loop, bench, planned
@@ -56,7 +56,7 @@ class Bystander:
 
 @contextmanager
 def opened_benches() -> Generator[list[Bench]]:
-    """Benches as they are opened, so that a person can lay hands on them."""
+    """Yield benches as they are opened, so that a person can act on them."""
     opened: list[Bench] = []
     opening: Callable[..., Bench] = simulated.open_bench
 
@@ -72,7 +72,8 @@ def opened_benches() -> Generator[list[Bench]]:
 
 
 def after_strokes(rig: RigFile, rest_s: float = REST_S) -> ComposedLoop:
-    """A rig whose arm has gone twice over the taught range, in the epoch 1; its part is back."""
+    """Return a rig whose arm has gone twice over the calibrated range, in epoch 1, and whose
+    part is back."""
     desk = Desk(rig)
     desk.stroke(rest_s)
     return desk.loop
@@ -87,7 +88,8 @@ def calibrated(
     moved_before: bool = False,
     **wishes: Any,
 ) -> tuple[Record, Bystander]:
-    """A calibration played to its end, as it would be kept; by a new arm, or one that has moved."""
+    """Play a calibration to its end; returns it as it would be stored, by a new arm or one that
+    has moved."""
     body = {"kind": "calibrate", "calibration": calibration, **wishes}
     planned = plan_job(REQUEST.validate_python(body), rig)
     assert planned.plan.violations == []

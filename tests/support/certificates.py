@@ -27,20 +27,20 @@ ASK_S = 0.5
 
 
 def folder_for(place: Path, *rigs: str, days: float = DAYS) -> Folder:
-    """A folder of certificates for some rigs on this machine."""
+    """Make a folder of certificates for some rigs on this machine."""
     folder = Folder(place)
     establish(folder, rigs, (), NOW, days)
     return folder
 
 
 def seen_as(rig: RigFile, name: str) -> RigFile:
-    """A rig file whose tools use the certificate of a person."""
+    """Return a rig file whose tools use the certificate of a person."""
     return rig.model_copy(update={"bus": rig.bus.model_copy(update={"identity": name})})
 
 
 @dataclass(frozen=True)
 class Intruder:
-    """Somebody who tries to join the bus, with or without files to prove who they are."""
+    """A client that tries to join the bus, with or without files that prove its identity."""
 
     name: str
     credentials: Credentials | None
@@ -49,7 +49,7 @@ class Intruder:
 
     @contextmanager
     def joined(self, host: str, port: int) -> Generator["zenoh.Session"]:
-        """A session at one node; raises ZError where it is not let in."""
+        """Open a session at one node; raises ZError if it is not admitted."""
         ends = SessionConfig(self.mode, connect=(f"tcp/{host}:{port}",))
         if self.credentials is not None:
             ends = secured(ends, TlsIdentity(self.credentials, {}))
@@ -65,12 +65,12 @@ class Intruder:
 
 
 def stranger(place: Path, rig: str, like: Identity) -> Intruder:
-    """One whose certificate has the right name, and is signed by an authority of their own."""
+    """Return a client whose certificate has the right name, and is signed by its own authority."""
     return Intruder("stranger", folder_for(place, rig).credentials(like))
 
 
 def ask(session: "zenoh.Session", rig: str, question: Request, request: Message) -> list[str]:
-    """What comes back to a question, refusals included; empty where no program answers."""
+    """Return the replies to a query, refusals included; empty if no program replies."""
     replies = session.get(request_key(rig, question), payload=encode(request), timeout=ASK_S)
     return [_words(reply) for reply in cast(Iterable[Any], replies) if not _timed_out(reply)]
 

@@ -19,13 +19,14 @@ OF_MAKE = ("MAKEFLAGS", "MFLAGS", "MAKELEVEL", "MAKEOVERRIDES", "ARGS", "PYTHON"
 
 
 PACED = {'time = "real"\n': 'time = "lockstep"\n', "truth = true\n": "truth = true\npace = 1.0\n"}
-"""What makes the demo's rig file one of lockstep, at the pace of real time."""
+"""Settings that change the demo's rig file to lockstep, at the pace of real time."""
 
 
 def workspace(folder: Path) -> Path:
-    """A folder that shows the checkout, with records of its own; its demo does not trip by itself.
+    """Make a folder that shows the checkout, with separate records; its demo does not trip
+    unintentionally.
 
-    The demo's rig is in lockstep, so that a machine that stalls lets no command be late.
+    The demo's rig is in lockstep, so that a stalled machine delays no command.
     """
     _show(ROOT, folder, {"data", "deploy"})
     _show(ROOT / "deploy", folder / "deploy", {"rigs"})
@@ -47,7 +48,8 @@ def _show(whole: Path, folder: Path, without: set[str]) -> None:
 
 @contextmanager
 def demo_ports() -> Generator[None]:
-    """The ports of the demo rig, for this process alone; none of them is in use at either end."""
+    """Reserve the ports of the demo rig for this process; none of them is in use before or
+    after."""
     with (Path(tempfile.gettempdir()) / "pincette-demo-ports").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         await_demo_ports()
@@ -56,7 +58,7 @@ def demo_ports() -> Generator[None]:
 
 
 def environment() -> dict[str, str]:
-    """Without what a make around the tests would pass on."""
+    """Return the environment without the variables that a make around the tests would pass on."""
     return {name: value for name, value in os.environ.items() if name not in OF_MAKE}
 
 
@@ -93,7 +95,7 @@ def run(command: list[str], folder: Path, timeout_s: float) -> subprocess.Comple
 def until_interrupted(
     command: list[str], folder: Path, log: Path
 ) -> Generator["subprocess.Popen[bytes]"]:
-    """A command that runs until Ctrl-C, in a process group of its own; its output is in ``log``."""
+    """Run a command until Ctrl-C, in a separate process group; its output is in ``log``."""
     with log.open("wb") as stream:
         process = subprocess.Popen(
             command,

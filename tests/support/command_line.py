@@ -1,4 +1,4 @@
-"""Command lines that are read, and not carried out."""
+"""Command lines that are parsed but not executed."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -13,7 +13,7 @@ from pincette.cli.options import given_fields
 
 
 def command_of(words: Sequence[str]) -> tuple[TyperCommand, list[str]]:
-    """The command that words begin with, and the words behind it."""
+    """Return the command at the start of a list of words, and the remaining words."""
     found: Any = application()
     rest = list(words)
     while isinstance(found, TyperGroup):
@@ -26,7 +26,8 @@ def command_of(words: Sequence[str]) -> tuple[TyperCommand, list[str]]:
 
 
 def is_known(words: Sequence[str]) -> bool:
-    """Whether a command line can be read; one that ends too early, as a document has it, too."""
+    """Return whether a command line can be parsed; an incomplete one, as in a document, counts
+    too."""
     try:
         parsed(*words)
     except (Exit, IndexError):
@@ -39,11 +40,12 @@ def is_known(words: Sequence[str]) -> bool:
 
 
 def parsed(*words: str) -> Any:
-    """What a command reads of its words; raises what Typer raises where it cannot."""
+    """Return the parsed values of a command's words; raises what Typer raises if they are
+    invalid."""
     command, rest = command_of(words)
     return command.make_context(" ".join(["pincette", *words[: len(words) - len(rest)]]), rest)
 
 
 def request_of(*words: str) -> dict[str, Any]:
-    """Fields of a request that the words of a command ask for."""
+    """Return the fields of the request that the words of a command produce."""
     return given_fields(parsed(*words).params)

@@ -1,4 +1,4 @@
-"""The command `pincette` as a process, and what is left of a rig on this machine."""
+"""The command `pincette` as a process, and checks that nothing of a rig is left on this machine."""
 
 import os
 import subprocess
@@ -48,7 +48,7 @@ def processor_ratio(*words: str, status: int | None = 0, rounds: int = 5) -> flo
 
 
 def pincette_here(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    """Run a command that starts no program and asks no supervisor, in this process."""
+    """Run a command that starts no program and calls no supervisor, in this process."""
     given = [str(one) for one in arguments]
     with redirect_stdout(StringIO()) as stated, redirect_stderr(StringIO()) as complained:
         status = main(given)
@@ -56,7 +56,7 @@ def pincette_here(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 
 
 def processes_of(path: Path) -> dict[int, str]:
-    """Processes whose command line names a rig file, by their ids."""
+    """Return the processes whose command line names a rig file, by their ids."""
     found: dict[int, str] = {}
     for place in Path("/proc").glob("[0-9]*"):
         try:
@@ -69,7 +69,7 @@ def processes_of(path: Path) -> dict[int, str]:
 
 
 def assert_nothing_is_left(rig: RigFile, path: Path, timeout_s: float = 0.0) -> None:
-    """No process of a rig lives, and each of its ports can be had."""
+    """Check that no process of a rig is alive, and that each of its ports is free."""
     deadline = monotonic() + timeout_s
     while monotonic() < deadline and processes_of(path):
         sleep(0.05)

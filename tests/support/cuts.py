@@ -1,7 +1,7 @@
-"""Links of a running rig are cut again and again, for chance times, idle and in a job.
+"""Cuts the links of a running rig again and again, for random times, idle and during a job.
 
-``python -m tests.support.cuts FILE`` cuts, says how it goes on standard error, and writes what came
-of it as JSON; ``tests.support.namespaces.alone`` gives it a network in which links can be cut.
+``python -m tests.support.cuts FILE`` cuts, reports progress on standard error, and writes the
+outcome as JSON; ``tests.support.namespaces.alone`` provides a network in which links can be cut.
 """
 
 import argparse
@@ -34,34 +34,34 @@ SEED = 20211
 PROGRAMS = (*LOOP, "router", "supervisor", "recorder")
 SHORTEST_S, LONGEST_S = 0.1, 120.0
 READY_S = 5.0
-"""After a cut: every program is seen and answers."""
+"""Longest time after a cut until every program is seen and replies, in s."""
 LOST_S = 1.5
-"""From this length on a link is given up: its lease is 0.5 s, and is looked at in steps of it."""
+"""Shortest cut that loses a link, in s: its lease is 0.5 s, and is checked in steps of it."""
 SETTLED_S, LOOK_S = 20.0, 0.02
 START_S, EACH_S = 120.0, 25.0
-"""Longest time for the rig to be up, and for a cut beside its own length."""
+"""Longest time until the rig is up, and of a cut in addition to its own length."""
 TRIES = 4
-"""To bring a rig to a state."""
+"""Number of attempts to bring a rig to a state."""
 STATES = ("idle", "approach", "hold")
 
 
 @dataclass(frozen=True)
 class Made:
-    """A cut and what came of it."""
+    """A cut and its outcome."""
 
     program: str
     state: str
     length_s: float
     ready_s: float
-    """From its end until every program was seen and answered."""
+    """Time from its end until every program was seen and replied, in s."""
     stood_s: float
-    """What the machine stood still meanwhile."""
+    """Time for which the machine stalled meanwhile, in s."""
     lost: int
-    """Links that the program has logged as gone."""
+    """Number of links that the program has logged as lost."""
 
 
 class Campaign:
-    """Cuts as they are made, and what went wrong."""
+    """The cuts made so far, and the failures."""
 
     def __init__(
         self, rig: RunningRig, seen: Witness, stalls: StallRecorder, chance: random.Random
@@ -73,7 +73,7 @@ class Campaign:
         self.footprints = Footprints(rig)
 
     def told(self, program: str) -> list[str]:
-        """What a program has logged of its links."""
+        """Return what a program has logged about its links."""
         text = self._rig.fleet.members[program].log.read_text(encoding="utf-8", errors="replace")
         return [line for line in text.splitlines() if "link up" in line or "link down" in line]
 
@@ -82,7 +82,7 @@ class Campaign:
         return sum(f"link {word}" in line for line in self.told(program))
 
     def run(self, count: int, longest_s: float, within_s: float) -> None:
-        """Cut one after the other; a failure does not end it, but the end of its time does."""
+        """Cut repeatedly; a failure does not end the campaign, but the end of its time does."""
         until_s = monotonic() + within_s
         for number in range(count):
             if monotonic() > until_s:
@@ -105,7 +105,8 @@ class Campaign:
         self._compare_links()
 
     def _compare_links(self) -> None:
-        """The reported links are the existing ones; on a busy machine one may end at any time."""
+        """Compare the reported links with the existing ones; on a busy machine one may end at
+        any time."""
         until_s = monotonic() + SETTLED_S
         while wrong := list(self._wrong_links()):
             if monotonic() > until_s:
@@ -123,7 +124,7 @@ class Campaign:
                 yield f"{program} tells of {reported} links, and has {standing}:\n{text}"
 
     def _make_ready(self) -> None:
-        """Do what a person does; an actuator that ramps still refuses its reset for a moment."""
+        """Act as a person does; an actuator that ramps still refuses its reset for a moment."""
         until_s = monotonic() + SETTLED_S
         while True:
             try:
@@ -158,7 +159,7 @@ class Campaign:
         return Made(program, state, length_s, ready_s, stood_s, lost)
 
     def _begin(self, state: str) -> None:
-        """Bring the rig to a state, again where the machine stood still and a job has tripped."""
+        """Bring the rig to a state, again if the machine stalled and a job has tripped."""
         for left in reversed(range(TRIES)):
             begun_s = monotonic()
             try:
@@ -183,7 +184,7 @@ class Campaign:
 def cut_again_and_again(
     count: int, longest_s: float, seed: int, *, secure: bool, within_s: float = inf
 ) -> Json:
-    """Bring a rig up, cut, and return everything as JSON can have it."""
+    """Bring a rig up, cut, and return everything as JSON values."""
     rig = demo_rig(SHORT)
     with tempfile.TemporaryDirectory() as place, StallRecorder() as stalls:
         folder = Path(place)
@@ -209,7 +210,7 @@ def cut_again_and_again(
 
 
 def cuts(file: Path, count: int, longest_s: float, seed: int, *, secure: bool) -> Json:
-    """Run this program in a network of its own, and read what came of it."""
+    """Run this program in a separate network, and read its outcome."""
     words = [sys.executable, "-m", "tests.support.cuts", str(file), "--cuts", str(count)]
     words += ["--longest-s", str(longest_s), "--seed", str(seed)] + ["--secure"] * secure
     limit_s = START_S + (EACH_S + longest_s / log(longest_s / SHORTEST_S)) * count
@@ -220,7 +221,7 @@ def cuts(file: Path, count: int, longest_s: float, seed: int, *, secure: bool) -
 
 
 def figures_of(found: Json) -> Sequence[str]:
-    """The longest and the median time to be ready, and what each program holds."""
+    """Return the longest and the median time to be ready, and the resources of each program."""
     ready_s = sorted(one["ready_s"] for one in found["made"])
     lines = [f"{len(ready_s)} cuts, seed {found['seed']}"]
     if ready_s:
@@ -229,7 +230,7 @@ def figures_of(found: Json) -> Sequence[str]:
 
 
 def main() -> int:
-    """Cut as the words on the command line say."""
+    """Cut as the command line states."""
     words = argparse.ArgumentParser(description=__doc__)
     words.add_argument("file", type=Path)
     words.add_argument("--cuts", type=int, default=300)

@@ -1,7 +1,7 @@
-"""Instruments whose answers come late, twice, in pieces or never, in virtual time.
+"""Instruments whose replies come late, twice, in pieces or never, in virtual time.
 
-``DelayedPort`` is a port for ``Line``; the bytes are those of the simulated instruments. Answers
-keep their order, as those of any instrument do that works off one request after the other.
+``DelayedPort`` is a port for ``Line``; the bytes are those of the simulated instruments. Replies
+keep their order, as in any instrument that processes one request after the other.
 """
 
 import random
@@ -15,9 +15,9 @@ from pincette.instruments.protocols import InstrumentError
 from pincette.sim.instruments.protocol import TERMINATOR, Instrument
 
 Delays = Callable[[int], list[float]]
-"""Delays in s of the copies of the n-th answer: none of a lost one, two of a doubled one."""
+"""Delays in s of the copies of the n-th reply: none for a lost one, two for a duplicated one."""
 SPLIT_S = 0.4
-"""Share of a delay after which the first half of a split answer comes."""
+"""Share of a delay after which the first half of a split reply comes."""
 
 
 @dataclass(slots=True)
@@ -33,7 +33,7 @@ class Clock:
 
 @dataclass(slots=True)
 class DelayedPort:
-    """A port to one instrument; ``survives``: bytes outlive a port that is opened again."""
+    """A port to one instrument; ``survives``: bytes survive a reopening of the port."""
 
     clock: Clock
     instrument: Instrument
@@ -51,16 +51,16 @@ class DelayedPort:
     _request: bytes = field(default=b"", init=False)
 
     def open(self, _within_s: float) -> "DelayedPort":
-        """Open the port, or open it again."""
+        """Open or reopen the port."""
         self.opened += 1
         if not self.survives:
             self._coming.clear()
-        # What has arrived is dropped where a port is opened; what is on its way is not.
+        # Bytes that have arrived are dropped when a port is opened; bytes in transit are not.
         self._coming = [one for one in self._coming if one[0] > self.clock.now_s]
         return self
 
     def write(self, data: bytes) -> None:
-        """Take a request; its answer is under way from now on."""
+        """Accept a request; its reply is in transit from now on."""
         self._request += data
         *lines, self._request = self._request.split(self.terminator)
         for line in lines:
@@ -80,7 +80,7 @@ class DelayedPort:
                 self._coming.append((max(before_s, self.clock.now_s + at_s), part))
 
     def receive(self, wait_s: float) -> bytes:
-        """Return what has arrived; time passes until it has."""
+        """Return the bytes that have arrived; time passes until some have."""
         until_s = self.clock.now_s + wait_s
         if not self._coming or self._coming[0][0] > until_s:
             self.clock.now_s = until_s
@@ -90,12 +90,12 @@ class DelayedPort:
         return data
 
     def close(self) -> None:
-        """Keep what is on its way."""
+        """Keep the bytes in transit."""
 
 
 @contextmanager
 def virtual_ports(ports: dict[str, DelayedPort], clock: Clock) -> Generator[None]:
-    """Let ``open_link`` find these ports at their urls, and go by this clock."""
+    """Let ``open_link`` find these ports at their urls, and use this clock."""
 
     def open_port(
         url: str, _baud: int, _timeout_s: float, _where: object, within_s: float
@@ -118,7 +118,7 @@ def constant(delay_s: float) -> Delays:
 
 
 def drawn(most_s: float, seed: int, *, lost: float = 0.0, doubled: float = 0.0) -> Delays:
-    """Return delays drawn evenly up to the largest; some answers are lost, some come twice."""
+    """Return delays drawn evenly up to the largest; some replies are lost, some come twice."""
     chance = random.Random(seed)
 
     def delays(_number: int) -> list[float]:
@@ -131,5 +131,5 @@ def drawn(most_s: float, seed: int, *, lost: float = 0.0, doubled: float = 0.0) 
 
 
 def single(delay_s: float, every: int, quick_s: float) -> Delays:
-    """Return a delay for each n-th answer; the others come quickly."""
+    """Return a delay for each n-th reply; the others come quickly."""
     return lambda number: [delay_s if number % every == every - 1 else quick_s]

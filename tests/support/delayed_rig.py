@@ -1,4 +1,4 @@
-"""A rig in virtual real time whose instruments answer late, twice, in pieces or never."""
+"""A rig in virtual real time whose instruments reply late, twice, in pieces or never."""
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -23,10 +23,10 @@ from tests.support.virtual_loop_bench import VirtualBench
 
 AT_ONCE_S = 0.0018
 STEP_S = 0.005
-"""How often the true force is looked at."""
+"""Interval at which the true force is sampled, in s."""
 LONGEST_S = 9.0
 AFTER_S = 0.2
-"""How long the loop goes on after the end, for what the line still says."""
+"""Time for which the loop continues after the end, for bytes still on the line, in s."""
 
 
 class _Sensor:
@@ -71,7 +71,7 @@ class _Output:
 
 
 class DelayedBench(VirtualBench):
-    """The simulated rig of one arm behind ports whose answers can be delayed."""
+    """The simulated rig of one arm, with ports whose replies can be delayed."""
 
     def prepare(self, rig: RigFile) -> None:
         """Make the ports."""
@@ -91,7 +91,7 @@ class DelayedBench(VirtualBench):
 
     @contextmanager
     def exchange(self) -> Generator[None]:
-        """Let the exchange within take the time that its port takes."""
+        """Let an exchange take the time that its port takes."""
         # Within one step several exchanges follow one another.
         now_s = self.rig.now_s() + self.taken.silent_s
         self.port_clock.now_s = max(self.port_clock.now_s, now_s)
@@ -132,7 +132,7 @@ class DelayedLoop(VirtualLoop):
 
 @dataclass(frozen=True, slots=True)
 class Grip:
-    """What came of a grip."""
+    """Outcome of a grip."""
 
     outcome: str
     peak_mN: float
@@ -140,12 +140,12 @@ class Grip:
     trip: Applied | None
     """First message of the actuator about its trip."""
     last: Applied
-    """What it said last."""
+    """Last message of the actuator."""
     counts: LineCounts
 
     @property
     def named_late(self) -> bool:
-        """Return whether the cause of the trip says that answers came late."""
+        """Return whether the cause of the trip says that replies came late."""
         codes = [] if self.trip is None else [fault.code for fault in self.last.faults]
         return FaultCode.INSTRUMENT_LATE in codes
 
@@ -160,9 +160,9 @@ def grip(
     seed: int = 1,
     loses: Callable[[Applied], bool] = lambda _echo: False,
 ) -> Grip:
-    """Play a short grip; from a time on, answers of the target come with these delays.
+    """Play a short grip; from a time on, replies of the target have these delays.
 
-    An answer is lost where ``loses`` says so of what the actuator has published last.
+    A reply is lost if ``loses`` returns true for the last message of the actuator.
     """
     changes: Tree = {"rig": {"composed": ["loop"]}} if composed else {}
     loop = DelayedLoop(demo_rig(laid_over(NEAR, changes)), seed)

@@ -33,7 +33,7 @@ class DeviceServer:
         return f"socket://{host}:{self.port}"
 
     def kill(self) -> None:
-        """End it as a power cut does."""
+        """Kill the process, as in a power cut."""
         self.process.kill()
         self.process.wait()
 
@@ -78,8 +78,8 @@ def ser2net(
 def socat(device: str, folder: Path, *, options: str = "") -> Generator[DeviceServer]:
     """Start socat for one client at a time; ``options`` of its address begin with a comma.
 
-    ``-t0``, since it would otherwise read on for half a second after its client has hung up, and
-    take the answers to the next one.
+    ``-t0``, since it would otherwise read for half a second after its client has disconnected, and
+    send the replies to the next one.
     """
     port = free_ports(1)
     listen = f"TCP-LISTEN:{port},bind=127.0.0.1,reuseaddr,fork,max-children=1{options}"
@@ -103,7 +103,8 @@ def _running(
 
 
 def _await_listening(process: subprocess.Popen[bytes], port: int) -> None:
-    """Wait for the listening socket without connecting, which would use up socat's one client."""
+    """Wait for the listening socket without connecting, which would occupy socat's only client
+    slot."""
     local, until_s = f":{port:04X}", monotonic() + START_S
     while True:
         tables = [Path("/proc/net", name).read_text("ascii") for name in ("tcp", "tcp6", "udp")]

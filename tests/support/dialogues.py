@@ -1,6 +1,7 @@
-"""The dialogues of tests/data/dialogues: each driver with its simulated instrument, written down.
+"""The dialogues of tests/data/dialogues: recorded exchanges of each driver with its simulated
+instrument.
 
-``python -m tests.support.dialogues`` writes them anew.
+``python -m tests.support.dialogues`` records them again.
 """
 
 import sys
@@ -24,12 +25,12 @@ FOLDER = Path(__file__).parents[1] / "data" / "dialogues"
 TICK_S = 0.001
 
 Said = float | str | None
-"""What a call gave: a number, nothing, or the cause of its error."""
+"""Outcome of a call: a number, nothing, or the cause of its error."""
 
 
 @dataclass
 class World:
-    """What the instruments stand in; in a replay nothing comes of it."""
+    """Surroundings of the instruments; they have no effect in a replay."""
 
     x_um: float | None = 0.0
     now_s: float = 0.0
@@ -38,13 +39,13 @@ class World:
     instrument: Instrument | None = None
 
     def answer(self, line: bytes) -> bytes | None:
-        """What comes back over the line."""
+        """Return the reply over the line."""
         return self.instrument.answer(line) if self.plugged and self.instrument else None
 
 
 @dataclass(frozen=True)
 class Dialogue:
-    """An instrument, and a driver that is put through what it must do."""
+    """An instrument, and the calls of its driver."""
 
     instrument: Callable[[World], Instrument]
     perform: Callable[[World, str, Link | None], Iterator[Said]]
@@ -52,7 +53,7 @@ class Dialogue:
 
 
 def attempt(act: Callable[[], float | None]) -> Said:
-    """What a call gives, or the cause of its error."""
+    """Return the result of a call, or the cause of its error."""
     try:
         return act()
     except InstrumentError as error:
@@ -60,7 +61,7 @@ def attempt(act: Callable[[], float | None]) -> Said:
 
 
 def read_positions(world: World, url: str, link: Link | None) -> Iterator[Said]:
-    """Positions within and beyond the range, no position, an unplugged line."""
+    """Read positions within and beyond the range, no position, and over an unplugged line."""
     settings = Sensor(
         driver="keyence_lkg", url=url, minimum_um=-9999.0, maximum_um=9999.0, noise_um=0.03
     )
@@ -76,7 +77,7 @@ def read_positions(world: World, url: str, link: Link | None) -> Iterator[Said]:
 
 
 def watch_over_voltages(world: World, url: str, link: Link | None) -> Iterator[Said]:
-    """Voltages, heartbeats, an unplugged line, a trip of the watchdog and its end."""
+    """Write voltages and heartbeats, unplug the line, trip the watchdog and clear it."""
     settings = Output(driver="icpdas_i7024", url=url, options={"address": 0x1A, "checksum": True})
     output = icpdas_i7024.open_output(settings, link)
     for voltage_V in (0.0, 1.2345, -10.0, 10.001):
@@ -96,7 +97,7 @@ def watch_over_voltages(world: World, url: str, link: Link | None) -> Iterator[S
 
 
 def put_out_voltages(world: World, url: str, link: Link | None) -> Iterator[Said]:
-    """Voltages, an unplugged line, an overload, an output switched off by hand."""
+    """Write voltages, unplug the line, overload the output, and switch it off by hand."""
     output = srs_dc205.open_output(Output(driver="srs_dc205", url=url), link)
     yield attempt(output.read_V)
     for voltage_V in (1.5, -0.0004, 10.0, 10.1):
@@ -131,7 +132,7 @@ DIALOGUES = {
 
 
 def record(name: str, path: Path) -> list[Said]:
-    """Hold a dialogue with the simulated instrument, and record it; returns the exchanges."""
+    """Play a dialogue with the simulated instrument and record it; returns the exchanges."""
     dialogue, world, times = DIALOGUES[name], World(), count()
     world.instrument = dialogue.instrument(world)
     recorder = Recorder(path, f"memory:{name}", dialogue.terminator, lambda: TICK_S * next(times))
@@ -140,7 +141,7 @@ def record(name: str, path: Path) -> list[Said]:
 
 
 def replay(name: str, path: Path) -> list[Said]:
-    """Hold a dialogue with its recording; returns the exchanges."""
+    """Play a dialogue with its recording; returns the exchanges."""
     return list(DIALOGUES[name].perform(World(), f"replay:{path}", None))
 
 

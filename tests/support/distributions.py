@@ -1,4 +1,5 @@
-"""Times of many injections by fault: percentiles, bounds, what stalls explain; text and JSON."""
+"""Times of many fault injections: percentiles, limits, exceedances explained by stalls; text and
+JSON."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -12,30 +13,32 @@ QUANTILES = {"min": 0.0, "median": 50.0, "p90": 90.0, "p99": 99.0, "max": 100.0}
 
 @dataclass(frozen=True, slots=True)
 class Injected:
-    """What came of one injection; all times since the fault."""
+    """Outcome of one injection; all times since the fault."""
 
     fault: str
     program: str
     part: str
     """``free`` or ``held``."""
     phase: float
-    """Place of the fault within a period, from 0 to 1, counted from the newest sample."""
+    """Phase of the fault within a period, from 0 to 1, counted from the newest sample."""
     reaction_s: float | None
-    """First step of the ramp, or start of the freeze; None where no program reacted."""
+    """Time of the first step of the ramp, or of the start of the freeze; None if no program
+    reacted."""
     reaction_limit_s: float | None
     reaction_stalls_s: float
     safe_s: float
-    """The safe voltage is put out."""
+    """Time at which the safe voltage was output."""
     safe_limit_s: float
     safe_stalls_s: float
     ringing: float | None
-    """Amplitude of the mode after the ramp over the way of the arm in it; None without a ramp."""
+    """Amplitude of the mode after the ramp divided by the arm's travel during it; None without a
+    ramp."""
     ringing_um: float | None
     cause: str
 
     @property
     def row(self) -> tuple[str, str, str]:
-        """Which row of the table it belongs to."""
+        """Return the row of the table to which it belongs."""
         return self.fault, self.program, self.part
 
     def outliers(self) -> list[str]:
@@ -56,12 +59,12 @@ class Injected:
 
     @property
     def within(self) -> bool:
-        """Whether each bound holds but for the stalls of the machine."""
+        """Return whether each limit holds, apart from stalls of the machine."""
         return not any("NOT" in line for line in self.outliers())
 
 
 def percentiles(values: Sequence[float]) -> Json:
-    """Least, median, 90 %, 99 % and largest of some values; none of nothing."""
+    """Return minimum, median, 90 %, 99 % and maximum of some values; None without values."""
     if not values:
         return {}
     found = np.percentile(list(values), list(QUANTILES.values()))
@@ -69,7 +72,7 @@ def percentiles(values: Sequence[float]) -> Json:
 
 
 def rows(injected: Sequence[Injected]) -> list[Json]:
-    """One row for each fault, program and part, in the order in which they are first seen."""
+    """Return one row for each fault, program and part, in the order of first occurrence."""
     kinds = dict.fromkeys(one.row for one in injected)
     return [_row([one for one in injected if one.row == kind]) for kind in sorted(kinds)]
 
@@ -94,7 +97,7 @@ def _row(alike: Sequence[Injected]) -> Json:
 
 
 def tree(injected: Sequence[Injected], about: Json) -> Json:
-    """Everything, as JSON can have it."""
+    """Return everything as JSON values."""
     return {
         **about,
         "rows": rows(injected),
@@ -104,7 +107,7 @@ def tree(injected: Sequence[Injected], about: Json) -> Json:
 
 
 def injections_of(read: Json) -> list[Injected]:
-    """The injections of a tree that was read."""
+    """Return the injections of parsed JSON."""
     return [Injected(**one) for one in read["injections"]]
 
 
@@ -115,7 +118,7 @@ def _ms(found: Json) -> str:
 
 
 def table(read: Sequence[Json]) -> str:
-    """Rows as text: times in ms, ringing in per cent of the way of the ramp."""
+    """Return the rows as text: times in ms, ringing in per cent of the travel of the ramp."""
     names = " ".join(f"{name:>6}" for name in QUANTILES)
     reaction, safe = f"{'reaction/ms':<12}{names}", f"{'safe/ms':<8}{names}"
     lines = [f"{'fault':<38} {'n':>4}  {reaction:<47}{safe:<43}  ringing/%"]

@@ -8,7 +8,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 TYPED = ("sh", "python")
-"""Languages of what a reader types or runs."""
+"""Languages of blocks that a reader types or runs."""
 GENERATED = ("docs/reference/rest.md",)
 
 
@@ -22,7 +22,7 @@ class Block:
 
     @property
     def first(self) -> str:
-        """Its first line."""
+        """First line of the block."""
         return self.text.splitlines()[0] if self.text else ""
 
 
@@ -31,15 +31,15 @@ class Typed:
     """A block that a test types, as a reader would."""
 
     first: str
-    """What its first line begins with."""
+    """Beginning of its first line."""
     says: str = ""
-    """What is printed then, as a regular expression."""
+    """Expected output, as a regular expression."""
     status: int = 0
     """Exit status of its last command."""
     stays: bool = False
-    """Whether it runs until the sitting ends."""
+    """True if it runs until the end of the page."""
     until: bool = False
-    """Whether it runs until Ctrl-C, which follows what it says."""
+    """True if it runs until Ctrl-C, which is sent after the expected output."""
     seconds: float = 60.0
 
 
@@ -49,26 +49,26 @@ class Sitting:
 
     blocks: tuple[Typed, ...]
     up: str = ""
-    """The rig file that `pincette up` is given before the first block; empty: no rig is up."""
+    """Rig file for `pincette up` before the first block; empty if no rig is started."""
     slow: bool = False
-    """Whether it is left to `make soak`."""
+    """True if the page is typed only by `make soak`."""
 
 
 def pages() -> list[Path]:
-    """Every document that a reader may type from."""
+    """Return every document from which a reader may type."""
     found = [*(ROOT / "docs").rglob("*.md"), *(ROOT / "services").glob("*/README.md")]
     return [ROOT / "README.md", *sorted(found)]
 
 
 def blocks_of(path: Path) -> Iterator[Block]:
-    """The fenced blocks of a page, in their order."""
+    """Return the fenced blocks of a page, in order."""
     page = str(path.relative_to(ROOT))
     for language, text in FENCE.findall(path.read_text(encoding="utf-8")):
         yield Block(page, language, text)
 
 
 def typed_blocks(page: str) -> list[Block]:
-    """Those of a page that somebody types or runs."""
+    """Return the blocks of a page that a reader types or runs."""
     return [block for block in blocks_of(ROOT / page) if block.language in TYPED]
 
 

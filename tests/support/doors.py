@@ -1,4 +1,4 @@
-"""A router in this process, plain or with TLS, and how a client joins it."""
+"""A router in this process, plain or with TLS, and clients that join it."""
 
 from time import monotonic
 
@@ -21,7 +21,8 @@ OPENS_S = 1.0
 
 
 def joining(port: int, folder: Folder | None, own: Identity = TOOL) -> SessionConfig:
-    """Return how a client joins the router at a port, with TLS as ``own``."""
+    """Return the configuration with which a client joins the router at a port, with TLS as
+    ``own``."""
     plain = client_session("127.0.0.1", port)
     if folder is None:
         return plain
@@ -29,7 +30,7 @@ def joining(port: int, folder: Folder | None, own: Identity = TOOL) -> SessionCo
 
 
 class Door:
-    """A router, and how a client joins it."""
+    """A router, and the configuration with which a client joins it."""
 
     def __init__(self, folder: Folder | None) -> None:
         self.port = free_ports(1)
@@ -42,7 +43,7 @@ class Door:
         self.router: Joined = open_session(listens, "router")
 
     def opened_s(self) -> float:
-        """How long it takes to join."""
+        """Return the time that a client takes to join, in s."""
         begun_s = monotonic()
         with open_session(self.client, "tool"):
             return monotonic() - begun_s

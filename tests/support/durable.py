@@ -40,7 +40,8 @@ class Durable:
             self._contents[state.st_ino] = place.read_bytes()
 
     def cut(self, folder: Path, target: Path) -> Path:
-        """Copy what is durable of a folder, whose own entry counts as durable, to ``target``."""
+        """Copy the durable content of a folder, whose own entry counts as durable, to
+        ``target``."""
         self._copy(folder.stat().st_ino, target)
         return target
 

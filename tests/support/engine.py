@@ -1,4 +1,4 @@
-"""A Docker engine for the tests in containers: the machine's own, else one started for them."""
+"""A Docker engine for the tests in containers: the machine's own, or one started for them."""
 
 import os
 import shutil
@@ -12,7 +12,7 @@ import pytest
 from tests.support.checkout import ROOT, environment
 
 STARTER = ROOT.parent / "shared/compose"
-"""Scripts beside a checkout that start an engine and make its base image, where there are any."""
+"""Scripts next to a checkout that start an engine and make its base image, if there are any."""
 START_S, ASK_S = 300.0, 60.0
 
 
@@ -21,19 +21,19 @@ class EngineError(Exception):
 
 
 def docker(*words: str, timeout_s: float = ASK_S) -> "subprocess.CompletedProcess[str]":
-    """Run `docker` with some words; both of its outputs are in ``stdout``."""
+    """Run `docker` with some arguments; both of its outputs are in ``stdout``."""
     return _ran(["docker", *words], timeout_s)
 
 
 def told(*words: str, timeout_s: float = ASK_S) -> str:
-    """What `docker` answers; raises AssertionError where it fails."""
+    """Return the output of `docker`; raises AssertionError if it fails."""
     done = docker(*words, timeout_s=timeout_s)
     assert done.returncode == 0, f"docker {' '.join(words)}\n{done.stdout}"
     return done.stdout.strip()
 
 
 def answers() -> bool:
-    """Whether an engine and the plug-in for compose files can be used."""
+    """Return whether an engine and the plug-in for compose files can be used."""
     if shutil.which("docker") is None:
         return False
     return all(docker(*words).returncode == 0 for words in (("info",), ("compose", "version")))
@@ -41,10 +41,10 @@ def answers() -> bool:
 
 @contextmanager
 def engine() -> Generator[None]:
-    """An engine to work with; one that was started for it is stopped afterwards.
+    """Return an engine; one that was started here is stopped afterwards.
 
-    Skips where there is none, nor anything beside the checkout that starts one. Raises EngineError
-    where that fails.
+    Skips if there is neither an engine nor scripts next to the checkout that start one. Raises
+    EngineError if the start fails.
     """
     own = answers()
     if not own and not (STARTER / "engine.sh").is_file():
@@ -82,7 +82,8 @@ def _ran(command: list[str], timeout_s: float, **more: str) -> "subprocess.Compl
 
 
 class Project:
-    """The compose file of this checkout, with files laid over it, under a name of its own."""
+    """The compose file of this checkout, with other files merged into it, under a separate
+    project name."""
 
     def __init__(self, name: str, *over: Path | str, **variables: str) -> None:
         self.name = name
@@ -101,43 +102,43 @@ class Project:
         return _ran(["bash", "-c", line], timeout_s, **self.variables)
 
     def compose(self, *words: str, timeout_s: float = ASK_S) -> "subprocess.CompletedProcess[str]":
-        """Run `docker compose` with some words."""
+        """Run `docker compose` with some arguments."""
         return _ran(["docker", "compose", *words], timeout_s, **self.variables)
 
     def up(self, *words: str, timeout_s: float = 540.0) -> None:
-        """Bring all up, or what is named, and wait until it is healthy."""
+        """Start all services, or the named ones, and wait until they are healthy."""
         done = self.compose("up", "-d", "--build", "--wait", *words, timeout_s=timeout_s)
         assert done.returncode == 0, f"{done.stdout[-3000:]}\n{self.said()}"
 
     def down(self) -> None:
-        """End all, and delete what it kept."""
+        """Stop all services and delete their data."""
         done = self.compose("down", "--volumes", "--timeout", "5", timeout_s=180.0)
         assert done.returncode == 0, done.stdout
 
     def inside(self, service: str, *words: str, timeout_s: float = ASK_S) -> str:
-        """What a command says in the container of a service; raises AssertionError."""
+        """Return the output of a command in the container of a service; raises AssertionError."""
         done = self.compose("exec", "-T", service, *words, timeout_s=timeout_s)
         assert done.returncode == 0, f"{service}: {' '.join(words)}\n{done.stdout}"
         return done.stdout
 
     def container(self, service: str) -> str:
-        """The name of a service's container."""
+        """Return the name of a service's container."""
         return f"{self.name}-{service}-1"
 
     def services(self) -> list[str]:
-        """Of the compose files."""
+        """Return the services of the compose files."""
         done = self.compose("config", "--services")
         assert done.returncode == 0, done.stdout
         return done.stdout.split()
 
     def said(self) -> str:
-        """Last output of its programs, for the text of a failure."""
+        """Return the last output of its programs, for the text of a failure."""
         return self.compose("logs", "--no-color", "--tail", "8").stdout[-6000:]
 
 
 @contextmanager
 def up(project: Project) -> Generator[Project]:
-    """A project that is up, and gone afterwards with all it kept."""
+    """Yield a running project; it is removed afterwards with all its data."""
     project.down()
     try:
         project.up()

@@ -1,4 +1,4 @@
-"""What is in an image, as its own Python sees it."""
+"""Contents of an image, as its own Python sees them."""
 
 import json
 from dataclasses import dataclass
@@ -32,17 +32,17 @@ TOOLS = (*COMPILERS, "make", "cmake", "pip", "pip3", "git")
 
 @dataclass(frozen=True)
 class Contents:
-    """What was found."""
+    """Packages and files found in an image."""
 
     user: int
     tools: list[str]
     odd: list[str]
-    """What only a build needs, or leaves behind."""
+    """Files that only a build needs or leaves behind."""
     packages: dict[str, str]
     writable: list[str]
 
 
 def contents(image: str) -> Contents:
-    """Look through an image."""
+    """List the contents of an image."""
     line = ("run", "--rm", "--network", "none", "--entrypoint", "python", image, "-Ic", LISTING)
     return Contents(**json.loads(told(*line, *TOOLS, timeout_s=120.0)))

@@ -1,4 +1,4 @@
-"""A rig in containers, as the tests of a rig in processes use one."""
+"""A rig in containers, with the interface of a rig in processes."""
 
 import json
 import os
@@ -34,11 +34,12 @@ class Containers(Fleet):
         self.project = project
 
     def ended(self) -> list[Child]:
-        """None: it is not the tests that start them again."""
+        """Return None: the tests do not restart these programs."""
         return []
 
     def process(self, name: str) -> int:
-        """The number of a program's process on this machine: below the init of its container."""
+        """Return the id of a program's process on this machine: a child of the init of its
+        container."""
         init = int(self._inspected(name, "{{.State.Pid}}"))
         children = Path(f"/proc/{init}/task/{init}/children").read_text(encoding="utf-8").split()
         assert len(children) == 1, f"{name}: {init} has {children}"
@@ -49,18 +50,18 @@ class Containers(Fleet):
         os.kill(self.process(name), number)
 
     def restarts(self, name: str) -> int:
-        """How often Docker has started a program again."""
+        """Return how often Docker has restarted a program."""
         return int(self._inspected(name, "{{.RestartCount}}"))
 
     def health(self, name: str) -> str:
-        """Last output of the health check, while the container runs."""
+        """Return the last output of the health check, while the container runs."""
         running, health = self._inspected(
             name, "{{.State.Running}} {{.State.Health.Status}}"
         ).split()
         return health if running == "true" else "gone"
 
     def until_restarted(self, name: str, before: int, timeout_s: float = HEALTHY_S) -> None:
-        """Wait until Docker has started a program again and it is healthy."""
+        """Wait until Docker has restarted a program and it is healthy."""
         self._until(lambda: self.restarts(name) > before, f"{name} is not started again", timeout_s)
         self.until_healthy(timeout_s)
 
@@ -86,19 +87,20 @@ class Containers(Fleet):
 
 @dataclass(frozen=True)
 class ContainerRig(RunningRig):
-    """A rig that is up in containers; its router can be reached from here."""
+    """A running rig in containers; its router can be reached from here."""
 
     containers: Containers
 
 
 def short_rig() -> RigFile:
-    """The demo rig at its own ports, with short grips."""
+    """Return the demo rig with short grips, on the ports of its file."""
     tree = read_rig(DEMO).model_dump(mode="json", exclude_none=True)
     return parse_rig(laid_over(laid_over(tree, SHORT), SEEN_FROM_OUTSIDE))
 
 
 def adapted_rig() -> RigFile:
-    """The demo rig in lockstep, so that nothing trips where the machine stalls, with adapters."""
+    """Return the demo rig in lockstep, so that stalls of the machine cause no trip, with
+    adapters."""
     tree = read_rig(DEMO).model_dump(mode="json", exclude_none=True)
     own: Tree = {"rig": {"time": "lockstep"}, "simulation": {"pace": 1.0}, **SEEN_FROM_OUTSIDE}
     adapters = dict.fromkeys(("sila", "foxglove"), SEEN_FROM_OUTSIDE["supervisor"])
@@ -106,7 +108,8 @@ def adapted_rig() -> RigFile:
 
 
 def mounting(rig: RigFile, folder: Path, *more: str) -> Path:
-    """A compose file that gives every program a rig file; ``more``: programs of profiles."""
+    """Write a compose file that mounts a rig file in every program; ``more``: programs of
+    profiles."""
     path = folder / "rig.toml"
     path.write_text(rig_toml(rig), encoding="utf-8")
     path.chmod(0o644)
@@ -121,7 +124,8 @@ def mounting(rig: RigFile, folder: Path, *more: str) -> Path:
 
 @contextmanager
 def container_rig(name: str, folder: Path, *over: str) -> Generator[ContainerRig]:
-    """Bring the short rig up in containers, with the router published, and down again."""
+    """Start the short rig in containers, with the router's port published, and stop it
+    afterwards."""
     rig = short_rig()
     with (
         up(Project(name, "listen", *over, mounting(rig, folder))) as project,
@@ -132,7 +136,7 @@ def container_rig(name: str, folder: Path, *over: str) -> Generator[ContainerRig
 
 @contextmanager
 def reached(project: Project, rig: RigFile, folder: Path) -> Generator[ContainerRig]:
-    """A project that is up, over REST."""
+    """Return the REST client of a running project."""
     url = f"http://127.0.0.1:{rig.supervisor.port}/api/v1"
     containers = Containers(project)
     with httpx.Client(base_url=url, timeout=30.0, trust_env=False) as client:
@@ -140,7 +144,8 @@ def reached(project: Project, rig: RigFile, folder: Path) -> Generator[Container
 
 
 def until_seen_again(rig: RunningRig, timeout_s: float = 30.0) -> float:
-    """Seconds until the supervisor receives messages of every program of the loop again."""
+    """Return the seconds until the supervisor receives messages of every program of the loop
+    again."""
     begun = monotonic()
     reported: list[str] = []
     while monotonic() < begun + timeout_s:
@@ -153,11 +158,11 @@ def until_seen_again(rig: RunningRig, timeout_s: float = 30.0) -> float:
 
 
 def only_root() -> None:
-    """Skip where the processes of containers may not be hurt."""
+    """Skip the test if this user may not signal the processes of containers."""
     if os.geteuid() != 0:
         pytest.skip("only root may send signals to containers' processes, or cut their network")
 
 
 def inspected(image: str) -> Tree:
-    """What the engine says of an image."""
+    """Return the engine's description of an image."""
     return cast(Tree, json.loads(told("image", "inspect", image))[0])

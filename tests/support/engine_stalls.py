@@ -1,7 +1,7 @@
-"""Stalls as containers see them, noted by one that weighs as much as a program of the loop.
+"""Stalls as containers see them, recorded by one with the CPU weight of a program of the loop.
 
-In containers the loop has no fixed priority, so that a busy machine delays it; a witness that has
-one would see nothing of it.
+In containers the loop has no real-time priority, so a busy machine delays it; a recorder with
+real-time priority would not notice this.
 """
 
 import subprocess
@@ -12,9 +12,9 @@ from tests.support.stalls import STALL_S, StallRecorder
 
 IMAGE, NAME = "pincette-loop", "pincette-stalls"
 WEIGHT = "8192"
-"""As the compose file gives it to the loop."""
+"""CPU weight that the compose file gives the loop."""
 BEAT_S = 0.002
-"""So seldom that it takes the loop no time worth speaking of."""
+"""Interval of the checks, long enough that the loop loses no noticeable time."""
 READY = "ready"
 READY_S = 30.0
 BEAT = f"""\
@@ -67,6 +67,6 @@ class ContainerStalls(StallRecorder):
             if line.strip() == READY:
                 ready.set()
                 continue
-            # Both clocks are one: containers share the kernel's monotonic clock.
+            # Containers share the kernel's monotonic clock.
             at_s, length_s = map(float, line.split())
             self.stalls.append((at_s, length_s))

@@ -1,4 +1,5 @@
-"""Environments of their own with this tree's wheels, for what does not run beside the tests'."""
+"""Separate environments with this tree's wheels, for packages that conflict with those of the
+tests."""
 
 import os
 import runpy
@@ -18,9 +19,9 @@ LONG_S = 600.0
 
 
 def ran(command: list[str], cwd: Path | None = None, more: Mapping[str, str] | None = None) -> str:
-    """What a command prints; raises AssertionError with both of its outputs where it fails.
+    """Return the output of a command; raises AssertionError with both outputs if it fails.
 
-    ``more``: variables of its environment, beside those of this process.
+    ``more``: environment variables in addition to those of this process.
     """
     done = subprocess.run(
         command,
@@ -36,11 +37,11 @@ def ran(command: list[str], cwd: Path | None = None, more: Mapping[str, str] | N
 
 
 def python_of(version: str) -> str:
-    """Path of a Python such as 3.12; skips where this machine has none."""
+    """Return the path of a Python such as 3.12; skips if this machine has none."""
     line = ["sh", str(ROOT / "requirements/python.sh"), version]
     found = subprocess.run(line, capture_output=True, text=True, check=False)
     if found.returncode:
-        pytest.skip(found.stderr.strip())  # names the Python that is missing
+        pytest.skip(found.stderr.strip())  # the skip names the Python that is missing
     return found.stdout.strip()
 
 
@@ -51,7 +52,7 @@ def _kept() -> "TemporaryDirectory[str]":
 
 @cache
 def wheel(project: str) -> Path:
-    """The wheel of ``.`` or ``shared``, built once in this process."""
+    """Return the wheel of ``.`` or ``shared``, built once per process."""
     folder = Path(_kept().name) / project.replace(".", "whole")
     build = [sys.executable, "-m", "build", "--no-isolation", "--wheel", "--outdir", str(folder)]
     ran([*build, str(ROOT / project)])
@@ -60,7 +61,7 @@ def wheel(project: str) -> Path:
 
 
 def environment(folder: Path, *wanted: str, python: str = sys.executable) -> Path:
-    """The Python of a new environment with some packages, and of ours what they need."""
+    """Make an environment with some packages and our wheels that they need; returns its Python."""
     uv = str(Path(sys.executable).with_name("uv"))
     script: dict[str, Any] = runpy.run_path(str(ROOT / "requirements/install.py"))
     config = ran([sys.executable, "-m", "pip", "config", "list"])
@@ -74,7 +75,8 @@ def environment(folder: Path, *wanted: str, python: str = sys.executable) -> Pat
 
 
 def _apart(wanted: tuple[str, ...]) -> list[list[str]]:
-    """Files of pins by themselves, since uv checks the hashes of all that it installs with them."""
+    """Split off files of pins, since uv requires hashes for everything that it installs with
+    them."""
     files = [["--require-hashes", "-r", one] for one in wanted if one.endswith(".txt")]
     others = [one for one in wanted if not one.endswith(".txt")]
     return [*files, others] if others else files

@@ -1,4 +1,4 @@
-"""The made-up instrument of docs/how-to/add-a-driver.md, as its line shows it."""
+"""The fictitious instrument of docs/how-to/add-a-driver.md, as it behaves on its line."""
 
 from collections.abc import Callable
 
@@ -6,7 +6,8 @@ LARGEST_UM = 99_999.99
 
 
 class SimulatedLDS:
-    """One head shows ``measure()``, in µm; None is a target out of view. Others are silent."""
+    """One head returns ``measure()``, in µm; None is a target out of view. Other heads are
+    silent."""
 
     def __init__(self, measure: Callable[[], float | None], head: int = 1) -> None:
         self._measure = measure
@@ -14,10 +15,10 @@ class SimulatedLDS:
         self.asked: list[bytes] = []
 
     def idle(self) -> None:
-        """Do nothing: this instrument speaks only when asked."""
+        """Do nothing: this instrument only replies to requests."""
 
     def answer(self, line: bytes) -> bytes | None:
-        """Answer one command line."""
+        """Reply to one command line."""
         self.asked.append(line)
         if line == b"*IDN?":
             return b"LDS,0017"

@@ -1,4 +1,4 @@
-"""Packages of the how-tos, installed into a folder of their own."""
+"""Packages of the how-to guides, installed into a separate folder."""
 
 import os
 import shutil
@@ -12,7 +12,7 @@ EXAMPLES = Path(__file__).parents[2] / "docs/examples"
 
 
 def installed(name: str, folders: pytest.TempPathFactory) -> Path:
-    """Install an example from a copy, so that nothing is left beside it; returns the folder."""
+    """Install an example from a copy, so that no files are left next to it; returns the folder."""
     copy = folders.mktemp("source") / name
     shutil.copytree(EXAMPLES / name, copy, ignore=shutil.ignore_patterns("__pycache__"))
     target = folders.mktemp("installed")
@@ -30,6 +30,6 @@ def installed(name: str, folders: pytest.TempPathFactory) -> Path:
 
 
 def python_path(folder: Path) -> str:
-    """A PYTHONPATH with a folder before what is there."""
+    """Return a PYTHONPATH with a folder before the existing entries."""
     before = os.environ.get("PYTHONPATH")
     return os.pathsep.join([str(folder), *([before] if before else [])])

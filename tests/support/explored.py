@@ -1,4 +1,5 @@
-"""A supervisor at a virtual rig to which anything may be done, and what must be the case then."""
+"""A supervisor of a virtual rig on which any action is allowed, and the invariants that must
+hold."""
 
 import tempfile
 from collections.abc import Callable
@@ -24,18 +25,18 @@ from tests.support.told_states import states_told
 from tests.support.virtual_rig import VirtualRig
 
 REFUSED = (409, 422, 503)
-"""What the OpenAPI document admits for a job that cannot be taken, or an action that cannot."""
+"""Status codes that the OpenAPI document allows for a refused job or action."""
 RIG = laid_over(SHORT, {"simulation": {"scripts": True}})
 ENDS = {state for state, row in STATES.items() if row.terminal}
 RELEASE = ReleaseJobRequest(kind="release", autostart=True)
 ENDING_S = 10.0
-"""In which a job that lets go of its part is over, and a stopped arm at rest."""
+"""Time within which a job that releases its part ends, and a stopped arm is at rest, in s."""
 SLACK_TICKS = 3
-"""Ticks after which a supervisor that looks at each has noticed that a deadline has passed."""
+"""Ticks after which a supervisor that sees each of them has noticed an expired deadline."""
 
 
 class Explored(RuleBasedStateMachine):
-    """The rig, its supervisor, and all that holds whatever is done to them."""
+    """The rig, its supervisor, and the invariants that hold whatever is done to them."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -46,7 +47,7 @@ class Explored(RuleBasedStateMachine):
         self.ended: dict[str, JobState] = {}
 
     def restart(self, *, in_order: bool = False) -> None:
-        """Another supervisor takes the place of the one that has ended or was killed."""
+        """Start another supervisor in place of the one that has ended or was killed."""
         if in_order and not self.office.steps.killed:
             self.office.end()
         else:
@@ -58,7 +59,7 @@ class Explored(RuleBasedStateMachine):
         reported, rows = self._events(), self.rows()
         while (
             later := self._events()
-        ) != reported:  # the journal's thread wrote between both reads
+        ) != reported:  # the journal's thread wrote between the two reads
             reported, rows = later, self.rows()
         assert [row.number for row in reported] == list(range(1, len(reported) + 1))
         assert {row.id: row.state for row in rows} == states_told(reported)
@@ -109,7 +110,7 @@ class Explored(RuleBasedStateMachine):
             self.folder.cleanup()
 
     def _every_stop_ends(self) -> None:
-        """Stop all, and let go what is held; then nothing plays any more."""
+        """Stop all and release the held part; then nothing plays any more."""
         for target in ("sensor", "output"):
             self.rig.order(target, "heal", None, None)
         self.office.manager.control_queue("clear", "test")
@@ -123,14 +124,16 @@ class Explored(RuleBasedStateMachine):
             self.ask(self.row(live.id), "release")
             assert live.done.wait(ENDING_S)
         if self.rig.applied and self.rig.applied[-1].part_held:
-            # Of a job whose supervisor was killed: only another one can let go.
+            # The part belongs to a job whose supervisor was killed: only another job can release
+            # it.
             self.tried(lambda: self.office.manager.create(RELEASE))
             live = self.office.manager.active
             assert live is None or live.done.wait(ENDING_S), live.status.state
         assert self._falls_silent(), self.rig.applied[-1]
 
     def _falls_silent(self) -> bool:
-        """Whether the loop comes to rest: in lockstep one that does not play says nothing."""
+        """Return whether the loop comes to rest: in lockstep, a loop that plays nothing
+        publishes nothing."""
         until_s = self.rig.now_s + ENDING_S
         while self.rig.now_s < until_s:
             stated = len(self.rig.applied)
@@ -148,7 +151,7 @@ class Explored(RuleBasedStateMachine):
             self.tried(self.office.steps.pass_)
 
     def _longest_s(self, request: JobRequest, planned: Planned | None) -> float:
-        """How long a stop may take, with an abort that comes of it."""
+        """Return how long a stop may take, including an abort that it causes."""
         policy = kind_of(request).stop_of(request)
         limits_s = [
             deadline_s(state, planned, self.rig.rig, policy) or 0.0
@@ -157,7 +160,7 @@ class Explored(RuleBasedStateMachine):
         return sum(limits_s) + SLACK_TICKS * self.rig.rig.rig.period_s
 
     def ask(self, row: JobRow, action: ActionType) -> None:
-        """Ask for an action; what the table does not offer is refused, and changes nothing."""
+        """Request an action; one that the table does not offer is refused and changes nothing."""
         manager = self.office.manager
 
         def act() -> None:
@@ -168,7 +171,7 @@ class Explored(RuleBasedStateMachine):
         self.tried(act)
 
     def tried(self, deed: Callable[[], object]) -> None:
-        """Do something that may be refused, and that the supervisor may not survive."""
+        """Do something that may be refused and that may kill the supervisor."""
         refusal: ProblemError | None = None
         with suppress(KilledError):
             try:
@@ -181,7 +184,7 @@ class Explored(RuleBasedStateMachine):
             self.restart()
 
     def rows(self) -> list[JobRow]:
-        """All jobs, the newest first."""
+        """Return all jobs, the newest first."""
         return self.office.store.newest(1000)
 
     def row(self, job: str) -> JobRow:
@@ -190,6 +193,6 @@ class Explored(RuleBasedStateMachine):
         return row
 
     def state(self) -> JobState | None:
-        """Of the job that has the rig."""
+        """Return the state of the job that occupies the rig."""
         live = self.office.manager.active
         return None if live is None else live.status.state

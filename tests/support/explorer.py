@@ -1,4 +1,4 @@
-"""Whatever may be done to a rig and to its supervisor, at any time."""
+"""Random actions on a rig and its supervisor, at any time."""
 
 import json
 from typing import Any, Literal, get_args
@@ -19,7 +19,7 @@ from tests.support.explored import Explored
 BODY: TypeAdapter[JobRequest] = TypeAdapter(Body)
 ACTIONS: tuple[ActionType, ...] = get_args(ActionType)
 LEAVES: tuple[ActionType, ...] = ("stop", "stop", "abort", "resume")
-"""What may end a pause."""
+"""Actions that may end a pause."""
 PLACES = st.integers(0, 110)
 """Ticks of a grip, up to the middle of its hold."""
 RESTING = ("stopping", "stopped", "hold")
@@ -61,7 +61,7 @@ DISTURBANCES: tuple[Happening | Ending, ...] = (
 
 
 class Explorer(Explored):
-    """A person who does anything at any time, a rig that may fail, a supervisor that may die."""
+    """Random actions of a person, on a rig that may fail and a supervisor that may die."""
 
     @initialize(kind=st.sampled_from(KINDS[:3]), policies=POLICIES, ticks=PLACES)
     def begin_with_a_part(self, kind: dict[str, Any], policies: dict[str, Any], ticks: int) -> None:
@@ -70,7 +70,7 @@ class Explorer(Explored):
     @precondition(lambda self: self.state() is None)
     @rule(kind=st.sampled_from(KINDS), policies=POLICIES, ticks=PLACES)
     def begin(self, kind: dict[str, Any], policies: dict[str, Any], ticks: int) -> None:
-        """Start a job, and let it come to any place."""
+        """Start a job and let it run to a random tick."""
         self.create(kind, {**policies, "autostart": True})
         self.tried(lambda: self.office.steps.pass_(ticks))
 
@@ -93,7 +93,7 @@ class Explorer(Explored):
     @precondition(lambda self: self.state() == "running")
     @rule()
     def pause(self) -> None:
-        """Rarely would chance alone pause at the right moment."""
+        """Pause at a useful moment, which random actions alone would rarely do."""
         self.ask(self.rows()[0], "pause")
         for _ in range(60):
             if self.state() == "pausing":
@@ -108,7 +108,7 @@ class Explorer(Explored):
             self.ask(self.rows()[0], action)
 
     def stop_from_the_pause(self) -> None:
-        """Ask for a stop; nothing may begin to move but what ``on_stop`` says."""
+        """Request a stop; only the motion that ``on_stop`` states may begin."""
         office, live = self.office, self.office.manager.active
         assert live is not None
         job, held, policy = live.id, live.status.held, kind_of(live.request).stop_of(live.request)
@@ -122,21 +122,21 @@ class Explorer(Explored):
         acts = [request for request in line.asked[requested:] if isinstance(request, Action)]
         stop = Action(ActionCode(lease_end(live.request)))
         assert acts in ([], [stop])
-        if self.row(job).state != "stopped":  # a fault has come before it, or in its course
+        if self.row(job).state != "stopped":  # a fault occurred before it, or during it
             return
         assert acts == [stop]
         later = [reported for reported in self.rig.telemetry[stated:] if reported.playing]
         moves = {"hold": [], "release": ["unload"], "retract": ["unload", "retreat"]}[policy]
         begun = [move for move in moves if held or move != "unload"]
         if any(action.type == "release" for action in self.row(job).actions):
-            begun.append("unload")  # asked for in the pause, it may have begun before the stop
+            begun.append("unload")  # requested in the pause, it may have begun before the stop
         assert {reported.phase for reported in later if not reported.paused} <= {*RESTING, *begun}
         if not begun:
             references = {
                 (reported.arms[0].x_r_um, reported.force_r_mN) for reported in (before, *later)
             }
             put_out = {echo.arms[0].voltage_V for echo in self.rig.applied[applied - 1 :]}
-            # Without a law x_r is where the arm is, and the voltage itself stays.
+            # Without a law x_r is the arm's position, and the voltage itself stays.
             assert len(references) == 1 or len(put_out) == 1
 
     @rule(ticks=st.sampled_from((1, 2, 5, 20, 60)))
@@ -145,7 +145,8 @@ class Explorer(Explored):
 
     @rule(which=st.sampled_from(DISTURBANCES), writes=st.integers(0, 6))
     def disturb(self, which: Happening | Ending, writes: int) -> None:
-        """A fault, an emergency stop, or the supervisor's end: at once or after some writes."""
+        """Cause a fault, an emergency stop, or the supervisor's end: at once or after some
+        writes."""
         match which:
             case "estop":
                 self.tried(lambda: self.office.manager.latch.estop("test"))

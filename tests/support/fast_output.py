@@ -1,4 +1,4 @@
-"""The taught demo rig behind a fast output: steps at once, in parts, or through an RC."""
+"""The calibrated demo rig with a fast output: steps at once, in parts, or through an RC."""
 
 import tomllib
 from typing import Literal
@@ -36,7 +36,7 @@ CHANGES: dict[Kind, Tree] = {
 
 
 def fast_rig(kind: Kind, changes: Tree | None = None) -> RigFile:
-    """Return the rig in lockstep; the kind is that of its output."""
+    """Return the rig in lockstep, with an output of the given kind."""
     tree = laid_over(tomllib.loads(DEMO.read_text(encoding="utf-8")), FAST)
     tree["sensor"]["options"] = {"um_per_V": 10.0, "drive_channel": "cDAQ1Mod1/ai1"}
     tree["output"]["options"] = {}

@@ -1,4 +1,4 @@
-"""The register of the fault table, ``fault_table.toml``: rows, and the tests that show them."""
+"""The data of the fault table, ``fault_table.toml``: rows, and the tests that cover them."""
 
 import tomllib
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ class Row:
     noticed_by: str
     must: str
     virtual: tuple[str, ...]
-    """In virtual time: the same numbers at every run."""
+    """Tests in virtual time: the same numbers in every run."""
     real: tuple[str, ...]
-    """Real processes, on real links."""
+    """Tests with real processes, on real links."""
     twin: tuple[str, ...]
-    """That nothing trips just below."""
+    """Tests that nothing trips just below the limit."""
     open: str = ""
-    """What is not as it should be yet; empty where all is."""
+    """Known deviation that remains; empty if there is none."""
 
 
 def _row(entry: dict[str, Any]) -> Row:

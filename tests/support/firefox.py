@@ -1,4 +1,4 @@
-"""Firefox without a screen, driven over Marionette, the protocol that is built into it."""
+"""Headless Firefox, driven over Marionette, its built-in protocol."""
 
 import json
 import os
@@ -127,7 +127,7 @@ def _received(line: socket.socket, count: int) -> bytes:
 
 @contextmanager
 def open_firefox(folder: Path) -> Generator[Firefox]:
-    """Start Firefox with a profile of its own; skips the test where there is none."""
+    """Start Firefox with a separate profile; skips the test if there is none."""
     path = next((path for name in NAMES if (path := shutil.which(name))), None)
     if path is None:
         pytest.skip(f"no Firefox on this machine ({', '.join(NAMES)})")

@@ -1,4 +1,4 @@
-"""What a process holds of the system, and how fast that grows."""
+"""Resources that a process uses, and their growth."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ STATUS_FIELDS = {"Threads:": "threads", "RssAnon:": "memory_kB"}
 
 
 def footprint(process: int) -> dict[str, int]:
-    """Open files, threads and own memory of a process, in kB."""
+    """Return open files, threads and private memory of a process, in kB."""
     found = {"files": descriptors(process)}
     for line in Path(f"/proc/{process}/status").read_text(encoding="ascii").splitlines():
         words = line.split()
@@ -23,7 +23,7 @@ def footprint(process: int) -> dict[str, int]:
 
 @dataclass
 class Footprints:
-    """Of every program of a rig, one after the other."""
+    """Resources of every program of a rig over time."""
 
     rig: RunningRig
     taken: dict[str, list[Mapping[str, int]]] = field(
@@ -31,28 +31,28 @@ class Footprints:
     )
 
     def take(self) -> None:
-        """Note what each holds."""
+        """Record the resources of each program."""
         for name, member in self.rig.fleet.members.items():
             self.taken.setdefault(name, []).append(footprint(member.process.pid))
 
     def settled(self, name: str, quantity: str) -> Sequence[int]:
-        """A program's values without the first third, in which caches fill."""
+        """Return a program's values without the first third, in which caches fill."""
         values = [one[quantity] for one in self.taken[name]]
         return values[len(values) // 3 :]
 
     def slope(self, name: str, quantity: str) -> float:
-        """Growth from one time to the next, by least squares."""
+        """Return the growth from one time to the next, by least squares."""
         values = self.settled(name, quantity)
         return linear_regression(range(len(values)), values).slope
 
     def grown(self, name: str, quantity: str) -> float:
-        """By how much the mean of the last third is above that of the one before it."""
+        """Return the mean of the last third minus that of the third before it."""
         values = self.settled(name, quantity)
         half = len(values) // 2
         return mean(values[half:]) - mean(values[:half])
 
     def table(self, each: str) -> list[str]:
-        """A line for each program: what it holds at the end, and the slopes."""
+        """Return a line for each program: its resources at the end, and the slopes."""
         return [
             f"{name}: "
             + ", ".join(

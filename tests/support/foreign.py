@@ -1,4 +1,5 @@
-"""Tools of others on a rig's keys: stores, and programs that reply nothing, rubbish or too much."""
+"""Foreign tools on a rig's keys: stores, and programs that do not reply, or reply with garbage
+or too much."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
@@ -23,7 +24,7 @@ OLD = encode(Ack(1_000_000))
 """A valid reply to a request, as a tool could have kept it."""
 MANY = 300
 SETTLED_S = 0.5
-"""Time after which a router has computed its routes to a session that has come."""
+"""Time after which a router has computed its routes to a new session."""
 
 
 @dataclass
@@ -84,7 +85,8 @@ KINDS = ("store", "stamping store", "silent", *REPLIES)
 
 @contextmanager
 def declared(session: zenoh.Session, kind: str, place: str = EVERYTHING) -> Generator[Store]:
-    """Declare a complete queryable of one kind at a session, and keep what it subscribes to."""
+    """Declare a complete queryable of one kind at a session, and store the messages that it
+    subscribes to."""
     kept: list[zenoh.Query] = []
     store = Store(session.new_timestamp if kind == "stamping store" else lambda: None)
     reply = {"store": store.reply, "stamping store": store.reply, "silent": kept.append}
@@ -105,7 +107,7 @@ def declared(session: zenoh.Session, kind: str, place: str = EVERYTHING) -> Gene
 def outsider(
     mode: str, *places: str, stamps: bool = False, listen: str = ""
 ) -> Generator[zenoh.Session]:
-    """Open a session of another tool: explicit links, otherwise Zenoh's defaults."""
+    """Open a session of a foreign tool: explicit links, otherwise Zenoh's defaults."""
     ends = SessionConfig(mode, (listen,) if listen else (), places)
     tree = settings(ends, "outsider") | {"timestamping": {"enabled": stamps}}
     with zenoh.open(zenoh.Config.from_json5(json.dumps(tree))) as session:
@@ -113,9 +115,9 @@ def outsider(
 
 
 def settle() -> None:
-    """Wait until the router has taken in a session that has just come.
+    """Wait until the router has processed a new session.
 
-    A router of Zenoh 1.10.2 that states in its admin space what is declared, while that changes,
-    may wait for itself for ever. No call tells when it has taken a change in.
+    A router of Zenoh 1.10.2 that lists declarations in its admin space while they change may
+    deadlock. No call reports when it has processed a change.
     """
     sleep(SETTLED_S)

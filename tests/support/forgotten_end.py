@@ -1,7 +1,7 @@
-"""How long Zenoh's end of a connection waits once the kernel has forgotten the guard's end.
+"""Time that Zenoh's end of a connection waits after the kernel has dropped the guard's end.
 
 ``python -m tests.support.forgotten_end`` prints it, in s. It shortens the time after which the
-kernel forgets, so it is only to be run within a network of its own: ``namespaces.alone``.
+kernel drops an end, so run it only in a separate network namespace: ``namespaces.alone``.
 """
 
 import os
@@ -15,13 +15,13 @@ from pincette.bus.private_port import PrivatePort
 from tests.support.namespaces import INSIDE
 
 FORGOTTEN_S, LINGER_S = 1, 10
-"""Time after which the kernel forgets an end, and the linger time that Zenoh gives the other."""
+"""Time after which the kernel drops an end, and the linger time that Zenoh gives the other."""
 MARGIN_S = 2.0
 ACCEPTED_S = 5.0
 
 
 def main() -> None:
-    """End the guard's connection in order, and then the one that was accepted."""
+    """Close the guard's connection in an orderly way, and then the accepted one."""
     if INSIDE not in os.environ:
         raise RuntimeError("the kernel's setting is changed in a network of its own only")
     Path("/proc/sys/net/ipv4/tcp_fin_timeout").write_text(str(FORGOTTEN_S), encoding="ascii")

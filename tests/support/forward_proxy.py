@@ -1,7 +1,7 @@
-"""A real forward proxy, tinyproxy, that alone knows the address of a name.
+"""A real forward proxy, tinyproxy, which alone can resolve a name.
 
-It runs in a mount namespace with an ``/etc/hosts`` of its own. So a name that it reaches is
-unknown to the test itself, as names of the Internet often are in an institute's network.
+It runs in a mount namespace with a separate ``/etc/hosts``. So a name that it reaches is unknown to
+the test itself, as Internet names often are in an institute's network.
 """
 
 import os
@@ -25,7 +25,7 @@ SCRIPT = 'mount --bind "$1/hosts" /etc/hosts && exec tinyproxy -d -c "$1/proxy.c
 
 @dataclass(frozen=True)
 class ForwardProxy:
-    """A proxy that runs."""
+    """A running proxy."""
 
     port: int
     log: Path
@@ -48,7 +48,7 @@ def _namespace() -> list[str]:
 
 
 def objection() -> str:
-    """Return why no such proxy runs on this machine; empty if it does."""
+    """Return why no such proxy can run on this machine; empty if it can."""
     missing = [tool for tool in ("unshare", "tinyproxy") if shutil.which(tool) is None]
     if missing:
         return f"not installed: {', '.join(missing)} (Debian: util-linux, tinyproxy-bin)"
@@ -62,7 +62,8 @@ def objection() -> str:
 def forward_proxy(
     folder: Path, *, password: str = "", open_to: tuple[int, ...] = ()
 ) -> Generator[ForwardProxy]:
-    """Run a proxy that tunnels to some ports; with a password it wants ``user`` and that."""
+    """Run a proxy that tunnels to some ports; with a password it requires ``user`` and that
+    password."""
     port, log = free_ports(1), folder / "proxy.log"
     settings = [
         f"Port {port}",
@@ -90,7 +91,7 @@ def forward_proxy(
 
 @contextmanager
 def over_tls(folder: Path, proxy: ForwardProxy, *files: Path) -> Generator[str]:
-    """Let HAProxy accept TLS for a proxy, with a certificate and its key; gives the address."""
+    """Let HAProxy accept TLS for a proxy, with a certificate and its key; yields the address."""
     port, bundle = free_ports(1), folder / "bundle.pem"
     bundle.write_bytes(b"".join(file.read_bytes() for file in files))
     (folder / "haproxy.cfg").write_text(

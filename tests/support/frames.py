@@ -1,4 +1,5 @@
-"""Frames for the bus: sound ones of every message, made of its annotations, and spoilt ones."""
+"""Frames for the bus: valid ones of every message, made from its annotations, and corrupted
+ones."""
 
 import math
 import random
@@ -26,7 +27,7 @@ from tests.support.laws import law_settings
 Chance = random.Random
 BY_NAME = {kind.__name__: kind for kind in sorted(KINDS, key=lambda kind: kind.__name__)}
 EPOCH, OWNER = 7, 1
-"""Of the arming that frames belong to, mostly."""
+"""Epoch and owner of the arming to which most frames belong."""
 NOT_NEGATIVE = ("duration_s", "move_s", "run_up_s", "contact_stiffness_mN_per_um")
 BY_ARM = ("to_um", "sides", "courses", "arms", "voltages")
 """Tuples with one item for each arm."""
@@ -41,23 +42,24 @@ SELF_CHECKED: dict[type, tuple[Any, ...]] = {
     ),
     Distribution: (Distribution(), counted((0.0, 1e-6, 1e-6)), counted((5e-4, 0.02, 2e9))),
 }
-"""Records that refuse what makes no sense: some that do."""
+"""Records that refuse inconsistent values, with some valid examples."""
 
 
 def sound(kind: type, chance: Chance) -> Any:
-    """A record of any kind whose every field is what it should be, though not always sensible."""
+    """Return a record of any kind whose fields have valid types, though not always sensible
+    values."""
     if kind in SELF_CHECKED:
         return chance.choice(SELF_CHECKED[kind])
     while True:
         try:
             return kind(**{name: _value(hint, name, chance) for name, hint in _hints(kind)})
-        except ValueError:  # a record that refuses itself
+        except ValueError:  # a record that refuses its own values
             continue
 
 
 @cache
 def _hints(kind: type) -> tuple[tuple[str, Any], ...]:
-    """Fields of a record, each with its annotation."""
+    """Return the fields of a record, each with its annotation."""
     hints = get_type_hints(kind)
     return tuple((item.name, hints[item.name]) for item in structs.fields(kind))
 
@@ -92,7 +94,7 @@ def _value(hint: Any, name: str, chance: Chance) -> Any:
 
 
 def _deep(levels: int, leaf: bytes) -> bytes:
-    """So many lists, each in the one before."""
+    """Return lists nested this deep."""
     return b"\x91" * levels + leaf
 
 
@@ -113,11 +115,11 @@ BOMBS: dict[str, bytes] = {
     "a reserved byte": b"\xc1",
     "too long": b"\x00" * 65_537,
 }
-"""What is small on the wire and would be large, deep or slow in memory."""
+"""Values that are small on the wire and would be large, deep or slow in memory."""
 
 
 def nasty(chance: Chance) -> Any:
-    """A value that fits nowhere, or only just."""
+    """Return a value that fits no field, or only just."""
     return chance.choice(NASTY)
 
 
@@ -130,12 +132,12 @@ NASTY: tuple[Any, ...] = (
 
 
 def spoilt(chance: Chance, kind: type[Message]) -> bytes:
-    """A frame of a kind with something wrong in it, or somewhere near it, or noise."""
+    """Return a frame of a kind with an error in it or in its surroundings, or noise."""
     return chance.choice(SPOILERS)(chance, encode(sound(kind, chance)))
 
 
 def _leaf(chance: Chance, payload: bytes) -> bytes:
-    """One field, however deep, holds something else."""
+    """Replace the value of one field, at any depth."""
     tree = msgpack.unpackb(payload)
     node, places = tree, _places(tree)
     while places:
@@ -155,7 +157,7 @@ def _places(node: Any) -> list[Any]:
 
 
 def _fields(chance: Chance, payload: bytes) -> bytes:
-    """A field is missing, unknown, under a key that is no text, or there twice."""
+    """Drop a field, add an unknown one, use a key that is not text, or duplicate a field."""
     tree: dict[Any, Any] = msgpack.unpackb(payload)
     pairs = list(tree.items())
     place = chance.randrange(len(pairs)) if pairs else 0
@@ -176,7 +178,7 @@ def _fields(chance: Chance, payload: bytes) -> bytes:
 
 
 def _bits(chance: Chance, payload: bytes) -> bytes:
-    """Some bits are others."""
+    """Flip some bits."""
     changed = bytearray(payload)
     for _ in range(chance.randrange(1, 4)):
         if changed:
@@ -193,7 +195,7 @@ def _more(chance: Chance, payload: bytes) -> bytes:
 
 
 def _spliced(chance: Chance, payload: bytes) -> bytes:
-    """Bytes are dropped, put in, or there twice."""
+    """Drop, insert or duplicate bytes."""
     first, last = sorted(chance.randrange(len(payload) + 1) for _ in range(2))
     middle = chance.choice((b"", chance.randbytes(3), payload[first:last] * 2))
     return payload[:first] + middle + payload[last:]
@@ -204,7 +206,7 @@ def _noise(chance: Chance, _payload: bytes) -> bytes:
 
 
 def _bomb(chance: Chance, payload: bytes) -> bytes:
-    """A bomb, or one in the place of a field; seldom, for it takes long."""
+    """Return a bomb, or one in place of a field; rarely, since it takes long."""
     if chance.random() < 0.98:
         return payload
     bomb = chance.choice(tuple(BOMBS.values()))

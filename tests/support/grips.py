@@ -1,4 +1,5 @@
-"""Short grips of a rig whose programs are hurt, and what a person does afterwards."""
+"""Short grips of a rig whose programs are killed or stopped, and the actions of a person
+afterwards."""
 
 import random
 import signal
@@ -28,31 +29,31 @@ SHORT: Tree = {
         "zero_s": 0.24,
     },
 }
-"""Changes to the demo rig: a bead close by, gripped lightly and at once, frozen briefly."""
+"""Changes to the demo rig: a near bead, gripped lightly and without delay, with a short freeze."""
 SLOWLY_UM_PER_S = 3.0
-"""Of an approach that is still under way when the fault comes."""
+"""Speed of an approach that is still in progress when the fault occurs, in µm/s."""
 MOVED_UM = 1.0
-"""Reference from which the arm counts as under way, and"""
+"""Reference beyond which the arm counts as moving, in µm."""
 MOVED_V = 0.01
-"""voltage."""
+"""Voltage beyond which the arm counts as moving, in V."""
 FAR_V, AWAY_V, AWAY_UM_PER_S = -0.25, -0.6, 18.0
-"""Of a move that is still under way when the fault comes, with a voltage that takes a whole ramp:
-where the arm stands at 0 V depends on how it has moved before."""
+"""Move that is still in progress when the fault occurs, with a voltage that takes a whole ramp:
+the arm's position at 0 V depends on its previous motion."""
 TRIES = 4
 WAIT_S = 60.0
 """Longest wait for a phase of a grip; a busy machine only makes it longer."""
 LOOK_S = 0.002
 BEFORE_S = 0.1
-"""Of what is told of a trip: the age limit and two periods."""
+"""Time before a trip from which messages are reported, in s: the age limit and two periods."""
 TRIPPED = ("frozen", "ramping")
 CREEPS = "zero_refused"
-"""Of an arm that was held for long, and still creeps back: a person would try again."""
+"""Refusals of an arm that was held for long and still creeps back: a person would try again."""
 NOT_YET = (409, 503)
-"""Where a program that was cut off is not back yet, or a job has just begun to end."""
+"""Refusals while a program that was cut off is not back yet, or a job has just begun to end."""
 
 
 def hold(rig: RunningRig, seen: Witness) -> str:
-    """Grip and wait for the hold, which lasts until it is released; the job's id."""
+    """Grip and wait for the hold, which lasts until it is released; returns the job's id."""
 
     def holds(view: Telemetry) -> bool:
         return view.phase == "hold" and view.segment_tick >= 5
@@ -61,18 +62,20 @@ def hold(rig: RunningRig, seen: Witness) -> str:
 
 
 def approach(rig: RunningRig, seen: Witness) -> str:
-    """Begin a grip and wait until the free arm is well under way; the job's id."""
+    """Begin a grip and wait until the free arm is well on its way; returns the job's id."""
 
     def under_way(view: Telemetry) -> bool:
         moved = view.phase == "approach" and view.arms[0].x_r_um > MOVED_UM
-        # An arm that still creeps from the grip before crosses 0 V, where there is no way to ramp.
+        # An arm that still creeps after the previous grip crosses 0 V, where the ramp has no
+        # length.
         return moved and seen.newest(Applied).arms[0].voltage_V > MOVED_V
 
     return _begin(rig, seen, under_way, {"approach_um_per_s": SLOWLY_UM_PER_S})
 
 
 def move_away(rig: RunningRig, seen: Witness) -> str:
-    """Begin to move the free arm away from the part and wait until it is far out; the job's id."""
+    """Begin to move the free arm away from the part and wait until it is far out; returns the
+    job's id."""
 
     def far_out(view: Telemetry) -> bool:
         return view.phase == "move" and seen.newest(Applied).arms[0].voltage_V < FAR_V
@@ -82,7 +85,7 @@ def move_away(rig: RunningRig, seen: Witness) -> str:
 
 
 def whole_grip(rig: RunningRig, seen: Witness) -> Json:
-    """Grip, hold and let go, and fail where that does not succeed; the job as it ended."""
+    """Grip, hold and release, and fail if that does not succeed; returns the job as it ended."""
     ended: Json = {}
     for _ in range(TRIES):
         begun = monotonic()
@@ -104,7 +107,7 @@ def _begin(
     there: Callable[[Telemetry], bool],
     wishes: Tree,
 ) -> str:
-    """Start a grip and see it to a place."""
+    """Start a grip and wait until it reaches a phase."""
     begun = monotonic()
     before = _epoch(seen)
     job = rig.start_grip(**wishes)
@@ -120,7 +123,8 @@ def _begin(
 
 
 def _epoch(seen: Witness) -> int:
-    """Of the program that was heard of last, whose telemetry may still come; 0 where none was."""
+    """Return the epoch of the last received telemetry, which may still arrive; 0 if there was
+    none."""
     try:
         return seen.newest(Telemetry).epoch
     except IndexError:
@@ -128,7 +132,7 @@ def _epoch(seen: Witness) -> int:
 
 
 def fail_of_trip(seen: Witness, tripped_at: float, echo: Applied) -> NoReturn:
-    """Fail: a rig has tripped, and no test has caused it."""
+    """Fail: a rig has tripped, and the test has not caused it."""
     raise AssertionError(
         f"trip without a fault at seq {echo.seq} ({applied_text(echo)})\n"
         f"{seen.account(tripped_at, 2.0 * BEFORE_S)}"
@@ -141,14 +145,14 @@ def wait_for_any_phase(chance: random.Random, period_s: float) -> None:
 
 
 def kill(rig: RunningRig, name: str) -> float:
-    """End a program without a word; the time at which that was done."""
+    """Kill a program; returns the time."""
     now = monotonic()
     rig.fleet.signal(name, signal.SIGKILL)
     return now
 
 
 def restart(rig: RunningRig, *names: str) -> None:
-    """Start programs that have ended again, together."""
+    """Restart programs that have ended, together."""
     for name in names:
         process = rig.fleet.members[name].process
         process.wait(5.0)
@@ -159,7 +163,7 @@ def restart(rig: RunningRig, *names: str) -> None:
 
 
 def refused(rig: RunningRig) -> Json:
-    """The problem with which a job is refused."""
+    """Return the problem with which a job is refused."""
     response = rig.post("/jobs", {"kind": "grip", "autostart": True})
     assert response.status_code == 409, response.text
     return response.json()
@@ -172,7 +176,7 @@ def reset(rig: RunningRig) -> None:
 
 
 def make_ready(rig: RunningRig, timeout_s: float = 30.0) -> None:
-    """Clear what a test before has left, where that one failed half way."""
+    """Clear the state that an earlier test left when it failed half way."""
     for member in rig.fleet.ended():
         restart(rig, member.name)
     deadline = monotonic() + timeout_s
@@ -184,7 +188,7 @@ def make_ready(rig: RunningRig, timeout_s: float = 30.0) -> None:
         if job is not None and view["latch"]["state"] == "armed":
             rig.post(f"/rigs/{rig.rig.rig.name}/estop").raise_for_status()
         elif job is not None and "stop" in rig.job(job)["allowed_actions"]:
-            # Nothing moves, such as while it waits for a decision.
+            # Nothing moves, for example while the job waits for a decision.
             answer = rig.post(f"/jobs/{job}/actions", {"type": "stop"})
             if answer.status_code not in NOT_YET:
                 answer.raise_for_status()
@@ -201,6 +205,6 @@ def make_ready(rig: RunningRig, timeout_s: float = 30.0) -> None:
 
 
 def command(*words: str) -> "subprocess.CompletedProcess[str]":
-    """Run `pincette` with some words."""
+    """Run `pincette` with some arguments."""
     line = [sys.executable, "-m", "pincette", *words]
     return subprocess.run(line, capture_output=True, text=True, timeout=30.0, check=False)

@@ -1,7 +1,8 @@
-"""Clients that ask a supervisor all they can: ``python -m tests.support.hammer API RIG CLIENTS``.
+"""Clients that send a supervisor as many requests as they can: ``python -m tests.support.hammer API
+RIG CLIENTS``.
 
-They read old jobs and their files, plan, and look at the rig, each again and again with a short
-pause, until standard input closes. Then one line of JSON says what came of it.
+They read old jobs and their files, plan, and read the state of the rig, repeatedly with a short
+pause, until standard input closes. Then one line of JSON states the outcome.
 """
 
 import asyncio
@@ -22,27 +23,27 @@ import numpy as np
 from tests.support.running import Json, RunningRig
 
 PAUSE_S = 0.1
-"""Mean pause of a client between an answer and its next question."""
+"""Mean pause of a client between a reply and its next request, in s."""
 WAIT_S = 30.0
 SEED = 20131
 
 
 @dataclass
 class Tally:
-    """What came of the questions."""
+    """Counts and times of the requests."""
 
     statuses: Counter[int] = field(default_factory=Counter[int])
     took_s: list[float] = field(default_factory=list[float])
 
     def told(self) -> Json:
-        """Return it as JSON can have it."""
+        """Return it as JSON values."""
         p50, p99 = (float(value) for value in np.percentile(self.took_s or [0.0], (50.0, 99.0)))
         answers = {str(status): count for status, count in self.statuses.items()}
         return {"asked": len(self.took_s), "answers": answers, "p50_s": p50, "p99_s": p99}
 
 
 def questions(rig: str, job: str) -> list[tuple[str, str, Json | None]]:
-    """What a client may ask; a plan is worked out, a record is read."""
+    """Return the requests that a client may send; a plan is computed, a record is read."""
     plan = {"kind": "grip"}
     return [
         ("GET", f"/rigs/{rig}", None),
@@ -59,7 +60,7 @@ def questions(rig: str, job: str) -> list[tuple[str, str, Json | None]]:
 async def client(
     line: httpx.AsyncClient, rig: str, seed: int, end: asyncio.Event, tally: Tally
 ) -> None:
-    """One client, until the end."""
+    """Run one client until the end."""
     chance = random.Random(seed)
     jobs = [job["id"] for job in (await line.get("/jobs")).json()["jobs"] if job["ended_at"]]
     while not end.is_set():
@@ -72,7 +73,7 @@ async def client(
 
 
 async def hammer(api: str, rig: str, clients: int) -> Tally:
-    """Let clients ask until standard input closes."""
+    """Run clients until standard input closes."""
     tally, end = Tally(), asyncio.Event()
     limits = httpx.Limits(max_connections=clients, max_keepalive_connections=clients)
     async with (
@@ -88,7 +89,7 @@ async def hammer(api: str, rig: str, clients: int) -> Tally:
 
 @contextmanager
 def hammered(rig: RunningRig, clients: int) -> Generator[Json]:
-    """Clients ask as long as this lasts; then the tally is what came of it."""
+    """Run clients for the duration of the block; then the tally holds the outcome."""
     words = [sys.executable, "-m", "tests.support.hammer"]
     words += [str(rig.client.base_url), rig.rig.rig.name, str(clients)]
     process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)

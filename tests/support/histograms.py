@@ -1,4 +1,4 @@
-"""Distributions of durations, made and merged at once."""
+"""Distributions of durations, made and merged in one call."""
 
 from collections.abc import Iterable
 
@@ -6,7 +6,7 @@ from pincette.latency.histogram import Distribution, Histogram
 
 
 def merged(parts: Iterable[Distribution]) -> Distribution:
-    """All that several have counted, exactly as if one had counted it."""
+    """Merge the counts of several distributions, exactly as if one had counted everything."""
     together: dict[int, int] = {}
     max_s = 0.0
     for part in parts:
@@ -18,7 +18,7 @@ def merged(parts: Iterable[Distribution]) -> Distribution:
 
 
 def counted(durations_s: Iterable[float]) -> Distribution:
-    """Durations in s, counted."""
+    """Return a distribution of durations in s."""
     histogram = Histogram()
     for duration_s in durations_s:
         histogram.add(duration_s)

@@ -1,9 +1,9 @@
-"""What keeps a machine busy, and who puts what he likes on the bus.
+"""Programs that keep a machine busy or flood the bus.
 
-Each is a program of its own, ``python -m tests.support.hogs WHAT …``, that goes on until standard
-input closes: ``cpu`` burns a processor, ``disk FOLDER`` writes and waits for the disk, ``flood
+Each is a separate program, ``python -m tests.support.hogs WHAT …``, that runs until standard input
+closes: ``cpu`` keeps a processor busy, ``disk FOLDER`` writes and waits for the disk, ``flood
 ENDPOINT RIG RATE_HZ`` puts garbage and forged commands on the key of the controller. The last is a
-plain Zenoh program that uses nothing of pincette, and says in the end what it has sent.
+plain Zenoh program that uses nothing of pincette, and reports at the end what it has sent.
 """
 
 # Zenoh's and MessagePack's stubs leave types open.
@@ -30,9 +30,9 @@ Json = dict[str, Any]
 SEED = 20132
 BLOCK = 1 << 20
 BLOCKS = 64
-"""Of a mebibyte each, before the disk writer begins at the front again."""
+"""Number of blocks of one mebibyte, after which the disk writer begins at the front again."""
 HUGE = 100_000
-"""Bytes; above every message that the bus takes."""
+"""Size in bytes above that of every message that the bus accepts."""
 STOP_S = 10.0
 NONSENSE = float("nan")
 KINDS = (
@@ -49,7 +49,7 @@ KINDS = (
 
 @contextmanager
 def hog(*words: str | Path) -> Generator[Json]:
-    """One of the programs as long as this lasts; then what it said, if anything."""
+    """Run one of the programs for the duration of the block; then its output is available."""
     command = [sys.executable, "-m", "tests.support.hogs", *map(str, words)]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     reported: Json = {}
@@ -67,7 +67,7 @@ def hog(*words: str | Path) -> Generator[Json]:
 
 
 def burn(end: threading.Event) -> None:
-    """Keep a processor from doing anything else."""
+    """Keep a processor busy."""
     while not end.is_set():
         sum(range(10_000))
 
@@ -95,7 +95,7 @@ class Forger:
         self.sent: Counter[str] = Counter()
 
     def hear(self, payload: bytes) -> None:
-        """Note a command of the controller."""
+        """Store a command of the controller."""
         self._first = self._first or payload
         self._heard = payload
 
@@ -129,7 +129,7 @@ class Forger:
 
 
 def flood(end: threading.Event, endpoint: str, rig: str, rate_hz: float) -> Json:
-    """Put forged commands at a rate; what was sent, by kind, and for how long."""
+    """Put forged commands at a rate; returns what was sent, by kind, and for how long."""
     config = {
         "mode": "client",
         "connect": {"endpoints": [endpoint]},

@@ -25,7 +25,7 @@ from urllib.parse import urlsplit
 from tests.support.running import Json
 
 PAUSE_S = 0.05
-"""Pause of a client between an answer and its next attack."""
+"""Pause of a client between a reply and its next attack."""
 WAIT_S = 20.0
 """Longest time a client waits for an answer."""
 STEP_S = 0.5
@@ -35,7 +35,7 @@ IDLE = 500
 POLLS = 20
 """Long polls of one client at once."""
 MEMBERS = ("{" + ", ".join(f'"m{n:05d}": "b"' for n in range(58_000)) + "}").encode()
-"""869 kB that no request means."""
+"""Object of 869 kB with members that no request has."""
 FITTING = ("{" + ", ".join(f'"{n:x}":1' for n in range(1500)) + "}").encode()
 """Unknown members of a body that is no larger than a small request may be."""
 
@@ -158,7 +158,7 @@ async def many_parameters(target: Target) -> str:
 
 
 async def many_cookies(target: Target) -> str:
-    """Send a long cookie of many parts."""
+    """Send a long cookie with many parts."""
     cookie = ";".join(f"{n:x}=" for n in range(2500))
     return await asked(target, target.head("GET", "/rigs", f"Cookie: {cookie}"))
 
@@ -189,7 +189,7 @@ async def slow_body(target: Target) -> str:
 
 
 async def half_handshake(target: Target) -> str:
-    """Begin a handshake of TLS, wait for the server's part of it, and go away."""
+    """Begin a TLS handshake, wait for the server's part of it, and disconnect."""
     incoming, outgoing = ssl.MemoryBIO(), ssl.MemoryBIO()
     context = target.tls or ssl.create_default_context()
     client = context.wrap_bio(incoming, outgoing, server_hostname=target.host)
@@ -239,7 +239,7 @@ async def repeated(target: Target, name: str, end: asyncio.Event) -> None:
 
 
 async def idle(target: Target, end: asyncio.Event) -> None:
-    """Hold connections and say nothing; those that are ended are opened again."""
+    """Hold connections and send nothing; those that are closed are opened again."""
     while not end.is_set():
         held: list[asyncio.StreamWriter] = []
         for _ in range(IDLE):

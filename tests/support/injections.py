@@ -1,4 +1,5 @@
-"""One fault in a job: a program of the loop is hurt, the actuator reacts, a person resets it."""
+"""One fault in a job: a program of the loop is killed or stopped, the actuator reacts, a person
+resets it."""
 
 import random
 import signal
@@ -20,16 +21,17 @@ from tests.support.stalls import StallRecorder
 from tests.support.witness import Witness
 
 CUTS: dict[str, Way] = {"cut off": "both", "mute": "out", "deaf": "in"}
-"""Nothing passes; nothing comes from the program; nothing reaches it."""
+"""Kinds of cuts: all packets are lost, those from the program, or those to it."""
 WAKES_S = (0.15, 0.8)
 """A program that hangs, or is cut off, comes back while a held part is still frozen and its links
 are still kept, or when the actuator is latched and Zenoh has given the links up."""
 LOOK_S = 0.1
-"""How long a rig that was healed is watched before it is reset."""
+"""Time for which a recovered rig is watched before it is reset, in s."""
 BEFORE_PERIODS = 5
-"""Before the fault, from which on the voltages are looked at."""
+"""Number of periods before the fault from which the voltages are checked."""
 WATCHDOG_S, TICK_S, IDLE_S = 0.5, 0.1, 0.05
-"""Of the output module, its step by its manual, and how often the simulated one looks at it."""
+"""Step of the output module by its manual, and the interval at which the simulated one checks
+it."""
 WATCHED: Tree = {"output": {"options": {"watchdog_s": WATCHDOG_S}}}
 MODULE_S = WATCHDOG_S + TICK_S + IDLE_S
 
@@ -45,7 +47,7 @@ class Fault:
 
     @property
     def name(self) -> tuple[str, str, str]:
-        """In words: fault, program, part."""
+        """Return a description: fault, program, part."""
         return self.kind, self.program, "held" if self.held else "free"
 
 
@@ -81,7 +83,7 @@ def inject(
 
 
 def _harm(rig: RunningRig, fault: Fault) -> tuple[Callable[[], float], Callable[[], None]]:
-    """How the fault is made, which returns when, and how it is undone."""
+    """Return a function that causes the fault and returns its time, and one that undoes it."""
     if fault.kind == "killed":
         return partial(kill, rig, fault.program), partial(restart, rig, fault.program)
     if fault.kind == "stopped":
@@ -99,7 +101,7 @@ def _harm(rig: RunningRig, fault: Fault) -> tuple[Callable[[], float], Callable[
 
 
 def _safe(rig: RunningRig, seen: Witness, since_s: float) -> float:
-    """When the instrument first put out the safe voltage."""
+    """Return when the instrument first output the safe voltage."""
     step_V, safe_V = output_step_V(rig.rig), rig.rig.safety.safe_V
     return seen.until(
         GroundTruth, lambda truth: abs(truth.arms[0].voltage_V - safe_V) <= step_V, since_s
@@ -109,7 +111,8 @@ def _safe(rig: RunningRig, seen: Witness, since_s: float) -> float:
 def _wait_out(
     rig: RunningRig, seen: Witness, fault: Fault, struck_s: float, chance: random.Random
 ) -> None:
-    """Wait until the program shall come back; a start would take time from who reacts."""
+    """Wait until the program is to return; starting it earlier would take CPU time from the
+    reacting programs."""
     if fault.kind == "killed":
         _safe(rig, seen, struck_s)
         sleep(LOOK_S)
@@ -120,7 +123,7 @@ def _wait_out(
 def _reacted(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, fault: Fault, struck_s: float
 ) -> Injected:
-    """What the actuator did."""
+    """Return the reaction of the actuator."""
     reaction = await_reaction(rig.rig, seen, stalls, struck_s, held=fault.held)
     ramp = seen.since(GroundTruth, struck_s - BEFORE_PERIODS * rig.rig.rig.period_s)
     ringing_um, way_um = residual(rig.rig, ramp)
@@ -142,7 +145,8 @@ def _reacted(
 def _left_to_the_module(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, fault: Fault, struck_s: float
 ) -> Injected:
-    """The actuator itself has died: only the module's own watchdog reacts, by one step."""
+    """Check the case that the actuator itself has died: only the module's watchdog reacts, with
+    one step."""
     safe_at = _safe(rig, seen, struck_s)
     stood_s = stalls.between(struck_s, safe_at)
     return Injected(
@@ -161,14 +165,14 @@ def _left_to_the_module(
 
 
 def _phase(rig: RunningRig, seen: Witness, struck_s: float) -> float:
-    """Where within a period the fault fell, from the newest sample before it."""
+    """Return the phase of the fault within a period, from the newest sample before it."""
     period_s = rig.rig.rig.period_s
     came_s = [at for at, _ in seen.since(Position, struck_s - 1.0) if at <= struck_s]
     return ((struck_s - came_s[-1]) / period_s) % 1.0
 
 
 def _check_words(rig: RunningRig, job: str, fault: Fault) -> None:
-    """The job has failed, with a cause that an operator can read."""
+    """Check that the job has failed with a cause that an operator can read."""
     ended = rig.ended(job)
     assert ended["state"] == "failed", ended["state"]
     if fault.program == "actuator":
@@ -180,7 +184,8 @@ def _check_words(rig: RunningRig, job: str, fault: Fault) -> None:
 
 
 def _check_nothing_moves(rig: RunningRig, seen: Witness, fault: Fault, struck_s: float) -> None:
-    """No command is taken and nothing is armed, whatever comes of a program that is back."""
+    """Check that no command is accepted and nothing is armed, whatever a returning program
+    sends."""
     if fault.program == "actuator":
         since_s = struck_s + rig.rig.rig.period_s
     else:

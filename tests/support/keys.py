@@ -1,4 +1,4 @@
-"""Keys in force at a supervisor, and requests that show them."""
+"""Valid keys of a supervisor, and requests that send them."""
 
 from dataclasses import dataclass
 from typing import get_args
@@ -11,22 +11,22 @@ from pincette_supervisor.journal.store import Store
 
 @dataclass(frozen=True)
 class ScopeKeys:
-    """A key of each scope, by its scope."""
+    """Keys by their scope."""
 
     keys: dict[Scope, str]
 
     def headers(self, scope: Scope) -> dict[str, str]:
-        """What shows the key of a scope."""
+        """Return the headers with the key of a scope."""
         return shown(self.keys[scope])
 
 
 def shown(key: str) -> dict[str, str]:
-    """The header that shows a key."""
+    """Return the header with a key."""
     return {"Authorization": f"Bearer {key}"}
 
 
 def key_of_each_scope(store: Store, gate: Authenticator | None = None) -> ScopeKeys:
-    """Keys ``an-observe``, ``an-operate`` and ``an-admin``, in force from here on."""
+    """Create keys ``an-observe``, ``an-operate`` and ``an-admin``, valid from now on."""
     keys: dict[Scope, str] = {scope: new_key() for scope in get_args(Scope)}
     file = KeyFile(store.folder)
     for scope, key in keys.items():

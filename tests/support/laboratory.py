@@ -17,13 +17,13 @@ from tests.support.running import RunningRig, running_rig
 
 Json = dict[str, Any]
 DELAYS = {name: 7 + place for place, name in enumerate(LOOP)}
-"""Seeds of waits of up to 3 ms, so that two loops in lockstep leave the machine to others."""
+"""Seeds of delays of up to 3 ms, so that two loops in lockstep leave processor time to others."""
 PATIENCE_S = 60.0
 
 
 @dataclass
 class Laboratory:
-    """The rig that has the router and the supervisor, and one that joins it."""
+    """The rig with the router and the supervisor, and a rig that joins it."""
 
     left: RunningRig
     right: RigFile
@@ -61,7 +61,7 @@ class Laboratory:
             sleep(0.05)
 
     def let_go(self, rig: str) -> None:
-        """Let go of the part, once it may, unless the rig has done so 10 s after a trip."""
+        """Release the part as soon as allowed, unless the rig has done so 10 s after a trip."""
         self.until(lambda: self.rigs()[rig]["startable"])
         if self.rigs()[rig]["part"] != "held":
             return
@@ -70,7 +70,7 @@ class Laboratory:
         assert self.left.ended(job)["state"] == "succeeded"
 
     def gripped(self, job: str) -> None:
-        """Wait for the end of a grip, which succeeds."""
+        """Wait for the end of a grip, and check that it succeeded."""
         ended = self.left.ended(job)
         assert (ended["state"], ended["cause"]) == ("succeeded", "")
         assert ended["result"]["outcome"] == "gripped"
@@ -80,7 +80,7 @@ class Laboratory:
 def laboratory(
     folder: Path, changes: Json | None = None, key: str | None = None
 ) -> Generator[Laboratory]:
-    """Both rigs, with the same changes; ``key``: of a supervisor that wants one."""
+    """Start both rigs, with the same changes; ``key``: key of a supervisor that requires one."""
     own = {"rig": {"name": "left"}}
     left = demo_rig(laid_over(own, changes or {}), time="lockstep")
     joins = {

@@ -1,4 +1,4 @@
-"""A simulated rig in use: its arm lives on, while programs and supervisors end and start again.
+"""A simulated rig in use: its arm keeps its state, while programs and supervisors end and restart.
 
 Jobs go through the supervisor's job manager, journal and records, as requests over REST do. Only
 time is virtual.
@@ -32,14 +32,14 @@ SETTLE_TICKS = 50
 
 
 class LastingRig:
-    """An arm with its instruments, and the programs that run beside it."""
+    """An arm with its instruments, and the programs that are connected to it."""
 
     def __init__(self, rig: RigFile, data: Path) -> None:
         self.data = data
         self.truth: GroundTruth | None = None
         self.view: Telemetry | None = None
         self.peak_mN = 0.0
-        """Largest true force since the newest job began."""
+        """Largest true force since the start of the newest job."""
         self.bench = open_bench(rig, lambda: 0.0, self._tell)
         self._starts = 0
         self.start(rig)
@@ -61,7 +61,7 @@ class LastingRig:
         self.virtual.close()
 
     def restart(self, rig: RigFile | None = None) -> None:
-        """End all programs and start them again, with another rig file where one is given."""
+        """End all programs and start them again, with another rig file if one is given."""
         self.end()
         self.start(rig or self.rig)
 
@@ -77,7 +77,7 @@ class LastingRig:
             self.view = message
 
     def create(self, **body: Any) -> str:
-        """Create a job that starts at once; raises ProblemError where it is refused."""
+        """Create a job that starts at once; raises ProblemError if it is refused."""
         request = REQUEST.validate_python({"autostart": True, **body})
         self.peak_mN = 0.0
         self.view = None
@@ -97,7 +97,7 @@ class LastingRig:
         raise TimeoutError(f"not reached after {ticks} ticks: {self.view}")
 
     def ended(self, name: str) -> Job:
-        """Let a job come to its end and its record be complete."""
+        """Wait until a job has ended and its record is complete."""
         self.until(lambda: self.office.manager.index.is_recorded(name))
         assert not self.office.faults, self.office.faults
         return self.job(name)
@@ -124,7 +124,7 @@ class LastingRig:
 
     @property
     def true_mN(self) -> float:
-        """True force at the newest sample."""
+        """Return the outcome of a job; its state if it has no result."""
         assert self.truth is not None
         return self.truth.arms[0].force_mN
 

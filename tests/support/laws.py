@@ -1,4 +1,4 @@
-"""Settings of the two laws of the paper, by short words."""
+"""Settings of the two laws of the paper, by short names."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -19,7 +19,7 @@ def law_settings(
     force_age: ForceAge = "planned",
     **gains: float,
 ) -> LawSettings:
-    """Gains that are not given are the defaults of the consistent set."""
+    """Return settings; gains that are not given are the defaults of the consistent set."""
     law = LAWS[scheme]
     defaults = {parameter.name: parameter.default for parameter in law.parameters}
     return law.settings(set, force_age=force_age, **(defaults | gains))
@@ -29,12 +29,12 @@ GAINS = ("K_P", "K_I", "K_S", "delta", "M", "B", "K", "K_f")
 
 
 def in_order(values: Iterable[float]) -> dict[str, float]:
-    """Gains by name, from their values in the order of ``GAINS``."""
+    """Return gains by name, from their values in the order of ``GAINS``."""
     return dict(zip(GAINS, values, strict=False))
 
 
 def default_settings(scheme: str, parameter_set: ParameterSet) -> LawSettings:
-    """Gains of a scheme where nothing else is known."""
+    """Return the default gains of a scheme."""
     return LAWS[scheme].settings(parameter_set)
 
 
@@ -46,7 +46,7 @@ def step_at(
     limited: int = 0,
     **more: Any,
 ) -> tuple[LawState, LawOutput]:
-    """Step a law with x in µm, F in mN and u in V as measured, and x_r, F_r as wanted."""
+    """Step a law with measured x in µm, F in mN and u in V, and references x_r, F_r."""
     x_um, force_mN, applied_V = measured
     x_r_um, force_r_mN = wanted
     return step(

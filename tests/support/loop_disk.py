@@ -1,7 +1,7 @@
-"""An ext4 file system of its own in an image file, and copies of it as a power cut leaves them.
+"""A separate ext4 file system in an image file, and copies of it as after a power cut.
 
-A copy has what the file system has written to its disk by then. Nothing is synced for it, so what
-is only in the memory of the kernel is lost, as when the power fails.
+A copy contains what the file system has written to its disk by then. Nothing is synced for it, so
+data that are only in the memory of the kernel are lost, as in a power failure.
 """
 
 import filecmp
@@ -27,7 +27,7 @@ class LoopDisk:
 
     def cut(self, target: Path) -> Path:
         """Copy the image as it is at one moment, without a sync; returns the copy."""
-        # A copy takes time. Two equal ones in a row show that nothing was written meanwhile.
+        # A copy takes time. Two equal consecutive copies show that nothing was written meanwhile.
         again = target.with_name(f"{target.name}.again")
         _copy(self._image, target)
         for _ in range(MOST_COPIES):
@@ -45,7 +45,7 @@ def _copy(image: Path, target: Path) -> None:
 
 @contextmanager
 def loop_disk(folder: Path, size_MB: int = SIZE_MB) -> Generator[LoopDisk]:
-    """Make a file system and mount it; skips, and prints why, where that is not possible."""
+    """Make a file system and mount it; skips, and prints why, if that is not possible."""
     image = folder / "disk.img"
     with image.open("wb") as file:
         file.truncate(size_MB * 2**20)
@@ -58,7 +58,8 @@ def loop_disk(folder: Path, size_MB: int = SIZE_MB) -> Generator[LoopDisk]:
 
 @contextmanager
 def mounted(image: Path, root: Path) -> Generator[Path]:
-    """Mount an image, which recovers its journal; skips, and prints why, where none can be."""
+    """Mount an image, which recovers its journal; skips, and prints why, if that is not
+    possible."""
     if os.geteuid() != 0:
         pytest.skip("only root may mount a disk that a test can cut off")
     root.mkdir(exist_ok=True)

@@ -1,4 +1,4 @@
-"""The documented examples of models of REST, as they come over the wire."""
+"""The documented examples of the REST models, as they are sent over the wire."""
 
 from typing import Any, cast
 
@@ -6,7 +6,7 @@ from pincette.api import Model
 
 
 def example_of(model: type[Model], **changes: Any) -> Any:
-    """The documented example of a model, with changes, as it comes over REST."""
+    """Return the documented example of a model, with changes, as it is sent over REST."""
     extra = model.model_config.get("json_schema_extra")
     assert isinstance(extra, dict)
     examples = cast("list[dict[str, Any]]", extra["examples"])

@@ -1,7 +1,7 @@
-"""A network of its own for a whole rig, in which the links of one program can be cut.
+"""A separate network for a whole rig, in which the links of one program can be cut.
 
-Packets between one program and the others on the bus are dropped by the kernel, both ways or one;
-nothing of the rig knows of it, and its instrument's line is not touched. Only to be used within a
+The kernel drops packets between one program and the others on the bus, in both directions or one;
+the rig does not notice this, and its instrument's line is not affected. Only to be used within a
 network namespace that was made for it: ``alone``.
 """
 
@@ -22,19 +22,19 @@ Way = Literal["both", "out", "in"]
 OF_WAY: dict[Way, tuple[str, ...]] = {"both": ("out", "in"), "out": ("out",), "in": ("in",)}
 TOOLS = ("unshare", "ip", "iptables", "iptables-restore")
 INSIDE = "PINCETTE_OWN_NETWORK"
-"""Set in the environment of what runs in a network of its own."""
+"""Environment variable that is set for programs that run in a separate network."""
 ESTABLISHED = "01"
 TRY_S = 10.0
 
 
 def alone(words: Sequence[str]) -> list[str]:
-    """The command that runs another one in a new network, which has a loopback and no more."""
+    """Return the command that runs another one in a new network, which has only a loopback."""
     script = f'ip link set lo up && {INSIDE}=1 exec "$@"'
     return ["unshare", "--net", "--", "sh", "-c", script, "sh", *words]
 
 
 def objection() -> str:
-    """Why no links can be cut on this machine; empty where they can be."""
+    """Return why no links can be cut on this machine; empty if they can."""
     if sys.platform != "linux":
         return f"{sys.platform} has no network namespaces"
     missing = [tool for tool in TOOLS if shutil.which(tool) is None]
@@ -48,7 +48,7 @@ def objection() -> str:
 
 
 def links(process: int, ports: Collection[int]) -> Iterator[tuple[int, int]]:
-    """Own and other port of each TCP link of a process that has one of some ports at an end."""
+    """Return own and other port of each TCP link of a process with one of some ports at an end."""
     sockets = set[str]()
     for descriptor in Path(f"/proc/{process}/fd").iterdir():
         place = str(descriptor.readlink())
@@ -62,10 +62,10 @@ def links(process: int, ports: Collection[int]) -> Iterator[tuple[int, int]]:
 
 
 class Cut:
-    """A cut that is made ready before it is struck, so that striking takes no time.
+    """A prepared cut, so that making it takes no time.
 
-    ``ports`` are those on which the programs of the bus listen. New links are refused to everyone
-    while it lasts, since those of the program itself cannot be told apart from others.
+    ``ports`` are those on which the programs of the bus listen. During the cut new links are
+    refused to every program, since those of the program itself cannot be told apart from others.
     """
 
     def __init__(self, process: int, ports: Collection[int], way: Way) -> None:
@@ -83,7 +83,8 @@ class Cut:
         self._tool = subprocess.Popen(
             ["iptables-restore", "--noflush", "-w"], stdin=subprocess.PIPE, text=True
         )
-        with suppress(OSError):  # or it would wait for others, and the loop would seem to be late
+        # otherwise it would wait for others, and the loop would seem to be late
+        with suppress(OSError):
             os.sched_setscheduler(self._tool.pid, os.SCHED_FIFO, os.sched_param(FIFO))
         self._say("\n".join(rules))
 
@@ -94,7 +95,7 @@ class Cut:
         self._tool.stdin.flush()
 
     def strike(self) -> float:
-        """Cut, all links at once; the time just before."""
+        """Cut all links at once; returns the time just before."""
         now = monotonic()
         self._say("COMMIT")
         self._tool.communicate(timeout=TRY_S)
@@ -103,5 +104,5 @@ class Cut:
         return now
 
     def heal(self) -> None:
-        """Let everything pass again."""
+        """Let all packets pass again."""
         subprocess.run(["iptables", "-w", "-F", "OUTPUT"], timeout=TRY_S, check=True)

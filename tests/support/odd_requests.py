@@ -68,7 +68,7 @@ PLACES = (
     "/api/v1/jobs?rig={}", "/api/v1/jobs/{job}?since={}", "/api/v1/jobs?limit={}",
 )  # fmt: skip
 FILES = ("/api/v1/jobs/{job}/artifacts/{}", "/api/v1/trajectories/{}/plot", "/page/{}", "/{}")
-"""Places that a file is read from."""
+"""Parameters from which the path of a file is made."""
 RECIPES: dict[str, str] = {
     "depth": '{"force_mN": ' + "[" * 500 + "]" * 500 + "}",
     "not finite": '{"force_mN": 1e309}',
@@ -81,4 +81,4 @@ RECIPES: dict[str, str] = {
     "a list": "[1]",
     "its own name": '{"recipe": "a", "labels": {"a": "b"}}',
 }
-"""Values of a recipe that cannot be, as JSON."""
+"""Invalid values of a recipe, as JSON."""

@@ -1,6 +1,7 @@
-"""A supervisor at a virtual rig: what it does by itself happens step by step, when a test lets it.
+"""A supervisor of a virtual rig, whose background activity advances step by step under control of a
+test.
 
-It can be killed wherever the thread of a job rests, and after any of its writes.
+It can be killed wherever the thread of a job waits, and after any of its writes.
 """
 
 import threading
@@ -32,12 +33,12 @@ from tests.support.virtual_rig import VirtualRig
 
 
 class Line:
-    """The bus as one supervisor has it: silent once that one is killed."""
+    """The bus as one supervisor sees it: silent after that supervisor is killed."""
 
     def __init__(self, steps: Steps) -> None:
         self._steps, self._rig = steps, steps.rig
         self.asked: list[Message] = []
-        """What a job's thread or a person asked for, in order."""
+        """Requests of a job's thread or of a person, in order."""
 
     def publish(self, message: Message) -> None:
         with self._rig.turn:
@@ -72,11 +73,11 @@ class Line:
             sink(program, True)
 
     def close(self) -> None:
-        """Nothing to leave."""
+        """Do nothing: there is no connection to close."""
 
 
 class MortalStore(Store):
-    """A journal with which the supervisor is killed after so many writes."""
+    """A journal that kills its supervisor after a number of writes."""
 
     def __init__(self, path: Path, steps: Steps) -> None:
         self._steps = steps
@@ -86,7 +87,8 @@ class MortalStore(Store):
 
     @staticmethod
     def _killed() -> BaseException:
-        """Return the error of a write after the end; the journal's thread outlives an Exception."""
+        """Return the error of a write after the end; a plain Exception would not end the
+        journal's thread."""
         if threading.current_thread().name == "journal":
             return StoreError("the supervisor was killed")
         return KilledError()
@@ -110,7 +112,7 @@ class MortalStore(Store):
 
 
 class SteppedHealth(Health):
-    """A job rests before it asks all programs how they are."""
+    """A job waits for the test before it requests the state of all programs."""
 
     steps: Steps
 
@@ -120,12 +122,12 @@ class SteppedHealth(Health):
 
 
 def _no_picture(*_given: object, **_named: object) -> Picture:
-    """Drawing takes longer than all the rest."""
+    """Draw nothing, since drawing takes longer than all the rest."""
     return Picture(b"")
 
 
 class _Threading:
-    """The module, with threads of its own."""
+    """The module ``threading`` with threads that the test can stop."""
 
     def __init__(self, thread: Callable[..., threading.Thread]) -> None:
         self.Thread = thread
@@ -135,7 +137,7 @@ class _Threading:
 
 
 class Office:
-    """One supervisor, from its start to its end, on the data that another may have left."""
+    """One supervisor, from its start to its end, on the data that an earlier one may have left."""
 
     def __init__(self, rig: VirtualRig, data: Path) -> None:
         self.rig, self.steps = rig, Steps(rig)
@@ -196,12 +198,12 @@ class Office:
         return SteppedJob(*args, steps=self.steps)
 
     def kill(self) -> None:
-        """End without a word."""
+        """Kill the supervisor without a shutdown."""
         self.steps.killed = True
         self._leave()
 
     def end(self) -> None:
-        """End in order: a job that lives is interrupted."""
+        """Shut down in order: a running job is interrupted."""
         self.steps.free = True
         self.manager.close()
         self._leave()

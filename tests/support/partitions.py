@@ -1,4 +1,4 @@
-"""Every way to share out the services of the loop among programs."""
+"""Every way to distribute the services of the loop over programs."""
 
 from collections.abc import Iterator
 
@@ -7,7 +7,7 @@ from pincette.core.service import canonical_name
 from pincette.core.topics import LOOP
 
 Programs = tuple[str, ...]
-"""Of one loop; see the rig file's ``[rig] composed``."""
+"""Programs of one loop; see the rig file's ``[rig] composed``."""
 
 
 def _groups(services: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], ...]]:
@@ -22,7 +22,8 @@ def _groups(services: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], ...]]:
 
 
 def partitions() -> list[Programs]:
-    """What ``composed`` may be: the programs of more than one service, of every partition."""
+    """Return every value of ``composed``: the programs of more than one service, of every
+    partition."""
     return [
         tuple(canonical_name("+".join(group)) for group in groups if len(group) > 1)
         for groups in _groups(LOOP)
@@ -30,6 +31,6 @@ def partitions() -> list[Programs]:
 
 
 def composing(rig: RigFile, *programs: str) -> RigFile:
-    """The same rig with some services together."""
+    """Return the same rig with some services composed into programs."""
     together = rig.rig.model_copy(update={"composed": programs})
     return rig.model_copy(update={"rig": together})

@@ -1,4 +1,4 @@
-"""A rig that plays a canned grip over and over, for tools that listen on the real bus."""
+"""A rig that plays a recorded grip repeatedly, for tools that subscribe on the real bus."""
 
 import threading
 from collections.abc import Generator
@@ -16,25 +16,26 @@ RIG = "played"
 TICK_S = 0.005
 UP_S = 30.0
 KNOWN_TICKS = 10
-"""After which a router knows every topic."""
+"""Ticks after which a router knows every topic."""
 
 
 @dataclass(frozen=True)
 class Played:
-    """Where the rig is, and what it says in each tick of each epoch but for the epoch itself."""
+    """Address of the rig, and its messages in each tick of each epoch, except for the epoch
+    itself."""
 
     port: int
     ticks: list[samples.Tick]
 
     @property
     def router(self) -> str:
-        """Where a tool joins."""
+        """Endpoint at which a tool joins."""
         return f"tcp/127.0.0.1:{self.port}"
 
 
 @contextmanager
 def played_rig() -> Generator[Played]:
-    """A router, and behind it a grip that starts again, in a new epoch, when it ends."""
+    """Start a router, and behind it a grip that restarts in a new epoch when it ends."""
     port = free_ports(1)
     end, up, reported = threading.Event(), threading.Event(), threading.Event()
 
@@ -51,7 +52,7 @@ def played_rig() -> Generator[Played]:
                         return
                     for message in tick.messages():
                         bus.publish(message)
-                    # With the first message of a topic the router is told that there is one.
+                    # The first message of a topic announces the topic to the router.
                     if number == KNOWN_TICKS:
                         reported.set()
         finally:

@@ -1,4 +1,4 @@
-"""A PostgreSQL server of a test's own, on a socket in a folder of its own."""
+"""A PostgreSQL server for one test, on a socket in a separate folder."""
 
 import os
 import pwd
@@ -13,11 +13,11 @@ import pytest
 
 PLACES = "/usr/lib/postgresql/*/bin"
 WITHOUT_SYNC = "-c fsync=off -c full_page_writes=off"
-"""The machine does not lose its power within a test."""
+"""Settings without syncs: the machine does not lose its power within a test."""
 
 
 def programs() -> Path:
-    """Where the newest server's programs lie; skips where there are none."""
+    """Return the folder of the newest server's programs; skips if there are none."""
     found = sorted(Path("/").glob(PLACES.removeprefix("/")), key=lambda path: float(path.parts[-2]))
     if not found:
         pytest.skip(f"no PostgreSQL in {PLACES}: apt-get install postgresql")
@@ -25,7 +25,7 @@ def programs() -> Path:
 
 
 class Server:
-    """A cluster, and the way to stop and start it."""
+    """A database cluster, which can be stopped and started."""
 
     def __init__(self, folder: Path) -> None:
         self._folder, self._bin = folder, programs()
@@ -66,7 +66,7 @@ class Server:
 
 @contextmanager
 def server() -> Generator[Server]:
-    """A server that runs within the block."""
+    """Run a server for the duration of the block."""
     programs()
     folder = Path(tempfile.mkdtemp(prefix="pincette-pg-", dir="/tmp"))
     try:

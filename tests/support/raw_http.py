@@ -1,4 +1,5 @@
-"""Requests that no client would send, straight to an application: any path, headers and bytes."""
+"""Requests that no client would send, passed directly to an application: any path, headers and
+bytes."""
 
 import asyncio
 import json
@@ -21,11 +22,11 @@ class Answer:
     headers: Mapping[str, str]
     body: bytes
     read: int
-    """Bytes of the request's body that it has taken."""
+    """Bytes of the request's body that the application has read."""
 
     @property
     def problem(self) -> dict[str, Any]:
-        """The problem document that an error is."""
+        """Return the problem document of an error."""
         assert self.headers["content-type"] == "application/problem+json", self.body[:300]
         tree = json.loads(self.body)
         assert tree.keys() >= {"type", "title", "status", "detail"}
@@ -34,14 +35,15 @@ class Answer:
 
 
 async def endless(chunk: bytes, most: int) -> AsyncIterator[bytes]:
-    """Chunks until nobody takes more; a test that takes ``most`` of them has failed."""
+    """Yield chunks until the application stops reading; the test fails if it reads ``most`` of
+    them."""
     for _ in range(most):
         yield chunk
     raise AssertionError(f"{most} chunks of {len(chunk)} bytes were taken")
 
 
 async def once(body: bytes) -> AsyncIterator[bytes]:
-    """A body in one piece."""
+    """Yield a body in one piece."""
     yield body
 
 
@@ -71,7 +73,7 @@ async def _sent(
             taken += len(chunk)
             return {"type": "http.request", "body": chunk, "more_body": True}
         if complete:
-            await asyncio.Event().wait()  # the client stays, and says nothing more
+            await asyncio.Event().wait()  # the client stays connected and sends nothing more
         complete = True
         return {"type": "http.request", "body": b"", "more_body": False}
 

@@ -1,4 +1,4 @@
-"""How the actuator reacted to a fault, as seen from outside, held against its bounds."""
+"""Reaction of the actuator to a fault, as observed from outside, compared with its limits."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ from tests.support.witness import Witness
 
 TRIPPED = ("frozen", "ramping")
 REACTION_S = 0.060
-"""From the fault to the freeze, or to the first step of the ramp: T = 20 ms."""
+"""Limit from the fault to the freeze, or to the first step of the ramp, in s: T = 20 ms."""
 SAFE_S = 0.100
-"""From the fault to the safe voltage with the arm free."""
+"""Limit from the fault to the safe voltage with the arm free, in s."""
 RAMP_S = SAFE_S - REACTION_S
-"""What is left for a ramp of 35 ms, in steps of a quarter of a period."""
+"""Time that remains for a ramp of 35 ms, in steps of a quarter of a period."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,17 +33,17 @@ class Reaction:
 
 
 def within(bound_s: float, took_s: float, what: str) -> None:
-    """Fail where a bound is exceeded."""
+    """Fail if a limit is exceeded."""
     assert took_s <= bound_s, f"{what} took {1e3 * took_s:.1f} ms, limit {1e3 * bound_s:.0f} ms"
 
 
 def await_reaction(
     rig: RigFile, seen: Witness, stalls: StallRecorder, fault_s: float, *, held: bool
 ) -> Reaction:
-    """Wait until the actuator is safe, and check how it came to be.
+    """Wait until the actuator is safe, and check the sequence.
 
-    Held: the voltage of the last good command is kept exactly for ``freeze_s``, then ramped.
-    Free: it is ramped at once.
+    Held: the voltage of the last good command is kept exactly for ``freeze_s``, then ramped. Free:
+    it is ramped at once.
     """
     safe_at, _ = seen.until_state(("latched",), fault_s)
     armed = [echo for _, echo in seen.since(Applied, fault_s - 1.0) if echo.state == "armed"]
@@ -74,7 +74,7 @@ def await_reaction(
 
 
 def _check_ramp(rig: RigFile, seen: Witness, begun_at: float, kept_V: float) -> float:
-    """When the voltage first moved; it must go to the safe voltage and never turn back."""
+    """Return when the voltage first moved; it must go to the safe voltage and never reverse."""
     echoes = seen.since(Applied, begun_at)
     safe_V = rig.safety.safe_V
     away_V = [abs(echo.arms[0].voltage_V - safe_V) for _, echo in echoes]
@@ -86,12 +86,12 @@ def _check_ramp(rig: RigFile, seen: Witness, begun_at: float, kept_V: float) -> 
 def _check_instrument(
     rig: RigFile, seen: Witness, begun_at: float, ramped_at: float, kept_V: float
 ) -> None:
-    """What the instrument put out: the last voltage until the ramp, the safe one in the end."""
+    """Check the instrument's output: the last voltage until the ramp, the safe one at the end."""
     step_V, exchange_s = output_step_V(rig), configure(rig).age.wake_s
     put_out = [
         (at, truth.arms[0].voltage_V) for at, truth in seen.since(GroundTruth, begun_at - 1.0)
     ]
-    # The last command may have been put out just before the ramp, or long before it.
+    # The last command may have been output just before the ramp, or long before it.
     before = [put_V for at, put_V in put_out if at < ramped_at]
     assert min(abs(put_V - kept_V) for put_V in before[-3:]) <= step_V
     frozen = [put_V for at, put_V in put_out if begun_at < at < ramped_at - exchange_s]
@@ -104,7 +104,7 @@ def _check_instrument(
 
 
 def distribution(name: str, times_s: Sequence[float], bound_s: float, stalls_s: float) -> str:
-    """One line about some times."""
+    """Return one line about the distribution of some times."""
     least, middle, most = min(times_s), median(times_s), max(times_s)
     return (
         f"{name:<34} {len(times_s):>3} times  min {1e3 * least:5.1f}  median {1e3 * middle:5.1f}  "

@@ -1,4 +1,5 @@
-"""Receivers of notices on this machine: an HTTP server, and an SMTP server that takes mail."""
+"""Receivers of notifications on this machine: an HTTP server, and an SMTP server that accepts
+mail."""
 
 import socketserver
 import ssl
@@ -12,11 +13,11 @@ from typing import Any
 
 @dataclass
 class Received:
-    """What has come, in order."""
+    """Received messages, in order."""
 
     port: int = 0
     statuses: list[int] = field(default_factory=list[int])
-    """Of the next answers; 204 where none is left."""
+    """Statuses of the next replies; 204 if none is left."""
     posts: list[tuple[dict[str, str], bytes]] = field(
         default_factory=list[tuple[dict[str, str], bytes]]
     )
@@ -65,7 +66,7 @@ def http_receiver(
 
 
 def _over_tls(server: socketserver.TCPServer, tls: ssl.SSLContext) -> ssl.SSLSocket:
-    # The handshake is left to the thread of the connection: a client that gives up ends that only.
+    # The handshake is made in the thread of the connection: a client that gives up ends only that.
     return tls.wrap_socket(server.socket, server_side=True, do_handshake_on_connect=False)
 
 

@@ -1,4 +1,5 @@
-"""Messages of a loop as a recorder gets them, with numbers that a careless copy would change."""
+"""Messages of a loop as a recorder receives them, with numbers that a careless copy would
+change."""
 
 import random
 from collections.abc import Iterator
@@ -47,7 +48,7 @@ ABOUT = {"job": "j-1", "rig": "demo", "epoch": str(EPOCH), "period_s": repr(PERI
 
 
 def tick(seq: int, chance: random.Random, *, final: bool = False) -> Iterator[Message]:
-    """Every message of one tick, in the order in which a loop sends them."""
+    """Return every message of one tick, in the order in which a loop sends them."""
 
     def number() -> float:
         return chance.choice((-0.0, 1e-300, chance.gauss(0.0, 1.0), chance.uniform(-1e6, 1e6)))
@@ -127,7 +128,7 @@ def tick(seq: int, chance: random.Random, *, final: bool = False) -> Iterator[Me
 
 
 def loop(count: int, seed: int = 1) -> list[Message]:
-    """All messages of an arming of so many ticks; the last one is final."""
+    """Return all messages of an arming of this many ticks; the last one is final."""
     chance = random.Random(seed)
     return [
         message for seq in range(count) for message in tick(seq, chance, final=seq == count - 1)
@@ -135,12 +136,12 @@ def loop(count: int, seed: int = 1) -> list[Message]:
 
 
 def notice(state: str = "running") -> JobNotice:
-    """What the supervisor says of the job."""
+    """Return the supervisor's notice of the job."""
     return JobNotice("j-1", "grip", EPOCH, state, "hold", "", held=True, at="2026-03-01T12:00:00Z")
 
 
 def asked() -> RequestLog:
-    """What the controller was given to play, with a path whose names are much alike."""
+    """Return the program of the controller, with a path whose names are similar."""
     path = Path("force", "sinusoid", mean=10.0, amplitude=-0.0, cycle_s=0.5, cycles=2)
     held = Track("hold", path.duration_s, force=path)
     knots = (Knot(0.0, 1.0, 0.0), Knot(1.0, 0.1 + 0.2, 0.0))
@@ -152,13 +153,13 @@ def asked() -> RequestLog:
 
 
 def timing(service: str, seq: int, *lates_s: float) -> Timing:
-    """How punctual a program says that it was."""
+    """Return a program's report of its punctuality."""
     spent = counted([0.0004] * len(lates_s))
     return Timing(EPOCH, seq, service, 2, counted(lates_s), counted(()), spent)
 
 
 def write(path: FilePath, messages: list[Message], *, finish: bool = True) -> McapFile:
-    """A record of these messages."""
+    """Write a record of these messages."""
     file = McapFile(path, "demo", about=ABOUT, start_ns=START_NS, period_s=PERIOD_S)
     for place, message in enumerate(messages):
         file.add(message, START_NS + place)
@@ -180,5 +181,5 @@ def sample_0_ns(messages: list[Message]) -> int:
 
 
 def name_of(message: Message) -> str:
-    """Topic of a message."""
+    """Return the topic of a message."""
     return TOPIC_OF[type(message)].name

@@ -1,4 +1,4 @@
-"""A part is gripped and then let go on a simulated rig in one process, in virtual time."""
+"""A part is gripped and then released on a simulated rig in one process, in virtual time."""
 
 from dataclasses import dataclass
 
@@ -34,16 +34,16 @@ KEPT_TICKS, PAUSED_TICKS = 100, 40
 
 @dataclass(frozen=True, slots=True)
 class Released:
-    """What came of a release."""
+    """Outcome of a release."""
 
     record: Record
     messages: list[Message]
     free: bool
-    """Whether the part pulls on no arm at the end, by the simulation."""
+    """True if the part pulls on no arm at the end, by the simulation."""
 
     @property
     def stated(self) -> ReleaseVerdict | None:
-        """The verdict; None where there is none, as after a trip."""
+        """Stated verdict; None if there is none, as after a trip."""
         found = getattr(self.record.result, "release", None)
         assert found is None or isinstance(found, ReleaseVerdict)
         return found
@@ -66,7 +66,7 @@ class Released:
 
 
 class Bench:
-    """A rig on which a part is gripped, kept and let go."""
+    """A rig on which a part is gripped, kept and released."""
 
     def __init__(self, rig: RigFile) -> None:
         self.rig, self.loop, self.epoch = rig, ComposedLoop(rig), 0
@@ -100,7 +100,7 @@ class Bench:
         return self._played(plan_job(request, self.rig, None))
 
     def release(self, **wishes: object) -> Released:
-        """Let the kept part go."""
+        """Release the kept part."""
         request = ReleaseJobRequest.model_validate({"kind": "release", **wishes})
         applied, position = self.newest[Applied], self.newest[Position]
         assert isinstance(applied, Applied)
@@ -131,7 +131,7 @@ class Bench:
 
 
 def adhesive_rig(part: Tree | None = None, simulation: Tree | None = None) -> RigFile:
-    """The demo rig whose part clings to the arm."""
+    """Return the demo rig with a part that sticks to the arm."""
     return demo_rig({"simulation": {**(simulation or {}), "part": part or {}}}, time="lockstep")
 
 

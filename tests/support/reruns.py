@@ -22,7 +22,7 @@ from _pytest.runner import runtestprotocol
 from tests.support.stalls import BLAMED_S, Span, StallRecorder, Usage, usage
 
 LIMIT = 3
-"""Reruns in a session; a machine that spoils more tests cannot measure."""
+"""Limit of the reruns in a session; on a machine that causes more, nothing can be measured."""
 NEVER = ("browser", "readme")
 """Fixtures of tests that are never rerun."""
 RERUN = "rerun"
@@ -30,7 +30,7 @@ WINDOWS = pytest.StashKey[list[tuple[float, float | None]]]()
 BLAMED = pytest.StashKey[float]()
 BEFORE = pytest.StashKey[Usage]()
 RECORDER = pytest.StashKey[StallRecorder]()
-"""Of the module whose tests run."""
+"""Stall recorder of the module whose tests run."""
 COUNTED = pytest.StashKey[Path]()
 
 Measured = Callable[[], AbstractContextManager[None]]
@@ -38,7 +38,7 @@ Measured = Callable[[], AbstractContextManager[None]]
 
 @pytest.fixture(scope="module")
 def stalls(pytestconfig: pytest.Config) -> Generator[StallRecorder]:
-    """When the machine stood still."""
+    """Record when the machine stalled."""
     with StallRecorder() as recorder:
         pytestconfig.stash[RECORDER] = recorder
         yield recorder
@@ -46,7 +46,7 @@ def stalls(pytestconfig: pytest.Config) -> Generator[StallRecorder]:
 
 @pytest.fixture
 def measured(request: pytest.FixtureRequest) -> Measured:
-    """States the window in which a test measures: stalls outside of it excuse nothing."""
+    """State the window in which a test measures: stalls outside of it excuse nothing."""
     windows = request.node.stash.setdefault(WINDOWS, [])
 
     @contextmanager
@@ -54,13 +54,13 @@ def measured(request: pytest.FixtureRequest) -> Measured:
         begin_s = monotonic()
         windows.append((begin_s, None))
         yield
-        windows[-1] = (begin_s, monotonic())  # where an assertion has failed, it stays open
+        windows[-1] = (begin_s, monotonic())  # if an assertion fails, the window stays open
 
     return window
 
 
 def keeps_time(item: pytest.Item) -> TypeGuard[pytest.Function]:
-    """Whether a test may be run once more."""
+    """Return whether a test may be rerun."""
     return (
         isinstance(item, pytest.Function)
         and "stalls" in item.fixturenames
@@ -70,7 +70,7 @@ def keeps_time(item: pytest.Item) -> TypeGuard[pytest.Function]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests that go by the clock, so that they run by themselves."""
+    """Mark the tests that depend on real time, so that they run by themselves."""
     for item in items:
         if keeps_time(item):
             item.add_marker("real_time")
@@ -89,12 +89,12 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_configure_node(node: Any) -> None:
-    """Tell a worker of xdist of that place."""
+    """Pass that place to a worker of xdist."""
     node.workerinput[RERUN] = str(node.config.stash[COUNTED])
 
 
 def _is_left(config: pytest.Config) -> bool:
-    """Take one of the session's reruns; whether there was one."""
+    """Take one of the session's reruns; returns whether one was left."""
     with config.stash[COUNTED].open("r+b") as counted:
         fcntl.flock(counted, fcntl.LOCK_EX)
         taken = len(counted.read())
@@ -105,7 +105,7 @@ def _is_left(config: pytest.Config) -> bool:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
-    """Run a test of real time, and once more where a stall may have spoilt what it measured."""
+    """Run a test of real time, and once more if a stall may have spoilt its measurement."""
     if not keeps_time(item):
         return None
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
@@ -127,10 +127,10 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 
 
 def _take_down(item: pytest.Item) -> None:
-    """End the fixtures of a test's module, as if another module came next."""
+    """Tear down the fixtures of a test's module, as if another module came next."""
     module = item.getparent(pytest.Module)
     assert module is not None
-    # pytest has no public name for this, and its type says that it stays within tests.
+    # pytest has no public name for this, and its type states that it is used only by tests.
     state: Any = item.session._setupstate  # pyright: ignore[reportPrivateUsage]
     state.teardown_exact(module.parent)
 
@@ -151,10 +151,8 @@ def pytest_runtest_call(item: pytest.Item) -> None:
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Note how much of the window of a failure the machine stood still."""
-    begin_s, end_s = _window(
-        item, call
-    )  # before the account of a failure is made, which takes long
+    """Record for how long the machine stalled within the window of a failure."""
+    begin_s, end_s = _window(item, call)  # before the report of a failure is made, which takes long
     report = yield
     recorder = item.config.stash.get(RECORDER, None)
     if report.failed and call.when != "teardown" and keeps_time(item) and recorder is not None:
@@ -164,7 +162,7 @@ def pytest_runtest_makereport(
 
 
 def _window(item: pytest.Item, call: pytest.CallInfo[None]) -> Span:
-    """In which the assertion that has failed measured."""
+    """Return the window in which the failed assertion measured."""
     now_s = monotonic()
     windows = item.stash.get(WINDOWS, list[tuple[float, float | None]]())
     if not windows or call.when != "call":
@@ -174,12 +172,12 @@ def _window(item: pytest.Item, call: pytest.CallInfo[None]) -> Span:
 
 
 def pytest_report_teststatus(report: pytest.TestReport) -> tuple[str, str, str] | None:
-    """How a run that does not count is shown."""
+    """Return how a run that does not count is shown."""
     return (RERUN, "R", RERUN.upper()) if str(report.outcome) == RERUN else None
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Tell which tests were run once more, for how long a stall, and what had failed."""
+    """Report which tests were rerun, the length of the stall, and the failure."""
     reports = terminalreporter.stats.get(RERUN, [])
     if not reports:
         return

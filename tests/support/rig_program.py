@@ -1,4 +1,4 @@
-"""The rig program in a thread of a test, with a bus that only listens."""
+"""The rig program in a thread of a test, with a bus that receives nothing."""
 
 import threading
 from collections.abc import Callable, Generator
@@ -17,7 +17,7 @@ START_S = 5.0
 
 
 class DeafBus:
-    """Keeps what is published."""
+    """A bus that stores what is published."""
 
     def __init__(self) -> None:
         self.told: list[Message] = []
@@ -38,7 +38,7 @@ class DeafBus:
 
 
 def context_of(rig: RigFile, bus: DeafBus, ready: Callable[[], object], folder: Path) -> Context:
-    """What the program is given."""
+    """Return the context that the program receives."""
 
     def join(rig: str | None = None, *, lockstep: bool | None = None) -> ZenohBus:
         assert (rig, lockstep) == (None, None)
@@ -52,7 +52,7 @@ def context_of(rig: RigFile, bus: DeafBus, ready: Callable[[], object], folder: 
 
 @contextmanager
 def offered(rig: RigFile, folder: Path) -> Generator[DeafBus]:
-    """Offer a rig's instruments for as long as it takes."""
+    """Serve a rig's instruments for the duration of the block."""
     bus, ready = DeafBus(), threading.Event()
 
     context = context_of(rig, bus, ready.set, folder)
@@ -73,7 +73,7 @@ def truths_of_three_writes(
     open_sensor: Callable[[], PositionSensor],
     open_output: Callable[[], VoltageOutput],
 ) -> list[GroundTruth]:
-    """Write 1, 1 and 0.5 V, with a reading after each; what the rig says of it."""
+    """Write 1, 1 and 0.5 V, with a reading after each; returns the truth that the rig publishes."""
     with offered(rig, folder) as bus:
         sensor, output = open_sensor(), open_output()
         for voltage_V in (1.0, 1.0, 0.5):

@@ -18,10 +18,10 @@ PORTS = range(16000, 32000)
 
 
 def free_ports(count: int) -> int:
-    """First of ``count`` adjacent ports that nobody uses at the moment.
+    """Return the first of ``count`` adjacent ports that are free at the moment.
 
-    They lie below those that systems give to outgoing connections, which would take one between
-    this look and the start of the program that is to listen there.
+    They lie below those that systems give to outgoing connections, which could take one between
+    this check and the start of the program that is to listen there.
     """
     while True:
         first = PORTS.start + secrets.randbelow(len(PORTS) - count)
@@ -39,17 +39,17 @@ def _is_free(port: int) -> bool:
 
 
 def demo_rig(changes: Tree | None = None, *, time: str = "real") -> RigFile:
-    """The demo rig on ports of its own, with changes."""
+    """Return the demo rig on separate ports, with changes."""
     return at_own_ports(read_rig(DEMO), laid_over({"rig": {"time": time}}, changes or {}))
 
 
 def paced_rig(changes: Tree | None = None, *, pace: float = 1.0) -> RigFile:
-    """The same in lockstep, at a pace: nothing trips where the machine stalls."""
+    """Return the same rig in lockstep, at a pace: stalls of the machine cause no trip."""
     return demo_rig(laid_over({"simulation": {"pace": pace}}, changes or {}), time="lockstep")
 
 
 def output_step_V(rig: RigFile) -> float:
-    """The step in which the simulated output puts out voltages."""
+    """Return the step of the simulated output's voltages, in V."""
     assert rig.simulation is not None
     step_V = resolved(rig.simulation, rig.output.driver).output_step_V
     assert step_V is not None
@@ -57,7 +57,7 @@ def output_step_V(rig: RigFile) -> float:
 
 
 def at_own_ports(rig: RigFile, changes: Tree | None = None) -> RigFile:
-    """A rig on free ports, with changes."""
+    """Return a rig on free ports, with changes."""
     port = free_ports(10)
     own: Tree = {"bus": {"port": port}, "supervisor": {"port": port + 7}}
     tree = rig.model_dump(mode="json", exclude_unset=True)
@@ -75,7 +75,7 @@ def at_own_ports(rig: RigFile, changes: Tree | None = None) -> RigFile:
 
 
 def _as_toml_gives(tree: Tree) -> Tree:
-    """Without absent tables, which TOML cannot write."""
+    """Return tables without absent values, which TOML cannot express."""
     return {
         key: _as_toml_gives(cast(Tree, value)) if isinstance(value, dict) else value
         for key, value in tree.items()
@@ -84,7 +84,7 @@ def _as_toml_gives(tree: Tree) -> Tree:
 
 
 def rig_toml(rig: RigFile) -> str:
-    """The text of a rig file."""
+    """Return the text of a rig file."""
     lines: list[str] = []
 
     def table(name: str, tree: Tree) -> None:

@@ -21,9 +21,9 @@ from pincette.sim.plant.parameters import PlantParameters
 
 STEP_S = 1e-4
 SETTLED_S = 1.0
-"""At the first voltage, before the first change."""
+"""Time at the first voltage before the first change, in s."""
 PERIODS = 4
-"""Of the mode, that are looked at."""
+"""Number of periods of the mode that are evaluated."""
 
 
 def played_um(

@@ -1,4 +1,4 @@
-"""A router of a test's own, and places beside it."""
+"""A router for one test, and clients connected to it."""
 
 import threading
 from collections.abc import Callable, Generator
@@ -14,7 +14,7 @@ WAIT_S = 30.0
 
 @contextmanager
 def router(rig: str) -> Generator[SessionConfig]:
-    """Route in a thread; gives a tool's place."""
+    """Run a router in a thread; yields the endpoint of a tool."""
     port = free_ports(1)
     end, up = threading.Event(), threading.Event()
 
@@ -35,7 +35,7 @@ def router(rig: str) -> Generator[SessionConfig]:
 
 
 def until(done: Callable[[], bool], wait_s: float = WAIT_S) -> None:
-    """Poll: declarations and messages need a moment between sessions."""
+    """Poll for a condition: declarations and messages need a moment between sessions."""
     deadline = monotonic() + wait_s
     while not done():
         assert monotonic() < deadline

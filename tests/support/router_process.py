@@ -1,6 +1,6 @@
-"""A router of its own process: ``python -m tests.support.router_process PORT [FOLDER]``.
+"""A router in a separate process: ``python -m tests.support.router_process PORT [FOLDER]``.
 
-With a folder of certificates it uses TLS. It ends with standard input.
+With a folder of certificates it uses TLS. It ends when standard input closes.
 """
 
 import resource

@@ -1,4 +1,4 @@
-"""A whole rig as processes, for the tests that need the real thing."""
+"""A whole rig as processes, for tests that need real programs."""
 
 import ssl
 from collections.abc import Callable, Generator
@@ -24,7 +24,7 @@ RECORD_WRITTEN_S = 300.0
 
 @dataclass(frozen=True)
 class RunningRig:
-    """A rig that is up: its programs and its REST interface."""
+    """A running rig: its programs and its REST interface."""
 
     rig: RigFile
     path: Path
@@ -33,11 +33,11 @@ class RunningRig:
     client: httpx.Client
 
     def get(self, path: str, **query: str | float) -> Json:
-        """Read a resource."""
+        """Return a resource."""
         return cast(Json, self.client.get(path, params=query).raise_for_status().json())
 
     def post(self, path: str, body: Json | None = None) -> httpx.Response:
-        """Ask for something; the test looks at the status itself."""
+        """Send a POST request; the test checks the status itself."""
         return self.client.post(path, json=body)
 
     def start_grip(self, **wishes: object) -> str:
@@ -46,13 +46,14 @@ class RunningRig:
         return cast(str, self.post("/jobs", body).raise_for_status().json()["id"])
 
     def job(self, name: str) -> Json:
-        """A job as it stands."""
+        """Return the present state of a job."""
         return self.get(f"/jobs/{name}")
 
     def ended(self, name: str, timeout_s: float = 60.0) -> Json:
         """Return a job that ended within ``timeout_s``, once its record is written.
 
-        The record has a time of its own, since drawing its pictures takes long on a busy machine.
+        The record has a separate time limit, since drawing its pictures takes long on a busy
+        machine.
         """
         self._until(name, timeout_s, _terminal, "end")
         return self._until(name, RECORD_WRITTEN_S, _recorded, "write its record")
@@ -79,11 +80,11 @@ class RunningRig:
         raise TimeoutError(f"job {name} never came to {phase}: {self.job(name)}")
 
     def view(self) -> Json:
-        """The rig over REST."""
+        """Return the state of the rig over REST."""
         return self.get(f"/rigs/{self.rig.rig.name}")
 
     def phase(self) -> str | None:
-        """The newest phase, None before the first sample and while nothing plays."""
+        """Return the newest phase, None before the first sample and while nothing plays."""
         view = self.view()
         newest: Json | None = view["newest"]
         return newest["phase"] if newest and view["active_job"] else None
@@ -101,10 +102,10 @@ def _recorded(job: Json) -> bool:
 def running_rig(
     rig: RigFile, folder: Path, delays: dict[str, int] | None = None, key: str | None = None
 ) -> Generator[RunningRig]:
-    """Bring a rig up in its own processes and down again.
+    """Start a rig in separate processes and stop it afterwards.
 
     ``delays`` gives services a seed each, by which they wait up to 3 ms before they publish.
-    ``key``: of a supervisor that wants one.
+    ``key``: key of a supervisor that requires one.
     """
     path = folder / "rig.toml"
     path.write_text(rig_toml(rig), encoding="utf-8")
@@ -131,7 +132,7 @@ def running_rig(
 
 
 def _believed(rig: RigFile) -> ssl.SSLContext | bool:
-    """Whose certificate the supervisor's is."""
+    """Return the authority of the supervisor's certificate."""
     if not rig.supervisor.tls or rig.bus.pki is None:
         return True
     return ssl.create_default_context(cafile=str(Path(rig.bus.pki) / "authority.crt"))

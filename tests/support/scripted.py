@@ -1,4 +1,4 @@
-"""A short grip in one process, in virtual time, on a rig that a script does something to."""
+"""A short grip in one process, in virtual time, on a rig that a script disturbs."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -51,14 +51,14 @@ STOOD_S = 1.0
 
 @dataclass(frozen=True)
 class Played:
-    """What came of a program, in order; ``t_s`` of a tick is ``T`` times its number."""
+    """Messages of a program, in order; ``t_s`` of a tick is ``T`` times its number."""
 
     messages: list[Message]
     rig: SimulatedRig
 
     @cached_property
     def told(self) -> list[Message]:
-        """All but what was asked, which names the rig file and with it its ports."""
+        """Return all messages except requests, which name the rig file and with it its ports."""
         return [message for message in self.messages if not isinstance(message, RequestLog)]
 
     @cached_property
@@ -79,22 +79,22 @@ class Played:
 
     @cached_property
     def outcome(self) -> str:
-        """The controller's word for how it ended."""
+        """Return the outcome that the controller states."""
         return [message.outcome for message in self.messages if isinstance(message, Telemetry)][-1]
 
     @cached_property
     def trip(self) -> Applied | None:
-        """The first word of the actuator that it has tripped; None where it never did."""
+        """Return the first message of the actuator that it has tripped; None if it never did."""
         return next((echo for echo in self.applied if echo.state in TRIPPED), None)
 
     def begin_of(self, phase: str) -> int:
-        """Number of the first tick of a phase."""
+        """Return the number of the first tick of a phase."""
         views = [message for message in self.messages if isinstance(message, Telemetry)]
         return next(view.seq for view in views if view.phase == phase)
 
 
 def a_rig(*orders: Tree, changes: Tree | None = None) -> RigFile:
-    """The demo rig in lockstep, its bead near, with orders in its file."""
+    """Return the demo rig in lockstep, its bead near, with a script in its file."""
     near = laid_over(NEAR, {"simulation": {"script": list(orders)}})
     return demo_rig(laid_over(near, changes or {}), time="lockstep")
 
@@ -102,7 +102,7 @@ def a_rig(*orders: Tree, changes: Tree | None = None) -> RigFile:
 def play(
     *orders: Tree, changes: Tree | None = None, host_stands_at_s: float | None = None
 ) -> Played:
-    """Grip on that rig; at ``host_stands_at_s`` the output hears nothing for ``STOOD_S``."""
+    """Grip on that rig; at ``host_stands_at_s`` the output receives nothing for ``STOOD_S``."""
     built: list[SimulatedRig] = []
     in_time_s = SimulatedRig.now_s
 

@@ -1,4 +1,5 @@
-"""Selection of tests: those that tests/full.txt names, and those that begin in time."""
+"""Selection of tests: those that tests/full.txt names, and those that start before the time
+limit."""
 
 import time
 from pathlib import Path
@@ -16,20 +17,20 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def ranks() -> dict[str, int]:
-    """Places in the order of `make test-full`, by what a line of ``full.txt`` names."""
+    """Return the positions in the order of `make test-full`, by the entries of ``full.txt``."""
     lines = FULL.read_text(encoding="utf-8").splitlines()
     return {line: place for place, line in enumerate(lines) if line and not line.startswith("#")}
 
 
 def rank(nodeid: str, known: dict[str, int]) -> int:
-    """Of a test's case, its name, or its file; -1 where `make test` runs it."""
+    """Return the rank of a test's case, its name, or its file; -1 if `make test` runs it."""
     name, file = nodeid.partition("[")[0], nodeid.partition("::")[0]
     return max(known.get(one, -1) for one in (nodeid, name, file))
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what `make test` leaves out, and put it into the order of the list."""
+    """Mark the tests that `make test` leaves out, and sort them in the order of the list."""
     known = ranks()
     places = {item.nodeid: rank(item.nodeid, known) for item in items}
     for item in items:
@@ -39,14 +40,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Leave a test out where its session's time is used up."""
+    """Skip a test if its session's time is used up."""
     until_s = item.config.getoption("--until")
     if until_s is not None and time.time() > until_s:
         pytest.skip(LEFT_OUT)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Tell what was left out."""
+    """Report which tests were skipped."""
     skipped = terminalreporter.stats.get("skipped", [])
     left = [report.nodeid for report in skipped if LEFT_OUT in str(report.longrepr)]
     files = [name.partition("::")[0] for name in left]

@@ -1,4 +1,4 @@
-"""An application behind the supervisor's own HTTP server, on a port of its own."""
+"""An application behind the supervisor's own HTTP server, on a separate port."""
 
 import socket
 import ssl
@@ -21,7 +21,8 @@ PATIENCE_S = 60.0
 def served(
     app: ASGIApp, port: int | None = None, tls: ssl.SSLContext | None = None
 ) -> Generator[str]:
-    """Serve until the end; gives the address, such as ``http://127.0.0.1:16123``."""
+    """Serve for the duration of the block; yields the address, such as
+    ``http://127.0.0.1:16123``."""
     port = free_ports(1) if port is None else port
     listener = bind(HOST, port)
     server = server_of(app, tls)
@@ -41,6 +42,6 @@ def served(
 
 
 def connected(address: str) -> socket.socket:
-    """A connection that nothing is asked over as yet."""
+    """Return a connection on which no request has been sent yet."""
     host, _, port = address.partition("://")[2].partition(":")
     return socket.create_connection((host, int(port)), 30.0)

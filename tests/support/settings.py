@@ -9,7 +9,7 @@ from pincette.core.user_folders import config_folder
 
 @pytest.fixture(scope="session", autouse=True)
 def account_settings(tmp_path_factory: pytest.TempPathFactory) -> Generator[None]:
-    """Show the account's folder of settings without that of pincette."""
+    """Provide the account's settings folder without that of pincette."""
     shown = tmp_path_factory.mktemp("settings")
     folder = config_folder()
     for path in folder.iterdir() if folder is not None and folder.is_dir() else ():

@@ -1,4 +1,5 @@
-"""The made-up instrument of docs/how-to/add-a-driver.md, simulated; installed from outside."""
+"""The fictitious instrument of docs/how-to/add-a-driver.md, simulated; installed as an external
+package."""
 
 from pathlib import Path
 
@@ -19,7 +20,7 @@ EXAMPLE_LDS = SimulatedDriver(frozenset({"sensor"}), _lds)
 
 
 def registered(folder: Path) -> None:
-    """Write into a folder what an installed package says of its entry points."""
+    """Write the entry points of an installed package into a folder."""
     metadata = folder / "pincette_simulated_lds-1.0.0.dist-info"
     metadata.mkdir()
     text = "Metadata-Version: 2.1\nName: pincette-simulated-lds\nVersion: 1.0.0\n"

@@ -1,4 +1,4 @@
-"""Grips of a simulated rig whose part gives way, or whose sensor jumps, in one process."""
+"""Grips of a simulated rig whose part slips, or whose sensor jumps, in one process."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ REQUEST = TypeAdapter(Body)
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """What came of a job."""
+    """Outcome of a job."""
 
     planned: Planned
     rig: RigFile
@@ -57,7 +57,7 @@ class Played:
 
 
 def played(simulation: Tree | None = None, changes: Tree | None = None, **wishes: object) -> Played:
-    """Play a grip, or another kind, on the demo rig."""
+    """Play a grip, or another kind of job, on the demo rig."""
     tree: Tree = {**(changes or {}), "simulation": simulation or {}}
     rig = demo_rig(tree, time="lockstep")
     grip = {"kind": "grip", "force_mN": 20.0, "hold_s": 1.0}

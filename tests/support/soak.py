@@ -1,7 +1,7 @@
-"""Many faults of one running rig, one after another, each anywhere within a period.
+"""Many faults of one running rig, one after another, each at any phase of a period.
 
-``python -m tests.support.soak FILE`` injects, says how it goes on standard error, and writes what
-came of it as JSON; ``tests.support.namespaces.alone`` gives it a network in which links can be cut.
+``python -m tests.support.soak FILE`` injects, reports progress on standard error, and writes the
+outcome as JSON; ``tests.support.namespaces.alone`` provides a network in which links can be cut.
 """
 
 import argparse
@@ -32,21 +32,22 @@ from tests.support.witness import Witness, witness
 
 SEED = 20131
 TRIES = 2
-"""Of an injection, where a stall may have spoilt the first."""
+"""Number of attempts of an injection, if a stall may have spoilt the first."""
 ROUNDS = 50
 KINDS = ("killed", "stopped", "cut off")
 PROGRAMS = ("controller", "estimator", "sensor")
 START_S, EACH_S = 90.0, 15.0
-"""Longest time that the rig may take to be up, and an injection with all that belongs to it."""
+"""Longest time until the rig is up, and for an injection with all its steps."""
 Failed = (AssertionError, TimeoutError, httpx.HTTPError)
 
 
 def plan(
     kinds: Sequence[str], programs: Sequence[str], rounds: int, chance: random.Random
 ) -> list[Fault]:
-    """Each fault of each program so often, every second with a part held, in any order.
+    """Return each fault of each program this many times, every second with a part held, in random
+    order.
 
-    The actuator can be killed only: where it hangs, nobody is left whose reaction could be timed.
+    The actuator can only be killed: if it hangs, no program is left whose reaction could be timed.
     """
     faults = [
         Fault(kind, program, (row + column + count) % 2 == 0)
@@ -60,7 +61,7 @@ def plan(
 
 
 class Campaign:
-    """The injections as they are made, and what went wrong."""
+    """The injections made so far, and the failures."""
 
     def __init__(self, rig: RunningRig, seen: Witness, stalls: StallRecorder, seed: int) -> None:
         self._rig, self._seen, self._stalls = rig, seen, stalls
@@ -68,10 +69,10 @@ class Campaign:
         self.injected: list[Injected] = []
         self.failures: list[str] = []
         self.repeated: list[str] = []
-        """Injections that were made again because the machine had stood still."""
+        """Number of injections that were repeated because the machine had stalled."""
 
     def run(self, faults: Sequence[Fault]) -> None:
-        """Inject one after the other; a failure does not end it."""
+        """Inject one after the other; a failure does not end the campaign."""
         begun = monotonic()
         for number, fault in enumerate(faults, 1):
             result = self._one(fault)
@@ -81,7 +82,7 @@ class Campaign:
             print(words, file=sys.stderr, flush=True)
 
     def _one(self, fault: Fault) -> str:
-        """Inject; again where a stall of a period or more has spoilt what should be seen."""
+        """Inject; again if a stall of a period or more has spoilt the measurement."""
         what = " ".join(fault.name)
         for _ in range(TRIES):
             begun = monotonic()
@@ -104,7 +105,7 @@ class Campaign:
 
 
 def soak(kinds: Sequence[str], programs: Sequence[str], rounds: int, seed: int) -> Json:
-    """Bring a rig up, inject, and return everything as JSON can have it."""
+    """Start a rig, inject, and return everything as JSON values."""
     faults = plan(kinds, programs, rounds, random.Random(seed))
     rig = demo_rig(laid_over(SHORT, WATCHED))
     with (
@@ -135,7 +136,7 @@ def soak(kinds: Sequence[str], programs: Sequence[str], rounds: int, seed: int) 
 
 
 def injected(file: Path, words: Sequence[str], count: int, *, own_network: bool) -> Json:
-    """Run this program with some words, and read what came of ``count`` injections."""
+    """Run this program with some arguments, and return the outcome of ``count`` injections."""
     command = [sys.executable, "-m", "tests.support.soak", str(file), *words]
     limit_s = START_S + EACH_S * count
     command = alone(command) if own_network else command
@@ -146,7 +147,7 @@ def injected(file: Path, words: Sequence[str], count: int, *, own_network: bool)
 
 
 def main() -> int:
-    """Inject as the words on the command line say."""
+    """Inject as the command line states."""
     words = argparse.ArgumentParser(description=__doc__)
     words.add_argument("file", type=Path)
     words.add_argument("--rounds", type=int, default=ROUNDS, help="of each fault and program")

@@ -1,7 +1,7 @@
 """A client that reads nothing: ``python -m tests.support.stalled_reader PORT [PKI]``.
 
-Its network thread hangs. It keeps sending what keeps its link alive, so that no lease ends.
-It ends with standard input.
+Its network thread hangs. It continues to send keep-alives, so no lease ends. It ends when standard
+input closes.
 """
 
 # Zenoh's stubs leave the return types of its calls open.

@@ -1,4 +1,4 @@
-"""Threads of their own that note when the machine did not run them."""
+"""Separate threads that record when the machine did not run them."""
 
 import os
 import sys
@@ -14,17 +14,17 @@ from pincette.engine.realtime.os_scheduling import raise_priority
 BEAT_S = 0.001
 STALL_S = 0.005
 SHORT_S = 0.001
-"""Of a virtual machine that is not run in short slices, each of which counts where no other
-thread of it had the processor."""
+"""Shortest stall on a virtual machine that is not run in short slices; it counts if no other
+thread of the machine had the processor."""
 SPAN_S, BLAMED_S = 0.100, 0.005
 """Stalls of so long in all, within the length that lets a rig at T = 20 ms trip, may spoil a test:
 more than that an instrument that owes an answer is not waited for."""
 TICK_S = 0.01
-"""In which the system counts processor time in /proc."""
+"""Unit in which the system counts processor time in /proc, in s."""
 
 
 Span = tuple[float, float]
-"""From when to when, in seconds of the monotonic clock."""
+"""Begin and end, in seconds of the monotonic clock."""
 
 
 @dataclass
@@ -56,7 +56,7 @@ class StallRecorder:
             thread.join()
 
     def _beat(self, processor: int) -> None:
-        if sys.platform == "linux":  # where 0 is the thread that asks
+        if sys.platform == "linux":  # here 0 is the calling thread
             os.sched_setaffinity(0, {processor})
         raise_priority()
         stolen_s = stolen(processor)
@@ -79,17 +79,19 @@ class StallRecorder:
                 last = now
 
     def blamed_s(self, begin_s: float, end_s: float, elsewhere_s: float = 0.0) -> float:
-        """Seconds within ``SPAN_S``, at most in a window, that the product cannot be blamed for.
+        """Return the largest time within any ``SPAN_S`` of a window that the product cannot be
+        blamed for, in s.
 
-        Waits count where other programs than the test's had the processors as long as that:
-        for ``elsewhere_s`` within the window.
+        Waits count if programs other than the test's had the processors for that time:
+        ``elsewhere_s`` within the window.
         """
         stood_s = self.most(begin_s, end_s)
         both = StallRecorder(self.stalls + self.waits).most(begin_s, end_s)
         return max(stood_s, min(both, elsewhere_s))
 
     def most(self, begin_s: float, end_s: float = inf) -> float:
-        """Seconds for which some processor stood still, at most in ``SPAN_S`` of a window."""
+        """Return the largest time within any ``SPAN_S`` of a window for which some processor was
+        stalled, in s."""
         apart = [
             (max(first_s, begin_s), min(last_s, end_s))
             for first_s, last_s in self.apart()
@@ -105,7 +107,8 @@ class StallRecorder:
         return most_s
 
     def between(self, begin_s: float, end_s: float, least_s: float = 0.0) -> float:
-        """Seconds of an interval in which some processor stood still, each counted once.
+        """Return the time of an interval in which some processor was stalled, each moment counted
+        once, in s.
 
         Stalls below ``least_s`` are left out: they make a ramp longer, and lose no tick.
         """
@@ -114,7 +117,7 @@ class StallRecorder:
         return sum(part_s for part_s in parts if part_s > 0.0)
 
     def apart(self, least_s: float = 0.0) -> list[Span]:
-        """From when to when some processor stood still, without overlap and in order."""
+        """Return the intervals in which some processor was stalled, without overlap and sorted."""
         apart: list[Span] = []
         for begin_s, length_s in sorted(self.stalls):
             first_s = max(begin_s, apart[-1][1]) if apart else begin_s
@@ -124,7 +127,8 @@ class StallRecorder:
 
 
 def stolen(processor: int) -> float:
-    """Seconds since the start of the system for which a processor was taken away from it."""
+    """Return the time since the start of the system for which a processor was taken away from
+    it, in s."""
     try:
         lines = Path("/proc/stat").read_text(encoding="ascii").splitlines()
     except OSError:
@@ -141,15 +145,15 @@ class Usage:
 
     all_s: float
     own_s: float
-    """Of this process, its descendants, and those of them that have ended."""
+    """CPU time of this process, its descendants, and those of them that have ended, in s."""
 
     def elsewhere_s(self, before: "Usage") -> float:
-        """What other programs than the test's have used since then."""
+        """Return the CPU time used by programs other than the test's since then, in s."""
         return max(0.0, (self.all_s - before.all_s) - (self.own_s - before.own_s))
 
 
 def usage() -> Usage:
-    """Processor time until now; None if the system does not report it."""
+    """Return the processor time until now; None if the system does not report it."""
     try:
         words = Path("/proc/stat").read_text(encoding="ascii").split("\n", 1)[0].split()
     except OSError:
@@ -160,7 +164,7 @@ def usage() -> Usage:
     for place in Path("/proc").glob("[0-9]*"):
         try:
             fields = (place / "stat").read_text(errors="replace").rpartition(")")[2].split()
-        except OSError:  # it has ended meanwhile
+        except OSError:  # the process has ended meanwhile
             continue
         parents[int(place.name)] = int(fields[1])
         used[int(place.name)] = sum(map(int, fields[11:15]))
@@ -172,7 +176,7 @@ def usage() -> Usage:
 
 
 class _Queue:
-    """How long the thread that made this has waited for a processor that another thread had."""
+    """Time for which the creating thread has waited for a processor that another thread had."""
 
     def __enter__(self) -> "_Queue":
         try:
@@ -186,7 +190,7 @@ class _Queue:
             os.close(self._file)
 
     def waited_s(self) -> float:
-        """Seconds since it began; without a counter, all the time that there is."""
+        """Return the waiting time since the start, in s; without a counter, infinity."""
         if self._file is None:
             return monotonic()
         return 1e-9 * int(os.pread(self._file, 100, 0).split()[1])

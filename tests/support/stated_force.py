@@ -1,6 +1,6 @@
-"""What the estimator states of its force, held against the true force of random rigs.
+"""The force stated by the estimator, compared with the true force of random rigs.
 
-``python -m tests.support.stated_force`` prints the table; it takes some minutes a rig.
+``python -m tests.support.stated_force`` prints the table; it takes some minutes per rig.
 """
 
 import sys
@@ -25,11 +25,12 @@ from tests.support.twenty_rigs import unknown_rig
 
 FORCES_MN = (5.0, 20.0)
 CREPT_S = 180.0
-"""Rest of the empty arm after which creep from before the start is over."""
+"""Rest of the empty arm after which creep from before the start has decayed, in s."""
 HOLDS_S = ((4.0, REST_S), (4.0, CREPT_S), (60.0, REST_S), (60.0, CREPT_S))
-"""Holds, and the rests before the grip: at once after the arm has been moved, and later."""
+"""Durations of holds, and the rests before the grip: immediately after a motion of the arm, and
+later."""
 RIGS = 20
-"""Of each class of hysteresis, by the first seeds."""
+"""Number of rigs of each class of hysteresis, with the first seeds."""
 FORCES_SEED = 77
 ROOMY = {"position_min_um": -40.0, "position_max_um": 110.0}
 PHASES = ("contact", "load", "hold", "unload")
@@ -46,18 +47,18 @@ class Stated:
     """Mean U over the magnitude of the mean error."""
     uncertainty_mN: float
     error_mN: float
-    """R.m.s."""
+    """R.m.s. error of the force, in mN."""
     mean_mN: float
-    """Mean error."""
+    """Mean error of the force, in mN."""
     mean_uncertainty_mN: float
-    """U of the mean force."""
+    """U of the mean force, in mN."""
 
 
 @cache
 def known_rig(pair: str, seed: int, *, relays: bool = False) -> RigFile:
-    """A rig drawn at random with what its own calibrations have found, in one process."""
+    """Return a randomly drawn rig calibrated by its own calibrations, in one process."""
     drawn = unknown_rig(pair, seed, relays=relays)
-    # Some arms of relays go further than the assumed gain says; see calibrate.md.
+    # Some relay arms move further than the assumed gain predicts; see calibrate.md.
     limits = drawn.limits.model_copy(update=ROOMY)
     fast = ("frequency_response",) if pair == "fast" else ()
     kinds = ("noise", *fast, "compliance", "free_response", "contact_stiffness")
@@ -65,7 +66,7 @@ def known_rig(pair: str, seed: int, *, relays: bool = False) -> RigFile:
 
 
 def taught(rig: RigFile, kinds: Sequence[str]) -> RigFile:
-    """Return a rig with what its own calibrations of some kinds have found."""
+    """Return a rig with the results of its own calibrations of some kinds."""
     assert rig.simulation is not None
     found = Calibration()
     with opened_benches() as benches:
@@ -81,7 +82,7 @@ def taught(rig: RigFile, kinds: Sequence[str]) -> RigFile:
 
 
 def gripped(rig: RigFile, force_mN: float, hold_s: float, rest_s: float = REST_S) -> list[Stated]:
-    """Grip with an arm that has been moved before, as after its calibrations; by samples."""
+    """Grip with an arm that was moved before, as by its calibrations; returns the samples."""
     request = GripJobRequest(kind="grip", force_mN=force_mN, hold_s=hold_s)
     published = after_strokes(rig, rest_s).play(plan_job(request, rig).program, epoch=2)
     truths = [m for m in published if isinstance(m, GroundTruth)]
@@ -115,20 +116,20 @@ def gripped(rig: RigFile, force_mN: float, hold_s: float, rest_s: float = REST_S
 
 @dataclass(frozen=True)
 class Held:
-    """The held force of one rig, against the truth."""
+    """The held force of one rig, compared with the truth."""
 
     pair: str
     seed: int
     relays: bool
     force_mN: float
     error_mN: float
-    """Of the mean over the hold."""
+    """Error of the mean over the hold, in mN."""
     uncertainty_mN: float
-    """U of that mean."""
+    """U of that mean, in mN."""
 
 
 def held(pair: str, seed: int, *, relays: bool, hold_s: float, rest_s: float = REST_S) -> Held:
-    """Teach one rig, grip once with a force drawn by the seed, and compare the held force."""
+    """Calibrate one rig, grip once with a force drawn by the seed, and compare the held force."""
     rig = known_rig(pair, seed, relays=relays)
     force_mN = float(np.random.default_rng((FORCES_SEED, seed, relays)).uniform(*FORCES_MN))
     (stated,) = [one for one in gripped(rig, force_mN, hold_s, rest_s) if one.phase == "hold"]
@@ -136,14 +137,15 @@ def held(pair: str, seed: int, *, relays: bool, hold_s: float, rest_s: float = R
 
 
 def judged(rows: Sequence[Held]) -> tuple[float, float]:
-    """Share of rigs whose truth lies within F ± U, and median U over median magnitude of error."""
+    """Return the share of rigs whose truth lies within F ± U, and median U over median magnitude
+    of error."""
     within = [abs(row.error_mN) <= row.uncertainty_mN for row in rows]
     wide = median(row.uncertainty_mN for row in rows)
     return sum(within) / len(rows), wide / median(abs(row.error_mN) for row in rows)
 
 
 def main() -> None:
-    """Hold with rigs of both classes, a line for each."""
+    """Hold with rigs of both classes and print a line for each."""
     for hold_s, rest_s in HOLDS_S:
         rows: list[Held] = []
         for seed, relays in product(range(RIGS), (False, True)):

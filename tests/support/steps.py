@@ -1,7 +1,7 @@
-"""The threads of a supervisor's jobs, step by step: each rests until a test lets it look.
+"""The threads of a supervisor's jobs, step by step: each waits until the test lets it continue.
 
-A job's thread rests where it waits for something to come and before it asks for something. A test
-lets time pass, and acts in between.
+A job's thread waits where it expects a message and before it sends a request. A test lets time
+pass, and acts in between.
 """
 
 import threading
@@ -14,32 +14,32 @@ from pincette_supervisor.jobs.job import LiveJob
 from tests.support.virtual_rig import VirtualRig
 
 GUARD_S, LOOK_S = 30.0, 0.01
-"""By the clock on the wall: a thread that does not come to rest has hung."""
+"""Wall-clock limit, in s: a thread that does not reach its next wait has hung."""
 
 
 T = TypeVar("T")
 
 
 class KilledError(BaseException):
-    """The supervisor is no more; nothing that it would still do may have an effect."""
+    """The supervisor was killed; nothing that it would still do may have an effect."""
 
 
 class Steps:
-    """Where the threads of jobs rest."""
+    """Points at which the threads of jobs wait."""
 
     def __init__(self, rig: VirtualRig) -> None:
         self.rig = rig
         self.guard_s = GUARD_S
-        """Longest time by the clock on the wall that a job's thread may compute."""
+        """Longest wall-clock time that a job's thread may compute."""
         self.killed = self.free = False
-        """Free: no thread waits any more, and time passes."""
+        """True if no thread waits any more and time passes."""
         self.threads: set[threading.Thread] = set()
         self._turn = threading.Condition()
         self._resting: set[int] = set()
         self._looks = 0
 
     def rest(self) -> None:
-        """Wait for the next look, where a job's thread asks; raises KilledError."""
+        """Wait in a job's thread until the test lets it continue; raises KilledError."""
         thread = threading.current_thread()
         if self.killed:
             raise KilledError
@@ -59,7 +59,7 @@ class Steps:
             raise KilledError
 
     def look(self) -> None:
-        """Let every thread that rests go on to its next rest, or to its end."""
+        """Let every waiting thread continue to its next wait, or to its end."""
         self.settle()
         with self._turn:
             self._looks += 1
@@ -68,7 +68,7 @@ class Steps:
         self.settle()
 
     def settle(self) -> None:
-        """Wait until all threads rest or have ended."""
+        """Wait until all threads wait or have ended."""
         begun_at = monotonic()
         with self._turn:
             while any(t.is_alive() and t.ident not in self._resting for t in tuple(self.threads)):
@@ -82,14 +82,14 @@ class Steps:
             self._turn.notify_all()
 
     def pass_(self, ticks: int = 1) -> None:
-        """Let time pass, and the supervisor look at each tick of it."""
+        """Let time pass, with every tick visible to the supervisor."""
         for _ in range(ticks):
             self.rig.tick()
             self.look()
 
 
 class Done(threading.Event):
-    """Whoever waits for it lets virtual time pass."""
+    """An event; waiting for it lets virtual time pass."""
 
     def __init__(self, steps: Steps) -> None:
         super().__init__()
@@ -103,7 +103,7 @@ class Done(threading.Event):
 
 
 class SteppedJob(LiveJob):
-    """A job that rests where it waits."""
+    """A job that stops at each of its waits until the test continues it."""
 
     def __init__(self, *args: Any, steps: Steps) -> None:
         super().__init__(*args)
@@ -114,7 +114,8 @@ class SteppedJob(LiveJob):
 
 
 class AtOnce(Executor):
-    """Does in the caller's thread what is submitted, so that the same comes of the same calls."""
+    """Executor that runs submitted calls in the caller's thread, so that the same calls give the
+    same results."""
 
     def __init__(self, *_given: object, **_named: object) -> None:
         super().__init__()

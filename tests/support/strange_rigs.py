@@ -1,8 +1,8 @@
-"""Rigs that nobody has built, brought up by the checklist alone, restarted, and badly treated.
+"""Random unusual rigs, brought up by the checklist alone, restarted, and badly treated.
 
-The class of hysteresis, the moments of the restarts, the places of the part and the forces come
-from the seed. The part is once left in the way of ``free_response``. ``python -m
-tests.support.strange_rigs`` prints a line for each of twenty rigs; it takes some minutes a rig.
+The class of hysteresis, the times of the restarts, the positions of the part and the forces follow
+from the seed. Once, the part is left in the path of ``free_response``. ``python -m
+tests.support.strange_rigs`` prints a line for each of twenty rigs; it takes some minutes per rig.
 """
 
 import sys
@@ -28,14 +28,14 @@ COUNT, GRIPS, RESTARTS = 20, 4, 2
 FORCES_MN = (5.0, 20.0)
 PLACES_UM = (4.0, 40.0)
 OFF = 0.03
-"""Share by which no proposal may be off."""
+"""Largest relative error of a proposal."""
 ROUNDS = 12
-"""Of the checklist, at most."""
+"""Largest number of rounds of the checklist."""
 
 
 @dataclass
 class Treated:
-    """What came of one rig."""
+    """Outcome of one rig."""
 
     seed: int
     relays: bool
@@ -43,22 +43,22 @@ class Treated:
     peaks_mN: list[tuple[str, float]] = field(default_factory=list)
     """Highest true force of each job."""
     held: list[tuple[float, float]] = field(default_factory=list)
-    """Error of the force over each hold, and U."""
+    """Error of the force over each hold, and its U."""
     outcomes: list[str] = field(default_factory=list)
     off: dict[str, float] = field(default_factory=dict)
-    """Of each proposal that was accepted."""
+    """Relative error of each proposal that was accepted."""
     part_left: str = ""
     """Messages about the part that was left in place."""
     proposed: bool = False
-    """Whether something was proposed all the same."""
+    """True if something was proposed although the part was there."""
 
     @property
     def peak(self) -> tuple[str, float]:
-        """The job that pressed hardest."""
+        """Return the job with the highest force."""
         return max(self.peaks_mN, key=lambda one: one[1])
 
     def __str__(self) -> str:
-        """As a line on a terminal."""
+        """Return the line for a terminal."""
         job, peak_mN = self.peak
         held = ", ".join(f"{error:+.2f} ± {u:.2f}" for error, u in self.held)
         off = ", ".join(f"{name} {100.0 * share:+.2f} %" for name, share in self.off.items())
@@ -70,7 +70,7 @@ class Treated:
 
 
 def treat(seed: int, folder: Path) -> Treated:
-    """Bring one rig up, grip with it, and look at every true force."""
+    """Bring one rig up, grip with it, and check every true force."""
     chance = np.random.default_rng((0x20, seed))
     relays = seed % 2 == 0
     rig = unknown_rig("slow", seed, relays=relays)
@@ -165,7 +165,8 @@ class _Bench:
     def _job(self, running: RunningRig, hands: Technician, body: Json) -> Json:
         answer = running.post("/jobs", body)
         if answer.status_code == 409 and answer.json()["type"].endswith(":zero-not-confirmed"):
-            # The part is off the resting arm, or has been taken away: the person has seen to it.
+            # The part is away from the resting arm, or has been removed: the person has checked
+            # this.
             answer = running.post("/jobs", {**body, "zero_confirmed": True})
         assert answer.is_success, answer.text
         job = hands.attend(str(answer.json()["id"]))
@@ -189,7 +190,7 @@ class _Bench:
 
 
 def main() -> None:
-    """Treat twenty rigs, a line for each."""
+    """Treat twenty rigs and print a line for each."""
     for seed in range(1, COUNT + 1):
         with tempfile.TemporaryDirectory() as folder:
             print(treat(seed, Path(folder)), flush=True)

@@ -1,4 +1,5 @@
-"""What a person does to bring a rig up: calibrate over REST, with hands at the simulated bench."""
+"""Actions of a person who brings a rig up: calibrations over REST, and manual work at the
+simulated bench."""
 
 from dataclasses import dataclass
 from time import monotonic, sleep
@@ -23,14 +24,14 @@ class Technician:
 
     @classmethod
     def at(cls, rig: RunningRig) -> "Technician":
-        """Stand at a rig that is up."""
+        """Connect to a running rig."""
         file = rig.rig
         return cls(
             rig, ZenohBus(client_session(file.bus.host, file.bus.port), file.rig.name, "hand")
         )
 
     def leave(self) -> None:
-        """Go."""
+        """Disconnect."""
         self.bus.close()
 
     def do(self, target: str, what: str, value: float | None = None) -> None:
@@ -38,7 +39,7 @@ class Technician:
         self.bus.call(SIM_COMMAND, SimCommand(target, what, value))
 
     def calibrate(self, kind: str, **wishes: object) -> Json:
-        """Run one calibration to its end and accept what it proposes; returns the proposal."""
+        """Run one calibration to its end and accept its proposal; returns the proposal."""
         body: Json = {"kind": "calibrate", "calibration": kind, "autostart": True, **wishes}
         name = str(self.rig.post("/jobs", body).raise_for_status().json()["id"])
         job = self.attend(name)
@@ -48,7 +49,7 @@ class Technician:
         return dict(answer.raise_for_status().json())
 
     def attend(self, name: str) -> Json:
-        """Do what the job asks a person for, until it has ended and its record is written."""
+        """Do what the job requests of a person, until it has ended and its record is written."""
         deadline = monotonic() + JOB_S
         while monotonic() < deadline:
             job = self.rig.job(name)

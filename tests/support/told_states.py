@@ -1,4 +1,4 @@
-"""What the events say of the states of jobs, held against the table."""
+"""States of jobs in the events, compared with the state table."""
 
 from collections.abc import Iterable
 
@@ -7,7 +7,7 @@ from pincette.api.states import STATES, Event, JobState, next_state
 
 
 def states_told(told: Iterable[events.Event]) -> dict[str, JobState]:
-    """Each job's last state, where every step on the way there is one of the table's."""
+    """Return each job's last state, after checking that every transition is one of the table's."""
     states: dict[str, JobState] = {}
     for row in told:
         if row.kind != "state" or row.job is None:

@@ -39,30 +39,30 @@ PAIRS = ("fast", "slow")
 BASES = {"fast": DEMO.parent / "fast.toml", "slow": DEMO.parent / "bring-up.toml"}
 """Rig files without a model: analog input and output, and two serial lines."""
 LIMIT, DAMPING_LIMIT = 0.02, 0.20
-"""Largest deviation from the truth, and that of the damping ratio."""
+"""Largest relative error of a quantity, and that of the damping ratio."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """What came of one rig: deviations from the truth as shares, and its grip."""
+    """Outcome of one rig: relative errors, and its grip."""
 
     seed: int
     pair: str
     deviations: dict[str, float]
-    """By quantity; what the pair cannot identify is not there."""
+    """Relative errors by quantity; quantities that the pair cannot identify are absent."""
     outcome: str
     force_mN: float
-    """True force over the hold, of 20 mN."""
+    """True force over the hold, in mN; 20 mN are requested."""
 
     def __str__(self) -> str:
-        """As a line on a terminal."""
+        """Return the line for a terminal."""
         shares = (f"{NAMES[name]} {_percent(share)} %" for name, share in self.deviations.items())
         rig = f"{self.pair} rig {self.seed}: {self.outcome}"
         return ", ".join((rig, f"{self.force_mN:.2f} mN", *shares))
 
     @property
     def misses(self) -> list[str]:
-        """Quantities that are off by more than they may be."""
+        """Return the quantities whose error exceeds its limit."""
         return [
             name
             for name, share in self.deviations.items()
@@ -71,7 +71,7 @@ class Row:
 
 
 def unknown_rig(pair: str, seed: int, *, relays: bool = False) -> RigFile:
-    """A rig drawn at random, in lockstep, of which the rig file says nothing."""
+    """Return a randomly drawn rig, in lockstep, whose rig file has no calibrated values."""
     base = read_rig(BASES[pair])
     assert base.simulation is not None
     known = resolved(base.simulation, base.output.driver)
@@ -109,7 +109,7 @@ def bring_up(pair: str, seed: int, folder: Path) -> Row:
 
 
 def in_one_process(pair: str, seed: int) -> Row:
-    """The same on the bus in memory; each job meets a rig that has just been switched on."""
+    """Do the same on the bus in memory; each job uses a rig that has just been switched on."""
     rig = unknown_rig(pair, seed)
     assert rig.simulation is not None
     fast = ("frequency_response",) if pair == "fast" else ()
@@ -152,7 +152,8 @@ def _calibrate_and_grip(hands: Technician, running: RunningRig, *, fast: bool) -
 
 
 def deviations(found: Mapping[str, Any], true: TrueValues) -> dict[str, float]:
-    """Of the calibrated quantities whose truth is known, by their names without the table."""
+    """Return the errors of the calibrated quantities whose truth is known, by name without the
+    table."""
     truths = {
         "natural_frequency_rad_per_s": true.natural_frequency_rad_per_s,
         "damping_ratio": true.damping_ratio,
@@ -165,7 +166,7 @@ def deviations(found: Mapping[str, Any], true: TrueValues) -> dict[str, float]:
 
 
 def runs(pair: str, seeds: Sequence[int]) -> Iterator[Row]:
-    """Bring rigs up, two at a time: in lockstep none of them minds the other."""
+    """Bring rigs up, two at a time: in lockstep they do not affect each other."""
 
     def one(seed: int) -> Row:
         with tempfile.TemporaryDirectory() as folder:
@@ -174,7 +175,7 @@ def runs(pair: str, seeds: Sequence[int]) -> Iterator[Row]:
             except httpx.HTTPStatusError as error:
                 return Row(seed, pair, {}, error.response.text, 0.0)
             except (AssertionError, TimeoutError, BusError, FleetError, httpx.HTTPError) as error:
-                # The others count too.
+                # The other rigs count too.
                 return Row(seed, pair, {}, f"{type(error).__name__}: {error}", 0.0)
 
     with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
@@ -191,7 +192,7 @@ NAMES = {
 
 
 def table(rows: Sequence[Row]) -> str:
-    """Deviations in per cent, a rig a line, with the median and the largest."""
+    """Return the deviations in per cent, a line per rig, with the median and the largest."""
     head = ["rig", *NAMES.values(), "grip", "true force / mN"]
     lines = [_line(head), _line(["---:"] * len(head))]
     for row in rows:

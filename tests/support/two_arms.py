@@ -1,4 +1,4 @@
-"""A short grip with two arms, in one process and virtual time, on a rig that a script hurts."""
+"""A short grip with two arms, in one process and virtual time, on a rig that a script disturbs."""
 
 import tomllib
 from collections.abc import Callable
@@ -29,7 +29,7 @@ NEAR: Tree = {
         "second": {"bead_contact_um": 6.1},
     },
 }
-"""The part is near, and a freeze is short."""
+"""Changes to the rig: the part is near, and a freeze is short."""
 SHORT_PAIR: Tree = {
     "grip": {
         "hold_s": 0.4,
@@ -40,11 +40,11 @@ SHORT_PAIR: Tree = {
     },
     "simulation": {"pace": 1.0, "pair": {"lands": True}},
 }
-"""Laid over that: grips as short as those of one arm, of a part that stays where it lies."""
+"""Further changes: grips as short as those of one arm, with a part that stays in place."""
 
 
 def two_arm_rig(*changes: Tree, time: str = "lockstep") -> RigFile:
-    """The rig of two arms, with its part near."""
+    """Return the rig of two arms, with its part near."""
     base, own = (tomllib.loads(path.read_text(encoding="utf-8")) for path in (DEMO, TWO_ARMS))
     del own["base"]
     tree = laid_over(laid_over(base, own), laid_over(NEAR, {"rig": {"time": time}}))
@@ -73,7 +73,7 @@ def short_grip(rig: RigFile, hold_s: float = 1.0) -> Program:
 
 
 def play(*orders: Tree, changes: Tree | None = None) -> tuple[list[Message], Bench]:
-    """Play the grip while orders of a script befall the rig; what was told, and the bench."""
+    """Play the grip with a script of disturbances; returns the messages and the bench."""
     script: Tree = {"simulation": {"script": list(orders)}}
     rig = two_arm_rig(changes or {}, script)
     benches: list[Bench] = []

@@ -1,4 +1,4 @@
-"""Type the blocks of a page as a reader would, in a checkout and with a rig of their own."""
+"""Type the blocks of a page as a reader would, in a checkout and with a separate rig."""
 
 import os
 import re
@@ -46,7 +46,7 @@ def reader_checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Generato
 
 
 def script(block: Block, folder: Path) -> str:
-    """A block with what was exported before it, which a reader's shell would know too."""
+    """Return a block preceded by earlier exports, which a reader's shell would keep."""
     state = folder / "shell-state"
     state.touch()
     body = block.text
@@ -64,7 +64,7 @@ class Reader:
         self._folder, self._stack, self._logs = folder, stack, 0
 
     def stay(self, words: list[str], says: str) -> None:
-        """Start what runs until the sitting ends."""
+        """Start a command that runs until the end of the page."""
         self._await(self._stack, words, says)
 
     def watch(self, words: list[str], says: str) -> None:
@@ -105,7 +105,7 @@ def joined(page: str, sitting: Sitting) -> list[tuple[Block, Typed]]:
 
 
 def type_page(page: str, sitting: Sitting, checkout: Path) -> None:
-    """Type what the register names of a page; fail where a block ends or prints otherwise."""
+    """Type the registered blocks of a page; fail if a block's status or output differs."""
     with ExitStack() as stack:
         reader = Reader(checkout, stack)
         if sitting.up:

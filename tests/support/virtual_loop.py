@@ -1,4 +1,4 @@
-"""The virtual loop with those around it: who asks, arms and resets, and who hurts its programs."""
+"""The virtual loop with its users: requests, arming, resets, and faults of its programs."""
 
 from collections.abc import Callable
 from typing import Self
@@ -15,7 +15,7 @@ PATIENCE_S = 2.0
 
 
 class VirtualLoop(Engine):
-    """A rig in real time whose clock is made; ``fork`` gives a twin that goes on by itself."""
+    """A rig in virtual real time; ``fork`` returns a copy that continues independently."""
 
     @property
     def newest(self) -> Applied:
@@ -23,11 +23,11 @@ class VirtualLoop(Engine):
         return self.applied[-1][1]
 
     def call_at(self, at_s: float, deed: Callable[[Self], None]) -> None:
-        """Do something to the loop at a time."""
+        """Do something to the loop at a given time."""
         self._push(at_s, "call", "", deed)
 
     def call(self, name: str, request: Message) -> Message | str:
-        """Ask a program; the reply, or the text of a refusal."""
+        """Send a request to a program; returns the reply, or the text of a refusal."""
         replies: list[Message | str] = []
         self.hand_over(self.program(name), (name, request, replies.append))
         assert self.run(self.now_s + PATIENCE_S, lambda: bool(replies)), f"{name} does not answer"
@@ -41,12 +41,12 @@ class VirtualLoop(Engine):
             self.must(name, Arm(epoch, owner, digest, Document(calibration), program.capture_hz))
 
     def must(self, name: str, request: Message) -> None:
-        """Ask, and fail where that is refused."""
+        """Send a request, and fail if it is refused."""
         reply = self.call(name, request)
         assert not isinstance(reply, str), reply
 
     def reset(self) -> None:
-        """What a person does who has seen the cause."""
+        """Reset, as a person does after seeing the cause."""
         self.must("actuator", Reset(acknowledge=True))
 
     def kill(self, name: str) -> None:
@@ -55,12 +55,12 @@ class VirtualLoop(Engine):
             self.predecessor = Predecessor.DIED
 
     def stop(self, name: str, for_s: float) -> None:
-        """The program stands still; what comes waits."""
+        """Stall the program; incoming messages wait."""
         program = self.programs[name]
         program.stopped_until_s = max(program.stopped_until_s, self.now_s + for_s)
 
     def restart(self, name: str) -> None:
-        """A fresh program in place of one that was killed, of another instance."""
+        """Start a new instance of a program that was killed."""
         if name in self.fresh:
             runner = forked_runner(self.fresh[name], {})
             runner.instance = self.instances
@@ -69,7 +69,7 @@ class VirtualLoop(Engine):
             self.add(name)
 
     def add_rival(self, program: Played, epoch: int) -> None:
-        """A second controller, armed for the same epoch as another owner."""
+        """Add a second controller, armed for the same epoch as another owner."""
         runner = forked_runner(self.fresh["controller"], {})
         runner.instance = self.instances
         self.start("rival", [runner])
@@ -77,7 +77,7 @@ class VirtualLoop(Engine):
         self.must("rival", Arm(epoch, runner.instance, self.rig.digest()))
 
     def put_out_by_module(self) -> float:
-        """What the output's module says that it puts out."""
+        """Return the voltage that the output's module reports."""
         reply = self.bench.module.answer(b"$0180")
         assert reply is not None
         return float(reply[3:])

@@ -1,7 +1,7 @@
-"""The simulated rig under a virtual loop: plant, instruments' bytes, and how long they take.
+"""The simulated rig under a virtual loop: plant, instruments' bytes, and durations of exchanges.
 
-A voltage is on its way to the plant for as long as the line takes; it arrives as an event of the
-loop, so that plant, sensor and output meet in the order of their times.
+A voltage takes the time of the line to reach the plant; it arrives as an event of the loop, so that
+plant, sensor and output act in the order of their times.
 """
 
 from collections.abc import Callable
@@ -37,7 +37,7 @@ class Clock:
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """How long exchanges take, and how long a silent instrument is waited for."""
+    """Durations of exchanges, and the timeouts for a silent instrument."""
 
     sensor_s: float
     output_s: float
@@ -47,11 +47,12 @@ class Lines:
 
 QUICK_BELOW_S = 0.005
 FAST_S = 0.0001
-"""An exchange with an instrument that keeps a period of 1 ms."""
+"""Duration of an exchange with an instrument that keeps a period of 1 ms, in s."""
 
 
 def lines_of(rig: RigFile, *, quick: bool = False) -> Lines:
-    """As the drivers state them for this rig file, or as those of fast instruments would."""
+    """Return the durations that the drivers state for this rig file, or those of fast
+    instruments."""
     sensor_s, output_s = sensor_timing(rig.sensor).exchange_s, output_timing(rig.output).exchange_s
     if quick:
         sensor_s = output_s = FAST_S
@@ -60,12 +61,12 @@ def lines_of(rig: RigFile, *, quick: bool = False) -> Lines:
 
 @dataclass(slots=True)
 class Taken:
-    """What the instruments were asked for in one step of a program."""
+    """Use of the instruments in one step of a program."""
 
     voltages_V: list[float] = field(default_factory=list[float])
-    """Accepted by the output, on their way to the plant."""
+    """Voltages accepted by the output, in transit to the plant."""
     silent_s: float = 0.0
-    """Waited for answers that did not come."""
+    """Time spent waiting for replies that did not come, in s."""
     written: bool = False
 
 
@@ -79,7 +80,7 @@ class VirtualBench:
         self.laser = SimulatedKeyence(self.measure_um)
         self.module = SimulatedI7024(self.take_V, self.rig.now_s)
         self.quick = rig_file.rig.period_s < QUICK_BELOW_S
-        """Whether exchanges are as short as such a period needs, whatever the drivers state."""
+        """True if exchanges are as short as such a period needs, whatever the drivers state."""
         self.lines = lines_of(rig_file, quick=self.quick)
         self.taken = Taken()
         self.reading_clock: Callable[[], float] = lambda: 0.0
@@ -122,22 +123,22 @@ class VirtualBench:
         return self.rig.measure_um() if self._measure is None else self._measure()
 
     def take_V(self, voltage_V: float) -> None:
-        """The output has accepted a voltage."""
+        """Accept a voltage at the output."""
         self.taken.voltages_V.append(voltage_V)
 
     def put_V(self, voltage_V: float) -> None:
-        """The voltage arrives at the plant."""
+        """Apply a voltage to the plant."""
         if self._put is None:
             self.rig.put_out(voltage_V)
         else:
             self._put(voltage_V)
 
     def step_begins(self) -> None:
-        """Begin to note what a step asks of the instruments."""
+        """Begin to record the use of the instruments in a step."""
         self.taken = Taken()
 
     def order(self, order: SimCommand) -> None:
-        """Do something to the rig, from here on; a bench that has a script is not forked again."""
+        """Disturb the rig from now on; a bench with a script is not forked again."""
         if self._script is None:
             script = Script(timeouts_s={"sensor": 0.1, "output": 0.1})
             script.operate(self.rig)
@@ -152,7 +153,7 @@ class VirtualBench:
         assert not words, words
 
     def ringing_um(self) -> float:
-        """Amplitude of the free arm's mode about where it would rest: √(e² + (ẋ/ω_n)²)."""
+        """Return the amplitude of the free arm's mode about its rest position: √(e² + (ẋ/ω_n)²)."""
         self.rig.snapshot()
         timeline: Timeline = vars(self.rig)["_timeline"]
         parameters, state = timeline.parameters, timeline.state
@@ -162,7 +163,7 @@ class VirtualBench:
 
     @property
     def step_um(self) -> float:
-        """How far one step of the output moves the free arm."""
+        """Return the motion of the free arm for one step of the output, in µm."""
         parameters = vars(self.rig)["_timeline"].parameters
         return float(parameters.output_step_V * parameters.piezo_um_per_V)
 
@@ -172,7 +173,7 @@ class VirtualBench:
         return self.rig.snapshot().x_um
 
     def shared(self) -> list[object]:
-        """What a copy of this bench has in common with it, since it never changes."""
+        """Return the constant parts that a copy of this bench shares with it."""
         inner = vars(self.rig)
         timeline: Timeline = inner["_timeline"]
         parts = vars(timeline)
@@ -191,5 +192,5 @@ class VirtualBench:
 def scripted(
     target: str, what: str, value: float | None = None, for_s: float | None = None
 ) -> SimCommand:
-    """An order that a rig file could have too."""
+    """Return a scripted disturbance, as a rig file could contain it."""
     return ScriptedOrder(at_s=0.0, target=target, what=what, value=value, for_s=for_s).order()

@@ -1,4 +1,4 @@
-"""Very many injections, drawn by a seed, shared out among processes, and what is said of them."""
+"""A large number of injections, drawn by a seed, distributed over processes, and summarised."""
 
 import json
 import random
@@ -13,25 +13,25 @@ from tests.support.virtual_loop_injection import Reaction, inject
 from tests.support.virtual_loop_places import STATES, place
 
 PHASES = 12
-"""Parts of a period; within each part a fault falls anywhere."""
+"""Number of parts of a period; within each part a fault falls anywhere."""
 HARMLESS_SHARE = 0.3
 SHARES = (50.0, 90.0, 99.0, 100.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What is said of one fault, or of one state: times in ms, since the fault."""
+    """Summary of one fault, or of one state: times in ms, since the fault."""
 
     name: str
     count: int
     reaction_ms: tuple[float, ...]
     safe_ms: tuple[float, ...]
     ringing: float
-    """Largest, as a share of the stroke."""
+    """Largest ringing, as a share of the stroke."""
 
 
 def draw(number: int, seed: int) -> Reaction | None:
-    """Injection ``number`` of a campaign: every fault, state and phase comes in its turn."""
+    """Return injection ``number`` of a campaign: all faults, states and phases come in turn."""
     chance = random.Random(f"{seed} {number}")
     faults = HARMLESS if chance.random() < HARMLESS_SHARE else FATAL
     fault, state = chance.choice(faults), chance.choice(STATES)
@@ -40,7 +40,7 @@ def draw(number: int, seed: int) -> Reaction | None:
 
 
 def share(begin: int, end: int, seed: int) -> list[Reaction]:
-    """Injections of a campaign by their numbers, in one process."""
+    """Run injections of a campaign by their numbers, in one process."""
     reactions = [draw(number, seed) for number in range(begin, end)]
     return [reaction for reaction in reactions if reaction is not None]
 
@@ -48,7 +48,7 @@ def share(begin: int, end: int, seed: int) -> list[Reaction]:
 def campaign(
     count: int, seed: int, processes: int, tell: Callable[[str], None] = print
 ) -> list[Reaction]:
-    """All of them; raises AssertionError where one is not as it must be."""
+    """Run all injections; raises AssertionError if one has a wrong outcome."""
     piece = max(1, count // (50 * processes))
     begins = range(0, count, piece)
     reactions: list[Reaction] = []
@@ -63,14 +63,14 @@ def campaign(
 
 
 def percentile(values: Sequence[float], share: float) -> float:
-    """The smallest value that so many per cent of the values do not exceed."""
+    """Return the smallest value that this many per cent of the values do not exceed."""
     ordered = sorted(values)
     index = max(0, -(-len(ordered) * share // 100) - 1)
     return ordered[int(index)]
 
 
 def rows_of(reactions: Iterable[Reaction], key: Callable[[Reaction], str]) -> list[Row]:
-    """Sum up by what ``key`` says."""
+    """Summarise by ``key``."""
     kinds: dict[str, list[Reaction]] = {}
     for reaction in reactions:
         kinds.setdefault(key(reaction), []).append(reaction)
@@ -91,7 +91,8 @@ def _row(name: str, found: Sequence[Reaction]) -> Row:
 
 
 def table(title: str, rows: Sequence[Row]) -> str:
-    """As text: medians, percentiles and the worst of both times, and the worst ringing."""
+    """Return the table as text: medians, percentiles and maxima of both times, and the largest
+    ringing."""
     lines = [
         f"{title:<44}{'count':>7}  {'reaction ms: 50 90 99 worst':>31}"
         f"  {'safe ms: 50 90 99 worst':>31}  ringing"
@@ -106,12 +107,12 @@ def table(title: str, rows: Sequence[Row]) -> str:
 
 
 def arm_of(reaction: Reaction) -> str:
-    """Held or free."""
+    """Return whether the arm is held or free, as text."""
     return "part held" if reaction.held else "arm free"
 
 
 def write_figures(folder: Path, reactions: Sequence[Reaction], count: int, seed: int) -> Path:
-    """Put the tables into a JSON file that documents can be made of."""
+    """Write the tables to a JSON file from which documents are made."""
     path = folder / "virtual_faults.json"
     tables = {
         "faults": rows_of(reactions, lambda reaction: reaction.fault),

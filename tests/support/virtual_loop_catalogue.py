@@ -1,4 +1,5 @@
-"""Faults of the loop, by the rows of the fault table: those that must trip, and their twins."""
+"""Faults of the loop, by the rows of the fault table: those that must trip, and their
+counterparts."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -18,7 +19,7 @@ LINKS = (
     ("controller", "actuator"),
     ("actuator", "estimator"),
 )
-"""Every arrow of a tick."""
+"""Every link used in a tick."""
 TO_THE_ACTUATOR = ("sensor", "actuator")
 BEHIND_THE_SENSOR = ("estimator", "controller", "actuator")
 BEFORE_THE_COMMAND = ("sensor", "estimator", "controller")
@@ -30,10 +31,11 @@ NUMBERS = {
     "controller": "voltage_V",
     "actuator": "voltage_V",
 }
-"""The field that matters most of what each program says."""
+"""The most important field in each program's messages."""
 ABSURD_SEQ = 2**53
 HUNG_S = (0.08, 0.2)
-"""Longer than any bound; the shorter ends while the actuator is still frozen or on its ramp."""
+"""Duration of a hang, in s: longer than any limit; the shorter one ends while the actuator is
+still frozen or ramping."""
 HUNG_SHORT_S = (0.02, 0.2)
 """The same at T = 1 ms."""
 
@@ -59,21 +61,22 @@ class Catalogue(NamedTuple):
     """The faults of a loop at some period."""
 
     fatal: tuple[Fault, ...]
-    """After each of these no good command comes any more, or none for longer than the age limit."""
+    """Faults after which no good command arrives any more, or none for longer than the age
+    limit."""
     harmless: tuple[Fault, ...]
-    """The same, just below what may trip: no false trip, and the loop goes on."""
+    """Faults just below the limits: no false trip, and the loop continues."""
     lost_once: tuple[Fault, ...]
-    """One sample that the actuator does not see."""
+    """Return the fault that the actuator does not receive one sample."""
 
 
 def catalogue(T: float, hung_s: tuple[float, ...] = HUNG_S) -> Catalogue:
-    """The faults at a period in s."""
-    briefly_s = 0.9 * T  # a program speaks once at the most in it
+    """Return the faults at a period in s."""
+    briefly_s = 0.9 * T  # a program publishes at most once in it
     late_s, a_little_late_s, step_s = 3.0 * T, 0.4 * T, 4.0 * T
 
     def echo_s(source: str) -> float:
-        # An echo that is cut is first missed with the next sample, up to a period after the cut;
-        # of the other links the actuator itself misses what comes next.
+        # A lost echo is first noticed with the next sample, up to a period after the cut; on the
+        # other links the actuator itself notices the next missing message.
         return T if source == "actuator" else 0.0
 
     def corrupt(source: str, field: str, value: float, row: int, for_s: float | None) -> Fault:
@@ -248,10 +251,10 @@ ECHO_LATE_S = T
 
 
 def befalling(rig: RigFile, faults: Iterable[Fault]) -> Iterator[Fault]:
-    """Each fault of a service as one of its program; without those that cannot be.
+    """Return each fault of a service as a fault of its program; without impossible ones.
 
-    There is nothing between two services of one program. What kills or hangs that of the actuator
-    leaves nobody to trip, and is judged by itself.
+    There is no link between two services of one program. If the actuator's program is killed or
+    hangs, no program is left to trip; this is judged separately.
     """
     having = rig.program_of("actuator")
     for fault in faults:

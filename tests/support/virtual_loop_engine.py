@@ -36,16 +36,16 @@ from tests.support.virtual_loop_program import NoBus, Program, forked_runner
 COMPUTING_S = (0.0001, 0.0004)
 BUS_S, BUS_MORE_S, BUS_MOST_S = 0.0001, 0.0002, 0.003
 QUICK = 0.1
-"""All of that is so much less on a machine that keeps a short period."""
+"""Factor by which all these times are shorter on a machine that keeps a short period."""
 LOOK_S = 0.05
-"""How often a quiet wire lets its instrument look at its watchdog."""
+"""Interval at which a quiet line lets its instrument check its watchdog, in s."""
 FIRST_INSTANCE = 11
 
 Told = tuple[float, Message]
 
 
 class Engine:
-    """A rig in real time whose clock is made; ``fork`` gives a twin that goes on by itself."""
+    """A rig in virtual real time; ``fork`` returns a copy that continues independently."""
 
     def __init__(self, rig: RigFile, seed: int = 1) -> None:
         assert not rig.lockstep
@@ -55,11 +55,11 @@ class Engine:
         self.pace = QUICK if self.bench.quick else 1.0
         self.chance = random.Random(seed)
         self.told: list[Told] | None = []
-        """What was published, with when; None: it is not kept."""
+        """Published messages with their times; None if they are not stored."""
         self.applied: list[tuple[float, Applied]] = []
         """Messages of the actuator with their times."""
         self.put_out: list[tuple[float, float]] = []
-        """When which voltage reached the plant."""
+        """Voltages that reached the plant, with their times."""
         self.links: list[LinkFault] = []
         self.programs: dict[str, Program] = {}
         self.listeners: dict[type[Message], list[str]] = {}
@@ -68,7 +68,7 @@ class Engine:
         self._arrived: dict[Link, float] = {}
         self.instances = FIRST_INSTANCE
         self.predecessor = Predecessor.NONE
-        """How the actuator of before has ended."""
+        """How the previous actuator ended."""
         for name in rig.programs:
             self.add(name)
         self.fresh = {
@@ -76,15 +76,15 @@ class Engine:
             for name, program in self.programs.items()
             if program.boots_alike
         }
-        """Programs without an instrument, as they are started."""
+        """Functions that start the programs without an instrument."""
         self._push(LOOK_S, "look", "", None)
 
     def make_bench(self) -> VirtualBench:
-        """The simulated rig of one arm."""
+        """Make the simulated rig of one arm."""
         return VirtualBench(self.rig, self.clock)
 
     def add(self, name: str) -> Program:
-        """Start a program of the rig's, with its instruments."""
+        """Start a program of the rig, with its instruments."""
         devices = {"sensor": self.bench.sensor, "actuator": self.bench.output}
         runners: list[Runner] = []
         for service in member_services(name):
@@ -116,7 +116,7 @@ class Engine:
         return self.clock.now_s
 
     def program(self, name: str) -> Program:
-        """A program, or the one that has a service."""
+        """Return a program, or the one that contains a service."""
         return self.programs[name if name in self.programs else self.rig.program_of(name)]
 
     def runner(self, name: str) -> Runner:
@@ -128,7 +128,7 @@ class Engine:
         heappush(self._events, (at_s, self._number, what, name, data))
 
     def run(self, until_s: float, over: Callable[[], bool] = lambda: False) -> bool:
-        """Let time pass, until it has or something is over; says which (true: over)."""
+        """Let time pass, until a time or until a condition is true; returns whether it is true."""
         while not over():
             if self._events[0][0] > until_s:
                 self.clock.now_s = until_s
@@ -164,7 +164,7 @@ class Engine:
             self._tell(program, outputs)
 
     def _collect(self, program: Program) -> None:
-        """Take what has come, then see what is to be done."""
+        """Process received messages, then determine the next step."""
         for _ in range(min(len(program.queue), MAX_BATCH + 1)):
             item = program.queue.popleft()
             if isinstance(item, tuple):
@@ -220,7 +220,7 @@ class Engine:
         (self._collect if program.timed else self._go_on)(program)
 
     def _tells_busy(self, program: Program) -> bool:
-        """Whether the actuator of the same program now steps, since it was kept from it."""
+        """Return whether the actuator of the same program now steps, since it was delayed."""
         self.bench.step_begins()
         outputs, taken = program.kept_busy(self.now_s), self.bench.taken
         if not (outputs or taken.written):
@@ -245,7 +245,7 @@ class Engine:
                     self.send((program.name, listener), TOPIC_OF[type(message)], payload)
 
     def send(self, link: Link, topic: Topic, payload: bytes) -> None:
-        """Put bytes on their way to one program."""
+        """Send bytes to one program, with the delay of the bus."""
         delay_s = min(BUS_S + self.chance.expovariate(1.0 / BUS_MORE_S), BUS_MOST_S) * self.pace
         at_s = max(self.now_s + delay_s, self._arrived.get(link, 0.0))
         if not self.links:
@@ -269,14 +269,14 @@ class Engine:
         self.hand_over(program, message)
 
     def hand_over(self, program: Program, item: Any) -> None:
-        """Put something in a program's queue, and wake it where it waits."""
+        """Put an item into a program's queue, and wake the program if it waits."""
         program.queue.append(item)
         if not program.busy:
             program.turn += 1
             self._push(self.now_s, "run", program.name, program.turn)
 
     def fork(self, seed: int) -> Self:
-        """A twin that goes on from here by itself, by a chance of its own."""
+        """Return a copy that continues independently, with its own random numbers."""
         memo: dict[int, Any] = {id(shared): shared for shared in self.bench.shared()}
         twin = object.__new__(type(self))
         twin.rig, twin.pace, twin.fresh = self.rig, self.pace, self.fresh

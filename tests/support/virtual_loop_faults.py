@@ -9,7 +9,7 @@ import msgpack as untyped_msgpack
 
 msgpack = cast(Any, untyped_msgpack)
 Link = tuple[str, str]
-"""From whom, to whom."""
+"""Sender and receiver."""
 Befalls = Literal["lost", "late", "twice", "corrupt", "unreadable"]
 
 
@@ -51,7 +51,7 @@ def on_the_way(
     now_s: float,
     chance: random.Random,
 ) -> list[tuple[float, bytes]]:
-    """What arrives of a message: by how much later than it would, and its bytes."""
+    """Return the copies of a message that arrive: the added delay and the bytes of each."""
     arriving = [(0.0, payload)]
     for fault in faults:
         if not fault.hits(link, now_s, chance):
@@ -73,7 +73,7 @@ def on_the_way(
 
 
 def corrupted(payload: bytes, field: str, value: Any) -> bytes:
-    """The same map with another value in one field, of its own or of its first arm."""
+    """Return the same map with another value in one field, of its own or of its first arm."""
     tree = msgpack.unpackb(payload)
     arm = tree.get("arms", [{}])[0]
     if field in tree:

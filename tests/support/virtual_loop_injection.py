@@ -1,4 +1,4 @@
-"""A fault in a virtual loop, and what became of it, held against what must."""
+"""A fault in a virtual loop, and its outcome compared with the required one."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -13,20 +13,22 @@ from tests.support.virtual_loop_places import EPOCH, FREEZE_S, Place
 
 Must = Literal["trip", "carry on"]
 REACTION_PERIODS = 3.0
-"""From the fault to the freeze, or to the first step of the ramp."""
+"""Limit in periods from the fault to the freeze, or to the first step of the ramp."""
 STEP_PERIODS = 0.25
-"""What a ramp may take longer than the rig file says: its steps are a quarter of a period."""
+"""Time in periods by which a ramp may exceed that of the rig file: its steps are a quarter of a
+period."""
 AFTER_S = 0.06
-"""Watched on when all is over: nothing may move, nothing may be taken."""
+"""Time for which the loop is watched afterwards, in s: nothing may move, no command may be
+accepted."""
 WATCHED_TICKS = 10
 WATCHED_S = 0.06
-"""How long a fault that must not trip is given to do so: the longer of both."""
+"""Time for which a fault that must not trip is watched, in s: the longer of both."""
 RINGS_FROM_S, RINGS_TO_S, RINGS_STEP_S = 0.010, 0.022, 0.001
-"""After the last voltage of a ramp, when the output has settled: four periods of the mode."""
+"""Time after the last voltage of a ramp until the output has settled: four periods of the mode."""
 LEAST_STROKE_UM = 1.0
 RINGING_SHARE = 0.05
-"""Of the stroke, that the mode may ring with after a ramp; a step of the output comes on top, which
-is what rounding a voltage may move the arm by."""
+"""Largest ringing of the mode after a ramp, as a share of the stroke; the motion for one step of
+the output is added, since the voltage is rounded."""
 SILENCE = "command_age: no command for "
 
 
@@ -52,12 +54,13 @@ class Fault:
     target: str = ""
     what: str = ""
     late_s: float = 0.0
-    """What the bound allows beyond that of a silence: a sensor that is stuck must be seen to be."""
+    """Time that is allowed in addition to the limit for a silence, in s: a stuck sensor must be
+    detected first."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reaction:
-    """What became of one injection; times since the fault."""
+    """Outcome of one injection; times since the fault."""
 
     fault: str
     state: str
@@ -66,14 +69,15 @@ class Reaction:
     reaction_s: float
     """Time until the freeze, or the first voltage of the ramp, was published."""
     safe_s: float
-    """Until the safe voltage was put out; with a part held, after the freeze."""
+    """Time until the safe voltage was output, in s; with a part held, after the freeze."""
     ringing_um: float
     stroke_um: float
     cause: str
 
     @property
     def ringing_share(self) -> float:
-        """Of the way that the arm went, for tables; of ``LEAST_STROKE_UM`` where it went less."""
+        """Ringing divided by the arm's travel, for tables; divided by ``LEAST_STROKE_UM`` if the
+        travel was less."""
         return self.ringing_um / max(self.stroke_um, LEAST_STROKE_UM)
 
 
@@ -112,7 +116,7 @@ def _from(now_s: float, for_s: float | None, link: LinkFault) -> LinkFault:
 def inject(at: Place, fault: Fault, phase: float, seed: int) -> Reaction | None:
     """Let a fault happen in a fork of a loop, ``phase`` periods after a grid point, and judge it.
 
-    None where it must not trip, and did not; an idle rig stands still whatever befalls its loop.
+    Returns None if it must not trip and did not; an idle rig does not move, whatever the fault.
     """
     loop = at.loop.fork(seed)
     loop.run(loop.now_s + phase * loop.rig.rig.period_s)
@@ -189,13 +193,13 @@ def _check_trips(loop: VirtualLoop, at: Place, fault: Fault, phase: float, said:
 
 
 def _safe_at(loop: VirtualLoop, since_s: float) -> float:
-    """When the safe voltage first reached the plant."""
+    """Return when the safe voltage first reached the plant."""
     safe_V = loop.rig.safety.safe_V
     return next(at_s for at_s, put_V in loop.put_out if at_s >= since_s and put_V == safe_V)
 
 
 def _check_ramp(loop: VirtualLoop, since_s: float, said: str) -> None:
-    """From the trip on the voltage goes to the safe one, and never turns back."""
+    """Check that from the trip on the voltage goes to the safe one and never reverses."""
     safe_V = loop.rig.safety.safe_V
     away_V = [abs(put_V - safe_V) for at_s, put_V in loop.put_out if at_s >= since_s]
     assert away_V, f"{said}: nothing was put out"

@@ -1,4 +1,4 @@
-"""Every state a job can be in, each as a loop that has come there and can be forked."""
+"""Every state of a job, each as a loop that has reached it and can be forked."""
 
 import tomllib
 from collections.abc import Mapping
@@ -32,11 +32,11 @@ NEAR: Tree = {
 """The demo rig with its bead near; a freeze is short, since it is waited for very often."""
 KILOHERTZ, SHORT_S = DEMO.parent / "kilohertz.toml", 0.001
 QUICKER = 0.4
-"""Of the time that a segment of the program takes at 20 ms, it takes there."""
+"""Factor by which a segment of the program is shorter than at 20 ms."""
 SHORT_PATIENCE_S = 0.0003
-"""One and a half of an actuator's looks at its clock there."""
+"""One and a half intervals at which an actuator checks its clock at that period, in s."""
 FAST_LINES: Tree = {"sensor": {"timeout_s": 0.0005}, "output": {"timeout_s": 0.0005}}
-"""Instruments of the demo rig, whose exchanges are short at that period."""
+"""Settings of the demo rig's instruments with exchanges short enough for that period."""
 STATES = (
     "idle",
     "zero",
@@ -60,7 +60,7 @@ TICKS_IN: Mapping[str, int] = {
     "unload": 6,
     "retreat": 8,
 }
-"""How many ticks of 20 ms of the state have passed."""
+"""Number of ticks of 20 ms since the state was reached."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,12 +74,12 @@ class Place:
 
 
 def near_rig(period_s: float = T) -> RigFile:
-    """That rig, in real time and on the ports of its file, which are not opened."""
+    """Return that rig, in real time, with the ports of its file, which are not opened."""
     demo = tomllib.loads(DEMO.read_text(encoding="utf-8"))
     if period_s == T:
         return parse_rig(laid_over(demo, NEAR))
-    # Period, law and limits of the rig at 1 kHz, its four services in programs of their own; the
-    # instruments are those of which the virtual bench speaks the bytes.
+    # Period, law and limits of the rig at 1 kHz, with its four services in separate programs; the
+    # instruments are those whose bytes the virtual bench implements.
     assert period_s == SHORT_S
     fast = tomllib.loads(KILOHERTZ.read_text(encoding="utf-8"))
     del fast["base"], fast["sensor"], fast["output"]
@@ -89,7 +89,7 @@ def near_rig(period_s: float = T) -> RigFile:
 
 
 def begun(seed: int = 1, period_s: float = T) -> VirtualLoop:
-    """A rig that is reset and armed, and about to play."""
+    """Return a rig that is reset and armed, and about to play."""
     loop = VirtualLoop(near_rig(period_s), seed)
     loop.run(loop.now_s + 3.0 * T)
     loop.reset()
@@ -98,7 +98,7 @@ def begun(seed: int = 1, period_s: float = T) -> VirtualLoop:
 
 
 def program_at(period_s: float) -> Program:
-    """The short grip, which is quicker at a short period."""
+    """Return the short grip, which is quicker at a short period."""
     if period_s == T:
         return PROGRAM
     return replace(PROGRAM, segments=tuple(map(_quicker, PROGRAM.segments)))
@@ -112,7 +112,7 @@ def _quicker(segment: Segment) -> Segment:
 
 
 def view_of(loop: VirtualLoop) -> Telemetry | None:
-    """Last message of the controller."""
+    """Return the last message of the controller."""
     for _, message in reversed(loop.told or []):
         if isinstance(message, Telemetry):
             return message
@@ -120,7 +120,7 @@ def view_of(loop: VirtualLoop) -> Telemetry | None:
 
 
 def reach(loop: VirtualLoop, phase: str, ticks: int, *, paused: bool = False) -> None:
-    """Let the program come to the n-th tick of a phase, in ticks of 20 ms."""
+    """Let the program reach the n-th tick of a phase, in ticks of 20 ms."""
     period_s = loop.rig.rig.period_s
     count = ticks if period_s == T else round(ticks * QUICKER * T / period_s)
 
@@ -137,7 +137,7 @@ def reach(loop: VirtualLoop, phase: str, ticks: int, *, paused: bool = False) ->
 
 @cache
 def place(state: str, period_s: float = T) -> Place:
-    """A loop in this state; to be forked, never to be run."""
+    """Return a loop in this state; it is only forked, never run."""
     loop = begun(period_s=period_s)
     match state:
         case "idle":
@@ -162,14 +162,15 @@ def place(state: str, period_s: float = T) -> Place:
 
 
 def _rest_in_the_period(loop: VirtualLoop) -> None:
-    """Stand right before a grid point of the sensor, so that a phase of the cycle is a delay."""
+    """Stop right before a grid point of the sensor, so that a phase of the cycle is a delay."""
     due_at = loop.runner("sensor").due_at
     assert due_at is not None
     loop.run(due_at - 1e-6)
 
 
 def composed_rig(*programs: str, period_s: float = T) -> RigFile:
-    """The rig of the places, with some services together and the patience that this asks for."""
+    """Return the rig of these states, with some services composed and the timeouts that this
+    requires."""
     rig = composing(near_rig(period_s), *programs)
     if period_s == SHORT_S:
         waits = {"timeout_s": SHORT_PATIENCE_S}
@@ -185,7 +186,7 @@ def composed_rig(*programs: str, period_s: float = T) -> RigFile:
 
 @cache
 def composed_place(state: str, *programs: str, period_s: float = T) -> Place:
-    """A loop of these programs in a state of its job; to be forked, never to be run."""
+    """Return a loop of these programs in a state of its job; it is only forked, never run."""
     loop = VirtualLoop(composed_rig(*programs, period_s=period_s))
     loop.run(loop.now_s + 3.0 * T)
     loop.reset()

@@ -1,4 +1,4 @@
-"""One program of a virtual loop: a loop of one runner or several, and what waits for it."""
+"""One program of a virtual loop: a loop of one runner or several, and its queue."""
 
 from collections import deque
 from collections.abc import Callable
@@ -14,87 +14,88 @@ from pincette.engine.runner import Runner
 
 Reply = Callable[[Message | str], None]
 Item = Message | tuple[str, Message, Reply]
-"""A sample; or a request to a service, with what takes the reply."""
+"""A sample; or a request to a service, with a function that receives the reply."""
 
 
 class NoBus:
-    """A bus that brings nothing: the virtual loop carries all messages itself."""
+    """A bus that delivers nothing: the virtual loop carries all messages itself."""
 
     def publish(self, message: Message) -> None:
         """Send nothing."""
 
     def subscribe(self, topic: Topic, sink: Sink) -> None:
-        """Bring nothing."""
+        """Deliver nothing."""
 
     def serve(self, question: Request, answerer: RequestHandler) -> None:
-        """Bring no request."""
+        """Deliver no request."""
 
     def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:
         raise NotImplementedError((question, request, timeout_s))
 
     def close(self) -> None:
-        """Nothing to leave."""
+        """Do nothing: there is no connection to close."""
 
 
 @dataclass(slots=True)
 class Program:
-    """A loop with its queue; what it does next is an event of the loop that names its
-    ``turn``."""
+    """A loop with its queue; its next action is an event of the loop that states its ``turn``."""
 
     name: str
     loop: Loop
     queue: deque[Item] = field(default_factory=deque[Item])
     alive: bool = True
     busy: bool = False
-    """In a step, or telling what came of it: what comes meanwhile waits in the queue."""
+    """True during a step, or while its results are published: incoming messages wait in the
+    queue."""
     turn: int = 0
-    """Counts what the program does; an event of an older turn is void."""
+    """Counts the program's actions; an event of an older turn is void."""
     stopped_until_s: float = 0.0
     slow_s: float = 0.0
-    """How much longer its next step takes,"""
+    """Time by which its next step is longer, in s."""
     slow_service: str = ""
-    """that of this service; of whichever comes next where none is named."""
+    """Service whose step is longer; empty for the next step of any service."""
     computed_s: float = 0.0
-    """Of the step that is under way."""
+    """Computing time of the current step, in s."""
     service: str = ""
-    """Whose step is under way."""
+    """Service whose step is in progress."""
     timed: bool = False
-    """Whether a timer asked for it."""
+    """True if a timer requested it."""
     began_s: float = 0.0
-    """The time that it was given."""
+    """Time that the step was given, in s."""
     refused: int = 0
-    """Payloads that were no message."""
+    """Number of payloads that were invalid."""
 
     @property
     def runner(self) -> Runner:
-        """The runner whose step is under way."""
+        """Return the runner whose step is in progress."""
         return self.loop.runner(self.service)
 
     def runner_of(self, service: str) -> Runner:
-        """Return the runner of a service; the only one where the program has another name."""
+        """Return the runner of a service; the only one if the program has another name."""
         runners = self.loop.runners
         return runners[0] if len(runners) == 1 else self.loop.runner(service)
 
     @property
     def boots_alike(self) -> bool:
-        """Whether each of its kind begins as it did, since it has no instrument."""
+        """Return whether all programs of its kind begin in the same state, since it has no
+        instrument."""
         runners = self.loop.runners
         return len(runners) == 1 and runners[0].service.instrument is None
 
     def ready(self, now_s: float) -> Runner | None:
-        """Return the first runner that messages have led to a step."""
+        """Return the first runner whose messages require a step."""
         return next((runner for runner in self.loop.runners if runner.ready(now_s)), None)
 
     def due(self, now_s: float) -> Runner | None:
-        """Return the first runner whose timer asks for a step."""
+        """Return the first runner whose timer requires a step."""
         return next((runner for runner in self.loop.runners if runner.due(now_s)), None)
 
     def kept_busy(self, now_s: float) -> tuple[Message, ...]:
-        """Report to the actuator beside the step under way how long that took."""
+        """Report to the actuator in the same program how long the current step took."""
         return self.loop.kept_busy(self.runner, now_s - self.began_s, self.computed_s, now_s)
 
     def forked(self, memo: dict[int, Any]) -> "Program":
-        """Return a program that continues independently; what never changes is shared."""
+        """Return a program that continues independently; constant parts are shared."""
         twin = copy(self)
         twin.loop = _forked_loop(self.loop, memo)
         twin.queue = deque(self.queue)

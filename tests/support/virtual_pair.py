@@ -24,12 +24,12 @@ from tests.support.virtual_loop_bench import Clock, Lines, Taken
 ARMS = (0, 1)
 NAMES = (("sensor", "output"), ("second_sensor", "second_output"))
 PutOut = tuple[int, float]
-"""Which arm, 0 or 1, and its voltage."""
+"""An arm, 0 or 1, and its voltage."""
 
 
 @dataclass(slots=True)
 class Modules:
-    """Both voltage outputs, as the loop looks at them."""
+    """Both voltage outputs, as the loop uses them."""
 
     each: tuple[SimulatedI7024, SimulatedI7024]
 
@@ -60,7 +60,7 @@ class VirtualPairBench:
         self.taken = Taken()
         self.reading_clock: Callable[[], float] = lambda: 0.0
         self.quick = False
-        """Exchanges take what the drivers state."""
+        """True: exchanges take the time that the drivers state."""
         self._rig_file = rig_file
         self._script: Script | None = None
         self._measure: list[Callable[[], float]] = []
@@ -104,12 +104,12 @@ class VirtualPairBench:
         return self._measure[arm]() if self._measure else self.rig.measure_um(arm)
 
     def take_V(self, arm: int, voltage_V: float) -> None:
-        """An output has accepted a voltage."""
+        """Accept a voltage at an output."""
         taken: list[Any] = self.taken.voltages_V
         taken.append((arm, voltage_V))
 
     def put_V(self, put: PutOut) -> None:
-        """A voltage arrives at the plant."""
+        """Apply a voltage to the plant."""
         arm, voltage_V = put
         if self._put:
             self._put[arm](voltage_V)
@@ -117,11 +117,11 @@ class VirtualPairBench:
             self.rig.put_out(arm, voltage_V)
 
     def step_begins(self) -> None:
-        """Begin to note what a step asks of the instruments."""
+        """Begin to record the use of the instruments in a step."""
         self.taken = Taken()
 
     def order(self, order: SimCommand) -> None:
-        """Do something to the rig, from here on; a bench that has a script is not forked again."""
+        """Disturb the rig from now on; a bench with a script is not forked again."""
         if self._script is None:
             script = Script(timeouts_s=timeouts_of(self._rig_file), two_arms=True)
             script.operate(self.rig)
@@ -135,7 +135,7 @@ class VirtualPairBench:
         assert not words, words
 
     def shared(self) -> list[object]:
-        """What a copy of this bench has in common with it, since it never changes."""
+        """Return the constant parts that a copy of this bench shares with it."""
         inner = vars(self.rig)
         timeline: PairTimeline = inner["_timeline"]
         return [
@@ -150,30 +150,30 @@ class VirtualPairBench:
 
     @property
     def true(self) -> PairSnapshot:
-        """What is true now."""
+        """Return the true state."""
         return self.rig.snapshot()
 
 
 class VirtualPairLoop(VirtualLoop):
-    """A rig of two arms in real time whose clock is made."""
+    """A rig of two arms in virtual real time."""
 
     def __init__(self, rig: RigFile, seed: int = 1) -> None:
         assert rig.second is not None
         super().__init__(rig, seed)
 
     def make_bench(self) -> Any:
-        """Four instruments and the pair."""
+        """Make four instruments and the pair."""
         return VirtualPairBench(self.rig, self.clock)
 
     @property
     def pair(self) -> VirtualPairBench:
-        """The bench, as what it is."""
+        """Return the bench with its own type."""
         bench: Any = self.bench
         assert isinstance(bench, VirtualPairBench)
         return bench
 
     @property
     def voltages_put_out(self) -> list[tuple[float, int, float]]:
-        """When which voltage of which arm reached the plant."""
+        """Return the voltages of each arm that reached the plant, with their times."""
         put: list[tuple[float, Any]] = list(self.put_out)
         return [(at_s, arm, voltage_V) for at_s, (arm, voltage_V) in put]

@@ -41,22 +41,22 @@ from pincette_recorder.wall_clock import WallClock
 from tests.support.bytes_bus import BytesBus, carried
 
 LATE_S = 0.1
-"""Step of the recorder's time while a caller waits for its answer."""
+"""Step of the recorder's time while a caller waits for its reply, in s."""
 WAITS = 100
 
 
 class VirtualRig:
-    """The loop as it is, on a bus that may be asked from any thread; time passes by ``tick``.
+    """The loop on a bus that accepts requests from any thread; time passes by ``tick``.
 
-    ``bench`` replaces the simulated rig and its instruments, as of an arm that lives on after these
-    programs have ended.
+    ``bench`` replaces the simulated rig and its instruments, for example by an arm that keeps its
+    state after these programs have ended.
     """
 
     def __init__(self, rig: RigFile, data: Path, bench: Bench | None = None) -> None:
         self.rig = rig
         self.now_s = 0.0
         self.turn = threading.RLock()
-        """Held while the loop does something."""
+        """Lock that is held while the loop acts."""
         self.telemetry: list[Telemetry] = []
         self.applied: list[Applied] = []
         script = script_of(rig)
@@ -96,7 +96,7 @@ class VirtualRig:
             self.writer, self._repairer = self._recorder()
 
     def sync_record(self) -> None:
-        """Let the recorder close its chunk, and wait until the disk has it."""
+        """Let the recorder close its chunk, and wait until it is on the disk."""
         record = self.writer.record
         assert record is not None
         with self.turn:
@@ -125,7 +125,7 @@ class VirtualRig:
         reply(Status("recorder", "", 1, self.rig.digest(), 0, 0, 0, 0))
 
     def tick(self) -> None:
-        """Let one period pass: of the loop, where it plays, and of everybody's clock."""
+        """Let one period pass: of the loop, if it plays, and of all clocks."""
         with self.turn:
             ticks = len(self.applied)
             while len(self.applied) == ticks and self.bus.pump():
@@ -134,7 +134,7 @@ class VirtualRig:
             self.writer.take()
 
     def call(self, question: Request, request: Message) -> Message:
-        """Ask, from any thread; the recorder takes the time that it needs."""
+        """Send a request, from any thread; the recorder takes the time that it needs."""
         with self.turn:
             if isinstance(request, Record | Finish):
                 return self._recorded(carried(request))
@@ -158,7 +158,7 @@ class VirtualRig:
         return carried(replies[0])
 
     def order(self, target: str, what: str, value: float | None, for_s: float | None) -> None:
-        """Do something to the rig."""
+        """Disturb the rig."""
         self.call(SIM_COMMAND, SimCommand(target, what, value, 0.0, for_s))
 
     def close(self) -> None:

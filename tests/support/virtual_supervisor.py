@@ -1,4 +1,4 @@
-"""The supervisor's view of a virtual loop: what it does with the latch before each job."""
+"""The supervisor's part in a virtual loop: its handling of the latch before each job."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -16,7 +16,7 @@ from tests.support.virtual_loop import VirtualLoop
 
 
 class Notes:
-    """What the journal keeps from one supervisor to the next."""
+    """The journal entries that one supervisor leaves to the next."""
 
     def __init__(self) -> None:
         self.kept: dict[str, str] = {}
@@ -69,7 +69,7 @@ class VirtualBus:
 
 
 class VirtualSupervisor:
-    """One life of a supervisor; the notes outlive it."""
+    """A supervisor from start to end; the notes outlive it."""
 
     def __init__(self, loop: VirtualLoop, notes: Notes) -> None:
         self._bus = VirtualBus(loop)
@@ -79,7 +79,7 @@ class VirtualSupervisor:
         one_by_one(self.health)
 
     def before_a_job(self) -> TripReason | None:
-        """What a run does first; why a person must reset the actuator."""
+        """Do what a run does first; returns why a person must reset the actuator."""
         self._bus.hear()
         self.health.refresh(force=True)
         with suppress(BusError):
@@ -89,13 +89,13 @@ class VirtualSupervisor:
 
 
 def one_by_one(health: Health) -> None:
-    """Let it ask the programs in order: virtual time has one thread."""
+    """Send requests to the programs one after the other: virtual time has one thread."""
     health.close()
 
     class InOrder:
         map = staticmethod(map)
 
         def shutdown(self, **_how: bool) -> None:
-            """Nothing runs."""
+            """Do nothing: no thread runs."""
 
     vars(health)["_pool"] = InOrder()

@@ -32,7 +32,7 @@ LOOK_S = 0.002
 class Witness:
     """Messages by kind, each with the monotonic time of its arrival here.
 
-    What it measures contains the way through the router, so it never flatters.
+    Its times include the path through the router, so they are never too short.
     """
 
     def __init__(self, bus: ZenohBus) -> None:
@@ -47,25 +47,27 @@ class Witness:
         self._times[topic.message].append(monotonic())
 
     def since(self, kind: type[M], since_s: float) -> list[tuple[float, M]]:
-        """Messages of a kind that came at ``since_s`` or later, with their times."""
+        """Return messages of a kind that arrived at ``since_s`` or later, with their times."""
         times, heard = self._times[kind], self._heard[kind]
         first, last = bisect_left(times, since_s), len(times)
         return [(times[place], heard[place]) for place in range(first, last)]
 
     def forget(self, before_s: float) -> None:
-        """Forget what came before ``before_s``, so that a long test stays small."""
+        """Delete messages that arrived before ``before_s``, so that the memory of a long test
+        stays small."""
         for kind, times in self._times.items():
             count = bisect_left(times, before_s)
             del self._heard[kind][:count], times[:count]
 
     def newest(self, kind: type[M]) -> M:
-        """The message of a kind that came last; raises IndexError where none has come."""
+        """Return the newest message of a kind; raises IndexError if there is none."""
         return self._heard[kind][len(self._times[kind]) - 1]
 
     def until(
         self, kind: type[M], holds: Callable[[M], bool], since_s: float, timeout_s: float = 10.0
     ) -> tuple[float, M]:
-        """The first message of a kind of which something holds, with its time."""
+        """Wait for the first message of a kind that satisfies a condition; returns it with its
+        time."""
         deadline = monotonic() + timeout_s
         first = bisect_left(self._times[kind], since_s)
         while monotonic() < deadline:
@@ -78,7 +80,8 @@ class Witness:
         raise TimeoutError(f"no such {kind.__name__} within {timeout_s:g} s; newest: {newest}")
 
     def account(self, at_s: float, span_s: float) -> str:
-        """What came shortly before and after a time, in ms since then; for a failure's text."""
+        """Return the messages shortly before and after a time, in ms relative to it; for a
+        failure's text."""
         lines: list[tuple[float, str]] = []
         for topic in HEARD:
             for came_s, message in self.since(topic.message, at_s - span_s):
@@ -88,13 +91,13 @@ class Witness:
         return "\n".join(f"{came_ms:8.1f} {text}" for came_ms, text in sorted(lines))
 
     def until_state(self, states: tuple[str, ...], since_s: float) -> tuple[float, Applied]:
-        """The first word of the actuator that it is in one of some states, with its time."""
+        """Wait until the actuator reports one of some states; returns the message with its time."""
         return self.until(Applied, lambda applied: applied.state in states, since_s)
 
 
 @contextmanager
 def witness(rig: RigFile) -> Generator[Witness]:
-    """Listen to a rig that is up, by way of its router."""
+    """Subscribe to a running rig through its router."""
     bus = ZenohBus(tool_endpoint(rig), rig.rig.name, "witness")
     try:
         outsider = Witness(bus)
@@ -105,9 +108,9 @@ def witness(rig: RigFile) -> Generator[Witness]:
 
 
 def _hear_first() -> None:
-    """Let what listens here run as early as the loop does: its delay would count as the loop's.
+    """Give the receiving threads the priority of the loop: their delay would count as the loop's.
 
-    The test itself stays as it is, since programs that it starts inherit its priority.
+    The test itself keeps its priority, since programs that it starts inherit it.
     """
     if sys.platform != "linux":
         return

@@ -32,13 +32,14 @@ FIGURES = pytest.StashKey[list[str]]()
 
 @pytest.fixture(scope="session")
 def figures(pytestconfig: pytest.Config) -> list[str]:
-    """Lines that the summary of the run shows, whether its tests pass or fail."""
+    """Collect lines that the summary of the run shows, whether its tests pass or fail."""
     return pytestconfig.stash.setdefault(FIGURES, [])
 
 
 @pytest.fixture
 def desk(browser: "Browser", tmp_path: Path) -> "Generator[Harness]":
-    """A supervisor of a canned rig; it comes after the browser, without which it is not needed."""
+    """Start a supervisor of a simulated rig; it is requested after the browser, without which it
+    is not needed."""
     from tests.unit.supervisor.harness import Harness
 
     assert browser.is_connected()
@@ -60,7 +61,8 @@ def context(browser: "Browser") -> "Generator[BrowserContext]":
 
 @pytest.fixture(scope="module")
 def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where pictures of the page go: ``PINCETTE_PICTURES`` names the folder of the documents."""
+    """Return the folder for pictures of the page: ``PINCETTE_PICTURES`` names the folder of the
+    documents."""
     named = os.environ.get("PINCETTE_PICTURES")
     return Path(named) if named else tmp_path_factory.mktemp("pictures")
 
@@ -77,16 +79,16 @@ def pytest_terminal_summary(
 
 @pytest.fixture(scope="session", autouse=True)
 def ends_with_ctrl_c() -> None:
-    """A shell's background job ignores Ctrl-C, and so would every program that is started here."""
+    """A shell's background job ignores Ctrl-C, and so would every program started here."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="module", autouse=True)
 def settled() -> Generator[None]:
-    """What is measured here is the loop, not how long this process looks through its memory.
+    """Exclude existing objects from garbage collection, so that only the loop is measured.
 
-    With what pytest has imported that takes a tenth of a second, at times in a thread that runs as
-    early as the loop does.
+    With all modules that pytest has imported, a collection takes a tenth of a second, at times in a
+    thread with the priority of the loop.
     """
     interval_s = sys.getswitchinterval()
     disable_gc()
@@ -97,16 +99,17 @@ def settled() -> Generator[None]:
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
-    """One rig for a whole file; its grips are short."""
+    """Start one rig for a whole file; its grips are short."""
     with running_rig(demo_rig(SHORT), tmp_path_factory.mktemp("rig")) as running:
         yield running
 
 
 @pytest.fixture(scope="session")
 def paced(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
-    """One rig for all tests of a worker that leave it whole: lockstep at the pace of real time.
+    """Start one rig for all tests of a worker that leave it intact: lockstep at the pace of real
+    time.
 
-    A test takes it as it finds it: `make_ready` clears what another has left.
+    `make_ready` clears the state that another test has left.
     """
     with running_rig(paced_rig(SHARED), tmp_path_factory.mktemp("paced")) as running:
         yield running

@@ -15,7 +15,7 @@ from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
 
 LONG_S = 180.0
-"""A rig in lockstep is as slow as the machine is loaded."""
+"""Longest time of a job, in s; a rig in lockstep is as slow as the machine is loaded."""
 KNOWN_S = 60.0
 """Longest time until a running supervisor knows a new key, or has written its audit log."""
 USERS: dict[str, Scope] = {"agent": "propose", "ann": "operate", "boss": "admin"}
@@ -26,14 +26,14 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
     folder = tmp_path_factory.mktemp("rig")
     with running_rig(demo_rig(SHORT, time="lockstep"), folder) as up:
         make_ready(up, LONG_S)
-        # An actuator that was never armed is unknown to a supervisor that is started again.
+        # An actuator that was never armed is unknown to a restarted supervisor.
         assert up.ended(up.start_grip(), LONG_S)["state"] == "succeeded"
         yield up
 
 
 @pytest.fixture(scope="module")
 def keys(rig: RunningRig) -> dict[str, str]:
-    """A key of each user, in force."""
+    """Create a valid key for each user."""
     with open_keys(rig.data) as book:
         made = {name: book.add(name, scope, None)[0] for name, scope in USERS.items()}
     began_s = monotonic()

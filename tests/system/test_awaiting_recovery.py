@@ -13,7 +13,7 @@ from tests.support.rigs import demo_rig, laid_over
 from tests.support.running import Json, RunningRig, running_rig
 
 LONG_S = 120.0
-"""A rig in lockstep is as slow as the machine is loaded."""
+"""Longest time of a job, in s; a rig in lockstep is as slow as the machine is loaded."""
 RECOVERY = {"wait_s": 3600.0}
 SCRIPTED = laid_over(SHORT, {"simulation": {"scripts": True}})
 
@@ -26,7 +26,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
 
 @pytest.fixture
 def rig(running: RunningRig) -> RunningRig:
-    """A rig that can start and has no part."""
+    """Provide a rig that can start and has no part."""
     make_ready(running, LONG_S)
     command_part(running, "remove")
     return running

@@ -1,4 +1,4 @@
-"""A rig that cannot start is refused with what is wrong and what to do; nothing is left running."""
+"""A rig that cannot start is refused with the cause and a remedy; no program is left running."""
 
 import socket
 from pathlib import Path
@@ -57,7 +57,7 @@ def test_limits_in_the_wrong_order_are_refused(tmp_path: Path) -> None:
 
 
 def cannot_start(rig: RigFile, folder: Path) -> str:
-    """What `pincette up` says of a rig that cannot start; nothing is left of it."""
+    """Return the message of `pincette up` for a rig that cannot start; nothing of it is left."""
     path = folder / "rig.toml"
     path.write_text(rig_toml(rig), encoding="utf-8")
     done = pincette("up", "--rig", path, "--data", folder / "data")
@@ -68,8 +68,8 @@ def cannot_start(rig: RigFile, folder: Path) -> str:
 
 
 def test_an_instrument_that_does_not_answer_is_reported(tmp_path: Path) -> None:
-    # A rig that is not simulated: nothing listens where its instruments should be. Whose program
-    # is the first to give up is chance.
+    # The rig is not simulated: nothing listens where its instruments should be. Which program gives
+    # up first is random.
     rig = demo_rig().model_copy(update={"simulation": None})
     output = cannot_start(rig, tmp_path)
     urls = {"sensor": rig.sensor.url, "actuator": rig.output.url}

@@ -154,16 +154,18 @@ BUNCHES = (
     LinkFault("late", "controller", "actuator", late_s=0.3 * T, share=0.5),
     LinkFault("late", "sensor", "actuator", late_s=0.5 * T, share=0.3),
 )
-"""Commands that come late, and the next one right after."""
+"""Patterns in which a command is late and the next one follows immediately."""
 COMPUTING_SPREAD_S = COMPUTING_S[1] - COMPUTING_S[0]
-"""From the time that a step is given to the start of its exchange with the instrument."""
+"""Spread of the time between the receipt of a step and the start of its exchange with the
+instrument."""
 RESOLUTION_V = 0.001
-"""Of the driver, which rounds to it."""
+"""Step to which the driver rounds a voltage, in V."""
 RATE_FORKS, RATE_FORKS_IN_FULL = 6, 120
 
 
 def slews_within_the_limit(seed: int) -> None:
-    """A controller that wants everything at once: what the instrument puts out slews as allowed."""
+    """Check that the output slews within its limit while a controller commands the largest
+    steps."""
     loop = place("approach").loop.fork(seed)
     wanted_V = (10.0, -10.0)[seed % 2]
     loop.links += BUNCHES

@@ -26,7 +26,7 @@ HOLD = Program(
 
 
 def states_since(loop: VirtualLoop, since_s: float) -> set[str]:
-    """Of the actuator."""
+    """Return the states of the actuator since then."""
     return {echo.state for at_s, echo in loop.applied if at_s > since_s}
 
 
@@ -64,7 +64,8 @@ def test_an_emergency_stop_of_an_idle_rig_latches_it_without_a_jump() -> None:
 
 @pytest.mark.parametrize("state", MOVING)
 def test_after_a_trip_nothing_moves_until_a_person_has_reset_it(state: str) -> None:
-    """The controller comes back and commands; samples and questions come: all in vain."""
+    """The controller returns and sends commands; samples and requests arrive: none of them has
+    an effect."""
     loop = place(state).loop.fork(2)
     loop.stop("controller", 0.09)
     loop.run(loop.now_s + FREEZE_S + 0.3)
@@ -131,7 +132,7 @@ def test_an_actuator_that_hangs_briefly_does_not_trip_its_module() -> None:
 
 
 def test_a_restarted_actuator_waits_for_a_person_and_takes_over_the_voltage() -> None:
-    """Faster than the watchdog: the arm stands where it stood, and nothing resumes."""
+    """The restart is faster than the watchdog: the arm stays where it was, and nothing resumes."""
     loop = place("approach").loop.fork(5)
     loop.run(loop.now_s + 0.5 * T)
     stood_V = loop.put_out[-1][1]

@@ -1,7 +1,7 @@
 """Kill, hang and cut of every program, and of each instrument of either arm, in virtual time.
 
-Whatever befalls a rig of two arms, both are frozen or let go together: in the same tick by the
-actuator, and by the outputs' own watchdogs where the actuator, or one output, is no more.
+After any fault of a rig with two arms, both are frozen or released together: in the same tick by
+the actuator, and by the outputs' own watchdogs if the actuator, or one output, is lost.
 """
 
 from functools import cache
@@ -19,13 +19,13 @@ from tests.support.virtual_pair import ARMS, NAMES, VirtualPairLoop
 
 FREEZE_S = 0.12
 WATCHDOG_S = 0.5
-"""Of each output, as its driver sets it; it counts in whole ticks of 0.1 s."""
+"""Watchdog time of each output as its driver sets it, in s; it counts in whole ticks of 0.1 s."""
 TICK_S = 0.1
 ASIDE_S = TICK_S + 2.0 * T
-"""By how much later one output's watchdog may act than the other's."""
+"""Largest delay between the actions of the two outputs' watchdogs, in s."""
 MOST_MN = 1.1 * FORCE_MN
 STATES = {"approach": 14, "load": 8, "hold": 16}
-"""Ticks of the phase that have passed."""
+"""Ticks after the start of the phase, by state."""
 HELD = ("load", "hold")
 OF_PROGRAMS = tuple(
     fault for fault in FATAL if fault.deed in ("kill", "stop") or "cut" in fault.name
@@ -44,7 +44,7 @@ OF_OUTPUTS = tuple(
 
 @cache
 def place(state: str) -> VirtualPairLoop:
-    """A loop in a phase of the grip; to be forked, never to be run."""
+    """Return a loop in a phase of the grip; it is only forked, never run."""
     rig = two_arm_rig({"safety": {"freeze_s": FREEZE_S}}, time="real")
     loop = VirtualPairLoop(rig)
     loop.run(loop.now_s + 3.0 * T)
@@ -61,7 +61,7 @@ def place(state: str) -> VirtualPairLoop:
 
 
 def hurt(state: str, fault: Fault, phase: float, seed: int = 1) -> tuple[VirtualPairLoop, float]:
-    """A fork of the loop with the fault in it, and when that came."""
+    """Return a fork of the loop with the fault, and the time of the fault."""
     loop = place(state).fork(seed)
     loop.run(loop.now_s + phase * T)
     part_event(loop, fault)
@@ -69,7 +69,8 @@ def hurt(state: str, fault: Fault, phase: float, seed: int = 1) -> tuple[Virtual
 
 
 def check_together(loop: VirtualPairLoop, since_s: float, said: str) -> None:
-    """From a time on both voltages move at the same instants, to the safe one, and never back."""
+    """Check that from a time on both voltages change at the same instants, to the safe one, and
+    never back."""
     moved = [put for put in loop.voltages_put_out if put[0] > since_s]
     ways = [[(at_s, abs(voltage_V)) for at_s, arm, voltage_V in moved if arm == of] for of in ARMS]
     assert [at_s for at_s, _ in ways[0]] == [at_s for at_s, _ in ways[1]], said
@@ -80,12 +81,12 @@ def check_together(loop: VirtualPairLoop, since_s: float, said: str) -> None:
 
 
 def check_force(loop: VirtualPairLoop, said: str) -> None:
-    """No arm presses harder than was planned."""
+    """Check that no arm presses harder than planned."""
     assert max(loop.pair.true.forces_mN) <= MOST_MN, f"{said}: {loop.pair.true}"
 
 
 def check_trips(state: str, fault: Fault, phase: float) -> None:
-    """The loop trips in time; both arms freeze, and ramp together."""
+    """Check that the loop trips in time, and that both arms freeze and ramp together."""
     loop, began_s = hurt(state, fault, phase)
     stated, held = f"{fault.name} in {state} at {phase:.2f} T", state in HELD
     late_s = fault.late_s
@@ -109,13 +110,13 @@ def check_trips(state: str, fault: Fault, phase: float) -> None:
 
 
 def voltages(echo: Applied) -> tuple[float, float]:
-    """Of both arms."""
+    """Voltages of both arms."""
     assert len(echo.arms) == 2
     return echo.arms[0].voltage_V, echo.arms[1].voltage_V
 
 
 def first_safe_s(loop: VirtualPairLoop, since_s: float) -> list[float]:
-    """When each arm's output has put out the safe voltage."""
+    """Return the time at which each arm's output reached the safe voltage."""
     put_out = [put for put in loop.voltages_put_out if put[0] > since_s]
     return [next(at_s for at_s, of, u in put_out if (of, u) == (arm, 0.0)) for arm in ARMS]
 
@@ -126,7 +127,7 @@ def test_a_grip_with_both_arms_without_a_fault_succeeds() -> None:
     views = [message for _, message in loop.told or [] if isinstance(message, Telemetry)]
     assert (views[-1].outcome, loop.newest.state) == ("gripped", "idle")
     assert loop.pair.true.forces_mN == (0.0, 0.0)
-    # Both arms have carried it, and it lies where they let it go.
+    # Both arms have carried the part, and it lies where they released it.
     assert [event.what for event in loop.pair.true.events] == ["landed"]
 
 
@@ -139,14 +140,15 @@ def test_both_arms_freeze_or_open_together_after_any_fault_of_a_program(state: s
 @pytest.mark.parametrize("state", STATES)
 def test_a_sensor_of_either_arm_that_is_lost_stops_both(state: str) -> None:
     for number, fault in enumerate(OF_SENSORS):
-        # Its silence is waited for within the tick, and so the echo of the tick comes later.
+        # The loop waits for the missing sensor within the tick, so the echo of the tick is later.
         check_trips(state, fault, (0.29 * number + 0.1) % 1.0)
 
 
 @pytest.mark.parametrize("fault", OF_OUTPUTS, ids=[fault.name for fault in OF_OUTPUTS])
 @pytest.mark.parametrize("state", STATES)
 def test_a_failing_output_of_one_arm_also_stops_the_other_arm(state: str, fault: Fault) -> None:
-    """What does not confirm its voltage is left to its watchdog, and the other to its own."""
+    """The output that does not confirm its voltage is left to its watchdog, and the other to its
+    own."""
     loop, began_s = hurt(state, fault, 0.4)
     while loop.now_s < began_s + WATCHDOG_S + 6.0 * TICK_S:
         loop.run(loop.now_s + T)
@@ -158,7 +160,8 @@ def test_a_failing_output_of_one_arm_also_stops_the_other_arm(state: str, fault:
     let_go_s = first_safe_s(loop, began_s)
     assert abs(let_go_s[0] - let_go_s[1]) <= ASIDE_S, let_go_s
     assert loop.pair.true.forces_mN == (0.0, 0.0)
-    # Until then neither moves, since a write of one that is not heard would move the other alone.
+    # Until then neither moves, since a write to an output that does not respond would move the
+    # other alone.
     after_s = next(at_s for at_s, echo in loop.applied if echo.state in TRIPPED)
     assert [put for put in loop.voltages_put_out if after_s < put[0] < min(let_go_s)] == []
 

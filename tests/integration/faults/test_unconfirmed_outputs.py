@@ -1,9 +1,8 @@
 """Row 27: an output that does not confirm its voltage is read back before it moves again.
 
 The actuator with each driver and its simulated instrument, in virtual time. A write is lost, its
-answer is lost, the line is gone, the instrument loses its supply: once or for long, with samples
-or without, with a watchdog or without. What is held against the limits is the voltage at the
-terminals.
+reply is lost, the line fails, or the instrument loses its supply: once or for long, with samples or
+without, with a watchdog or without. The voltage at the terminals is compared with the limits.
 """
 
 import random
@@ -37,7 +36,7 @@ SEEDS, SEEDS_IN_FULL = 4, 60
 
 @dataclass
 class Wired:
-    """A driver, its instrument, and a line between them with a fate of its own."""
+    """A driver, its instrument, and a line between them with its own faults."""
 
     name: str
     now_s: float = 0.0
@@ -170,7 +169,7 @@ class Stage:
         self.seq += 1
 
     def most_step_V(self) -> float:
-        """The largest step of a ramp, or of a command."""
+        """Return the largest step of a ramp, or of a command."""
         limits = self.runner.config
         slew_V = limits.arms[0].voltage.slew_V
         return max(slew_V, HIGH_V * 2.5 * limits.age.wake_s / limits.ramp_s) + 0.002
@@ -194,7 +193,8 @@ def check(name: str, fate: Fate, seed: int) -> None:
     stage.arm()
     stage.run(CLIMB_S, chance)
     assert stage.wired.put_V > 2.5, case
-    # A module that has lost its supply does not answer at once; what nobody can miss, nobody sees.
+    # A module that has lost its supply does not reply at once; a loss that cannot be noticed is not
+    # reported.
     for_s = chance.choice(
         (0.05, 0.2, 1.0) if fate == "power cycle" else (0.004, 0.02, 0.05, 0.2, 1.0)
     )
@@ -222,7 +222,8 @@ def check(name: str, fate: Fate, seed: int) -> None:
 
 
 def tells_no_untruth(stage: Stage, said: str) -> None:
-    """A voltage that is reported as applied is applied, or reported as unconfirmed."""
+    """Return whether each voltage that is reported as applied is applied, or reported as
+    unconfirmed."""
     echo = stage.echoes[-1][1]
     if echo.state != "armed" and not echo.unconfirmed and stage.wired.fate != "power cycle":
         assert stage.wired.put_V == pytest.approx(echo.arms[0].voltage_V, abs=0.35), (

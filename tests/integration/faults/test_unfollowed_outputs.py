@@ -1,7 +1,8 @@
-"""A force is within what is stated of it after the output was where nobody has followed it.
+"""A force is within its stated uncertainty after the output was moved without the estimator's
+knowledge.
 
-The estimator goes on meanwhile, and what it knew of the arm's past is that of another one. The arm
-is new with the loop and its model fits it, so that at first nothing of its past is unknown.
+The estimator continues meanwhile, and its knowledge of the arm's history is no longer right. The
+arm is new when the loop starts and its model fits it, so at first its history is fully known.
 """
 
 from collections.abc import Callable
@@ -20,11 +21,11 @@ AWAY_S = 2.0
 ELSEWHERE_V = -0.8
 """Voltage to which another program has set the output meanwhile."""
 LATE_TICKS = 25
-"""Of the hold: the force is not on its way any more."""
+"""Late ticks of the hold, at which the force has settled."""
 
 
 def a_known_arm() -> VirtualLoop:
-    """In the hold of its second grip, with no doubt about the arm's past."""
+    """Return a loop in the hold of its second grip, with a known history of the arm."""
     loop = begun()
     ends(loop)
     task = loop.runner("estimator")
@@ -40,7 +41,7 @@ def ends(loop: VirtualLoop) -> None:
 
 
 def held(loop: VirtualLoop) -> list[tuple[float, float]]:
-    """Play a grip: of each late tick of its hold the error of the force, and its uncertainty."""
+    """Play a grip; returns error and uncertainty of the force for each late tick of its hold."""
     reach(loop, "hold", LATE_TICKS)
     found: list[tuple[float, float]] = []
     while (view := view_of(loop)) is not None and view.phase == "hold":
@@ -53,7 +54,7 @@ def held(loop: VirtualLoop) -> list[tuple[float, float]]:
 
 
 def elsewhere(loop: VirtualLoop, *voltages_V: float) -> None:
-    """The output is moved by something else: its supply, or a hand."""
+    """Move the output by something else: its supply, or a hand."""
     for voltage_V in voltages_V:
         loop.run(loop.now_s + 0.4 * AWAY_S)
         loop.bench.put_V(voltage_V)
@@ -81,7 +82,7 @@ GONE: tuple[Callable[[VirtualLoop], None], ...] = (without_supply, without_cable
 
 
 def begin_again(loop: VirtualLoop) -> None:
-    """Reset the rig, and begin a grip."""
+    """Reset the rig and begin a grip."""
     loop.run(loop.now_s + AWAY_S + FREEZE_S)
     assert loop.runner("actuator").state.mode == "latched"
     loop.reset()
@@ -108,7 +109,7 @@ def test_after_the_fault_the_next_force_is_within_its_stated_uncertainty(
 
 
 def test_an_idle_output_that_was_moved_makes_the_past_unknown() -> None:
-    """Nobody has written meanwhile; the arming finds it elsewhere."""
+    """No program has written meanwhile; the arming finds the output at another voltage."""
     loop = a_known_arm()
     ends(loop)
     loop.run(loop.now_s + 0.5)

@@ -30,7 +30,7 @@ def campaign(seeds: Sequence[int], jobs: int) -> Iterator[Treated]:
 
 
 def _treat(seed: int) -> Treated:
-    """Treat one rig; what is raised belongs to its row, since the others count too."""
+    """Treat one rig; an exception goes into its row, since the other rigs count too."""
     try:
         return treat(seed)
     except Exception as error:  # noqa: BLE001  every fault is a result of the campaign
@@ -55,7 +55,7 @@ def write_section(page: Path, text: str) -> None:
 
 
 def main() -> int:
-    """Print a line for each grip and the table; the status is 1 where a target is missed."""
+    """Print a line for each grip and the table; returns 1 if a target is missed."""
     words = argparse.ArgumentParser(description=__doc__)
     words.add_argument("--rigs", type=int, default=RIGS, help="number of rigs")
     words.add_argument("--first", type=int, default=1, help="seed of the first rig")

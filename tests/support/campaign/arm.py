@@ -20,7 +20,7 @@ from tests.support.campaign.hysteresis import Hysteresis
 CREEP_TIMES_S = tuple(0.05 * 10.0 ** (0.5 * step) for step in range(9))
 SUBSTEP_S, MODE_SUBSTEP_S = 1e-3, 2.5e-4
 TOUCH_STEPS = 40
-"""Parts of a substep in which the tip touches the part or leaves it."""
+"""Number of parts of a substep in which the tip can make or lose contact."""
 OUTPUT_STEP_V = 20.0 / 2**14
 
 
@@ -35,7 +35,7 @@ class Truth(NamedTuple):
 
 @dataclass
 class Part:
-    """What the arm presses, one face that yields."""
+    """The part that the arm presses: one elastic face."""
 
     contact_um: float
     stiffness_mN_per_um: float
@@ -58,7 +58,7 @@ class Arm:
     creep_per_decade: float
     lag_s: float
     delay_s: float
-    """From a sample to the arrival of its voltage."""
+    """Time from a sample to the effect of its voltage, in s."""
     noise_um: float
     drift_um_per_s: float
     """Steepest drift of the reading, a sinusoid of ``drift_cycle_s``."""
@@ -85,7 +85,7 @@ class Arm:
         self._output_V = 0.0
         self._free_um = self._free(0.0, 0.0)
 
-    # What instruments and programs use.
+    # Functions for instruments and programs.
 
     def now_s(self) -> float:
         """Return the time as instruments count it."""
@@ -103,20 +103,20 @@ class Arm:
         return self.sensor * self.x_um + drift_um + float(self._chance.normal(0.0, self.noise_um))
 
     def put_out(self, voltage_V: float) -> None:
-        """Put out a voltage, which arrives after ``delay_s``, and let the period pass."""
+        """Output a voltage, which takes effect after ``delay_s``, and let the period pass."""
         self._move(self.delay_s)
         self.voltage_V = round(voltage_V / OUTPUT_STEP_V) * OUTPUT_STEP_V
         self._move(self.period_s - self.delay_s)
         self.ticks += 1
 
-    # What people do.
+    # Functions for people.
 
     def hang(self, weight_mN: float) -> None:
-        """Hang a weight on the tip in place of the one before; positive pulls it back."""
+        """Hang a weight on the tip instead of the previous one; positive pulls it back."""
         self.hung_mN = weight_mN
 
     def rest(self, rest_s: float) -> None:
-        """Let time pass at the voltage that is put out, with no program running."""
+        """Let time pass at the present output voltage, with no program running."""
         self._move(min(rest_s, 2.0))
         if rest_s > 2.0:
             self._free_um = self._free(self._output_V, rest_s - 2.0)
@@ -140,7 +140,8 @@ class Arm:
         return self.drift_um_per_s * self.drift_cycle_s / (2.0 * math.pi) * math.sin(turn)
 
     def _free(self, output_V: float, dt_s: float) -> float:
-        """Advance hysteresis and creep to a voltage and return where the free arm would rest."""
+        """Advance hysteresis and creep to a voltage and return the rest position of the free
+        arm."""
         y_um = self.piezo * self.gain_um_per_V * self.hysteresis.to(self.amplifier * output_V)
         push_um = 0.5 * self.creep_per_decade * y_um
         for index, time_s in enumerate(CREEP_TIMES_S):
@@ -175,7 +176,8 @@ class Arm:
             pressed = self._pressed()
             self._swing(span_s / steps, pressed=pressed)
             if self._pressed() is not pressed:
-                # A touch within the step: taken at its end alone it would gain energy.
+                # Contact changes within the step: if they were applied only at its end, the tip
+                # would gain energy.
                 self.x_um, self.speed_um_per_s = x_um, speed
                 for _ in range(TOUCH_STEPS):
                     self._swing(span_s / steps / TOUCH_STEPS, pressed=self._pressed())

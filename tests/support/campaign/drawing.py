@@ -31,7 +31,7 @@ from tests.support.rigs import DEMO, Tree
 
 BASE = DEMO.with_name("bring-up.toml")
 CAMPAIGN = 0xCA4A16
-"""Part of every seed, so that no rig is one that the product was tuned on."""
+"""Constant part of every seed, so that no rig is one on which the product was tuned."""
 FORCES_MN = (5.0, 20.0)
 TRAVEL: Tree = {"position_min_um": -60.0, "position_max_um": 110.0}
 """Travel of an arm whose gain is not known when its rig file is written."""
@@ -41,26 +41,26 @@ GAINS: tuple[Gain, ...] = ("amplifier", "piezo", "sensor")
 
 @dataclass(frozen=True)
 class GripWish:
-    """One grip, and what happens before it or in it."""
+    """One grip, and the events before or during it."""
 
     force_mN: float
     stiffness_share: float
-    """Stiffness of the part over the planned one."""
+    """Stiffness of the part divided by the planned one."""
     profile: Literal["quick", "gentle"]
     contact_off_um: float
-    """Place of the part beside the planned one."""
+    """Offset of the part's position from the planned one, in µm."""
     gain: tuple[Gain, float] | None = None
-    """Gain that changes just before, and its factor."""
+    """Gain that changes just before the grip, and its factor."""
     restart_s: float | None = None
     """Rest after which all programs are started again before the grip; None: no restart."""
     slip: tuple[float, float] | None = None
-    """Share of the force above which the part gives way, and the way in µm."""
+    """Share of the force above which the part slips, and the distance in µm."""
     presses_um: float | None = None
-    """Way by which the part presses the resting arm; None: it lies where it is planned."""
+    """Distance by which the part presses the resting arm, in µm; None if it lies where planned."""
 
     @property
     def undisturbed(self) -> bool:
-        """Whether nothing has happened that a person does not know of."""
+        """Return whether no event happened that is unknown to the person."""
         return self.gain is None and self.slip is None and self.presses_um is None
 
 
@@ -77,7 +77,7 @@ class Drawn:
     drift_um_per_min: float
     lag_s: float
     stiffness_mN_per_um: float
-    """Of the part with which the rig is brought up."""
+    """Stiffness of the part with which the rig is brought up."""
     contact_um: float
     rig: RigFile
     arm: Arm
@@ -89,7 +89,7 @@ class Drawn:
 
     @property
     def label(self) -> str:
-        """Rig in a few words."""
+        """Return a short description of the rig."""
         far = ", far" if self.far else ""
         return (
             f"rig {self.seed}, {self.kind}{far}, loop {100.0 * self.loop_share:.0f} %, "
@@ -150,7 +150,8 @@ def draw(seed: int) -> Drawn:
 
 
 def _grips(chance: np.random.Generator) -> list[GripWish]:
-    """Two undisturbed grips, one of them with the planned part, then one or two with events."""
+    """Draw two undisturbed grips, one of them with the planned part, then one or two with
+    events."""
 
     def between(low: float, high: float) -> float:
         return float(chance.uniform(low, high))

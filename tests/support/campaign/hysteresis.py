@@ -17,14 +17,15 @@ Class = Literal["relays", "plays", "Bouc-Wen"]
 CLASSES: tuple[Class, ...] = ("relays", "plays", "Bouc-Wen")
 NODES = 16
 WIDEST_V, TABLE_STEP_V = 5.0, 0.02
-"""Range and step of the table of relays; between its entries the motion bends by some nm."""
+"""Range and step of the table of relays; between its entries the motion deviates by some nm."""
 SCALED_V = 4.0
 PLAYS = 16
 WIDEST_SHARE = 0.93
-"""Largest hysteretic share, over that at which an arm would move against its voltage."""
+"""Largest hysteretic share, as a multiple of that at which an arm would move against its
+voltage."""
 BISECTIONS = 18
 REFERENCE_V = 1.0
-"""Amplitude of the cycle by which the loop's width is stated: 2 V peak to peak."""
+"""Amplitude of the cycle for which the loop's width is stated: 2 V peak to peak."""
 WORKING_V = (-0.5, 3.0)
 """Voltages between which the gain is stated."""
 CYCLE_STEPS = 60
@@ -36,10 +37,10 @@ class Hysteresis(Protocol):
     share: float
     """Hysteretic share of the motion."""
     most_share: float
-    """Share beyond which the arm moves against its voltage as that turns."""
+    """Return the share beyond which the arm moves against its voltage after a reversal."""
 
     def to(self, u_V: float) -> float:
-        """Lead the voltage to ``u_V`` and return the motion there."""
+        """Change the voltage to ``u_V`` and return the motion there."""
         ...
 
 
@@ -74,13 +75,13 @@ class RelayField:
         return (1.0 - self.share) * u_V + self.share * self.scale_V * self.sum
 
     def _closes(self, u_V: float) -> bool:
-        """Return whether the branch from the last turning point has come round its loop."""
+        """Return whether the branch from the last turning point has closed its loop."""
         begin_V = self.turns[-1][0]
         end_V = self.turns[-2][0] if len(self.turns) > 1 else -begin_V
         return (u_V - end_V) * (end_V - begin_V) > 0.0
 
     def _sum(self, u_V: float) -> float:
-        """Sum of the relays, each 1 or -1, on the branch from the last turning point."""
+        """Return the sum of the relays, each 1 or -1, on the branch from the last turning point."""
         if not self.turns:
             return math.copysign(self._between(-abs(u_V), abs(u_V)), u_V)
         begin_V, begin = self.turns[-1]
@@ -88,7 +89,7 @@ class RelayField:
         return begin + math.copysign(2.0 * turned, u_V - begin_V)
 
     def _between(self, low_V: float, high_V: float) -> float:
-        """Share of the relays that turn down above ``low_V`` and up below ``high_V``."""
+        """Return the share of the relays that turn down above ``low_V`` and up below ``high_V``."""
         at_low, at_high = [(u_V + WIDEST_V) / TABLE_STEP_V for u_V in (low_V, high_V)]
         i, j = int(at_low), int(at_high)
         p, q = at_low - i, at_high - j
@@ -179,7 +180,8 @@ def cycle(low_V: float, high_V: float) -> Sequence[float]:
 
 
 def loop(hysteresis: Hysteresis) -> tuple[float, float]:
-    """Return stroke and width, as a share of it, of a settled cycle at ``REFERENCE_V``."""
+    """Return the stroke of a settled cycle at ``REFERENCE_V``, and its width as a share of the
+    stroke."""
     voltages = cycle(-REFERENCE_V, REFERENCE_V)
     motion: list[float] = []
     for _ in range(3):

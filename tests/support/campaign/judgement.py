@@ -15,7 +15,7 @@ EVENTS = ("plain", "stiffness", "restart", "slip", "presses", "gain")
 
 @dataclass(frozen=True)
 class Target:
-    """One target of the campaign: what was found, and what is allowed."""
+    """One target of the campaign: the measured value and the allowed one."""
 
     name: str
     found: str
@@ -31,7 +31,7 @@ def peak_limit(treated: Treated) -> float:
 def too_hard(rows: Sequence[Treated]) -> list[Gripped]:
     """Return the grips whose true force was above its limit.
 
-    A part that presses the resting arm harder than the plan does so before the job begins.
+    A part that presses the resting arm harder than the plan already does so before the job begins.
     """
     return [
         grip
@@ -140,7 +140,7 @@ def run_page(rows: Sequence[Treated], commit: str, wished: int) -> str:
 
 
 def _misses(row: Treated) -> list[str]:
-    """Return in words what misses a target on one rig, for a cell of a table."""
+    """Return the missed targets of one rig as text for a cell of a table."""
     hard = too_hard([row])
     grips = [
         grip for grip in row.grips if grip in hard or grip.beyond or grip.wrong or grip.last_wrong

@@ -29,7 +29,7 @@ from tests.support.virtual_rig import VirtualRig
 
 REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
 LONGEST_TICKS = 60_000
-"""Of one job, 20 virtual minutes."""
+"""Longest duration of one job, 20 virtual minutes."""
 HANDS_TICKS = 25
 COMPUTES_S = 900.0
 """Longest wall-clock time of one calibration's evaluation on a loaded machine."""
@@ -37,7 +37,7 @@ COMPUTES_S = 900.0
 
 @dataclass(frozen=True)
 class Sample:
-    """One sample of a job: what the product states and what is true."""
+    """One sample of a job: the stated and the true values."""
 
     estimate: Estimate
     truth: Truth
@@ -52,7 +52,7 @@ class Watched:
 
 
 class Laboratory:
-    """An arm, its instruments, and the programs that are started beside it."""
+    """An arm, its instruments, and the programs that are started with it."""
 
     def __init__(self, drawn: Drawn, data: Path) -> None:
         self.drawn, self.arm, self.data = drawn, drawn.arm, data
@@ -87,7 +87,8 @@ class Laboratory:
         self._open()
 
     def run(self, body: dict[str, Any]) -> Job:
-        """Run one job to its end, and hang what it asks for; raises ProblemError where refused."""
+        """Run one job to its end, and hang the requested weights; raises ProblemError if it is
+        refused."""
         self.watched = Watched()
         self.arm.peak_mN = 0.0
         manager, steps = self.office.manager, self.office.steps
@@ -118,9 +119,9 @@ class Laboratory:
         return manager.index.job(name)
 
     def put_part(self, part: Part) -> None:
-        """Put a part in place, of which an arm that remanence holds beyond it is drawn back first.
+        """Put a part in place; an arm that remanence holds beyond that place is drawn back first.
 
-        Nobody can put a part where the arm is.
+        A person cannot put a part where the arm is.
         """
         self.arm.part = None
         rig = self.office.manager.context.rig
@@ -133,13 +134,14 @@ class Laboratory:
         self.arm.part = part
 
     def confirmed(self, body: dict[str, Any]) -> dict[str, Any]:
-        """Return a request with the confirmation that it needs, where nothing touches the arm."""
+        """Return a request with the confirmation that it needs if nothing is in contact with the
+        arm."""
         request = REQUEST.validate_python(body)
         doubted = self.office.manager.context.zero_doubt.blocking(request)
         return body | {"zero_confirmed": bool(doubted) and self.arm.force_mN == 0.0}
 
     def reset(self) -> None:
-        """Clear the actuator's latch, as a person does who has seen its cause."""
+        """Clear the actuator's latch, as a person does after seeing its cause."""
         manager = self.office.manager
         self.office.steps.pass_(HANDS_TICKS)
         manager.context.health.refresh(force=True)
@@ -151,7 +153,8 @@ class Laboratory:
         return next(reversed(views.values())) if views else None
 
     def bring_up(self, tries: int = 2) -> str:
-        """Follow the checklist to its end; returns why it could not be done, empty where it was."""
+        """Follow the checklist to its end; returns why it could not be completed, empty if it
+        was."""
         manager = self.office.manager
         left = tries
         while True:
@@ -165,7 +168,7 @@ class Laboratory:
                 self.put_part(self.drawn.planned_part())
             request = step.request
             if left < tries and step.calibration == "free_response":
-                # The person has looked: no part is there.
+                # The person has checked that no part is there.
                 request = request | {"no_part": True}
             job = self.run(self.confirmed(request))
             self.arm.hang(0.0)
@@ -191,7 +194,7 @@ def laboratory(drawn: Drawn, data: Path) -> Generator[Laboratory]:
 
 
 def bench_of(drawn: Drawn) -> Bench:
-    """Put the instruments' simulated bytes around the arm."""
+    """Return the arm behind the bytes of the simulated instruments."""
     rig, arm = drawn.rig, cast(Any, drawn.arm)
     assert rig.simulation is not None
     fitted: dict[str, Fitted] = {}

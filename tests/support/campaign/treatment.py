@@ -1,4 +1,4 @@
-"""What comes of one rig of the campaign: its bring-up, its grips, and what was stated of each."""
+"""Treatment of one rig of the campaign: its bring-up, its grips, and their stated results."""
 
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -16,20 +16,21 @@ from tests.support.campaign.drawing import Drawn, GripWish, draw
 from tests.support.campaign.laboratory import REQUEST, Laboratory, Watched, laboratory
 
 SKIPPED_S = 0.5
-"""Start of a hold that its mean force leaves out, as the product's result does."""
+"""Start of a hold that is left out of its mean force, as in the product's result."""
 RANGE_UM, RANGE_V = 0.5, 0.01
-"""Tolerance of the stated range of position and voltage, for the ring and the output step."""
+"""Tolerance of the stated range of position and voltage, for the ringing and the output step."""
 LOUDER = 1.1
-"""Contact force over its uncertainty, where a plan was refused because of it."""
+"""Contact force as a multiple of its uncertainty, after a plan was refused because of that
+uncertainty."""
 LAST = 5
-"""Samples at the end of a job whose mean force is compared."""
+"""Number of samples at the end of a job whose mean force is compared."""
 MARKS = ("position_step", "warnings", "unverified", "model_mismatch", "marks")
-"""Members of a result that mark a force as doubtful where they are not empty."""
+"""Members of a result that mark a force as doubtful if they are not empty."""
 
 
 @dataclass(frozen=True)
 class Gripped:
-    """One grip: what was asked, what was stated, and what was true."""
+    """One grip: its requested, stated and true values."""
 
     seed: int
     wish: GripWish
@@ -40,7 +41,7 @@ class Gripped:
     cause: str = ""
     peak_mN: float = 0.0
     begin_mN: float = 0.0
-    """True force as the job began: that of a part which presses the resting arm."""
+    """True force at the start of the job, from a part that presses the resting arm."""
     beyond: str = ""
     """Quantity whose stated range the arm has left; empty: none."""
     held_mN: float | None = None
@@ -53,7 +54,7 @@ class Gripped:
 
     @property
     def error_mN(self) -> float | None:
-        """Held force as stated less the true one."""
+        """Stated held force minus the true one."""
         if self.held_mN is None or self.true_mN is None:
             return None
         return self.held_mN - self.true_mN
@@ -96,7 +97,7 @@ class Treated:
 
     drawn: Drawn
     failed: str = ""
-    """Why it could not be brought up; empty: it was."""
+    """Reason why it could not be brought up; empty if it was."""
     grips: list[Gripped] = field(default_factory=list[Gripped])
 
     def lines(self) -> Iterator[str]:
@@ -139,7 +140,8 @@ def _grip(opened: Laboratory, wish: GripWish) -> Gripped:
         setattr(arm, name, getattr(arm, name) * factor)
     if wish.restart_s is not None:
         opened.restart(wish.restart_s)
-    # Where the part was as the rig was brought up: ``part.contact_um`` is a reading that drifts.
+    # The position of the part when the rig was brought up: ``part.contact_um`` is a reading that
+    # drifts.
     part = Part(drawn.contact_um + wish.contact_off_um, stiffness)
     if wish.slip is not None:
         share, way_um = wish.slip
@@ -215,7 +217,7 @@ def _contact_force_mN(violations: Sequence[Violation]) -> float | None:
 
 
 def _true_held(watched: Watched, opened: Laboratory) -> float | None:
-    """Mean true force over the hold, its start left out."""
+    """Return the mean true force over the hold without its start."""
     held = [seq for seq, view in watched.views.items() if view.phase == "hold"]
     if not held:
         return None
@@ -229,7 +231,7 @@ def _mean(values: Sequence[float]) -> float | None:
 
 
 def _beyond(watched: Watched, program: Program) -> str:
-    """Return what has left the range that the plan has stated."""
+    """Return the quantity that has left the range stated by the plan."""
     planned = program.planned_range
     if planned is None:
         return "unstated"
@@ -250,14 +252,14 @@ def _beyond(watched: Watched, program: Program) -> str:
 
 
 def _marked(job: Job) -> bool:
-    """Whether the result says by a code that its force is in doubt."""
+    """Return whether the result marks its force as doubtful by a code."""
     result: dict[str, Any] = job.result or {}
     goal: dict[str, Any] = result.get("goal") or {}
     return goal.get("met") is False or any(result.get(name) for name in MARKS)
 
 
 def _tidy(opened: Laboratory) -> None:
-    """Leave the rig as a person does: nothing latched and nothing held."""
+    """Leave the rig as a person does: not latched and without a held part."""
     opened.reset()
     if opened.rig.applied and opened.rig.applied[-1].part_held:
         name = opened.drawn.rig.rig.name

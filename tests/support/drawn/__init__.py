@@ -1,1 +1,1 @@
-"""Rigs drawn at random, and what is true of them."""
+"""Randomly drawn rigs and their true values."""

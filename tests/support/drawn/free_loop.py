@@ -17,9 +17,10 @@ class FreeLoop:
     """The last of four cycles."""
 
     gain_um_per_V: float
-    """Secant: peak to peak of the position over that of the voltage at the amplifier's input."""
+    """Secant gain: peak to peak of the position over that of the voltage at the amplifier's
+    input."""
     width_percent: float
-    """Largest width of the loop, of the stroke."""
+    """Largest width of the loop, in percent of the stroke."""
 
 
 def free_loop(

@@ -44,7 +44,7 @@ BISECTIONS = 24
 WIDEST_A = 0.9
 """A/d beyond which the arm would move against the voltage."""
 RELAYS = 0x52454C41
-"""What their random numbers are drawn by, beside the seed."""
+"""Constant that, with the seed, determines the random numbers of relays."""
 
 
 def random_simulation(base: Simulation, seed: int, *, relays: bool = False) -> Simulation:
@@ -109,7 +109,8 @@ def random_simulation(base: Simulation, seed: int, *, relays: bool = False) -> S
 
 
 def _with_relays(simulation: Simulation, width_percent: float) -> Simulation:
-    """The rig with drawn relays in place of its Bouc-Wen hysteresis, the curvature kept."""
+    """Return the rig with drawn relays instead of its Bouc-Wen hysteresis, with the same
+    curvature."""
     chance = np.random.default_rng((RELAYS, simulation.seed))
     drawn = Relays(
         loop_share=width_percent / 100.0,
@@ -145,7 +146,7 @@ def with_loop(simulation: Simulation, gain_um_per_V: float, width_percent: float
 
 
 def with_gain(simulation: Simulation, gain_um_per_V: float) -> Simulation:
-    """The rig with this gain at 2 V peak to peak, 0.5 Hz."""
+    """Return the rig with this gain at 2 V peak to peak, 0.5 Hz."""
     scale = gain_um_per_V / free_loop(simulation).gain_um_per_V
     return simulation.model_copy(update={"piezo_um_per_V": simulation.piezo_um_per_V * scale})
 

@@ -1,4 +1,4 @@
-"""What a calibration should find, computed from the plant itself."""
+"""True values that a calibration should find, computed from the plant itself."""
 
 import math
 from dataclasses import dataclass

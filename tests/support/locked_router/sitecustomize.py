@@ -1,6 +1,6 @@
-"""Makes a router look locked to itself that is started with this folder on its PYTHONPATH.
+"""Makes a router that is started with this folder on its PYTHONPATH appear locked to itself.
 
-While the file named by ``PINCETTE_TEST_LOCKED`` exists, the question that the router asks itself
+While the file named by ``PINCETTE_TEST_LOCKED`` exists, the query that the router sends to itself
 does not return.
 """
 
@@ -15,7 +15,7 @@ if "router" in sys.orig_argv:
     place, ask = Path(os.environ["PINCETTE_TEST_LOCKED"]), session.ask_router
 
     def asked(one: object) -> None:
-        """Return with the answer, or never where the file exists."""
+        """Return the reply, or block for ever if the file exists."""
         if place.exists():
             threading.Event().wait()
         ask(one)  # type: ignore[arg-type]

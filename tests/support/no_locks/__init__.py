@@ -18,7 +18,7 @@ def objection() -> str:
 
 
 def library(folder: Path) -> Path:
-    """Compile the library."""
+    """Compile the library and return its path."""
     made = folder / "no_locks.so"
     command = ["cc", "-shared", "-fPIC", "-O1", "-o", str(made), str(SOURCE), "-ldl"]
     subprocess.run(command, check=True, capture_output=True, timeout=60.0)

@@ -16,7 +16,7 @@ true_s, true_ns = time.time, time.time_ns
 
 
 def follow() -> None:
-    """Read the file again and again."""
+    """Read the file repeatedly."""
     while True:
         text = place.read_text(encoding="utf-8") if place.exists() else ""
         shift_s[0] = float(text) if text else shift_s[0]

@@ -1,7 +1,8 @@
-"""Makes a supervisor deaf to itself that is started with this folder on its PYTHONPATH.
+"""Makes a supervisor that is started with this folder on its PYTHONPATH receive no replies of its
+own.
 
-While the file named by ``PINCETTE_TEST_UNHEARD`` exists, its question which programs are alive gets
-no answer. It is restarted after a tenth of the usual time.
+While the file named by ``PINCETTE_TEST_UNHEARD`` exists, its query which programs are alive gets no
+reply. Its session is reopened after a tenth of the usual time.
 """
 
 import os
