@@ -131,8 +131,8 @@ def error_entry(error: Mapping[str, Any]) -> dict[str, str]:
     place, *path = (str(part) for part in error["loc"])
     kinds = job_kinds()
     tags = {*kinds, *(name for kind in kinds.values() for name in kind.variants)}
-    # The kind of request that the body was checked as is not a field, but a field that is not
-    # known may have the name of a kind, as `hold`.
+    # The body was checked as a kind of request, and that kind is not a field; but an unknown field
+    # may have the name of a kind, such as `hold`.
     kept, named = int(str(error["type"]) == "extra_forbidden"), list[str]()
     while len(path) > kept and path[0] in tags:
         named.append(path.pop(0))

@@ -1,8 +1,8 @@
 """Processor time of the supervisor, and what it did while it received nothing.
 
-A thread wakes on a grid and measures its lateness: for that time nothing of this process ran, since
-the processor or the interpreter's lock was in use. It also records the activities of the process:
-messages of the bus, writes of the journal, drawing. Their shares overlap, since threads do.
+A thread wakes on a time grid and measures its lateness: during that time no code of this process
+ran, since the processor or the interpreter's lock was in use. It also records the activities of the
+process: messages of the bus, writes of the journal, drawing. Their times overlap, since threads do.
 """
 
 import threading
@@ -42,7 +42,7 @@ class ProcessLoad:
 
     @contextmanager
     def at(self, share: Share) -> Generator[None]:
-        """Count the time spent within the block."""
+        """Count the time spent within the ``with`` block."""
         begun_s = self._clock()
         try:
             yield
@@ -69,7 +69,7 @@ class ProcessLoad:
             one()
 
     def within(self, last_s: float) -> tuple[float, dict[Share, float]]:
-        """Return the time in which nothing ran, and the time by activity, in the last seconds."""
+        """Return the time in which no code ran, and the time by activity, in the last seconds."""
         self.sample()
         since_s = self._clock() - last_s
         with self._lock:

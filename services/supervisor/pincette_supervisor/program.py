@@ -1,8 +1,8 @@
 """The supervisor as a program: its port, journal, rigs and REST server.
 
-It restarts itself when the bus no longer delivers messages to it: a link may be up and transport
-nothing, and then a new process has helped where nothing within the old one did. The loop continues
-meanwhile, and a held part stays held.
+It restarts itself when the bus no longer delivers messages to it: a link may be up and deliver
+nothing, and in such cases only a new process has helped. The loop continues meanwhile, and a held
+part stays held.
 """
 
 import errno
@@ -63,8 +63,8 @@ STOP_S = 5.0
 TAKEN_LOOK_S, TAKEN_LOGGED_S = 0.5, 300.0
 """Interval in s of attempts to bind a port that another program uses, and of their log lines."""
 GONE_S, LOOK_S = 5.0, 0.1
-"""Time in s for which the token of a killed or disconnected supervisor may remain visible, and the
-interval of the checks."""
+"""Intervals of the attempts to bind a port that another program uses, and of their log lines, in
+s."""
 
 
 class PortInUseError(OSError):
@@ -104,7 +104,7 @@ def await_port(host: str, port: int, stop: threading.Event) -> tuple[socket.sock
 def run(context: Context) -> None:
     """Serve REST until the program is stopped."""
     config = configure(context.rig, context.data)
-    # Without a folder that it may write to, matplotlib takes a temporary one, or draws nothing.
+    # Without a writable folder, matplotlib uses a temporary one, or draws nothing.
     os.environ.setdefault("MPLCONFIGDIR", str(context.data.absolute() / "matplotlib"))
     with ExitStack() as stack:
         bound_to, taken_s = await_port(config.host, config.port, context.stop)
@@ -113,7 +113,7 @@ def run(context: Context) -> None:
         listener = stack.enter_context(closing(bound_to))
         worker = stack.enter_context(closing(Worker(played)))
         worker.begin()
-        # Begun with the first record. Predictions do not wait for pictures.
+        # Started with the first record. Predictions do not wait for pictures.
         artist = stack.enter_context(closing(Worker(picture)))
         import_functions()
         store = stack.enter_context(closing(Store(config.store, config.store_url)))
@@ -126,7 +126,7 @@ def run(context: Context) -> None:
         )
         stack.enter_context(closing(KeySync(store, access)))
         require_key(config, access.authenticator)
-        bus = stack.enter_context(closing(context.open_bus()))  # which checks the certificate
+        bus = stack.enter_context(closing(context.open_bus()))  # this checks the certificate
         serve_alone(bus, context.rig.rig.name, context.stop)
         tls = None if config.tls is None else server_context(config.tls)
         clock = SuspendAwareClock()
@@ -177,9 +177,9 @@ def run(context: Context) -> None:
                 severity="alarm",
                 clears="acknowledge",
             )
-        if not context.rig.lockstep:  # where programs may take as long as they like
+        if not context.rig.lockstep:  # in lockstep programs may take any time
             watch = LoopbackWatch(
-                # Another session than the one that holds the token.
+                # A different session from the one that holds the token.
                 lambda: SUPERVISOR in own_buses[-1].alive(),
                 partial(can_join, context.open_bus),
                 partial(restart, rigs.own.context),
@@ -262,7 +262,7 @@ UNHEARD_CAUSE = "supervisor.unheard"
 RESTARTS = "PINCETTE_UNHEARD_RESTARTS"
 """Environment variable with the number of restarts since the last message was received."""
 MOST_DOUBLED = 4
-"""Largest number of doublings of the time: on a silent bus, one restart every 8 minutes."""
+"""Largest number of doublings of that time: on a silent bus, one restart every 8 minutes."""
 
 
 class LoopbackWatch:
@@ -282,7 +282,7 @@ class LoopbackWatch:
         self._hears, self._can_join, self._restart = hears, can_join, restart
         self._clock = clock
         self._received_at_s = clock()
-        # A question to a bus that carries nothing may never come back, so the watch has its own
+        # A request on a bus that delivers nothing may never return, so the check has its own
         # thread.
         self._asking = RepeatedAction("unheard-asks", UNHEARD_LOOK_S, self.ask)
         self._looking = RepeatedAction("unheard", UNHEARD_LOOK_S, self.look)
@@ -338,7 +338,7 @@ def restart(context: RigContext, silent_s: float) -> None:
     for handler in logging.getLogger().handlers:
         handler.flush()
     os.environ[RESTARTS] = str(_restarts() + 1)
-    # All other descriptors are closed by this, and with them the links that carry nothing.
+    # All other descriptors are closed by this, including the links that deliver nothing.
     os.execv(sys.executable, sys.orig_argv)
 
 

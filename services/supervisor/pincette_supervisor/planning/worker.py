@@ -1,7 +1,7 @@
-"""Process for work that keeps a processor busy for longer than a moment.
+"""Process for work that occupies a processor for more than a moment.
 
-In the supervisor itself, the work would hold the interpreter's lock, for which an emergency stop
-would have to wait.
+In the supervisor itself, the work would hold the interpreter's lock, and an emergency stop would
+have to wait for it.
 """
 
 import logging
@@ -57,9 +57,9 @@ class Worker:
     def begin(self) -> None:
         """Start the process without waiting for it; otherwise it starts when it is first needed.
 
-        Its imports take seconds of a processor, and much longer while others keep that busy. If it
-        cannot start, that is logged, and retried when it is needed. Everything else works without
-        it.
+        Its imports take seconds of processor time, and much longer while other programs use the
+        processor. If the process cannot start, the error is logged, and the start is retried when
+        it is needed. Everything else works without it.
         """
         try:
             with self._used():
@@ -96,7 +96,7 @@ class Worker:
 
     @contextmanager
     def _used(self) -> Generator[None]:
-        """Keep the process within the block, and for ``UNUSED_S`` afterwards."""
+        """Keep the process alive within the ``with`` block, and for ``UNUSED_S`` afterwards."""
         with self._lock:
             self._callers += 1
             if self._end is not None:
@@ -130,7 +130,8 @@ class Worker:
             return self._pool
 
     def close(self, *, if_unused: bool = False) -> None:
-        """End the process and its work; ``if_unused``: unless a thread waits for a result."""
+        """End the process and its work; with ``if_unused``, only if no thread waits for a
+        result."""
         with self._lock:
             if if_unused and self._callers:
                 return
@@ -148,7 +149,7 @@ class Worker:
 def _begin(*_ahead: Callable[[Any], Any]) -> None:
     signal.signal(
         signal.SIGINT, signal.SIG_IGN
-    )  # the supervisor gets it too, and ends this process
+    )  # the supervisor gets the signal too, and ends this process
     lower_priority()
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

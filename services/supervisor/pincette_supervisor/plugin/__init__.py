@@ -63,7 +63,7 @@ __all__ = [
 
 
 class FaultyRequestError(ValueError):
-    """Members of a request that contradict each other; the message names them."""
+    """Error of a request whose members contradict each other; the message names them."""
 
     def __init__(self, pointer: str, message: str) -> None:
         super().__init__(message)
@@ -86,7 +86,7 @@ class InstrumentBandwidth:
 
 
 class UnsupportedError(ValueError):
-    """The instruments cannot do what a calibration needs."""
+    """Error of a calibration that needs more than the instruments can do."""
 
     def __init__(
         self,
@@ -107,18 +107,18 @@ RESTS_V = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Present:
-    """State of the rig: applied voltage, measured position, part held; None: unknown."""
+    """State of the rig: applied voltage, measured position, part held; None for unknown values."""
 
     voltage_V: float | None = None
     x_um: float | None = None
     held: bool | None = None
     recorded: RecordedMotion | None = None
-    """Motion of the recorded job that the request replays; None: the request names no job."""
+    """Motion of the recorded job that the request replays; None if the request names no job."""
     second_V: float | None = None
     second_um: float | None = None
     """Position of the second arm, in µm; None on a rig without one."""
     memory_known: bool | None = None
-    """True if the estimator knows the past of the arm's hysteresis well enough for a force."""
+    """True if the estimator knows the history of the arm's hysteresis well enough for a force."""
     stroke: Fault | None = None
     """Fault that the estimator reports when the stroke of an arm has changed; None: no such
     fault."""
@@ -131,18 +131,18 @@ class Present:
     """Expanded uncertainty of that force, in mN; with two arms, the larger one."""
 
     def stand_V(self, rig: RigFile) -> float:
-        """Return the applied voltage, in V, or the rig file's safe voltage where it is unknown."""
+        """Return the applied voltage, in V, or the rig file's safe voltage if it is unknown."""
         return rig.safety.safe_V if self.voltage_V is None else self.voltage_V
 
     def stand_um(self, rig: RigFile) -> float:
-        """Return the position, in µm, or an estimate of it from the voltage where it is unknown."""
+        """Return the position, in µm, or an estimate of it from the voltage if it is unknown."""
         if self.x_um is not None:
             return self.x_um
         return X_START_UM + rig.model.piezo_um_per_V * self.stand_V(rig)
 
     @property
     def tips_um(self) -> Pair | None:
-        """Return the positions of both arms, in µm; None where one of them is unknown."""
+        """Return the positions of both arms, in µm; None if one of them is unknown."""
         if self.x_um is None or self.second_um is None:
             return None
         return self.x_um, self.second_um
@@ -190,12 +190,12 @@ class Planned:
 
     @property
     def armed(self) -> ModelInUse:
-        """Return the model that the services are armed with, and that predictions rest on."""
+        """Return the model that is sent to the services and used for predictions."""
         return self.expecting or self.model
 
     @property
     def planned_s(self) -> float | None:
-        """Return the planned duration, in s; None where a hold or a wait has no end."""
+        """Return the planned duration, in s; None if a hold or a wait has no end."""
         endless = any(segment.duration_s is None for segment in self.program.segments)
         return None if endless else self.plan.duration_s
 
@@ -218,7 +218,7 @@ class Planned:
 
 
 def stride_of(course: Course) -> int:
-    """Return the stride of the samples of a course that are sent: every n-th."""
+    """Return the stride n of a course: every n-th sample is sent."""
     return max(1, ceil((len(course.t_s) - 1) / CURVE_POINTS))
 
 
@@ -265,12 +265,12 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """Result of the evaluation of a job."""
+    """Result of a job, computed from its samples."""
 
     result: JobResult
     fault: str = ""
-    """Reason why the samples do not fulfil the purpose of a job that ran to its end; empty: they
-    do."""
+    """Reason why the samples of a job that ran to its end do not fulfil its purpose; empty if
+    they do."""
     analysis: Any = None
     """Further data for the plot, in addition to the result."""
     learned: Corrections | None = None
@@ -278,7 +278,7 @@ class Evaluation:
 
 
 Interruption = Literal["stall", "overtravel"]
-"""Failure after which a job may continue: a stall, or a position limit exceeded."""
+"""Failure after which a job may continue: a stall, or an exceeded position limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,11 +310,11 @@ class JobFunctions:
     plot: Callable[[Run, Evaluation, str], Picture | bytes]
     """Function that draws the samples, or makes a PNG of them; the text names job and rig."""
     pointer: Callable[[str, str], str] = _no_pointer
-    """Function that returns the JSON pointer to the request member that exceeds a limit, by
-    quantity and phase; empty: none does."""
+    """Function that returns the JSON pointer to the request member that causes an exceeded
+    limit, by quantity and phase; empty if no member does."""
     goes_on: Callable[[Any, Run, Interruption], NextJob | None] = _no_next_job
-    """Function that returns how a job continues after an interruption; None: it does not continue.
-    A stall latches the actuator; the following job resets that latch."""
+    """Function that returns how a job continues after an interruption; None if it does not
+    continue. A stall latches the actuator; the next job resets that latch."""
 
 
 def functions_of(kind: JobKind) -> JobFunctions:

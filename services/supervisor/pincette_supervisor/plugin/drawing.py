@@ -11,7 +11,7 @@ from pincette.api.results import ClosedLoopResult, JobResult
 from pincette.records.columns import Columns
 from pincette_supervisor.plugin.figures import Series, series
 
-# Matplotlib's keyword arguments carry no types.
+# The keyword arguments of Matplotlib have no types.
 Axis = Any
 
 WIDTH_PX, HEIGHT_PX, DPI = 1400, 1180, 140
@@ -57,10 +57,11 @@ class Picture:
 
 
 class Sheet:
-    """An empty picture, 1400 by 1180 pixels unless it is made in another size."""
+    """An empty picture of 1400 by 1180 pixels, unless another size is given."""
 
     def __init__(self, size_in: tuple[float, float] = (WIDTH_PX / DPI, HEIGHT_PX / DPI)) -> None:
-        # Loaded with the first picture: it would be a third of the supervisor's start.
+        # Imported with the first picture, since the import would take a third of the supervisor's
+        # start.
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
@@ -77,7 +78,8 @@ class Sheet:
         """Return the picture as a PNG and discard the sheet."""
         stream = BytesIO()
         self._canvas.print_png(stream)
-        # Its texts and axes refer to each other and to the 7 MB drawn on, until cycles are sought.
+        # Its texts and axes form reference cycles with the 7 MB canvas, which stays in memory until
+        # the garbage collector runs.
         self.figure.clear()
         drawn_on = cast("dict[str, Any]", vars(self._canvas.renderer))
         drawn_on.clear()
@@ -122,7 +124,8 @@ def prepare(axis: Axis, y_label: str = "", x_label: str = "") -> None:
 
 
 def shade(axis: Axis, result: JobResult) -> None:
-    """Colour the phases, with a line at each begin: in grey, their colours look the same."""
+    """Colour the phases, with a line at each beginning, since their colours look the same in
+    grey."""
     for phase in result.phases:
         colour = SHADES.get(phase.phase, "#f0f0f0")
         end_s = phase.start_s + phase.duration_s
@@ -228,7 +231,7 @@ def make_room(axis: Axis, share: float = 0.16) -> None:
 
 
 def contact_words(result: ClosedLoopResult) -> Sequence[str]:
-    """Return position and stiffness of the contact in words, where they are known."""
+    """Return position and stiffness of the contact in words, if they are known."""
     if result.contact_stiffness_mN_per_um is None or result.contact_x_um is None:
         return ()
     return (

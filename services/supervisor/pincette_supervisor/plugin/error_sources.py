@@ -70,7 +70,7 @@ def sources_of(
 ) -> ErrorSources | None:
     """Break the errors of some samples into their causes; None for too few samples.
 
-    ``cycle_ticks`` is the number of samples of a cycle where the references swing, otherwise 0.
+    ``cycle_ticks`` is the number of samples of a cycle if the references are periodic, otherwise 0.
     """
     K_e = figures.last(table["contact_stiffness_mN_per_um"])
     if not K_e or int(samples.sum()) < LEAST:

@@ -24,12 +24,13 @@ def series(table: Columns, name: str) -> Series:
 
 
 def within(table: Columns, phases: Sequence[str]) -> Mask:
-    """Return the mask of the samples of some phases."""
+    """Return the mask of the samples that belong to some phases."""
     return np.array([name in phases for name in table["phase"]], dtype=np.bool_)
 
 
 def settled(mask: Mask, period_s: float) -> Mask:
-    """Return the samples without the first ``SETTLE_S``, or quarter, of them."""
+    """Return the samples without the first ``SETTLE_S``, or without the first quarter of a short
+    mask."""
     places = np.flatnonzero(mask)
     skipped = min(int(SETTLE_S / period_s + 0.5), len(places) // 4)
     found = mask.copy()

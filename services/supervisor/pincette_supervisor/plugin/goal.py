@@ -15,13 +15,13 @@ from pincette_supervisor.plugin.figures import Series, within
 from pincette_supervisor.plugin.result import force_error, position_error
 
 SETTLING_S = 0.5
-"""Settling time of a request that states none, in s."""
+"""Settling time of a request that specifies none, in s."""
 NOISE_DEVIATIONS = 3.0
 """Number of standard deviations of the noise that about one sample in a hundred exceeds."""
 TOLERANCES = ("position_tolerance_um", "force_tolerance_mN")
 PAST_HIDES_MN = "past_hides_mN"
-"""Name of the plan value with the force uncertainty due to the arm's unknown past, in mN; set where
-the force tolerance does not exceed that uncertainty."""
+"""Name of the plan value with the force uncertainty due to the arm's unknown history, in mN; set
+if the force tolerance does not exceed that uncertainty."""
 
 
 def tolerances(request: GoalRequest) -> dict[str, Any]:
@@ -62,7 +62,7 @@ def goal_warnings(
     values, phase
         As for ``planned_goal``.
     rig
-        Rig whose noise the tolerances must be above.
+        Rig whose noise the tolerances must exceed.
     """
     found: list[str] = []
     goal = planned_goal(values, program, phase)
@@ -102,28 +102,29 @@ def goal_of(
 ) -> Goal | None:
     """Compare the errors of a phase with the tolerances of a plan.
 
-    With t from the start of the phase, e = x - x_r and e = F̂ - F_r have settled at the least t_s
-    with |e(t)| <= tolerance for every t >= t_s; the goal is met where t_s <= ``settling_s``.
+    With t from the start of the phase, the errors e = x - x_r and e = F̂ - F_r have settled at the
+    smallest t_s with |e(t)| <= tolerance for every t >= t_s; the goal is met if t_s <=
+    ``settling_s``.
 
     Parameters
     ----------
     table
         Columns of the job.
     values
-        Of the plan; see ``tolerances``.
+        Values of the plan; see ``tolerances``.
     phase
-        Its goal phase; of several stretches of that name the last one counts.
+        Goal phase of the plan; if there are several of that name, the last one counts.
     period_s
         Control period.
     completed
-        True if the job went as planned. Its goal is not evaluated where the phase was not longer
-        than the settling time, or where the arm's unknown past hides as much as the tolerance; a
-        job that ended early has missed it.
+        True if the job ended as planned. Its goal is not evaluated if the phase was not longer than
+        the settling time, or if the force uncertainty due to the arm's unknown history is at least
+        the tolerance; a job that ended early has missed its goal.
 
     Returns
     -------
     Goal or None
-        None where the values name no tolerance.
+        None if the values contain no tolerance.
     """
     limits: list[float | None] = [values.get(name) for name in TOLERANCES]
     if limits == [None, None]:
@@ -131,7 +132,7 @@ def goal_of(
     settling_s = float(values["settling_s"])
     stretch = _last_stretch(np.flatnonzero(within(table, [phase])))
     skipped = int(np.ceil(settling_s / period_s - 1e-9))
-    # Ticks since the start of the phase; rows that never came are left out.
+    # Ticks since the start of the phase; missing rows are left out.
     ticks = np.array(table["seq"], dtype=np.int64)[stretch]
     ticks -= ticks[0] if ticks.size else 0
     errors: list[float | None] = []

@@ -86,9 +86,9 @@ def choose_law(request: ContactJobRequest, rig: RigFile) -> ChosenLaw:
     Raises
     ------
     FaultyRequestError
-        If the law is not installed or has no such gain, the identified set is wanted without an
-        identified response, gains are to be tuned for the printed set, none are stable, or the
-        loop of those given is beyond what can be computed.
+        If the law is not installed or has no such gain; if the identified set is requested without
+        an identified response; if gains are to be tuned for the printed set; if no gains are
+        stable; or if the stability with the given gains cannot be computed.
     """
     scheme = request.scheme or rig.law.scheme
     parameter_set = request.set or rig.law_set
@@ -131,7 +131,7 @@ def choose_law(request: ContactJobRequest, rig: RigFile) -> ChosenLaw:
 
 
 def _with_gains(settings: LawSettings, gains: Gains) -> LawSettings:
-    """Return the requested gains in place of those of the settings; raises FaultyRequestError."""
+    """Return the settings with the requested gains; raises FaultyRequestError."""
     if gains.force_age is not None:
         settings = replace(settings, force_age=gains.force_age)
     for name, value in gains.by_name.items():

@@ -17,7 +17,7 @@ from pincette.control.planning.program import Program
 from pincette.control.record import replace as changed
 
 RIG_FILE_ALONE = 0
-"""Version number that means: no model, the rig file alone."""
+"""Version number of the rig file alone, without a model."""
 FROZEN = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
@@ -47,7 +47,7 @@ class ModelInUse:
 
     @property
     def digest(self) -> str:
-        """Digest of the model's values; empty: the rig file alone."""
+        """Digest of the model's values; empty for the rig file alone."""
         return self.calibration.digest
 
     @property
@@ -143,7 +143,7 @@ def motion_digest(program: Program) -> str:
     """Return the digest of the motion of a program.
 
     Law and stated range are left out: another law plays nearly the same voltages, and the range
-    follows from the model and from what is known of the arm's past.
+    follows from the model and from the known history of the arm.
     """
     return program_digest(changed(program, laws=(), planned_range=None))
 
@@ -176,7 +176,8 @@ def armed_with(model: ModelInUse, table: FreeResidual | None) -> ModelInUse:
 def merged(
     before: Mapping[str, Any], values: Mapping[str, Any], measured_at: str
 ) -> dict[str, Any]:
-    """Return values in use with new ones added: a table replaces only that of its program."""
+    """Return values in use with new ones added: a residual table replaces only the one of its
+    program."""
     if RESIDUALS not in values:
         return dict(values)
     found = [{**one, "measured_at": measured_at} for one in values[RESIDUALS]]

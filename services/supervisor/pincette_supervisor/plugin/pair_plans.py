@@ -66,7 +66,7 @@ def contacts_um(rig: RigFile) -> Pair:
 def pair_request(
     values: dict[str, Any], rig: RigFile, force_mN: float, *, centred: bool
 ) -> PairRequest:
-    """Return the parameters with which the part is met.
+    """Return the parameters of the search for the part.
 
     Raises ValueError for an impossible number.
     """
@@ -89,7 +89,7 @@ def pair_request(
 def pair_hasty(
     values: dict[str, Any], rig: RigFile, force_mN: float, pointer: str
 ) -> tuple[Broken, ...]:
-    """Return violations of a touch that is too fast, and of forces below the noise.
+    """Return violations of a contact that is too fast, and of forces below the noise.
 
     The speed of the seek is the sum of the speeds of both arms; that of an approach is the speed of
     one arm.
@@ -161,7 +161,7 @@ def pair_job(
     Parameters
     ----------
     held
-        Arms that hold the part as it begins; None: they rest without one.
+        Arms that hold the part at the beginning; None if they rest without a part.
     broken
         Violations that the caller has found.
     """
@@ -172,7 +172,8 @@ def pair_job(
         derived.planned_rig(first, present.x_um, depths_V[0]),
         derived.planned_rig(second, present.second_um, depths_V[1]),
     )
-    # What the voltages alone do comes after the plan's end, for who lets the part go.
+    # Segments of voltage alone come after the end of the plan, and are played only if a person
+    # releases the part.
     led = replace(program, segments=tuple(s for s in program.segments if not s.open_loop))
     if held is None:
         course = predict_pair(led, rigs, STARTS_UM, contacts_um(rig))
@@ -240,7 +241,7 @@ def pair_job(
 
 
 def _past_warnings(depths_V: Sequence[float | None], rig: RigFile, present: Present) -> list[str]:
-    """Return warnings of what is assumed or unknown about the past and the stroke of both arms."""
+    """Return warnings of what is assumed or unknown about history and stroke of both arms."""
     found = [
         words
         for arm, depth_V in zip(rig.arms, depths_V, strict=True)

@@ -1,4 +1,4 @@
-"""Common parts of plans of one arm, at a part and in free air."""
+"""Common parts of plans of one arm, with a part and in free air."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -57,9 +57,9 @@ def contact_values(request: BaseModel, names: tuple[str, ...], rig: RigFile) -> 
 
 
 def slowed(values: dict[str, Any], request: BaseModel, touch: SafeTouch) -> dict[str, Any]:
-    """Return values with safe touch speeds where the request states none.
+    """Return values with safe contact speeds where the request specifies none.
 
-    A speed that the request states is kept; the plan rejects it if it is too high.
+    A requested speed is kept; the plan rejects it if it is too high.
     """
     safe = {
         name: min(values[name], touch.limit(name))
@@ -70,7 +70,7 @@ def slowed(values: dict[str, Any], request: BaseModel, touch: SafeTouch) -> dict
 
 
 def arm_touch(rig: RigFile, force_mN: float, contact_force_mN: float) -> SafeTouch:
-    """Return the limits of the touch speeds for a plan of one arm with this highest force."""
+    """Return the limits of the contact speeds for a plan of one arm with this highest force."""
     part = rig.part
     return SafeTouch(
         force_mN,
@@ -84,14 +84,14 @@ def arm_touch(rig: RigFile, force_mN: float, contact_force_mN: float) -> SafeTou
 def conditioning_V(request: ContactJobRequest, rig: RigFile) -> float | None:
     """Return the lowest voltage of a plan's conditioning strokes, in V; None: it has none.
 
-    ``auto`` makes strokes before each approach, not only after an unknown past. A model follows a
-    known past, with larger errors after other motion than after the grips with which it was
-    rehearsed. The strokes also compare the stroke of the arm with that of its calibration.
+    ``auto`` makes strokes before each approach, not only after an unknown history. A model follows
+    a known history, but its errors are larger after other motions than after the grips with which
+    it was rehearsed. The strokes also compare the stroke of the arm with that of its calibration.
 
     Raises
     ------
     FaultyRequestError
-        If the request asks for strokes that the model in use does not allow.
+        If the request specifies strokes that the model in use does not allow.
     """
     low_V, condition = derived.conditioning_V(rig), request.condition or rig.grip.condition
     if condition == "always" and low_V is None and rig.limits.voltage_min_V >= 0.0:
@@ -112,14 +112,15 @@ def conditioning_V(request: ContactJobRequest, rig: RigFile) -> float | None:
 
 
 def usual_conditioning_V(rig: RigFile) -> float | None:
-    """Return that voltage for a plan whose request has no ``condition``, by the rig file's grip."""
+    """Return the same voltage for a plan whose request has no ``condition``, by the rig file's
+    grip."""
     return None if rig.grip.condition == "never" else derived.conditioning_V(rig)
 
 
 def unconditioned(
     strokes: bool, rig: RigFile, present: Present, force_mN: float | None = None
 ) -> list[str]:
-    """Return assumptions of an arm's strokes, or a warning where needed strokes are missing.
+    """Return assumptions about an arm's strokes, or a warning if needed strokes are missing.
 
     ``force_mN`` is the highest force of the plan, for which the warning states the uncertainty.
     """
@@ -180,7 +181,7 @@ def contact_job(
     forces_mN
         Lowest and highest force of the plan.
     pointer
-        Member of the request that the highest force comes from.
+        Member of the request that determines the highest force.
     """
     rig = model.rig
     law = choose_law(request, rig)
@@ -240,7 +241,8 @@ def unidentified(rig: RigFile) -> list[str]:
 
 
 def contact_pointer(quantity: str, phase: str) -> str:
-    """Return the pointer to the member that exceeds a limit before contact; empty: none does."""
+    """Return the pointer to the member that causes an exceeded limit before contact; empty if no
+    member does."""
     if phase == "contact" and quantity == "force":
         return "/contact_force_mN"
     if phase in ("open", "approach", "retreat") and quantity == "slew":
@@ -315,7 +317,7 @@ def motion_job(
         ],
         goal=goal,
     )
-    # A stop is under the law even where the motion is not.
+    # A stop uses the law even if the motion does not.
     program = replace(made.program, laws=(law.settings.spec(),))
     if rig.second is not None:
         program = _of_both(made.program)

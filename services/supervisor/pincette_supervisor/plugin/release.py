@@ -1,4 +1,4 @@
-"""Verdict on the release of a part, from the way back of the arm; pure."""
+"""Verdict on the release of a part, from the return motion of the arm; pure."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -20,16 +20,19 @@ from pincette_supervisor.plugin import Run
 from pincette_supervisor.plugin.figures import Mask, Series, series, table_of_arm
 
 BACK = (*RETREATS, Phase.STOPPING)
-"""Phases of a way back, and of the stop of an arm that was held on it."""
+"""Phases of a return motion, and of the stop of an arm that was held during it."""
 WAYS = 2.0
-"""Length of the last stretch of a way back that is judged, in ways of a check."""
+"""Length of the last stretch of a return motion that is judged, as a multiple of the distance of
+a check."""
 AVERAGED, SMOOTHED, RINGS = (4, 8, 16), 16, 2
-"""Numbers of samples before and after a pull-off that are compared, over which the growth of the
-pull is smoothed, and in which the arm rings."""
+"""Numbers of samples before and after a pull-off that are compared, number over which the growth
+of the pull is smoothed, and number in which the arm oscillates."""
 SIGMAS = 4.5
-"""Standard deviations of a pull-off: one false one in 10^5 samples of normal noise."""
+"""Detection limit of a pull-off, in standard deviations: one false detection in 10^5 samples of
+normal noise."""
 ORDER: tuple[Verdict, ...] = ("sticks", "unknown", "released")
-"""Verdicts on one arm, in the order in which they decide on two."""
+"""Verdicts on one arm; the first of them that applies to either of two arms is the verdict on
+both."""
 
 
 class OfArm(NamedTuple):
@@ -78,7 +81,8 @@ def sticking(found: ReleaseVerdict | None) -> str:
 
 
 def _let_go(table: Columns, program: Program) -> Mask | None:
-    """Return the samples of the last way back of a held part; None without one, or after a trip."""
+    """Return the samples of the last return motion from a held part; None without one, or after
+    a trip."""
     lets_go = [at for at, segment in enumerate(program.segments) if isinstance(segment, LetGo)]
     back = np.array(
         [
@@ -127,11 +131,11 @@ def _of_arm(
     let_go: Mask,
     checked: tuple[FreeArm, FreedomFit] | None,
 ) -> OfArm:
-    """Judge one arm by its check, else by the last stretch of its way back."""
+    """Judge one arm by its check, otherwise by the last stretch of its return motion."""
     t_s, x_um, force_mN = (series(table, name)[let_go] for name in ("t_s", "x_um", "force_mN"))
     known = ~np.isnan(x_um + force_mN)
     t_s, x_um, force_mN = t_s[known], x_um[known], force_mN[known]
-    # The stretch may contain a turn, with the error of x_1 over a part of it.
+    # The stretch may contain a reversal, with the error of x_1 over a part of it.
     arm, drifts = derived.free_arm(rig, derived.check_way_um(rig)), checked is not None
     if checked is None:
         fit = FreedomFit()
@@ -150,7 +154,7 @@ def _of_arm(
 
 
 def _is_pulled(table: Columns, let_go: Mask) -> bool:
-    """Return whether a pull beyond its uncertainty is left, as of a part that is dragged along."""
+    """Return whether a pull beyond its uncertainty remains, as when a part is dragged along."""
     names = ("force_mN", "force_uncertainty_mN", "zero_age_s")
     rows = np.array([series(table, name)[let_go] for name in names]).T
     last = rows[~np.isnan(rows).any(axis=1)][-SMOOTHED:]
@@ -160,7 +164,8 @@ def _is_pulled(table: Columns, let_go: Mask) -> bool:
 def _last_stretch(
     arm: FreeArm, rig: RigFile, t_s: Series, x_um: Series, force_mN: Series
 ) -> Iterator[tuple[float, float, float]]:
-    """Yield time, position and force over the last stretch of the free place on the way back."""
+    """Yield time, position and force over the last stretch of the free position in the return
+    motion."""
     if not len(x_um):
         return
     free_um = x_um + arm.compliance_um_per_mN * force_mN
@@ -172,12 +177,13 @@ def _last_stretch(
 def _pull_off_mN(arm: FreeArm, x_um: Series, force_mN: Series) -> tuple[float, float] | None:
     """Return the pull at which the part came off, with its expanded uncertainty, in mN.
 
-    None for too few samples. It is the rise of the force while the free place goes back, between a
-    line through some samples and the mean of as many after the ring; of several numbers of samples
-    that counts which shows the rise best. The pull grows up to the moment at which the part comes
-    off, somewhere between two samples: half of the growth is added, and any share of it is equally
-    likely. A line across the end of a contact without adhesion lies below it by up to a quarter of
-    the growth over its samples. A pull that is hidden by that and by noise is reported as 0.
+    The result is None for too few samples. The pull is the rise of the force while the free
+    position moves back, between a line through some samples and the mean of as many samples after
+    the oscillation; of several numbers of samples, the one that shows the rise best is used. The
+    pull grows until the part comes off, somewhere between two samples: half of the growth per
+    sample is added, and any fraction of it is equally likely. At the end of a contact without
+    adhesion, the line ends too low by up to a quarter of the growth over its samples. A pull that
+    is hidden by that error and by noise is reported as 0.
     """
     free_um = x_um + arm.compliance_um_per_mN * force_mN
     noise_mN, hidden_mN, best = arm.noise_um / arm.compliance_um_per_mN, inf, (1.0, 0.0, 0.0)
@@ -204,7 +210,7 @@ def _pull_off_mN(arm: FreeArm, x_um: Series, force_mN: Series) -> tuple[float, f
 
 
 def _lines(values: Series, count: int) -> tuple[Series, Series]:
-    """Return the slope by sample, and the value at its end, of a line through each window."""
+    """Return the slope per sample, and the value at the end, of a line through each window."""
     steps, windows = np.arange(count) - 0.5 * (count - 1), sliding_window_view(values, count)
     slopes = windows @ steps / float(steps @ steps)
     return slopes, windows.mean(axis=1) + slopes * steps[-1]

@@ -41,7 +41,7 @@ LIMITS = {
 }
 """Bits of ``limits_active`` that the actuator sets."""
 ACTIONS = get_args(ActionType)
-"""Values of ``acted`` that are actions; ``lease`` precedes a stop that no one requested."""
+"""Values of ``acted`` that are actions; ``lease`` precedes a stop that was not requested."""
 
 
 def common(run: Run) -> dict[str, Any]:
@@ -100,7 +100,7 @@ def zero_unconfirmed(table: Columns) -> bool:
 
 
 def _percent(shares: Sequence[float | None]) -> float | None:
-    """Return the last value of a share in percent; None without one."""
+    """Return the last value of a share in percent; None without a value."""
     share = figures.last(shares)
     return None if share is None else 100.0 * share
 
@@ -118,7 +118,7 @@ def course(table: Columns, *, period_s: float, dropped: int) -> dict[str, Any]:
             for word in (words or "").split()
             if word in ACTIONS
         ],
-        "goal": None,  # held against the request's tolerances by ``goal_of``
+        "goal": None,  # compared with the request's tolerances by ``goal_of``
         "samples": len(table["seq"]),
         "missed_ticks": missed(table),
         "unanswered_ticks": answered.count(False),
@@ -136,7 +136,7 @@ def tracking(error: Series, mask: Mask, pp: float | None) -> Tracking | None:
     Parameters
     ----------
     pp
-        Height of the reference, peak to peak; None: it rests.
+        Peak-to-peak value of the reference; None if it rests.
     """
     rmse, most = figures.rms(error, mask), figures.largest(np.abs(error), mask)
     if rmse is None or most is None:
@@ -145,14 +145,14 @@ def tracking(error: Series, mask: Mask, pp: float | None) -> Tracking | None:
 
 
 def full_amplitude(run: Run, paths: Sequence[Path], cycles: int = 0) -> Mask:
-    """Return samples with all paths at full amplitude, in whole cycles where the references swing.
+    """Return samples with all paths at full amplitude, in whole cycles if the paths are periodic.
 
-    The references of a sample are those of the tick before it, hence of ``segment_tick`` - 1.
+    The references of a sample are those of the previous tick, hence of ``segment_tick`` - 1.
 
     Parameters
     ----------
     cycles
-        Number of the last cycles that count, of a path that has some; 0: all.
+        Number of last cycles that count, for a path with cycles; 0 for all.
     """
     table, slack_s = run.table, 1e-6 * run.period_s
     t_s = (series(table, "segment_tick") - 1.0) * run.period_s
@@ -186,11 +186,12 @@ def load_forces(table: Columns) -> LoadForces | None:
 def contact_fit(table: Columns) -> ContactFit | None:
     """Fit the contact line over the load as the controller does, to get its standard errors.
 
-    Those are of as many independent samples as the residuals show: an error of x_1 is shared by
-    neighbouring ones. One that all of them share is an error of the force at the start of the
-    load, which moves x_e by that over K_e and leaves no residual; one that grows with the load, as
-    the stated uncertainty does, is an error of K_e by the same share of the force. So is what the
-    force at rest in the hold differs by from the line: the line was drawn in motion.
+    The standard errors are those of as many independent samples as the residuals show, since
+    neighbouring samples share an error of x_1. An error that all samples share is an error of the
+    force at the start of the load: it shifts x_e by that force over K_e and leaves no residual. An
+    error that grows with the load, as the stated uncertainty does, is an error of K_e by the same
+    fraction of the force. The deviation of the force at rest in the hold from the line is treated
+    in the same way, since the line was fitted during motion.
     """
     line = ContactLine()
     names = ("x_um", "force_mN", "force_r_mN", "force_uncertainty_mN")
@@ -221,7 +222,7 @@ def contact_fit(table: Columns) -> ContactFit | None:
 def phases(names: Sequence[str | None], t_s: Sequence[float], period_s: float) -> list[PlayedPhase]:
     """Return the phases in order, as runs of samples.
 
-    A sample without a phase belongs to the one before it.
+    A sample without a phase belongs to the previous phase.
     """
     found: list[tuple[str, float, float]] = []
     for name, start_s in zip(names, t_s, strict=True):
@@ -263,9 +264,9 @@ def law_figures(table: Columns, plant: DifferenceEquation) -> dict[str, Any]:
     Parameters
     ----------
     table
-        Columns of the epoch, a row for each sample; see ``columns``.
+        Columns of the epoch, with one row for each sample; see ``columns``.
     plant
-        The arm as the law's parameter set has it.
+        Plant model of the arm in the law's parameter set.
     """
     return {
         "sliding_um": figures.percentiles(series(table, "sliding_um")),
@@ -282,9 +283,9 @@ def true_perturbation_error(table: Columns, plant: DifferenceEquation) -> Series
 
     p̃_k = p̂_k - p_k = p_{k-1} - p_k, p by (6) (8)
 
-    Where F is estimated from the same x and u, p̃ holds model against model; this one holds the
-    law's plant against the arm. NaN where one of its samples never came or was no measurement,
-    and throughout where no simulated rig tells the force.
+    If F is estimated from the same x and u, p̃ compares a model with a model; this p̃ compares the
+    law's plant with the arm. It is NaN if one of its samples is missing or invalid, and always NaN
+    on a real rig, where the true force is unknown.
     """
     measured = series(table, "position_valid") == 1.0
     x_um = np.where(measured, series(table, "x_um"), np.nan)
@@ -324,16 +325,16 @@ def _share_in_band(table: Columns) -> float | None:
 
 
 RETURN_SAMPLES = 10
-"""Number of samples at the end of the way back whose mean force decides."""
+"""Number of samples at the end of the return motion whose mean force decides."""
 
 
 def position_step_of(table: Columns) -> PositionStep | None:
     """Return the position step that the voltage does not explain; None without a step.
 
-    The controller reports the step, the force just before it, F, and just after it, F'. If the part
-    gave way by δ, F' is the force and δ = r + (F - F')/K_e; if the sensor jumped by r, the force is
-    still F and the free arm reads F' - F afterwards. Therefore the force that is read on the way
-    back decides, within its uncertainty.
+    The controller reports the step r, the force F just before it, and the force F' just after it.
+    If the part yielded by δ, F' is the force and δ = r + (F - F')/K_e; if the sensor jumped by r,
+    the force is still F and the free arm reads F' - F afterwards. Therefore the force that is read
+    in the return motion decides, within its uncertainty.
     """
     steps_um = table["step_um"]
     row = next((place for place, step_um in enumerate(steps_um) if step_um is not None), None)
@@ -362,7 +363,7 @@ def position_step_of(table: Columns) -> PositionStep | None:
 
 
 def with_ring(found: PositionStep, table: Columns, rig: RigFile) -> PositionStep:
-    """Add whether the arm rang after the step; known only if the voltage was kept then."""
+    """Add whether the arm oscillated after the step; known only if the voltage was kept then."""
     model = rig.model
     row = next(place for place, step_um in enumerate(table["step_um"]) if step_um is not None)
     first = max(0, row - 1)  # the step was confirmed by the sample after it
@@ -397,7 +398,7 @@ def _source(table: Columns, step_um: float, lost_mN: float) -> StepCause:
     if not returned:
         return "unknown"
     read_mN = sum(force_mN for force_mN, _ in returned) / len(returned)
-    # Half way between the readings of a free arm: 0 after a slip, -lost_mN after a jump.
+    # Midway between the two possible readings of a free arm: 0 after a slip, -lost_mN after a jump.
     off_mN, doubt_mN = read_mN + 0.5 * lost_mN, returned[-1][1]
     if abs(off_mN) <= doubt_mN:
         return "unknown"

@@ -2,8 +2,8 @@
 
 It includes only what the model in use has identified: the noise of the sensor, and the error of an
 identified free response over the distance from its zero. Creep and drift are additional, and so is
-an unknown past, whose uncertainty is stated separately. The ring of the mode contributes a share
-that a plan can reduce.
+an unknown history, whose uncertainty is stated separately. Oscillation of the mode contributes a
+term that a plan can reduce.
 """
 
 from math import pi
@@ -26,13 +26,14 @@ from pincette.core import plugins
 from pincette.engine.timing_budget import budget, stated_output
 
 WARNED_SHARE = 0.05
-"""Ratio of the term to the planned force, or to its swing, above which a warning is given."""
+"""Ratio of the oscillation term to the planned force, or to its peak-to-peak value, above which
+a warning is given."""
 RC_S = 0.0033
 """Time constant of the proposed RC filter before the amplifier, in s."""
 
 
 def force_uncertainty_mN(rig: RigFile, way_um: float, *, conditioned: bool = False) -> float:
-    """Return the expanded force uncertainty after the free arm has moved by ``way_um``, in mN.
+    """Return the expanded force uncertainty, in mN, after the free arm has moved by ``way_um``.
 
     Parameters
     ----------
@@ -60,11 +61,11 @@ def force_uncertainty_mN(rig: RigFile, way_um: float, *, conditioned: bool = Fal
 
 
 def past_uncertainty_mN(rig: RigFile, force_mN: float) -> float:
-    """Return the expanded force uncertainty due to the arm's unknown past, in mN.
+    """Return the expanded force uncertainty due to the arm's unknown history, in mN.
 
     The arm may have rested at either end of its voltage range before it came to its rest. It is
-    zeroed before the part, and continues from there. The result is 0 where the past adds less than
-    the model's own error.
+    zeroed before it reaches the part, and continues from there. The result is 0 if the history adds
+    less than the error of the model.
     """
     model, limits, part = rig.model, rig.limits, rig.part
     response = derived.free_response(model)
@@ -84,7 +85,8 @@ def past_uncertainty_mN(rig: RigFile, force_mN: float) -> float:
 
 
 def hidden_by_past(rig: RigFile, force_mN: float, pointer: str) -> tuple[Violation, ...]:
-    """Return the violation if the requested force is below the uncertainty due to the unknown past.
+    """Return the violation if the requested force is below the uncertainty due to the unknown
+    history.
 
     The load would end as ``uncertain_force``, unless the approach reduces that uncertainty.
     """
@@ -110,9 +112,9 @@ def uncertain_forces(
     *,
     conditioned: bool = False,
 ) -> tuple[Violation, ...]:
-    """Return violations of a touch or a force that is below its own uncertainty.
+    """Return violations of a contact force or a highest force that is below its own uncertainty.
 
-    Below that force, noise and the model error would look like a touch.
+    Below that force, noise and the model error would look like a contact.
 
     Parameters
     ----------
@@ -138,17 +140,19 @@ def uncertain_forces(
 
 
 class RingTerm(NamedTuple):
-    """Largest contribution of the ring to the uncertainty U in the goal phase of a plan."""
+    """Largest contribution of oscillation of the mode to the uncertainty U in the goal phase of
+    a plan."""
 
     force_mN: float
     at_s: float
     """Time of the largest contribution in the plan, in s."""
     share: float
-    """Ratio of the contribution to the swing of the planned force, or to a steady force."""
+    """Ratio of the contribution to the peak-to-peak value of the planned force, or to a steady
+    force."""
 
 
 def ring_term(made: ContactPlan, rig: RigFile, phase: str, settling_s: float = 0.0) -> RingTerm:
-    """Return the contribution of the ring in one phase of a plan.
+    """Return the contribution of oscillation in one phase of a plan.
 
     The drivers' statement is used if the output delay has never been measured.
 
@@ -157,7 +161,7 @@ def ring_term(made: ContactPlan, rig: RigFile, phase: str, settling_s: float = 0
     phase
         Goal phase of the job.
     settling_s
-        Time from the start of the phase that does not count.
+        Time from the start of the phase that is left out, in s.
     """
     course = made.course
     shares = derived.ring_shares(rig, stated_output(rig))
@@ -178,7 +182,7 @@ def ring_term(made: ContactPlan, rig: RigFile, phase: str, settling_s: float = 0
 
 
 def ring_remedy(rig: RigFile) -> str:
-    """Return a measure that reduces the ring on a rig, in words."""
+    """Return a measure that reduces the oscillation on a rig, in words."""
     if rig.shaping_s is not None or rig.model.output_lag_s >= RC_S:
         return "move more slowly"
     if _shapes(rig):
@@ -190,7 +194,8 @@ def ring_remedy(rig: RigFile) -> str:
 
 
 def ring_violation(term: RingTerm, rig: RigFile, tolerance_mN: float | None) -> list[PlanViolation]:
-    """Return the violation of a plan whose ring exceeds the requested tolerance; or empty."""
+    """Return the violation of a plan whose oscillation exceeds the requested tolerance; or
+    empty."""
     if tolerance_mN is None or term.force_mN <= tolerance_mN:
         return []
     mode_hz = rig.model.natural_frequency_rad_per_s / (2.0 * pi)
@@ -213,7 +218,7 @@ def ring_violation(term: RingTerm, rig: RigFile, tolerance_mN: float | None) -> 
 
 
 def ring_warning(term: RingTerm, rig: RigFile) -> list[str]:
-    """Return a warning if the ring makes the force of a plan uncertain; otherwise empty."""
+    """Return a warning if oscillation makes the force of a plan uncertain; otherwise empty."""
     if term.share < WARNED_SHARE:
         return []
     return [

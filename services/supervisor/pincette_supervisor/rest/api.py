@@ -137,7 +137,7 @@ OPERATIONS = {
 def complete(document: dict[str, Any]) -> None:
     """Add models and responses that no route declares, and remove FastAPI's own error model."""
     schemas = document["components"]["schemas"]
-    # A job holds the result of any kind, and kinds are registered by plug-ins.
+    # A job contains the result of any kind, and kinds are registered by plug-ins.
     results = dict.fromkeys(
         [*(one for kind in job_kinds().values() for one in kind.results), JobResult]
     )
@@ -166,7 +166,7 @@ def complete(document: dict[str, Any]) -> None:
             _flatten_union(content["schema"])
         for answer in operation["responses"].values():
             for content in answer.get("content", {}).values():
-                if "itemSchema" in content:  # of OpenAPI 3.2, which few tools accept yet
+                if "itemSchema" in content:  # from OpenAPI 3.2, which few tools accept yet
                     content["x-itemSchema"] = content.pop("itemSchema")
     for schema in schemas.values():
         for one in schema.get("examples", ()):
@@ -217,7 +217,7 @@ def _operations(document: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _is_own_error_model(answer: dict[str, Any]) -> bool:
-    """Return whether FastAPI has added a response on its own."""
+    """Return whether a response was added by FastAPI itself."""
     schema = answer.get("content", {}).get("application/json", {}).get("schema", {})
     return schema.get("$ref") == f"{SCHEMAS}HTTPValidationError"
 
@@ -241,7 +241,7 @@ def _add_shared_responses(document: dict[str, Any]) -> None:
     }
     for path, operation in _placed(document):
         wanted = EVERYWHERE
-        if path.endswith(ESTOP):  # which is refused for no parameter
+        if path.endswith(ESTOP):  # which is not rejected for any parameter
             wanted = tuple(status for status in wanted if status != 422)
         if "security" in operation or operation["operationId"] == "sign_in":
             wanted += WITH_KEY

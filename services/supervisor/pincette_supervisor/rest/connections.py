@@ -1,13 +1,13 @@
 """Connections of the HTTP server: the queue of those that have work, and TLS handshakes.
 
-An event loop runs all callbacks that are ready before it looks at its sockets again. Without a
-queue of the connections that have work, data of many connections that arrive together would delay a
-stop by the sum of their work. Each turn of the event loop does a part of it.
+An event loop runs all callbacks that are ready before it checks its sockets again. Without a queue
+of the connections that have work, data of many connections that arrive together would delay a stop
+by the sum of their work. Each turn of the event loop does a part of it.
 
 asyncio would begin a handshake with each client at once, and wait a minute for it. Here a handshake
-begins when its first message has arrived, and each turn of the event loop begins a few, so that a
-flood of handshakes does not stop the loop. A client has three seconds for its first message, and
-three for the rest. At most 600 handshakes are pending.
+begins when its first message has arrived, and each turn of the event loop begins a few, so that
+many simultaneous handshakes do not block the loop. A client has three seconds for its first
+message, and three for the rest. At most 600 handshakes are pending.
 """
 
 import asyncio
@@ -84,15 +84,15 @@ class WorkQueue:
     def add_silent(self, peer: Peer, *, kept: bool = False) -> None:
         """Add a connection that waits for data, unless it waits for its turn.
 
-        ``kept`` means that it has had a response that was no rejection; it is closed after those
-        that have not.
+        ``kept`` means that it has had a response other than a rejection; it is closed after
+        connections without such a response.
         """
         if peer not in self._ready:
             self.discard(peer)
             (self._kept if kept else self._silent)[peer] = None
 
     def discard(self, peer: Peer) -> None:
-        """Forget a connection."""
+        """Remove a connection."""
         self._silent.pop(peer, None)
         self._kept.pop(peer, None)
         self._ready.pop(peer, None)
@@ -148,10 +148,9 @@ def has_data(transport: asyncio.BaseTransport) -> bool:
     return bool(poll.poll(0))
 
 
-# Event loop whose turns have a bounded number of socket events.
-#
-# asyncio handles all sockets that are ready before it does anything else. When a client closes 500
-# connections at once, that is one turn of a tenth of a second; a stop takes about ten turns.
+# Event loop whose turns have a bounded number of socket events. asyncio handles all sockets that
+# are ready before anything else. If a client closes 500 connections at once, that is one turn of a
+# tenth of a second, while a stop takes about ten turns.
 
 EVENTS = 24
 """Largest number of socket events of one turn; the others are handled in the next turns."""
@@ -163,7 +162,7 @@ class BoundedSelector(selectors.DefaultSelector):
     _place = 0
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        """Wait for events; sockets that are left out are still ready the next time."""
+        """Wait for events; sockets that are left out are still ready at the next call."""
         ready = super().select(timeout)
         if len(ready) <= EVENTS:
             return ready
@@ -247,7 +246,7 @@ class Doorway(asyncio.Protocol):
         loop = asyncio.get_running_loop()
         done: asyncio.Future[None] = loop.create_future()
         done.add_done_callback(self._shaken)
-        # As loop.start_tls does, without its tasks, which take several turns of the loop.
+        # Same as loop.start_tls, but without its tasks, which take several turns of the loop.
         tls = SSLProtocol(
             loop,
             self._connection(),
@@ -266,7 +265,7 @@ class Doorway(asyncio.Protocol):
     def _shaken(self, done: "asyncio.Future[None]") -> None:
         self._forget()
         if not done.cancelled():
-            done.exception()  # of the client's making; the connection is ended
+            done.exception()  # an error caused by the client; the connection is ended
 
     def has_unread_data(self) -> bool:
         """Return whether the first message of the handshake has arrived."""

@@ -80,8 +80,8 @@ def set_cookie(response: Response, scope: AsgiScope, supervisor: str, value: str
 
 def _is_secure(connection: HTTPConnection) -> bool:
     """Return whether the client is connected over TLS, which may end at a proxy."""
-    # Every browser states the address of its page; a program does not, but the proxy may state how
-    # it was reached. A client that invents either harms only its own cookie.
+    # Every browser sends the address of its page; other programs do not, but the proxy may state
+    # how it was reached. A client that forges either value harms only its own cookie.
     forwarded = connection.headers.get("x-forwarded-proto", "").partition(",")[0].strip()
     page = connection.headers.get("origin") or forwarded or str(connection.url.scheme)
     return page.lower().startswith("https")
@@ -132,7 +132,7 @@ def _identified(scope: AsgiScope, authenticator: Authenticator) -> Caller:
     headers, client = Headers(scope=scope), scope.get("client")
     scheme, shown = get_authorization_scheme_param(headers.get("authorization"))
     address = "unknown" if client is None else str(client[0])
-    # A scheme other than Bearer never authenticates, and hides the cookie.
+    # A scheme other than Bearer never authenticates; the cookie is then ignored.
     key = (shown if scheme.lower() == "bearer" else "") if scheme else None
     callers = [
         authenticator.identify(address, key, cookie)
@@ -272,7 +272,7 @@ async def _note(request: Request) -> Callable[[str], None]:
 
 
 Note = Annotated[Callable[[str], None], Depends(_note)]
-"""Function that tells the audit log what is requested, if the path does not say it."""
+"""Function that states for the audit log what is requested, if the path does not."""
 
 
 async def _hung_up(request: Request) -> Callable[[], bool]:
@@ -288,7 +288,7 @@ async def _hung_up(request: Request) -> Callable[[], bool]:
 HungUp = Annotated[Callable[[], bool], Depends(_hung_up)]
 """Function that returns True once the caller has disconnected.
 
-To be called in a thread of the pool.
+It must be called in a thread of the pool.
 """
 
 CLAIM_TOKEN = r"^[!-~]{16,200}$"

@@ -9,9 +9,9 @@ from starlette.types import Receive, Scope, Send
 
 
 class Download(StreamingResponse):
-    """Attachment that ends its generator once it is sent, or once its client disconnects.
+    """Attachment that ends its generator when it has been sent, or when its client disconnects.
 
-    Otherwise the files that the generator reads would stay open until Python collects garbage.
+    Otherwise the files that the generator reads would stay open until the garbage collector runs.
     """
 
     def __init__(self, parts: Iterator[str | bytes], media_type: str, name: str) -> None:

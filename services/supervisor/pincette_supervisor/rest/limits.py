@@ -129,7 +129,7 @@ LONG_PER_S, LONG_BURST = 40.0, 100.0
 so a flood of them would use up the rate of all other requests."""
 PATIENCE_S = 1.0
 """Longest time in s for which a request waits after its client has exceeded its rate; beyond it,
-429. This way, all clients of one address without keys get their turn."""
+429. This gives all clients that share an address without keys a chance to be served."""
 HELD_S: Mapping[Kind, float] = {"short": 1.0, "long": 5.0}
 """Time in s for which such a rejection is delayed, so that a client that retries at once does not
 keep the server busy with rejections."""
@@ -159,9 +159,9 @@ class Shares:
 
     @contextmanager
     def taken(self, kind: Kind, client: str, clients: int = 1) -> Generator[None]:
-        """Count a request within the block; raises ProblemError if there are too many.
+        """Count a request within the ``with`` block; raises ProblemError if there are too many.
 
-        ``clients`` is the number of clients that share the limit of one.
+        ``clients`` is the number of clients that share one limit.
         """
         place: tuple[Kind, str] = (kind, client)
         most = clients * OF_ONE[kind]
@@ -185,8 +185,8 @@ class Shares:
 class RateLimit:
     """Rejects requests beyond the rate and the concurrency limits, with ``Retry-After``.
 
-    A client is a key, or an address where no valid key is shown. Emergency stops are exempt, and so
-    are the actions of a job with a valid key: its route applies the limits to all but stops.
+    A client is a key, or an address if no valid key is sent. Emergency stops are exempt, and so are
+    the actions of a job with a valid key: its route applies the limits to all but stops.
     """
 
     def __init__(
@@ -199,7 +199,7 @@ class RateLimit:
     ) -> None:
         """Create the limits.
 
-        ``clients_per_address`` multiplies those of an address without a key.
+        ``clients_per_address`` multiplies the limits of an address without a key.
         """
         self._clients_per_address = clients_per_address
         self._app, self._authenticator, self._clock = app, authenticator, clock
@@ -225,7 +225,7 @@ class RateLimit:
             await asyncio.sleep(self._wait_s(kind, caller, PATIENCE_S))
             with self._shares.taken(kind, caller.client, self._clients(caller)):
                 await self._app(scope, receive, send)
-        except ProblemError as refusal:  # of the limits; the application answers its own
+        except ProblemError as refusal:  # raised by the limits; the application handles its own
             scope[HELD] = True
             await asyncio.sleep(HELD_S[kind] * uniform(*SPREAD))
             await problems.response_of(refusal)(scope, receive, send)
@@ -293,7 +293,7 @@ def _with_send_timeout(send: Send) -> Send:
 async def read_body(request: Request, most_bytes: int) -> bytes:
     """Read a body; raises ProblemError if it is too large (413) or arrives too slowly (408).
 
-    FastAPI's own ``max_body_size`` has no time limit, and answers in plain text.
+    FastAPI's own ``max_body_size`` has no time limit, and replies in plain text.
     """
     announced = request.headers.get("content-length", "")
     if announced.isdecimal() and int(announced[:20]) > most_bytes:
@@ -330,11 +330,10 @@ def _too_large(size: str, most_bytes: int) -> ProblemError:
     )
 
 
-# Delay of rejections for an address that has had many of them recently.
-#
-# A client that repeats a rejected request at once would keep the event loop busy with rejections.
-# Delayed by a second, a rejection costs the server a timer. Accepted requests and all stops of the
-# same address are not delayed.
+# Delay of rejections for an address that has had many of them recently. A client that repeats a
+# rejected request at once would keep the event loop busy with rejections. A rejection that is
+# delayed by a second costs the server only a timer. Accepted requests and all stops of the same
+# address are not delayed.
 
 REFUSAL_HELD_S = 1.0
 """Time for which a rejection is delayed, in s."""
@@ -362,8 +361,7 @@ class Refusals:
 class HeldRefusals:
     """ASGI application that delays responses with a 4xx status.
 
-    Meanwhile the request no longer counts as running: it takes no share of the limits of its
-    client.
+    Meanwhile the request no longer counts towards the limits of its client.
     """
 
     def __init__(self, app: ASGIApp, refusals: Refusals) -> None:

@@ -38,7 +38,7 @@ DRY_RUN = "dry run"
 PROBES = ("/livez", "/readyz")
 """Paths that respond to any client under any ``Host``."""
 PAGE_CHECK = "/page-check"
-"""End of the path at which a page asks for its permissions."""
+"""End of the path at which a page requests its permissions."""
 REFUSED = (401, 403, 421)
 """Statuses of requests that are rejected because of their sender or their ``Host``."""
 
@@ -77,10 +77,10 @@ def is_page_check(scope: Scope) -> bool:
 def refusal(scope: Scope, names: frozenset[str], path: str = "") -> ProblemError | None:
     """Return why a request must be rejected for its ``Host`` or its page; None to accept it.
 
-    ``path`` replaces the path of the request, to learn what another POST of this page would get.
-    Only browsers can be misled by DNS rebinding, and what they could do then is guarded: reading
-    the rig's state and changing it. A stop is harmless, so any Host may send one, or none at all;
-    probes are for health checks, which often send no Host.
+    ``path`` replaces the path of the request, to check whether another POST of this page would be
+    accepted. Only browsers can be misled by DNS rebinding, so reading the rig's state and changing
+    it are protected against that. A stop is harmless, so it is accepted with any Host and without
+    one; probes are for health checks, which often send no Host.
     """
     headers, path = Headers(scope=scope), path or scope["path"]
     host, method = headers.get("host", ""), scope["method"]
@@ -98,7 +98,7 @@ def refusal(scope: Scope, names: frozenset[str], path: str = "") -> ProblemError
         return None
     site, origin = headers.get("sec-fetch-site"), headers.get("origin")
     if estop and not host and site is None:
-        return None  # every browser sends Host
+        return None  # all browsers send Host
     if is_foreign(site, origin, host):
         return ProblemError(
             403,
@@ -111,7 +111,8 @@ def refusal(scope: Scope, names: frozenset[str], path: str = "") -> ProblemError
 
 
 class AuditLog:
-    """Logs each request that could change something, and each one rejected for its sender."""
+    """Logs each request that could change something, and each request rejected because of its
+    sender."""
 
     def __init__(
         self, app: ASGIApp, authenticator: Authenticator, audit_buffer: AuditBuffer
@@ -153,7 +154,7 @@ class AuditLog:
             self._buffer.add(row)
 
 
-# HEAD and OPTIONS for every path.
+# HEAD and OPTIONS requests for every path.
 
 
 class HeadAndOptions:
@@ -170,7 +171,7 @@ class HeadAndOptions:
             return
         if method == "OPTIONS":
             allowed = allowed_methods(self._routes, scope)
-            if scope["path"] == "*":  # the server as a whole
+            if scope["path"] == "*":  # an OPTIONS request for the server as a whole
                 allowed = [*METHODS, "HEAD", "OPTIONS"]
             if allowed:
                 headers = [(b"allow", ", ".join(allowed).encode())]

@@ -102,11 +102,12 @@ async def page_check(
 ) -> PageCheck:
     """Report whether a stop and a request of this page would be accepted, and if not, why.
 
-    The checks are those of the emergency stop. Nothing moves, and no key is needed. A page behind a
-    reverse proxy detects here that the proxy drops ``Host`` or forwards to another place.
+    The checks are those of the emergency stop. Nothing moves, and no key is needed. Behind a
+    reverse proxy, a page detects with this request that the proxy drops ``Host`` or forwards to
+    another server.
     """
     note(DRY_RUN)
-    if rig not in rigs.unusable:  # which are stopped, too
+    if rig not in rigs.unusable:  # unusable rigs are stopped, too
         rigs.get(rig)
     scope = request.scope
     estop = scope["path"].removesuffix(PAGE_CHECK) + ESTOP
@@ -145,7 +146,7 @@ def audit(
         int | None, Query(ge=1, le=LARGEST, description="entries below this number")
     ] = None,
 ) -> AuditList:
-    """Return requests that could change something, and those rejected for their sender.
+    """Return requests that could change something, and those rejected because of their sender.
 
     Newest first.
     """
@@ -176,7 +177,7 @@ def audit_chain(
         str | None, Query(pattern="^[0-9a-f]{64}$", description="`newest` of an earlier reply")
     ] = None,
 ) -> AuditChain:
-    """Return whether each entry of the audit log follows from the one before it."""
+    """Return whether each entry of the audit log follows from the previous one."""
     repository = AuditRepository(store)
     access.audit_buffer.flush(repository, everything=True)
     chain = repository.chain(link or "")

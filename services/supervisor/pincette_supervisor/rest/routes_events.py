@@ -103,7 +103,7 @@ def _position(
             le=LARGEST,
             description="takes precedence over `after`; if empty, no event is skipped",
         ),
-        BeforeValidator(_none_if_empty),  # last: the bounds are of the number alone
+        BeforeValidator(_none_if_empty),  # last, since the bounds apply only to the number
     ] = None,
 ) -> int | None:
     return after if last_event_id is None else last_event_id
@@ -150,7 +150,7 @@ async def of_job(job: str, after: Position, rigs: AllRigs, permitted: Permitted)
 
     A standard EventSource reconnects after the end, gets 204, and stops then.
     """
-    # Begun before the job is looked at, so that no change falls in between.
+    # Begun before the job is read, so that no change in between is missed.
     subscription = await _listen(rigs.own.context.events, after or 0, job, every_rig=True)
 
     def busy() -> bool:
@@ -276,7 +276,7 @@ async def until_over(
     try:
         yield GREETING
         while True:
-            # Evaluated before the events are read: what comes after the end is not the job's.
+            # Evaluated before the events are read: events after the end do not belong to the job.
             ended = over and not busy() and subscription.caught_up
             events = await subscription.next(0.0 if ended else POLL_S)
             for event in events or ():
