@@ -1,7 +1,7 @@
-"""Traces of jobs: spans from the journal, sent over OTLP once the record of a job is written.
+"""Traces of jobs: spans from the journal, sent over OTLP after the record of a job is written.
 
-The spans are made after the fact, so that nothing of them enters the loop. They are sent as OTLP in
-JSON over HTTP, as notices are: in order, repeated while the collector does not answer.
+The spans are created afterwards, so that they do not affect the loop. They are sent as OTLP in JSON
+over HTTP, in the same way as notices: in order, and repeated while the collector does not reply.
 """
 
 import hashlib
@@ -44,12 +44,12 @@ WAITS: Mapping[str, str] = {
     "running": "arm",
     "awaiting_recovery": "recovery",
 }
-"""Names of the spans of states; each ends with the next one, or the first phase."""
+"""Names of the spans of states; each span ends with the next one, or with the first phase."""
 OK, ERROR = 1, 2
 
 
 class Span(NamedTuple):
-    """A stretch of time of a job."""
+    """Time interval of a job."""
 
     name: str
     begin: str
@@ -99,7 +99,7 @@ def _attributes(event: Event) -> dict[str, Any]:
 
 
 def request_of(job: JobRow, events: Sequence[Event]) -> dict[str, Any]:
-    """Return the request that sends the spans of a job, as OTLP has it in JSON."""
+    """Return the request that sends the spans of a job, as OTLP in JSON."""
     resource = {"service.name": "pincette", "service.instance.id": job.rig}
     scope = {"name": "pincette", "version": __version__}
     spans = [*_encoded(job, spans_of(job, events))]
@@ -108,7 +108,8 @@ def request_of(job: JobRow, events: Sequence[Event]) -> dict[str, Any]:
 
 
 def _encoded(job: JobRow, spans: Sequence[Span]) -> Iterator[dict[str, Any]]:
-    """Yield spans in the form of OTLP; ids depend on the job alone, so that none comes twice."""
+    """Yield spans as OTLP; their ids depend on the job alone, so that a repeated span can be
+    recognised."""
     trace, parent = _digest(job.id, 32), ""
     if job.traceparent is not None:
         _, trace, parent, _ = job.traceparent.split("-")
@@ -149,7 +150,7 @@ def _value(value: Any) -> dict[str, Any]:
 
 
 def _is_sampled(job: JobRow) -> bool:
-    """Return whether the caller records its trace, or sent none."""
+    """Return True if the caller records its trace or sent no trace context."""
     return job.traceparent is None or bool(int(job.traceparent[-2:], 16) & 1)
 
 
@@ -181,7 +182,7 @@ class TraceSender:
 
 
 def trace_senders(environment: Mapping[str, str], store: Store) -> list[TraceSender]:
-    """Return the sender of traces that the environment asks for; none without an address."""
+    """Return the sender of traces that the environment configures; none without an address."""
     base, url = environment.get(ENDPOINT, ""), environment.get(TRACES_ENDPOINT, "")
     url = url or (f"{base.rstrip('/')}/v1/traces" if base else "")
     pairs = [pair.partition("=") for pair in environment.get(HEADERS, "").split(",") if pair]

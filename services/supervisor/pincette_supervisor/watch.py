@@ -23,13 +23,13 @@ from pincette_supervisor.rigs.rig_context import RigContext
 from pincette_supervisor.rigs.standing import is_playing
 
 SAMPLES = {"estimator": Estimate, "controller": Telemetry}
-"""Programs that send samples while a program is played."""
+"""Programs that publish samples while a program is played."""
 TOKENS = (*LOOP, "recorder", "rig")
 """Programs whose liveliness token is monitored."""
 CLOCK = "clock"
 """Cause of the alarm of a step of the time of day; acknowledging it accepts the step."""
 FRESH_S = 1.0
-"""Age beyond which an estimate says nothing about the sensor, in s."""
+"""Age above which an estimate says nothing about the sensor, in s."""
 MB = 1e6
 
 
@@ -48,7 +48,7 @@ class LeaseRenewal(Protocol):
 
 
 class ActiveJob(Protocol):
-    """The job that has the rig, with what checks and alarms need of it."""
+    """The job that occupies the rig, with the data that checks and alarms need."""
 
     @property
     def id(self) -> str:
@@ -116,7 +116,7 @@ def _answers(context: RigContext) -> Iterator[Check]:
         answer = health.status(program)
         trouble = troubles.get(program, "")
         if program == "sensor" and answer is not None and trouble == _sensor(context):
-            trouble = ""  # of its samples, not of its answer
+            trouble = ""  # the reason refers to its samples, not to its reply
         if answer is not None and not trouble:
             words = f"{program} answers, version {answer.version}"
         else:
@@ -132,7 +132,8 @@ def _answers(context: RigContext) -> Iterator[Check]:
 
 
 def _ages(context: RigContext) -> Iterator[Check]:
-    """Yield checks of the age of the newest samples in real time; the sensor's always."""
+    """Yield checks of the age of the newest samples in real time; except for the sensor, only
+    while a program plays."""
     if context.rig.lockstep:
         return
     limit_s = context.health.sensor_limit_s()
@@ -223,7 +224,7 @@ def _refused(context: RigContext) -> Check:
 
 
 def _memory(context: RigContext) -> Check:
-    """Return the check that the estimator has followed the whole memory of the arm."""
+    """Return the check that the estimator has followed the whole voltage history of the arm."""
     answer = context.health.status("estimator")
     unknown = context.health.findings("estimator", FaultCode.MEMORY_UNKNOWN)
     words = "the arm's memory is known" if answer is not None else "estimator does not answer"
@@ -351,7 +352,7 @@ IDLE_S = 10.0
 """Time without a job at rest after which the sensor is set to its slow rate, in s."""
 JOIN_S = 2.0
 REFUSED, REFUSED_S = 5, 1.0
-"""Number of rejected commands within a time, in s, above which they are not caused by an arming."""
+"""Number of rejected commands within a time, in s, above which an arming is not their cause."""
 MISSED_SHARE, MISSED_S = 0.01, 10.0
 """Share of the ticks that may be missed within a time, in s."""
 FOREIGN = frozenset({FaultCode.OTHER_OWNER, FaultCode.SECOND_CONTROLLER})
@@ -421,7 +422,7 @@ class AlarmMonitor:
         self._poll_trip()
         self._poll_conditions()
         self._poll_refusals()
-        if not context.rig.lockstep:  # where programs may take as long as they like
+        if not context.rig.lockstep:  # in lockstep programs may take any time
             self._ask()
 
     def _poll_trip(self) -> None:
@@ -498,7 +499,7 @@ class AlarmMonitor:
             )
 
     def _let_idle(self, now_s: float) -> None:
-        """Set the sensor to its slow rate once the rig has had no job for some time."""
+        """Set the sensor to its slow rate after the rig has had no job for some time."""
         actuator = self._context.health.status("actuator")
         at_rest = actuator is not None and actuator.mode in AT_REST
         if not at_rest or self._active() is not None or self._busy_s == float("-inf"):

@@ -121,9 +121,9 @@ def uncertain_forces(
     rig
         Rig of one arm.
     force_mN
-        Highest force of the plan, and
+        Highest force of the plan, in mN.
     pointer
-        the member of the request that it comes from.
+        Member of the request that determines that force.
     conditioned
         True if the plan begins with conditioning strokes.
     """

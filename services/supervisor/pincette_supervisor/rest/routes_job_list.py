@@ -207,7 +207,7 @@ def export_numbers(rigs: AllRigs, wanted: Wanted, limit: MostJobs = None) -> Res
     dependencies=[OBSERVE],
 )
 def export_metadata(rigs: AllRigs, wanted: Wanted, limit: MostJobs = None) -> Response:
-    """Return the columns of that table of numbers, with the word that each number represents."""
+    """Return the columns of the table of numbers, with the word that each number represents."""
     parts = job_table.metadata_of(rigs.table_rows(wanted, limit), NUMBERS_CSV)
     return _attached(parts, OBJECT, f"{NUMBERS_CSV}{number_table.METADATA}")
 

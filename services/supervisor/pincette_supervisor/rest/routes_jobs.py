@@ -105,7 +105,7 @@ def take(
     """Create a job, or plan it only, and predict the result of the plan.
 
     ``jobs`` is the address of the jobs relative to that of the request. ``Location`` is relative,
-    so that it is also right below the path prefix of a reverse proxy.
+    so that it is also correct below the path prefix of a reverse proxy.
     """
     proposes = "" if body.approval_s is None else "propose "
     asker.note(DRY_RUN if dry_run or body.dry_run else proposes + body.kind)
@@ -211,7 +211,7 @@ async def stop(body: StopRequest, rigs: AllRigs, asker: Asking) -> StoppedReques
 def _stopped(body: StopRequest, rigs: Rigs, by: str) -> StoppedRequest:
     key = body.idempotency_key
     for manager in rigs.all():
-        # Noted before a request that waits for the disk releases its turn.
+        # Recorded before a request that waits for the disk releases its lock.
         if (name := manager.turns.created(key)) is not None:
             return StoppedRequest(job=_stopped_job(manager, name, by))
     for manager in rigs.all():

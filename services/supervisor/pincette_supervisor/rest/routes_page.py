@@ -107,7 +107,8 @@ async def points(
     """Return the rows of a file of numbers, CSV or Parquet, for the points of a path."""
     note(DRY_RUN)
     content = await read_body(request, MOST_BYTES)
-    # A file may unpack to much more than its size, so that is done outside the supervisor.
+    # The unpacked content may be much larger than the file, so it is unpacked outside the
+    # supervisor.
     read = partial(_rows, columns.split(","))
     found = await run_in_threadpool(rigs.own.context.draw, read, content)
     if isinstance(found, str):

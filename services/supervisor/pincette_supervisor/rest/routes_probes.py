@@ -45,7 +45,10 @@ ACTIONS: Mapping[str, str] = {
     "stopRequest": f"{JOBS}/stop",
     "estop": f"{RIG}/estop",
 }
-"""Operations of the actions. Reset is not one: it states that a person has looked at the rig."""
+"""Operations of the actions.
+
+Reset is not among them, since it states that a person has checked the rig.
+"""
 EVENTS: Mapping[str, str] = {"live": f"{RIG}/live"}
 """Operations of the events. Job events are left out: their server-sent events have names, which a
 form cannot request."""
@@ -70,8 +73,8 @@ def thing(
 ) -> dict[str, Any]:
     """Describe a rig, based on the OpenAPI document of its supervisor.
 
-    ``base`` is where the supervisor answers; ``keys`` whether it wants keys; ``others`` are the
-    other rigs that it serves.
+    ``base`` is the address of the supervisor; ``keys`` states whether it requires keys; ``others``
+    are the other rigs that it serves.
     """
     described = _Described(document, rig)
     security = {KEY: {"scheme": "bearer", "in": "header"}, NO_KEY: {"scheme": "nosec"}}
@@ -175,7 +178,7 @@ class _Described:
         return {"type": "object", **found}  # clients need the type of a union too
 
     def _inlined(self, node: Any, within: tuple[str, ...] = ()) -> Any:
-        """Return a schema without references, which a data schema cannot have."""
+        """Return a schema without references, since a data schema cannot have any."""
         if isinstance(node, list):
             return [self._inlined(one, within) for one in cast("list[Any]", node)]
         if not isinstance(node, dict):
@@ -191,7 +194,8 @@ class _Described:
             key: self._inlined(value, within) for key, value in tree.items() if key not in LEFT_OUT
         }
         for union in {"anyOf", "oneOf"} & found.keys():
-            # Models that are now described equally would all match, and oneOf requires one match.
+            # Models that have the same description after this would all match, and oneOf requires
+            # exactly one match.
             found[union] = [
                 one for at, one in enumerate(found[union]) if one not in found[union][:at]
             ]
@@ -254,7 +258,7 @@ def metrics(
     """Return the metrics of all rigs for Prometheus; no program is queried for them."""
     try:
         encode, kind = choose_encoder(accept)
-    except (TypeError, ValueError):  # Accept names a version that is no number
+    except (TypeError, ValueError):  # Accept contains a version that is not a number
         encode, kind = choose_encoder("")
     return Response(encode(RigCollector(rigs)), headers={"Content-Type": kind})
 

@@ -35,16 +35,19 @@ HEAD_BYTES = 16_384
 HEADERS_MAX = 100
 """Largest number of headers of a request; more are rejected with 431."""
 SLICE_BYTES, CHUNKED_BYTES = 2048, 256
-"""Bytes of one connection that are processed before others have their turn; fewer for a chunked
-body, since each chunk takes some 7 µs even if it is tiny."""
+"""Number of bytes of one connection that are processed before other connections have their turn;
+fewer for a chunked body, since each chunk takes some 7 µs even if it is tiny."""
 LINE_BYTES = 512
 """Number of bytes of a request in which its first line is searched, to serve a stop first."""
 REQUEST_BYTES = 1_048_576
 """Largest size of one request on the wire, in bytes; the framing of tiny chunks may take most of
 it."""
 DRAINED_BYTES = 65_536
-"""Largest body that is still read after a response that preceded its end. Clients that send head
-and body in two writes reuse the connection; without this their next request would fail."""
+"""Largest body that is still read after a response that preceded its end.
+
+Clients that send head and body in two writes reuse the connection, and without this their next
+request would fail.
+"""
 PIPELINED_S = 0.5
 """Time from a response to the next request of a client that did not wait for the response, in s."""
 LINGER_S = 2.0
@@ -62,12 +65,17 @@ ACCEPT_BATCH = 16
 BACKLOG = 1024
 """Number of connections that the system queues until they are accepted."""
 KEEP_S = 75
-"""Time for which an idle connection is kept, in s. It is longer than that of clients, since a
-request could otherwise cross with the end of its connection."""
+"""Time for which an idle connection is kept, in s.
+
+It is longer than that of clients; otherwise the server could close a connection while a client
+sends its next request.
+"""
 STOP_S = 2
 WORKERS = 6
-"""Threads that compute responses; an emergency stop needs none of them. The thread that reads
-requests competes with all of them each time it has work to do."""
+"""Threads that compute responses; an emergency stop needs none of them.
+
+The thread that reads requests competes with all of them each time it has work to do.
+"""
 
 
 class SlicedReading(FlowControl):
@@ -85,9 +93,9 @@ class SlicedReading(FlowControl):
 
 
 class Connection(H11Protocol):
-    """One connection. An idle one can be closed to make room for others, the oldest first.
+    """One connection. An idle connection can be closed to make room for others, the oldest first.
 
-    A flood of connections therefore cannot block a client that wants to stop the rig.
+    Therefore many connections cannot block a client that wants to stop the rig.
     ``limit_concurrency`` of uvicorn would reject connections by number alone.
 
     Data are processed in slices, which wait for their turn in a queue of all connections. Only the
@@ -170,9 +178,9 @@ class Connection(H11Protocol):
 
     def _process(self) -> None:
         """Process one slice, and enqueue the rest."""
-        if not self._received or self.flow.read_paused:  # empty data mean the end to h11
+        if not self._received or self.flow.read_paused:  # h11 takes empty data for the end
             return
-        if self.is_held:  # the answer is settled, and resumes reading
+        if self.is_held:  # the response is complete, and resumes reading
             self.flow.pause_reading()
             return
         size = SLICE_BYTES if self.idle or self._length() is not None else CHUNKED_BYTES
@@ -228,11 +236,11 @@ class Connection(H11Protocol):
         if estop is None:
             if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
                 self._refuse(NOT_HTTP)
-            else:  # in the middle of an answer, or after the last one
+            else:  # during a response, or after the last one
                 self.transport.close()
             return
         self._head_data = b""
-        self.conn = h11.Connection(h11.SERVER)  # the old one accepts nothing more
+        self.conn = h11.Connection(h11.SERVER)  # the old one accepts no more data
         super().data_received(estop)
 
     def on_response_complete(self) -> None:
@@ -348,7 +356,8 @@ class UnambiguousLength:
             await self._app(scope, receive, send)
             return
         if estop is not None:
-            # It needs no body, so it is done; what follows on the connection is not read.
+            # The response needs no body, so it is complete; later data of the connection is not
+            # read.
             await self._app(scope, receive, partial(_send_and_close, send))
             return
         await self._refuse(
@@ -379,8 +388,9 @@ class Server(uvicorn.Server):
         """Start serving."""
         current_default_thread_limiter().total_tokens = WORKERS
         for listener in sockets or ():
-            # Connections inherit it. asyncio sets it on sockets of protocol IPPROTO_TCP alone, and
-            # uvicorn's have 0: each body then waited 40 ms for the client's acknowledgement.
+            # Connections inherit this option. asyncio sets it only on sockets of protocol
+            # IPPROTO_TCP, and uvicorn's have 0: each body then waited 40 ms for the client's
+            # acknowledgement.
             listener.setsockopt(IPPROTO_TCP, TCP_NODELAY, 1)
         await super().startup(sockets)
         for listener in sockets or ():
@@ -396,7 +406,7 @@ def server_of(app: ASGIApp, tls: ssl.SSLContext | None = None) -> uvicorn.Server
     door: Any = partial(Connection, WorkQueue(), refusals)
     if tls is not None:
         # A handshake must precede a stop. So this queue has no breaks, and the newest handshake
-        # does not wait for all of a flood.
+        # does not wait for all the others.
         door = partial(Doorway, tls, WorkQueue(break_s=0.0, alternates=True), door)
     return Server(
         uvicorn.Config(

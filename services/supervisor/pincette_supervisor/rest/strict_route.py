@@ -1,12 +1,12 @@
 """A route that rejects each request that it does not understand completely.
 
-FastAPI ignores unknown query parameters, and of a repeated one takes the last. So ``?dryrun=true``
-would move the arm. Only an emergency stop ignores everything: a wrong word is no reason not to
-stop. A caller without the needed scope is rejected before anything else is read.
+FastAPI ignores unknown query parameters, and uses the last one of repeated parameters. So
+``?dryrun=true`` would move the arm. Only an emergency stop ignores everything: a wrong parameter is
+no reason not to stop. A caller without the needed scope is rejected before anything else is read.
 
-The thread that serves the emergency stop does nothing whose cost grows with a body: a few worker
-threads parse and validate it, and bodies with more parts than any request has are rejected
-unparsed.
+The thread that serves the emergency stop does no work whose cost grows with a body: a few worker
+threads parse and validate the bodies, and bodies with more parts than any valid request has are
+rejected unparsed.
 """
 
 import asyncio
@@ -27,9 +27,8 @@ from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import authorize
 from pincette_supervisor.rest.limits import ESTOP, MOST_BYTES, SMALL_BYTES, read_body
 
-# Numbers in the query of a request, in the form that JSON has.
-#
-# Pydantic reads a query parameter more liberally: ``1_0`` as 10, `` 5 `` as 5.
+# Numbers in the query of a request, in the form that JSON has. Pydantic reads a query parameter
+# less strictly: ``1_0`` as 10, `` 5 `` as 5.
 
 INTEGER = re.compile(r"-?[0-9]+")
 NUMBER = re.compile(r"-?[0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?")
@@ -47,7 +46,7 @@ def numeric_names(dependant: Dependant) -> Iterator[tuple[str, type]]:
 
 
 def require_numbers(request: Request, numeric: Mapping[str, type]) -> None:
-    """Raise RequestValidationError for each number in the query that is invalid in JSON."""
+    """Raise RequestValidationError for each number in the query that is not valid in JSON."""
     errors: list[dict[str, Any]] = []
     for name, kind in numeric.items():
         text = request.query_params.get(name)
@@ -63,15 +62,15 @@ def require_numbers(request: Request, numeric: Mapping[str, type]) -> None:
 
 JSON = "application/json"
 SIGNS, SIGNS_MAX = b",:[{", 24_000
-"""Characters that separate the parts of a body, and their largest number: a path of 4000 points has
-20 000, two paths of 2000 points each as many."""
+"""Characters that separate the parts of a body, and their largest number: a path of 4000 points
+has 20 000 of them, and so have two paths of 2000 points each."""
 MEMBERS_MAX = 200
 """Largest number of members of one object of a body, which bounds the number of its errors."""
 PARAMETERS_MAX = 50
 """Largest number of query parameters of one request."""
 TINY_BYTES = 512
-"""Largest size of a body, in bytes, that is parsed at once without a thread, such as that of a
-stop."""
+"""Largest size of a body, in bytes, that is parsed at once without a thread, for example that of
+a stop."""
 PARSERS = ThreadPoolExecutor(2, thread_name_prefix="parse")
 """Threads that parse and validate all other bodies."""
 Handler = Callable[[Request], Coroutine[Any, Any, Response]]
@@ -215,7 +214,7 @@ def parsed(body: bytes) -> Any:
         raise _broken(f"{error.msg} at line {error.lineno}, column {error.colno}") from error
     except UnicodeDecodeError as error:
         raise _broken(f"byte {error.start} is not UTF-8") from error
-    except ValueError as error:  # a repeated key, or an integer of thousands of digits
+    except ValueError as error:  # a repeated key, or an integer with thousands of digits
         raise _broken(str(error)[:200]) from error
 
 

@@ -35,11 +35,11 @@ from pincette_supervisor.results.documents import NOT_RECORDED, said_of, write_d
 from pincette_supervisor.results.place_found import place_found
 from pincette_supervisor.results.run_samples import THINNED, RunSamples, completed
 
-# The force that a job reads as its arm comes back, free again, to the place of its zero; pure.
+# The force that is read when an arm, free again, returns to the position of its zero; pure.
 
 
 def after_release(result: JobResult, run: Run, table: Columns) -> dict[str, Any]:
-    """Return the members of a result that state the release of its part and the zero return.
+    """Return the members of a result about the release of its part and the zero return.
 
     An arm that the part still holds has no zero return: the part pulls it.
     """
@@ -52,7 +52,7 @@ def after_release(result: JobResult, run: Run, table: Columns) -> dict[str, Any]
 
 
 def zero_returns(result: JobResult, table: Columns, rig: RigFile) -> dict[str, ZeroReturn | None]:
-    """Return the members of a result that state the zero return of each arm."""
+    """Return the members of a result about the zero return of each arm."""
     if isinstance(result, PairResult):
         first, second = (
             zero_return_of(table_of_arm(table, number), arm)
@@ -113,7 +113,8 @@ def zero_return_of(table: Columns, rig: RigFile) -> ZeroReturn | None:
 
 
 def trim_memory() -> None:
-    """Return freed memory to the system; glibc would keep it in fragments for each thread.
+    """Return freed memory to the system; otherwise glibc would keep it in fragments for each
+    thread.
 
     The interpreter continues meanwhile. Other C libraries may not have this call.
     """
@@ -261,5 +262,5 @@ def gathered(
     if result.position_step is not None and rig.second is None:
         step = with_ring(result.position_step, tables.extreme, planned.armed.rig)
         result = result.model_copy(update={"position_step": step})
-    run = replace(run, table=tables.extreme)  # the picture shows the extremes as well
+    run = replace(run, table=tables.extreme)  # the picture also shows the extremes
     return Record(job, run, replace(evaluation, result=result), epoch)

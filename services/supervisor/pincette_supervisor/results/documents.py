@@ -21,10 +21,9 @@ from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.plugin import Planned
 from pincette_supervisor.plugin.drawing import Picture
 
-# A job as one page that needs nothing else: figures, picture, course, model; pure.
-#
-# Names of the result carry their units, and the page takes them from there; so a figure that a
-# result gains is in the report as well.
+# A job as one page that needs no other file: figures, picture, curves, model; pure. Names in the
+# result carry their units, and the page reads the units from them; so a new figure of a result
+# appears in the report without further changes.
 
 ABSENT = "–"
 TITLES = {
@@ -76,19 +75,19 @@ def report(
     Parameters
     ----------
     kind
-        Of the job.
+        Kind of the job.
     values
-        What it was done with: the request, completed by the rig file.
+        Values of the job: the request, completed by the rig file.
     result
-        As it is stored and sent.
+        Result as it is stored and sent.
     picture
-        PNG.
+        Picture as PNG.
     whose
-        Job, rig, model and time; see ``archive.about``.
+        Names of job, rig and model, and the time; see ``archive.about``.
     state
         Whether the record is complete, and why not.
     timing
-        How punctual the programs were; None if not counted.
+        Timing of the programs; None if it was not measured.
     """
     outcome = str(result.get("outcome", "")).replace("_", " ")
     title = f"{kind.name}: {outcome}"
@@ -125,13 +124,13 @@ def page(title: str, parts: Iterable[str]) -> str:
 
 
 def picture_of(png: bytes, about: str) -> str:
-    """Return a picture as a part of a page, with its description."""
+    """Return a picture with its description, as a part of a page."""
     encoded = base64.b64encode(png).decode()
     return f'<img alt="{escape(about)}" src="data:image/png;base64,{encoded}">'
 
 
 def verdict(kind: JobKind, result: Mapping[str, Any]) -> str:
-    """Return the outcome of a job and its most important values, in one line."""
+    """Return the outcome of the job and its most important values, in one line."""
     outcome = str(result.get("outcome", ""))
     told = [OUTCOMES.get(outcome, outcome.replace("_", " "))]
     for figure in kind.figures_of(result):
@@ -189,7 +188,8 @@ def section(heading: str, content: str) -> str:
 def _scalars(
     tree: Mapping[str, Any], but: Sequence[str] = (), before: str = ""
 ) -> list[tuple[str, Any]]:
-    """Yield every value that is neither list nor map; values of a nested map by both names."""
+    """Yield every value that is neither list nor map; the name of a nested value includes that
+    of its map."""
     found: list[tuple[str, Any]] = []
     for name, value in tree.items():
         if name in but:
@@ -206,7 +206,7 @@ def _scalars(
 
 
 def _figures(kind: JobKind, result: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """Return every value of a result, those that the kind names first."""
+    """Return every value of a result, beginning with those that the kind names."""
     first = [figure.name.partition(".")[0] for figure in kind.figures_of(result)]
     ordered = {name: result[name] for name in (*first, *result) if name in result}
     return _scalars(ordered, but=("outcome", "statement"))
@@ -275,7 +275,7 @@ def _text(value: Any, unit: str = "") -> str:
     if not unit:
         return f"{value:.5g}"
     decimals = DECIMALS.get(unit)
-    # A value that would be rounded away keeps its first digits.
+    # A value that rounding would reduce to 0 keeps its first digits.
     if decimals is None or 0.0 < abs(value) < 10.0 ** (1 - decimals):
         return f"{value:.{4 if decimals is None else 2}g}"
     return f"{value:.{decimals}f}"
@@ -329,7 +329,7 @@ def write_documents(
 
 
 def said_of(job: JobRow) -> dict[str, str]:
-    """Return the annotations of a job, as its files state them, without empty ones."""
+    """Return the annotations of a job as its files contain them, without empty ones."""
     texts = {
         **{name: str(getattr(job, name)) for name in SAID},
         **{f"{LABEL}{name}": text for name, text in job.labels.items()},
@@ -340,8 +340,8 @@ def said_of(job: JobRow) -> dict[str, str]:
 def restate(folder: Path, job: JobRow) -> None:
     """Update a job's annotations in report and manifest; raises OSError.
 
-    Files of samples are never rewritten: they contain the annotations of the time when they were
-    made.
+    Files of samples are never rewritten: they contain the annotations of the time at which they
+    were written.
     """
     kind = job_kinds().get(job.kind)
     manifest = files.read_manifest(folder)

@@ -1,4 +1,5 @@
-"""Course of a rig over hours, from the records of its jobs, reduced to what a screen shows."""
+"""Curves of a rig over hours, from the records of its jobs, reduced to the resolution of a
+screen."""
 
 import threading
 from collections import OrderedDict
@@ -52,8 +53,8 @@ STRETCHES_OF_A_JOB, KEPT_STRETCHES = 20_000, 250_000
 """Largest number of intervals of a reduced record, above which its grid is wider, and of all
 records in memory."""
 LONGEST_JOB_S = 35 * 86400.0
-"""Longest time before the requested interval at which a job that extends into it may have begun, in
-s."""
+"""Longest time before the requested interval at which a job that extends into the interval may
+have begun, in s."""
 Reduced = tuple[Series, Series, Series]
 """Middle of each interval, and rows of smallest and largest values by ``NAMES``."""
 NOTHING: Reduced = (np.empty(0), np.empty((len(NAMES), 0)), np.empty((len(NAMES), 0)))
@@ -98,7 +99,7 @@ class HistoryReader:
         try:
             with self._lock:
                 found = _read(self.records / row.id / folder.SAMPLES, 0.0, None, points)
-        except (OSError, ValueError):  # as in ``_of``
+        except (OSError, ValueError):  # see ``_of``
             found = None
         at_s, low, high = found or NOTHING
         spent_s = float(at_s[-1]) if at_s.size else 0.0
@@ -128,7 +129,7 @@ class HistoryReader:
             else:
                 sample_0_at = folder.times(path.parent).get(SAMPLE_0, row.started_at)
                 reduced = _read(path, seconds(sample_0_at), None)
-        except (OSError, ValueError):  # deleted, not written as yet, or of no use
+        except (OSError, ValueError):  # deleted, not written yet, or unusable
             return None
         self._kept[row.id] = reduced
         while len(self._kept) > KEPT_JOBS or (
@@ -204,9 +205,9 @@ def reduce(
 ) -> Reduced:
     """Return smallest and largest values in each interval of a record, or of a part of it.
 
-    ``spent_s`` scales the time of the samples to the duration of a job whose own time is not the
-    clock's; ``last_s`` is then the time of the record's last sample, by default of the last one
-    here.
+    ``spent_s`` is the duration of a job whose sample times are not those of the clock: the times of
+    the samples are scaled to it. ``last_s`` is then the time of the record's last sample, by
+    default of the last sample in ``columns``.
     """
     t_s = columns["t_s"]
     if not t_s.size:
@@ -254,7 +255,7 @@ def joined(found: Sequence[Reduced], from_s: float, to_s: float, step_s: float) 
     low = np.concatenate([each[1] for each in found], axis=1)
     high = np.concatenate([each[2] for each in found], axis=1)
     order = np.argsort(at_s, kind="stable")
-    # The second that has begun belongs to it: its middle may be yet to come.
+    # The second that has begun is included: its middle may be in the future.
     apart_s = GRID_S / 2.0
     order = order[(at_s[order] > from_s - apart_s) & (at_s[order] < to_s + apart_s)]
     if not order.size:

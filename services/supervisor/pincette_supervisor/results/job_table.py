@@ -22,7 +22,7 @@ SAID = ("sample", "batch", "operator", "notes")
 FIXED = (*FIRST, "ending", *SAID)
 """Columns of every table; they come first."""
 LABEL, VALUE, RESULT = BEGINS = ("label", "value", "result")
-"""Prefixes of the names of all other columns, in their order: one for each map of a job."""
+"""Prefixes of the names of all other columns, in their order, one for each map of a job."""
 GROUP_ROWS = 2_000
 """Number of rows of a row group of a Parquet file."""
 EXACT: Mapping[parquet.Kind, frozenset[Any]] = {
@@ -33,18 +33,18 @@ EXACT: Mapping[parquet.Kind, frozenset[Any]] = {
 """Types that a column of a Parquet file stores unchanged."""
 NUMBERS = frozenset({int, float})
 MAPS = frozenset({dict, list})
-"""Types of values that have no column themselves."""
+"""Types of values that have no column of their own."""
 TIMES = tuple(name for name in FIXED if name.endswith("_at"))
 MOST_WORDS = 1_000
 """Largest number of different words in a column of numbers; a column with more, except ``id``, is
 left out."""
 MOST_TYPES = 200
-"""Largest number of types that are made for the jobs of one kind; further jobs are decoded more
-slowly."""
+"""Largest number of types that are created for the jobs of one kind; further jobs are decoded
+more slowly."""
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """First characters of texts that a spreadsheet would evaluate."""
 QUOTED = re.compile(r'[",\r\n]')
-"""Characters for which a text in a CSV is quoted."""
+"""Characters that make it necessary to quote a text in a CSV."""
 Rows = Callable[[], Iterator[Sequence[TableRow]]]
 """Function that starts reading the jobs, a page at a time."""
 Tree = Mapping[str, Any]
@@ -134,7 +134,7 @@ class _Map:
             yield from inner.columns()
 
     def place(self, numbers: Mapping[str, int]) -> None:
-        """Look up the columns by name, once all are known."""
+        """Look up the columns by name, after all are known."""
         self._places = [
             -1 if types & MAPS else numbers[f"{self._name}.{key}"]
             for key, types in self._types.items()
@@ -175,7 +175,7 @@ class _Reader:
             self._left -= 1
             try:
                 types = [one.decoded() | None for one in self.maps]
-            except ValueError:  # such as a key that msgspec has as no name
+            except ValueError:  # such as a key that msgspec does not accept as a name
                 self._left = 0
                 return
             self._decoders = tuple(map(msgspec.json.Decoder, types))
@@ -202,7 +202,7 @@ class _Columns:
         self._readers: dict[str | None, _Reader] = {}
 
     def find(self, row: TableRow, words: "_Words | None") -> None:
-        """Add the columns of a row, and its words."""
+        """Add the columns and the words of a row."""
         reader = self._reader(row)
         if words is None and reader.decode(row) is not None:
             self._labels.add(_TREE.decode(row.labels) or {})
@@ -235,7 +235,7 @@ class _Columns:
         values = [*row.fixed, *[None] * (len(self._numbers) - len(FIXED) + 1)]
         reader = self._reader(row)
         found = reader.decode(row)
-        if found is None:  # the job has changed meanwhile
+        if found is None:  # the job has changed in between
             for begin, tree in zip(BEGINS, _trees(row), strict=True):
                 self._fill(values, begin, tree)
         else:
@@ -351,7 +351,10 @@ def _cell(text: str) -> msgspec.Raw:
 
 
 def _line(values: Iterable[Any]) -> bytes:
-    """Return a line; JSON has the same numbers, and msgspec writes it faster than Python."""
+    """Return a line.
+
+    JSON writes numbers in the same way, and msgspec is faster than Python.
+    """
     return msgspec.json.encode([*values])[1:-1] + b"\n"
 
 
@@ -385,7 +388,7 @@ class _Numbers:
         return [one.name for one in self.fields]
 
     def _reader(self, field: parquet.Field) -> Callable[[Any], Any] | None:
-        """Return the function that converts a value to a number; None for a number."""
+        """Return the function that converts a value to a number; None if the value is a number."""
         if field.name in TIMES:
             return _seconds
         return self.codes[field.name].get if field.kind == "text" else None
@@ -456,7 +459,7 @@ def _field(name: str, types: set[Any]) -> parquet.Field:
 
 
 def _value(value: Any, field: parquet.Field) -> Any:
-    """Return a value in the type of its column."""
+    """Return a value converted to the type of its column."""
     if value is None:
         return None
     return str(value) if field.kind == "text" else float(value)

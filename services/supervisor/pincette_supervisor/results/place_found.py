@@ -11,7 +11,8 @@ from pincette_supervisor.plugin import Planned
 
 
 def place_found(result: JobResult, table: Columns, planned: Planned) -> PlaceFound | None:
-    """Return where the part was met and how far off the given place was; None: none was given."""
+    """Return where the part was found, and the deviation of the given place from it; None if no
+    place was given."""
     place, rig = planned.plan.place, planned.armed.rig
     if place is None:
         return None
@@ -32,7 +33,8 @@ def place_found(result: JobResult, table: Columns, planned: Planned) -> PlaceFou
 
 
 def _width(place: PlannedPlace, table: Columns, rig: RigFile) -> dict[str, float | None]:
-    """Return the width between both tips where both had touched, less what the touch pressed in."""
+    """Return the width of the part, from the tips when both were in contact, corrected for its
+    compression."""
     if rig.second is None or rig.second.gap_um is None or place.width_um is None:
         return {}
     names = ("contact_x_um", "x_um", "second_x_um", "force_mN")

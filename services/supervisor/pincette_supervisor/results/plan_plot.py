@@ -1,4 +1,4 @@
-"""Picture of a plan: references, prediction, limits, and where one of them is exceeded."""
+"""Picture of a plan: references, prediction, limits, and points at which a limit is exceeded."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ from pincette_supervisor.plugin.drawing import FAINT, MEASURED, REFERENCE, SECON
 
 BROKEN, LIMIT = "#b3261e", "#a1383d"
 NEAR = 1.0
-"""Largest distance of a limit that is drawn, as a share of the course's span."""
+"""Largest distance at which a limit is drawn, as a ratio to the span of the curves."""
 TOLD = 3
 """Number of violations that are listed below the title; all are marked."""
 BELOW = 0.1
@@ -39,17 +39,17 @@ def plan_png(planned: Planned, samples: Samples, *, name: str) -> bytes:
     Parameters
     ----------
     planned
-        With its prediction.
+        Plan with its prediction.
     samples
-        What was predicted, sample by sample.
+        Predicted samples.
     name
-        Of the rig and the plan, for the corner.
+        Name of the rig and the plan, shown in the corner.
     """
     prediction, violations = planned.plan.prediction, planned.plan.violations
     if prediction is None:
         raise ValueError("the plan has no prediction to be drawn")
     sheet, told = Sheet(), _told(violations)
-    # Of a result, the drawing of phases wants the phases alone, and a prediction has them too.
+    # The drawing of phases needs only the phases of a result, and a prediction has them too.
     phased: Any = prediction
     figure = sheet.figure
     axes: list[Axis] = list(figure.subplots(4, 1, sharex=True, height_ratios=(3.0, 3.0, 1.8, 1.2)))
@@ -106,7 +106,7 @@ def _courses(axes: Sequence[Axis], samples: Samples) -> None:
 
 
 def _planned_voltage(axis: Axis, planned: Planned) -> None:
-    """Return the voltage that the plan expects; None if it states none."""
+    """Return the voltage that the plan expects; None if it expects none."""
     curves = getattr(planned.plan, "curves", None)
     if curves is not None:
         t_s, values = np.array(curves.t_s), np.array(curves.voltage_V)
@@ -146,7 +146,7 @@ def _draw_limit(axis: Axis, limit: Limit) -> None:
 
 
 def _mark(axes: Sequence[Axis], violations: Sequence[Violation]) -> None:
-    """Mark where a limit is exceeded, with the time."""
+    """Mark the points at which a limit is exceeded, with the time."""
     marked = [0] * len(axes)
     for violation in violations:
         index = AXIS_OF.get(violation.quantity)

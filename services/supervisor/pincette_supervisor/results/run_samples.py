@@ -1,4 +1,4 @@
-"""Samples of a run in bounded memory: all rows, but a long hold is thinned out evenly."""
+"""Samples of a run in bounded memory: all rows are kept, but a long hold is thinned out evenly."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,7 +24,8 @@ PART_ROWS = 8192
 THINNED = frozenset({"hold", "stopped"})
 """Phases without an end, which may be thinned out evenly."""
 EXTREME_ROWS, EXTREMES_OF = 4096, 32
-"""Largest number of rows with extremes, and number of rows that share the extremes beyond that."""
+"""Largest number of rows with extremes, and number of rows that share their extremes beyond
+that."""
 EXTREMES = ("x_um", "force_mN")
 """Columns whose smallest and largest values are kept."""
 HELD: Mapping[str, tuple[str, str]] = {
@@ -151,7 +152,7 @@ def joined(parts: Sequence[Rows]) -> Columns:
     for name in parts[0].numbers:
         kind = KINDS.get(name, float)
         values = np.concatenate([part.numbers[name] for part in parts])[order].tolist()
-        # NaN: it never came.
+        # NaN for a missing sample.
         table[name] = [None if v != v else kind(v) for v in values]
     for name in parts[0].texts:
         texts = [value for part in parts for value in part.texts[name]]
@@ -177,13 +178,16 @@ class RunTables:
 class RunSamples:
     """Collects the messages of a run. A run without a long hold is kept in full."""
 
-    # Rows of a hold whose number is a multiple of the stride stay. The stride doubles whenever they
-    # are too many, so that all stretches of all holds are kept equally.
+    # Rows of a hold are kept if their number is a multiple of the stride. The stride doubles
+    # whenever there are too many rows, so that all parts of all holds are kept equally.
 
     def __init__(
         self, period_s: float, *, every_tick: bool = True, thinned: frozenset[str] = THINNED
     ) -> None:
-        """Create the samples; see ``RowBlocks`` for ``every_tick``. Rows of ``thinned`` may go."""
+        """Create the samples; see ``RowBlocks`` for ``every_tick``.
+
+        Rows of the phases in ``thinned`` may be dropped.
+        """
         self._blocks = RowBlocks(period_s, every_tick=every_tick)
         self._thinned = thinned
         self._last = min(LAST_ROWS, ceil(LAST_S / period_s))
@@ -233,7 +237,7 @@ class RunSamples:
         """Find rows that may be dropped: those of long phases and pauses without a change."""
         texts = rows.texts
         course = [*zip(texts["phase"], texts["outcome"], strict=True)]
-        # A part that is held after a stop carries the outcome "stopped" in each row.
+        # If a part is held after a stop, each row has the outcome "stopped".
         quiet = np.array(
             [
                 not acted and now == before and state == "armed"
@@ -304,13 +308,13 @@ def _one(parts: Sequence[Rows]) -> Rows:
     return Rows(numbers, texts).at(order)
 
 
-# Completes the result of a run of whose hold only evenly spaced rows were kept; pure.
+# Completes the result of a run whose hold was thinned out evenly; pure.
 
 
 def completed(result: JobResult, tables: RunTables, period_s: float) -> JobResult:
     """Add the effect of the rows that were left out: counts, extremes, sums, and ends of phases.
 
-    Percentiles, causes of errors, and the results of two arms are those of the thinned rows.
+    Percentiles, causes of errors, and the results of two arms are computed from the thinned rows.
     """
     left, extreme = tables.left_out, tables.extreme
     if not left.rows:

@@ -52,7 +52,7 @@ class SeriesReport:
 
     @staticmethod
     def of(series: Series, rows: Sequence[JobRow]) -> "SeriesReport":
-        """Return the report of a series by the journal rows of its jobs."""
+        """Return the report of a series, from the journal rows of its jobs."""
         known = {row.id: row for row in rows}
         points = [
             _point(one.number, one.tries, known[one.job]) for one in series.jobs if one.job in known
@@ -90,7 +90,7 @@ def _point(number: int, tries: int, row: JobRow) -> SeriesPoint:
 def _verdict(
     row: JobRow, asked_mN: float | None, held_mN: float | None, uncertainty_mN: float | None
 ) -> str:
-    """Return whether a job reached its goal, or else its force, or else how it ended."""
+    """Return the verdict on a job: by its goal, otherwise by its force, otherwise its outcome."""
     result = row.result or {}
     outcome = str(result.get("outcome", "")).replace("_", " ")
     if row.state != "succeeded":
@@ -158,7 +158,7 @@ def _sum(content: SeriesReport) -> str:
 
 
 def report(content: SeriesReport, picture: bytes) -> str:
-    """Write the report as a page that needs nothing else."""
+    """Write the report as a page that needs no other file."""
     series = content.series
     title = series.name or f"series {series.id}"
     about = f"series {series.id} on rig {series.rig}, {series.state}"

@@ -76,7 +76,7 @@ class MonotonicHistogram:
         self._start, self._newest = start, counted
 
     def counts(self) -> list[int]:
-        """Return the counts between each bound and the one before it, and beyond the last one."""
+        """Return the number of durations between consecutive bounds, and beyond the last bound."""
         counts = [*self._before]
         for bucket, count in zip(self._newest.buckets, self._newest.counts, strict=True):
             counts[bound_index(bucket)] += count
@@ -84,18 +84,19 @@ class MonotonicHistogram:
 
     @property
     def sum_s(self) -> float:
-        """Return the sum of all durations, in s, from bucket middles: at most 1/64 off."""
+        """Return the sum of all durations, in s, from bucket centres; the error is at most 1/64."""
         counted = zip(self._newest.buckets, self._newest.counts, strict=True)
         return self._before_s + sum(_middle_s(bucket) * count for bucket, count in counted)
 
 
 def bound_index(bucket: int) -> int:
-    """Return the index of the smallest bound above a bucket's durations; at most 1/32 above."""
+    """Return the index of the smallest bound above the durations of a bucket; the error is at
+    most 1/32."""
     return bisect_left(BOUNDS_NS, first_ns(bucket + 1) - 1)
 
 
 def _grown(before: Distribution, after: Distribution) -> bool:
-    """Return whether no bucket has fewer counts than before."""
+    """Return whether no bucket has a smaller count than before."""
     having = dict(zip(after.buckets, after.counts, strict=True))
     return all(
         having.get(bucket, 0) >= count
@@ -130,12 +131,12 @@ class Peaks:
 
     newest_mN: float | None
     counts: tuple[int, ...]
-    """Cumulative counts of armings over ``FORCE_BOUNDS_MN``, the last without a bound."""
+    """Cumulative counts of armings over ``FORCE_BOUNDS_MN``; the last count has no bound."""
     sum_mN: float
 
 
 class RigCounters:
-    """Counters of one rig since this supervisor has served it; none ever falls."""
+    """Counters of one rig since this supervisor began to serve it; none ever falls."""
 
     def __init__(self, applied: Applied | None = None) -> None:
         """Create the counters.
@@ -156,7 +157,7 @@ class RigCounters:
         self._peak: tuple[int, float] | None = None
         """Epoch and highest force of the newest arming that had any."""
         self._arming = -1
-        """Epoch of the actuator's newest message as armed."""
+        """Epoch of the actuator's newest message in which it was armed."""
         self._over = -1
         """Epoch of the newest arming whose peak is counted."""
         self._peaks = [0] * (len(FORCE_BOUNDS_MN) + 1)
@@ -206,7 +207,8 @@ class RigCounters:
 
     def _take_applied(self, applied: Applied) -> None:
         trip = _trip_of(applied)
-        # More may be found about a trip after it has begun; another cause is another trip.
+        # Further faults of a trip may be found after it has begun; another cause means another
+        # trip.
         if trip and (self._trip is None or trip.cause != self._trip.cause):
             self._trips[trip.cause or Cause.ASKED] += 1
         self._trip, self._armed = trip, applied.state == Mode.ARMED
@@ -224,9 +226,9 @@ class RigCounters:
         if estimate.degraded:
             self.degraded += 1
         if not estimate.valid or estimate.epoch != self._arming or estimate.epoch == self._over:
-            return  # an idle loop goes on estimating, without contact
+            return  # an idle loop continues to estimate, without contact
         if estimate.arms[0].zero_age_s is None:
-            return  # the estimate has no reference, and is no force
+            return  # without a zero the estimate has no reference, and is not a force
         if self._peak is None or self._peak[0] != estimate.epoch:
             self._count_peak()  # of an arming whose last sample was lost
             self._peak = estimate.epoch, estimate.arms[0].force_mN

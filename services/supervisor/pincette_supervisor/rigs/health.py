@@ -47,10 +47,10 @@ SHOWN: dict[Mode, RigState] = {
     Mode.LATCHED: "latched",
 }
 UNTRUSTED = -1
-"""Instance number of no program."""
+"""Instance number that no program has."""
 MET, CLEARED = "actuator_met", "actuator_boot_cleared"
 HOLDER = "part_holder"
-"""Name of the note of the actuator that holds a part."""
+"""Name of the note about the actuator that holds a part."""
 
 
 class LatchState(NamedTuple):
@@ -68,9 +68,10 @@ class LatchState(NamedTuple):
 class Health:
     """Statuses of the programs, and the actuator's latch."""
 
-    # An actuator boots latched. Where none was ever noted before it, or the last one has ended
-    # cleanly, that latch means only that the rig was switched on, so it is cleared once without
-    # asking; for any other it means that one has died, and a person must have seen that.
+    # An actuator starts latched. If none was recorded before it, or the last one ended cleanly,
+    # that latch means only that the rig was switched on, and it is cleared once without
+    # confirmation; in any other case an actuator has ended unexpectedly, and a person must confirm
+    # that.
 
     def __init__(
         self,
@@ -89,8 +90,8 @@ class Health:
             f"{note}: {rig.rig.name}" for note in (MET, CLEARED, HOLDER)
         )
         self._holder_instance = store.get_note(self._holder) or ""
-        """Instance of the actuator that was last known to hold a part; empty: the gripper was last
-        known to be empty. It is kept in memory like ``_cleared_instance``."""
+        """Instance of the actuator that was last known to hold a part; empty if the gripper was
+        last known to be empty. It is kept in memory like ``_cleared_instance``."""
         self._budget = _budget(rig)
         self.lets_go_s = lets_go_s(rig)
         """Time without its host after which the output may have released a part, in s."""
@@ -126,10 +127,10 @@ class Health:
                 programs.append(SIMULATION)
             answers = dict(zip(programs, self._pool.map(self._ask, programs), strict=True))
         except (RuntimeError, CancelledError):
-            return  # closed, since the rig is opened again: the last answers stay
+            return  # closed, since the rig is being reopened: the last replies are kept
         with self._turn:
             if number < self._round:
-                return  # a later query of another thread is complete already
+                return  # a later query of another thread is already complete
             simulation = answers.pop(SIMULATION, None)
             self.simulation = simulation if isinstance(simulation, Status) else None
             self.statuses = answers
@@ -141,7 +142,8 @@ class Health:
     def _meet(self, actuator: Status) -> None:
         """Trust the first actuator, unless it replaced one that is not known to have ended cleanly.
 
-        An actuator that was only switched on and off, and that was trusted, counts as such.
+        An earlier actuator that was trusted, and was only switched on and off, counts as ended
+        cleanly.
         """
         self._cleared_instance = self._store.get_note(self._cleared) or ""
         noted = self._store.get_note(self._met)
@@ -202,7 +204,8 @@ class Health:
 
     @property
     def state(self) -> RigState:
-        """Return the actuator's last state; a latch that needs no person has a separate state."""
+        """Return the last state of the actuator; a latch that no person must clear is a separate
+        state."""
         if self._boot_may_be_cleared():
             return "switched_on"
         mode = self.latch().mode
@@ -243,9 +246,9 @@ class Health:
         Parameters
         ----------
         held
-            None where the actuator in use holds none and nothing else shows that the gripper is
-            empty. A part that this very actuator held has then been let go; one that an earlier
-            actuator held may still be there.
+            None if the present actuator holds no part and nothing else shows that the gripper is
+            empty. A part that this actuator held has then been released; one that an earlier
+            actuator held may still be in the gripper.
         """
         actuator = self.status("actuator")
         if actuator is None or (held is None and self.earlier_held()):
@@ -298,7 +301,8 @@ class Health:
         return found
 
     def sensor_limit_s(self) -> float:
-        """Return the longest permitted silence of an idle rig's sensor, in s; it owns the clock."""
+        """Return the longest permitted silence of an idle rig's sensor, in s; the sensor
+        determines the sampling times."""
         most_s = IDLE_SENSOR_S if self.samples_seldom() else SENSOR_S
         return max(most_s, SENSOR_PERIODS * self._rig.rig.period_s)
 
@@ -310,11 +314,11 @@ class Health:
         try:
             self._bus.call(IDLE, Idle(sensor.epoch), ASK_S)
         except BusError:
-            return  # armed or gone by now: its status shows it
+            return  # armed or ended meanwhile: its status shows it
         self._seldom = sensor.instance, sensor.epoch
 
     def samples_seldom(self) -> bool:
-        """Return True if the sensor was set to its slow rate, and was not armed since."""
+        """Return True if the sensor was set to its slow rate, and has not been armed since."""
         position = self._observer.newest(Position)
         sensor = self.status("sensor")
         if position is None or sensor is None or self._seldom is None:
@@ -331,7 +335,7 @@ class Health:
             return f"silent for {1e3 * silent_s:.0f} ms, limit {1e3 * limit_s:.0f} ms"
         blind_s = self._observer.blind_s()
         if position.arms[0].valid or (blind_s is not None and blind_s <= limit_s):
-            return ""  # one answer that an instrument owes is no trouble, as for the loop
+            return ""  # one missing reply of an instrument is no fault, as in the loop
         return f"reads no position: {fault_text(position.arms[0].fault) or 'not known why'}"
 
     def reasons(self) -> list[str]:

@@ -1,4 +1,4 @@
-"""Emergency stop and reset of a rig, also of one of which only the name is known."""
+"""Emergency stop and reset of a rig, also of a rig of which only the name is known."""
 
 import asyncio
 import threading
@@ -23,20 +23,20 @@ from pincette_supervisor.alarms import TripReason
 from pincette_supervisor.problems import ProblemError, unanswered
 from pincette_supervisor.rigs.rig_context import RigContext
 
-# Calls in a few threads of their own, shared by the requests that wait for one.
+# Calls in a few separate threads, shared by the requests that wait for a call.
 
 T = TypeVar("T")
 THREADS = 4
 LEAST_S = 0.3
-"""Time reserved for a stop that had to wait for others, in s, so that each reply comes within 1.5
-s."""
+"""Time reserved for a stop that had to wait for others, in s, so that each reply arrives within
+1.5 s."""
 
 
 class SharedTurns(Generic[T]):
     """Makes calls in separate threads that nothing else uses.
 
     Requests that arrive while all threads are busy share the next call, which begins after all of
-    them have arrived. So any number of requests costs no more than these threads.
+    them have arrived. So any number of requests needs only these threads.
     """
 
     def __init__(self, name: str) -> None:
@@ -93,14 +93,14 @@ class LatchControl:
     async def stopped(self, by: str) -> Stopped:
         """Trip the actuator in a separate thread, which no other request and no other rig uses.
 
-        Anyone may request it, at any rate: requests share trips, see ``SharedTurns``.
+        Any caller may request it, at any rate: requests share trips, see ``SharedTurns``.
         """
         return await self._turns.call(
             lambda waited_s: self.estop(by, max(LEAST_S, TRIP_S - waited_s))
         )
 
     def estop(self, by: str, limit_s: float = TRIP_S) -> Stopped:
-        """Trip the actuator at once by all ways; takes no lock and accesses no disk."""
+        """Trip the actuator at once over all links; takes no lock and accesses no disk."""
         context = self._context
         context.alarms.expect(Cause.ESTOP, by)
         try:
@@ -180,7 +180,8 @@ class OtherRigs:
     """Sends requests to rigs that the supervisor does not serve; safe to use from threads.
 
     One session, which is opened with the first request for a rig file, serves all rigs. Any tool
-    can hold liveliness tokens of rigs that do not exist, and these must cost next to nothing.
+    can hold liveliness tokens of rigs that do not exist, and requests to these must cost almost
+    nothing.
     """
 
     def __init__(self, open_bus: Callable[[], AnyRigBus]) -> None:
@@ -189,8 +190,8 @@ class OtherRigs:
         self._bus: AnyRigBus | None = None
         self._closed = False
         self._trouble, self._again_s = "", -inf
-        """Reason why the session could not be opened, and the time before which no other attempt is
-        made."""
+        """Reason why the session could not be opened, and the time before which it is not tried
+        again."""
 
     def rig_file(self, rig: str, program: str) -> RigFileReply:
         """Return the rig file with which a program of the loop runs; raises BusError."""
@@ -198,7 +199,7 @@ class OtherRigs:
         return cast(RigFileReply, self._joined().call(RIG_FILE[program], request, ASK_S, rig=rig))
 
     def stop(self, rigs: Collection[str], limit_s: float) -> StopOfOthers:
-        """Trip the actuators of these rigs at once, within a time.
+        """Trip the actuators of these rigs at once, within a time limit.
 
         It opens a new session, since one that has been open for long may transport no requests.
         """
@@ -209,7 +210,7 @@ class OtherRigs:
             try:
                 with closing(self._open_bus()) as bus:
                     trip_each(rigs, partial(trip, bus), max(0.0, until_s - monotonic()))
-                    over.set()  # to close the session may take longer
+                    over.set()  # closing the session may take longer
             except Exception as error:
                 reasons.update(dict.fromkeys(rigs, str(error)))
                 raise

@@ -1,7 +1,7 @@
 """The last minute of a rig's samples for live charts, in a ring buffer."""
 
-# ``take`` runs in threads of the bus and only fills rows. A listener has a cursor in the buffer
-# and no queue: a slow one gets fewer points, and the number of those it has missed.
+# ``take`` runs in threads of the bus and only fills rows. A listener has a cursor in the buffer and
+# no queue: a slow listener gets fewer points, and the number of points that it has missed.
 
 import threading
 from collections import Counter, deque
@@ -19,11 +19,12 @@ from pincette.core.topics import Topic
 from pincette_supervisor.journal.events import TooManyListenersError
 
 KEPT_S, KEPT_PER_S = 60.0, 60.0
-"""Length in s and density of the stored samples; of a faster rig, every second, third, … one is
-stored."""
+"""Length in s and density in 1/s of the stored samples; at a higher sampling rate, every second,
+third, … sample is stored."""
 KEPT = int(KEPT_S * KEPT_PER_S)
 EVENT_POINTS, HISTORY_POINTS = 60, 1200
-"""Largest number of points of later readings, and of the first one, which contains the past."""
+"""Largest number of points of a reading, and of the first reading, which contains the last
+minute."""
 LATE_TICKS = 8
 """Number of ticks for which a row waits for its messages."""
 STALL_S = 0.5
@@ -44,8 +45,8 @@ class Row:
     number: int = -1
     """Number of the row since the start."""
     whole: bool = False
-    """True if the row has the controller's telemetry; otherwise phase and playing stay as
-    before."""
+    """True if the row has the controller's telemetry; otherwise phase and playing keep their
+    previous values."""
     estimated: bool = False
     """True if the row has the estimator's message, with or without a force."""
     applied: bool = False
@@ -53,7 +54,7 @@ class Row:
     armed: bool = True
     """True if the actuator follows commands, as far as known."""
     after_gap: bool = False
-    """True if samples are missing between the row before and this one."""
+    """True if samples are missing between the previous row and this one."""
     playing: bool = False
     phase: str = ""
     x_um: float | None = None
@@ -96,8 +97,10 @@ class LiveSamples:
         self._passed: dict[type[Message], int] = {}
         """Newest number of each kind of message in the epoch, except positions."""
         self._place = (-1, -1)
-        """Epoch of the newest row, and its number divided by the stride. An idle rig leaves out
-        numbers, so they need not be multiples of the stride."""
+        """Epoch of the newest row, and its number divided by the stride.
+
+        An idle rig skips numbers, so they need not be multiples of the stride.
+        """
         self._idle_stride = max(self._stride, idle_periods(period_s))
         self._rows: deque[Row] = deque(maxlen=KEPT)
         self._count = 0
@@ -184,7 +187,7 @@ class LiveSamples:
     def open(self, client: str = "", most: int = LISTENERS_MAX) -> "LiveCursor":
         """Start listening at the oldest row.
 
-        Raises TooManyListenersError where the client has ``most`` listeners already.
+        Raises TooManyListenersError if the client has ``most`` listeners already.
         """
         with self._lock:
             if self._listeners[client] >= most:
@@ -196,7 +199,8 @@ class LiveSamples:
         return LiveCursor(self, oldest)
 
     def since(self, place: int | None) -> "LiveCursor":
-        """Return a cursor for one reading; one from before a restart starts at the oldest row."""
+        """Return a cursor for one reading; a place from before a restart starts at the oldest
+        row."""
         with self._lock:
             oldest = self._rows[0].number if self._rows else self._count
             count = self._count
@@ -253,7 +257,8 @@ class LiveCursor:
         self._sent_at: float | None = None
 
     def batches(self, silence_s: float) -> list[LiveBatch]:
-        """Return batches since the last call; an empty one after a silence, as a sign of life."""
+        """Return batches since the last call; an empty one after a silence, to show that the
+        connection works."""
         self.place, dropped, rows = self.live.read(self.place, self._most)
         self._most = EVENT_POINTS
         now_s = self.live.clock()

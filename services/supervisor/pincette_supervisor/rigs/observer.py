@@ -25,10 +25,10 @@ from pincette_supervisor.rigs.counters import RigCounters
 CAPACITY = 200_000
 """Capacity of a run's message buffer: about half a minute at 1 kHz, ten minutes at 50 Hz."""
 STEP_V = 0.05
-"""Change of the voltage between two ticks beyond which the arm has left its position, in V."""
+"""Change of the voltage between two ticks, in V, above which the arm has left its position."""
 M = TypeVar("M", bound=Message)
 FETCHED_AT_START = (POSITION, APPLIED, TELEMETRY)
-"""Topics whose last message is fetched at start, since an idle loop publishes nothing."""
+"""Topics whose last message is fetched at the start, since an idle loop does not publish it."""
 
 
 class WatchedBus(LatestBus, Protocol):
@@ -107,11 +107,11 @@ class Observer:
         self._begun_at = self.suspend_aware_clock()
 
     def fetch_latest(self, topic: Topic) -> list[Message]:
-        """Ask the producer for its last message; empty if it does not answer. Blocks."""
+        """Request the last message from its producer; empty if it does not reply. Blocks."""
         try:
             message = self._bus.latest(topic)
         except BusError:
-            return []  # a program that hangs; its status request reports it
+            return []  # the program hangs; its status request reports it
         return [] if message is None else [message]
 
     def add_sink(self, sink: Sink) -> None:
@@ -123,7 +123,7 @@ class Observer:
             self._take_in(topic, message)
 
     def _take_in(self, topic: Topic, message: Message) -> None:
-        # Trips first: a trip that is learnt of in another way is found there.
+        # Trips are passed on first: a trip that is detected in another way is looked up there.
         self.trips.take(topic, message)
         awake_s = self.suspend_aware_clock()
         if isinstance(message, Applied):
@@ -157,8 +157,8 @@ class Observer:
     def standing(self) -> Position | None:
         """Return the sample with the present position of the arm.
 
-        None before the first valid one, and after a step of the voltage without a sample after it:
-        a loop in lockstep ends with the ramp of a trip, or with programs that died.
+        None before the first valid sample, and if no sample has followed a step of the voltage: a
+        loop in lockstep ends with the ramp of a trip, or when its programs terminate.
         """
         position = self.newest(Position)
         if position is None or position is self._position_before or not position.arms[0].valid:
@@ -172,7 +172,8 @@ class Observer:
         return None if entry is None or entry[1] is None else self.clock() - entry[1][0]
 
     def silent_s(self, kind: type[Message]) -> float | None:
-        """Return the same age, without the time for which this process was suspended."""
+        """Return the age of the newest message of a kind, without the time for which this
+        process was suspended."""
         entry = self._newest.get(kind)
         return (
             None if entry is None or entry[1] is None else self.suspend_aware_clock() - entry[1][1]
@@ -183,7 +184,8 @@ class Observer:
         return self.suspend_aware_clock() - self._begun_at
 
     def blind_s(self) -> float | None:
-        """Return the time since a valid position, in s, without suspended time; None before it."""
+        """Return the time since a valid position, in s, without suspended time; None before the
+        first one."""
         read_at = self._position_read_at
         return None if read_at is None else self.suspend_aware_clock() - read_at
 
@@ -200,11 +202,11 @@ class Observer:
         return self._alive.get(program, False)
 
     def gone(self, programs: tuple[str, ...]) -> list[str]:
-        """Return those of these programs whose token was present and has vanished."""
+        """Return the programs among ``programs`` whose token was present and has vanished."""
         return [program for program in programs if self._alive.get(program) is False]
 
     def sees_any(self, without: tuple[str, ...] = ()) -> bool:
-        """Return whether the token of any program is present, except those named."""
+        """Return whether the token of any program is present, except those in ``without``."""
         return any(seen for program, seen in self._alive.items() if program not in without)
 
     def start_buffering(self) -> MessageBuffer:
@@ -223,14 +225,14 @@ def _way_V(before: Applied, after: Applied) -> float:
 
 
 SAMPLE_COUNTS_S = 0.1
-"""Largest time between two samples of the clock that is counted, in s."""
+"""Longest time between two samples of the clock that is counted, in s."""
 
 
 class SuspendAwareClock:
     """A clock that does not advance while its process is suspended.
 
     A process that was stopped, or not scheduled, receives all pending messages when it resumes. By
-    this clock none of their senders was silent meanwhile.
+    this clock none of their senders was silent in the meantime.
     """
 
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:
@@ -239,11 +241,12 @@ class SuspendAwareClock:
         """Time of the last sample and the time counted by then; one value, read by any thread."""
 
     def __call__(self) -> float:
-        """Return the time awake since creation, in s."""
+        """Return the time since creation without suspended time, in s."""
         return self._passed_s(self._clock())
 
     def sample(self) -> None:
-        """Count the time since the last sample; to be called twice within ``SAMPLE_COUNTS_S``."""
+        """Count the time since the last sample; must be called at least twice within
+        ``SAMPLE_COUNTS_S``."""
         now = self._clock()
         self._sampled = now, self._passed_s(now)
 

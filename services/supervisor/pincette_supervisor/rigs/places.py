@@ -1,6 +1,7 @@
-"""Places of parts that vision clients publish, and their differences from where the arm met them.
+"""Places of parts that vision clients publish, and their differences from where the arm found the
+parts.
 
-Nothing here enters the loop: a place only sets what a plan expects of its part.
+Nothing in this module affects the loop: a place only sets what a plan expects of its part.
 """
 
 import json
@@ -35,15 +36,16 @@ log = logging.getLogger(__name__)
 SOURCES_MAX = 16
 """Largest number of sources whose places are kept; a new one replaces the one longest silent."""
 JOBS_MAX = 100
-"""Number of newest jobs of a source that its bias is the mean of."""
+"""Number of newest jobs of a source over which its bias is averaged."""
 FUTURE_S = 1.0
 """Time by which the clock of a vision client may be ahead, in s."""
 Differences = tuple[float, float | None]
-"""Found minus given place and width of one job, in µm; None: no width was given."""
+"""Found minus given place and width of one job, in µm; the width is None if none was given."""
 
 
 class Places:
-    """The places of one rig's parts: the newest of each source, and their differences over jobs."""
+    """Places of the parts of one rig: the newest of each source, and their differences over
+    jobs."""
 
     def __init__(
         self, rig: str, store: Store, write_queue: WriteQueue, refused: RefusedMessages
@@ -57,7 +59,7 @@ class Places:
         """Differences by source and job; None before they were read from the journal."""
 
     def take(self, _topic: Topic, message: Message) -> None:
-        """Keep a place from the bus if it is one of this rig and of now."""
+        """Store a place from the bus if it belongs to this rig and to the present time."""
         try:
             place = self._checked(cast(Place, message))
         except ValidationError as error:
@@ -70,7 +72,7 @@ class Places:
             with self._lock:
                 known = self._newest.get(place.source)
                 if known is not None and known.measured_at > place.measured_at:
-                    return  # a link may bring the older one last
+                    return  # a link may deliver the older one last
                 self._newest.pop(place.source, None)
                 self._newest[place.source] = place
                 while len(self._newest) > SOURCES_MAX:
@@ -89,7 +91,7 @@ class Places:
         return place
 
     def given(self, place: PartPlace) -> PlannedPlace:
-        """Return the place that a request states or takes from the bus; raises ProblemError."""
+        """Return the place that a request states or reads from the bus; raises ProblemError."""
         measured = place.measured() if place.given_by == "request" else self._seen(place.source)
         age_s = measured.seconds_until(datetime.now(UTC))
         found = PlannedPlace(**measured.model_dump(), age_s=age_s, max_age_s=place.max_age_s)
@@ -120,7 +122,7 @@ class Places:
 
     @property
     def refused(self) -> str:
-        """Return why the last message on the key was refused; empty if none was."""
+        """Return why the last message of a vision client was refused; empty if none was."""
         place, why = self._refused.last
         return why if place == self.key else ""
 
@@ -139,7 +141,7 @@ class Places:
         )
 
     def with_bias(self, job: str, found: PlaceFound) -> PlaceFound:
-        """Return the place that a job found with the bias of its source, which counts it."""
+        """Return the place that a job found, with the bias of its source including this job."""
         if found.difference_um is None:
             return found
         with self._lock:
@@ -167,7 +169,7 @@ class Places:
 
 
 def require_fresh(place: PlannedPlace, age_s: float) -> None:
-    """Raise ProblemError if a place is older than its request permits, or lies in the future."""
+    """Raise ProblemError if a place is older than its request permits, or is in the future."""
     limit_s = -FUTURE_S if age_s < 0.0 else place.max_age_s
     if -FUTURE_S <= age_s <= place.max_age_s:
         return

@@ -1,4 +1,4 @@
-"""Context of jobs: the rig with the model in use, bus and stored data; trips its actuator."""
+"""Context of jobs: the rig with the model in use, bus and stored data; also trips the actuator."""
 
 from collections.abc import Callable, Generator
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -31,14 +31,14 @@ from pincette_supervisor.rigs.places import Places
 HEAD_START_S = 0.1
 """Time in s for which only the bus is tried. If it works, the actuator needs no further session."""
 UNDER_WAY = 8
-"""Largest number of concurrent attempts by one way; those over a dead link last for seconds."""
+"""Largest number of concurrent attempts over one link; those over a dead link last for seconds."""
 
 
 class ActuatorTrip:
     """Trips the actuator of one rig; the first confirmation counts."""
 
     def __init__(self, rig: str, bus: Bus, direct: Callable[[Trip], object] | None) -> None:
-        """Create the trip; ``direct`` trips without the router; None: there is no such link."""
+        """Create the trip; ``direct`` trips without the router; None if there is no such link."""
         self._rig, self._bus, self._direct = rig, bus, direct
         self._free = {way: BoundedSemaphore(UNDER_WAY) for way in (ROUTED, DIRECT)}
 
@@ -50,7 +50,7 @@ class ActuatorTrip:
         RefusalError
             The actuator refuses.
         BusError
-            No way has brought a confirmation within ``limit_s``.
+            No link has delivered a confirmation within ``limit_s``.
         """
         if self._direct is None:
             return cast(Ack, self._bus.call(TRIP, trip, REPLY_S))
@@ -96,27 +96,28 @@ def _unconfirmed(attempts: StopAttempts, limit_s: float) -> BusError:
     return BusError("; ".join(why))
 
 
-# Whether a person must confirm that nothing touches the arm before its force is zeroed again.
+# Decision whether a person must confirm that nothing is in contact with the arm before its force is
+# zeroed again.
 
 
 class ZeroDoubt:
-    """Job that touched something before its zero or left a sticking part, kept in the journal.
+    """Job that met an obstacle before its zero or left a sticking part, stored in the journal.
 
     A force that is zeroed while a part presses is hidden as long as the zero is valid. The
-    estimator compares each zero with the one before, but has none after its start. Therefore a job
-    that met something at rest makes every later one wait for a person's confirmation, across all
-    restarts.
+    estimator compares each zero with the previous one, but has none after its start. Therefore,
+    after a job that met an obstacle at rest, every later job waits for a person's confirmation,
+    across all restarts.
     """
 
     def __init__(self, store: Store, rig: str) -> None:
         self._store, self._name = store, f"zero_doubted:{rig}"
 
     def raise_by(self, job: str) -> None:
-        """Store the job after which something may touch the arm."""
+        """Store the job after which something may be in contact with the arm."""
         self._store.set_note(self._name, job)
 
     def settle(self) -> None:
-        """Clear the doubt: a person has confirmed that nothing touches the arm."""
+        """Clear the doubt: a person has confirmed that nothing is in contact with the arm."""
         if self._store.get_note(self._name):
             self._store.set_note(self._name, "")
 
@@ -143,17 +144,17 @@ class RigContext:
     draw: Runner = run_here
     """Function that calls drawing functions, in a separate process if there is one."""
     guard_s: float = 20.0
-    """Lockstep: longest standstill of the loop by the wall clock, in s, as a link may stand
-    still."""
+    """Longest interruption of the loop in lockstep, by the wall clock, in s, since a link may be
+    interrupted."""
     clock: Callable[[], float] = monotonic
-    """Clock of deadlines."""
+    """Clock of time limits."""
     trip_directly: Callable[[Trip], object] | None = None
     """Function that trips the actuator over a separate link without the router; None: there is no
     such link."""
 
     @cached_property
     def trip(self) -> ActuatorTrip:
-        """Return the trip of the actuator by all ways."""
+        """Return the trip of the actuator over all links."""
         return ActuatorTrip(self.rig.rig.name, self.bus, self.trip_directly)
 
     @property
@@ -177,12 +178,14 @@ class RigContext:
 
     @cached_property
     def zero_doubt(self) -> ZeroDoubt:
-        """Return the doubt whether the next zero of the force needs a person's confirmation."""
+        """Return the job, if any, after which the next zero of the force needs a person's
+        confirmation."""
         return ZeroDoubt(self.store, self.rig.rig.name)
 
     @cached_property
     def places(self) -> Places:
-        """Return the places of parts that vision clients publish, from the first use on."""
+        """Return the places of parts that vision clients publish; collected from the first use
+        on."""
         places = Places(self.rig.rig.name, self.store, self.write_queue, self.bus.refused)
         self.bus.subscribe(PLACE, places.take)
         return places
@@ -191,7 +194,7 @@ class RigContext:
     def closer(self) -> Executor:
         """Return the executor of requests to the recorder, which has one record at a time.
 
-        Requests are made in order, and wait for no drawing.
+        Requests are sent in order, and do not wait for drawing.
         """
         return ThreadPoolExecutor(1, thread_name_prefix="closer")
 
@@ -202,12 +205,12 @@ class RigContext:
 
     @cached_property
     def write_queue(self) -> WriteQueue:
-        """Return the queue of writes that the journal could not take yet."""
+        """Return the queue of writes that the journal could not store yet."""
         return WriteQueue()
 
     @cached_property
     def live(self) -> LiveSamples:
-        """Return samples for live charts; collected from the first listener on."""
+        """Return the samples for live charts; collected from the first listener on."""
         live = LiveSamples(self.rig.rig.name, self.rig.rig.period_s)
         self.observer.add_sink(live.take)
         return live

@@ -1,9 +1,10 @@
 """State of the actuator and the part, with their certainty by the age of the last message.
 
-A state received within ``Health.sensor_limit_s`` is known. An older one is believed, until the
-output may have released the part by its own watchdog; after that nothing is known of a held part.
-A frozen or an idle actuator writes nothing, so nothing confirms the part that it holds: it is
-believed. In lockstep, time is not that of the wall clock: only the actuator's token counts.
+A state received within ``Health.sensor_limit_s`` is ``known``. An older state is ``believed``,
+until the output may have released the part by its own watchdog; after that nothing is known of a
+held part. A frozen or an idle actuator writes nothing, so nothing confirms the part that it holds:
+that part is ``believed``. In lockstep, time is not that of the wall clock: only the actuator's
+token counts.
 """
 
 from math import inf
@@ -100,7 +101,8 @@ def _part(
 
 
 def _part_age_s(context: RigContext, message_age_s: float | None) -> float | None:
-    """Return the age of the last confirmed voltage for a held part, else of the actuator, in s."""
+    """Return the age of the last confirmed voltage for a held part, otherwise of the actuator,
+    in s."""
     applied = context.observer.newest(Applied)
     if context.rig.lockstep or applied is None or not applied.part_held:
         return message_age_s
@@ -110,8 +112,8 @@ def _part_age_s(context: RigContext, message_age_s: float | None) -> float | Non
 def is_playing(context: RigContext) -> bool:
     """Return whether a program plays, by the actuator's samples; before the first, by its reply.
 
-    The reply counts for a moment only: if a supervisor was killed before it had armed the sensor,
-    the actuator stays armed in lockstep, and nothing plays.
+    The reply counts for a short time only: if a supervisor was killed before it had armed the
+    sensor, the actuator stays armed in lockstep, and nothing plays.
     """
     silent_s = context.observer.silent_s(Applied)
     if silent_s is None:
@@ -156,7 +158,8 @@ def _pressing(context: RigContext, applied: Applied) -> tuple[ArmEstimate, ...]:
 
 
 def memory_known(context: RigContext) -> bool | None:
-    """Return whether the estimator knows the past of the hysteresis; None if it does not reply."""
+    """Return whether the estimator knows the history of the hysteresis; None if it does not
+    reply."""
     if context.health.status("estimator") is None:
         return None
     return not context.health.findings("estimator", FaultCode.MEMORY_UNKNOWN)
