@@ -38,7 +38,7 @@ def test_no_command_is_in_an_indented_block() -> None:
 
 
 def lines_outside_fences(path: Path) -> Iterator[tuple[str, str]]:
-    """Each line of a page with the one before it, without its fenced blocks."""
+    """Return each line of a page outside its fenced blocks, with the previous line."""
     lines = FENCE.sub("-", path.read_text(encoding="utf-8")).splitlines()
     yield from zip(["", *lines], lines, strict=False)
 

@@ -1,6 +1,5 @@
-"""A rig that starts beside a damaged model, or on the ports of one that is up: nothing moves, and
-what is wrong is named with the remedy.
-"""
+"""A rig that starts with a damaged model, or on the ports of a running rig: nothing moves, and
+the fault is reported with the remedy."""
 
 from contextlib import closing
 from pathlib import Path
@@ -16,7 +15,7 @@ from tests.support.running import running_rig
 from tests.support.witness import witness
 
 LONG_S = 180.0
-"""For a command on a machine that has much else to do."""
+"""Longest time of a command on a busy machine, in s."""
 
 
 def test_a_damaged_model_moves_nothing_and_is_named_with_the_remedy(tmp_path: Path) -> None:
@@ -31,7 +30,8 @@ def test_a_damaged_model_moves_nothing_and_is_named_with_the_remedy(tmp_path: Pa
         answer = rig.post("/jobs", {"kind": "grip", "autostart": True})
         assert answer.status_code == 503, answer.text
         reasons = " ".join(answer.json()["reasons"])
-        for fact in (damaged.name, "pincette model use 0"):  # the file, and the remedy
+        # the message names the file and the remedy
+        for fact in (damaged.name, "pincette model use 0"):
             assert fact in reasons
         shown = pincette("model", "show", "--url", rig.rig.supervisor.url, timeout_s=LONG_S).stdout
         assert damaged.name in shown

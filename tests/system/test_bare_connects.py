@@ -1,7 +1,7 @@
-"""Strangers hold connections at every port of a rig over TLS: a stop comes through.
+"""Unknown clients hold connections at every port of a rig over TLS: a stop still succeeds.
 
-Real processes, real time. Each round connects to each port as fast as can be, and stays; the next
-one takes its place. Meanwhile the rig is stopped on each way, and a router comes back.
+Real processes, real time. Each round connects to each port as fast as possible and keeps the
+connections until the next round. Meanwhile the rig is stopped in each way, and a router restarts.
 """
 
 import resource
@@ -31,11 +31,12 @@ pytestmark = pytest.mark.usefixtures("stalls")
 ROUND = 1000
 """Connections to each port in one round."""
 STOP_S, RECONNECT_S, BACK_S = 1.0, 5.0, 30.0
-"""What is promised; see the fault table."""
+"""Guaranteed times; see the fault table."""
 TIMES = 5
-"""That each way is taken; the longest counts."""
+"""Number of times that each way is tried; the longest time counts."""
 MOST_FILES = 2600
-"""Of a program that is held by strangers: the HTTP server takes 2048 at once, and ends most."""
+"""Largest number of open files of a program with unknown connections: the HTTP server accepts
+2048 at once, and closes most."""
 
 
 @pytest.fixture
@@ -49,7 +50,8 @@ def rig(tmp_path: Path) -> Generator[RunningRig]:
 
 @contextmanager
 def held(rig: RunningRig, rounds: int) -> Generator[threading.Event]:
-    """Hold every port for so many rounds, and then with the last one; set once the first stands."""
+    """Hold every port for this many rounds, and keep the last one; set once the first is
+    complete."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
     ports = [rig.rig.bus.port + offset for offset in range(1 + len(LOOP))]
@@ -73,25 +75,26 @@ def held(rig: RunningRig, rounds: int) -> Generator[threading.Event]:
 
 
 def took_s(what: Callable[[], object]) -> float:
-    """How long something takes."""
+    """Return how long a call takes, in s."""
     begun_s = monotonic()
     what()
     return monotonic() - begun_s
 
 
 def over_rest(rig: RunningRig) -> None:
-    """Stop as one who comes now; a connection that was idle has made room for strangers."""
+    """Stop over a new connection; an idle one may have been closed in favour of the unknown
+    clients."""
     answer = httpx.post(f"{rig.client.base_url}rigs/{rig.rig.rig.name}/estop", trust_env=False)
     assert answer.status_code == 200
 
 
 def past_supervisor(rig: RunningRig) -> None:
-    """Stop as ``pincette estop`` does where no supervisor answers."""
+    """Stop as ``pincette estop`` does if no supervisor replies."""
     assert EmergencyStop(rig.rig.rig.name).past_supervisor(rig.rig).missing() == []
 
 
 def over_bus(rig: RunningRig) -> None:
-    """Stop by the actuator's own key, on a session of its own."""
+    """Stop by the actuator's own key, in a separate session."""
     bus = ZenohBus(direct_endpoint(rig.rig, "actuator"), rig.rig.rig.name, "stop")
     bus.call(TRIP, Trip(Cause.ESTOP), STOP_S)
     bus.close()
@@ -131,7 +134,7 @@ def test_a_stop_succeeds_and_peers_reconnect(
     assert most < MOST_FILES
     deadline = monotonic() + BACK_S
     for pid in before.keys() & {member.process.pid for member in rig.fleet.members.values()}:
-        # A supervisor opens what it writes; strangers hold none of that.
+        # A supervisor opens the files that it writes; unknown clients hold none of them.
         while descriptors(pid) > before[pid] + 5:
             assert monotonic() < deadline, f"{descriptors(pid)} files, {before[pid]} before"
             sleep(0.2)

@@ -1,4 +1,5 @@
-"""Rigs whose instruments are behind real device servers: the force of a grip, what doctor finds."""
+"""Rigs whose instruments are behind real device servers: the force of a grip, and the findings
+of doctor."""
 
 import json
 import subprocess
@@ -33,7 +34,8 @@ START = {
 
 @contextmanager
 def rig_behind(name: str, folder: Path, time: str = "real") -> Generator[RunningRig]:
-    """Run a rig whose instruments are at terminals, directly or behind servers of one kind."""
+    """Run a rig whose instruments are connected to terminals, directly or behind servers of one
+    kind."""
     near = demo_rig(SHORT, time=time)
     urls = {table: str(folder / table) for table in ("sensor", "output")}
     near = near.model_copy(
@@ -107,7 +109,7 @@ def with_instruments(rig: RunningRig) -> list[Json]:
 def test_doctor_and_bring_up_name_a_server_that_holds_answers_on_a_running_rig(
     tmp_path: Path,
 ) -> None:
-    """The figures come from the programs: the server admits one client, which is theirs."""
+    """The figures come from the programs: the server admits one client, which is the program."""
     with rig_behind("ser2net that waits", tmp_path) as rig:
         until_s = monotonic() + READ_S
         while not all(one["exchanges"] for one in with_instruments(rig)):
@@ -127,7 +129,7 @@ def test_doctor_and_bring_up_name_a_server_that_holds_answers_on_a_running_rig(
         about = [one for one in found if url in one["what"]]
         assert any("median" in one["what"] for one in about)
         assert not any("in use" in one["what"] for one in about)
-        if table == "sensor":  # an output is asked often enough at an arming only
+        if table == "sensor":  # only an arming sends an output enough requests
             assert any("chardelay: false" in one["remedy"] for one in about if one["note"]), about
     assert any(one["what"].startswith("timing, measured") for one in found)
     assert "chardelay: false" in shown
@@ -141,13 +143,13 @@ def test_doctor_and_bring_up_name_a_server_that_holds_answers_on_a_running_rig(
 
 
 def at_other_ports(rig: RigFile) -> RigFile:
-    """Return a rig with the same instruments whose own ports are others."""
+    """Return a rig with the same instruments on other ports."""
     other = demo_rig(SHORT)
     return rig.model_copy(update={"bus": other.bus, "supervisor": other.supervisor})
 
 
 def real(rig: RigFile) -> RigFile:
-    """Return a rig without its simulation, as doctor takes real instruments."""
+    """Return a rig without its simulation, so that doctor treats its instruments as real."""
     return rig.model_copy(update={"simulation": None})
 
 

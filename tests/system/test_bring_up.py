@@ -1,4 +1,4 @@
-"""From an uncalibrated rig to a grip, by `pincette bring-up` alone."""
+"""From an uncalibrated rig to a grip, with `pincette bring-up` only."""
 
 import subprocess
 import sys
@@ -45,7 +45,7 @@ def test_a_script_brings_up_a_rig_with_instructions_for_the_bench(
 
 
 def typed(*words: str) -> subprocess.CompletedProcess[str]:
-    """A command as a script calls it."""
+    """Run a command as a script does."""
     command = [sys.executable, "-m", "pincette", *words]
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
 

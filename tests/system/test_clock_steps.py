@@ -1,5 +1,5 @@
-"""The wall clock of every program is set by an hour while a part is held: nothing notices it but
-the record, which says so."""
+"""The wall clock of every program is set by an hour while a part is held: only the record
+notices, and states it."""
 
 import json
 import os
@@ -47,7 +47,8 @@ def seen(rig: RunningRig) -> Generator[Witness]:
 
 
 def set_by(clock: Path, shift_s: float) -> None:
-    """Set the clock of every program; whole at once, since they read the file meanwhile."""
+    """Set the clock of every program; the file is replaced atomically, since they read it
+    meanwhile."""
     part = clock.with_suffix(".part")
     part.write_text(repr(shift_s), encoding="utf-8")
     part.replace(clock)
@@ -66,7 +67,7 @@ def test_a_clock_step_of_an_hour_changes_no_timing_and_is_recorded(
     spent_s = monotonic() - begun_s
     views = [view for _, view in seen.since(Telemetry, begun_s)]
     echoes = [echo for _, echo in seen.since(Applied, begun_s)]
-    # As many ticks as time has passed by the clock that counts.
+    # The number of ticks is that of the time passed by the monotonic clock.
     ticks, period_s = views[-1].seq - views[0].seq, rig.rig.rig.period_s
     slack_s = 0.1 * spent_s
     assert ticks * period_s == pytest.approx(spent_s, abs=slack_s)
@@ -82,6 +83,6 @@ def test_a_clock_step_of_an_hour_changes_no_timing_and_is_recorded(
     steps = [f"set by {step_s:+.1f} s" for step_s in (HOUR_S, -2.0 * HOUR_S, HOUR_S)]
     assert [step for step in steps if step in content] == steps
     assert ended["record_detail"] == content
-    # The record's own times go on evenly: no sample lies an hour from its neighbour.
+    # The record's own times continue evenly: no sample is an hour from the next one.
     samples = mcap_reading.read(where / NAME).messages
     assert len([one for one in samples if isinstance(one, Telemetry)]) > ticks

@@ -1,4 +1,5 @@
-"""The HTTP server under strangers who hold connections: whoever comes to stop the rig finds one."""
+"""The HTTP server when unknown clients hold connections: a client that stops the rig still gets
+one."""
 
 import re
 import socket
@@ -22,7 +23,8 @@ from tests.unit.supervisor.harness import Harness
 pytestmark = pytest.mark.usefixtures("stalls")
 
 ESTOP_S = 0.5
-"""In which a stop is answered while strangers hold every connection they can get."""
+"""Time within which a stop gets a reply while unknown clients hold every connection they can
+get, in s."""
 HALF_A_HEAD = b"GET /api/v1/rigs HTTP/1.1\r\nHost: localhost\r\nX-Slow: "
 HALF_A_BODY = (
     b"POST /api/v1/jobs HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
@@ -58,7 +60,7 @@ def test_a_stop_succeeds_during_a_flood_of_connections(desk: Harness, figures: l
 
 
 def last_words(one: socket.socket) -> bytes:
-    """What came before the connection ended."""
+    """Return the bytes received before the connection ended."""
     try:
         return one.recv(100)
     except ConnectionResetError:

@@ -1,7 +1,8 @@
-"""Links are cut again and again: all is ready soon after, each link is told, nothing piles up.
+"""Links are cut again and again: all is ready soon after, each cut is reported, and no resources
+leak.
 
-``PINCETTE_CUTS`` says how many the slow test makes, plain and secure, and ``PINCETTE_LONGEST_S``
-how long the longest is.
+``PINCETTE_CUTS`` is the number of cuts in the slow test, plain and secure, and
+``PINCETTE_LONGEST_S`` the duration of the longest.
 """
 
 import os
@@ -18,7 +19,8 @@ FEW, SHORTLY_S = 6, 2.0
 MANY = int(os.environ.get("PINCETTE_CUTS", "300"))
 LONG_S = float(os.environ.get("PINCETTE_LONGEST_S", str(LONGEST_S)))
 FILES, THREADS = 6.0, 3.0
-"""By which the means of two halves of the cuts may differ: a link that went is open for a while."""
+"""Largest difference between the means of the two halves of the cuts: a lost link stays open for
+a while."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -44,5 +46,5 @@ def test_after_a_cut_all_links_recover_soon_and_each_is_reported(
     assert len(found["made"]) == count
     for name, grown in found["grown"].items():
         assert grown["files"] <= FILES, name
-        # Zenoh's pool of threads fills up in the first cuts: only many tell whether it ends.
+        # Zenoh's pool of threads fills up in the first cuts: only many cuts show whether that ends.
         assert count < MANY or grown["threads"] <= THREADS, name

@@ -1,4 +1,5 @@
-"""50 readings a second through ser2net and socat, beside the same terminal directly, in one run."""
+"""50 readings a second through ser2net and socat, and over the same terminal directly, in one
+run."""
 
 import multiprocessing
 import time
@@ -31,7 +32,7 @@ UNTIL_S = 20.0
 
 
 def instruments(folder: str) -> None:
-    """Serve three lasers and an output at terminals, in a process of their own, for ever."""
+    """Serve three lasers and an output at terminals, in a separate process, until it is stopped."""
     with ExitStack() as served:
         for way in WAYS:
             served.enter_context(
@@ -64,7 +65,7 @@ def terminals(tmp_path: Path) -> Iterator[Path]:
 def test_readings_at_50_hz_through_both_servers_are_as_fast_as_direct_ones(
     duration_s: float, terminals: Path, figures: list[str]
 ) -> None:
-    """The long form needs a quiet machine; the short one allows for what delays direct readings."""
+    """The long test needs a quiet machine; the short one allows for delays of direct readings."""
     took_s: dict[str, list[float]] = {way: [] for way in WAYS}
     late = 0
     with ExitStack() as running:
@@ -95,7 +96,7 @@ def test_readings_at_50_hz_through_both_servers_are_as_fast_as_direct_ones(
         output = running.enter_context(closing(icpdas_i7024.open_output(module)))
         due_s = time.monotonic()
         for tick in range(round(duration_s / PERIOD_S)):
-            # Readings at 50 Hz in real time are what is measured.
+            # Readings at 50 Hz in real time are measured.
             time.sleep(max(0.0, due_s - time.monotonic()))
             for way, sensor in sensors.items():
                 began_s = time.monotonic()

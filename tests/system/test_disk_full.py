@@ -1,4 +1,4 @@
-"""The disk runs full, or becomes read-only, while a job moves: the loop does not notice."""
+"""The disk becomes full or read-only during a job: the loop is not affected."""
 
 import os
 import subprocess
@@ -16,14 +16,14 @@ from tests.support.running import RunningRig, running_rig
 from tests.support.witness import witness
 
 SIZE_MB, LEFT_MB = 24, 4.0
-"""Of the whole disk, and the least room with which a record begins."""
+"""Size of the whole disk, and the smallest free space with which a record begins."""
 TRIPPED = ("frozen", "ramping", "latched")
 LAST_S = 15.0
 
 
 @contextmanager
 def small_disk(where: Path) -> Generator[Path]:
-    """A disk of its own in memory; skips, and says why, where none can be had."""
+    """Mount a separate disk in memory; skips, and prints why, if that is not possible."""
     if os.geteuid() != 0:
         pytest.skip("only root may mount a small disk")
     where.mkdir()
@@ -45,7 +45,7 @@ def rig(tmp_path: Path) -> Generator[RunningRig]:
 
 
 def fill(rig: RunningRig) -> Path:
-    """Leave no room on the disk of the rig's data."""
+    """Fill the disk of the rig's data."""
     ballast = rig.data / "ballast"
     with suppress(OSError), ballast.open("wb", buffering=0) as file:
         while True:
@@ -54,7 +54,7 @@ def fill(rig: RunningRig) -> Path:
 
 
 def raised(rig: RunningRig) -> set[str]:
-    """Causes of all alarms."""
+    """Return the causes of all alarms."""
     return {str(row["cause"]) for row in rig.get("/alarms", limit=500)["alarms"]}
 
 
@@ -71,7 +71,7 @@ def test_a_full_disk_during_a_job_stops_nothing_and_is_reported_once_there_is_sp
         echoes = [echo for _, echo in seen.since(Applied, begun_s)]
         assert {(view.phase, view.held) for view in views} == {("hold", True)}
         assert not [echo for echo in echoes if echo.state in TRIPPED]
-        # A person is heard although nothing can be written down.
+        # Actions of a person work although nothing can be written.
         response = rig.post(f"/jobs/{job}/actions", {"type": "release"})
         assert response.status_code == 202, response.text
         seen.until(Applied, lambda echo: echo.final, begun_s, LAST_S)

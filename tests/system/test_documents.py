@@ -1,4 +1,4 @@
-"""What the documents show is typed, page by page and in its order, as a reader would."""
+"""The commands of the documents are typed, page by page in order, as by a reader."""
 
 from collections.abc import Generator
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Many jobs in a row on one rig in lockstep: every program holds as much afterwards as before."""
+"""Many jobs in a row on one rig in lockstep: no program uses more resources afterwards."""
 
 from pathlib import Path
 
@@ -11,9 +11,10 @@ from tests.support.running import running_rig
 
 FEW, MANY = 9, 200
 FILES, THREADS = 2.0, 1.0
-"""By which the means of two thirds of the jobs may differ: a job may be closed while it is read."""
+"""Largest difference between the means of two thirds of the jobs: a job may be closed while it
+is read."""
 MEMORY_KB = 60.0
-"""For each of many jobs; a program that kept its samples would grow by 200 kB and more."""
+"""Allowed growth in kB per job; a program that kept its samples would grow by 200 kB and more."""
 
 
 @pytest.mark.parametrize("jobs", [FEW, pytest.param(MANY, marks=pytest.mark.slow)])

@@ -1,4 +1,5 @@
-"""The how-to's driver and its simulated instrument, both from outside the tree, on a whole rig."""
+"""The how-to guide's driver and its simulated instrument, both external packages, on a whole
+rig."""
 
 import csv
 import json
@@ -20,7 +21,7 @@ NAME = "example_lds"
 ROOT = Path(__file__).parents[2]
 LONG_S = 90.0
 STEP_UM = 0.01
-"""Of what the instrument shows."""
+"""Step of the instrument's display, in µm."""
 
 
 @pytest.fixture(scope="module")

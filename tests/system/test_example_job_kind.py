@@ -1,4 +1,4 @@
-"""The how-to's kind of job, installed from outside the tree: over REST, CLI and page."""
+"""The how-to guide's kind of job, installed as an external package: over REST, CLI and page."""
 
 import json
 import re
@@ -47,7 +47,7 @@ def pincette(rig: RunningRig, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 def newest(rig: RunningRig) -> str:
-    """The id of the newest job; empty where there is none."""
+    """Return the id of the newest job; empty if there is none."""
     return next((job["id"] for job in rig.get("/jobs", limit=1)["jobs"]), "")
 
 

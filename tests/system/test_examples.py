@@ -1,4 +1,4 @@
-"""The examples of the documents, each run as a reader runs it: in a process of its own."""
+"""The examples of the documents, each run as by a reader: in a separate process."""
 
 import csv
 import json
@@ -34,14 +34,14 @@ from tests.unit.supervisor.harness import Harness
 EXAMPLES = ROOT / "docs/examples"
 FREE_OF_US = ("csv_export", "latest", "live_plot", "place", "record_csv", "subscribe")
 OF_THEIR_OWN = {"orchestrator", "ros2_bridge", "tray"}
-"""With a page and a test of their own."""
+"""Examples with a separate page and test."""
 FOREIGN = {"matplotlib", "msgpack", "zenoh"}
 LONGEST = 80
 PATIENCE_S = 30.0
 UNKNOWN_V = 55.5
-"""Voltage of messages that say that the output has not confirmed it."""
+"""Voltage of messages that state that the output has not confirmed it."""
 COLOURED = 0.3
-"""By how much the channels of a curve differ, which in grey they do not."""
+"""Smallest difference between the colour channels of a curve; grey has none."""
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def listening(name: str, played: Played, *arguments: str) -> list[str]:
 
 
 def done(words: list[str], folder: Path) -> str:
-    """What a command says that ends well."""
+    """Return the output of a command that succeeds."""
     ended = run(words, folder, PATIENCE_S)
     assert ended.returncode == 0, ended.stdout
     return ended.stdout
@@ -159,7 +159,7 @@ def test_ctrl_c_ends_the_csv_example(played: Played, tmp_path: Path) -> None:
 
 @contextmanager
 def publishing() -> Generator[tuple[ZenohBus, str]]:
-    """Offer a bus that publishes as a rig's programs, and the address of its router."""
+    """Serve a bus that publishes like a rig's programs; yields it and the address of its router."""
     with router(RIG) as ends:
         bus = ZenohBus(ends, RIG, "played")
         yield bus, ends.connect[0]
@@ -169,7 +169,7 @@ def publishing() -> Generator[tuple[ZenohBus, str]]:
 def publish_until_ended(
     bus: ZenohBus, process: "subprocess.Popen[str]", pause_s: float = 0.0
 ) -> None:
-    """Publish arming after arming, since it is not known when the process has subscribed.
+    """Publish arming after arming, since the time at which the process subscribes is unknown.
 
     Sample 2 is not valid, 3 has an unconfirmed voltage, and the estimate of 4 is lost. On a busy
     machine messages of a burst may be dropped: ``pause_s`` is the time between two samples.
@@ -210,7 +210,7 @@ def test_csv_leaves_invalid_fields_empty_and_keeps_samples_with_a_lost_message(
         publish_until_ended(bus, process, pause_s=0.002)
         _, output = process.communicate(timeout=PATIENCE_S)
     rows = rows_of(tmp_path / "rig.csv")
-    # The first arming may be seen from its middle on; the second one begins within 100 rows.
+    # The first arming may be received from its middle on; the second one begins within 100 rows.
     second = sorted({int(row["epoch"]) for row in rows})[1]
     measured = ("x_um", "force_mN", "voltage_V")
     filled = {
@@ -287,7 +287,7 @@ def test_a_plot_has_its_curves(played: Played, tmp_path: Path) -> None:
     done(listening("live_plot", played, "--png", str(picture), "--seconds", "1"), tmp_path)
     pixels = cast(Any, matplotlib.image.imread(picture))[:, :, :3]
     coloured = pixels.max(axis=2) - pixels.min(axis=2) > COLOURED
-    height = round(0.3 * len(coloured))  # of a panel; the rest is the label of the time below
+    height = round(0.3 * len(coloured))  # curves of a panel; the rest is the label of the time axis
     for panel in range(3):
         columns = coloured[panel * height : (panel + 1) * height].any(axis=0)
         assert columns.sum() > 0.5 * len(columns), f"panel {panel} has no curve"
@@ -295,7 +295,8 @@ def test_a_plot_has_its_curves(played: Played, tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def gripped(tmp_path_factory: pytest.TempPathFactory) -> Generator[tuple[Path, str]]:
-    """A supervisor that has a record of one job: the folder of the record, the address of REST."""
+    """Provide a supervisor with a record of one job: the folder of the record, and the address
+    of REST."""
     folder = tmp_path_factory.mktemp("gripped")
     desk = Harness(demo_rig(time="lockstep"), folder)
     job = desk.grip()["id"]

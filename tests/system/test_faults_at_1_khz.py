@@ -1,4 +1,4 @@
-"""A program of the loop dies or hangs at T = 1 ms: real processes, and quick instruments."""
+"""A program of the loop dies or hangs at T = 1 ms: real processes, and fast instruments."""
 
 import os
 import signal
@@ -18,7 +18,8 @@ from tests.support.rigs import Tree
 from tests.support.virtual_loop_injection import REACTION_PERIODS
 
 pytestmark = [pytest.mark.usefixtures("stalls"), pytest.mark.slow]
-"""A machine that stalls for 2 ms now and then trips such a loop: for `make soak`."""
+"""A machine that stalls for 2 ms occasionally trips such a loop, so the tests run only in `make
+soak`."""
 
 PERIOD_S, LASTS_S, SETTLED_S, WAIT_S = 0.001, 60.0, 0.1, 2.0
 COMPUTING = "estimator+controller"
@@ -28,11 +29,11 @@ KILOHERTZ: Tree = {
     "realtime": {"computing_s": 0.4 * PERIOD_S},
 }
 ARMINGS = 20
-"""On a machine that stalls for longer than is left out, some end in a trip before the fault."""
+"""Number of armings: on a machine whose stalls exceed the allowance, some trip before the fault."""
 
 
 class Echoes:
-    """What the actuator says, with when it came."""
+    """Messages of the actuator with their arrival times."""
 
     def __init__(self, rig: Rig) -> None:
         self.heard: list[tuple[float, Applied]] = []
@@ -43,7 +44,7 @@ class Echoes:
         self.heard.append((monotonic(), message))
 
     def first(self, there: Callable[[Applied], bool], since_s: float) -> tuple[float, Applied]:
-        """The first that is so."""
+        """Return the first message that satisfies a condition."""
         deadline = monotonic() + WAIT_S
         while monotonic() < deadline:
             for at_s, echo in list(self.heard):

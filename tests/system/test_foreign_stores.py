@@ -1,4 +1,5 @@
-"""A rig beside the stores of others: stops, resets, jobs and holds; and what the rig publishes."""
+"""A rig with foreign stores on its bus: stops, resets, jobs and holds; and the topics that the
+rig publishes."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
@@ -34,12 +35,12 @@ from tests.support.routed import until
 from tests.support.running import RunningRig, running_rig
 
 STOP_S = 1.5
-"""Longest time until a stop is answered, on a busy machine."""
+"""Longest time until a reply to a stop on a busy machine, in s."""
 LEASE_S = 2.0
 HELD_S = 4.0 * LEASE_S
 """A hold that ends earlier if the lease of its program is not renewed."""
 LOOKED_S = 2.5
-"""Time for which the published topics are counted: timing is published once a second."""
+"""Time for which the published topics are recorded, in s: timing is published once a second."""
 LEASED = laid_over(SHORT, {"safety": {"lease_s": LEASE_S}})
 SILENT_S = 0.5
 GHOSTS = tuple(f"ghost-{number}" for number in range(100))
@@ -53,7 +54,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
 
 @contextmanager
 def beside(rig: RunningRig, kinds: tuple[str, ...], mode: str) -> Generator[None]:
-    """Declare complete queryables of some kinds, each at a session of its own."""
+    """Declare complete queryables of some kinds, each in a separate session."""
     place = f"tcp/{rig.rig.bus.host}:{rig.rig.bus.port}"
     with ExitStack() as stack:
         for kind in kinds:
@@ -89,7 +90,7 @@ def test_a_hold_has_its_duration_despite_foreign_stores(rig: RunningRig) -> None
 
 
 class TestTokensOfOtherRigs:
-    """Liveliness tokens of rigs that do not exist, or whose actuator does not answer."""
+    """Liveliness tokens of rigs that do not exist, or whose actuator does not reply."""
 
     @contextmanager
     def present(self, rig: RunningRig, hanging: tuple[str, ...] = ()) -> Generator[None]:

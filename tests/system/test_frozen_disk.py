@@ -1,4 +1,4 @@
-"""The disk of journal, records and logs stops answering: every stop acts and is answered."""
+"""The disk of journal, records and logs hangs: every stop acts and gets a reply."""
 
 import os
 import subprocess
@@ -19,14 +19,14 @@ pytestmark = pytest.mark.usefixtures("stalls")
 
 SIZE_MB = 64
 STOP_S, SLACK_S = 1.5, 3.0
-"""Longest time until a stop is answered, and what a busy machine may add."""
+"""Longest time until a reply to a stop, and the additional time on a busy machine."""
 FROZEN_S = 4.0
-"""Time for which the disk is frozen before anything is asked; logs are written meanwhile."""
+"""Time for which the disk is frozen before the first request; logs are written meanwhile."""
 TRIPPED = ("frozen", "ramping", "latched")
 
 
 def run(*words: str) -> None:
-    """Run a command of the system; skips the test, and says why, where it fails."""
+    """Run a command of the system; skips the test, and prints why, if it fails."""
     ran = subprocess.run(words, capture_output=True, text=True, check=False)
     if ran.returncode:
         pytest.skip(f"no disk that can be frozen: {' '.join(words)}: {ran.stderr.strip()}")
@@ -34,7 +34,7 @@ def run(*words: str) -> None:
 
 @contextmanager
 def loop_disk(folder: Path) -> Generator[Path]:
-    """A file system in a file, which can be frozen."""
+    """Make a file system in a file, which can be frozen."""
     if os.geteuid() != 0:
         pytest.skip("only root may mount and freeze a disk")
     image, where = folder / "image", folder / "disk"

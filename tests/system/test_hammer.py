@@ -1,4 +1,5 @@
-"""Fifty clients read and plan while a grip runs: the loop does not notice, estop comes through."""
+"""Fifty clients read and plan during a grip: the loop is not affected, and an emergency stop
+succeeds."""
 
 from dataclasses import dataclass
 from time import monotonic, sleep
@@ -17,27 +18,28 @@ pytestmark = pytest.mark.usefixtures("stalls")
 
 CLIENTS = 50
 SHORT_S, LONG_S = 3.0, 20.0
-"""For how long the grips hold that are compared."""
+"""Durations of the holds of the compared grips."""
 AGE_PERIODS = 0.25
 ESTOP_S = 0.2
 FEW, MANY = 20, 100
-"""Emergency stops, of whose answers the 99th percentile counts."""
+"""Number of emergency stops, and the limit of the 99th percentile of their times."""
 ASKED_PER_S = 10.0
-"""Questions below which nobody would speak of hammering."""
+"""Smallest request rate that counts as a load, in 1/s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """How the loop did during a grip."""
+    """Figures of the loop during a grip."""
 
     ticks: int
     missed: int
-    """Samples that were never taken, and ticks for which the actuator took no command."""
+    """Return the number of samples never taken, and of ticks for which the actuator accepted no
+    command."""
     age_p99_s: float
 
 
 def grip(rig: RunningRig, hold_s: float) -> Loop:
-    """Grip for a while and look at the record."""
+    """Grip for a while and evaluate the record."""
     ended = rig.ended(rig.start_grip(hold_s=hold_s), hold_s + 60.0)
     assert ended["state"] == "succeeded", ended["cause"]
     result = cast(Json, ended["result"])
@@ -49,7 +51,7 @@ def grip(rig: RunningRig, hold_s: float) -> Loop:
 
 
 def estop_s(rig: RunningRig) -> float:
-    """How long the answer to an emergency stop takes."""
+    """Return the time until the reply to an emergency stop, in s."""
     asked_s = monotonic()
     rig.post(f"/rigs/{rig.rig.rig.name}/estop").raise_for_status()
     return monotonic() - asked_s

@@ -1,7 +1,7 @@
-"""Hostile clients of every kind at once: stops, honest requests and the loop are not delayed.
+"""Hostile clients of every kind at once: stops, other clients and the loop are not delayed.
 
-Real processes, real time. The hostile clients of ``tests.support.hostile`` run beside a grip. The
-limits are those of the issue; a scheduling stall of the machine counts as the machine's.
+Real processes, real time. The hostile clients of ``tests.support.hostile`` run during a grip. A
+scheduling stall of the machine is subtracted from the measured times.
 """
 
 import ssl
@@ -39,7 +39,7 @@ PATIENCE_S = 60.0
 
 @dataclass
 class Honest:
-    """A client that reads the list of jobs again and again until it is closed."""
+    """A client that reads the list of jobs repeatedly until it is closed."""
 
     rig: RunningRig
     took_s: list[float] = field(default_factory=list[float])
@@ -47,7 +47,7 @@ class Honest:
     _end: Event = field(default_factory=Event)
 
     def run(self) -> None:
-        """Read until the end, over a connection that is kept."""
+        """Read until the end, over a persistent connection."""
         while not self._end.wait(PAUSE_S):
             begun_s = monotonic()
             self.statuses.add(self.rig.client.get("/jobs").status_code)
@@ -79,7 +79,7 @@ def rig(request: pytest.FixtureRequest, tmp_path: Path) -> Generator[RunningRig]
 
 
 def took_s(what: Callable[[], httpx.Response]) -> float:
-    """Return how long a request takes that must succeed."""
+    """Return the duration of a request that must succeed."""
     begun_s = monotonic()
     what().raise_for_status()
     return monotonic() - begun_s
@@ -100,7 +100,7 @@ def ended_job(rig: RunningRig, name: str, timeout_s: float) -> Json:
 
 
 def grip(rig: RunningRig, hold_s: float) -> int:
-    """Grip, and return how many ticks were missed or not answered."""
+    """Grip, and return how many ticks were missed or had no echo."""
     ended = ended_job(rig, rig.start_grip(hold_s=hold_s), hold_s + 120.0)
     assert ended["state"] == "succeeded", ended["cause"]
     result: Json = ended["result"]
@@ -138,8 +138,8 @@ def test_no_client_starves_the_others(
 
     tls = ssl.create_default_context()
     tls.check_hostname, tls.verify_mode = False, ssl.CERT_NONE
-    # Built before anything is measured, which takes longer than a stop. Each request has a new
-    # connection: one that was idle may have made room for others.
+    # Created before the measurement, since that takes longer than a stop. Each request has a new
+    # connection: an idle one may have been closed in favour of others.
     idle = httpx.Limits(max_keepalive_connections=0)
     stranger = httpx.Client(timeout=60.0, trust_env=False, verify=tls, limits=idle)
 
@@ -190,7 +190,7 @@ def until_connected(rig: RunningRig, least: int) -> None:
 
 
 def hostile_key(rig: RunningRig, own_key: str) -> str:
-    """Return a key of the hostile clients, where keys are wanted."""
+    """Return a key for the hostile clients, if keys are required."""
     if not own_key:
         return ""
     with open_keys(rig.data) as store:

@@ -1,7 +1,7 @@
-"""Instruments that fail on their real lines, by order to the simulated rig; T = 20 ms.
+"""Instruments that fail on their real lines, by commands to the simulated rig; T = 20 ms.
 
-What is done to a line here is seen by the driver alone: a socket that hangs up, answers that are
-late or lost, a module whose host has died.
+Only the driver sees these faults of a line: a socket that disconnects, replies that are late or
+lost, a module whose host has died.
 """
 
 from collections.abc import Generator
@@ -36,9 +36,9 @@ pytestmark = pytest.mark.usefixtures("stalls")
 
 WATCHDOG_S = 0.5
 IDLE_S = 0.05
-"""How often the simulated module looks at its watchdog while its line is quiet."""
+"""Interval at which the simulated module checks its watchdog while its line is quiet, in s."""
 TICK_S = 0.1
-"""Of the module's watchdog, by its manual."""
+"""Tick of the module's watchdog, by its manual, in s."""
 
 
 @pytest.fixture(scope="module")
@@ -61,21 +61,22 @@ def ready(rig: RunningRig, seen: Witness) -> None:
 
 
 def order(seen: Witness, target: str, what: str, value: float | None = None) -> float:
-    """Do something to the rig; the time at which that was done."""
+    """Disturb the rig; returns the time."""
     now = monotonic()
     seen.bus.call(SIM_COMMAND, SimCommand(target, what, value))
     return now
 
 
 def heal(seen: Witness) -> None:
-    """Plug everything in again, and see that the sensor measures."""
+    """Plug everything in again, and check that the sensor measures."""
     for target in ("sensor", "output"):
         order(seen, target, "heal")
     seen.until(Position, lambda position: position.arms[0].valid, monotonic())
 
 
 def check_works_again(rig: RunningRig, seen: Witness) -> None:
-    """Nothing moves until a person has reset it; then the next job succeeds. No program died."""
+    """Check that nothing moves until a person has reset the rig, that the next job succeeds, and
+    that no program died."""
     assert refused(rig)["type"].endswith("rig-latched")
     reset_when_it_answers(rig)
     make_ready(rig)
@@ -84,11 +85,11 @@ def check_works_again(rig: RunningRig, seen: Witness) -> None:
 
 
 def reset_when_it_answers(rig: RunningRig) -> None:
-    """A reset is refused, with the reason, until the output has been reached again."""
+    """Check that a reset is refused, with the reason, until the output replies again."""
     path = f"/rigs/{rig.rig.rig.name}/reset"
     deadline = monotonic() + 4.0 * RETRY_S
     while (answer := rig.post(path, {"acknowledge": True})).status_code == 409:
-        # A module that is reached may still answer late, to what it was told before.
+        # A module that is connected again may still send late replies to earlier requests.
         assert any(name in answer.json()["detail"] for name in (rig.rig.output.url, "I-7024"))
         assert monotonic() < deadline, answer.text
         sleep(0.05)
@@ -153,7 +154,7 @@ def test_the_module_becomes_safe_by_its_watchdog_if_the_actuator_dies(
     reset(rig)
     make_ready(rig)
     whole_grip(rig, seen)
-    # The last sign of life was up to a period before the kill.
+    # The last feeding was up to a period before the kill.
     assert safe_s > WATCHDOG_S - 2.0 * rig.rig.rig.period_s
     within(WATCHDOG_S + TICK_S + IDLE_S, safe_s, "safety")
 

@@ -26,14 +26,15 @@ GRIP = GripJobRequest(kind="grip", autostart=True, hold_s=1.0, load_s=1.0)
 TRACK = TrackJobRequest(kind="track", autostart=True, load_s=1.0, frequency_hz=1.0, cycles=1)
 LONG_HOLD_S = 600.0
 HUNG = ("sensor", "actuator")
-"""Who begins a tick and who ends it, for every commit; the others for the soak."""
+"""Programs that hang: the first and the last of a tick for every commit; the others for the
+soak."""
 STANDSTILL_S = 1.0
-"""Longer than a link in real time is waited for."""
+"""Time longer than the timeout of a link in real time, in s."""
 SEED = 20131
 
 
 def in_one_process(rig: RigFile, request: JobRequest = GRIP) -> Numbers:
-    """Position, force and voltage of a job and of each arm, on the bus in memory."""
+    """Return position, force and voltage of a job and of each arm, on the bus in memory."""
     published: list[Message] = ComposedLoop(rig).play(plan_job(request, rig).program)
     positions = [message for message in published if isinstance(message, Position)]
     estimates = [message for message in published if isinstance(message, Estimate)]
@@ -51,7 +52,7 @@ def in_one_process(rig: RigFile, request: JobRequest = GRIP) -> Numbers:
 
 
 def recorded(folder: Path, names: Iterable[str]) -> Numbers:
-    """Columns of the record of a job."""
+    """Return the columns of the record of a job."""
     table = cast(Any, parquet).read_table(folder / "samples.parquet", columns=list(names))
     return cast(Numbers, table.to_pydict())
 
@@ -85,7 +86,7 @@ def test_seven_processes_give_identical_bits(
 def same_in_seven(
     rig: RigFile, request: JobRequest, folder: Path, delays: dict[str, int] | None = None
 ) -> None:
-    """Play it over Zenoh, and compare the record with one process."""
+    """Play a job over Zenoh, and compare the record with that of one process."""
     with running_rig(rig, folder, delays) as running:
         body = request.model_dump(mode="json", exclude_unset=True)
         taken = running.post("/jobs", body).raise_for_status().json()
@@ -123,7 +124,7 @@ def test_a_hung_program_ends_the_run_with_its_name(tmp_path: Path, name: str) ->
 
 def test_a_stalled_supervisor_loses_no_sample(tmp_path: Path) -> None:
     with running_rig(demo_rig(time="lockstep"), tmp_path) as running:
-        job = running.start_grip(hold_s=20.0)  # ticks of the lockstep take less than a period
+        job = running.start_grip(hold_s=20.0)  # in lockstep a tick takes less than a period
         running.until_phase(job, "hold")
         running.fleet.signal("supervisor", signal.SIGSTOP)
         sleep(STANDSTILL_S)

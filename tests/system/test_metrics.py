@@ -1,4 +1,5 @@
-"""A rig in real time is scraped while it grips, while a program dies, and after it is back."""
+"""The metrics of a rig in real time during a grip, while a program is dead, and after its
+restart."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
@@ -15,7 +16,7 @@ from tests.support.running import RunningRig
 pytestmark = pytest.mark.usefixtures("stalls")
 
 TOLD_S = 8.0
-"""Within which what is told about once a second must show."""
+"""Time within which a value that is published about once a second must appear, in s."""
 Scrape = dict[tuple[str, frozenset[tuple[str, str]]], float]
 
 
@@ -33,7 +34,7 @@ def value(found: Scrape, name: str, **labels: str) -> float:
 
 
 def until(rig: RunningRig, name: str, wanted: float, **labels: str) -> Scrape:
-    """Scrape until a value is as it is wanted."""
+    """Scrape until a value satisfies a condition."""
     deadline = monotonic() + TOLD_S
     while True:
         found = scrape(rig)

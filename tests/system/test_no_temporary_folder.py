@@ -1,4 +1,4 @@
-"""A secure rig works, and lets newcomers in, on a machine whose temporary folders are full."""
+"""A secure rig works, and admits new clients, on a machine whose temporary folders are full."""
 
 import os
 import subprocess
@@ -25,11 +25,13 @@ cd /proc
 shift
 exec "$@"
 """
-"""Makes every folder that Python takes for a temporary one full; the first argument is at /mnt."""
+"""Script that fills every folder that Python uses as a temporary one; the first argument is
+mounted at /mnt."""
 
 
 def with_full_folders(kept: Path) -> list[str]:
-    """Words before a command; skips, and says why, where none can be had."""
+    """Return the arguments before a command; skips, and prints why, if full folders are not
+    possible."""
     words = ["unshare", "--mount", "sh", "-c", FULL, "sh", str(kept)]
     probe = "import tempfile\ntry: tempfile.mkdtemp()\nexcept OSError: print('full')"
     tried = subprocess.run(
@@ -55,7 +57,7 @@ def test_operators_can_stop_the_rig_without_a_temporary_folder(tmp_path: Path) -
             while "release" not in job.refresh(0.2).allowed_actions:
                 assert not job.ended
             until_s = monotonic() + START_S
-            # No session of an operator has come before this one. The supervisor is not asked.
+            # This is the operator's first session. The supervisor is not used.
             stop = [*PINCETTE, "estop", "--rig", "/mnt/rig.toml", "--url", "http://127.0.0.1:1"]
             done = subprocess.run(
                 [*words, *stop], env=pki, capture_output=True, text=True, check=False, timeout=60.0

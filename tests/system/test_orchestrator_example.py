@@ -1,4 +1,4 @@
-"""The example of an orchestrator as a cell runs it: a process of its own, a rig in lockstep."""
+"""The example of an orchestrator as a cell runs it: a separate process, and a rig in lockstep."""
 
 import re
 import signal
@@ -40,7 +40,7 @@ def hands(rig: RunningRig) -> Generator[Technician]:
 
 
 def refresh(rig: RunningRig) -> None:
-    """Bring the arm back after a hold: one that creeps drifts, and its force cannot be zeroed."""
+    """Bring the arm back after a hold: while it creeps, its force cannot be zeroed."""
     body = {"kind": "move", "to_V": rig.rig.safety.safe_V, "conditioning_cycles": 5}
     taken = rig.post("/jobs", {**body, "zero": False, "autostart": True})
     assert taken.status_code == 201, taken.text
@@ -48,7 +48,7 @@ def refresh(rig: RunningRig) -> None:
 
 
 def until_free(rig: RunningRig) -> None:
-    """Wait until a part is let go."""
+    """Wait until a part is released."""
     deadline = monotonic() + PATIENCE_S
     while not (view := rig.view())["can_start"]:
         assert monotonic() < deadline, view["reasons"]

@@ -1,6 +1,6 @@
-"""Grip after grip on a machine that has no time: processors, disk and supervisor are kept busy.
+"""Grip after grip on an overloaded machine: processors, disk and supervisor are kept busy.
 
-``PINCETTE_OVERLOAD_S`` says for how long the slow test does so, 1200 s if it is not set.
+``PINCETTE_OVERLOAD_S`` is the duration of the slow test, 1200 s by default.
 """
 
 import os
@@ -33,20 +33,21 @@ CLIENTS = 10
 JOB_S = 120.0
 """Longest time a job may take under load."""
 GAP_PERIODS = 1.5
-"""Between two samples, from which on one was missed."""
+"""Shortest interval between two samples, in periods, that counts as a missed sample."""
 
 
 @dataclass
 class Account:
-    """What went by, and what of it has no stall of the machine to blame."""
+    """Received messages, and faults that no stall of the machine explains."""
 
     grips: int = 0
     ticks: int = 0
     missed: int = 0
-    """Grid points without a sample, and ticks for which the actuator took no command."""
+    """Number of grid points without a sample, and of ticks for which the actuator accepted no
+    command."""
     trips: int = 0
     tripped: bool = False
-    """In what was looked at last."""
+    """True if a trip was among the messages checked last."""
     unexplained: list[str] = field(default_factory=list[str])
     ages_s: list[float] = field(default_factory=list[float])
 
@@ -88,7 +89,7 @@ class Account:
 
 @pytest.fixture(scope="module")
 def stood() -> Generator[StallRecorder]:
-    """Excuses of single ticks; so the test as a whole is never rerun."""
+    """Stalls excuse single ticks, so the test as a whole is never rerun."""
     with StallRecorder() as recorder:
         yield recorder
 

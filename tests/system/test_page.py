@@ -1,4 +1,4 @@
-"""The page in a real browser, before a rig of real processes."""
+"""The page in a real browser, with a rig of real processes."""
 
 from collections.abc import Generator
 from pathlib import Path
@@ -16,14 +16,15 @@ TEN_SECONDS = "#window [data-seconds='10']"
 
 @pytest.fixture(scope="module")
 def rig(browser: Browser, paced: RunningRig) -> RunningRig:
-    """The rig comes after the browser: without one there is nothing to start it for."""
+    """Start the rig after the browser: without a browser it is not needed."""
     assert browser.is_connected()
     return paced
 
 
 @pytest.fixture
 def seen(rig: RunningRig, context: BrowserContext) -> Generator[Visit]:
-    """The page of a rig that can start; in the end nothing came from elsewhere or went wrong."""
+    """Open the page of a rig that can start; afterwards check that nothing was loaded from
+    elsewhere or failed."""
     make_ready(rig)
     visited = visit(context, origin_of(rig.rig))
     visited.until("#fact-start", "can start")
@@ -34,20 +35,20 @@ def seen(rig: RunningRig, context: BrowserContext) -> Generator[Visit]:
 
 
 def make_ready(rig: RunningRig) -> None:
-    """Stop what a test before has left, and clear the latch."""
+    """Stop what an earlier test has left, and clear the latch."""
     deadline = monotonic() + 30.0
     while not (view := rig.view())["can_start"]:
         if view["active_job"]:
             rig.post(f"/jobs/{view['active_job']}/actions", {"type": "abort"})
         elif "reset" in view["allowed_actions"]:
             rig.post(f"/rigs/{rig.rig.rig.name}/reset", {"acknowledge": True})
-        elif view["startable"]:  # a part is held that no job holds
+        elif view["startable"]:  # a part is held, but by no job
             rig.post("/jobs", {"kind": "release", "autostart": True})
         assert monotonic() < deadline, view["reasons"]
 
 
 def start_endless(seen: Visit) -> str:
-    """Start a grip that holds until it is released; the job's id, once it holds."""
+    """Start a grip that holds until it is released; returns the job's id once it holds."""
     seen.page.click("#tab-start")
     seen.page.check("#field-until_released")
     for _ in range(TRIES):
@@ -60,14 +61,14 @@ def start_endless(seen: Visit) -> str:
             ),
             "no grip came to its hold",
         )
-        # An arm that still creeps back from the test before cannot be zeroed yet.
+        # An arm that still creeps back from the previous test cannot be zeroed yet.
         if "hold" in seen.text("#course"):
             break
     return seen.text("#current-open")
 
 
 def until_tripped(rig: RunningRig, seen: Visit) -> None:
-    """Wait until the rig itself says that the e-stop has acted."""
+    """Wait until the rig itself reports that the emergency stop has acted."""
     seen.until_true(lambda: rig.view()["latch"]["cause"] == "estop", "the rig never tripped")
 
 
@@ -172,7 +173,7 @@ def test_a_page_reload_during_a_job_keeps_the_displayed_state(rig: RunningRig, s
     seen.page.click("button[data-seconds='60']")
     seen.page.focus("#charts")
     before = ""
-    while not before.endswith(("approach", "contact", "load")):  # each over before the reload
+    while not before.endswith(("approach", "contact", "load")):  # each ended before the reload
         seen.page.keyboard.press("ArrowLeft")
         seen.until_true(
             lambda before=before: seen.text("#at") != before, "no sample from before the reload"

@@ -1,4 +1,4 @@
-"""The page where the supervisor wants a key: signing in, what a scope allows, and the e-stop."""
+"""The page if the supervisor requires a key: sign-in, scopes, and the emergency stop."""
 
 from collections.abc import Generator
 from dataclasses import dataclass
@@ -24,19 +24,19 @@ from tests.unit.supervisor.harness import Harness
 
 LONG_S = 60.0
 EXPECTED = ("401", "403", "409")
-"""Refusals that a browser notes as errors of its own."""
+"""Refusals that a browser logs as errors."""
 
 
 @dataclass
 class Bench:
-    """A canned rig behind a real server, whose page a real browser opens."""
+    """A simulated rig behind a real server, whose page a real browser opens."""
 
     desk: Harness
     access: Access
     address: str
 
     def key(self, name: str, scope: access_models.Scope) -> str:
-        """Make a key that is in force at once."""
+        """Make a key that is valid immediately."""
         key = new_key()
         KeyFile(self.desk.store.folder).add(name, digest_of(key), scope)
         self.access.authenticator.refresh(self.desk.store)
@@ -67,7 +67,7 @@ def sign_in(seen: Visit, key: str) -> None:
 
 
 def barred(seen: Visit, place: str) -> str:
-    """Why a control is switched off; empty where it is not."""
+    """Return why a control is disabled; empty if it is enabled."""
     control = seen.page.locator(place)
     return str(control.get_attribute("title") or "") if control.is_disabled() else ""
 
@@ -141,7 +141,7 @@ def test_a_signed_in_page_permits_what_its_key_permits(
 
 
 async def elsewhere(_scope: Scope, _receive: Receive, send: Send) -> None:
-    """A page of another server on this machine."""
+    """Serve a page of another server on this machine."""
     headers = [(b"content-type", b"text/html")]
     await send({"type": "http.response.start", "status": 200, "headers": headers})
     await send({"type": "http.response.body", "body": b"<p>elsewhere</p>"})
@@ -150,7 +150,7 @@ async def elsewhere(_scope: Scope, _receive: Receive, send: Send) -> None:
 def test_a_page_of_another_origin_can_neither_act_nor_read_nor_frame(
     bench: Bench, foreign: str, context: BrowserContext
 ) -> None:
-    """To a browser it is of the same site, whose cookies it would send along."""
+    """For a browser it belongs to the same site, so cookies would be sent."""
     origin = bench.address
     name = bench.desk.manager.name
     page = context.new_page()

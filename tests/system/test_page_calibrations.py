@@ -1,4 +1,5 @@
-"""A calibration from the page: measured, looked at, accepted or discarded, as the server says."""
+"""A calibration from the page: measured, viewed, accepted or discarded, as the server reports
+it."""
 
 import subprocess
 import sys
@@ -14,7 +15,7 @@ from tests.support.rigs import demo_rig
 from tests.support.running import Json, RunningRig, running_rig
 
 LONG_S = 90.0
-"""A rig in lockstep is as slow as the machine is loaded."""
+"""Longest wait, in s: a rig in lockstep is as slow as the machine is loaded."""
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +34,7 @@ def seen(rig: RunningRig, browser: Browser) -> Generator[Visit]:
 
 
 def measure_noise(rig: RunningRig, seen: Visit) -> Json:
-    """Calibrate the noise of the sensor from the page; what it proposes."""
+    """Calibrate the noise of the sensor from the page; returns the proposal."""
     before = rig.get("/calibrations")["calibrations"]
     seen.page.click("#tab-start")
     seen.page.select_option("#kind", "calibrate")
@@ -114,7 +115,7 @@ def test_a_motion_is_repeated_after_the_page_has_asked_to_remove_the_part(
     assert rig.ended(job, LONG_S)["state"] == "succeeded"
     seen.page.click("#tab-calibrations")
     seen.until(f"[id='proposal-{job}']", "the error of the free response is", LONG_S)
-    # A box that is not ticked is asked for, too.
+    # The server requires a box that is not ticked, too.
     seen.page.click("#tab-start")
     seen.page.select_option("#field-calibration", "residual")
     seen.page.uncheck("#field-confirm")
@@ -125,13 +126,13 @@ def test_a_motion_is_repeated_after_the_page_has_asked_to_remove_the_part(
 
 
 def order(rig: RunningRig, what: str) -> None:
-    """Take the part of the simulated rig away, or place it."""
+    """Remove the part of the simulated rig, or place it."""
     words = [sys.executable, "-m", "pincette", "rig", "part", what, "--rig", str(rig.path)]
     subprocess.run(words, check=True, capture_output=True, timeout=60)
 
 
 def wholly_seen(seen: Visit, place: str) -> bool:
-    """Whether an element lies within its panel, as far as that is scrolled."""
+    """Return whether an element is inside the visible area of its scrolled panel."""
     return bool(
         seen.page.locator(place).evaluate(
             """one => {

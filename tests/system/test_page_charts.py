@@ -45,7 +45,7 @@ OVERLAPS = """() => {
 
 @contextmanager
 def camera() -> Generator[tuple[str, list[str]]]:
-    """A camera that sends two pictures as MJPEG; its address, and the paths that were asked."""
+    """Serve two pictures as MJPEG; yields the address, and the paths that were requested."""
     requests: list[str] = []
 
     class Pictures(BaseHTTPRequestHandler):
@@ -63,7 +63,7 @@ def camera() -> Generator[tuple[str, list[str]]]:
             self.wfile.write(b"--frame--\r\n")
 
         def log_request(self, code: object = "-", size: object = "-") -> None:
-            """Say nothing on the terminal."""
+            """Do nothing."""
 
     server = ThreadingHTTPServer(("127.0.0.1", 0), Pictures)
     thread = threading.Thread(target=server.serve_forever)
@@ -84,7 +84,7 @@ def painted(colour: str) -> bytes:
 
 
 def strips(seen: Visit) -> list[str]:
-    """Names of the strips that are seen."""
+    """Return the names of the visible strips."""
     return [
         strip.get_attribute("data-quantity") or ""
         for strip in seen.page.locator(".strip").all()
@@ -165,7 +165,7 @@ def test_both_arms_of_a_quantity_share_a_chart_inside_the_card(
                 "Voltage, arm 1",
                 "Voltage, arm 2",
             ]
-            # A notice that the supervisor is slow to answer makes the page lower for a while.
+            # A notice that the supervisor is slow makes the page shorter for a while.
             seen.until_true(
                 lambda: bottom_of(seen, ".strip.last canvas") <= bottom_of(seen, ".scope"),
                 "the last chart is outside its card",
@@ -208,7 +208,7 @@ COLOURED = """() => {
   }
   return false;
 }"""
-"""Script: whether the force chart shows the pale green of a succeeded job."""
+"""Script that returns whether the force chart shows the pale green of a succeeded job."""
 
 
 WRITTEN = """window.written = [];
@@ -217,7 +217,7 @@ CanvasRenderingContext2D.prototype.fillText = function (text, ...rest) {
   window.written.push(text);
   write.call(this, text, ...rest);
 };"""
-"""Script: keep what is written on canvases in ``written``."""
+"""Script that stores the texts drawn on canvases in ``written``."""
 
 
 def until_written(seen: Visit, act: Callable[[], None], pattern: str) -> None:
@@ -325,7 +325,8 @@ COMPARED = """() => {
     return found > 10;
   });
 }"""
-"""Script: whether the force chart of a comparison has the colours of the first two jobs."""
+"""Script that returns whether the force chart of a comparison has the colours of the first two
+jobs."""
 
 
 @pytest.mark.parametrize("size", [PHONE, DESK])
@@ -370,7 +371,8 @@ HEIGHTS_OF_FIRST = """() => {
   }
   return [...rows].length;
 }"""
-"""Script: how many tenths of the height of the force chart have the colour of the first job."""
+"""Script that returns how many tenths of the height of the force chart have the colour of the
+first job."""
 
 
 def test_both_arms_of_a_job_are_drawn_in_the_comparison(browser: Browser, desk: Harness) -> None:

@@ -1,4 +1,4 @@
-"""A press of the page's E-STOP is kept and sent again until the actuator confirms it."""
+"""A press of the page's E-STOP is stored and sent again until the actuator confirms it."""
 
 from contextlib import ExitStack
 

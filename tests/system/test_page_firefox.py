@@ -36,7 +36,8 @@ def desk(tmp_path: Path) -> Generator[Harness]:
 
 @pytest.fixture
 def page(firefox: Firefox, desk: Harness) -> Generator[Firefox]:
-    """The page of a canned rig, once it is connected and its form has the planned values."""
+    """Open the page of a simulated rig, and wait until it is connected and its form has the
+    planned values."""
     with served(desk.app) as address:
         firefox.command("Navigate", url=address)
         firefox.until(CONNECTED)

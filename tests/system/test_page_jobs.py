@@ -1,4 +1,4 @@
-"""Jobs of every kind from the page, at a rig in lockstep: what the server did is what counts."""
+"""Jobs of every kind from the page, at a rig in lockstep: the state of the server is checked."""
 
 from collections.abc import Generator
 from datetime import UTC, datetime
@@ -21,7 +21,8 @@ SLOWLY = {name: seed for seed, name in enumerate(LOOP)}
 
 @pytest.fixture(scope="module")
 def rig(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
-    """Its ticks take some ms each, so that a hold without end floods nobody with samples."""
+    """Start a rig whose ticks take some ms each, so that an endless hold floods no client with
+    samples."""
     assert browser.is_connected()
     folder = tmp_path_factory.mktemp("rig")
     with running_rig(demo_rig(SHORT, time="lockstep"), folder, SLOWLY) as running:
@@ -30,7 +31,7 @@ def rig(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Generator
 
 @pytest.fixture
 def seen(rig: RunningRig, browser: Browser) -> Generator[Visit]:
-    """The page of a rig that can start; a job that a test leaves is ended."""
+    """Open the page of a rig that can start; a job that a test leaves is ended."""
     make_ready(rig, LONG_S)
     with looked_at(browser, rig.rig) as visited:
         visited.until("#fact-start", "can start")
@@ -42,12 +43,12 @@ def seen(rig: RunningRig, browser: Browser) -> Generator[Visit]:
 
 
 def ids(rig: RunningRig) -> list[str]:
-    """The jobs that the server has, the newest first."""
+    """Return the jobs of the server, the newest first."""
     return [job["id"] for job in rig.get("/jobs", limit=3)["jobs"]]
 
 
 def until_state(rig: RunningRig, seen: Visit, name: str, state: str) -> Json:
-    """Wait until the server says that a job is in a state; the job."""
+    """Wait until the server reports a state of a job; returns the job."""
     seen.until_true(
         lambda: rig.job(name)["state"] == state, f"{name} never was {state}", timeout_s=LONG_S
     )
@@ -61,12 +62,12 @@ def choose(seen: Visit, kind: str, **fields: str) -> None:
 
 
 def press_start(rig: RunningRig, seen: Visit) -> str:
-    """Start what the form says; the id of the job that the server has made of it."""
+    """Start the job of the form; returns the id that the server gives it."""
     return made_by(rig, seen, "#start")
 
 
 def made_by(rig: RunningRig, seen: Visit, button: str) -> str:
-    """The id of the job that the server makes when a button is pressed."""
+    """Return the id of the job that the server creates when a button is pressed."""
     before = ids(rig)
     seen.page.click(button)
     seen.until_true(lambda: ids(rig) != before, "no job came")
@@ -74,7 +75,7 @@ def made_by(rig: RunningRig, seen: Visit, button: str) -> str:
 
 
 def grip_until_held(rig: RunningRig, seen: Visit) -> str:
-    """Start a grip that holds until it is released, and see it hold; the job's id."""
+    """Start a grip that holds until it is released, and wait for the hold; returns the job's id."""
     job: Json = {}
     for _ in range(TRIES):
         choose(seen, "grip")
@@ -82,7 +83,7 @@ def grip_until_held(rig: RunningRig, seen: Visit) -> str:
         name = press_start(rig, seen)
         seen.until_true(lambda name=name: holds_or_ended(rig, name), "it never held", LONG_S)
         job = rig.job(name)
-        # An arm that still creeps back from the test before cannot be zeroed yet.
+        # An arm that still creeps back from the previous test cannot be zeroed yet.
         if job["ended_at"] is None:
             return name
     raise TimeoutError(f"no grip came to its hold: {job['cause']}")
@@ -122,7 +123,7 @@ def test_a_button_press_is_not_lost_if_the_job_changes_meanwhile(
     seen.page.mouse.down()
     rig.post(f"/jobs/{name}/actions", {"type": "resume"}).raise_for_status()
     until_state(rig, seen, name, "running")
-    seen.page.wait_for_timeout(1000.0)  # the page has been told
+    seen.page.wait_for_timeout(1000.0)  # the page has received the change
     seen.page.mouse.up()
     until_state(rig, seen, name, "stopped")
     seen.until("#current-state", "stopped")

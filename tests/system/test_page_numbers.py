@@ -1,4 +1,4 @@
-"""Numbers that are typed into the page: what each text means, and what is refused."""
+"""Numbers typed into the page: the meaning of each text, and refusals."""
 
 import json
 from collections.abc import Generator
@@ -44,7 +44,7 @@ def test_every_number_format_of_the_common_table_is_parsed_as_specified(
 
 
 def requests_of(seen: Visit) -> list[Request]:
-    """Requests that ask for a plan or a job, as they come."""
+    """Return the requests for a plan or a job as they are sent."""
     found: list[Request] = []
     seen.page.on("request", lambda request: found.append(request) if wanted(request) else None)
     return found

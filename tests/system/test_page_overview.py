@@ -1,4 +1,5 @@
-"""The page on every width: *All rigs*, one row a rig, and the tabs, whole in both colours."""
+"""The page at every width: *All rigs*, one row per rig, and the tabs, complete in both colour
+schemes."""
 
 from collections.abc import Generator
 from concurrent.futures import ThreadPoolExecutor
@@ -35,14 +36,14 @@ SPREADS = """() => [...document.querySelectorAll("#overview td > *")].map((each)
   return bottoms.length ? Math.max(...bottoms) - Math.min(...bottoms) : 0;
 })"""
 ONE_LINE_PX = 12
-"""Between the bottoms of a mark and of a word beside it; of two lines they are further apart."""
+"""Largest distance between the bottoms of a mark and of a word on the same line, in pixels."""
 LONGER = "document.documentElement.scrollHeight - innerHeight"
 WIDER = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
 
 
 @pytest.fixture
 def desk(browser: Browser, tmp_path: Path) -> Generator[RigsHarness]:
-    """Four rigs: one holds a part, one has tripped, two are as they were started."""
+    """Start four rigs: one holds a part, one has tripped, two are as after their start."""
     assert browser.is_connected()
     own = demo_rig({"rig": {"name": NAMES[0]}}, time="lockstep")
     desk = RigsHarness(own, tmp_path)
@@ -57,7 +58,7 @@ def desk(browser: Browser, tmp_path: Path) -> Generator[RigsHarness]:
         desk.ended(desk.grip(rig=NAMES[1])["id"])
         desk.bus.trip("command_age")
 
-    with ThreadPoolExecutor(1) as aside:  # the browser has this thread's event loop
+    with ThreadPoolExecutor(1) as aside:  # the browser uses this thread's event loop
         aside.submit(made).result()
     yield desk
     desk.close()
@@ -89,7 +90,8 @@ def test_all_rigs_are_in_one_table_without_overlap(
 
 
 def whole(seen: Visit) -> None:
-    """Nothing of the table is cut or covered, and the page has no scroll bar below it."""
+    """Check that nothing of the table is cut off or covered, and that the page has no horizontal
+    scroll bar."""
     assert seen.page.evaluate(OVERLAPS) == []
     assert seen.page.evaluate(WIDER) <= 0
     assert max(seen.page.evaluate(SPREADS)) < ONE_LINE_PX, "a word is broken"

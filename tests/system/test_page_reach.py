@@ -1,4 +1,5 @@
-"""Who can read the page and reach its controls: names, sizes, contrast; at a desk, on a tablet."""
+"""Accessibility of the page: names, sizes and contrast of its controls; on a desktop and on a
+tablet."""
 
 import pytest
 from playwright.sync_api import Browser, ViewportSize
@@ -16,7 +17,7 @@ from tests.support.grips import make_ready
 from tests.support.running import RunningRig
 
 CONTRAST = 4.5
-"""WCAG 2 AA, for text."""
+"""Minimum contrast of WCAG 2 AA for text."""
 NAMELESS = """() => [...document.querySelectorAll('button, input, select, a, [tabindex="0"]')]
   .filter((each) => each.offsetParent !== null)
   .filter((each) => !(each.textContent.trim() || each.getAttribute('aria-label')
@@ -56,7 +57,7 @@ def rig(browser: Browser, paced: RunningRig) -> RunningRig:
 
 
 def check(seen: Visit) -> None:
-    """Everything that is seen has a name, is large enough, stands out, and fits."""
+    """Check that every visible element has a name, is large enough, has contrast, and fits."""
     assert seen.page.evaluate(NAMELESS) == []
     assert seen.page.evaluate(SMALL) == []
     texts = seen.page.evaluate(TEXTS)
@@ -113,7 +114,7 @@ def test_a_dead_server_is_reported_with_the_age_of_the_displayed_values(
 def test_keyboard_focus_follows_the_visible_order_of_controls(
     browser: Browser, rig: RunningRig
 ) -> None:
-    """Tab goes down each column, and what has the focus is marked."""
+    """Tab moves down each column, and the focused element is marked."""
     with looked_at(browser, rig.rig) as seen:
         seen.until_true(lambda: seen.page.input_value("#field-force_mN") != "", "no defaults came")
         reached: list[str] = []

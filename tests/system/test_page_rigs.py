@@ -1,4 +1,4 @@
-"""The page where a supervisor serves two rigs: everything on it is about the one of the address."""
+"""The page if a supervisor serves two rigs: all its content belongs to the rig in the address."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -19,7 +19,7 @@ LONG_S = 90.0
 
 @pytest.fixture(scope="module")
 def left(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
-    """The rig that has router and supervisor; the other, ``right``, has joined it."""
+    """The rig with router and supervisor; the other, ``right``, has joined it."""
     assert browser.is_connected()
     folder = tmp_path_factory.mktemp("rigs")
     own = demo_rig(laid_over(SHORT, {"rig": {"name": "left"}}), time="lockstep")

@@ -1,4 +1,4 @@
-"""Yesterday's job of a sample, its picture and its force are found on the page."""
+"""A job of yesterday is found on the page by its sample, with its picture and its force."""
 
 from datetime import datetime
 from pathlib import Path
@@ -19,7 +19,8 @@ LOADED = "document.querySelector('#job-detail img.picture').naturalWidth"
 
 
 def gripped(address: str, sample: str, **wishes: Any) -> str:
-    """A grip that has ended; over the network, since the browser has this thread's event loop."""
+    """Return a grip that has ended; over the network, since the browser uses this thread's event
+    loop."""
     with Supervisor(address) as supervisor:
         job = supervisor.rig("demo").start("grip", sample=sample, queue=True, **wishes)
         job.wait(60.0)
@@ -193,7 +194,8 @@ FILLED = """async (requests) => {
     return [{ kind: request.kind, ...fields.read() }, fields.lacking(request)];
   });
 }"""
-"""Fill forms with requests; return what each form would send, and what it lacks of the request."""
+"""Fill forms with requests; return what each form would send, and which members of the request
+it lacks."""
 REQUESTS: list[dict[str, Any]] = [
     {
         "kind": "grip",

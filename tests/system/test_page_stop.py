@@ -1,4 +1,4 @@
-"""The page's stop in browsers that lack something, below a prefix, and against accidental keys."""
+"""The page's stop in browsers that lack functions, below a prefix, and against accidental keys."""
 
 from collections.abc import Generator
 from time import monotonic
@@ -36,7 +36,7 @@ STOPS_WITHOUT = [
     "delete window.URLSearchParams",
     "delete window.performance",
 ]
-"""Functions without which the page says in red that it does not work."""
+"""Functions without which the page reports in red that it does not work."""
 BLIND = "delete window.XMLHttpRequest; delete window.fetch;"
 KEYS = """(presses) => {
   for (const press of presses) document.body.dispatchEvent(new KeyboardEvent('keydown',
@@ -62,7 +62,7 @@ def until(page: Page, place: str, words: str, timeout_s: float = 20.0) -> None:
 
 
 def stop(desk: Harness, page: Page) -> None:
-    """Press, and wait for the confirmation; the rig is reset then."""
+    """Press, and wait for the confirmation; afterwards the rig is reset."""
     before = len(desk.bus.trips)
     page.hover("#estop")
     page.mouse.down()
@@ -187,13 +187,13 @@ def test_only_two_plain_presses_of_escape_stop_the_rig(
         desk.manager.latch.reset("test")
     assert len(desk.bus.trips) >= 3
     stops = len(desk.bus.trips)
-    page.evaluate(KEYS, [{}, {}])  # an aid for access sends keys that are not trusted
+    page.evaluate(KEYS, [{}, {}])  # assistive software sends keys that are not trusted
     page.wait_for_timeout(500)
     assert len(desk.bus.trips) > stops
 
 
 REPLACED = (b"host", b"sec-fetch-site")
-"""Browsers send the second to secure addresses and loopback alone."""
+"""Replaced headers; browsers send the second only to secure addresses and loopback."""
 
 
 def proxy(app: ASGIApp, *, prefix: str = "", host: str = "") -> ASGIApp:

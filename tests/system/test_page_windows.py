@@ -1,4 +1,4 @@
-"""Many windows of one browser: each is live, and a stop from each one arrives at once."""
+"""Many windows of one browser: each is live, and a stop from each one acts at once."""
 
 from time import monotonic
 
@@ -24,7 +24,7 @@ PRESS = """async () => {
   return (performance.now() - begun) / 1000;
 }"""
 SAMPLE_S = 5.0
-"""Longest wait for a sample on a machine that has much else to do."""
+"""Longest wait for a sample on a busy machine, in s."""
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def until_live(page: Page, condition: str = LIVE) -> None:
 
 
 def stop_from(rig: RunningRig, page: Page) -> float:
-    """Press in a window; the time until the window shows the confirmation."""
+    """Press in a window; returns the time until the window shows the confirmation."""
     taken_s = float(page.evaluate(PRESS))
     # The view of the rig follows the actuator's next sample.
     deadline_s = monotonic() + SAMPLE_S
@@ -60,7 +60,8 @@ def stop_from(rig: RunningRig, page: Page) -> float:
 
 
 def allowed_s(alone_s: float) -> float:
-    """Longest time of a stop from one of many windows; a slow machine is slow with one, too."""
+    """Return the longest time of a stop from one of many windows; a slow machine is slow with
+    one, too."""
     return max(STOP_S, SLOWER * alone_s)
 
 

@@ -1,7 +1,7 @@
-"""The links of one program are cut one way, in a network of the rig's own; T = 20 ms.
+"""The links of one program are cut in one direction, in a separate network; T = 20 ms.
 
-What is cut comes back while the voltage of a held part is still frozen, or when everything is over.
-Either way the rig stays as it is until a person resets it. `test_soak_faults.py` cuts both ways.
+The cut ends while the voltage of a held part is still frozen, or after the ramp. In both cases the
+rig stays as it is until a person resets it. `test_soak_faults.py` cuts both directions.
 """
 
 from pathlib import Path
@@ -15,7 +15,7 @@ from tests.support.soak import injected
 pytestmark = pytest.mark.usefixtures("stalls")
 
 FEW, MANY = 2, 20
-"""Of each, half of them with a part held; for every commit and for the soak."""
+"""Number of cuts of each kind, half of them with a part held; for every commit and for the soak."""
 
 
 @pytest.fixture(scope="module", autouse=True)

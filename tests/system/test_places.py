@@ -1,4 +1,4 @@
-"""A vision client as a program of its own, and a job that takes its place: REST, CLI and client."""
+"""A vision client as a separate program, and a job that uses its position: REST, CLI and client."""
 
 import subprocess
 import sys

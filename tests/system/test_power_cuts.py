@@ -1,6 +1,6 @@
-"""Power cuts at random moments of grips: what the disk has then, and what the next start does.
+"""Power cuts at random moments of grips: the data on the disk, and the next start.
 
-The programs run on a file system of their own. Its image is copied without a sync, each copy is
+The programs run on a separate file system. Its image is copied without a sync, each copy is
 mounted, and all programs are started on it. ``PINCETTE_CUTS`` is the number of cuts in each phase,
 and ``PINCETTE_SEED`` the seed.
 """
@@ -43,12 +43,13 @@ READY_S = 60.0
 REPAIRED_S = 180.0
 """Longest time until a record is complete, or repaired, after a start."""
 MOST_GRIPS = 5
-"""Grips for each cut in a phase; more are needed where the machine is too busy to cut in time."""
+"""Largest number of grips for each cut in a phase; more are needed if the machine is too busy to
+cut in time."""
 
 
 @dataclass(frozen=True)
 class Cut:
-    """The image of a disk at a power cut, and what a client had been told until then."""
+    """The image of a disk at a power cut, and what a client had received until then."""
 
     phase: str
     image: Path
@@ -74,7 +75,7 @@ def stopped(rig: RunningRig) -> Generator[None]:
 def cut_in_each_phase(
     rig: RunningRig, seen: Witness, disk: LoopDisk, images: Path, chance: random.Random
 ) -> list[Cut]:
-    """Play a grip with another one behind it, and cut the power in each phase of the first.
+    """Play a grip with another one queued, and cut the power in each phase of the first.
 
     On a busy machine the other one may begin before the image is copied; that cut is left out.
     """
@@ -100,14 +101,14 @@ def cut_in_each_phase(
             image.unlink()
     ended = rig.ended(running, REPAIRED_S)
     assert ended["state"] == "succeeded", ended["cause"]
-    # The recorder may have been stopped for the last copy while this one was to begin.
+    # The recorder may have been stopped for the last copy when this record was to begin.
     rig.ended(waiting, REPAIRED_S)
     seen.forget(monotonic())
     return cuts
 
 
 def started(journal: Path) -> Counter[str]:
-    """Return how often each job was started, by the events of a journal that is sound."""
+    """Return how often each job was started, by the events of a valid journal."""
     with closing(sqlite3.connect(journal)) as connection:
         assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
         rows = connection.execute("SELECT job, body FROM events WHERE kind = 'state'").fetchall()

@@ -33,7 +33,7 @@ def ready(rig: RunningRig) -> None:
 
 
 def missed(rig: RunningRig) -> dict[str, int]:
-    """Ticks that each program has missed since it was started."""
+    """Return the ticks that each program has missed since its start."""
     return {program["name"]: program["missed"] for program in rig.view()["programs"]}
 
 
@@ -99,7 +99,7 @@ def test_a_restarted_actuator_moves_nothing_until_a_person_resets_it(
     assert "actuator" in ended["cause"]
     restart(rig, "actuator")
     started_at = monotonic()
-    # None is ever taken; until the new one can be asked, the rig is not ready.
+    # None is accepted; until the new program replies, the rig is not ready.
     while (response := rig.post("/jobs", {"kind": "grip", "autostart": True})).status_code == 503:
         assert response.json()["type"].endswith("rig-not-ready"), response.text
         assert monotonic() - started_at < ANSWERS_S, response.text

@@ -1,4 +1,4 @@
-"""Every command of README.md is run: in its order, against the rig that `make up` starts."""
+"""Every command of README.md is run in order, with the rig that `make up` starts."""
 
 import re
 import sys
@@ -22,7 +22,7 @@ BLOCKS = re.findall(r"^```sh\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
 MAKE = [block.strip() for block in BLOCKS if block.startswith("make ")]
 LISTENING = [block.strip() for block in BLOCKS if "subscribe.py" in block]
 CONTAINERS = [block.strip() for block in BLOCKS if block.startswith("docker ")]
-"""Run by tests/engine/test_brief.py."""
+"""Commands that are run by tests/engine/test_brief.py."""
 SHELL = [block for block in BLOCKS if block.strip() not in (*MAKE, *LISTENING, *CONTAINERS)]
 BLOCK_S = 90.0
 API = "http://127.0.0.1:8000/api/v1"
@@ -34,7 +34,7 @@ SAYS = {
     "wait=terminal": '"state":"succeeded"',
     "pincette estop": "reset; the cause was: estop",
 }
-"""What a block prints that has such a command in it."""
+"""Expected output of blocks that contain these commands."""
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def made_up(folder: Path) -> Generator[None]:
-    """What `make up` starts."""
+    """Run `make up` and yield the running rig."""
     log = folder / "up.log"
     with demo_ports():
         with until_interrupted(["make", "up"], folder, log) as process:
@@ -93,7 +93,7 @@ def test_every_block_of_the_readme_works_as_described(folder: Path) -> None:
     state = folder / "shell-state"
     state.touch()
     for block in SHELL:
-        # A reader types all blocks into one shell, so its variables live on.
+        # A reader types all blocks into one shell, so its variables persist.
         script = f"set -eu\n. {state}\n{block}\nset | grep -E '^(API|JOB|PATH)=' > {state} || true"
         done = run(["bash", "-c", script], folder, BLOCK_S)
         answer = folder / "data/job.json"
@@ -112,7 +112,7 @@ def test_another_tool_can_subscribe(folder: Path) -> None:
         until_interrupted(f".venv/bin/{LISTENING[0]}".split(), folder, log) as process,
         httpx.Client(trust_env=False) as client,
     ):
-        # In lockstep time passes while a job runs, and there is nothing to be heard before.
+        # In lockstep time passes only during a job, and nothing is published before.
         started = client.post(f"{API}/jobs", json={"kind": "grip", "autostart": True})
         assert started.is_success, started.text
         await_text(log, " mN\n", process, 20.0)

@@ -1,4 +1,5 @@
-"""The recorder as a process: what a kill leaves, what its next start makes of it, a whole grip."""
+"""The recorder as a process: the files after a kill, their repair at the next start, and a whole
+grip."""
 
 import json
 import random
@@ -39,7 +40,7 @@ from tests.support.running import RunningRig, running_rig
 
 parquet: Any = untyped_parquet
 LOST_S = 0.5
-"""What a kill may take with it."""
+"""Longest time of samples that a kill may lose, in s."""
 
 
 class Bench:
@@ -61,7 +62,7 @@ class Bench:
         self.bus.call(RECORD, Record("j-1", EPOCH, about), 10.0)
 
     def play(self, ticks: int, *, final: bool = False) -> None:
-        """Publish so many ticks at the pace of the loop."""
+        """Publish this many ticks at the pace of the loop."""
         for left in range(ticks, 0, -1):
             for message in tick(self.seq, self._chance, final=final and left == 1):
                 self.bus.publish(message)
@@ -176,7 +177,7 @@ def test_a_record_states_missing_data_after_a_restart_of_the_recorder(rig: Runni
     job = rig.start_grip(until_released=True)
     rig.until_phase(job, "hold")
     path = rig.data / "jobs" / job / "job.mcap"
-    # A lockstep rig may be in the hold before the first quarter of a second is on the disk.
+    # A lockstep rig may reach the hold before the first quarter of a second is on the disk.
     until(lambda: any(mcap_reading.messages_of(path, ("position",))))
     kill(rig, "recorder")
     restart(rig, "recorder")

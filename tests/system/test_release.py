@@ -1,4 +1,4 @@
-"""Wheel and sdist: whole, the same either way, and enough for a demo where no checkout is near."""
+"""Wheel and sdist: complete, equal either way, and sufficient for a demo without a checkout."""
 
 import os
 import re
@@ -21,7 +21,7 @@ KEPT = {"PATH", "HOME", "TMPDIR", "LANG"}
 
 
 def done(command: list[str], folder: Path, seconds: float, **environment: str) -> str:
-    """What a command says that ends well."""
+    """Return the output of a command that succeeds."""
     ended = subprocess.run(
         command,
         cwd=folder,
@@ -47,7 +47,7 @@ def tracked() -> list[str]:
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What `make dist` builds: an sdist of the tree, and a wheel of that sdist."""
+    """Run `make dist`: an sdist of the tree, and a wheel of that sdist."""
     folder = tmp_path_factory.mktemp("dist")
     done([*BUILD, "--outdir", str(folder), str(ROOT)], folder, BUILD_S)
     done([*BUILD, "--wheel", "--outdir", str(folder), str(ROOT / "shared")], folder, BUILD_S)

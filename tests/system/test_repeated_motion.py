@@ -1,4 +1,5 @@
-"""What repeats, with real processes: learning over cycles, and a motion played without its part."""
+"""Repeated motions with real processes: learning over cycles, and a motion replayed without its
+part."""
 
 import json
 import subprocess
@@ -31,12 +32,12 @@ LEARNING = TrackJobRequest(
     learn=True,
     set="consistent",
 )
-"""By a law that leaves something to learn."""
+"""Law that leaves an error to learn."""
 SKEWED: Json = {
     "limits": {"slew_V_per_s": 40.0},
     "simulation": {"hysteresis": {"asymmetry": 0.1}, "scripts": True},
 }
-"""An arm whose hysteresis is not the one that its model was taught on."""
+"""An arm whose hysteresis differs from that of its model."""
 
 
 @pytest.fixture
@@ -65,7 +66,7 @@ def typed(*words: str) -> subprocess.CompletedProcess[str]:
 
 
 def replayed(rig: RunningRig, *jobs: str) -> None:
-    """Every service repeats the records, one after another, to the last bit."""
+    """Check that every service reproduces the records, one after another, to the last bit."""
     folders = [str(rig.data / "jobs" / job) for job in jobs]
     output = typed("records", "replay", "--json", *folders)
     assert output.returncode == 0, output.stdout + output.stderr
@@ -109,7 +110,7 @@ def test_ten_cycles_are_learned_stored_continued_and_erased(rig: RunningRig) -> 
 
 
 def test_a_repeated_recipe_continues_to_learn(rig: RunningRig) -> None:
-    """A recipe names a program like a request does: its jobs go on from one another."""
+    """A recipe names a program like a request does, so its jobs continue each other's learning."""
     values = LEARNING.model_dump(mode="json", exclude_unset=True)
     for name in ("kind", "autostart"):
         values.pop(name)

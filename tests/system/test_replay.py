@@ -1,4 +1,4 @@
-"""Jobs of a rig of seven processes in lockstep, repeated from their records to the last bit."""
+"""Jobs of a rig of seven processes in lockstep, replayed from their records to the last bit."""
 
 import json
 import subprocess
@@ -31,7 +31,8 @@ def soon(done: Callable[[], bool], within_s: float, what: str) -> None:
 
 
 def act(rig: RunningRig, job: str, action: str) -> None:
-    """Ask until it is legal: in lockstep a phase may be over before anybody has seen it."""
+    """Request an action until it is allowed: in lockstep a phase may end before a client has
+    seen it."""
     soon(
         lambda: rig.post(f"/jobs/{job}/actions", {"type": action}).is_success,
         TAKEN_S,
@@ -40,7 +41,7 @@ def act(rig: RunningRig, job: str, action: str) -> None:
 
 
 def record(rig: RunningRig, job: str) -> Path:
-    """The folder of a job whose record is closed."""
+    """Return the folder of a job whose record is closed."""
     soon(
         lambda: bool(rig.job(job)["record_complete"]),
         RECORDED_S,

@@ -1,4 +1,4 @@
-"""The supervisor as a program: where it starts, whom it lets in, and that no file has a key."""
+"""The supervisor as a program: its start, its access control, and no keys in any file."""
 
 import subprocess
 from collections.abc import Generator
@@ -23,13 +23,14 @@ from tests.support.served import served
 from tests.unit.supervisor.harness import Harness
 
 KNOWN_S = 10.0
-"""In which a running supervisor knows what the command line has changed; it says within one."""
+"""Time within which a running supervisor uses changes made on the command line, in s; one second
+is documented."""
 LONG_S = 180.0
-"""For a command on a machine that has much else to do."""
+"""Longest time of a command on a busy machine, in s."""
 
 
 def made(data: Path, name: str, scope: Scope) -> str:
-    """A key, made as the command line makes it, beside a supervisor that may run."""
+    """Make a key with the command line, with or without a running supervisor."""
     with open_keys(data) as keys:
         return keys.add(name, scope, None)[0]
 
@@ -46,7 +47,7 @@ def until(wanted: int, client: httpx.Client, headers: dict[str, str] | None = No
 
 
 def started(rig: RigFile, folder: Path) -> subprocess.CompletedProcess[str]:
-    """A supervisor that is expected to refuse to start."""
+    """Start a supervisor that is expected to refuse to start."""
     path = folder / "rig.toml"
     path.write_text(rig_toml(rig), encoding="utf-8")
     command = [*PINCETTE, "run", "supervisor", "--rig", str(path), "--data", str(folder / "data")]
@@ -68,7 +69,7 @@ def revoke(data: Path, name: str) -> None:
 
 
 def test_keys_are_in_force_as_soon_as_one_exists_and_appear_nowhere(tmp_path: Path) -> None:
-    """The journal's keeper, the HTTP server and the command line as they are; the rig is canned."""
+    """The journal's thread, the HTTP server and the command line are real; the rig is simulated."""
     desk, access = Harness(demo_rig(time="lockstep"), tmp_path), Access()
     desk.app = create_app(desk.rigs, access)
     with (
@@ -87,7 +88,7 @@ def _keys_come_and_go(client: httpx.Client, address: str, data: Path) -> None:
     seer, operator = made(data, "seer", "observe"), made(data, "cell-7", "operate")
     boss = made(data, "boss", "admin")
     until(401, client)
-    # They were made one after another, and the supervisor may have looked in between.
+    # The keys were made one after another, and the supervisor may have read the file in between.
     for key in (seer, operator, boss):
         until(200, client, shown(key))
     assert client.get(f"/rigs?key={seer}").status_code == 401
@@ -122,7 +123,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
 
 
 def test_a_whole_rig_needs_the_key_and_a_stop_needs_none(rig: RunningRig) -> None:
-    """A stop where no supervisor answers is tested in test_security.py, with real programs."""
+    """A stop without a supervisor is tested in test_security.py, with real programs."""
     seer = made(rig.data, "seer", "observe")
     until(401, rig.client)
     until(200, rig.client, shown(seer))
@@ -140,7 +141,7 @@ def test_a_whole_rig_needs_the_key_and_a_stop_needs_none(rig: RunningRig) -> Non
 def test_a_second_supervisor_of_a_running_rig_does_not_start(
     rig: RunningRig, tmp_path: Path
 ) -> None:
-    """At a port and with a folder of its own; the first one goes on."""
+    """It has another port and folder; the first one continues."""
     path = tmp_path / "rig.toml"
     other = rig.rig.model_copy(
         update={"supervisor": rig.rig.supervisor.model_copy(update={"port": free_ports(1)})}

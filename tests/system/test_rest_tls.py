@@ -1,4 +1,5 @@
-"""REST over TLS by the rig's own certificates, over real sockets: keys hold, strangers pass."""
+"""REST over TLS with the rig's own certificates, over real sockets: keys work, and unknown
+clients block nothing."""
 
 import json
 import socket
@@ -153,7 +154,7 @@ def test_unknown_connections_without_a_handshake_block_no_client(
         assert answer.status_code == 200
         figures.append(f"estop over TLS past {STRANGERS} strangers: {1e3 * took_s:.0f} ms")
         assert took_s < ESTOP_S
-        # Their own ends are of this process too.
+        # The other ends of the connections belong to this process too.
         assert descriptors() <= before + STRANGERS + MOST_PENDING + 20
         deadline = monotonic() + HANDSHAKE_S + BACK_S
         while descriptors() > before + STRANGERS + 20:

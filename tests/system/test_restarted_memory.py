@@ -1,7 +1,8 @@
-"""The arm remembers and new programs do not: forces after restarts of a whole loop, in real time.
+"""The arm has a memory and new programs do not know it: forces after restarts of a whole loop, in
+real time.
 
-The simulated arm runs on, as a real one does, so what it has been through is unknown to the
-programs that start beside it.
+The simulated arm keeps running, as a real one does, so its history is unknown to the programs that
+start.
 """
 
 import signal
@@ -17,7 +18,7 @@ pytestmark = [pytest.mark.full, pytest.mark.usefixtures("stalls")]
 
 PROGRAMS = ("supervisor", "controller", "estimator", "sensor", "actuator", "recorder")
 FORCES_MN = ((25.0, 15.0), (5.0, 20.0))
-"""Of the grips before and after each restart."""
+"""Forces of the grips before and after each restart, in mN."""
 
 
 def held(rig: RunningRig, force_mN: float) -> tuple[float, float]:
@@ -30,7 +31,7 @@ def held(rig: RunningRig, force_mN: float) -> tuple[float, float]:
 
 
 def restart_all(rig: RunningRig) -> None:
-    """End and start every program but the router and the simulated arm."""
+    """Stop and start every program except the router and the simulated arm."""
     for name in PROGRAMS:
         rig.fleet.signal(name, signal.SIGTERM)
     restart(rig, *PROGRAMS)
@@ -38,7 +39,7 @@ def restart_all(rig: RunningRig) -> None:
 
 
 def memory(rig: RunningRig) -> str:
-    """Whether the estimator knows what the arm remembers, as the checks of the rig say."""
+    """Return whether the estimator knows the arm's history, according to the checks of the rig."""
     return next(one["value"] for one in rig.view()["checks"] if one["name"] == "estimator.memory")
 
 

@@ -1,4 +1,5 @@
-"""Row 10, with real processes: programs are killed and started together, and who is asked then."""
+"""Row 10, with real processes: programs are killed and started together; when a person must
+reset."""
 
 import random
 import signal
@@ -28,12 +29,12 @@ pytestmark = pytest.mark.usefixtures("stalls")
 
 PROGRAMS = (*LOOP, "rig", "router", "recorder", "supervisor")
 TRIP = {*LOOP, "rig"}
-"""Whose death the actuator of an armed rig notices."""
+"""Programs whose death trips the actuator of an armed rig."""
 SEED, FEW, MANY = 21, 2, 20
 AWAY_S = (0.0, FREEZE_S + 0.6)
-"""Started again at once, and after the actuator has come to rest."""
+"""Times until the restart: at once, and after the actuator has come to rest."""
 READY_S = 20.0
-"""Longest time until a rig whose programs have been started again can begin."""
+"""Longest time until a rig with restarted programs can start a job, in s."""
 BEGIN = {"idle": None, "approach": approach, "hold": hold}
 
 
@@ -43,7 +44,7 @@ def ready(rig: RunningRig) -> None:
 
 
 def asks_a_person(rig: RunningRig, seen: Witness) -> None:
-    """A job is refused until a person resets the rig, and then runs."""
+    """Check that a job is refused until a person resets the rig, and then runs."""
     assert refused(rig)["type"].endswith("rig-latched")
     reset(rig)
     make_ready(rig, READY_S)
@@ -74,7 +75,7 @@ def test_a_restart_of_killed_actuator_and_supervisor_clears_no_latch(
 def test_an_actuator_stopped_with_a_part_held_needs_a_person(
     rig: RunningRig, seen: Witness
 ) -> None:
-    """Its ramp lets the part go; whoever starts it again is told."""
+    """Its ramp releases the part; the next start reports it."""
     hold(rig, seen)
     for name in ("actuator", "supervisor"):
         rig.fleet.signal(name, signal.SIGTERM)
@@ -87,8 +88,8 @@ def test_an_actuator_stopped_with_a_part_held_needs_a_person(
 def test_any_subset_of_programs_may_be_killed_and_restarted(
     rig: RunningRig, seen: Witness, count: int, figures: list[str]
 ) -> None:
-    """Where an armed rig has lost a program of its loop, or any has lost its actuator, a person is
-    asked; otherwise nobody is. Either way the next grip succeeds."""
+    """If an armed rig has lost a program of its loop, or any rig its actuator, a person must
+    reset; otherwise not. In both cases the next grip succeeds."""
     seed = SEED if count == FEW else random.SystemRandom().randrange(2**32)
     chance = random.Random(seed)
     requested = 0
@@ -107,8 +108,8 @@ def test_any_subset_of_programs_may_be_killed_and_restarted(
         for those in (set(names) & set(NEEDED_FIRST), set(names) - set(NEEDED_FIRST)):
             start_again(rig, those)
         if "rig" in names and "estimator" not in names:
-            # A simulated arm that is started has no past, as no real one: the estimator, which has
-            # followed the arm before, begins with it.
+            # A new simulated arm has no history, unlike a real one: the estimator, which knew the
+            # previous arm, is restarted with it.
             kill(rig, "estimator")
             restart(rig, "estimator")
         if "actuator" in names or (begin is not None and TRIP & set(names)):

@@ -102,7 +102,7 @@ def proxied(
     change: Callable[[str], str] = str,
     tls: Credentials | None = None,
 ) -> Generator[httpx.Client]:
-    """A client of a proxy before a supervisor, configured by a block of the page."""
+    """Return a client of a proxy in front of a supervisor, configured by a block of the page."""
     port = free_ports(1)
     block = change(block_of(title)).replace("127.0.0.1:8000", url.partition("//")[2])
     command, text = PROXIES[TITLES[title]](block, folder, port, tls)
@@ -145,7 +145,7 @@ def until_answered(client: httpx.Client, process: subprocess.Popen[bytes], log: 
 def assert_the_page_loads(client: httpx.Client) -> None:
     deadline = monotonic() + START_S
     page = client.get("")
-    # A proxy whose health checks were late on a busy machine takes the server up again.
+    # After late health checks on a busy machine the proxy uses the server again.
     while page.status_code == 503 and monotonic() < deadline:
         sleep(0.2)
         page = client.get("")
@@ -154,7 +154,7 @@ def assert_the_page_loads(client: httpx.Client) -> None:
     assets = [address for address in found if "page/" in address]
     assert len(assets) >= 4
     for address in found:
-        # A browser resolves them against the address of the page, prefix and all.
+        # A browser resolves them against the address of the page, including the prefix.
         place = urljoin(str(client.base_url), address)
         assert place.startswith(str(client.base_url)), address
         if address in assets:
@@ -176,7 +176,7 @@ def test_a_rig_works_behind_a_proxy(title: str, rig: RunningRig, tmp_path: Path)
         assert client.post(f"{job}/actions", json={"type": "stop"}).status_code == 202
         assert client.head(job).status_code == 200
 
-        if "Caddy" not in title:  # which serves only the name that no DNS knows here
+        if "Caddy" not in title:  # which serves only a name that no DNS knows here
             with Supervisor(str(client.base_url)) as supervisor:
                 assert [one.name for one in supervisor.rigs()] == [rig.rig.rig.name]
 
@@ -219,7 +219,7 @@ def test_a_prefix_that_a_proxy_did_not_remove_is_named(rig: RunningRig, tmp_path
 
 @dataclass(frozen=True)
 class Desk:
-    """A supervisor on plain HTTP that wants keys; its rig is canned."""
+    """A supervisor on plain HTTP that requires keys, with a simulated rig."""
 
     harness: Harness
     url: str

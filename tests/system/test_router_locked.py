@@ -1,4 +1,4 @@
-"""A router that carries nothing any more while a part is held: it is replaced, the part stays."""
+"""A router that stops forwarding while a part is held is replaced, and the part stays held."""
 
 import os
 import signal
@@ -29,11 +29,11 @@ LOOK_S = 0.1
 LEASE_S = 1.2
 STOP_S = 2.5
 LATE: Tree = {"safety": {"command_age_periods": 10.0}}
-"""The most that a command may be late, since a busy machine is not what is tested."""
+"""Allowed lateness of a command, large since a busy machine is not what is tested."""
 
 
 class PastTheRouter:
-    """What actuator and controller publish, over links that do not lead through the router."""
+    """Messages of actuator and controller, over links that do not use the router."""
 
     def __init__(self) -> None:
         self.echoes: list[tuple[float, Applied]] = []
@@ -68,7 +68,7 @@ def past_the_router(rig: RunningRig) -> Generator[PastTheRouter]:
 
 @pytest.fixture
 def lock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """While this file exists, the router does not answer itself."""
+    """Return the file whose existence blocks the router's reply to itself."""
     place = tmp_path / "locked"
     monkeypatch.setenv("PINCETTE_TEST_LOCKED", str(place))
     before = os.environ.get("PYTHONPATH")
@@ -157,5 +157,5 @@ def test_a_hanging_router_drops_no_part_and_prevents_no_stop(rig: RunningRig) ->
     while any(one["trouble"] for one in rig.view()["programs"]):
         assert monotonic() < stopped_s + MOST_S
         sleep(LOOK_S)
-    # A router that was not run for a time is not taken for a locked one.
+    # A router that was not scheduled for a time is not treated as locked.
     assert rig.fleet.members["router"].process.poll() is None

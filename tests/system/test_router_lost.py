@@ -1,7 +1,7 @@
-"""The router dies and comes back; T = 20 ms.
+"""The router dies and restarts; T = 20 ms.
 
-The links of the loop are direct, so the loop itself does not notice. The supervisor loses sight of
-it, and its lease ends: the controller then stops by itself.
+The links of the loop are direct, so the loop itself is not affected. The supervisor receives
+nothing, and its lease ends: the controller then stops on its own.
 """
 
 from collections.abc import Generator
@@ -24,13 +24,14 @@ from tests.support.witness import Witness
 pytestmark = pytest.mark.usefixtures("stalls")
 
 LEASE_S = 1.2
-"""So short that the arm of a slow approach is still far from the part when it ends."""
+"""Duration of the lease, so short that the arm of a slow approach is still far from the part
+when it ends."""
 SHORT_LEASE: Tree = {"safety": {"lease_s": LEASE_S}}
 BRIEF_S, LONG_S = 0.5, LEASE_S + 2.0
-"""How long the router is away: less, and more, than the lease."""
+"""Times for which the router is down: shorter and longer than the lease."""
 RECONNECT_S = 5.0
 SETTLED_S = 1.0
-"""For a controlled stop of the free arm."""
+"""Longest time of a controlled stop of the free arm, in s."""
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +47,7 @@ def ready(rig: RunningRig) -> None:
 
 
 class Direct:
-    """Hears the actuator without the router."""
+    """Receives the actuator's messages without the router."""
 
     def __init__(self, bus: ZenohBus) -> None:
         self.heard: list[tuple[float, Applied]] = []
@@ -71,7 +72,8 @@ def beside_the_router(rig: RunningRig) -> Generator[Direct]:
 
 
 def seen_again(rig: RunningRig, timeout_s: float) -> float:
-    """Seconds until the supervisor receives messages of every program of the loop again."""
+    """Return the seconds until the supervisor receives messages of every program of the loop
+    again."""
     begun = monotonic()
     while monotonic() < begun + timeout_s:
         programs = rig.view()["programs"]
@@ -82,7 +84,8 @@ def seen_again(rig: RunningRig, timeout_s: float) -> float:
 
 
 def away(rig: RunningRig, for_s: float) -> tuple[float, float]:
-    """Kill the router and start it again later; when it died, and how long all took to be back."""
+    """Kill the router and start it again later; returns when it died, and the time until all
+    links were back."""
     killed_s = kill(rig, "router")
     sleep(for_s)
     restart(rig, "router")

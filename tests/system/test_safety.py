@@ -1,8 +1,7 @@
 """The controller dies or hangs, with the arm free and with a part held; T = 20 ms.
 
-Its end is not announced: the actuator sees only that no command comes. After a hang the commands
-that had waited come in a burst, sometimes while the voltage is still frozen, sometimes when
-everything is over.
+Its end is not announced: the actuator notices only that no command arrives. After a hang the queued
+commands arrive in a burst, either while the voltage is still frozen, or after the ramp.
 """
 
 import random
@@ -39,25 +38,27 @@ from tests.support.witness import Witness
 pytestmark = pytest.mark.usefixtures("stalls")
 
 ROUNDS = (2, pytest.param(20, marks=pytest.mark.slow))
-"""Each as often, at chance places within a period; for every commit and for the soak, of which
-`test_soak_faults` is the larger part."""
+"""Number of rounds of each kind, at random phases of a period; for every commit and for the
+soak, whose larger part is `test_soak_faults`."""
 WAKE_EARLY_S = 0.15
-"""A hung controller goes on while the voltage of a held part is still frozen."""
+"""Time after which a hung controller continues while the voltage of a held part is still frozen,
+in s."""
 WAKE_LATE_S = 0.8
-"""It goes on when the actuator is latched and Zenoh has given up its links."""
+"""Time after which it continues when the actuator is latched and Zenoh has closed its links, in
+s."""
 SILENCE = re.compile(r"command_age: controller silent for (\d+) ms, limit 50 ms")
-"""As the actuator has it, which knows no more."""
+"""Cause of the trip as the actuator states it; it knows only that no command arrived."""
 
 
 def suffer(rig: RunningRig, seen: Witness, stalls: StallRecorder, *, held: bool) -> Reaction:
-    """Kill the controller."""
+    """Kill the controller and check the reaction."""
     return await_reaction(rig.rig, seen, stalls, kill(rig, "controller"), held=held)
 
 
 def hang(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, *, held: bool, wake_s: float
 ) -> Reaction:
-    """Stop the controller without its knowledge, and let it go on."""
+    """Stop the controller without notice, and let it continue."""
     hung_at = monotonic()
     rig.fleet.signal("controller", signal.SIGSTOP)
     sleep(wake_s)
@@ -66,7 +67,7 @@ def hang(
 
 
 def check_no_command_was_taken(seen: Witness, since_s: float) -> tuple[int, int]:
-    """Commands that came once the actuator had tripped, and how many of them it refused."""
+    """Check commands that arrived after the trip; returns how many of them were refused."""
     tripped_at, trip = seen.until_state(("frozen", "ramping"), since_s)
     echoes = [echo for _, echo in seen.since(Applied, tripped_at)]
     assert not [echo for echo in echoes if echo.answered]
@@ -75,7 +76,8 @@ def check_no_command_was_taken(seen: Witness, since_s: float) -> tuple[int, int]
 
 
 def check_words(rig: RunningRig, job: str) -> None:
-    """The job has failed and says why; so does the refusal of the next, until a reset."""
+    """Check that the job has failed with a reason, and that the next one is refused until a
+    reset."""
     ended = rig.ended(job)
     assert ended["state"] == "failed"
     silence = SILENCE.search(ended["cause"])

@@ -1,8 +1,9 @@
-"""A rig over mutual TLS, held by intruders: nothing of theirs is taken, and the loop runs on.
+"""A rig over mutual TLS, attacked by intruders: none of their messages is accepted, and the loop
+continues.
 
-Real processes, real time. The intruders put on the controller's key what it would itself, exactly,
-on wildcards and as a deletion, through the router and at the actuator's own port, and ask what
-only the supervisor may.
+Real processes, real time. The intruders put valid commands on the controller's key, exactly, with
+wildcards and as a deletion, through the router and at the actuator's own port, and send requests
+that only the supervisor may send.
 """
 
 # Zenoh's stubs leave the return types of its calls open.
@@ -40,13 +41,13 @@ pytestmark = pytest.mark.usefixtures("stalls")
 RIG = "demo"
 SEED = 20131
 FORGED_V = 2.75
-"""What intruders ask for; no grip of this rig comes near it."""
+"""Voltage that intruders command, in V; no grip of this rig comes near it."""
 ROUNDS = 10
 PAUSE_S = 0.02
 READY_S = 30.0
 KEYS = ("demo/command", "demo/*", "*/command", "demo/**", "**")
 NOBODY = "http://127.0.0.1:1"
-"""Where no supervisor answers."""
+"""Address at which no supervisor replies."""
 ENDS = ("succeeded", "stopped", "aborted", "failed", "interrupted")
 
 
@@ -66,7 +67,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory, folder: Folder) -> Generator[R
 
 @pytest.fixture
 def held(rig: RunningRig, seen: Witness) -> Generator[str]:
-    """A job that holds its part, from before the intrusion until after it."""
+    """Run a job that holds its part, from before the intrusion until after it."""
     make_ready(rig, READY_S)
     yield hold(rig, seen)
     make_ready(rig, READY_S)
@@ -78,7 +79,7 @@ def ports(rig: RunningRig) -> tuple[int, int]:
 
 
 def intrude(session: "zenoh.Session", seen: Witness, chance: random.Random) -> None:
-    """Put forged commands that differ from the next true one in their voltage alone."""
+    """Put forged commands that differ from the next true one only in their voltage."""
     for _ in range(ROUNDS):
         true = seen.newest(Command)
         forged = with_arm(true, seq=true.seq + chance.randint(0, 3), voltage_V=FORGED_V)
@@ -89,7 +90,7 @@ def intrude(session: "zenoh.Session", seen: Witness, chance: random.Random) -> N
 
 
 def questions(rig: RunningRig) -> list[tuple[Request, Message]]:
-    """What moves, stops or arms a rig."""
+    """Return the requests that move, stop or arm a rig."""
     arm = Arm(2**45, 1, rig.rig.digest())
     return [
         (TRIP, Trip(Cause.ESTOP)),
@@ -100,7 +101,7 @@ def questions(rig: RunningRig) -> list[tuple[Request, Message]]:
 
 
 def assert_untouched(seen: Witness, since_s: float) -> None:
-    """The loop has gone on in its epoch, on the controller's word alone."""
+    """Check that the loop has continued in its epoch, only on the controller's commands."""
     applied = [message for _, message in seen.since(Applied, since_s)]
     first, last = applied[0], applied[-1]
     assert {(one.state, one.cause, one.refused) for one in applied} == {
@@ -151,7 +152,8 @@ def test_a_client_without_a_certificate_is_not_admitted(
 def test_with_the_controllers_own_key_the_same_messages_arrive(
     rig: RunningRig, seen: Witness, folder: Folder, held: str
 ) -> None:
-    """What the others did reaches the actuator from here, and is refused by another rule: owner."""
+    """The messages of the other clients reach the actuator with this key, and are refused by
+    another rule: owner."""
     thief = Intruder("thief", folder.credentials(program("controller", RIG)))
     before = seen.newest(Applied).refused
     begun = monotonic()
@@ -183,7 +185,7 @@ def test_an_emergency_stop_of_an_operator_takes_effect(
 
 
 def operators_file(rig: RunningRig, folder: Folder) -> Path:
-    """A rig file as an operator has it."""
+    """Return the rig file of an operator."""
     path = rig.path.with_name("operator.toml")
     lines = f'[bus]\npki = "{folder.path}"\nidentity = "operator"'
     path.write_text(rig.path.read_text(encoding="utf-8").replace("[bus]", lines), encoding="utf-8")

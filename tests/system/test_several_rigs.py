@@ -1,4 +1,4 @@
-"""Two rigs on one router under one supervisor, in lockstep: on both at once, each on its own."""
+"""Two rigs on one router under one supervisor, in lockstep: on both at once, and on each alone."""
 
 import signal
 from collections.abc import Generator

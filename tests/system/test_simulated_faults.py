@@ -1,4 +1,5 @@
-"""Faults of a simulated rig by REST: the stock client sends them, and the real loop meets them."""
+"""Faults of a simulated rig by REST: the unmodified client requests them, and the real loop
+reacts."""
 
 from collections.abc import Generator
 

@@ -1,6 +1,6 @@
-"""Kills, hangs and partitions of real programs, at chance places of the period; T = 20 ms.
+"""Kills, hangs and partitions of real programs, at random phases of the period; T = 20 ms.
 
-``PINCETTE_ROUNDS`` says how often each fault of each program is injected by the slow test, and
+``PINCETTE_ROUNDS`` is the number of injections of each fault of each program in the slow test, and
 ``PINCETTE_FIGURES`` names a folder for ``safety-times.json``, from which
 ``docs/generate_safety_times.py`` makes a page.
 """
@@ -21,9 +21,10 @@ pytestmark = pytest.mark.usefixtures("stalls")
 
 ROUNDS = int(os.environ.get("PINCETTE_ROUNDS", "50"))
 FEW = 1
-"""Of each, for every commit: with the arm free or with a part held."""
+"""Number of injections of each fault for every commit: with the arm free or with a part held."""
 RINGING = 0.05
-"""Of the arm's stroke, at most; of the way of the ramp, by the median."""
+"""Limits of the ringing: largest share of the arm's stroke, and median share of the travel of
+the ramp."""
 NAME = "safety-times.json"
 
 

@@ -1,6 +1,6 @@
-"""A supervisor is killed at random moments of jobs, before a client that asks again until it knows.
+"""A supervisor is killed at random moments of jobs, with a client that repeats its requests.
 
-What the client was told is compared with the journal, the record, and what was said on the bus.
+The replies to the client are compared with the journal, the record, and the messages on the bus.
 """
 
 import json
@@ -29,18 +29,20 @@ from tests.support.witness import Witness, witness
 FEW, MANY = 3, 100
 SEED = 20131
 LATEST_S = 3.0
-"""Between the request, or the start of the motion, and a kill; a grip and its release take less."""
+"""Longest time between the request, or the start of the motion, and a kill; a grip with its
+release takes less."""
 PLAYING_SHARE = 0.7
-"""Of kills that come while a program plays; others come while a job is planned and armed."""
+"""Share of kills while a program plays; the others come while a job is planned and armed."""
 PATIENCE_S = 60.0
 LONGEST_S = 1500.0
-"""After which nobody is killed any more: a busy machine gets fewer rounds, not a longer test."""
+"""Time after which no supervisor is killed any more, in s: a busy machine gets fewer rounds, not
+a longer test."""
 LETTING_GO = ("unload", "retreat")
 
 
 @dataclass
 class Told:
-    """Answers to a client, job by job."""
+    """Replies to a client, job by job."""
 
     rig_url: str
     finals: dict[str, Json] = field(default_factory=dict[str, Json])
@@ -52,7 +54,7 @@ class Told:
     """Jobs that have ended by themselves, without a picture and a report."""
 
     def started(self, rig: RigHandle, key: str, kind: str, **wishes: Any) -> Any:
-        """Start a job, and ask again where the rig is not ready as yet."""
+        """Start a job, and repeat the request if the rig is not ready yet."""
         until_s = monotonic() + PATIENCE_S
         while True:
             try:
@@ -74,21 +76,22 @@ class Told:
 
 
 def one_grip(rig: RigHandle, number: int, told: Told) -> None:
-    """Grip until it holds, release; let go a part that an interrupted job has left."""
+    """Grip until it holds, then release; release a part that an interrupted job has left."""
     job = told.started(rig, f"grip-{number}", "grip", until_released=True)
     until_s = monotonic() + PATIENCE_S
     while not job.ended:
         assert monotonic() < until_s, job.job
         progress = job.job.progress
         if job.state == "queued" and rig.state().queue.halted:
-            # A job that still waited when the supervisor was killed waits for a person, or for us.
+            # A job that still waited when the supervisor was killed waits for a person, or for this
+            # client.
             resume(told)
         if progress is not None and progress.phase == "hold":
             try:
                 job.release()
             except ProblemError as problem:  # it has ended meanwhile
                 told.refusals[problem.code] += 1
-            except NoAnswerError:  # it is looked at before it is asked for again
+            except NoAnswerError:  # its state is read before the request is repeated
                 told.refusals["no answer to a release"] += 1
         sleep(0.1)
         job.refresh()
@@ -102,7 +105,7 @@ def one_grip(rig: RigHandle, number: int, told: Told) -> None:
 
 
 def resume(told: Told) -> None:
-    """Let the queue go on that a restart has halted."""
+    """Resume the queue that a restart has halted."""
     with suppress(httpx.TransportError):
         httpx.post(f"{told.rig_url}/queue/actions", json={"type": "resume"}, trust_env=False)
         told.refusals["queue resumed"] += 1
@@ -163,7 +166,7 @@ def test_repeated_kills_lose_duplicate_or_misreport_no_job(
 
 
 def until_playing(seen: Witness, client: threading.Thread) -> None:
-    """Wait until a program plays, or the client has come to its end."""
+    """Wait until a program plays, or the client has finished."""
     begun_s = monotonic()
     while client.is_alive():
         if any(view.playing for _, view in seen.since(Telemetry, begun_s)):
@@ -172,13 +175,13 @@ def until_playing(seen: Witness, client: threading.Thread) -> None:
 
 
 def phase_at(seen: Witness, at_s: float) -> str:
-    """What the arm did as the supervisor was killed."""
+    """Return the phase of the arm when the supervisor was killed."""
     views = [view for _, view in seen.since(Telemetry, at_s - 0.2)]
     return str(views[-1].phase) if views and views[-1].playing else "idle"
 
 
 def compared(rig: RunningRig, told: Told) -> int:
-    """Compare all answers with the journal and the records; the number of records."""
+    """Compare all replies with the journal and the records; returns the number of records."""
     jobs: list[Json] = []
     page = rig.get("/jobs", limit=500)
     jobs += [job for job in page["jobs"] if job["labels"] != {"key": "first"}]
@@ -198,7 +201,7 @@ def compared(rig: RunningRig, told: Told) -> int:
         checked += 1
         table: Json = cast(Any, parquet).read_table(folder / "samples.parquet").to_pydict()
         written = folder / "result.json"
-        if written.is_file():  # else it was killed between the end and its record
+        if written.is_file():  # otherwise it was killed between the end and its record
             assert json.loads(written.read_text(encoding="utf-8")) == job["result"]
         elif job["state"] != "interrupted":
             told.bare.append(job["id"])
@@ -219,7 +222,7 @@ class Arm:
         self._last: list[Telemetry] = []
 
     def follow(self, seen: Witness, since_s: float) -> None:
-        """See that a part is let go by a program that unloads alone, and that nothing trips."""
+        """Check that a part is released by a program that unloads, and that nothing trips."""
         now_s = monotonic()
         heard = [view for came_s, view in seen.since(Telemetry, since_s) if came_s < now_s]
         for before, after in pairwise(self._last + heard):

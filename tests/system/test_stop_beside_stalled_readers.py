@@ -1,4 +1,5 @@
-"""A program hangs, a tool reads nothing, or a client reads all jobs: a stop over REST is prompt."""
+"""A program hangs, a tool reads nothing, or a client reads all jobs: a stop over REST is still
+prompt."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false, reportUnknownArgumentType=false
@@ -32,7 +33,7 @@ pytestmark = pytest.mark.usefixtures("stalls")
 
 ROOT = Path(__file__).parents[2]
 REPLY_S, SLACK_S = 1.5, 1.0
-"""Longest time until a stop is answered, and what a busy machine may add."""
+"""Longest time until a reply to a stop, and the additional time on a busy machine."""
 LOUD = 4
 CHUNK = bytes(60_000)
 FLOOD_S = 3.0
@@ -49,9 +50,9 @@ with urllib.request.urlopen(sys.argv[1]) as answer:
 print(first_s, rows)
 """
 MOST_TIMES = 2.0
-"""Largest p99 of a stop beside exports, in those of a stop alone."""
+"""Largest p99 of a stop during exports, as a multiple of that of a stop alone."""
 FIRST_S, MOST_MB = 0.3, 40.0
-"""Longest time to the first byte of an export, and its memory."""
+"""Longest time to the first byte of an export, and the largest memory for it."""
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +63,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
 
 
 def stop(rig: RunningRig) -> None:
-    """Stop the rig over REST, and wait until the actuator itself shows it."""
+    """Stop the rig over REST, and wait until the actuator's own messages show it."""
     begun_s = monotonic()
     answer = rig.post("/rigs/demo/estop")
     took_s = monotonic() - begun_s
@@ -78,14 +79,14 @@ def test_a_stop_acts_while_a_program_hangs(rig: RunningRig, program: str) -> Non
     make_ready(rig)
     rig.fleet.signal(program, signal.SIGSTOP)
     try:
-        sleep(1.0)  # longer than a link may stall
+        sleep(1.0)  # longer than the longest stall of a link
         stop(rig)
     finally:
         rig.fleet.signal(program, signal.SIGCONT)
 
 
 def test_a_stop_acts_and_a_job_continues_despite_a_tool_that_reads_nothing(rig: RunningRig) -> None:
-    """Other tools send more than it takes, and ask that their messages block."""
+    """Other tools send more than it accepts, and request that their messages block."""
     make_ready(rig)
     job = rig.start_grip(until_released=True)
     rig.until_phase(job, "hold")
@@ -102,7 +103,7 @@ def test_stops_are_as_fast_beside_two_exports_of_many_jobs(rig: RunningRig) -> N
     rig.ended(rig.start_grip())
     fill(rig.data / "supervisor.sqlite", JOBS)
     addresses = [f"{rig.client.base_url}jobs/{name}" for name in EXPORTS]
-    for address in addresses:  # what an export loads stays in memory
+    for address in addresses:  # memory that an export allocates stays allocated
         exported(f"{address}?limit=10").communicate()
     alone_s = [stop_time_s(rig) for _ in range(STOPS)]
     process = rig.fleet.members["supervisor"].process.pid
@@ -135,7 +136,7 @@ def exported(address: str) -> "subprocess.Popen[str]":
 
 
 def stop_time_s(rig: RunningRig) -> float:
-    """Return the time until a stop of a rig is answered."""
+    """Return the time until a reply to a stop of a rig, in s."""
     begun_s = monotonic()
     assert rig.post("/rigs/demo/estop").status_code == 200
     took_s = monotonic() - begun_s
@@ -158,7 +159,7 @@ def deaf_reader(rig: RunningRig) -> Generator[None]:
 
 @contextmanager
 def flood(rig: RunningRig) -> Generator[None]:
-    """Send to what the reader subscribes to, with Zenoh's own treatment of full queues."""
+    """Publish on the topics of the reader, with Zenoh's own treatment of full queues."""
     end, threads = threading.Event(), list[threading.Thread]()
     folder = Folder(Path(str(rig.rig.bus.pki)))
     tree = settings(joining(rig.rig.bus.port, folder), "loud")

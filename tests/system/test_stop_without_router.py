@@ -1,4 +1,4 @@
-"""The router is killed or hangs: a stop over REST takes the link straight to the actuator."""
+"""The router is killed or hangs: a stop over REST uses the direct link to the actuator."""
 
 import signal
 from collections.abc import Generator
@@ -13,7 +13,7 @@ from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
 
 REPLY_S, SLACK_S = 1.5, 1.0
-"""Longest time until a stop is answered, and what a busy machine may add."""
+"""Longest time until a reply to a stop, and the additional time on a busy machine."""
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,7 @@ def test_a_stop_over_rest_reaches_the_actuator(
         took_s = monotonic() - begun_s
         assert answer.status_code == 200, answer.text
         assert took_s < REPLY_S
-    # It was the actuator itself that has tripped.
+    # The actuator itself has tripped.
     deadline = monotonic() + 20.0
     while rig.view()["latch"]["cause"] != "estop":
         assert monotonic() < deadline, rig.view()["latch"]

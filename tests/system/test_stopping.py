@@ -1,4 +1,4 @@
-"""What a person can do to a job that moves: stop it, abort it, stop everything; T = 20 ms."""
+"""Actions of a person on a moving job: stop it, abort it, stop everything; T = 20 ms."""
 
 import re
 import signal
@@ -27,11 +27,12 @@ pytestmark = pytest.mark.usefixtures("stalls")
 
 ROUNDS = 3
 REST_UM = 0.3
-"""Peak to peak of an arm at rest: the sensor's noise, and what creeps in a few samples."""
+"""Largest peak-to-peak motion of an arm at rest, in µm: the sensor's noise, and creep during a
+few samples."""
 
 SETTLED_S = 0.6
 KEPT_MN = 1.0
-"""By how much the true force may drift while a stop takes effect and the part is held on."""
+"""Largest drift of the true force while a stop takes effect and the part is kept, in mN."""
 
 
 @pytest.fixture(autouse=True)
@@ -89,7 +90,7 @@ def test_an_emergency_stop_works_without_the_supervisor(
     assert stopped.returncode == 0, stopped.stderr
     # Neither way needs the supervisor; on a busy machine the second confirms first.
     assert re.search("stopped (at the actuator|through the router)", stopped.stdout)
-    # The actuator says in the same step that it was asked, and moves at its next.
+    # The actuator reports the request in the same step, and moves in the next one.
     asked_at, echo = seen.until_state(("frozen", "ramping"), killed_at)
     assert echo.cause == "estop"
     assert asked_at <= monotonic()
@@ -110,7 +111,7 @@ def test_a_stop_of_the_free_arm_leaves_it_at_rest(rig: RunningRig, seen: Witness
     echoes = [echo for _, echo in seen.since(Applied, asked_at)]
     assert all(echo.state in ("armed", "idle") for echo in echoes)
     assert echoes[-1].state == "idle"
-    # It may come to rest a little short of where it was when it was asked.
+    # It may come to rest a little short of its position at the request.
     assert echoes[-1].arms[0].voltage_V < 0.8 * FAR_V, "it went back"
     assert len({echo.arms[0].voltage_V for echo in echoes[-5:]}) == 1
     xs_um = [position.arms[0].x_um for _, position in seen.since(Position, asked_at)][-10:]

@@ -1,4 +1,4 @@
-"""Rigs that nobody has built, brought up over REST by the checklist alone, and badly treated."""
+"""Random unusual rigs, brought up over REST by the checklist alone, and badly treated."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,14 +8,15 @@ import pytest
 from tests.support.strange_rigs import COUNT, OFF, Treated, treat
 
 MOST_WRONG = 0.05
-"""Share of held grips whose force may be wrong by more than its uncertainty, U = 2σ. Of few grips
-one may be: of four it is so with a probability of 19 %."""
+"""Largest share of held grips whose force error may exceed its uncertainty, U = 2σ. Among four
+grips at least one exceeds it with a probability of 19 %."""
 NEVER_WRONG = 1.5
-"""Of its uncertainty, beyond which no force may be wrong."""
+"""Multiple of its uncertainty that no force error may exceed."""
 
 
 def judge(treated: Sequence[Treated]) -> None:
-    """No force beyond the bound, no confident wrong force, no proposal that is off."""
+    """Check that no force exceeds its limit, no force is confidently wrong, and no proposal is
+    wrong."""
     for rig in treated:
         assert rig.peak[1] <= rig.limit_mN, str(rig)
         assert not rig.proposed, str(rig)

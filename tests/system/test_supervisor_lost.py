@@ -1,4 +1,5 @@
-"""The supervisor is killed or hangs while a job moves: the loop goes on, and its lease ends it."""
+"""The supervisor is killed or hangs during a job: the loop continues, and its lease ends the
+motion."""
 
 import signal
 from collections.abc import Generator
@@ -16,9 +17,10 @@ from tests.support.witness import Witness, witness
 pytestmark = pytest.mark.usefixtures("stalls")
 
 LEASE_S, SLACK_S = 1.5, 1.0
-"""Length, and what the stop itself, a renewal under way and a busy machine may add."""
+"""Duration of the lease, and the additional time of the stop itself, a renewal in progress and a
+busy machine."""
 RENEWED = 0.8
-"""Part of its length that a lease still has at least when the supervisor dies."""
+"""Smallest share of its duration that a lease still has when the supervisor dies."""
 LEASE = "lease: nothing received from the supervisor for"
 
 
@@ -41,7 +43,7 @@ def ready(rig: RunningRig) -> None:
 
 
 def stopped_by_itself(seen: Witness, since_s: float) -> float:
-    """When the controller has stopped the program without being asked."""
+    """Return when the controller has stopped the program without a request."""
     at, _ = seen.until(Telemetry, lambda view: view.acted == (Acted.LEASE, Acted.STOP), since_s)
     return at
 

@@ -1,4 +1,4 @@
-"""A supervisor that the bus does not carry restarts itself, and a held part stays held."""
+"""A supervisor that receives nothing from the bus restarts itself, and a held part stays held."""
 
 import os
 from collections.abc import Generator
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.usefixtures("stalls")
 
 HERE = Path(__file__).parents[1] / "support" / "unheard"
 BACK_S = 60.0
-"""Longest time until it is back: a tenth of the usual time without being heard, and a start."""
+"""Longest time until it is back: a tenth of the usual time without messages, and a start."""
 TRIPPED = ("frozen", "ramping", "latched")
 
 

@@ -1,4 +1,4 @@
-"""The wheel of pincette-client alone, with the oldest pydantic that it admits, grips."""
+"""A grip with only the wheel of pincette-client and the oldest pydantic that it allows."""
 
 import json
 from collections.abc import Generator

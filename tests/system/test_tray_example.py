@@ -42,7 +42,7 @@ def rig(
 
 @contextmanager
 def camera(rig: RunningRig) -> Generator[None]:
-    """The example publisher, beside the rig, until the block ends."""
+    """Run the example publisher for the rig, until the block ends."""
     words = ["--router", f"tcp/{rig.rig.bus.host}:{rig.rig.bus.port}", "--x-um", "31.2"]
     command = [sys.executable, str(EXAMPLES / "place.py"), *words, "--seconds", "3600"]
     with subprocess.Popen(command, env=environment()) as process:

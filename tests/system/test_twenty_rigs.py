@@ -1,4 +1,4 @@
-"""From a rig file without a model to a grip, over REST, on rigs that were drawn at random."""
+"""From a rig file without a model to a grip, over REST, on randomly drawn rigs."""
 
 from collections.abc import Iterable
 

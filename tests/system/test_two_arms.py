@@ -1,4 +1,4 @@
-"""Two arms whose programs and instruments are hurt while both hold a part; T = 20 ms."""
+"""Faults of programs and instruments of two arms while both hold a part; T = 20 ms."""
 
 import signal
 from collections.abc import Generator
@@ -20,8 +20,8 @@ from tests.support.witness import Witness
 pytestmark = pytest.mark.usefixtures("stalls")
 
 SHORT: Tree = {
-    # A machine that stands still for 30 ms trips the default, which
-    # tests/integration/faults/test_two_arms.py holds to its bound in virtual time.
+    # A machine that stalls for 30 ms trips with the default limit;
+    # tests/integration/faults/test_two_arms.py tests that limit in virtual time.
     "safety": {"command_age_periods": 4.5},
     "grip": {
         "force_mN": FORCE_MN,
@@ -33,10 +33,10 @@ SHORT: Tree = {
     },
 }
 NOTICED_S = 0.010
-"""After the age limit, until the echo of the freeze is here."""
+"""Longest time after the age limit until the echo of the freeze is received, in s."""
 WATCHDOG_S, TICK_S, IDLE_S = 0.5, 0.1, 0.05
 ASIDE_S = TICK_S + IDLE_S + 0.04
-"""By how much later one output's watchdog may act than the other's."""
+"""Largest delay between the actions of the two outputs' watchdogs, in s."""
 ENDS_S = 20.0
 HEALED_S = 10.0
 """Longest time until both sensors are read again, in s."""
@@ -54,25 +54,25 @@ def ready(rig: RunningRig, seen: Witness) -> None:
     for target in ("sensor", "output", "second_sensor", "second_output"):
         order(seen, target, "heal")
     make_ready(rig)
-    # A line that was silent may be opened again after it has been healed.
+    # A line that was silent may be reopened after its recovery.
     seen.until(Position, lambda position: position.usable, monotonic(), HEALED_S)
     place_part(seen)
 
 
 def order(seen: Witness, target: str, what: str) -> float:
-    """Do something to the rig; the time at which that was done."""
+    """Disturb the rig; returns the time."""
     now = monotonic()
     seen.bus.call(SIM_COMMAND, SimCommand(target, what))
     return now
 
 
 def place_part(seen: Witness) -> None:
-    """Put the part back from where it was let go."""
+    """Put the part back from where it was released."""
     order(seen, "part", "place")
 
 
 def hold(rig: RunningRig, seen: Witness) -> str:
-    """Grip with both arms and wait for the hold; the job's id."""
+    """Grip with both arms and wait for the hold; returns the job's id."""
     begun = monotonic()
     job = rig.start_grip(kind="grip", until_released=True)
     while monotonic() < begun + ENDS_S:
@@ -84,7 +84,7 @@ def hold(rig: RunningRig, seen: Witness) -> str:
 
 
 def check_together(rig: RunningRig, seen: Witness, fault_s: float) -> None:
-    """Both are frozen in time, keep their voltages, and are ramped in the same ticks."""
+    """Check that both are frozen in time, keep their voltages, and are ramped in the same ticks."""
     seen.until_state(("latched",), fault_s)
     tripped = [(at, echo) for at, echo in seen.since(Applied, fault_s) if echo.state in TRIPPED]
     reacted_s, first = tripped[0]
@@ -105,7 +105,7 @@ def check_together(rig: RunningRig, seen: Witness, fault_s: float) -> None:
 
 
 def check_force(seen: Witness, since_s: float) -> None:
-    """No arm has pressed harder than was planned."""
+    """Check that no arm has pressed harder than planned."""
     truths = [truth for _, truth in seen.since(GroundTruth, since_s)]
     hardest_mN = max(max(truth.arms[0].force_mN, of_second(truth)) for truth in truths)
     assert hardest_mN <= 1.15 * FORCE_MN
@@ -155,7 +155,7 @@ def test_a_program_that_is_killed_or_hangs_stops_both(rig: RunningRig, seen: Wit
 def test_both_outputs_release_by_their_watchdogs_if_the_actuator_is_dead(
     rig: RunningRig, seen: Witness
 ) -> None:
-    """Both watchdogs have acted, one hardly later than the other."""
+    """Both watchdogs have acted at nearly the same time."""
     hold(rig, seen)
     since_s = monotonic()
     rig.fleet.signal("actuator", signal.SIGKILL)

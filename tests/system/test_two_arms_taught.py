@@ -1,4 +1,4 @@
-"""The second arm is taught as its tutorial has it, in lockstep, and the part gripped then."""
+"""The second arm is calibrated as in its tutorial, in lockstep, and then grips the part."""
 
 import re
 from collections.abc import Generator
@@ -17,7 +17,7 @@ UP_S, TYPED_S = 90.0, 300.0
 
 @pytest.fixture
 def checkout(tmp_path: Path) -> Generator[Path]:
-    """One whose rigs are in lockstep, as fast as the machine goes."""
+    """Make a checkout whose rigs are in lockstep, as fast as the machine allows."""
     place = workspace(tmp_path / "pincette")
     (place / "data").mkdir()
     demo = place / "deploy/rigs" / DEMO.name

@@ -1,4 +1,5 @@
-"""A second controller, another rig file, and strangers on the key of the controller; T = 20 ms."""
+"""A second controller, another rig file, and foreign programs on the key of the controller; T =
+20 ms."""
 
 import subprocess
 import sys
@@ -27,15 +28,16 @@ pytestmark = pytest.mark.usefixtures("stalls")
 LOOK_S = 1.5
 FLOOD_S = 5.0
 RATE_HZ = 500.0
-"""Ten times as many as the controller puts."""
+"""Rate of the forged commands, ten times that of the controller."""
 CPU_SHARE = 0.5
-"""Of one processor, that the actuator may take while it refuses."""
+"""Largest share of one processor that the actuator may use for refusals."""
 LOST = 12
-"""Ticks of the flood, one in twenty, in which a forged command may have pushed the true one out."""
+"""Largest share of ticks in the flood, one in twenty, in which a forged command may have
+displaced the true one."""
 ACCOUNT_S = 0.3
-"""Of what was heard before a trip that should not be, told where there is one."""
+"""Time before an unexpected trip from which messages are reported, in s."""
 AGE_S = 0.010
-"""Half a period: what the age of a command may come to."""
+"""Largest age of a command, in s: half a period."""
 
 
 @pytest.fixture(autouse=True)
@@ -45,7 +47,7 @@ def ready(rig: RunningRig) -> None:
 
 @contextmanager
 def program(name: str, path: Path, log: Path) -> Generator["subprocess.Popen[str]"]:
-    """A program beside the fleet, with a rig file of its own."""
+    """Start a program in addition to the fleet, with a separate rig file."""
     words = [
         sys.executable,
         "-m",
@@ -69,7 +71,7 @@ def program(name: str, path: Path, log: Path) -> Generator["subprocess.Popen[str
 
 
 def check_undisturbed(seen: Witness, since_s: float, most_lost: int = 0) -> list[Applied]:
-    """The actuator has answered each tick with a command, but for a few."""
+    """Check that the actuator has used a command in each tick, except for a few."""
     echoes = seen.since(Applied, since_s)
     for at, echo in echoes:
         assert echo.state == "armed", f"{applied_text(echo)}\n{seen.account(at, ACCOUNT_S)}"
@@ -79,7 +81,7 @@ def check_undisturbed(seen: Witness, since_s: float, most_lost: int = 0) -> list
 
 
 def commands_of(seen: Witness, owner: int, since_s: float) -> list[Command]:
-    """Those of one owner; the others are heard here too."""
+    """Return the commands of one owner; the others are received here too."""
     return [one for _, one in seen.since(Command, since_s) if one.valid and one.owner == owner]
 
 
@@ -105,7 +107,7 @@ def test_the_same_controller_cannot_be_started_twice(
 def test_commands_of_another_owner_never_mix_with_those_of_the_first(
     rig: RunningRig, seen: Witness
 ) -> None:
-    """Linked straight to the actuator: right epoch, fresh numbers, another owner."""
+    """Linked directly to the actuator: right epoch, new numbers, another owner."""
     job = hold(rig, seen)
     place = direct_session(rig.rig.bus.host, rig.rig.bus.port, "actuator")
     second = ZenohBus(place, rig.rig.rig.name, "second")
@@ -156,7 +158,7 @@ def test_a_program_with_another_rig_file_is_not_armed_and_named(
 
 
 def cpu_s(process: int) -> float:
-    """Processor time that a process has taken."""
+    """Return the CPU time that a process has used, in s."""
     words = Path(f"/proc/{process}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
     return (int(words[11]) + int(words[12])) / 100.0
 

@@ -1,4 +1,4 @@
-"""`pincette up` begins and ends: one line a program, and nothing that outlives it."""
+"""`pincette up` starts and ends: one line per program, and no process outlives it."""
 
 import os
 import re
@@ -33,7 +33,7 @@ def test_no_process_is_left_after_up_has_ended(tmp_path: Path, number: signal.Si
         process.send_signal(number)
         status = process.wait(20.0)
     assert status == (-signal.SIGKILL if number == signal.SIGKILL else 0)
-    # Killed, it cannot end the others; they end because their standard input has closed.
+    # A killed `up` cannot stop the others; they end because their standard input has closed.
     assert_nothing_is_left(rig, path, timeout_s=10.0)
 
 

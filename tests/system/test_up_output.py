@@ -1,4 +1,4 @@
-"""``pincette up`` keeps a held part where its output, its terminal or its REST port is lost."""
+"""``pincette up`` keeps a held part if its output, its terminal or its REST port is lost."""
 
 import fcntl
 import os
@@ -26,12 +26,12 @@ START_S = 120.0
 
 @dataclass
 class Output:
-    """Standard output of a command, and what ends it while the command runs."""
+    """Standard output of a command, and the event that closes it while the command runs."""
 
     number: int
     end: Callable[[], None]
     terminal: bool = False
-    """Whether it is the controlling terminal of the command."""
+    """True if it is the controlling terminal of the command."""
 
 
 @contextmanager

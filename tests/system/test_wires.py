@@ -1,4 +1,5 @@
-"""The same programs on every wire: TCP, pseudo-terminals with byte timing, a byte recording."""
+"""The same programs on every kind of line: TCP, pseudo-terminals with byte timing, a byte
+recording."""
 
 from pathlib import Path
 from typing import Any, cast
@@ -40,7 +41,7 @@ def test_a_grip_over_pseudo_terminals_with_real_transmission_times(tmp_path: Pat
 
 
 def recorded(folder: Path, job: Json) -> dict[str, list[Any]]:
-    """Position, force and voltage of a job."""
+    """Return position, force and voltage of a job."""
     path = folder / "data" / "jobs" / str(job["id"]) / "samples.parquet"
     table = cast(Any, parquet).read_table(path, columns=NUMBERS)
     return cast("dict[str, list[Any]]", table.to_pydict())

@@ -1,4 +1,4 @@
-"""An actuator that is armed and fed by hand, in its own time."""
+"""An actuator that is armed and fed by the test, in its own time."""
 
 from msgspec.structs import replace
 
@@ -69,7 +69,7 @@ WAKE = Inputs(None, None, None)
 def play(
     state: State, *events: tuple[Inputs, float]
 ) -> tuple[State, list[Message | DeviceCommand]]:
-    """Feed events and keep every output."""
+    """Feed events and store every output."""
     outputs: list[Message | DeviceCommand] = []
     for inputs, now in events:
         state, made = step(CONFIG, state, inputs, now)
@@ -98,5 +98,5 @@ def wakes(start_s: float, end_s: float) -> list[tuple[Inputs, float]]:
 
 
 def cause_words(state: State | Applied) -> str:
-    """Why it has tripped, for people."""
+    """Return the cause of the trip as text."""
     return cause_text(state.cause, state.faults)

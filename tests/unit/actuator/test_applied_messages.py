@@ -1,4 +1,4 @@
-"""What an echo tells of its tick, and which tick it is of, where the output has failed or not."""
+"""Content of an echo and the tick it belongs to, with and without a failed output."""
 
 from dataclasses import replace as changed
 

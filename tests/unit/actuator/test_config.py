@@ -1,4 +1,4 @@
-"""What the actuator takes from a rig file, each number from its own place."""
+"""Each limit of the actuator is taken from its own section of the rig file."""
 
 from math import pi
 

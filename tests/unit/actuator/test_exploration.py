@@ -1,8 +1,8 @@
-"""The latch explored to its end: every state that periods of good and bad events can lead to.
+"""Complete exploration of the latch: every state that sequences of good and bad periods can reach.
 
-A move is one period: a sample or none, a command or none, a question or a fault, and time in
-quarters of the period. States are told apart by mode, voltage, part, ages and counts; the search
-ends where no move leads to one that it has not met.
+A move is one period: a sample or none, a command or none, a request or a fault, and time in
+quarters of the period. States are distinguished by mode, voltage, part, ages and counts; the search
+ends when no move reaches a new state.
 """
 
 from collections import Counter, deque
@@ -28,7 +28,7 @@ from .bench import ARM, CONFIG, EPOCH, OFF, OWNER, WAKE, T
 LIMITS = replace(
     CONFIG,
     age=replace(CONFIG.age, limit_s=0.03, limit_ticks=1, grace_s=0.01),
-    # A quarter of the slew spans the range: how far a move may go in less is tested by itself.
+    # A quarter of the slew limit spans the range: smaller moves are tested separately.
     arms=(
         ArmLimits(
             VoltageLimits(min_V=-0.5, max_V=0.5, slew_V=4.0, sweep_V=0.1),
@@ -42,10 +42,10 @@ VOLTAGE = LIMITS.arms[0].voltage
 QUARTER_S = T / 4
 Key = tuple[object, ...]
 OLDEST = 7
-"""Quarters beyond which an age makes no difference: every limit is below."""
+"""Number of quarters beyond which an age makes no difference: every limit is below."""
 FURTHEST = 3
-"""Samples beyond which a distance makes no difference, ditto; what waits for one that never comes
-would be in a new state with every period."""
+"""Number of samples beyond which a distance makes no difference; otherwise waiting for a sample
+that never comes would give a new state in every period."""
 SAMPLES = ("good", "none", "invalid", "beyond")
 COMMANDS: dict[str, dict[str, object]] = {
     "none": {},
@@ -84,7 +84,7 @@ LEADS_TO = {
 
 @dataclass(frozen=True)
 class Place:
-    """A state, and the numbers of time and samples that lead on from it."""
+    """A state, and the present time and sample number."""
 
     state: State
     quarter: int
@@ -127,7 +127,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Seen:
-    """One event: what was before and after it, and what came out."""
+    """One event: the states before and after it, and the outputs."""
 
     event: str
     before: State
@@ -136,7 +136,7 @@ class Seen:
 
 
 def moved(place: Place, sample: str, command: str, question: str) -> Iterator[tuple[Place, Seen]]:
-    """A period, event by event."""
+    """Play a period, event by event."""
     state, quarter, seq = place.state, place.quarter, place.seq
 
     def after(event: str, inputs: Inputs) -> tuple[Place, Seen]:
@@ -179,7 +179,7 @@ def moved(place: Place, sample: str, command: str, question: str) -> Iterator[tu
 
 
 def check(seen: Seen) -> None:
-    """What must hold of every event in every state."""
+    """Check the rules that hold for every event in every state."""
     event, before, after = seen.event, seen.before, seen.after
     (old,), (new,) = before.arms, after.arms
     change_V = new.voltage_V - old.voltage_V
@@ -194,7 +194,8 @@ def check(seen: Seen) -> None:
         assert event not in ("owner", "epoch", "nan", "invalid", "late")
         assert abs(change_V) <= VOLTAGE.slew_V + 1e-12
     elif after.mode in ("ramping", "latched") and before.mode != "latched":
-        # The first step is ahead by a quarter of its own, whether it comes with the trip or after.
+        # The first step is early by a quarter of its own duration, whether it comes with the trip
+        # or after.
         begins = before.mode != "ramping" or old.voltage_V == old.ramp_from_V
         ahead = 2 if begins else 1
         span_V = abs(new.ramp_from_V - LIMITS.safe_V)
@@ -208,7 +209,7 @@ def check(seen: Seen) -> None:
 
 
 def explored() -> tuple[dict[Key, Place], Counter[tuple[str, str]]]:
-    """Every state that the moves lead to, and how often one mode led to another."""
+    """Return every reachable state, and how often one mode followed another."""
     first = Place(start(LIMITS), 0, 0)
     met = {first.key(): first}
     led: Counter[tuple[str, str]] = Counter()
@@ -228,7 +229,8 @@ def explored() -> tuple[dict[Key, Place], Counter[tuple[str, str]]]:
 
 
 def check_latched(place: Place) -> None:
-    """Whatever comes but a reset, a state that has tripped moves to safety and stays there."""
+    """Check that after a trip, until a reset, every state moves to the safe voltage and stays
+    there."""
     here = place
     for _ in range(8):
         events = list(moved(here, "good", "up", "arm"))
@@ -238,7 +240,7 @@ def check_latched(place: Place) -> None:
         here = events[-1][0]
     if here.state.mode != "latched" or place.state.mode != "latched":
         assert here.state.mode == "latched"
-        # An output that never says where it stands is written no more, and told as unconfirmed.
+        # An output that never reports its voltage is written no more, and reported as unconfirmed.
         assert here.state.arms[0].voltage_V == LIMITS.safe_V or here.state.unconfirmed
 
 

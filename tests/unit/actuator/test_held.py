@@ -1,4 +1,4 @@
-"""A part that is held through a trip, a reset and the next arming; and one that is let go."""
+"""A part that is held through a trip, a reset and the next arming; and one that is released."""
 
 import pytest
 
@@ -22,7 +22,7 @@ def frozen(voltage_V: float = 1.0) -> State:
 
 
 def waking(state: State, since_s: float, until_s: float) -> State:
-    """As often as the actuator looks at its clock."""
+    """Let time pass in the steps in which the actuator checks its clock."""
     for tick in range(1, round((until_s - since_s) / CONFIG.age.wake_s) + 1):
         state, _ = step(CONFIG, state, WAKE, since_s + tick * CONFIG.age.wake_s)
     return state

@@ -1,4 +1,4 @@
-"""The actuator's promises at T = 1 ms, with the limits of the rig file, in virtual time."""
+"""The actuator's guarantees at T = 1 ms, with the limits of the rig file, in virtual time."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -20,14 +20,14 @@ LIMITS = configure(RIG.model_copy(update={"rig": RIG.rig.model_copy(update={"tim
 T = LIMITS.period_s
 TICKS, HIGHEST_V = 200, 4915 * RIG.output.step_V
 WAY_S = 0.65 * T
-"""From a sample to its command."""
+"""Time from a sample to its command, in s."""
 STEP_V = 1e-9
 Put = tuple[float, float, str]
-"""When, which voltage, and the mode then."""
+"""An output voltage with its time and the mode."""
 
 
 def run(*, held: bool) -> tuple[State, float]:
-    """A rise within the slew limit, and the time of its last sample."""
+    """Play a rise within the slew limit; returns the time of its last sample."""
     state, sample_s = armed(LIMITS), 0.0
     for seq in range(TICKS):
         sample_s = seq * T
@@ -41,7 +41,7 @@ def run(*, held: bool) -> tuple[State, float]:
 
 
 def silence(state: State, from_s: float, for_s: float) -> list[Put]:
-    """What is put out while nothing comes but the actuator's own looks at the clock."""
+    """Return the outputs while only the actuator's own timer wakes it."""
     found: list[Put] = []
     for look in range(1, round(for_s / LIMITS.age.wake_s)):
         now = from_s + look * LIMITS.age.wake_s

@@ -1,4 +1,4 @@
-"""In lockstep every tick ends once, whatever overtakes what on its way to the actuator."""
+"""In lockstep every tick ends once, whatever the order in which messages reach the actuator."""
 
 from dataclasses import replace
 from itertools import permutations, product
@@ -15,7 +15,7 @@ from .bench import CONFIG, T, command, holding, position
 
 LOCKSTEP = replace(CONFIG, lockstep=True)
 TICKS = (1, 2, 3)
-"""That of ``holding`` is 0."""
+"""Ticks of the test; that of ``holding`` is 0."""
 ORDERS = ("position command", "command position")
 TRIPPED = tuple(permutations(("trip", "position", "command")))
 

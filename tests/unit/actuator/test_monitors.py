@@ -1,4 +1,4 @@
-"""The hard limits at the service: what is answered, what the instrument is told, what is fed."""
+"""The hard limits in the service: replies, commands to the instrument, and watchdog feeding."""
 
 from math import nan
 
@@ -41,7 +41,7 @@ LOCKSTEP = replace(CONFIG, lockstep=True)
 
 
 def told(seq: int, **changes: object) -> Inputs:
-    """A command that knows something of its sample."""
+    """Return a command that contains information on its sample."""
     good = Command(EPOCH, seq, OWNER, (ArmCommand(1.0),), False, False, False, True)
     return Inputs(None, with_arm(good, **changes), None)
 

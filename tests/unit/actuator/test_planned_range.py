@@ -1,4 +1,4 @@
-"""The actuator keeps to the voltages of the plan, from the arming to the next one."""
+"""The actuator keeps within the voltages of the plan, from the arming to the next one."""
 
 import pytest
 from msgspec.structs import replace
@@ -24,7 +24,7 @@ def armed(*planned: VoltageRange, present_V: float = 0.0) -> State:
 
 
 def asked(state: State, *voltages_V: float) -> list[tuple[float, int]]:
-    """Voltages that are put out, and the limits that acted, for one command a period."""
+    """Return the output voltages, and the limits that acted, for one command per period."""
     found: list[tuple[float, int]] = []
     for seq, voltage_V in enumerate(voltages_V):
         now = 0.02 * seq

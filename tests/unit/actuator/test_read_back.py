@@ -1,4 +1,4 @@
-"""An output that has failed is asked where it stands, before anything is written again."""
+"""The voltage of an output that has failed is read back before anything is written again."""
 
 from pincette.core.faults import FaultCode, fault
 from pincette.core.messages import Applied

@@ -1,4 +1,5 @@
-"""Steps in three parts at the actuator: what is written, and what a stop between two parts does."""
+"""Steps in three parts at the actuator: the voltages written, and the effect of a stop between
+two parts."""
 
 from dataclasses import replace
 from random import Random
@@ -95,7 +96,7 @@ def test_an_emergency_stop_of_a_free_arm_ramps_from_the_present_part() -> None:
 
 
 def test_a_limit_that_trips_between_two_parts_ends_the_step_too() -> None:
-    """The first sample came late, so that the next one follows its command within 1.5 parts."""
+    """The first sample was late, so that the next one follows its command within 1.5 parts."""
     state, outputs = stepped(), list[Message | DeviceCommand]()
     for seq in (1, 2, 3):
         sample = Inputs(

@@ -1,4 +1,4 @@
-"""What the actuator excuses while its machine stood still, and for how long."""
+"""Stalls of the machine that the actuator discounts, and for how long."""
 
 from pincette.core.messages import Arm, Reset
 from pincette.core.service import Busy
@@ -9,7 +9,7 @@ from .bench import CONFIG, EPOCH, OWNER, WAKE, T, command, holding, play, positi
 
 
 def test_a_stall_of_the_actuator_does_not_count_as_age() -> None:
-    """The machine stood for 40 ms: the command that follows is taken, as it is in time."""
+    """The machine stalled for 40 ms: the command that follows is accepted, as it is in time."""
     state, _ = play(holding(held=True), *wakes(0.005, 0.02))
     state, _ = play(state, (WAKE, 0.065), (position(1), 0.066), (command(1, 1.5), 0.068))
     assert (state.mode, state.arms[0].voltage_V, state.standstills) == ("armed", 1.5, 1)
@@ -40,7 +40,7 @@ def test_a_stall_causes_no_jump_in_the_ramp() -> None:
 
 
 def test_computing_time_of_its_own_program_is_not_a_stall() -> None:
-    """The time is out of an age only where the machine took it."""
+    """Time is subtracted from an age only if the machine caused the delay."""
     state, _ = play(holding(held=False), *wakes(0.005, 0.02))
     kept = (Inputs(Busy(0.04), None, None), 0.061)
     state, _ = play(state, kept)
@@ -51,7 +51,7 @@ def test_a_ramp_continues_by_its_clock_while_its_program_waits_for_its_sensor() 
     state, _ = play(holding(2.0, held=False), *wakes(0.005, 0.065))
     wait_s, now = 1.5 * CONFIG.age.wake_s, 0.065
     while now < 0.065 + CONFIG.ramp_s:
-        # With the write of the ramp's voltage it is more than two looks at the clock.
+        # With the write of the ramp's voltage it is more than two timer intervals.
         now += wait_s + 0.6 * CONFIG.age.wake_s
         state, _ = play(state, (Inputs(Busy(wait_s), None, None), now))
     assert (state.mode, state.arms[0].voltage_V, state.standstills) == ("latched", CONFIG.safe_V, 0)

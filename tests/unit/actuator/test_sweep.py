@@ -1,4 +1,4 @@
-"""A sweep at the actuator: begun once, looked after, ended by a voltage or a trip."""
+"""A sweep at the actuator: started once, monitored, ended by a voltage or a trip."""
 
 import pytest
 from msgspec.structs import replace

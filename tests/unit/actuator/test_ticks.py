@@ -1,4 +1,4 @@
-"""A tick without a command: answered once, and with a voltage only if one is due."""
+"""A tick without a command has one echo, and a voltage is written only if one is due."""
 
 import pytest
 
@@ -30,7 +30,7 @@ from .bench import (
 from .test_sweep import swept
 
 UNASKED_S = 0.036
-"""When a sample of 0.02 s has waited for a command long enough."""
+"""Time at which the sample of 0.02 s has waited for a command long enough, in s."""
 
 
 def stood(mode: str) -> State:

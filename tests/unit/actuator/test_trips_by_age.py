@@ -1,4 +1,4 @@
-"""Why a command was not valid, in the cause of the trip that follows."""
+"""The cause of a trip by age states why no command was valid."""
 
 import pytest
 from msgspec.structs import replace

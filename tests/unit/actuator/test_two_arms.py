@@ -1,4 +1,5 @@
-"""Two arms under one latch: a command is judged as a whole, and what trips either trips both."""
+"""Two arms under one latch: a command is accepted or refused as a whole, and a trip of one arm
+trips both."""
 
 import dataclasses
 
@@ -241,7 +242,7 @@ def test_the_rig_is_at_rest_only_if_both_outputs_are_at_the_safe_voltage() -> No
 
 
 def test_the_watchdogs_of_a_frozen_part_are_not_fed_if_one_output_is_unknown() -> None:
-    """What is fed no heartbeat lets go: the other must not be left to press alone."""
+    """An output without heartbeats releases: the other must not press alone."""
     state, _ = play(at(1.0, 2.0, held=True), (FAILED, 0.01))
     assert state.mode == Mode.FROZEN
     assert not may_kick_watchdog(BOTH, state, 0.02)

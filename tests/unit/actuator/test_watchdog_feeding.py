@@ -16,7 +16,7 @@ T = RIG.rig.period_s
 
 
 class Watched:
-    """An output that counts heartbeats, and may answer with garbage."""
+    """An output that counts heartbeats, and may reply with garbage."""
 
     def __init__(self) -> None:
         self.fed = 0

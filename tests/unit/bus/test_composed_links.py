@@ -19,7 +19,7 @@ AT = {f"tcp/{HOST}:{PORT + 1 + place}": name for place, name in enumerate(LOOP)}
 
 
 def takes(taker: str, giver: str, *, lockstep: bool) -> bool:
-    """Whether a service of one program takes what one of another gives."""
+    """Return whether a service of one program receives what one of another publishes."""
     wanted = {
         name
         for one in member_services(taker)

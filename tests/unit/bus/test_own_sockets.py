@@ -1,4 +1,4 @@
-"""Sockets of this process that Zenoh closes while they are looked at."""
+"""Sockets of this process that Zenoh closes while they are examined."""
 
 import os
 import socket
@@ -14,7 +14,7 @@ from pincette.bus.private_port import PrivatePort
 
 @pytest.fixture(autouse=True)
 def closed_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Yield first a socket whose descriptor is closed before it is asked for anything."""
+    """Yield first a socket whose descriptor is closed before it is examined."""
 
     def sockets() -> Generator[socket.socket]:
         gone = socket.socket()

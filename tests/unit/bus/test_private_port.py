@@ -1,4 +1,4 @@
-"""Zenoh's sockets are found among all descriptors of a process, and nothing else feels it."""
+"""Zenoh's sockets are found among all descriptors of a process, without any side effect."""
 
 import fcntl
 import socket
@@ -17,7 +17,7 @@ with open(sys.argv[1], "r+b") as file:
     except OSError:
         sys.exit(3)
 """
-"""Another program that asks for a lock which this one has, as SQLite does at its end."""
+"""Script of another program that requests a lock which this one has, as SQLite does at its end."""
 
 
 def test_listing_the_sockets_releases_no_file_lock(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Zenoh's settings: links that are named, nothing that is found, TLS alone where it is wanted."""
+"""Zenoh's settings: only explicit links, no discovery, and only TLS if it is required."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A supervisor of prepared answers in place of the one that the command line looks for."""
+"""A supervisor with prepared replies in place of the one that the command line calls."""
 
 from collections.abc import Callable
 from typing import Any
@@ -14,7 +14,7 @@ At = Callable[..., Desk]
 
 @pytest.fixture
 def at(monkeypatch: pytest.MonkeyPatch) -> At:
-    """Put a supervisor of prepared answers where the command line looks for one."""
+    """Serve prepared replies at the address that the command line uses."""
 
     def place(*answers: Any) -> Desk:
         supervisor = Desk(*answers)

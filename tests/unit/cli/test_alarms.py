@@ -1,4 +1,4 @@
-"""What the command line says of alarms and checks."""
+"""Output of the command line for alarms and checks."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""A backup of a supervisor at work, restored into an empty folder."""
+"""A backup of a working supervisor, restored into an empty folder."""
 
 import io
 import json
@@ -42,7 +42,7 @@ def test_restored_data_equals_the_saved_data(
     RecipeRepository(store).add("bead", {"force_mN": 8.0}, "glass")
     file, after = tmp_path / "bench.tar.gz", tmp_path / "after"
     more = ["--records"] if records else []
-    # The supervisor is at work: what it has written lies in SQLite's log beside the file.
+    # The supervisor is working: its writes are in SQLite's log next to the file.
     assert main(["backup", str(file), "--data", str(data), *more]) == 0
     store.add(job("later"))
     store.close()
@@ -188,7 +188,7 @@ def test_a_folder_without_a_journal_is_not_a_data_folder(
 
 
 def crafted(data: Path, file: Path, change: Callable[[tarfile.TarFile], None]) -> None:
-    """Write a sound backup, and one with more in it in its place."""
+    """Write a valid backup, and replace it by one with additional content."""
     open_store(data / "supervisor.sqlite").close()
     assert main(["backup", str(file), "--data", str(data)]) == 0
     with tarfile.open(file) as archive:

@@ -1,4 +1,4 @@
-"""What the words of the command line make of a calibration's request, and how it is shown."""
+"""Requests that the command line makes for a calibration, and its output."""
 
 import io
 from typing import Any

@@ -19,7 +19,7 @@ AT = ("--rig-name", "demo")
 def test_a_shell_claims_a_rig_and_every_command_sends_its_secret(
     at: At, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("PINCETTE_CLAIM", "")  # put back at the end, whatever the command sets
+    monkeypatch.setenv("PINCETTE_CLAIM", "")  # restored at the end, whatever the command sets
     claim = desk.example(Claim)
     listed = httpx.Response(200, json={"rigs": [desk.example(Rig, claim=claim)]})
     supervisor = at(httpx.Response(200, json=claim), listed, desk.rig())

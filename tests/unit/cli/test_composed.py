@@ -1,4 +1,5 @@
-"""Rig files that compose services, from the command line: certificates, doctor, what is started."""
+"""Rig files that compose services, from the command line: certificates, doctor, started
+programs."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A grip on a simulated rig needs no person: what an earlier one has left is cleared."""
+"""A demo grip on a simulated rig needs no person: the latch of an earlier one is cleared."""
 
 from typing import Any
 
@@ -27,7 +27,7 @@ def tripped(trip: str, code: str) -> httpx.Response:
 
 
 def grip(*answers: httpx.Response) -> tuple[str, list[str]]:
-    """Grip at a supervisor of these answers; the job's state, and what was asked for."""
+    """Grip at a supervisor with these replies; returns the job's state and the requests."""
     supervisor = Desk(*answers)
     with supervisor.supervisor(0.0) as client:
         job = grip_simulated(client.rig("demo"), screen(machine=True))

@@ -1,4 +1,4 @@
-"""What doctor asks a person, and that it says each thing once."""
+"""Confirmations that doctor requires of a person; each finding is printed once."""
 
 from io import StringIO
 from pathlib import Path

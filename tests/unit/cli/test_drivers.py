@@ -1,4 +1,5 @@
-"""`pincette doctor --drivers` lists what is there, whole or broken, and a missing one is named."""
+"""`pincette doctor --drivers` lists the installed drivers, working or broken, and names a
+missing one."""
 
 import importlib
 import sys
@@ -33,7 +34,7 @@ class Other(Table):
 
 @pytest.fixture
 def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
-    """Put a distribution in reach that registers a position sensor from a module of its name."""
+    """Install a distribution that registers a position sensor from a module of its name."""
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
 
     def put(distribution: str, name: str, source: str) -> None:
@@ -47,7 +48,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
         (about / "entry_points.txt").write_text(
             f"[{plugins.POSITION_SENSORS}]\n{name} = {module}:open_sensor\n"
         )
-        # What the folder holds is cached, by a time of change that may be too coarse.
+        # The content of the folder is cached by its modification time, which may be too coarse.
         importlib.invalidate_caches()
 
     return put

@@ -1,4 +1,4 @@
-"""A help text loads no library that it does not need: its time is that of what it imports."""
+"""A help text loads no library that it does not need, since its time is that of its imports."""
 
 import json
 import subprocess
@@ -21,11 +21,11 @@ NEVER = (
     "pincette.client",
     "pincette.engine.process",
 )
-"""Each of them costs a tenth of a second of processor or more, and some of them a whole one."""
+"""Libraries that cost a tenth of a second of processor time or more, some of them a whole one."""
 MOST = 700
-"""Modules; a bare command line has 230, one with the models of a request 480."""
+"""Largest number of modules; a bare command line has 230, one with the models of a request 480."""
 ALLOWED = {"init": {"pincette.config.rig_file"}}
-"""Its questions are the tables of a rig file."""
+"""Exceptions; the prompts are the tables of a rig file."""
 SHOW = """
 import contextlib, io, json, sys
 from pincette.cli.main import main
@@ -36,7 +36,7 @@ print(json.dumps(sorted(sys.modules)))
 
 
 def modules(*words: str) -> set[str]:
-    """Modules that a process has loaded once it has shown a help text."""
+    """Return the modules that a process has loaded after showing a help text."""
     line = [sys.executable, "-c", SHOW, *words, "--help"]
     ran = subprocess.run(line, capture_output=True, text=True, check=True, timeout=60.0)
     return set(json.loads(ran.stdout))

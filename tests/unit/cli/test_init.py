@@ -1,4 +1,4 @@
-"""``pincette init``: what it asks, and the rig file that it writes."""
+"""``pincette init``: its prompts, and the rig file that it writes."""
 
 from collections.abc import Iterator
 from io import StringIO
@@ -31,7 +31,7 @@ def bench(tmp_path: Path) -> Path:
 
 
 def typing(monkeypatch: pytest.MonkeyPatch, answers: Iterator[str]) -> list[str]:
-    """Answer each question; returns what was asked."""
+    """Type a reply to each prompt; returns the prompts."""
     requests: list[str] = []
 
     def answer(question: str) -> str:

@@ -1,4 +1,4 @@
-"""Every word that speaks with a supervisor: what it asks, what it says, how it ends."""
+"""Every command that calls a supervisor: its request, its output, its exit status."""
 
 import json
 from datetime import datetime

@@ -1,4 +1,4 @@
-"""What the words of the command line make of a job's request."""
+"""Requests that the command line makes for a job."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Keys from the command line: made and revoked in a data folder, shown to a supervisor."""
+"""Keys from the command line: made and revoked in a data folder, sent to a supervisor."""
 
 import json
 from pathlib import Path
@@ -20,14 +20,14 @@ KEY = "pincette_secret"
 
 @pytest.fixture(autouse=True)
 def alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody's own key is looked at."""
+    """Ensure that the user's own key is not read."""
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     monkeypatch.delenv("PINCETTE_KEY", raising=False)
 
 
 @pytest.fixture
 def shown(monkeypatch: pytest.MonkeyPatch) -> list[str | None]:
-    """The keys with which the command line has gone to a supervisor."""
+    """Keys that the command line has sent to a supervisor."""
     found: list[str | None] = []
 
     def reached(_url: str, *, key: str | None, **_settings: Any) -> Supervisor:

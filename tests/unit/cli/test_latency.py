@@ -1,4 +1,4 @@
-"""``pincette latency``: what it prints and draws of a measurement, and how it ends."""
+"""``pincette latency``: its output and chart of a measurement, and its exit status."""
 
 import json
 from pathlib import Path
@@ -17,7 +17,7 @@ HOP = counted([0.0002] * 1000)
 
 
 class Machine:
-    """A machine that was measured already."""
+    """A machine with a completed measurement."""
 
     def __init__(self, late_s: float, refused: str = "") -> None:
         self.late_s, self.refused = late_s, refused

@@ -1,4 +1,4 @@
-"""``pincette run`` works where only the loop's packages are, and loads nothing else anywhere."""
+"""``pincette run`` works with only the loop's packages, and loads nothing else anywhere."""
 
 import subprocess
 import sys
@@ -39,7 +39,7 @@ DRAWN = ("matplotlib", "PIL", "pyarrow")
 
 
 def without(*words: str) -> "subprocess.CompletedProcess[str]":
-    """Run the command where none of the packages is installed that only people's words need."""
+    """Run the command without the packages that only interactive commands need."""
     script = WITHOUT.format(names=OF_PEOPLE, words=list(words))
     line = [sys.executable, "-c", script]
     return subprocess.run(line, capture_output=True, text=True, timeout=60.0, check=False)

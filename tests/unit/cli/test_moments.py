@@ -1,4 +1,4 @@
-"""Times on the command line: days of this place, and so long ago."""
+"""Times on the command line: local days, and relative times."""
 
 from datetime import datetime
 

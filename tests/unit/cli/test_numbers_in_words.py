@@ -1,4 +1,4 @@
-"""Numbers on the command line: used as they are shown, or refused at their option."""
+"""Numbers on the command line are used as displayed, or refused at their option."""
 
 import json
 from pathlib import Path

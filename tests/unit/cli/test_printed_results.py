@@ -1,4 +1,4 @@
-"""What the command line makes of a job, a plan and a problem."""
+"""Text of the command line for a job, a plan and a problem."""
 
 import dataclasses
 import io
@@ -71,7 +71,7 @@ def screen(*, terminal: bool) -> tuple[Console, io.StringIO]:
 
 
 def spaced(text: str) -> str:
-    """The text with one blank where there are several."""
+    """Return the text with single blanks."""
     return re.sub(" +", " ", text)
 
 

@@ -1,4 +1,5 @@
-"""Recorded jobs through their services again: the same to the last bit, or the first difference."""
+"""Recorded jobs are replayed through their services: identical to the last bit, or the first
+difference is reported."""
 
 import json
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The word `pincette rig`: what it reads, what it refuses, and that the page about it is right."""
+"""The command `pincette rig`: its arguments, its refusals, and its page."""
 
 import tomllib
 from pathlib import Path
@@ -87,7 +87,7 @@ def test_the_page_contains_the_whole_table() -> None:
         for target, what, value, meaning in operation_rows()
     ]
     assert table == [row for row in rows if not row.startswith("| `second_")]
-    # Told in a sentence beside the table.
+    # Described in a sentence next to the table.
     of_second = [row.replace("`second_", "`") for row in rows if row.startswith("| `second_")]
     assert of_second == [row for row in table if row.startswith(("| `sensor`", "| `output`"))]
 

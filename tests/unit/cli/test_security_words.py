@@ -1,4 +1,5 @@
-"""`pincette security`: folders of certificates from the command line, and what doctor says."""
+"""`pincette security`: folders of certificates from the command line, and the findings of
+doctor."""
 
 import json
 from collections.abc import Callable
@@ -23,7 +24,7 @@ Said = Callable[..., str]
 
 @pytest.fixture
 def said(capsys: pytest.CaptureFixture[str]) -> Said:
-    """What a line of words prints, where it ends as expected."""
+    """Return the output of a command line, after checking its exit status."""
 
     def run(*words: str | Path, status: int = 0) -> str:
         assert main(["security", *map(str, words)]) == status
