@@ -1,4 +1,4 @@
-"""The command line before a supervisor of several rigs."""
+"""The command line with a supervisor of several rigs."""
 
 import json
 

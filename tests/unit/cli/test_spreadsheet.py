@@ -1,4 +1,4 @@
-"""CSV for spreadsheets, and times that tell one hour of a change of the clocks from the other."""
+"""CSV for spreadsheets, and times that distinguish the two hours of a change of the clocks."""
 
 import codecs
 import csv

@@ -1,4 +1,5 @@
-"""``pincette latency --of-rig``, and what ``pincette job show`` says of a loop's punctuality."""
+"""``pincette latency --of-rig``, and the output of ``pincette job show`` on a loop's
+punctuality."""
 
 import hashlib
 import json

@@ -69,7 +69,7 @@ def test_every_encoding_is_accepted(encoding: str) -> None:
 
 
 class Process:
-    """Stands in for a process of the operating system."""
+    """Replaces a process of the operating system."""
 
     def __init__(self, pid: int) -> None:
         self.pid = pid

@@ -1,4 +1,5 @@
-"""Options are written out with their unit, words are corrected, and who waits is told."""
+"""Options are written out with their unit, misspelled words are corrected, and waiting is
+reported."""
 
 from time import sleep
 

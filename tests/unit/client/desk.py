@@ -1,4 +1,4 @@
-"""A supervisor with prepared answers, and clients of it that never wait."""
+"""A supervisor with prepared replies, and clients of it that never wait."""
 
 import json
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
@@ -15,7 +15,7 @@ Answer = httpx.Response | Exception | Callable[[httpx.Request], httpx.Response]
 
 
 def example(model: Any, **changes: Any) -> dict[str, Any]:
-    """The example of a model, as it would come over the line."""
+    """Return the example of a model, as it is sent over REST."""
     return {**model.model_config["json_schema_extra"]["examples"][0], **changes}
 
 
@@ -33,7 +33,7 @@ def problem(status: int, code: str, **members: Any) -> httpx.Response:
 
 
 def stream(*events: dict[str, Any], broken: bool = False) -> httpx.Response:
-    """A stream of events; one that is broken ends in the middle of the next."""
+    """Return a stream of events; a broken one ends in the middle of the next event."""
     reported = [
         f"event: {event['kind']}\n{_identity(event)}data: {json.dumps(event)}\n\n"
         for event in events
@@ -67,7 +67,7 @@ def _identity(event: dict[str, Any]) -> str:
 
 
 class Desk(httpx.MockTransport):
-    """Answers in order; what was asked, and how long was slept in between."""
+    """Sends the replies in order; records the requests and the sleeping times between them."""
 
     def __init__(self, *answers: Answer) -> None:
         super().__init__(self._answer)

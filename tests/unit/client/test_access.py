@@ -1,4 +1,4 @@
-"""What a client shows, and what it makes of a refusal."""
+"""Keys that a client sends, and its handling of refusals."""
 
 import httpx
 import pytest

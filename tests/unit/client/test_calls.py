@@ -1,4 +1,4 @@
-"""What a client asks, what it makes of answers, and when it asks again."""
+"""Requests of a client, its handling of replies, and its retries."""
 
 import asyncio
 import json
@@ -69,7 +69,7 @@ def test_requests_that_could_act_twice_are_not_repeated(action: str) -> None:
     job = supervisor.supervisor().job("j")
     with pytest.raises(NoAnswerError, match="may or may not have been accepted"):
         getattr(job, action)()
-    # A refused connection has carried nothing; one that was lost may have.
+    # A refused connection has carried nothing; a lost one may have.
     assert supervisor.slept_s == [0.1]
     assert len(supervisor.asked) == 3
 

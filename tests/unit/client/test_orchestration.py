@@ -52,7 +52,7 @@ STOPPED: dict[str, Any] = {
 
 @pytest.mark.parametrize("follow", ["to_hold", "to_success"])
 def test_a_stop_in_a_hold_ends_the_command_as_cancelled(follow: str) -> None:
-    # The stream of events goes on as long as the part is held: nothing after the end is read.
+    # The stream of events continues as long as the part is held: nothing after the end is read.
     stream = desk.stream(
         event(1, "state", state="running"),
         event(2, "state", state="stopped"),

@@ -1,4 +1,4 @@
-"""The example of an orchestrator, against a supervisor of prepared answers."""
+"""The example of an orchestrator, with a supervisor of prepared replies."""
 
 import json
 import runpy

@@ -1,4 +1,4 @@
-"""Every outcome code of a job reaches the programs that are built on the client, as a code."""
+"""Every outcome code of a job reaches the programs that use the client, as a code."""
 
 from itertools import product
 from typing import get_args

@@ -1,4 +1,4 @@
-"""A motion has reached what was asked for, or it ends with an error that states both forces."""
+"""A motion has reached the requested force, or ends with an error that states both forces."""
 
 import json
 from typing import Any
@@ -43,7 +43,7 @@ def stopped_with(phase: str, force_mN: float) -> Desk:
         event(1, "state", state="running"),
         progress(phase, force_mN=force_mN),
         event(2, "state", state="stopping"),
-        # The hold of a stop, as an older supervisor reports it: it never counts.
+        # The hold of a stop, as an older supervisor reports it: it is never counted.
         progress("hold" if held else "stopping", **{**kept, "force_held_mN": force_mN}),
         event(3, "state", state="stopped"),
         broken=True,
@@ -191,7 +191,7 @@ KEPT: dict[str, Any] = {"state": "stopped", "values": VALUES, "allowed_actions":
         (KEPT, {"phase": "hold", "force_held_mN": 14.0, "force_r_mN": 15.0}, False),
         (KEPT, {"phase": "stopped", "force_mN": 14.9, "force_r_mN": 15.0}, True),
         (KEPT, {"phase": "stopped", "force_mN": 7.6, "force_r_mN": 7.5}, False),
-        # A load that is on its way through the force does not hold it.
+        # A load that passes through the force does not hold it.
         (KEPT, {"phase": "stopped", "force_mN": 15.0, "force_r_mN": 7.5}, False),
         ({**KEPT, "allowed_actions": []}, {"force_mN": 15.0, "force_r_mN": 15.0}, False),
         (KEPT, {"held": False, "force_mN": 15.0, "force_r_mN": 15.0}, False),

@@ -1,4 +1,4 @@
-"""Both clients have the same names, the same arguments and the same words."""
+"""Both clients have the same methods, arguments and docstrings."""
 
 import inspect
 from collections.abc import Callable

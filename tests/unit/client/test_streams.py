@@ -1,4 +1,4 @@
-"""Events without gap or double over lines that break, and files that arrive whole."""
+"""Events without gap or duplicate over lines that break, and complete downloads of files."""
 
 import asyncio
 import hashlib
@@ -24,7 +24,8 @@ def event(number: int | None, **changes: Any) -> dict[str, Any]:
 
 
 def answers() -> Desk:
-    """A stream that breaks, a supervisor that restarts, a replay with doubles, an end."""
+    """Return a stream that breaks, a supervisor that restarts, a replay with duplicates, and an
+    end."""
     return Desk(
         desk.job(),
         desk.stream(event(7), event(None), event(8), broken=True),
@@ -90,7 +91,7 @@ def test_an_invalid_stream_is_reported() -> None:
 
 
 def batch(epoch: int, *seqs: int, now_s: float = 100.0, **changes: Any) -> dict[str, Any]:
-    """A batch of samples at 20 ms, the last of which came at ``now_s``."""
+    """Return a batch of samples at 20 ms, the last of which was taken at ``now_s``."""
     many = len(seqs)
     columns = ("x_um", "x_r_um", "force_mN", "force_r_mN", "voltage_V", "sliding_um")
     values: dict[str, Any] = {name: [float(seq) for seq in seqs] for name in columns}

@@ -1,4 +1,4 @@
-"""Every number has a bound, every refusal says which, and nothing that travels comes near one."""
+"""Every number has a limit, every refusal names it, and real messages stay far below it."""
 
 import math
 from enum import EnumType
@@ -58,7 +58,7 @@ FLOATS = [
 
 
 def tree_of(kind: type) -> dict[str, Any]:
-    """The fields of a sound message."""
+    """Return the fields of a valid message."""
     values = {float: 1.5, int: 1, bool: True, str: "a"}
     hints = get_type_hints(kind)
     names = [field.name for field in fields(kind)]
@@ -67,7 +67,7 @@ def tree_of(kind: type) -> dict[str, Any]:
 
 
 def changed(kind: type[Message], **changes: object) -> dict[str, Any]:
-    """The fields of a sound message, with others of its own or of its arm."""
+    """Return the fields of a valid message, with some of its own or of its arm changed."""
     tree = tree_of(kind)
     for name, value in changes.items():
         (tree if name in tree else tree["arms"][0])[name] = value
@@ -75,7 +75,7 @@ def changed(kind: type[Message], **changes: object) -> dict[str, Any]:
 
 
 def _odd(hint: Any) -> Any:
-    """A sound value of a field that is neither a number nor a text."""
+    """Return a valid value of a field that is neither a number nor a text."""
     if isinstance(hint, EnumType):
         return str(next(iter(hint.__members__.values())))
     return [] if get_origin(hint) is tuple else None

@@ -98,7 +98,7 @@ def test_a_law_with_an_extra_member_is_refused() -> None:
 
 
 def with_law(changed: dict[str, object]) -> bytes:
-    """A program with one law, as bytes, with these members of the law changed."""
+    """Return a program with one law, as bytes, with these members of the law changed."""
     program = replace(LOAD.program, laws=(law_settings().spec(),))
     tree = cast(Any, msgpack).unpackb(encode(Load(program)))
     tree["program"]["laws"][0] |= changed

@@ -1,4 +1,4 @@
-"""Each type of message, whatever it holds, refuses what it must; its fields state their limits."""
+"""Each type of message refuses invalid values; its fields state their limits."""
 
 import math
 import random
@@ -21,7 +21,7 @@ PROMISES = {
     "bytes": b"\xc6\xff\xff\xff\xff",
     "extension": b"\xc9\xff\xff\xff\xff\x05",
 }
-"""Headers that ask for gigabytes."""
+"""Headers that announce gigabytes."""
 
 
 def tree_of(name: str) -> dict[str, Any]:
@@ -33,13 +33,13 @@ def fields_of(name: str) -> tuple[str, ...]:
 
 
 def packed(pairs: list[tuple[str, bytes]]) -> bytes:
-    """A map of names and values that are packed already."""
+    """Return a map of names and values that are already packed."""
     body = b"".join(msgpack.packb(key) + value for key, value in pairs)
     return b"\xde" + len(pairs).to_bytes(2) + body
 
 
 def leaves(node: inspect.Type, name: str = "") -> Iterator[tuple[str, inspect.Type, str]]:
-    """Fields that hold no others: name, type, and unit."""
+    """Return the fields without subfields: name, type, and unit."""
     match node:
         case inspect.Metadata():
             unit = unit_stated(node)

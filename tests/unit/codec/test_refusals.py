@@ -1,4 +1,4 @@
-"""What is meant to hurt a reader is refused in words, soon, and in little memory."""
+"""Malicious payloads are refused with a message, quickly, and with little memory."""
 
 import sys
 import tracemalloc
@@ -14,9 +14,11 @@ from pincette.core.messages import Burst, Command, Load, Message, Position, Stat
 from tests.support.frames import BOMBS, BY_NAME
 
 MEMORY_BYTES = 48 * 2**20
-"""The unpacker's depth times the longest list; of a message without lists it is a hundredth."""
+"""Memory limit in bytes: the unpacker's depth times the longest list; without lists a hundredth
+of it."""
 CALLS, CALLS_PER_BYTE = 500, 1
-"""Of functions, Python's and C's: those for a message of any length, and more for a longer one."""
+"""Number of calls of Python and C functions: for a message of any length, and in addition for a
+longer one."""
 LONGEST_TEXT = 600
 ARM = {"x_um": 12.5, "valid": True, "fault": None}
 POSITION: dict[str, Any] = {"epoch": 7, "seq": 3, "t_s": 0.06, "arms": [ARM]}
@@ -24,7 +26,7 @@ packb = msgpack.packb
 
 
 def refused(kind: type[Message], payload: bytes) -> tuple[str, int]:
-    """Why a payload is refused, and how many calls that takes on this thread."""
+    """Return why a payload is refused, and how many calls that takes on this thread."""
     calls = count()
 
     def called(_frame: FrameType, _event: str, _function: object) -> None:
@@ -84,7 +86,7 @@ def test_deep_nesting_in_a_field_is_refused_without_being_shown() -> None:
 
 
 def pairs(*more: tuple[object, object]) -> bytes:
-    """A position with more pairs of key and value."""
+    """Return a position with more pairs of key and value."""
     items = [*POSITION.items(), *more]
     return bytes([0x80 | len(items)]) + b"".join(packb(part) for pair in items for part in pair)
 

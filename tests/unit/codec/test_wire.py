@@ -1,4 +1,4 @@
-"""A program of another wire version is named, and so is the side to update."""
+"""A program of another wire version is named, together with the side to update."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The page about the wire says the limits that hold."""
+"""The page about the wire states the actual limits."""
 
 import re
 from pathlib import Path

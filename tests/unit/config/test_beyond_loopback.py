@@ -1,4 +1,4 @@
-"""Servers beside the supervisor are heard by others only where they let not everybody in."""
+"""Servers besides the supervisor are reachable by others only if they require authentication."""
 
 import pytest
 from pydantic import ValidationError

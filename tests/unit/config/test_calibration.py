@@ -1,4 +1,4 @@
-"""Calibrations laid over a rig file: what may be replaced, digests, and impossible values."""
+"""Calibrations merged into a rig file: replaceable values, digests, and impossible values."""
 
 from pathlib import Path
 

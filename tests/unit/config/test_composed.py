@@ -1,4 +1,4 @@
-"""Which services of the loop one process runs: the rig file's words, and what follows from them."""
+"""Services of the loop that share a process: the rig file's setting, and its consequences."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Rig files and other texts as editors of all systems save them, and behind links."""
+"""Rig files and other texts as saved by editors of all systems, and behind links."""
 
 import codecs
 from pathlib import Path
@@ -61,7 +61,7 @@ def test_a_base_is_found_in_the_folder_of_a_links_target(tmp_path: Path) -> None
     assert read_rig(path).rig.name == "linked"
     (path.parent / "base.toml").write_bytes(codecs.BOM_UTF8 + DEMO.read_bytes())
     (tmp_path / "real" / "base.toml").write_text("not = TOML", "utf-8")
-    assert read_rig(path).rig.name == "linked"  # beside the link comes first
+    assert read_rig(path).rig.name == "linked"  # the file next to the link comes first
 
 
 def test_a_missing_base_is_named_in_the_error(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Whether a law may run on a rig file, and the gains that are found for one."""
+"""Conditions for a law to run on a rig file, and the gains that are found for one."""
 
 from typing import Any
 
@@ -19,9 +19,10 @@ from tests.support.rigs import Tree, demo_rig
 SCHEMES: tuple[str, ...] = ("pbsmic", "dsmifc")
 SETS: tuple[ParameterSet, ...] = ("consistent", "printed")
 MOST_TICKS, MOST_RADII = 100_000, 10
-"""Of a search: ticks played, and radii judged, each of which costs far more than a track."""
+"""Cost of a search: ticks played, and spectral radii computed, each of which costs far more than
+a track."""
 STRAIGHT: Tree = {"model": {"free_response": None, "hysteresis_fraction": 0.03}}
-"""An arm whose free response is known as a line alone, whatever the demo rig was taught."""
+"""An arm whose free response is known as a line only, whatever the demo rig's calibration."""
 
 TAUGHT: dict[str, Tree] = {
     "free_response": {
@@ -40,7 +41,7 @@ TAUGHT: dict[str, Tree] = {
         "descending": [0.0, 0.5, 1.0],
     },
 }
-"""The same line, as each source of a free response would have it."""
+"""The same line, as each source of a free response would state it."""
 
 
 def rig_of(**tables: Tree) -> RigFile:
@@ -98,7 +99,7 @@ def test_tuned_gains_are_permitted(
     monkeypatch.setattr(gains, "worst_case", counted)
     monkeypatch.setattr(tuning, "track", tracked)
     found = tuned(rig, scheme)
-    # A user waits for it: some seconds of a processor.
+    # A user waits for it: some seconds of processor time.
     assert sum(ticks) <= MOST_TICKS
     assert 0 < len(limits) <= MOST_RADII
     law = found.chosen.settings
@@ -110,7 +111,7 @@ def test_tuned_gains_are_permitted(
 def test_gains_for_the_same_rig_file_are_computed_once(rig: RigFile) -> None:
     found = tuned(rig, "pbsmic")
     assert tuned(rig.model_copy(), "pbsmic") is found
-    # On other ports it is another rig file, whose search begins anew and ends alike.
+    # With other ports it is another rig file, whose search starts again with the same result.
     moved = rig.supervisor.model_copy(update={"port": rig.supervisor.port + 1})
     again = tuned(rig.model_copy(update={"supervisor": moved}), "pbsmic")
     assert again is not found
@@ -131,7 +132,7 @@ def test_an_uncertain_force_reduces_the_weight_of_the_force(rig: RigFile) -> Non
 
 @pytest.mark.parametrize("name", TAUGHT)
 def test_the_error_of_an_identified_response_is_its_own_residual(name: str) -> None:
-    """Not by the hysteresis of a line, with which no force would be fed back at all."""
+    """The hysteresis of a line is not used: with it no force would be fed back at all."""
     table = {**TAUGHT[name], "residual_um": 0.001}
     model: Tree = {"free_response": None, "hysteresis_fraction": 0.2, name: table}
     assert tuned(rig_of(model=model), "pbsmic").chosen.settings.gains["K_f"] > 0.0

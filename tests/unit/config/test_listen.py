@@ -1,4 +1,4 @@
-"""Where the router listens for others concerns its machine alone."""
+"""The address on which the router listens for others matters only to its machine."""
 
 from pathlib import Path
 

@@ -1,4 +1,5 @@
-"""Where certificates are concerns one machine: it is told to nobody, and no part of the digest."""
+"""The folder of certificates matters only to one machine: it is not sent, and not part of the
+digest."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Rig files: laid over another one, told as JSON, and joined to the router of another rig."""
+"""Rig files: merged into another one, received as JSON, and joined to the router of another rig."""
 
 import tomllib
 from pathlib import Path

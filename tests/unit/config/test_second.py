@@ -1,4 +1,4 @@
-"""The tables of a second arm: what they take from the first, and what is refused."""
+"""The tables of a second arm: values taken from the first, and refusals."""
 
 import tomllib
 from typing import Any

@@ -1,4 +1,4 @@
-"""Steps of the voltage in parts, as a rig file asks for them."""
+"""Steps of the voltage in parts, as a rig file requests them."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The part of a rig file that an emergency stop reads is what the whole rig file states."""
+"""The part of a rig file that an emergency stop reads equals the whole rig file."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The sampled mode against the matrix exponential, and what composes."""
+"""The sampled mode compared with the matrix exponential, and the composition of its steps."""
 
 import pytest
 

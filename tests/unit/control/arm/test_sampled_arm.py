@@ -1,4 +1,4 @@
-"""The sampled arm against a fine integration, and what it must be at rest."""
+"""The sampled arm compared with a fine integration, and its state at rest."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,8 @@ PERIOD_S = 0.005
 
 
 def integrated(case: LoopCase, lag_s: float, start: list[float], after_V: float) -> list[float]:
-    """x, ẋ/ω_n, y after a period by Runge-Kutta in steps that end at the change of voltage."""
+    """Return x, ẋ/ω_n, y after a period by Runge-Kutta, in steps that end at the change of
+    voltage."""
     omega = OMEGA_N * case.frequency_factor
     square = omega * omega * (1.0 + case.K_e_mN_per_um * S_P)
 

@@ -27,13 +27,13 @@ def base() -> Simulation:
 
 @cache
 def drawn(seed: int) -> Simulation:
-    """A plant drawn at random, by ``random_rigs``."""
+    """Draw a plant at random, by ``random_rigs``."""
     return random_simulation(base(), seed)
 
 
 @cache
 def truth(seed: int) -> TrueValues:
-    """What its calibrations should find."""
+    """Return the values that its calibrations should find."""
     return true_values(drawn(seed))
 
 
@@ -59,7 +59,7 @@ class Bench:
         self.true_force_mN.append(truth.arms[0].force_mN)
 
     def tick(self, voltage_V: float) -> float:
-        """Read, put out, and return the reading."""
+        """Read, output a voltage, and return the reading."""
         x_um = self.rig.measure_um()
         self.rig.put_out(voltage_V)
         self.x_um.append(x_um)
@@ -70,7 +70,7 @@ class Bench:
     def play(
         self, segments: Sequence[Segment], tick: Callable[[float], object] | None = None
     ) -> dict[str, slice]:
-        """Play segments of voltage, and return the samples of each phase, the last by name."""
+        """Play segments of voltage, and return the samples of each phase, the last one by name."""
         places: dict[str, slice] = {}
         tick = tick or self.tick
         for segment in segments:
@@ -88,12 +88,12 @@ class Bench:
 
 
 def percent(found: float, true: float) -> float:
-    """Error in per cent of the truth."""
+    """Return the error in per cent of the truth."""
     return 100.0 * (found / true - 1.0)
 
 
 def table(head: str, rows: Sequence[Sequence[float]]) -> str:
-    """Rows of numbers under a head, and the largest magnitude of each column."""
+    """Return rows of numbers under a header, and the largest magnitude of each column."""
     lines = [head, *(" ".join(f"{value:9.3f}" for value in row) for row in rows)]
     worst = np.max(np.abs(np.array(rows)), axis=0).tolist()
     return "\n".join([*lines, "worst", " ".join(f"{value:9.3f}" for value in worst)])

@@ -37,7 +37,7 @@ def try_few_models(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def freed(simulation: Simulation, *, moved_before: bool = False) -> tuple[Bench, FreeMotion]:
-    """Move an arm that touches nothing over the voltages of a grip; with a past, once more."""
+    """Move a free arm over the voltages of a grip; with a history, once more."""
     bench = Bench(simulation.model_copy(update={"bead": False}))
     rig = derived.planned_rig(DEMO)
     program = free_response_program(rig, from_V=-0.3, to_V=3.5, rate_V_per_s=3.2, grip_V_per_s=6.3)
@@ -65,12 +65,13 @@ def freed(simulation: Simulation, *, moved_before: bool = False) -> tuple[Bench,
 
 @cache
 def freed_demo() -> FreeMotion:
-    """Motion of the demo rig; to be replaced in parts, never to be changed."""
+    """Return the motion of the demo rig; copies with replaced parts may be made, but it must not
+    be changed."""
     return freed(base())[1]
 
 
 @cache
 def free_calibration(seed: int) -> FreeCalibration:
-    """Calibration of a rig drawn at random."""
+    """Return the calibration of a randomly drawn rig."""
     _, motion = freed(drawn(seed))
     return calibrate_free_response(motion, SAMPLES_PER_CYCLE, unpoled=False)

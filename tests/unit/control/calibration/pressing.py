@@ -1,4 +1,4 @@
-"""The contact calibration on a bench: the law's part of it done by an integral of the force."""
+"""The contact calibration on a bench: an integral controller of the force replaces the law."""
 
 from dataclasses import dataclass, field, replace
 
@@ -26,11 +26,12 @@ from pincette.control.response.identified_response import IdentifiedResponse, id
 from .bench import DEMO, PERIOD_S, Bench
 
 STIFFEST_SOFTNESS = 0.5
-"""µm/mN, about s_p + 1/K_e of the stiffest rig that is drawn: the integral stays slow enough."""
+"""Compliance in µm/mN, about s_p + 1/K_e of the stiffest drawn rig: the integral stays slow
+enough."""
 
 
 def request() -> ContactRequest:
-    """How the demo rig meets its part."""
+    """Return the request with which the demo rig meets its part."""
     grip, part = DEMO.grip, DEMO.part
     return ContactRequest(
         load_s=grip.load_s,
@@ -46,14 +47,14 @@ def request() -> ContactRequest:
 
 
 def roomy(rig: PlannedRig) -> PlannedRig:
-    """The rig with limits that leave room for 2 V peak to peak."""
+    """Return the rig with limits that allow 2 V peak to peak."""
     limits = PlanLimits(-2.0, 6.0, -40.0, 150.0, 100.0, 20.0, rig.limits.acceleration_um_per_s2)
     return replace(rig, limits=limits)
 
 
 @dataclass(slots=True)
 class Pressed:
-    """What the services would have recorded, and what was true."""
+    """The record as the services would have made it, and the truth."""
 
     bench: Bench
     compliance_um_per_mN: float
@@ -63,14 +64,14 @@ class Pressed:
     approach: slice = field(default_factory=lambda: slice(0))
 
     def tick(self, voltage_V: float) -> float:
-        """One sample, and the force (53) of it."""
+        """Take one sample; returns it and its force (53)."""
         x_um = self.bench.tick(voltage_V)
         self.response = self.response.updated(self.bench.voltage_V[-1], PERIOD_S)
         self.force_mN.append((self.response.position_um() - x_um) / self.compliance_um_per_mN)
         return self.force_mN[-1]
 
     def approached(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Positions and forces about the first touch."""
+        """Return positions and forces about the first contact."""
         x, force = np.array(self.bench.x_um), np.array(self.force_mN)
         return x[self.approach], force[self.approach]
 

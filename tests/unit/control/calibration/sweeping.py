@@ -18,7 +18,7 @@ DRIVE_NOISE_V = 3e-4
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """A capture, and the mode that made it."""
+    """A capture, and the mode that produced it."""
 
     drive_V: NDArray[np.float64]
     x_um: NDArray[np.float64]
@@ -29,7 +29,7 @@ class Recorded:
 
 
 def recorded(seed: int, sweep: Sweep) -> Recorded:
-    """Sweep an arm drawn at random, at rest for half a second before and after."""
+    """Sweep a randomly drawn arm, at rest for half a second before and after."""
     chance = np.random.default_rng(seed)
     omega_n = 2437.8 * float(chance.uniform(0.9, 1.1))
     zeta = float(chance.uniform(0.015, 0.04))
@@ -63,7 +63,7 @@ def _displacement(
     creeping: NDArray[np.float64],
     keeps: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Hysteresis and creep: where the arm would rest at each voltage."""
+    """Return the rest position of the arm at each voltage, with hysteresis and creep."""
     static, before_V = np.empty(len(drive_V)), 0.0
     for index, u in enumerate(drive_V.tolist()):
         if u != before_V:
@@ -83,7 +83,8 @@ def _displacement(
 def _answer(
     omega: float, zeta: float, rest_um: NDArray[np.float64], dt_s: float
 ) -> NDArray[np.float64]:
-    """Exact answer of one mode to a resting place held between samples; starts at rest."""
+    """Return the exact response of one mode to a rest position held between samples; starts at
+    rest."""
     sigma = zeta * omega
     damped = sqrt(omega * omega - sigma * sigma)
     c = exp(-sigma * dt_s) * cos(damped * dt_s)

@@ -1,4 +1,4 @@
-"""Figures of a data sheet against closed forms."""
+"""Figures of a data sheet compared with closed forms."""
 
 from math import atan, degrees, exp, log, log10, pi, sqrt
 
@@ -65,7 +65,7 @@ def test_behind_a_lag_a_step_acts_exponentially_and_a_ramp_later() -> None:
     expected_V = [1.0 - exp(-(k * PERIOD_S - delay_s) / lag_s) for k in (1, 2, 3)]
     assert acting_V[30:34] == pytest.approx([0.0, *expected_V])
     behind = ticks - acting_voltage(ticks, timing, PERIOD_S)
-    # A held voltage is half a period late in the mean; samples see it at the end of the hold.
+    # A held voltage is half a period late on average; samples are taken at the end of the hold.
     assert behind[-1] == pytest.approx(1.0 + exp(-0.7 / 1.5) / (1.0 - exp(-1.0 / 1.5)))
 
 

@@ -1,4 +1,4 @@
-"""Stiffness of a contact on rigs drawn at random, by their own calibrated free response."""
+"""Stiffness of a contact on randomly drawn rigs, by their own calibrated free response."""
 
 from dataclasses import replace
 from typing import Any
@@ -68,7 +68,7 @@ def test_the_contact_of_twenty_rigs_is_identified() -> None:
 
 
 def swings(noise_um: float = 0.0, s_p: float = S_P, seed: int = 1) -> list[Swing]:
-    """Four levels on a spring, of which the free response is known and the sensor is noisy."""
+    """Return four levels on a spring, with known free response and a noisy sensor."""
     chance = np.random.default_rng(seed)
     made: list[Swing] = []
     for level_V in (0.3, 1.0, 1.5, 2.0):
@@ -112,7 +112,7 @@ def test_an_error_of_the_compliance_is_stated_as_an_error_of_the_stiffness() -> 
 
 
 def test_errors_of_the_free_response_are_shared_by_the_levels() -> None:
-    """An x_1 that swings 1 % too far makes of each level's force 1 % of x_1 over s_p too much."""
+    """If x_1 swings 1 % too far, each level's force is too large by 1 % of x_1 over s_p."""
     made = [
         replace(swing, force_mN=swing.force_mN + 0.01 * (1.0 / S_P + K_E) * np.asarray(swing.x_um))
         for swing in swings()

@@ -1,4 +1,4 @@
-"""The kink with which a slow approach ends."""
+"""The kink at the end of a slow approach."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,8 @@ S_P, K_E, X_E = 0.46, 2.1, 31.2
 def approach(
     noise_um: float, zero_mN: float = 0.0, seed: int = 1, to_um: float = 40.0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Positions and estimated forces as the free response goes from 25 µm on; the zero may err."""
+    """Return positions and estimated forces as the free response goes from 25 µm on; the zero
+    may have an error."""
     chance = np.random.default_rng(seed)
     free = np.arange(25.0, to_um, 0.08)
     depth = np.maximum(0.0, free - X_E) / (1.0 + S_P * K_E)
@@ -38,7 +39,7 @@ def test_the_uncertainty_is_that_of_many_approaches() -> None:
 
 
 def test_the_uncertainty_includes_correlated_errors() -> None:
-    """A free response that wanders by 0.03 µm over some ten samples, as those of rigs do."""
+    """A free response that wanders by 0.03 µm over some ten samples, like those of real rigs."""
     random = np.random.default_rng(7)
     errors_um: list[float] = []
     stated_um: list[float] = []

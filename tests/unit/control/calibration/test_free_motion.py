@@ -1,4 +1,4 @@
-"""Secant gain, loop and creep of motions that are known."""
+"""Secant gain, loop and creep of known motions."""
 
 from math import pi
 

@@ -1,4 +1,4 @@
-"""Calibration by straight lines: what is recovered, how surely, and what is refused."""
+"""Calibration by straight lines: recovered values, their uncertainty, and refusals."""
 
 from math import inf, nan
 

@@ -1,4 +1,5 @@
-"""Noise of a sensor: white part under drift, quantisation, and what an uncertainty is worth."""
+"""Noise of a sensor: white part under drift, quantisation, and the reliability of its
+uncertainty."""
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ COUNT = 400
 
 
 def readings(seed: int, sigma_um: float, step_um: float = 1e-5) -> NDArray[np.float64]:
-    """White noise on a drift and a slow swing, as displayed."""
+    """Return white noise on a drift and a slow swing, as displayed."""
     chance = np.random.default_rng(seed)
     t = PERIOD_S * np.arange(COUNT)
     x = 12.3456 + 0.02 * t + 0.03 * np.sin(2.0 * np.pi * t / 6.0)

@@ -1,4 +1,4 @@
-"""When a voltage acts: drawn rigs within the uncertainty that is stated, and refusals."""
+"""Time at which a voltage acts: drawn rigs within the stated uncertainty, and refusals."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -18,17 +18,17 @@ DEMO, FAST = Path("deploy/rigs/demo.toml"), Path("deploy/rigs/kilohertz.toml")
 T, AMPLITUDE_V, TICKS, RESTS, BURSTS = 0.001, 0.03, 300, 60, 6
 SEED = 301
 WITHIN = 3.0
-"""Standard uncertainties."""
+"""Largest error in standard uncertainties."""
 
 
 def drawn(seed: int, *, relays: bool, lagged: bool) -> Simulation:
-    """A free arm at random behind a fast output of its own delay and lag."""
+    """Draw a free arm with a fast output that has its own delay and lag."""
     make = random_relay_rig if relays else random_rig
     arm = simulation_of(make(read_rig(DEMO), seed)[0])
     fast, rng = simulation_of(read_rig(FAST)), np.random.default_rng(seed)
     changes = {
         "bead": False,
-        # The plant takes a lagging voltage for the one at the end of each substep.
+        # The plant represents a lagging voltage by its value at the end of each substep.
         "substep_s": T / 200 if lagged else T / 4,
         "sensor_step_um": fast.sensor_step_um,
         "output_step_V": fast.output_step_V,
@@ -39,7 +39,7 @@ def drawn(seed: int, *, relays: bool, lagged: bool) -> Simulation:
 
 
 def bursts(simulation: Simulation, seed: int) -> list[Burst]:
-    """Bursts as the loop would play them."""
+    """Return bursts as the loop would play them."""
     rig, rng = SimulatedRig(simulation, T, True, lambda: 0.0), np.random.default_rng(seed)
 
     def tick(voltage_V: float) -> float:
@@ -80,7 +80,7 @@ def test_random_rigs_are_identified_within_the_stated_uncertainty(
     ):
         assert abs(value - true) <= WITHIN * uncertainty
     if not lagged:
-        # Delay and lag together are known better than either.
+        # The sum of delay and lag is known better than either.
         together_s = found.delay_s + found.lag_s
         assert together_s == pytest.approx(simulation.actuation_delay_s, abs=0.02 * T)
     assert found.explained > 0.95

@@ -1,4 +1,4 @@
-"""Peak to peak of a periodic motion: exact, unbiased by noise, and as sure as it says."""
+"""Peak to peak of a periodic motion: exact, unbiased by noise, and with the stated uncertainty."""
 
 from math import pi
 
@@ -10,7 +10,7 @@ from pincette.control.calibration.periodic import HARMONICS, periodic
 
 
 def bent(count: int, per_cycle: float = 100.0) -> NDArray[np.float64]:
-    """A cycle of three harmonics, whose peaks lie where no harmonic has its own."""
+    """Return a cycle of three harmonics, whose peaks coincide with no peak of a single harmonic."""
     phase = 2.0 * pi * np.arange(count) / per_cycle
     return 5.0 * np.sin(phase) + 0.8 * np.sin(2.0 * phase + 0.4) + 0.4 * np.cos(3.0 * phase)
 

@@ -19,7 +19,7 @@ def gain(f: NDArray[np.float64]) -> NDArray[np.complex128]:
 
 
 def answer(u: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The mode's exact answer to voltages held between samples, from rest."""
+    """Return the mode's exact response to voltages held between samples, from rest."""
     dt, sigma = 1.0 / RATE_HZ, ZETA * OMEGA_N
     damped = (OMEGA_N**2 - sigma**2) ** 0.5
     c, s = np.exp(-sigma * dt) * np.cos(damped * dt), np.exp(-sigma * dt) * np.sin(damped * dt)

@@ -1,4 +1,5 @@
-"""The mode out of a noisy sweep of an arm with hysteresis, creep and a second mode."""
+"""Identification of the mode from a noisy sweep of an arm with hysteresis, creep and a second
+mode."""
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ def mode_of(record: Recorded) -> SweptMode:
 
 
 def judge(seeds: range) -> list[list[float]]:
-    """Errors of ω_n and ζ in per cent, each beside its stated uncertainty, row by row."""
+    """Return errors of ω_n and ζ in per cent, each with its stated uncertainty, row by row."""
     rows: list[list[float]] = []
     for seed in seeds:
         record = recorded(seed, SWEEP)
@@ -62,7 +63,7 @@ def test_the_mode_of_twenty_rigs_is_identified() -> None:
 
 @pytest.mark.slow
 def test_the_mode_of_whole_simulated_rigs_is_identified() -> None:
-    """The whole plant: amplifier, drift, a lopsided hysteresis, a wave that is played."""
+    """The whole plant: amplifier, drift, asymmetric hysteresis, and a played wave."""
     rows: list[list[float]] = []
     for seed in range(5):
         fast = {"bead": False, "output_lag_s": 3e-6, "output_step_V": 20.0 / 65536}
@@ -110,7 +111,7 @@ def test_a_bode_plot_has_both_curves() -> None:
     assert found.residual_percent < 5.0
     assert float(np.std(found.magnitude_db - found.model_magnitude_db)) < 0.3
     assert float(np.std(found.phase_deg - found.model_phase_deg)) < 3.0
-    # The voltage is held for a sample: half of one is the delay of that.
+    # The voltage is held for a sample, which delays it by half of one.
     assert found.delay_s == pytest.approx(0.5 / SWEEP.rate_hz, rel=0.05)
     assert 0.0 < found.hysteresis_phase_rad < 0.1
     peak_db = float(np.max(found.magnitude_db)) - float(np.median(found.magnitude_db[:50]))
@@ -126,7 +127,7 @@ def test_a_sweep_too_short_for_its_resonance_is_refused() -> None:
 
 @pytest.mark.parametrize(("place_um", "side"), [(6.0, "above"), (2.0, "above"), (-2.0, "below")])
 def test_a_swing_against_an_obstacle_is_refused(place_um: float, side: str) -> None:
-    """Half of what would go beyond a place is missing."""
+    """Half of the values beyond a limit are missing."""
     rate_hz = 10_000.0
     t_s = np.arange(round(4.0 * rate_hz)) / rate_hz
     swing_um = 10.0 * np.exp(-(((t_s - 2.0) / 0.4) ** 2)) * np.sin(2.0 * np.pi * 380.0 * t_s)

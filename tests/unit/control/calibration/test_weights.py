@@ -1,4 +1,4 @@
-"""Compliance by weights: drift and creep between the steps, and the uncertainty stated."""
+"""Compliance by weights: drift and creep between the steps, and the stated uncertainty."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ NOISE_UM = 0.05
 
 
 def weighed(seed: int, steps: Sequence[float] = there_and_back(WEIGHTS_MN)) -> WeighedCompliance:
-    """Means of a second under weights that a person hangs at times of his own, on a drift."""
+    """Return means of a second under weights that a person hangs at irregular times, with drift."""
     chance = np.random.default_rng(seed)
     t = np.cumsum(chance.uniform(6.0, 20.0, len(steps)))
     drift = float(chance.uniform(-0.01, 0.01))
@@ -56,7 +56,7 @@ def test_the_uncertainty_is_that_of_many_weighings() -> None:
         for _ in range(400)
     ]
     values = [each.compliance_um_per_mN for each in found]
-    # The mean of the squares is what is unbiased, with four degrees of freedom.
+    # The mean of the squares is unbiased, with four degrees of freedom.
     stated = float(np.mean([each.uncertainty_um_per_mN**2 for each in found])) ** 0.5
     assert stated == pytest.approx(float(np.std(values)), rel=0.1)
     assert float(np.mean(values)) == pytest.approx(S_P, rel=1e-3)
@@ -104,7 +104,7 @@ def test_uninformative_weighings_are_refused() -> None:
 
 @pytest.mark.parametrize("leaves_at_mN", [2.0, 4.0, 8.0])
 def test_an_arm_supported_by_a_part_is_refused(leaves_at_mN: float) -> None:
-    """Until the weight has lifted it off, a part of 2.17 mN/µm bears with it."""
+    """Until the weight has lifted it off, a part of 2.17 mN/µm supports it too."""
     F = np.array(there_and_back(WEIGHTS_MN))
     free_um, borne_mN = -S_P * F, np.minimum(F, leaves_at_mN)
     x_um = free_um + S_P * borne_mN * (1.0 - 1.0 / (1.0 + S_P * 2.17))

@@ -11,7 +11,7 @@ SUBSTEPS = 10
 
 
 def exponential(matrix: Array) -> Array:
-    """e^matrix by its Taylor series, halved until that converges, and squared back."""
+    """Return e^matrix by its Taylor series: halved until that converges, then squared back."""
     halvings = max(0, int(np.ceil(np.log2(np.abs(matrix).sum(axis=1).max()))) + 4)
     small = matrix / 2.0**halvings
     result = term = np.eye(len(matrix))
@@ -24,7 +24,8 @@ def exponential(matrix: Array) -> Array:
 
 
 def transition(period_s: float, *, omega_n: float, zeta: float, K_e: float) -> Array:
-    """Of (x, ẋ, F, Ḟ, x_1), with the spring K_e always in touch and F in addition to it."""
+    """Return the transition of (x, ẋ, F, Ḟ, x_1), with the spring K_e always in contact and F in
+    addition to it."""
     square = omega_n**2
     matrix = np.zeros((5, 5))
     matrix[0, 1] = 1.0
@@ -43,9 +44,9 @@ def positions(
     K_e: float = 0.0,
     substeps: int = SUBSTEPS,
 ) -> list[float]:
-    """x at each sample from rest; ``free_um[k]`` is x_1 of u_{k-1}, held from k-1 to k.
+    """Return x at each sample from rest; ``free_um[k]`` is x_1 of u_{k-1}, held from k-1 to k.
 
-    The force moves straight over a substep.
+    The force is linear over a substep.
     """
     step_s = period_s / substeps
     onward = transition(step_s, omega_n=omega_n, zeta=zeta, K_e=K_e)

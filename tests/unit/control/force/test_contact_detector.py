@@ -1,4 +1,4 @@
-"""The kink that a contact makes, and what makes none."""
+"""The kink that a contact causes, and motions without one."""
 
 from math import sin
 from random import Random
@@ -19,10 +19,10 @@ def closed(
     bend: float = 0.0,
     seed: int = 1,
 ) -> ContactDetector:
-    """A watch after d_p·u went from 0 to ``x_to_um`` in steps of 0.3 µm.
+    """Return a detector after d_p·u went from 0 to ``x_to_um`` in steps of 0.3 µm.
 
-    The free arm goes a share 1 - bend of the first step and 1 + bend of the last, as on a branch
-    of a hysteresis loop; a negative bend is that of an arm that saturates.
+    The free arm moves by a share of 1 - bend of the first step and 1 + bend of the last, as on a
+    branch of a hysteresis loop; a negative bend is that of an arm that saturates.
     """
     chance = Random(seed)
     watch = ContactDetector(0.0, 3.0)
@@ -89,7 +89,7 @@ def test_a_reversal_by_less_than_a_step_keeps_the_branch_and_its_touch() -> None
 def test_a_part_is_found_below_six_millinewtons_by_a_noisy_sensor_too(
     K_e: float, gain: float, noise_um: float
 ) -> None:
-    """Also by an arm that moves by half of what d_p says, as a wide loop makes it after a turn."""
+    """This also holds for an arm that moves by half of d_p, as in a wide loop after a reversal."""
     limits, chance = kink_limits(0.7 * K_E, S_P, noise_um), Random(11)
     watch, arm_um, force_mN, found_mN = ContactDetector(0.0, 0.0), 0.0, 0.0, 0.0
     for index in range(1, 400):
@@ -109,7 +109,7 @@ def test_a_part_is_found_below_six_millinewtons_by_a_noisy_sensor_too(
 
 @pytest.mark.parametrize("noise_um", [0.02, 0.034])
 def test_a_free_arm_that_saturates_has_no_touch(noise_um: float) -> None:
-    """As relays of a loop of 39 % do above 2 V: the slope falls from 1.65 to 1.15 in 12 µm."""
+    """Like relays of a loop of 39 % above 2 V: the slope falls from 1.65 to 1.15 in 12 µm."""
     limits, watch, arm_um = kink_limits(0.7 * K_E, S_P, noise_um), ContactDetector(0.0, 0.0), 0.0
     chance = Random(3)
     for index in range(1, 180):
@@ -147,7 +147,7 @@ def test_an_arm_that_still_moves_back_after_a_turn_has_no_touch() -> None:
 
 
 def test_a_kink_where_the_arm_has_been_does_not_hide_a_touch_beyond() -> None:
-    """A bend far behind the furthest place hid a part, which the arm then pressed with 54 mN."""
+    """A bend far behind the furthest position hid a part, which the arm then pressed with 54 mN."""
     step_um = 1.01 * LIMITS.step_um
     watch = ContactDetector(0.0, 0.0, free_to_um=20.0)
     nominal_um = x_um = 0.0

@@ -1,4 +1,4 @@
-"""The force of matched ages, the low-pass, and the uncertainty."""
+"""The force from inputs of equal age, the low-pass, and the uncertainty."""
 
 from math import exp, log10, sqrt
 
@@ -51,7 +51,7 @@ def test_the_uncertainty_combines_four_parts_with_coverage_factor_two() -> None:
 
 
 def test_an_error_known_from_few_rehearsals_is_widened_by_student_s_t() -> None:
-    """Of 20 000 rigs, whose errors are known from four draws each, 95 % are covered."""
+    """Of 20 000 rigs, whose errors are estimated from four draws each, 95 % are covered."""
     rng = np.random.default_rng(9)
     for known_um in (0.0, 0.05, 0.2):
         few_um = np.sqrt(np.mean(rng.normal(0.0, 0.1, (20_000, 4)) ** 2, axis=1))
@@ -97,7 +97,8 @@ def test_a_mean_reduces_noise_but_no_other_part_of_the_uncertainty() -> None:
 
 
 def test_a_mean_of_filtered_noise_is_as_uncertain_as_one_of_readings() -> None:
-    """2000 means over a hold, whose force is low-passed and errs by 0.05 mN beside noise."""
+    """2000 means over a hold, whose force is low-passed and has an error of 0.05 mN in addition
+    to noise."""
     rng, share, count = np.random.default_rng(6), 0.5, 100
     readings = rng.normal(0.0, 0.3, (2000, count + 20))
     filtered = np.zeros_like(readings)

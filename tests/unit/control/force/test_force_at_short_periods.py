@@ -1,4 +1,4 @@
-"""Force observers that know the mode, on the exact arm: rings, steps, ramps and contact."""
+"""Force observers that include the mode, on the exact arm: rings, steps, ramps and contact."""
 
 from collections.abc import Callable
 from math import pi, sin
@@ -39,7 +39,8 @@ def readings(kind: str, period_s: float, x_um: list[float], free_um: list[float]
 
 
 def ring_read(kind: str, period_s: float, omega_n: float) -> float:
-    """Largest force read on a free arm after a voltage step of 0.1 V, that is 1.9 µm."""
+    """Return the largest force estimated on a free arm after a voltage step of 0.1 V, that is
+    1.9 µm."""
     free_um = [0.0] * 20 + [1.9] * 80
     x_um = positions(period_s, free_um, no_force, omega_n=omega_n)
     return max(abs(force_mN) for force_mN in readings(kind, period_s, x_um, free_um))
@@ -57,7 +58,7 @@ def test_the_ring_of_a_voltage_step_is_not_read_as_force(kind: str, period_s: fl
 
 
 def followed(kind: str, period_s: float, force_mN: Callable[[float], float]) -> list[float]:
-    """Readings over 200 ms at constant voltage."""
+    """Return readings over 200 ms at constant voltage."""
     free_um = [30.0] * round(0.2 / period_s)
     return readings(kind, period_s, positions(period_s, free_um, force_mN), free_um)
 
@@ -101,7 +102,7 @@ def test_the_force_of_a_contact_is_followed(kind: str, period_s: float) -> None:
     x_um = positions(period_s, free_um, no_force, K_e=K_e)
     found = readings(kind, period_s, x_um, free_um)
     worst_mN = max(abs(F - K_e * x) for F, x in zip(found, x_um, strict=True))
-    # The rate reaches 170 mN/s, the lag 1.3 ms; beside it the ring of the pressed arm.
+    # The rate reaches 170 mN/s, the lag 1.3 ms; the ring of the pressed arm is added.
     assert worst_mN < 0.35
 
 

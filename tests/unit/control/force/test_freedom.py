@@ -1,4 +1,4 @@
-"""Share of the free motion that an arm makes, and the verdict that follows."""
+"""The share of the free motion that an arm makes, and the verdict that follows."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ ARM = FreeArm(0.46, 1.0 / (1.0 + 0.46 * 1.5), 0.02, 0.03)
 
 
 def fitted(share: float, *, noise_um: float = 0.03, drift_um_per_s: float = 0.0) -> Freedom:
-    """A motion of 2 µm there and back, with noise and creep."""
+    """Fit a motion of 2 µm there and back, with noise and creep."""
     chance, fit = np.random.default_rng(7), FreedomFit()
     for tick in range(75):
         free_um = 20.0 - min(tick, 75 - tick) / 37.5 * 2.0

@@ -1,4 +1,4 @@
-"""What all force observers keep to, and the quasi-static one with every age of its inputs."""
+"""Properties of all force observers, and the quasi-static one with every age of its inputs."""
 
 from itertools import pairwise
 from math import pi, sin, sqrt
@@ -34,7 +34,7 @@ Numbers = tuple[float, ...]
 
 
 def mapped(observer: ForceObserver, state: Numbers, inputs: Numbers) -> list[float]:
-    """State and reading that follow from a state and (x, x_1, u)."""
+    """Return the state and reading that follow from a state and (x, x_1, u)."""
     after, force_mN = with_state(observer, state).observe(*inputs)
     return [*state_of(after), force_mN]
 
@@ -81,7 +81,8 @@ def test_a_restored_state_equals_the_saved_one(name: str) -> None:
 
 
 def rms_of_free_arm(*, newest_voltage: bool, printed_term: bool) -> float:
-    """R.m.s. force read on a free linear arm, x_k = d_p·u_{k-1}, at 2 V peak to peak, 0.5 Hz."""
+    """Return the r.m.s. force estimated on a free linear arm, x_k = d_p·u_{k-1}, at 2 V peak to
+    peak, 0.5 Hz."""
     parameters = QuasiStaticParameters(
         S_P,
         newest_voltage=newest_voltage,
@@ -140,7 +141,8 @@ def test_impossible_parameters_are_refused() -> None:
 
 
 def test_x_has_the_age_of_the_voltages_that_act_on_it() -> None:
-    """A free arm that follows the mean of its steps reads no force, however late they come."""
+    """A free arm that follows the mean of its steps has an estimated force of 0, however late
+    they come."""
     assert [held_age(delay) for delay in (0.0, 0.5, 0.65, 1.0, 3.0)] == pytest.approx(
         [0.0, 0.0, 0.15, 0.5, 1.0]
     )

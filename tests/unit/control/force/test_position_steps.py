@@ -1,4 +1,4 @@
-"""The step detector on the equilibrium of a pressed arm: what it finds, and its false alarms."""
+"""The step detector on the equilibrium of a pressed arm: detections and false alarms."""
 
 from random import Random
 
@@ -23,7 +23,7 @@ def limits(noise_um: float, period_s: float = 0.02) -> StepLimits:
 
 
 def load(noise_um: float, K_e: float, period_s: float, random: Random) -> list[tuple[float, float]]:
-    """x and x_1 of a healthy load to 20 mN in 0.45 s, and of a hold of 0.5 s after it."""
+    """Return x and x_1 of a healthy load to 20 mN in 0.45 s, and of a hold of 0.5 s after it."""
     kappa = S_P * K_e
     samples: list[tuple[float, float]] = []
     for tick in range(round(0.95 / period_s)):
@@ -96,7 +96,7 @@ def test_a_jump_at_rest_is_found_with_its_sign(jump_um: float) -> None:
 @pytest.mark.parametrize("noise_um", [0.03, 0.15])
 @pytest.mark.parametrize("wrong", [0.6, 1.5])
 def test_a_press_with_an_uncertain_stiffness_raises_no_alarm(noise_um: float, wrong: float) -> None:
-    """A line that was fitted on a small load of an arm with an unknown past was off by 40 %."""
+    """A line fitted to a small load of an arm with unknown history was wrong by 40 %."""
     random, rule, kappa, alarms = Random(SEED), limits(noise_um), S_P * PLAN_K, 0
     for _ in range(100):
         watch, free_um = StepWatch(), 30.0

@@ -1,4 +1,4 @@
-"""The ring of the mode that a step of the voltage leaves at the next sample."""
+"""The ring of the mode that remains at the next sample after a voltage step."""
 
 from cmath import exp
 
@@ -13,7 +13,8 @@ OMEGA, ZETA, T = 2437.8, 0.026, 0.02
 
 
 def ring(after_s: float, omega: float, lag_s: float, kappa: float = 0.0) -> float:
-    """Return what a unit step lacks of its end after a time, through a lag and the mode."""
+    """Return the difference between a unit step and its final value after a time, through a lag
+    and the mode."""
     decay = ZETA * omega
     omega *= (1.0 + kappa) ** 0.5
     root = complex(-decay, (omega**2 - decay**2) ** 0.5)
@@ -32,13 +33,13 @@ def ring(after_s: float, omega: float, lag_s: float, kappa: float = 0.0) -> floa
 @pytest.mark.parametrize("kappa", [0.0, 1.0])
 @pytest.mark.parametrize("lag_s", [0.0, 0.001, 0.0033])
 def test_the_ring_is_computed_over_all_phases(lag_s: float, kappa: float) -> None:
-    """The force read less the true one, times s_p, where x lacks (1 + kappa)'s part of the ring."""
+    """Estimated minus true force, times s_p, if x lacks (1 + kappa) times the ring."""
     delay_s = 0.005
     omegas = np.linspace(0.97, 1.03, 400) * OMEGA
     lacks = [ring(T - delay_s, omega, lag_s, kappa) / (1.0 + kappa) for omega in omegas]
     # Of F read, -lack/s_p is wrong; of the true force, K_e times the lack is missing.
     rings = [lack + kappa * lack for lack in lacks]
-    # The lag of the output itself has ended by the next sample but for this.
+    # This is all that remains of the output's own lag at the next sample.
     lagging = exp(-(T - delay_s) / lag_s).real if lag_s else 0.0
     found = ring_share(OMEGA, ZETA, OutputTiming(delay_s, lag_s), T, kappa)
     true = float(np.sqrt(np.mean(np.square(np.array(rings) + lagging))))

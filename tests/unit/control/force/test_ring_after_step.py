@@ -13,7 +13,8 @@ PERIODS_S = (0.02, 0.001)
 
 
 def share_that_rings(step_um: float, noise_um: float, period_s: float, *, slip: bool) -> float:
-    """Share of 400 steps that ring; frequencies are known to 1 %, the time of a step is random."""
+    """Return the share of 400 steps that ring; frequencies are known to 1 %, the time of a step
+    is random."""
     rng = np.random.default_rng(46)
     pressed = MODE_RAD_PER_S * sqrt(1.0 + KAPPA)
     count = ring_samples(DECAY_PER_S, period_s) + RESTED

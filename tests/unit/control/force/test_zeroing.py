@@ -1,4 +1,4 @@
-"""When a zero is refused, and what the refusal says."""
+"""Conditions under which a zero is refused, and the figures of the refusal."""
 
 from random import Random
 
@@ -71,7 +71,7 @@ def test_zero_is_refused_while_the_arm_is_blocked() -> None:
 def test_zero_is_refused_if_the_offset_is_implausible() -> None:
     assert "change by 6.000 µm, limit 5.000 µm" in refusal([6.0] * 5)
     assert refusal([4.0] * 5) == ""
-    # One volt of travel excuses 40 % of 19 µm.
+    # One volt of travel allows for 40 % of 19 µm.
     assert refusal([19.0 + 7.5] * 5, voltage_V=1.0) == ""
     assert "-13.000 µm, limit 12.600 µm after 19.0 µm" in refusal([19.0 - 13.0] * 5, voltage_V=1.0)
 
@@ -109,7 +109,7 @@ def test_a_zero_is_refused_if_the_arm_was_pushed_back_since_a_touch() -> None:
     text = refusal([14.0] * 5, voltage_V=1.0, touch=touch)
     assert "touched something at 12.000 µm" in text
     assert "by 1.000 µm since, limit 0.920 µm" in text
-    # Within the limit it is the noise of the kink; the offset of the model does not count.
+    # Within the limit only the noise of the kink counts, not the offset of the model.
     assert refusal([14.1] * 5, voltage_V=1.0, touch=touch) == ""
 
 
@@ -124,7 +124,7 @@ def test_only_the_spread_of_the_readings_decides_about_their_limit(spread_um: fl
 
 @pytest.mark.parametrize("noise_um", [0.05, 0.15, 0.4])
 def test_noise_alone_never_refuses_a_zero(noise_um: float) -> None:
-    """0.5 µm for every sensor refused 37 % of the zeros at a noise of 0.15 µm."""
+    """A fixed 0.5 µm for every sensor refused 37 % of the zeros at a noise of 0.15 µm."""
     chance, limits = Random(7), ZeroLimits(rest_samples=10, noise_um=noise_um)
     refused = 0
     for _ in range(2000):

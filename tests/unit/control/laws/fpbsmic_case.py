@@ -14,7 +14,7 @@ TICKS = 300
 OMEGA_N, ZETA, D_P, S_P = 2437.8, 0.026, 19.0, 0.46
 M, B, K, K_F = 1e-3, 8.9221, 1.9901e4, 2000.0
 TOUCHED, LOST, STIFFER = 60, 240, 120
-"""Ticks from which a contact is told, is told no more, and is told to be harder."""
+"""Ticks at which a contact is reported, is lost, and is reported to be harder."""
 
 
 class Case(NamedTuple):
@@ -35,7 +35,7 @@ CASES = [
 
 
 class Sample(NamedTuple):
-    """What a tick is given."""
+    """Inputs of a tick."""
 
     x: float
     H: float
@@ -48,7 +48,7 @@ class Sample(NamedTuple):
 
     @property
     def F_r(self) -> float:
-        """For the sample that follows."""
+        """F_r of the next sample."""
         return self.K_e * (self.x_r - self.x_e)
 
 
@@ -59,7 +59,7 @@ def reference(case: Case, t: float) -> tuple[float, float, float]:
 
 
 def samples(case: Case) -> list[Sample]:
-    """Smooth signals with a to and fro, free, pressed, pressed harder, free again."""
+    """Return smooth signals with reversals, free, pressed, pressed harder, free again."""
     rows: list[Sample] = []
     for tick in range(TICKS):
         t = tick * case.period_s
@@ -84,7 +84,7 @@ class Row(NamedTuple):
 
 
 def F_r_of(now: Sample, before: Sample | None) -> float:
-    """F_r of the sample itself: at a touch F as it is, F_r starts from there."""
+    """F_r of the present sample: at a contact F is used, and F_r starts from it."""
     if before is None or before.K_e == 0.0:
         return now.F
     return before.F_r
@@ -106,7 +106,7 @@ def transcribed(case: Case, f_F: float = 3.0) -> list[Row]:
         kappa = S_P * now.K_e
         S = 1.0 + kappa
         switched = before is not None and (before.K_e > 0.0) != (now.K_e > 0.0)
-        if abs(S - S_before) > 0.0:  # touch: the state of F4 ← /S; lost: the reverse
+        if abs(S - S_before) > 0.0:  # contact: the state of F4 ← /S; lost: the reverse
             w_stages = [stage * S_before / S for stage in w_stages]
             S_before = S
         # The references of x_k are those that were set for it one tick ago.
@@ -124,7 +124,7 @@ def transcribed(case: Case, f_F: float = 3.0) -> list[Row]:
                 w_stages[stage] = p * w_stages[stage] + (1.0 - p) * value
             value = w_stages[stage]
         w_hat = value
-        # F7, in departures from F_r
+        # F7, in deviations from F_r
         value = now.F - F_r_of(now, before) - lead / S_P if now.K_e else 0.0
         for stage in range(n):
             F_stages[stage] = p * F_stages[stage] + (1.0 - p) * value
@@ -140,7 +140,7 @@ def transcribed(case: Case, f_F: float = 3.0) -> list[Row]:
         x_ff = x_d + ahead + (2.0 * ZETA / OMEGA_N * v_u + a_u / OMEGA_N**2) / S
         # F6
         wanted = S * (x_ff - w_hat) - kappa * now.x_e
-        if switched:  # H(u) goes on with the plan; ŵ takes up what else it would jump by
+        if switched:  # H(u) follows the plan; ŵ absorbs the remaining jump
             jump = wanted - (now.H + T * now.v_r)
             w_stages = [stage + jump / S for stage in w_stages]
             w_hat, wanted = w_stages[-1], wanted - jump

@@ -43,7 +43,7 @@ class Actuator:
     c: list[float] = field(default_factory=lambda: [0.0] * len(TIMES_S))
 
     def after(self, u: float) -> "Actuator":
-        """A period at u."""
+        """Return the state after a period at u."""
         way, side = abs(u - self.u), 1.0 if u > self.u else -1.0
         z: list[float] = []
         for r, fading, before in zip(THRESHOLDS_V, FADINGS, self.z, strict=True):
@@ -67,7 +67,7 @@ class Actuator:
         return self.static(self.u, self.z) + creep
 
     def voltage_for(self, wanted: float) -> float:
-        """By halving."""
+        """Find the voltage by bisection."""
         low, high = self.u - 20.0, self.u + 20.0
         for _ in range(80):
             middle = 0.5 * (low + high)
@@ -79,7 +79,7 @@ class Actuator:
 
 
 def actuators() -> list[Actuator]:
-    """After each sample of the applied voltages."""
+    """Return the states after each sample of the applied voltages."""
     found = [Actuator()]
     for u in signals()["u"]:
         found.append(found[-1].after(u))
@@ -87,7 +87,7 @@ def actuators() -> list[Actuator]:
 
 
 def transcribed(case: Case) -> list[tuple[float, Row]]:
-    """u_k, and the row of the law in v = H/d_p, tick by tick."""
+    """Return u_k, and the row of the law in v = H/d_p, tick by tick."""
     led = actuators()
     given = signals()
     given["u"] = [actuator.displacement / D_P for actuator in led]
@@ -99,7 +99,7 @@ def transcribed(case: Case) -> list[tuple[float, Row]]:
 
 
 def golden() -> dict[str, dict[str, float]]:
-    """Voltages of a few ticks."""
+    """Return the stored voltages of a few ticks."""
     return {
         str(case): {str(tick): transcribed(case)[tick][0] for tick in GOLDEN_TICKS}
         for case in CASES

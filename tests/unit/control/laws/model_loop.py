@@ -1,4 +1,5 @@
-"""A law closed over an arm that is (4), free or against a spring F = K_e·(x - x_e)."""
+"""A closed loop of a law and an arm that satisfies (4), free or against a spring F = K_e·(x -
+x_e)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ SCHEMES: tuple[Literal["pbsmic", "dsmifc"], ...] = ("pbsmic", "dsmifc")
 
 
 def law_of(settings: LawSettings, period_s: float = 0.02, filter_s: float = 0.0) -> Law:
-    """A law that knows ``ARM``, unless its set is the printed one."""
+    """Return a law with the parameters of ``ARM``, unless its set is the printed one."""
     return build(settings, ARM, period_s, filter_s)
 
 
@@ -54,7 +55,7 @@ def resting_arm(
     x_e_um: float = 0.0,
     arm: ArmParameters = ARM,
 ) -> ModelArm:
-    """An arm at rest, with the voltage that keeps it there."""
+    """Return an arm at rest, with the voltage that keeps it there."""
     voltage_V = (arm.k * x_um + K_e * (x_um - x_e_um)) / arm.d
     return ModelArm(discretize(arm, period_s), K_e, x_e_um, x_um, x_um, voltage_V)
 
@@ -97,7 +98,7 @@ class Loop:
         return [self.tick(x_r_um, force_r_mN) for x_r_um, force_r_mN in plan]
 
     def change(self, law: Law) -> None:
-        """Go on with another law, whose references go on as well."""
+        """Continue with another law, whose references continue as well."""
         self.law = law
         self.state = rebase(
             law,

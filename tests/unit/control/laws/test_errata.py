@@ -73,7 +73,8 @@ def as_fed(K_P: float, set_: ParameterSet = "printed", K_f: float = 5000.0) -> L
 
 
 def growth(bench: Bench) -> float:
-    """Factor per tick by which a push of 1e-3 µm goes on, with its sign, after 150 ticks."""
+    """Return the growth factor per tick of a disturbance of 1e-3 µm, with its sign, after 150
+    ticks."""
     bench.x_um = 1e-3
     for _ in range(150):
         bench.tick()
@@ -83,7 +84,7 @@ def growth(bench: Bench) -> float:
 
 
 def tracking(bench: Bench, x_pp_um: float, force_pp_mN: float) -> tuple[float, float]:
-    """R.m.s. errors in µm and mN over three cycles of 0.5 Hz, after one."""
+    """Return r.m.s. errors in µm and mN over three cycles of 0.5 Hz, after one."""
     position = force = 0.0
     for tick in range(400):
         share = 0.5 * (1.0 - cos(pi * (tick + 1) * T))
@@ -120,7 +121,8 @@ def test_the_printed_term_is_tolerated_if_the_gains_are_low() -> None:
 
 
 def swell(bench: Bench) -> float:
-    """Mean factor per tick by which a push grows, where it swings in more than two ticks."""
+    """Return the mean growth factor per tick of a disturbance that oscillates over more than two
+    ticks."""
     bench.x_um, voltages = 1e-3, list[float]()
     for _ in range(200):
         bench.tick()
@@ -144,7 +146,7 @@ def test_without_the_printed_term_the_same_loop_is_quiet() -> None:
 
 
 def test_the_missing_force_term_increases_the_errors() -> None:
-    """A plan that fits: what is left is the law's own lag, r.m.s. in µm."""
+    """A plan that fits: only the law's own lag remains, r.m.s. in µm."""
 
     def errors(set_: ParameterSet) -> list[float]:
         return [tracking(Bench(as_fed(K_P, set_)), 8.45, K_E * 8.45)[0] for K_P in GAINS]
@@ -181,7 +183,7 @@ def test_without_switching_s_is_the_change_of_p(set_: ParameterSet) -> None:
 
 
 def test_the_printed_K_S_is_below_any_p() -> None:
-    """To a law with the printed k, 12 nm of noise are a p̃ of 1e5; its K_S is 0.003."""
+    """For a law with the printed k, 12 nm of noise are a p̃ of 1e5; its K_S is 0.003."""
     bench, square = Bench(as_fed(1.0), noise_um=0.012), 0.0
     for _ in range(1000):
         square += bench.tick().perturbation_error_mN ** 2
@@ -200,7 +202,8 @@ def test_noise_alone_causes_a_perturbation_error(noise_um: float, p_mN: float) -
 def test_the_first_step_towards_a_distant_reference_depends_on_the_start(
     K_P: float, share_15: float
 ) -> None:
-    """Started where the arm is, nearly all of the way at once; by (15) the share of the gains."""
+    """If it starts at the arm's position, nearly the whole distance at once; by (15) the share
+    of the gains."""
     law = build(as_fed(K_P, "consistent"), ARM, T, 0.0)
     here = start(law, x_um=0.0, x_r_um=1.0, force_mN=0.0, applied_V=0.0)
     assert isinstance(here.law, PbsmicState)

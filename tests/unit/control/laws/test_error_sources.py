@@ -1,4 +1,4 @@
-"""Errors made of known causes are broken into those causes."""
+"""Errors with known causes are attributed to those causes."""
 
 from dataclasses import replace
 from math import pi
@@ -35,7 +35,7 @@ def perfect() -> Tracked:
 
 
 def moved(seen: Tracked, by_um: Column) -> Tracked:
-    """The arm is elsewhere than its target, and so is the force of the part."""
+    """The arm deviates from its target, and so does the force of the part."""
     return replace(seen, x_um=seen.x_um + by_um, force_mN=seen.force_mN + K_E * by_um)
 
 
@@ -61,7 +61,7 @@ def test_errors_that_do_not_repeat_are_noise(cycle_ticks: int) -> None:
     assert position.largest == force.largest == "noise"
     assert position.by_cause["noise"] == pytest.approx(rms(noise_um), rel=0.05)
     assert others(position, "noise") < 0.015
-    # Of the force, what the sensor's own noise cannot have been.
+    # The part of the force that the sensor's own noise cannot have caused.
     moved_um = (rms(noise_um) ** 2 - SIGMA_UM**2) ** 0.5
     assert force.by_cause["noise"] == pytest.approx(K_E * moved_um, rel=0.1)
 
@@ -108,7 +108,7 @@ def test_the_noise_in_a_mean_over_cycles_is_not_the_response() -> None:
 
 def test_a_force_off_the_line_is_attributed_to_the_contact_line() -> None:
     seen, gave_way = perfect(), 0.1
-    # The part is harder than the line says: F̂ is too large by a share of it.
+    # The part is stiffer than the line states: F̂ is too large by a share of it.
     off_mN = 0.05 * K_E * seen.x_r_um
     gives_um = -gave_way * off_mN
     seen = replace(
@@ -126,14 +126,14 @@ def test_a_force_off_the_line_is_attributed_to_the_contact_line() -> None:
 
 def test_a_late_estimate_is_not_the_contact_line_and_cancelling_errors_are_none() -> None:
     seen = perfect()
-    # F̂ is late: the impedance gives way by it, the law misses its target by the same.
+    # F̂ is late: the impedance yields by that error, and the law misses its target by the same.
     late_mN = -0.1 * K_E * np.gradient(seen.x_r_um)
     gives_um = -0.1 * late_mN
     seen = replace(seen, x_d_um=seen.x_r_um + gives_um, force_mN=seen.force_r_mN + late_mN)
     position, force = error_sources(seen)
     assert position.total == pytest.approx(0.0, abs=1e-12)
     assert max(position.by_cause.values()) < 1e-6
-    # What the law makes up for is read off the line, at the ends of the record alone.
+    # The law's correction is read off the line, only at the ends of the record.
     assert force.by_cause["contact_line"] < 0.1 * rms(late_mN)
 
 

@@ -90,7 +90,8 @@ def test_the_stored_values_equal_the_transcription_of_the_paper() -> None:
 @pytest.mark.parametrize("K_e", [0.0, 2.1])
 @pytest.mark.parametrize("K_P", [0.5, 1.0, 5.0])
 def test_with_one_pole_at_20_ms_the_law_equals_pbsmic(K_P: float, K_e: float) -> None:
-    """Of a massless arm, without a low-pass, with the contact's own force at the place foreseen."""
+    """For a massless arm, without a low-pass, with the contact's own force at the predicted
+    position."""
     p, T, x_e = K_P / (K_P + 1.0), 0.02, 26.0
     old = control_law.build(law_settings(K_P=K_P, K_f=0.0, force_age="newest"), MASSLESS, T, 0.0)
     new = LAW.settings("consistent", n=1.0, f_w=-log(p) / (2.0 * pi * T), K_f=0.0)
@@ -125,7 +126,7 @@ def test_with_one_pole_at_20_ms_the_law_equals_pbsmic(K_P: float, K_e: float) ->
         # s of PBSMIC over K_P + K_I is that of the filter.
         assert found.sliding_um == pytest.approx(wanted.sliding_um / (K_P + 1.0), abs=1e-6)
         x_d, u = wanted.x_d_um, wanted.voltage_V
-        # An arm whose slope is 8 % off, and which drifts.
+        # An arm whose slope is wrong by 8 %, and which drifts.
         x = (1.08 * D_P * u - 1.0 + 0.002 * tick + S_P * K_e * x_e) / (1.0 + S_P * K_e)
 
 
@@ -151,9 +152,10 @@ def test_the_law_starts_without_a_bump(contact: PlannedMotion) -> None:
 
 @pytest.mark.parametrize("pressed_mN", [0.0, 2.0])
 def test_a_touch_and_its_loss_do_not_change_the_voltage(pressed_mN: float) -> None:
-    """An arm that moves with its reference is told of a part at its tip, and told no more.
+    """An arm that follows its reference is told that a part is in contact, and later that it is
+    not.
 
-    It may have been touched for a while before it is told: the filter has taken up the force then.
+    The contact may have begun a while before: the filter has then absorbed the force.
     """
     law, x, v, T = law_of(CASES[0], K_f=2000.0), 30.0, 100.0, 0.001
     state = control_law.start(law, x_um=x, x_r_um=x, force_mN=0.0, applied_V=(x - 2.0) / D_P)
@@ -171,7 +173,8 @@ def test_a_touch_and_its_loss_do_not_change_the_voltage(pressed_mN: float) -> No
         volts.append(output.voltage_V)
         x += v * T
     steps = [D_P * (b - a) / (v * T) for a, b in pairwise(volts[20:])]
-    # Of the way of a tick: the part's stiffness over it, and over the delay; nothing more.
+    # The change of voltage is limited to the travel of a tick times the part's stiffness, over the
+    # tick and the delay.
     assert max(abs(step - 1.0) for step in steps) < S_P * 2.1 * 1.15 + 0.01
 
 

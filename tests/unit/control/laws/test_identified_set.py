@@ -41,7 +41,7 @@ from .transcription import IMPEDANCE, PAST, TICKS, Case, signals
 MODEL = HysteresisModel(THRESHOLDS_V, WEIGHTS, TIMES_S, SHARES, FADINGS, CURVATURE)
 LINE = HysteresisModel((0.0,), (D_P,))
 LEAST_SLOPE = 12.0
-"""µm/V, below that of ``MODEL`` at any voltage and after any turn."""
+"""Smallest slope in µm/V, below that of ``MODEL`` at any voltage and after any reversal."""
 PER_CASE = pytest.mark.parametrize("case", CASES, ids=str)
 SOME = settings(deadline=None, max_examples=30, derandomize=True)
 
@@ -87,7 +87,7 @@ def test_every_tick_equals_the_transcription_of_the_paper(case: Case) -> None:
         for name in ("x_d_um", "error_um", "integral_um", "sliding_um", "perturbation_mN"):
             wanted, scale = row[name]
             assert getattr(output, name) == pytest.approx(float(wanted), abs=1e-9 * float(scale))
-        if tick:  # what was applied before the first tick the law cannot know
+        if tick:  # the law cannot know what was applied before the first tick
             assert output.residual_um == pytest.approx(float(row["residual_um"][0]), abs=1e-9)
 
 
@@ -104,7 +104,8 @@ def test_the_stored_voltages_equal_the_transcription_and_the_law() -> None:
 
 
 def test_the_law_differs_from_the_straight_line_by_the_hysteresis() -> None:
-    """What the comparison is worth: H is no line, and the voltages reach both of its branches."""
+    """Conditions of the comparison: H is not linear, and the voltages reach both of its
+    branches."""
     columns = signals()
     straight = build(law_settings("pbsmic", force_age="newest"), ARM, PERIOD_S, 0.0)
     at: dict[str, Any] = {
@@ -137,7 +138,7 @@ steps = st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=30)
 def test_with_a_straight_line_the_law_equals_the_linear_law(
     scheme: str, ways_um: list[float], K_S: float, K_e: float
 ) -> None:
-    """Bits cannot be: the line is inverted by search, to ``TOLERANCE_UM``."""
+    """Equal bits are not possible: the line is inverted by search, to ``TOLERANCE_UM``."""
     gains: dict[str, Any] = {"K_S": K_S, "K_f": 2000.0, "delta": 2.0 if scheme == "pbsmic" else 4e4}
     line = build(law_settings(scheme, "identified", **gains), ARM, PERIOD_S, 0.03, LINE)
     today = Loop(law_of(law_settings(scheme, **gains), filter_s=0.03), resting_arm(20.0, K_e=K_e))
@@ -186,7 +187,7 @@ def test_without_the_memory_of_the_response_the_law_cannot_start() -> None:
 
 
 def test_changing_from_the_line_to_the_response_causes_no_jump() -> None:
-    """u and v differ; a residual of the two would be 0.2 µm."""
+    """u and v differ; confusing them would give a residual of 0.2 µm."""
     line = law_of(law_settings("pbsmic"))
     law = build(law_settings("pbsmic", "identified"), ARM, PERIOD_S, 0.0, MODEL)
     memory = hysteresis.step(MODEL, hysteresis.start(MODEL), 1.5, PERIOD_S)

@@ -1,4 +1,4 @@
-"""What a law is made of, and which force serves as F_k."""
+"""Parameters of a law, and the force that is used as F_k."""
 
 from math import exp, inf, nan
 from typing import Any
@@ -48,7 +48,7 @@ def test_a_law_needs_a_period(period_s: float) -> None:
 
 @pytest.mark.parametrize("name", ["M", "B"])
 def test_an_impedance_with_overflow_is_refused(name: str) -> None:
-    """inf - inf in (16) would be no voltage."""
+    """inf - inf in (16) would not give a voltage."""
     values: dict[str, Any] = {name: 1e308}
     with pytest.raises(ValueError, match="impedance K̄ = inf mN/µm, must be finite"):
         build(law_settings(**values), ARM, 0.02, 0.0)
@@ -116,7 +116,7 @@ def test_the_low_pass_follows_the_error_and_not_the_force(scheme: str) -> None:
 
 @BOTH
 def test_the_low_pass_starts_at_the_present_error(scheme: str) -> None:
-    """2 mN above F_r as the segment begins: known at once, not after some time constants."""
+    """2 mN above F_r at the start of the segment: known at once, not after some time constants."""
     law = law_of(law_settings(scheme), 0.02, 0.05)
     state = start(law, x_um=10.0, x_r_um=10.0, force_mN=0.0, applied_V=1.0)
     state = rebase(law, state, x_um=10.0, x_r_um=10.0, force_mN=5.0, force_r_mN=3.0)

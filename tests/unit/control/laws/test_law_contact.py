@@ -1,4 +1,4 @@
-"""Both laws against a spring F = K_e·(x - x_e): where they rest, how they move, what they lack."""
+"""Both laws against a spring F = K_e·(x - x_e): rest positions, motion, and remaining errors."""
 
 from math import pi, sin
 
@@ -27,7 +27,8 @@ def in_contact(settings: LawSettings, x_um: float = 25.0, filter_s: float = 0.0)
 def test_the_steady_state_satisfies_equations_51_and_52(
     scheme: str, set_: ParameterSet, age: ForceAge, K_f: float
 ) -> None:
-    """A plan that is 1 µm and 4 mN off the part, as in Fig. 7(d), and one that fits it."""
+    """A plan that deviates by 1 µm and 4 mN from the part, as in Fig. 7(d), and one that fits
+    it."""
     loop = in_contact(law_settings(scheme, set_, K_f=K_f, force_age=age), filter_s=0.03)
     for x_r_um, force_r_mN in ((27.0, K_E * (26.0 - X_E_UM) - 4.0), (27.0, K_E * 7.0)):
         error_um = [loop.tick(x_r_um, force_r_mN).error_um for _ in range(400)]
@@ -47,7 +48,8 @@ def test_the_steady_state_satisfies_equations_51_and_52(
 
 
 def track(loop: Loop, settled: int = 0) -> tuple[float, float]:
-    """Largest position and force error over a plan that fits the part: 8.45 µm, 0.5 Hz."""
+    """Return the largest position and force error over a plan that fits the part: 8.45 µm, 0.5
+    Hz."""
     worst_um = worst_mN = 0.0
     for tick in range(1, 251):
         x_r_um = 25.0 + 4.225 * sin(pi * T * tick)
@@ -121,7 +123,7 @@ def test_the_printed_set_lags_a_moving_plan_in_contact(scheme: str) -> None:
 
 @BOTH
 def test_the_low_pass_reduces_noise_of_the_voltage(scheme: str) -> None:
-    """F̂ to and fro by 0.3 mN: the share bounds what of it reaches the voltage."""
+    """F̂ alternates by 0.3 mN: the share limits how much of it reaches the voltage."""
     swings: list[float] = []
     for filter_s in (0.0, 0.1):
         loop = in_contact(law_settings(scheme), filter_s=filter_s)

@@ -1,4 +1,5 @@
-"""What both laws share, closed over the model arm: gain, offset, rest, limits, residual."""
+"""Properties that both laws share, in closed loop with the model arm: gain, offset, rest,
+limits, residual."""
 
 from itertools import pairwise
 
@@ -31,7 +32,7 @@ def test_each_sample_removes_its_share_of_the_error(
     errors = [loop.tick(10.0, p_mN=1.5).error_um for _ in range(12)]
     assert errors[0] == pytest.approx(0.0, abs=1e-12)
     k_bar = loop.arm.plant.k_bar
-    # DSMIFC's impedance remembers ẽ in M̄ and B̄: what vanishes by the share is ε, not e.
+    # DSMIFC's impedance stores ẽ in M̄ and B̄: ε, not e, decays by the share.
     assert errors[1] == pytest.approx(1.5 / k_bar, rel=1e-9)
     for before, after in pairwise(errors[1:]):
         assert after == pytest.approx((1.0 - share) * before, abs=1e-12)

@@ -1,4 +1,4 @@
-"""Changing the law, or beginning a segment, without a bump in the voltage."""
+"""A change of law or the start of a segment causes no jump in the voltage."""
 
 from math import sin
 
@@ -18,7 +18,7 @@ ORDER: tuple[str, ...] = ("pbsmic", "dsmifc", "pbsmic")
 @BOTH
 @PERIODS
 def test_rebase_into_contact_keeps_the_voltage(scheme: str, period_s: float) -> None:
-    """The law was fed no force while it pressed with 2.3 mN; from here on it is."""
+    """The law received no force while it pressed with 2.3 mN; from here on it does."""
     law = law_of(law_settings(scheme, K_S=0.5, delta=0.5), period_s)
     state = start(law, x_um=30.0, x_r_um=30.7, force_mN=0.0, applied_V=1.0)
 
@@ -39,7 +39,7 @@ def test_rebase_into_contact_keeps_the_voltage(scheme: str, period_s: float) -> 
 
 @BOTH
 def test_rebase_keeps_measured_and_applied_values(scheme: str) -> None:
-    """The residual right after it is still of the samples before."""
+    """The residual right after it still belongs to the samples before."""
     law = law_of(law_settings(scheme), 0.001)
     loop = Loop(law, resting_arm(5.0, 0.001))
     for tick in range(20):
@@ -106,7 +106,7 @@ def test_a_change_during_motion_is_smaller_than_the_plans_own_step(
 def test_in_contact_at_the_steady_state_of_an_inconsistent_plan_nothing_moves(
     scheme: str,
 ) -> None:
-    """E_x and E_f of (51), (52) stand, and no other law finds anything to do about them."""
+    """E_x and E_f of (51), (52) remain, and no other law changes them."""
     other = law_of(law_settings("dsmifc" if scheme == "pbsmic" else "pbsmic", K_P=3.0))
     loop = Loop(law_of(law_settings(scheme)), resting_arm(25.0, K_e=K_E, x_e_um=X_E_UM))
     for _ in range(300):

@@ -94,7 +94,7 @@ def test_the_stored_values_equal_the_transcription_of_the_paper() -> None:
 
 @PER_CASE
 def test_the_cases_lie_inside_and_outside_the_boundary_layer(case: Case) -> None:
-    """What the comparison is worth: u far from 0, a frozen ε or ζ, both parts of sat."""
+    """Conditions of the comparison: u far from 0, a frozen ε or ζ, both parts of sat."""
     given, outputs = signals(), play(case)
     assert min(abs(output.voltage_V) for output in outputs) > 0.3
     frozen = [
@@ -162,6 +162,6 @@ def test_equation_45_needs_the_factor_that_is_missing_in_print(case: Case) -> No
 
 
 def test_both_parameter_sets_are_those_of_the_laws() -> None:
-    """The transcription has its own m, b, k, d: they must be those that the laws are built of."""
+    """The transcription has its own m, b, k, d: they must equal those of the laws."""
     m, b, k, d = ARMS["consistent"]
     assert (ARM.m, ARM.b, ARM.k, ARM.d) == (m, b, k, d)

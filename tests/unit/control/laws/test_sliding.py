@@ -1,4 +1,4 @@
-"""What both laws share: boundary layer, band, and which integral is frozen."""
+"""Properties that both laws share: boundary layer, band, and which integral is frozen."""
 
 import pytest
 from hypothesis import given, settings
@@ -35,8 +35,9 @@ def test_the_band_is_where_a_step_may_not_cross_zero(K_S: float, p: float) -> No
 @pytest.mark.parametrize(
     ("limited", "error", "frozen"),
     [
-        (1, -0.3, True),  # may not rise, too low: asks for more
-        (1, 0.3, False),  # may not rise, too high: asks for less, comes away from the limit
+        (1, -0.3, True),  # must not rise, position too low: the law requests more
+        # must not rise, position too high: the law requests less and leaves the limit
+        (1, 0.3, False),
         (-1, 0.3, True),
         (-1, -0.3, False),
         (0, -0.3, False),

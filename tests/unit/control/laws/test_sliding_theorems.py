@@ -41,7 +41,7 @@ MODEL = HysteresisModel(
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A law whose switching gain and boundary layer are given in µm of s."""
+    """A law with switching gain and boundary layer given in µm of s."""
 
     scheme: str
     set: ParameterSet
@@ -57,7 +57,7 @@ class Case:
 
     @property
     def rounding_um(self) -> float:
-        """Of s: the inverse leads to where it should within ``TOLERANCE_UM``."""
+        """Rounding error of s in µm: the inverse is accurate to ``TOLERANCE_UM``."""
         inverse_um = (self.K_P + self.K_I) * TOLERANCE_UM if self.set == "identified" else 0.0
         return ROUNDING_UM + inverse_um
 
@@ -96,7 +96,8 @@ def cases(K_S_um: st.SearchStrategy[float], delta_um: float) -> st.SearchStrateg
 
 
 def play(case: Case, start_um: float, errors_mN: list[float]) -> list[LawOutput]:
-    """What the law says; the plant is (17), pushed off by ``start_um`` before the first tick."""
+    """Return the values of the law; the plant is (17), displaced by ``start_um`` before the
+    first tick."""
     law = case.law()
     plant = discretize(case.arm, case.period_s)
     memory = hysteresis.start(MODEL)
@@ -136,7 +137,7 @@ SOME = settings(deadline=None, max_examples=30, derandomize=True)
 def test_with_the_sign_function_s_reaches_its_band(
     case: Case, x_um: float, shares: list[float], excess: float
 ) -> None:
-    """``excess`` above 1 lets p̃ exceed K_S, where the theorems promise nothing."""
+    """``excess`` above 1 lets p̃ exceed K_S, where the theorems guarantee nothing."""
     errors_mN = [excess * case.K_S * share for share in shares]
     s = [output.sliding_um for output in play(case, x_um, errors_mN)]
     for before, after, error_mN in zip(s, s[1:], errors_mN, strict=False):

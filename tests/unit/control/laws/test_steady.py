@@ -1,4 +1,4 @@
-"""Steady errors (51), (52) and their ranges where plan and rig may disagree."""
+"""Steady errors (51), (52) and their ranges if plan and rig may disagree."""
 
 from math import isclose
 
@@ -32,7 +32,7 @@ def test_the_arm_rests_where_impedance_and_contact_meet(
 
 def test_extreme_parts_cause_the_extreme_steady_errors() -> None:
     ranges = steady_error_ranges(forces_r_mN=(0.0, 20.0), K=K, K_f=K_F, **PART)
-    # The softest part, 3 µm further away, under the full force.
+    # The softest part, 3 µm further away, at the full force.
     E_x, E_f = steady_state_errors(
         force_r_mN=20.0, x_r_um=30.0 + 20.0 / 2.17, x_e_um=33.0, K_e=2.17 * 0.7, K=K, K_f=K_F
     )
