@@ -34,9 +34,9 @@ class Side:
 
 
 class Relay:
-    """Connects two streams; ends when either does. Used by one thread.
+    """Connects two streams, and ends when either of them ends. Used by one thread.
 
-    Every message of the bus passes here: usually it is read once and sent once.
+    Every message of the bus passes through it; usually a message is read once and sent once.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Relay:
         """Begin to relay."""
         for side in (self._outer, self._inner):
             self._watch(side)
-        # The selector does not report bytes that a TLS stream has read with its handshake.
+        # The selector does not report bytes that a TLS stream has read during its handshake.
         for side in (self._outer, self._inner):
             self._ready(side, side.line, READ)
 
@@ -89,14 +89,16 @@ class Relay:
             self._read(side)
         except OSError as error:
             self.close(error.strerror or str(error))
-        # Often nothing waits, and the registrations of both sides do not change.
+        # Usually nothing waits, and the registrations of both sides do not change.
         for one in (side, side.other):
             if one.waiting or one.watched != READ:
                 self._watch(one)
                 self._watch(one.other)
 
     def _read(self, side: Side) -> None:
-        """Read what is available, unless the other side is behind, and send it on."""
+        """Read the available bytes and send them on, unless too many bytes already wait for the
+        other side.
+        """
         other = side.other
         while self._open and not other.behind:
             try:
@@ -119,11 +121,11 @@ class Relay:
         while side.waiting and (sent := _sent(side.line, side.waiting)):
             del side.waiting[:sent]
         if was_behind and not side.behind:
-            # A TLS stream may hold bytes that it has already read, which no event reports.
+            # A TLS stream may contain bytes that it has already read; no event reports them.
             self._read(side.other)
 
     def _watch(self, side: Side) -> None:
-        """Register the events that a side waits for; unregister the side if there are none."""
+        """Register the events for which a side waits; unregister the side if there are none."""
         if not self._open:
             return
         wanted = (0 if side.other.behind else READ) | (WRITE if side.waiting else 0)
@@ -145,5 +147,5 @@ def _sent(line: Stream, data: bytes | bytearray) -> int:
 
 
 def _holds_more(line: Stream) -> bool:
-    """Return whether the stream has buffered bytes, which no event would report."""
+    """Return whether the stream contains buffered bytes, which no event would report."""
     return isinstance(line, ssl.SSLSocket) and line.pending() > 0

@@ -1,4 +1,4 @@
-"""Zenoh session of a program: opens it, protects its ports, logs its links, routes."""
+"""Zenoh session of a program: opens it, protects its ports, logs its links, and serves a router."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
@@ -28,20 +28,21 @@ from pincette.core.listening import bound
 
 log = logging.getLogger("pincette")
 CLOSE_S = 1.0
-"""Time for which the end of a session waits for links that accept nothing, in s."""
+"""Time limit for closing a session while links accept no data, in s."""
 GIVEN_UP_S = 0.2
-"""Time for which the end of a session waits if the session is given up, in s."""
+"""Time limit for closing a session that is given up, in s."""
 AskRouter = Callable[[], None]
 OWN_QUESTION = "@pincette/router"
-"""Key of the query that a router sends to itself. No wildcard matches a part that begins with @."""
-UNANSWERED_S = 3600.0
-"""Zenoh's timeout of this query, in s; it is so long that a missing reply does not end the query.
+"""Key of the query that a router sends to itself. Wildcards do not match a key segment that begins
+with @.
 """
+UNANSWERED_S = 3600.0
+"""Zenoh's timeout of this query, in s. It is so long that the query does not end before a reply."""
 THREADS = "ZENOH_RUNTIME", "(rx:(worker_threads:1))"
 """Environment variable of Zenoh's threads, and its value: one thread that receives.
 
-By default there are two, which wake each other for most messages. Another thread still accepts
-connections, since that one may have to wait for the end of a connection.
+By default there are two receiving threads, which wake each other for most messages. Connections are
+still accepted in another thread, since accepting may have to wait for the end of a connection.
 """
 UNSIGNED = (
     "%s: this kernel signs no TCP segments (CONFIG_TCP_MD5SIG), so any account of this "
@@ -59,7 +60,7 @@ class Joined:
         sweeper: LinkSweeper | None = None,
         guard: Guard | None = None,
     ) -> None:
-        """``stalls`` ends links that accept none of the bytes that are sent.
+        """``stalls`` ends links that accept none of the bytes sent to them.
 
         ``sweeper`` is for a session that listens, ``guard`` for one that listens with TLS.
         """
@@ -67,15 +68,16 @@ class Joined:
         self._sweeper, self._stalls = sweeper, stalls
         self._sockets = LinkSockets(stalls)
         self._up: dict[str, tuple[float, str]] = {}
-        """Time at which each link came up, and the program at its other end, by Zenoh's name of
-        that end."""
+        """For each link, by Zenoh's name of its other end: the time at which it came up, and the
+        program there.
+        """
         self._listener = session.info.declare_link_events_listener(self._note, history=True)
 
     @property
     def refused(self) -> RefusedConnections:
-        """Return the number of connections refused at the ports.
+        """Return the number of connections rejected at the ports.
 
-        Raises BusError without any port.
+        Raises BusError if the session has no port.
         """
         watcher = self.guard or self._sweeper
         if watcher is None:
@@ -111,8 +113,8 @@ class Joined:
     def close(self, limit_s: float = CLOSE_S) -> None:
         """Leave the bus, and log that the remaining links end with the session.
 
-        Links that still exist after ``limit_s`` are ended by their sockets, since Zenoh waits for a
-        partner that reads nothing, and may keep the sockets of a session forever.
+        Links that still exist after ``limit_s`` are ended by shutting down their sockets, since
+        Zenoh waits for a partner that reads nothing, and may keep the sockets forever.
         """
         late = threading.Timer(limit_s, self._sockets.shut_down)
         late.daemon = True
@@ -134,7 +136,7 @@ class Joined:
             self._sockets.close()
 
     def give_up(self) -> None:
-        """Close a session that transports nothing, without waiting."""
+        """Close a session that transmits nothing, without waiting."""
         limit = (GIVEN_UP_S,)
         threading.Thread(
             target=self.close, args=limit, name="session abandoned", daemon=True
@@ -143,7 +145,7 @@ class Joined:
 
 def open_session(config: SessionConfig, name: str) -> Joined:
     """Open a session; raises BusError or SecurityError with the remedy."""
-    # Its threads would write lines to standard output, and wait if no program reads them.
+    # Zenoh's threads would write lines to standard output, and block if no program reads them.
     zenoh.init_log_from_env_or("off")
     os.environ.setdefault(*THREADS)
     stalls = StallWatch(lease_s(config))
@@ -164,7 +166,7 @@ def open_session(config: SessionConfig, name: str) -> Joined:
 def _behind_guard(
     config: SessionConfig, name: str, vouching: Vouching, stalls: StallWatch
 ) -> Joined:
-    """Open a session whose ports a guard serves, with mutual TLS."""
+    """Open a session whose ports are served by a guard, with mutual TLS."""
     behind = PrivatePort.chosen()
     try:
         guard = Guard([address_of(place) for place in config.listen], behind, vouching, stalls)
@@ -219,9 +221,9 @@ def _not_joined(config: SessionConfig, name: str, error: Exception) -> BusError:
 def serve_router(
     config: SessionConfig, rig: str, wait: Callable[[AskRouter], None], name: str = "router"
 ) -> None:
-    """Route between the services of a rig and the tools around it until ``wait`` returns.
+    """Route messages between the services of a rig and other tools until ``wait`` returns.
 
-    ``wait`` is called with a function that queries this router and returns with its reply.
+    The argument of ``wait`` is a function that queries this router and returns when it has replied.
     """
     with open_session(config, f"{rig}/{name}") as session:
         wait(partial(ask_router, session))
@@ -230,8 +232,8 @@ def serve_router(
 def ask_router(session: "zenoh.Session") -> None:
     """Query the router of a session for liveliness tokens; return when it has replied.
 
-    The query needs the same locks of the routing tables as a new link or a message, and it declares
-    nothing that the router would state to others.
+    The query needs the same locks of the routing tables as a new link or a message, and declares
+    nothing that the router would forward to other sessions.
     """
     for _ in session.liveliness().get(OWN_QUESTION, timeout=UNANSWERED_S):
         pass

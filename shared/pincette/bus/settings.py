@@ -15,15 +15,17 @@ QUEUE = 16
 BLOCK_US = 200_000
 """Longest time that a message may wait for a stalled link, in µs; Zenoh's default is 5 s."""
 PATIENT_MS = 20_000
-"""Limit of both times in lockstep, in ms, where an overloaded machine must not lose a sample."""
+"""Value of both time limits in lockstep, in ms: an overloaded machine must not lose a sample."""
 ACCEPT_MS = 2000
-"""Longest time from an accepted connection to a link, in ms; it is longer than the time after which
-a silent connection is reset: see ``link_sweeper``."""
+"""Longest time from an accepted connection to a link, in ms; longer than the time after which a
+silent connection is reset; see ``link_sweeper``.
+"""
 MOST_ACCEPTING = 2048
 """Largest number of connections that are not yet a link; Zenoh closes further ones at once.
 
-It is a last resort below the limit of open files. Long before it, a guard or a `LinkSweeper` ends
-connections that never become a link; if Zenoh closes them, clients of the rig are refused too.
+It is a last resort before the limit of open files. A guard or a `LinkSweeper` ends connections that
+never become a link long before this number is reached; Zenoh would also close connections of the
+rig's own clients.
 """
 NEVER_WAIT = {
     "messages": ["put", "delete", "query"],
@@ -33,10 +35,10 @@ NEVER_WAIT = {
 }
 """Rule for a session in real time: a message for a link whose queue is full is dropped after 1 ms.
 
-By default Zenoh blocks for a query, and treats a foreign message as its sender requests. The
-thread that sends then waits for the slowest link: the loop's own thread for a reply, and a router's
-receiving thread, which serves other links too. A reply has the quality of service of its query, so
-the rule applies to queries as they arrive.
+By default Zenoh blocks for a query, and treats a message from another program as its sender
+requests. The sending thread then waits for the slowest link. For a reply that is the thread of the
+control loop; in a router it is the receiving thread, which also serves other links. A reply has the
+quality of service of its query, so the rule applies to queries as they arrive.
 """
 MOST_BYTES = 2 * MAX_BYTES
 """Size limit of a received message, in bytes: larger than any payload that a decoder accepts."""
@@ -53,12 +55,16 @@ PRIORITIES = (
 
 
 def lease_s(config: SessionConfig) -> float:
-    """Return the time that a link may be silent, or accept nothing, before it is ended, in s."""
+    """Return the time in s for which a link may be silent, or accept no data, before it is
+    ended.
+    """
     return 1e-3 * (PATIENT_MS if config.patient else LEASE_MS)
 
 
 def settings(config: SessionConfig, name: str) -> dict[str, Any]:
-    """Return Zenoh's settings of a program's session, visible to others under a name."""
+    """Return Zenoh's settings for the session of a program, which other programs see under a
+    name.
+    """
     waits = config.mode == "client"
     tree: dict[str, Any] = {
         "mode": config.mode,
@@ -70,9 +76,11 @@ def settings(config: SessionConfig, name: str) -> dict[str, Any]:
             "exit_on_failure": waits,
             "retry": {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2},
         },
-        # Otherwise routers timestamp messages by their wall clocks, and check others' timestamps.
+        # Otherwise routers would timestamp messages by their own clocks, and check the timestamps
+        # of others.
         "timestamping": {"enabled": False},
-        # `pincette doctor` reads from a router what sessions have declared; all may only read it.
+        # `pincette doctor` reads the declarations of all sessions from a router; access is
+        # read-only for everyone.
         "adminspace": {
             "enabled": config.mode == "router",
             "permissions": {"read": True, "write": False},
@@ -105,7 +113,9 @@ def settings(config: SessionConfig, name: str) -> dict[str, Any]:
 def guarded(
     config: SessionConfig, name: str, behind: PrivatePort, vouching: Vouching
 ) -> dict[str, Any]:
-    """Return settings of a session behind a guard; it trusts the guard's certificates."""
+    """Return the settings of a session behind a guard; it trusts the certificates that the guard
+    signs.
+    """
     tree = settings(config, name)
     tree["listen"]["endpoints"] = [f"{SECURE}{behind.host}:{behind.port}"]
     tls = tree["transport"]["link"]["tls"]
@@ -127,8 +137,8 @@ def _sending(*, patient: bool) -> dict[str, Any]:
 
 
 def _tls(member: TlsIdentity, *, closes_on_expiry: bool) -> dict[str, Any]:
-    """Return the settings of mutual TLS; the router closes a link when its certificate expires."""
-    # The services do not: an expired certificate must not release a held part.
+    """Return the settings for mutual TLS; the router closes a link when its certificate expires."""
+    # The services keep such links: an expired certificate must not release a held part.
     files = member.credentials
     return {
         "root_ca_certificate": str(files.authority),

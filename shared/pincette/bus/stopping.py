@@ -1,7 +1,7 @@
-"""Stops rigs in several ways at once; the first confirmation of a rig counts.
+"""Stops rigs by several routes at once; the first confirmation of each rig counts.
 
-The command line and the supervisor share this module. Only the standard library is imported with
-it, so that a stop over REST does not wait for the packages of the bus.
+The command line and the supervisor share this module. It imports only the standard library at
+first, so that a stop over REST does not wait for the packages of the bus.
 """
 
 import threading
@@ -19,22 +19,24 @@ if TYPE_CHECKING:
     from pincette.core.messages import Message, Trip
 
 ROUTED, DIRECT = "through the router", "at the actuator"
-"""Ways to an actuator."""
+"""Routes to an actuator: through the router, and directly."""
 CONNECT_S = 1.0
 """Time limit to connect to a port, and to open a session there, in s."""
 REPLY_S = 1.0
 """Time limit for the reply of an actuator, in s."""
 TRIP_S = 1.2
-"""Time limit for all ways together, in s."""
+"""Time limit for all routes together, in s."""
 MOST_AT_ONCE = 64
-"""Largest number of actuators that are tripped at the same time, of those whose rig the supervisor
-does not serve."""
+"""Largest number of actuators that are tripped at the same time, among rigs that the supervisor
+does not serve.
+"""
 
 
 class StopAttempts:
-    """Attempts to stop rigs, each in its own thread, and the rigs that they have confirmed.
+    """Attempts to stop rigs, each in its own thread, and the rigs that have confirmed a stop.
 
-    An attempt may hang forever: its thread is a daemon, and no caller waits longer than its limit.
+    An attempt may hang forever; therefore its thread is a daemon, and callers wait with a time
+    limit.
     """
 
     def __init__(self) -> None:
@@ -42,12 +44,14 @@ class StopAttempts:
         self._running: Counter[str] = Counter()
         self._threads: list[threading.Thread] = []
         self.confirmed: dict[str, str] = {}
-        """Way by which each rig was stopped first."""
+        """Route by which each rig was stopped first."""
         self.failed: list[tuple[str, BaseException]] = []
-        """Ways that have failed, each with its error."""
+        """Routes that have failed, each with its error."""
 
     def start(self, way: str, attempt: Callable[[], object]) -> None:
-        """Run an attempt in a thread. It calls ``confirm``, and raises if it fails."""
+        """Run an attempt in a thread. The attempt calls ``confirm``, or raises an error if it
+        fails.
+        """
         with self._changed:
             self._running[way] += 1
         thread = threading.Thread(
@@ -85,11 +89,11 @@ class StopAttempts:
 
     @property
     def running(self) -> list[str]:
-        """Return the ways whose attempt has not ended."""
+        """Return the routes whose attempt has not ended."""
         return [way for way, count in self._running.items() if count > 0]
 
     def join(self, timeout_s: float) -> None:
-        """Let the threads end, so that none is inside a library when the process ends."""
+        """Wait for the threads to end, so that none is inside a library when the process ends."""
         until_s = monotonic() + timeout_s
         for thread in self._threads:
             thread.join(max(0.0, until_s - monotonic()))
@@ -101,7 +105,7 @@ def trip_at(config: "SessionConfig", rig: str, trip: "Trip", name: str = "estop"
     Raises
     ------
     BusError
-        The place cannot be reached, or the actuator does not confirm.
+        The address cannot be reached, or the actuator does not confirm.
     """
     from pincette.core.topics import TRIP
 
@@ -114,7 +118,7 @@ def trip_each(
 ) -> dict[str, str]:
     """Trip several actuators at once, each by a separate call.
 
-    Returns why each rig that has not confirmed within ``limit_s`` has not.
+    Returns the reason for each rig that has not confirmed within ``limit_s``.
     """
     attempts, wanted, until_s = StopAttempts(), sorted(rigs), monotonic() + limit_s
     waiting, tried, failed = deque(wanted), set[str](), dict[str, str]()
@@ -144,14 +148,16 @@ def trip_each(
 
 @contextmanager
 def joined(config: "SessionConfig", rig: str, name: str = "estop") -> "Generator[ZenohBus]":
-    """Open a session at the first place of a configuration; raises BusError at a closed port."""
+    """Open a session at the first address of a configuration; raises BusError if the port is
+    closed.
+    """
     from pincette.bus.protocol import BusError
     from pincette.bus.topology import address_of
     from pincette.bus.zenoh_bus import ZenohBus
 
     place = config.connect[0]
     try:
-        # A closed port refuses at once; the bus would try again until its limit.
+        # A closed port rejects a connection at once; the bus would retry until its time limit.
         create_connection(address_of(place), CONNECT_S).close()
     except OSError as error:
         why = "no program listens" if isinstance(error, ConnectionRefusedError) else str(error)

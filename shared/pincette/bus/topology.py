@@ -1,8 +1,8 @@
 """The links between programs, derived from the topics; multicast is not used."""
 
-# The services of one rig are peers with one direct link wherever one consumes what the other
-# produces; each also has a link to the router, which serves the supervisor, the recorder and other
-# tools. Nothing listens beyond the host that the rig file names.
+# The services of one rig are peers. Two of them have a direct link if one consumes what the other
+# produces. Each also has a link to the router, which serves the supervisor, the recorder and other
+# tools. Programs listen only at the host that the rig file names.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ PLAIN, SECURE = "tcp/", "tls/"
 
 @dataclass(frozen=True, slots=True)
 class TlsIdentity:
-    """Certificate of a program, and the rights that it grants to others."""
+    """Certificate of a program, and the permissions that it grants to other programs."""
 
     credentials: Credentials
     access: Access
@@ -62,23 +62,25 @@ def address_of(endpoint: str) -> tuple[str, int]:
 def router_session(
     host: str, port: int, *, lockstep: bool = False, upstream: tuple[str, int] | None = None
 ) -> SessionConfig:
-    """Return a router's session, which may connect to an upstream router whenever that runs."""
+    """Return the session of a router. It connects to an upstream router whenever one runs."""
     above = () if upstream is None else (endpoint(*upstream, "router"),)
     return SessionConfig("router", (endpoint(host, port, "router"),), above, patient=lockstep)
 
 
 def client_session(host: str, port: int, *, lockstep: bool = False) -> SessionConfig:
-    """Return a tool's session through the router."""
+    """Return the session of a tool that connects through the router."""
     return SessionConfig("client", connect=(endpoint(host, port, "router"),), patient=lockstep)
 
 
 def direct_session(host: str, port: int, program: str) -> SessionConfig:
-    """Return a tool's session with one service, without the router."""
+    """Return the session of a tool that connects to one service, without the router."""
     return SessionConfig("client", connect=(endpoint(host, port, program),))
 
 
 def producers(service: Participant, *, lockstep: bool) -> set[str]:
-    """Return the services whose samples a program receives; in lockstep also those that pace it."""
+    """Return the services whose samples a program receives; in lockstep also those that determine
+    its pace.
+    """
     return {item.topic.producer for item in service.inputs if item.role != "pace" or lockstep}
 
 
@@ -100,7 +102,7 @@ def partners(name: str, services: Mapping[str, Participant], *, lockstep: bool) 
 
 
 def awaited(name: str, services: Mapping[str, Participant], *, lockstep: bool) -> frozenset[Topic]:
-    """Return the topics of a program that services of the loop in other programs receive."""
+    """Return the topics of a program that loop services in other programs receive."""
     own = member_services(name)
     return frozenset(
         item.topic
@@ -119,7 +121,9 @@ def peer_session(
     lockstep: bool,
     router_at: tuple[str, int] | None = None,
 ) -> SessionConfig:
-    """Return the session of a program of the loop: it listens, and connects to earlier partners."""
+    """Return the session of a loop program: it listens, and connects to partners earlier in the
+    tick.
+    """
     own = member_services(name)
     linked = partners(name, services, lockstep=lockstep)
     before = sorted((other for other in linked if _place(other) < _place(name)), key=_place)
@@ -134,5 +138,5 @@ def peer_session(
 
 
 def _place(program: str) -> int:
-    """Return the position of a program's first service in a tick."""
+    """Return the position, in the order of a tick, of a program's first service."""
     return LOOP.index(member_services(program)[0])

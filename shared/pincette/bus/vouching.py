@@ -1,7 +1,8 @@
 """Both TLS sessions of a guard: with the client, and on its behalf with Zenoh."""
 
-# Zenoh's access lists use the common name of a certificate. So the guard, which has seen the
-# real one, presents another of the same name to Zenoh, signed by an authority of this process.
+# Zenoh's access lists use the common name of a certificate. The guard checks the client's
+# certificate, and presents to Zenoh another certificate with the same name, signed by an authority
+# of this process.
 
 import os
 import ssl
@@ -18,21 +19,21 @@ if TYPE_CHECKING:
 
 DAYS = 36500.0
 MOST_KEPT = 256
-"""Number of clients whose certificate is kept for the next connection."""
+"""Number of clients whose substitute certificate is kept for the next connection."""
 
 
 class Vouching:
     """TLS contexts of one guard; the authority's key is never written to a file.
 
-    Raises SecurityError where the list of revoked certificates cannot be read.
+    Raises SecurityError if the list of revoked certificates cannot be read.
     """
 
     def __init__(self, credentials: Credentials, time: LatestTime | None = None) -> None:
         """Create the contexts.
 
-        ``time`` is the clock by which the expiry of certificates is judged.
+        ``time`` is the clock used to check whether certificates have expired.
         """
-        # Loaded only if there are certificates: the import takes as long as a short stop.
+        # Imported only if there are certificates: the import takes as long as a short stop.
         from pincette.security.certificates import new_authority
 
         self._authority = new_authority(datetime.now(UTC), DAYS)
@@ -53,10 +54,11 @@ class Vouching:
         return self._credentials.authority.read_text() + self._authority.certificate.decode()
 
     def inner(self, shown: Any) -> ssl.SSLContext:
-        """Return a client's context with a certificate of the same name and end as the one shown.
+        """Return the TLS context for Zenoh, with a certificate of the same name and expiry as the
+        client's.
 
-        ``shown`` has the form of ``getpeercert``; raises BusError if that certificate was revoked,
-        or had ended before the time of day was set back.
+        ``shown`` is the client's certificate in the form of ``getpeercert``. Raises BusError if it
+        was revoked, or if it had expired before the time of day was set back.
         """
         if self.revoked.holds(serial_of(shown)):
             raise BusError(f"the certificate of {_name(shown)} was revoked")
@@ -91,8 +93,8 @@ def serial_of(shown: Any) -> int:
 def _load(context: ssl.SSLContext, pair: "Pair") -> None:
     """Load a certificate from memory.
 
-    OpenSSL's loader accepts only files. This one needs no folder, so that a full disk locks no
-    client out.
+    OpenSSL's loader accepts only files. This function needs no file, so that clients can connect
+    even if the disk is full.
     """
     with os.fdopen(os.memfd_create("certificate"), "wb") as file:
         file.write(pair.certificate + pair.private_key)

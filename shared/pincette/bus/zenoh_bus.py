@@ -41,21 +41,22 @@ from pincette.core.topics import (
 M = TypeVar("M", bound=Message)
 T = TypeVar("T")
 Declaration = Callable[["zenoh.Session"], Any]
-"""Function that declares something at a session; its result is kept."""
+"""Function that makes a declaration in a session; its result is kept."""
 log = logging.getLogger("pincette")
 UNANSWERED_S = 3.0
 """Time from an unanswered request until the session is opened again, in s."""
 REOPENED_S = 30.0
-"""Shortest time between two such openings, in s, since a new session does not cure a hanging
-program."""
+"""Shortest time between two such reopenings, in s, since a new session does not help against a
+hanging program.
+"""
 NOTHING_YET = "nothing has been published here yet"
 EMPTY = "a request needs a payload: its message as a MessagePack map"
-"""Reply to a query without a payload, such as tools send to list keys."""
+"""Reply to a query without a payload; tools send such queries to list keys."""
 
 
 @dataclass(frozen=True, slots=True)
 class ForeignDeclaration:
-    """A queryable or subscriber on a rig's keys that none of its programs has declared."""
+    """A queryable or subscriber on a rig's keys that was declared by none of the rig's programs."""
 
     kind: str
     """``queryable`` or ``subscriber``."""
@@ -66,7 +67,7 @@ class ForeignDeclaration:
 
 
 class ZenohBus:
-    """One program's place on the bus of one rig."""
+    """Connection of one program to the bus of one rig."""
 
     def __init__(self, config: SessionConfig, rig: str, program: str) -> None:
         self._rig = rig
@@ -75,7 +76,7 @@ class ZenohBus:
         self._joined = open_session(config, self._name)
         self._session = self._joined.session
         self._publishers: dict[tuple[type[Message], str], _Publisher] = {}
-        """Publishers by type of message, and by service if each service has a separate key."""
+        """Publishers by type of message; also by service if each service has a separate key."""
         self._declaring = threading.RLock()
         self._declarations: list[Declaration] = []
         self._declared: list[Any] = []
@@ -83,20 +84,22 @@ class ZenohBus:
         """Time at which the first unanswered request was sent to each program, by rig and name."""
         self._reopened_s = -inf
         self.refused = RefusedMessages(self._name)
-        """Messages and requests that were refused as invalid."""
+        """Messages and requests that were rejected as invalid."""
 
     def announce(self, program: str) -> None:
         """Hold a liveliness token while this program runs; no safety function depends on it."""
         self._declare(lambda one: one.liveliness().declare_token(live_key(self._rig, program)))
 
     def _declare(self, declaration: Declaration) -> None:
-        """Declare something at the session, and again whenever the session is opened again."""
+        """Make a declaration in the session, and again whenever the session is reopened."""
         with self._declaring:
             self._declarations.append(declaration)
             self._declared.append(declaration(self._session))
 
     def _asked(self, ask: Callable[["zenoh.Session"], T]) -> T:
-        """Return the result of ``ask``, with the new session if another thread just replaced it."""
+        """Return the result of ``ask``; repeat it in the new session if another thread has just
+        replaced the session.
+        """
         session = self._session
         try:
             return ask(session)
@@ -106,11 +109,13 @@ class ZenohBus:
             return self._asked(ask)
 
     def alive(self) -> set[str]:
-        """Return the programs whose token is visible from here."""
+        """Return the programs whose liveliness token is visible from here."""
         return {program for _, program in self._alive(self._rig)}
 
     def alive_everywhere(self) -> set[tuple[str, str]]:
-        """Return rigs and programs whose token is visible from here, of all rigs on the router."""
+        """Return rigs and programs whose liveliness token is visible from here, for all rigs on the
+        router.
+        """
         return self._alive("*")
 
     def _alive(self, rig: str) -> set[tuple[str, str]]:
@@ -118,21 +123,23 @@ class ZenohBus:
         return {one for one in found if one is not None}
 
     def other_wires(self) -> dict[str, int]:
-        """Return the programs of this rig with another version of the wire, and that version."""
+        """Return the programs of this rig that use another version of the wire format, and that
+        version.
+        """
         return self._other_wires(self._rig)
 
     def _other_wires(self, rig: str) -> dict[str, int]:
         return of_other_wires(self._tokens(live_key_of_any_wire(rig), 0.3))
 
     def _tokens(self, place: str, timeout_s: float = 1.0) -> list[str]:
-        # The routers know the tokens and reply; no queryable is queried.
+        # The routers know the tokens and reply themselves; no queryable is queried.
         replies = self._asked(lambda one: one.liveliness().get(place, timeout=timeout_s))
         return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
     def foreign_declarations(self, timeout_s: float = 1.0) -> list[ForeignDeclaration]:
-        """Return what sessions without a program's token have declared on this rig's keys.
+        """Return declarations on this rig's keys by sessions without the token of a program.
 
-        The routers' admin spaces state this, unless an access list keeps them closed.
+        They are read from the routers' admin spaces, unless an access list forbids it.
         """
         own, tokens = {str(self._session.zid())}, zenoh.KeyExpr(live_key_of_any_wire("*"))
         for place, sources in self._admin("token", timeout_s):
@@ -148,7 +155,9 @@ class ZenohBus:
         ]
 
     def _admin(self, kind: str, timeout_s: float) -> list[tuple[str, set[str]]]:
-        """Return the declared keys of one kind, each with the ids of its clients and peers."""
+        """Return the declared keys of one kind, each with the ids of the clients and peers that
+        declared it.
+        """
         with self._asked(
             lambda one: Query(one, f"@/*/router/{kind}/**", timeout_s, marked=False)
         ) as query:
@@ -182,7 +191,7 @@ class ZenohBus:
     def _delivered(self, declare: Callable[[Any], Any], sink: Callable[[Any], None]) -> Any:
         """Declare a subscriber or a queryable, and pass its deliveries on to ``sink``.
 
-        A program of the loop receives them in Zenoh's own thread, which is faster, and so does a
+        A program of the loop receives deliveries in Zenoh's own thread, which is faster. So does a
         program in lockstep, which must not lose a sample.
         """
         if self._config.listen or self._config.patient:
@@ -194,7 +203,7 @@ class ZenohBus:
     def declare(self, topic: Topic, service: str = "") -> None:
         """Prepare to publish a topic, and to reply to queries on its key with the newest message.
 
-        ``service``: producer, if the topic has a key for each service.
+        ``service``: the service that publishes, if the topic has a key for each service.
         """
         name = (topic.message, service)
         with self._declaring:
@@ -236,7 +245,7 @@ class ZenohBus:
         return self._asked(lambda session: Query(session, place, timeout_s, payload))
 
     def subscribe(self, topic: Topic, sink: Sink) -> None:
-        """Deliver every valid message to ``sink``, and refuse the others; see Bus."""
+        """Deliver every valid message to ``sink``, and reject invalid ones; see Bus."""
         place, producer = key(self._rig, topic), producer_of(topic)
         limit = None if topic.rate_hz is None else RateLimit(topic.rate_hz)
 
@@ -296,7 +305,7 @@ class ZenohBus:
         *,
         rig: str | None = None,
     ) -> Message:
-        """Send a request and return the reply; see Bus. ``rig``: None for the bus's own rig."""
+        """Send a request and return the reply; see Bus. ``rig`` None means the rig of this bus."""
         rig = rig or self._rig
         program, asked_s = question.service, monotonic()
         place, trouble = f"{program}/{question.name}", ""
@@ -320,17 +329,17 @@ class ZenohBus:
         raise BusError(f"{absent}{self._why(query, rig, program, timeout_s)}")
 
     def _is_absent(self, query: Query, rig: str, program: str, place: str) -> bool:
-        """Return whether a token names a program, and no queryable is declared that takes requests.
+        """Return whether a program has a token but no queryable that accepts requests.
 
-        A query also ends at once if a program drops it, and if an access list denies it. The router
-        is therefore asked for its declarations. It replies in order: the token, which comes last,
-        shows that the reply is complete.
+        A query without reply is not sufficient evidence: it also ends at once if a program drops
+        it, or an access list denies it. The router is therefore queried for its declarations. It
+        replies in order; the token, which comes last, shows that the reply is complete.
         """
         if self._config.tls is not None or not query.finished:
             return False
         with self._asked(lambda session: session.declare_querier(place)) as querier:
             seen = (rig, program) in self._alive(rig)
-            # The stub says bool; it is an object that is always true.
+            # The type stub declares bool, but the value is an object that is always true.
             status: Any = querier.matching_status
             return seen and not status.matching
 
@@ -346,10 +355,10 @@ class ZenohBus:
         return f"is it running{allowed}?{_foreign(query.ignored)}"
 
     def _unanswered(self, rig: str, program: str, asked_s: float) -> None:
-        """Open the session again if a program that is alive has not replied for too long.
+        """Reopen the session if a program that is alive has not replied for too long.
 
-        After a broken link, sessions have been observed to keep their tokens and to answer no
-        request. A session that others connect to is kept: its links are the loop's.
+        After a broken link, some sessions kept their tokens but no longer replied to requests. A
+        session to which others connect is not reopened, since the loop needs its links.
         """
         with self._declaring:
             since_s = self._unanswered_s.setdefault((rig, program), asked_s)
@@ -408,13 +417,13 @@ class _Publisher:
         except zenoh.ZError:
             if publisher is self._publisher:
                 raise
-            self.send(payload)  # the session was opened again meanwhile
+            self.send(payload)  # the session has been reopened in the meantime
 
     def reply(self, query: zenoh.Query) -> None:
         """Reply with the newest payload.
 
-        Before the first payload, a program that marks its queries gets a refusal, so that it need
-        not wait for other queryables; other clients get no reply.
+        Before the first payload, a query with a mark gets a refusal, so that its sender need not
+        wait for other queryables; other queries get no reply.
         """
         newest = self._newest
         with query:
@@ -425,7 +434,7 @@ class _Publisher:
 
 
 def _decode(kind: type[M], payload: zenoh.ZBytes | None) -> M:
-    """Return a message; does not copy a payload that is too large anyway."""
+    """Decode and return a message; a payload that is too large is not copied."""
     size = 0 if payload is None else len(payload)
     if size > MAX_BYTES:
         raise CodecError(f"{kind.__name__}: {size} bytes, limit {MAX_BYTES}")

@@ -1,4 +1,4 @@
-"""Command line: exit statuses, the error for people, and the choice of the rig file."""
+"""Command line: exit statuses, errors for people, and the choice of the rig file."""
 
 import os
 from collections.abc import Mapping
@@ -37,7 +37,7 @@ MEANINGS: Mapping[Exit, str] = {
 
 
 class CliError(Exception):
-    """Error of a command that cannot be carried out; the text states the reason and the remedy."""
+    """Error of a command that cannot be executed; the text states the reason and the remedy."""
 
     def __init__(self, text: str, status: int = Exit.FAILED) -> None:
         super().__init__(text)
@@ -49,15 +49,17 @@ if TYPE_CHECKING:
 
 RIG_VARIABLE = "PINCETTE_RIG"
 PKI = "PINCETTE_PKI"
-"""Environment variable that names a folder of certificates in place of the rig file's, for tools
-beside `up --secure`."""
+"""Environment variable for a folder of certificates that replaces the rig file's; for tools used
+with `up --secure`.
+"""
 IN_A_CHECKOUT = Path("deploy/rigs/demo.toml")
 IN_THE_PACKAGE = "rigs/demo.toml"
 """Path of the demo's rig file in the installed package."""
 
 
 def chosen(given: Path | None) -> Path:
-    """Return the rig file of ``--rig``, else of the environment, else of the demo.
+    """Return the path of the rig file given by ``--rig``, else by the environment, else that of the
+    demo.
 
     Raises
     ------
@@ -89,7 +91,7 @@ def working_folder() -> str:
 
 
 def brought() -> Path | None:
-    """Return the demo's rig file that was installed with the package; None in a checkout."""
+    """Return the demo's rig file in the installed package; None in a checkout."""
     from importlib.resources import as_file, files
 
     with as_file(files("pincette") / IN_THE_PACKAGE) as path:
@@ -97,8 +99,8 @@ def brought() -> Path | None:
 
 
 def opened(path: Path) -> "RigFile":
-    """Read a rig file; raises CliError with its errors."""
-    # The models of a rig file take longer to load than a help text to show.
+    """Read a rig file; raises CliError that lists its errors."""
+    # Importing the models of a rig file takes longer than printing a help text.
     from pincette.config import ConfigError, read_rig
 
     try:

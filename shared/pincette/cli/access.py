@@ -1,4 +1,4 @@
-"""Supervisor of a command, and the key for it."""
+"""Options for the supervisor that a command uses, and the key for it."""
 
 import os
 from collections.abc import Generator
@@ -25,13 +25,17 @@ if TYPE_CHECKING:
     from pincette.client import JobHandle, RigHandle, Supervisor
 
 CLAIM = "PINCETTE_CLAIM"
-"""Environment variable with the secret of a claim, which every command then sends."""
+"""Environment variable with the secret of a claim; every command sends it."""
 TRACEPARENT = "TRACEPARENT"
-"""Environment variable with the trace context (W3C) of the caller, kept with jobs and series."""
+"""Environment variable with the caller's trace context (W3C), which is stored with jobs and
+series.
+"""
 PATIENCE_S = 0.5
-"""Time that a person waits until a supervisor counts as unreachable, in s."""
+"""Time for which commands retry until they report an unreachable supervisor, in s."""
 FOLLOWED_S = 30.0
-"""Time for which a job is followed while its supervisor does not answer, as in a restart, in s."""
+"""Time for which a command keeps following a job while the supervisor does not reply, as during a
+restart, in s.
+"""
 STATUSES = {  # exit status by the code of a refusal
     **dict.fromkeys(("estop-engaged", "rig-latched", "rig-not-ready"), Exit.NOT_READY),
     "limit-violation": Exit.LIMIT,
@@ -41,7 +45,7 @@ REMEDIES = (
     "`pincette run supervisor` starts only a supervisor; loop and part are not affected",
     "--url names another",
 )
-"""Remedies for an address at which no supervisor answers."""
+"""Remedies for an address at which no supervisor replies."""
 SILENT_REMEDIES = (
     "try again: the supervisor may be busy",
     "`pincette rigs` shows whether it replies at all; `pincette estop` stops the rig without it",
@@ -71,7 +75,7 @@ class Address(Json):
     authority: Authority = None
 
     def supervisor(self) -> "Supervisor":
-        """Return the supervisor of ``--url``, with the key of ``--key``."""
+        """Return the supervisor at ``--url``, used with the key of ``--key``."""
         from pincette.client import Supervisor
 
         key = key_of(self.key)
@@ -88,7 +92,7 @@ class Address(Json):
             raise CliError(f"{CLAIM}: {error}", Exit.USAGE) from error
 
     def guarded(self) -> AbstractContextManager[None]:
-        """Turn a rejected request or a missing reply into a CliError."""
+        """Turn a refused request or a missing reply into a CliError."""
         return refusals(self.url, as_json=self.json)
 
 
@@ -102,7 +106,7 @@ class Target(Address):
     ] = None
 
     def rig(self) -> "RigHandle":
-        """Return the rig of ``--rig-name``, else the only one.
+        """Return the rig named by ``--rig-name``, else the only one.
 
         Raises CliError if there are several.
         """
@@ -114,7 +118,7 @@ class Target(Address):
             raise CliError(f"{error} with --rig-name", Exit.USAGE) from error
 
     def job(self, name: str) -> "JobHandle":
-        """Return a job by its id; ``last`` is the newest job of the rig."""
+        """Return a job by its id; the id ``last`` means the newest job of the rig."""
         if name != "last":
             return self.supervisor().job(name)
         found = self.rig().jobs(1)
@@ -125,7 +129,7 @@ class Target(Address):
 
 @contextmanager
 def refusals(url: str, *, as_json: bool) -> Generator[None]:
-    """Turn a rejected request or a missing reply into a CliError; print it as JSON if wanted."""
+    """Turn a refused request or a missing reply into a CliError; print it as JSON if requested."""
     from pincette.client import ClientError, NoAnswerError, ProblemError
 
     try:
@@ -148,7 +152,9 @@ def refusals(url: str, *, as_json: bool) -> Generator[None]:
 
 
 def key_of(given: str | None) -> str | None:
-    """Return the key as ``find_key`` does; also raises CliError if no header can contain it."""
+    """Return the key found by ``find_key``; also raises CliError if the key cannot be sent in a
+    header.
+    """
     from pincette.client.call import identity_headers
 
     key = find_key(given)

@@ -1,4 +1,4 @@
-"""``pincette bring-up``: leads through the calibrations of a rig in checklist order."""
+"""``pincette bring-up``: guides a person through the calibrations of a rig in checklist order."""
 
 import sys
 from typing import TYPE_CHECKING, Annotated, Any
@@ -45,7 +45,7 @@ def bring_up(
         Option("--skip", metavar="CALIBRATION", help="calibration to skip; repeatable"),
     ] = None,
 ) -> int:
-    """Lead through the calibrations of a rig: the next one, its requirements, its result."""
+    """Guide through the calibrations of a rig: the next one, its requirements, its result."""
     rig = target.rig().patient(FOLLOWED_S)
     found = rig.checklist()
     if show or target.json:
@@ -80,9 +80,9 @@ def bring_up(
 
 
 def path_warnings(rig: "RigHandle") -> list[str]:
-    """Return the warnings of the rig's own path, for example steps that excite the mode.
+    """Return the warnings about the path in the rig file, for example steps that excite the mode.
 
-    Empty if the rig plans no path.
+    Empty if the rig file contains no path.
     """
     from pincette.client.errors import ProblemError
 
@@ -96,7 +96,7 @@ def path_warnings(rig: "RigHandle") -> list[str]:
 def _show_exchanges(rig: "Rig", console: "Console") -> None:
     """Show the exchange times that the programs measured at their instruments.
 
-    Show nothing in lockstep.
+    In lockstep nothing is shown.
     """
     from pincette.diagnostics.hops import hop_findings
 
@@ -113,7 +113,7 @@ def _show_exchanges(rig: "Rig", console: "Console") -> None:
 
 
 def _next(found: "Checklist", left_out: set[str]) -> "ChecklistStep | None":
-    """Return the first step that is still to be made and was not skipped."""
+    """Return the first step that has neither been completed nor skipped."""
     return next(
         (
             step

@@ -1,4 +1,4 @@
-"""Drivers and laws for rig files, and keys of a rig, for ``pincette doctor``."""
+"""Lists for ``pincette doctor``: drivers and laws for rig files, and the keys of a rig."""
 
 import json
 import sys
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pincette.config import Table
 
 TABLES = {plugins.POSITION_SENSORS: "sensor", plugins.VOLTAGE_OUTPUTS: "output"}
-"""Tables of the rig file that name a driver of each group."""
+"""Tables of the rig file that name drivers, by entry-point group."""
 MET = {True: "was tested with its instrument", False: "has not been tested with its instrument"}
 UNSAID = "does not state whether it was tested with its instrument"
 
@@ -29,9 +29,11 @@ class Driver:
 
     name: str
     origin: str
-    """Distribution and version that contain the driver."""
+    """Distribution that contains the driver, with version."""
     met: bool | None = None
-    """True if the driver has been tested with its instrument; None if it does not state this."""
+    """True if the driver has been tested with its instrument; None if the driver does not state
+    this.
+    """
     options: tuple[str, ...] = ()
     """Options, each with its default, in the form of a rig file."""
     fault: str = ""
@@ -39,7 +41,9 @@ class Driver:
 
 
 def show_drivers(form: Json) -> None:
-    """Print the drivers and laws that a rig file can name, with the errors of unusable ones."""
+    """Print the drivers and laws that a rig file can name, and the errors of those that cannot be
+    used.
+    """
     from pincette.config.laws import described_laws
 
     if form.json:
@@ -91,7 +95,9 @@ def _described(group: str, entry: EntryPoint) -> Driver:
 
 
 def options_of(module: ModuleType) -> "Iterator[tuple[type[Table], str, FieldInfo]]":
-    """Yield the options of a driver with their table, from its module's class named …Options."""
+    """Yield the options of a driver, with their table. They are defined by the class …Options in
+    its module.
+    """
     from pincette.config import Table
 
     for name, thing in vars(module).items():
@@ -134,7 +140,7 @@ def _print_topics(topics: dict[str, list[dict[str, str]]], console: "Console") -
 
 
 def topics_tree(name: str) -> dict[str, list[dict[str, str]]]:
-    """Return topics and requests of a rig as plain data."""
+    """Return topics and requests of a rig as dictionaries and lists."""
     from pincette.core.topics import INPUTS, REQUESTS, TOPICS, key, request_key
 
     return {

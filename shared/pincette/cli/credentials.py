@@ -1,6 +1,6 @@
-"""Key, authority and name that a command presents to a supervisor.
+"""Key, certificate authority and operator name that a command sends to a supervisor.
 
-This module loads only the standard library, so that an emergency stop does not wait for it.
+This module imports only the standard library, so that an emergency stop starts without delay.
 """
 
 import os
@@ -14,9 +14,9 @@ from pincette.core.user_folders import config_folder, is_readable_file
 DEFAULT_URL = "http://127.0.0.1:8000"
 VARIABLE = "PINCETTE_KEY"
 FILE_MARK = "@"
-"""First character of a value that names a file with the key."""
+"""First character of a value that names a file containing the key."""
 LONGEST_NAME = 80
-"""Upper bound of the length of an operator's name in a request."""
+"""Largest length of an operator's name in a request."""
 KEY_HELP = (
     f"for a supervisor that requires one, or {FILE_MARK}FILE with it; ${VARIABLE}, else "
     "~/.config/pincette/key, if not given"
@@ -29,23 +29,24 @@ AUTHORITY_HELP = (
 
 
 def authority_of(given: Path | None, pki: str | None) -> Path | None:
-    """Return the trusted authority: the given one, else that of a folder, if any."""
+    """Return the file of the trusted authority: the given one, else the one in a folder, if any."""
     if given is not None or not pki:
         return given
     return Path(pki) / "authority.crt"
 
 
 def operator() -> str | None:
-    """Return the user of this terminal, if the environment names one."""
+    """Return the user name of this terminal, if the environment contains one."""
     name = os.environ.get("USER", "")[:LONGEST_NAME]
     return name if name and name.isascii() and name.isprintable() and name.strip() else None
 
 
 def find_key(given: str | None) -> str | None:
-    """Return the key of ``--key``, else of the environment, else of the user's file, else None.
+    """Return the key given by ``--key``, else by the environment, else by the user's file, else
+    None.
 
-    Raises CliError where a file with a key cannot be used. An account without a home, or with one
-    that it may not enter, has no file.
+    Raises CliError if a key file cannot be used. If the account has no home folder, or may not
+    enter it, there is no key file.
     """
     key = given or os.environ.get(VARIABLE) or None
     if key is not None and key.startswith(FILE_MARK):

@@ -78,10 +78,10 @@ def _gripped(
 
 
 def grip_simulated(rig: "RigHandle", console: "Console") -> "Job":
-    """Grip on a simulated rig, where the latch is cleared without a person.
+    """Grip on a simulated rig; its latch is cleared without a person.
 
-    The remains of an earlier demo are cleared. The grip is repeated once if this machine stalled
-    during the first: a command is late then, and the actuator rightly trips.
+    A latch or a held part left by an earlier demo is cleared. The grip is repeated once if this
+    machine stalled during the first one, which delays a command so that the actuator trips.
     """
     if rig.state().latch.state in ("latched", "ramping"):
         clear(rig, console)
@@ -94,13 +94,13 @@ def grip_simulated(rig: "RigHandle", console: "Console") -> "Job":
 
 
 def clear(rig: "RigHandle", console: "Console") -> None:
-    """Clear the latch of a simulated rig, and print a line about it."""
+    """Clear the latch of a simulated rig, and print a line that states this."""
     _, cause = cleared(rig)
     console.print(f"this rig is simulated: its latch is cleared ({cause})", style="yellow")
 
 
 def tripped_by_age(job: "Job") -> bool:
-    """Return True if only a late command has tripped the actuator."""
+    """Return True if a late command is the only reason why the actuator tripped."""
     ending = job.ending
     return (
         ending is not None

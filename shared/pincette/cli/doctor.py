@@ -1,4 +1,4 @@
-"""``pincette doctor``: missing requirements of a rig, contents of a rig file, topics."""
+"""``pincette doctor``: checks the requirements of a rig, and lists drivers, laws and topics."""
 
 import logging
 import sys
@@ -54,7 +54,7 @@ def doctor(
         ),
     ] = False,
 ) -> int:
-    """Check everything; the exit status is 1 if something is missing."""
+    """Check everything; the exit status is 1 if a requirement is not met."""
     if drivers or topics:
         from pincette.cli import catalogue
 
@@ -77,7 +77,7 @@ def doctor(
 
 @contextmanager
 def _findings_alone() -> Generator[None]:
-    """Suppress warnings of drivers, which the findings already contain."""
+    """Suppress warnings of drivers; the findings already contain them."""
     handler = logging.NullHandler()
     logging.getLogger().addHandler(handler)
     try:
@@ -102,7 +102,9 @@ def consent(question: str) -> bool:
 
 
 def findings(rig_path: Path, data: Path, consent: Consent | None = None) -> "Iterator[Finding]":
-    """Check machine, rig file, ports, instruments and, with a person's consent, a small motion."""
+    """Return the findings about machine, rig file, ports, instruments and, if a person consents, a
+    small motion.
+    """
     from pincette.diagnostics import Finding
     from pincette.diagnostics.bus import exchanges, foreign_sessions
     from pincette.diagnostics.certificates import certificates
@@ -154,7 +156,7 @@ def findings(rig_path: Path, data: Path, consent: Consent | None = None) -> "Ite
 
 
 def moved(rig: "RigFile", consent: Consent) -> "Finding":
-    """Ask a person for consent, then find the direction of the motion."""
+    """Ask a person for consent, then determine the direction of the motion."""
     from pincette.diagnostics import Finding
     from pincette.diagnostics.instruments import (
         MOVE_STEPS,

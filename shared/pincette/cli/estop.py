@@ -1,9 +1,9 @@
 """``pincette estop``: stops rigs over REST and directly at their actuators, simultaneously.
 
-The command starts without Typer and without the models of a rig file, which would take longer than
-the stop. Everything that the stop does not need is optional: the rig file, the key, the
-certificates, a home folder, a place for output. The command reports what it cannot use, and stops
-the rigs by the remaining ways.
+The command starts without Typer and without the models of a rig file, whose import would take
+longer than the stop. Everything that the stop does not need is optional: the rig file, the key, the
+certificates, a home folder, an output stream. The command reports what it cannot use, and stops the
+rigs by the remaining routes.
 """
 
 import json
@@ -36,18 +36,21 @@ if TYPE_CHECKING:
     from pincette.config.stop_file import StopFile
 
 REST_S, LIMIT_S = 2.0, 3.0
-"""Limits of the time for a reply over REST, and for all ways together, in s."""
+"""Time limits, in s, for a reply over REST, and for all routes together."""
 FOUND_S = 0.5
-"""Time limit for reading a key or a rig file, which may be on a share that hangs, in s."""
+"""Time limit for reading a key or a rig file, in s; either may be on a network share that hangs."""
 HEAD_START_S = 0.1
-"""Head start of the direct way to an actuator over the way through the router, in s."""
+"""Time by which the direct route to an actuator starts before the route through the router, in
+s.
+"""
 MARGIN_S, LOOK_S = 0.3, 0.02
-"""Time before ``LIMIT_S`` at which a confirmation over plain HTTP is judged without the actuator's,
-and interval of the checks for the latter, in s."""
+"""Time before ``LIMIT_S`` at which a confirmation over plain HTTP is judged even if the actuator
+has not confirmed, and the interval of the checks for the actuator's confirmation, in s.
+"""
 ENDED_S = 4.0
-"""Limit in s of the further wait for ways that have not ended after ``LIMIT_S``, for example on a
-heavily loaded machine, and of the wait for threads that are inside the bus after the result was
-printed."""
+"""Time limit for routes that have not ended after ``LIMIT_S``, for example on a heavily loaded
+machine; and for threads that are inside the bus after the result was printed; in s.
+"""
 POWER = "switch off the amplifier's power, unless you know that the rig is not running"
 URL = "PINCETTE_URL"
 ACTUATOR = "actuator"
@@ -70,9 +73,9 @@ OPTIONS = (
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Trip the actuators over REST and directly at once; status 0 only if all have confirmed.
+    """Trip the actuators over REST and directly at the same time; return the exit status.
 
-    Status 1: some rigs have confirmed, not all. Status 3: none has confirmed.
+    Status 0: all rigs have confirmed. Status 1: some have. Status 3: none has.
     """
     prepare_streams()
     given = read_options(parser_of("estop", ABOUT, OPTIONS), OPTIONS, arguments)
@@ -101,25 +104,30 @@ class EmergencyStop:
     """Emergency stop: the known rigs, and those that have confirmed."""
 
     def __init__(self, only: str | None) -> None:
-        """Prepare an emergency stop; ``only`` names the only rig to stop."""
+        """Prepare an emergency stop; ``only`` is the name of the only rig to stop, or None for
+        all.
+        """
         self.only = only
         self.attempts = StopAttempts()
         self.file: RigFile | StopFile | None = None
         self.file_given = self.url_given = False
-        """True if the caller has named a rig file; the next variable states the same for an
-        address."""
+        """True if the caller has named a rig file. The next variable is true if the caller has
+        named an address.
+        """
         self.notes: list[str] = []
         """Inputs that could not be used, each with the reason."""
         self.found: set[str] = set()
-        """Names of rigs that the supervisor serves, or whose actuator is on the router."""
+        """Names of rigs that the supervisor serves, or that have an actuator on the router."""
         self.absent: set[str] = set()
-        """Names of rigs with a token on the router and no actuator; see ``AbsentError``."""
+        """Names of rigs with a liveliness token on the router but no actuator; see
+        ``AbsentError``.
+        """
         self.answered = False
         """True once the supervisor has stopped all rigs that it serves."""
         self.is_unreachable = False
         """True if no program listens at the actuator's port."""
         self._limit_s = LIMIT_S
-        """Time for which the ways have been waited for, in s."""
+        """Time limit for the routes, in s."""
         self._until_s = monotonic() + LIMIT_S
         self._file_read, self._direct_ended, self._routed_ended = Event(), Event(), Event()
 
@@ -132,7 +140,9 @@ class EmergencyStop:
         return self.answered and own and not self.missing()
 
     def missing(self) -> list[str]:
-        """Return the unconfirmed targets: names of rigs, or words if a name is not known."""
+        """Return the unconfirmed targets: names of rigs, or a description if a name is not
+        known.
+        """
         confirmed = self.attempts.confirmed
         if self.only is not None:
             return [] if self.only in confirmed else [self.only]
@@ -148,7 +158,9 @@ class EmergencyStop:
     # Over REST.
 
     def start_over_rest(self, url: str | None, key: str | None, authority: Path | None) -> None:
-        """Send the stop to the supervisor at the given, the rig file's or the usual address."""
+        """Send the stop to the supervisor: at the given address, else the rig file's, else the
+        default.
+        """
 
         def attempt() -> None:
             address = url or self._file_url()
@@ -189,8 +201,9 @@ class EmergencyStop:
     def _doubt(self, rig: str, url: str, reply: RestStop) -> str:
         """Return why a confirmation over plain HTTP is not trusted; empty if it counts.
 
-        Another program may have taken the supervisor's port. For the rig of the rig file, this also
-        waits for the actuator itself. A confirmation that nothing contradicts counts, with a note.
+        Another program may use the supervisor's port. For the rig of the rig file, the function
+        therefore also waits for the confirmation of the actuator itself. A confirmation that
+        nothing contradicts is accepted, with a note.
         """
         file = self.file
         if file is not None and rig == file.rig.name and is_same_place(url, file.supervisor.url):
@@ -217,7 +230,7 @@ class EmergencyStop:
         )
         return ""
 
-    # Past the supervisor.
+    # Without the supervisor.
 
     def start_past_supervisor(self, path: Callable[[], Path]) -> None:
         """Start the stop at the actuators of a rig file, and of the rigs on its router."""
@@ -295,7 +308,8 @@ class EmergencyStop:
     def _stop_others(self, file: "RigFile | StopFile") -> None:
         """Stop all other rigs on the router whose actuator is reachable.
 
-        One session serves them all, since any tool can hold the tokens of many rigs.
+        One session serves all of them: since any tool can declare tokens for many rigs, separate
+        sessions could be too many.
         """
         from pincette.bus.endpoints import tool_endpoint
         from pincette.bus.protocol import AbsentError, BusError
@@ -323,7 +337,9 @@ class EmergencyStop:
     # The result.
 
     def wait_for_late_confirmations(self) -> None:
-        """Report at once that a rig has not confirmed, and wait for the ways that still run."""
+        """Report immediately which rigs have not confirmed, and wait for the routes that are still
+        running.
+        """
 
         def is_confirmed() -> bool:
             return bool(self.attempts.confirmed) and not self.missing()
@@ -389,7 +405,7 @@ def within(limit_s: float, read: Callable[[], T], otherwise: T, notes: list[str]
 
 
 def written(stream: Any, write: Callable[[], object]) -> None:
-    """Write to a stream; ignores output that cannot be written."""
+    """Write to a stream, and ignore errors."""
     try:
         write()
         stream.flush()

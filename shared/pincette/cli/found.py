@@ -1,4 +1,4 @@
-"""``pincette job list`` and ``describe``: search for jobs, and descriptions of them."""
+"""``pincette job list`` and ``describe``: find jobs, and describe them."""
 
 import json
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 FORMATS: Mapping[str, Literal["csv", "parquet"]] = {".csv": "csv", ".parquet": "parquet"}
 SHOWN = 20
-"""Number of jobs that are listed by default."""
+"""Default number of listed jobs."""
 
 
 def label(text: str) -> tuple[str, str]:
@@ -41,7 +41,7 @@ def label(text: str) -> tuple[str, str]:
 
 
 RECORDS = {True: "complete", False: "incomplete", None: ""}
-"""Texts for the state of a record, by ``record_complete`` of its job."""
+"""Texts for the state of a record, by the value of ``record_complete``."""
 ID = "id of the job, or `last`"
 JobName = Annotated[str, Argument(metavar="JOB", help=ID)]
 Labels = Annotated[
@@ -69,14 +69,14 @@ FILTERS = [
 ]
 """Options of a command that selects jobs."""
 IN_QUERY = {"since": "created_from", "until": "created_to"}
-"""Names in the query of REST that differ from those of the options."""
+"""Names of REST query members that differ from the names of the options."""
 SAID = [
     text_option("sample", "NAME", "what is gripped"),
     text_option("batch", "NAME", "its batch"),
     text_option("operator", "NAME", "who worked at the bench"),
     text_option("notes", "TEXT", "remark to store with the job"),
 ]
-"""Options of ``describe`` that are texts."""
+"""Options of ``describe`` whose values are texts."""
 
 
 def filters_of(target: Target, given: Mapping[str, Any]) -> dict[str, str]:
@@ -200,6 +200,6 @@ def describe(
 
 
 def add_to(app: Typer) -> None:
-    """Add these commands to ``job``."""
+    """Add the commands of this module to the group ``job``."""
     command(app, "list", FILTERS)(list_jobs)
     command(app, "describe", SAID)(describe)

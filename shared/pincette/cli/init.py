@@ -1,4 +1,4 @@
-"""``pincette init``: ask for the data of a bench, and write its rig file."""
+"""``pincette init``: asks for the data of a bench, and writes its rig file."""
 
 import json
 import os
@@ -33,7 +33,7 @@ Answer = Callable[[Question], Value]
 
 
 def pair(text: str) -> tuple[str, Value]:
-    """Read an option of a driver in the form NAME=VALUE."""
+    """Read a driver option in the form NAME=VALUE."""
     name, equals, value = text.partition("=")
     if not equals or not name:
         raise BadParameter(f"{text!r} is not an option: give NAME=VALUE, such as baud=9600")
@@ -46,7 +46,9 @@ def _value(name: str, text: str) -> Value:
 
 
 def _answers(given: dict[str, Any], *, ask: bool) -> Answer:
-    """Return the function that answers a question: by its option, a person, or its default."""
+    """Return the function that answers a question: from its option, from a person, or by its
+    default.
+    """
 
     def answer(asked: Question) -> Value:
         value = given.get(asked.name)
@@ -58,7 +60,7 @@ def _answers(given: dict[str, Any], *, ask: bool) -> Answer:
 
 
 def _asked(asked: Question) -> Value:
-    """Ask until the answer is valid; Enter takes the default."""
+    """Ask until the answer is valid; Enter selects the default."""
     unit = f" in {asked.unit}" if asked.unit else ""
     shown = f"{asked.words}{unit} ({asked.where})\n  [{asked.default}] "
     while True:
@@ -88,7 +90,7 @@ def _value_like(asked: Question, text: str) -> Value:
 
 
 def _side(side: str, answer: Answer, given: dict[str, Any], values: dict[str, Value]) -> list[str]:
-    """Ask for an instrument: driver, place, and the driver's own options; return those options."""
+    """Ask for an instrument: driver, url, and the driver's own options; return those options."""
     from pincette.config.bench_form import SENSOR
 
     group_name, words = SIDES[side]
@@ -138,7 +140,9 @@ def _options(
 
 
 def _on_silence(options: dict[str, Value], answer: Answer) -> Value:
-    """Return the output's behaviour if its host falls silent; with a watchdog it is safe."""
+    """Return the behaviour of the output if its host stops sending; the output is safe if it has a
+    watchdog.
+    """
     default = "safe" if options.get("watchdog_s") else "holds"
     words = "what the output does if its host sends nothing: safe, or holds"
     value = answer(Question("on_silence", words, "", default, "manual of the output"))
@@ -148,7 +152,9 @@ def _on_silence(options: dict[str, Value], answer: Answer) -> Value:
 
 
 def _options_of_side(side: str, words: str) -> list[Parameter]:
-    """Return the parameters of an instrument: driver, place, and the driver's own options."""
+    """Return the command-line parameters of an instrument: driver, url, and the driver's own
+    options.
+    """
     about = f"option of the driver of {words}; repeatable"
     own = Option(f"--{side}-option", metavar="NAME=VALUE", parser=pair, help=about)
     return [

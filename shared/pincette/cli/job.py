@@ -61,9 +61,9 @@ ACTIONS: Mapping[ActionType, str] = {
     "give_up": "give up a job that waits for a decision",
 }
 SAID = ("sample", "batch", "operator", "notes")
-"""Fields of a job that can be edited, except its labels."""
+"""Fields of a job that can be edited, except labels."""
 STOPPED_S = 60.0
-"""Time that ``stop`` waits for the rig to confirm, in s."""
+"""Time limit for the rig to confirm ``stop``, in s."""
 
 
 NoWait = Annotated[
@@ -74,11 +74,11 @@ Asked = Annotated[
     str | None,
     Argument(metavar="JOB", help="the job to act on; a new one if not given"),
 ]
-"""Argument for a kind of job that has the same name as an action."""
+"""Argument of the command for a kind of job that has the same name as an action."""
 
 
 def _add_start(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict[str, Any]) -> None:
-    """Add the command that starts a job of a kind, or of a variant of it."""
+    """Add the command that starts a job of a kind or of one of its variants."""
     request = kind.request_of(fixed.get(kind.variant_field, ""))
     asked = [named("asked", Asked)] if kind.name in get_args(ActionType) else []
     more = [*asked, *request_parameters(request, tuple(fixed))]
@@ -134,13 +134,13 @@ def _add_plan(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict[
 
 
 class JobKinds(Group):
-    """Commands below ``job``. The commands of the kinds of job are made on demand.
+    """Commands of the group ``job``. The commands for the kinds of job are created on demand.
 
-    They need the models of all requests, which take longer to load than a list of jobs to show.
+    They need the models of all requests; importing these takes longer than listing jobs.
     """
 
     add = staticmethod(_add_start)
-    """Function that adds the command of a kind, or of a variant of it."""
+    """Function that adds the command for a kind of job or for one of its variants."""
 
     def resolve_command(self, ctx: Context, args: list[str]) -> Any:  # type: ignore[override]
         """Find a command by its name."""
@@ -173,7 +173,7 @@ class JobKinds(Group):
 
 
 class PlanKinds(JobKinds):
-    """Commands below ``plan``, one for each kind of job."""
+    """Commands of the group ``plan``, one for each kind of job."""
 
     add = staticmethod(_add_plan)
 
@@ -207,7 +207,7 @@ def retry_at(
     u_um: Annotated[float, Option("--u-um", help="expanded uncertainty (k = 2), in µm")] = 1.0,
     source: Annotated[str, Option("--source", help="what has measured the place")] = "person",
 ) -> None:
-    """Repeat a job that waits for a decision at another place, as a new job."""
+    """Repeat a job that waits for a decision, as a new job at another place."""
     now = datetime.now(UTC).isoformat(timespec="milliseconds")
     place = {"x_um": x_um, "u_um": u_um, "measured_at": now, "source": source}
     _act(target, job, "retry_at", place=place)
@@ -240,7 +240,7 @@ def stop(
 
 
 def show_job(job: "Job", console: "Console", *, everything: bool = False) -> None:
-    """Print a job: its result, its request, its actions."""
+    """Print the result, the request and the allowed actions of a job."""
     show_result(job, console, everything=everything)
     said = {name: str(getattr(job, name)) for name in SAID} | job.labels
     given = [f"{n} = {value}" for n, value in job.request.items() if n not in (*SAID, "labels")]
@@ -292,7 +292,7 @@ def _show_record(job: "JobHandle", files: "list[Artifact]", console: "Console") 
 
 
 def size(count: int) -> str:
-    """Format a number of bytes with its unit."""
+    """Return a number of bytes as text with a suitable unit."""
     amount = float(count)
     for unit in ("B", "kB", "MB"):
         if amount < 1000.0:
@@ -321,7 +321,9 @@ def learning(
         ),
     ] = None,
 ) -> None:
-    """Show every program that has learned, with the error over its cycles, or erase it."""
+    """Show every motion program that has learned, with its error over the cycles; or erase what was
+    learned.
+    """
     if erase is not None:
         erased = target.rig().erase_learning(None if erase == ALL else erase)
         target.answer(erased, f"{erased.erased} erased")

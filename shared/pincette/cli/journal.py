@@ -1,7 +1,7 @@
-"""``pincette backup``, ``restore`` and ``audit``: stored data of a supervisor.
+"""``pincette backup``, ``restore`` and ``audit``: the stored data of a supervisor.
 
-A backup is one file. The audit log records every action over REST with its operator; its
-completeness can be verified.
+A backup is one file. The audit log records every action over REST with its operator; the command
+can verify that it is complete.
 """
 
 import os
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 VERIFY = "verify"
 STORE_URL = "PINCETTE_STORE"
-"""URL of a PostgreSQL database instead of the journal's file."""
+"""URL of a PostgreSQL database that replaces the journal's file."""
 File = Annotated[Path, Argument(metavar="FILE", help="such as bench.tar.gz")]
 
 app = group()
@@ -43,10 +43,10 @@ def backup(
     data: DataFolder = DATA,
     records: Annotated[bool, Option("--records", help="with the records of all jobs")] = False,
 ) -> None:
-    """Write journal, recipes, models and keys to one file; the supervisor may be at work.
+    """Write journal, recipes, models and keys to one file; the supervisor may be running.
 
-    The journal contains jobs, results, recipes and alarms. The file must be kept as secret as its
-    keys.
+    The journal contains jobs, results, recipes and alarms. Since the file contains keys, keep it
+    secret.
     """
     journal = data / JOURNAL
     if os.environ.get(STORE_URL):
@@ -73,11 +73,12 @@ def backup(
 
 
 def _copy_journal(journal: Path, copy: Path) -> None:
-    """Copy a database during writes by others; SQLite's own copy has one consistent state.
+    """Copy a database while other programs write to it; SQLite's own backup function makes a
+    consistent copy.
 
-    Raises CliError where the journal cannot be read, and sqlite3.Error where the copy fails.
+    Raises CliError if the journal cannot be read, and sqlite3.Error if the copy fails.
     """
-    # No other program opens the copy, so it may be on a share without locks.
+    # No other program opens the copy, so it may be on a file system without locks.
     copied = f"{copy.absolute().as_uri()}?nolock=1"
     place = f"{journal.absolute().as_uri()}?mode=ro"
     with (
@@ -85,7 +86,7 @@ def _copy_journal(journal: Path, copy: Path) -> None:
         closing(sqlite3.connect(copied, uri=True)) as target,
     ):
         try:
-            # Without this, ``backup`` would wait for ever for a lock that it cannot get.
+            # Without this, ``backup`` would wait forever for a lock that it cannot get.
             source.execute("SELECT count(*) FROM sqlite_schema").fetchone()
         except sqlite3.DatabaseError as error:
             raise CliError(
@@ -101,8 +102,8 @@ def _copy_journal(journal: Path, copy: Path) -> None:
 def restore(form: Json, file: File, data: DataFolder = DATA) -> None:
     """Restore a data folder from a backup.
 
-    Each file is checked by its SHA-256, and the journal and the keys for damage, before any is
-    kept.
+    Before any file is replaced, all files are checked by their SHA-256, and the journal and the
+    keys for damage.
     """
     if data.exists() and not data.is_dir():
         raise CliError(f"{data} is not a folder: name another with --data")
@@ -153,7 +154,9 @@ def audit(
         ),
     ] = None,
 ) -> None:
-    """List entries of the audit log, the newest first; or verify that it is whole."""
+    """List entries of the audit log, the newest first; or verify that no entry is missing or
+    changed.
+    """
     if what == VERIFY:
         chain = address.supervisor().audit_chain(link)
         if chain.broken is not None or chain.found is False:

@@ -1,6 +1,6 @@
 """``pincette key``: keys and users of a supervisor, in its data folder.
 
-A program has a key. A user is a person who signs in to the page by name and password.
+Keys are for programs. A user is a person who signs in to the page by name and password.
 """
 
 import getpass
@@ -32,7 +32,7 @@ app.add_typer(key_app)
 
 
 class _Keys(Protocol):
-    """Keys of a data folder, as the supervisor stores them; a key itself is shown once only."""
+    """Keys in a data folder, as the supervisor stores them; a key itself is shown only once."""
 
     def add(self, name: str, scope: Scope, days: float | None) -> tuple[str, KeyView]: ...
 
@@ -57,7 +57,7 @@ def key_name(text: str) -> str:
 
 @contextmanager
 def opened_keys(data: Path, *refused: type[Exception]) -> Generator[_Keys]:
-    """Open the keys of a data folder; raises CliError, also for errors in ``refused``."""
+    """Open the keys of a data folder; raises CliError, also for the errors in ``refused``."""
     try:
         keys = plugins.load(plugins.KEYS, SUPERVISOR)(data)
         with cast("AbstractContextManager[_Keys]", keys) as opened:
@@ -90,7 +90,9 @@ def add(
     ] = False,
     data: DataFolder = DATA,
 ) -> None:
-    """Make a key, which is shown once, or a user. From the first key on, keys are required."""
+    """Create a key, which is shown once, or a user. As soon as one key exists, keys are
+    required.
+    """
     if days is not None and not 0.0 < days <= LONGEST_DAYS:
         raise CliError(f"--days {days:g} must be above 0 and at most {LONGEST_DAYS:g}", Exit.USAGE)
     if password:
@@ -110,7 +112,9 @@ def add(
 
 
 def _password() -> str:
-    """Return a new password: typed twice at a terminal, else the first line of standard input."""
+    """Return a new password: typed twice at a terminal, otherwise the first line of standard
+    input.
+    """
     if sys.stdin.isatty():
         password = getpass.getpass("password: ")
         if getpass.getpass("the same again: ") != password:
@@ -128,7 +132,7 @@ def _password() -> str:
 
 @command(key_app, "list")
 def list_keys(form: Json, data: DataFolder = DATA) -> None:
-    """List keys and users, without the keys and passwords themselves."""
+    """List keys and users, without secrets and passwords."""
     with opened_keys(data) as keys:
         found = [("key", one) for one in keys.all()]
         found += [("user", one) for one in keys.all(users=True)]
@@ -155,7 +159,7 @@ Name = Annotated[str, Argument(metavar="NAME", help="as `key list` shows it")]
 
 @command(key_app, "password")
 def set_password(form: Json, name: Name, data: DataFolder = DATA) -> None:
-    """Give a user another password, and sign the user out everywhere."""
+    """Set a new password for a user, and end all sessions of the user."""
     password = _password()
     with opened_keys(data) as keys:
         if not keys.set_password(name, password):
@@ -165,7 +169,7 @@ def set_password(form: Json, name: Name, data: DataFolder = DATA) -> None:
 
 @command(key_app, "revoke")
 def revoke(form: Json, name: Name, data: DataFolder = DATA) -> None:
-    """Revoke a key or a user, and sign out its pages; recorded actions keep the name."""
+    """Revoke a key or a user, and end its sessions; the name remains in recorded actions."""
     with opened_keys(data) as keys:
         done = keys.revoke(name)
         found = [*keys.all(), *keys.all(users=True)]

@@ -1,4 +1,6 @@
-"""``pincette latency``: the timing of this machine and the period it supports, or of a rig."""
+"""``pincette latency``: the timing of this machine and the shortest period that it supports, or the
+timing of a rig.
+"""
 
 import threading
 from collections.abc import Generator
@@ -83,7 +85,9 @@ def latency(
     ] = None,
     data: DataFolder = DATA,
 ) -> int:
-    """Measure and store the timing; print the supported period. Exit status 1 without one."""
+    """Measure and store the timing; print the supported period. The exit status is 1 if none is
+    supported.
+    """
     if of_rig:
         return _show_rig(target)
     from pincette.bus.protocol import BusError
@@ -137,7 +141,7 @@ def _show_rig(target: Target) -> int:
 
 
 def _rig_file(path: Path | None) -> "RigFile | None":
-    """Return the chosen rig file; None if there is none."""
+    """Return the path of the chosen rig file; None if there is none."""
     try:
         path = chosen(path)
     except CliError:
@@ -147,7 +151,7 @@ def _rig_file(path: Path | None) -> "RigFile | None":
 
 @contextmanager
 def progress(for_s: float) -> "Generator[Report]":
-    """Show on standard error the running measurement and its approximate duration."""
+    """Show the running measurement and its approximate duration on standard error."""
     from rich.progress import BarColumn, Progress, TextColumn
 
     console = screen(machine=True)
@@ -185,7 +189,7 @@ RULE = (
 
 
 def tree(found: "Findings", supported_s: float | None) -> dict[str, Any]:
-    """Return the measurement and its conclusions as plain data."""
+    """Return the measurement and its conclusions as dictionaries and lists."""
     return {
         "shortest_supported_s": supported_s,
         "rule": RULE,
@@ -257,12 +261,12 @@ def _cells(lateness: Distribution) -> list[str]:
 
 
 def scale() -> str:
-    """Return the head of the histograms: from 1 µs on, one column for a third of a decade."""
+    """Return the header of the histograms: from 1 µs on, one column per third of a decade."""
     return f"{'1 µs':<{PER_DECADE * 3}}{'1 ms':<{PER_DECADE * 2}}"
 
 
 def bars(lateness: Distribution) -> str:
-    """Return a histogram in one line; each bar shows the logarithm of a count."""
+    """Return a histogram as one line; the height of each bar is the logarithm of a count."""
     columns = [0] * (DECADES * PER_DECADE)
     for bucket, count in zip(lateness.buckets, lateness.counts, strict=True):
         end_s = first_ns(bucket + 1) / NS_PER_S
@@ -280,7 +284,9 @@ HEIGHT_IN = 4.6
 
 
 def plot(found: "Findings") -> bytes:
-    """Draw every period, the hops, and the limits of the rule for the shortest period, as a PNG."""
+    """Draw the lateness for every period, the hops, and the limits of the rule for the shortest
+    period, as a PNG.
+    """
     from pincette.latency.rule import TAIL
     from pincette.plotting import FAINT, INK, label, legend, picture
 

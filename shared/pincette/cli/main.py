@@ -1,4 +1,4 @@
-"""All commands of ``pincette``; the module of a command is imported when it is used."""
+"""All commands of ``pincette``; the module of a command is imported when the command is used."""
 
 import sys
 from collections.abc import Mapping, Sequence
@@ -93,11 +93,11 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     ),
     "run": ("plain_commands", "run one program of a rig in the foreground"),
 }
-"""Module and meaning of every command, in the order of the help."""
+"""Module and description of every command, in the order of the help text."""
 
 
 class LazyGroup(Group):
-    """Top of the command line: knows every command, and imports the one that is used."""
+    """Top level of the command line: knows every command, and imports only the one that is used."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
@@ -107,7 +107,7 @@ class LazyGroup(Group):
             self.add_command(Command(name, help=abouts[name], rich_markup_mode=None))
 
     def resolve_command(self, ctx: typer.Context, args: list[str]) -> Any:  # type: ignore[override]
-        """Find the command with a name, and import it."""
+        """Find and import the command with a name."""
         if args[0] not in self.commands and args[0] in plugins.names(plugins.JOB_KINDS):
             raise CliError(
                 f"no command {args[0]!r}: `pincette job {args[0]}` starts such a job", Exit.USAGE
@@ -117,7 +117,7 @@ class LazyGroup(Group):
 
 
 def load(name: str) -> Any:
-    """Import a command, the ``app`` of its module."""
+    """Import a command: the ``app`` of its module."""
     if name in COMMANDS:
         module, about = COMMANDS[name]
         found = typer.main.get_group(import_module(f"pincette.cli.{module}").app).commands[name]
@@ -128,7 +128,7 @@ def load(name: str) -> Any:
 
 
 def added() -> list[str]:
-    """Return the commands that other packages register."""
+    """Return the commands that other packages have registered."""
     return [name for name in plugins.names(plugins.COMMANDS) if name not in COMMANDS]
 
 
@@ -146,7 +146,7 @@ def _top(
         ),
     ] = False,
 ) -> None:
-    """Options before a command."""
+    """Options that precede a command."""
 
 
 def application() -> TyperGroup:
@@ -165,7 +165,7 @@ def application() -> TyperGroup:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status."""
-    # httpx would load Rich and Pygments, if installed, for its own command line.
+    # If Rich and Pygments are installed, httpx would import them for its own command line.
     sys.modules.setdefault("httpx._main", cast("Any", None))
     prepare_streams()
     given = sys.argv[1:] if arguments is None else list(arguments)
@@ -173,7 +173,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def run(command: Any, given: Sequence[str], called: str) -> int:
-    """Run a command of Typer under the name by which it was called; returns the exit status."""
+    """Run a Typer command under the name by which it was called; returns the exit status."""
     return flushed(_run(command, given, called), Exit.FAILED)
 
 
@@ -186,13 +186,13 @@ def _run(command: Any, given: Sequence[str], called: str) -> int:
         return _misused(error)
     except KeyboardInterrupt:
         return Exit.INTERRUPTED
-    except OSError as error:  # such as a full disk, or a working folder that has been deleted
+    except OSError as error:  # for example a full disk, or a working folder that has been deleted
         return _failed("pincette", str(error), Exit.FAILED)
     return int(status or Exit.DONE)
 
 
 def _misused(error: TyperException) -> int:
-    """Print the error in the words of a command line, and where to find help."""
+    """Print an error in the use of the command line, and how to get help."""
     context: Any = getattr(error, "ctx", None)
     place = "pincette" if context is None else str(context.command_path)
     close: Sequence[str] = getattr(error, "possibilities", None) or ()

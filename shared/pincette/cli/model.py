@@ -1,4 +1,4 @@
-"""``pincette model`` and ``recipe``: the model in use, and parameters for parts."""
+"""``pincette model`` and ``recipe``: the model in use, and recipes for parts."""
 
 import json
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -34,7 +34,9 @@ def show(
         bool, Option("--proposals", help="list what calibrations propose, the newest first")
     ] = False,
 ) -> None:
-    """Show the model in use: every quantity that can be calibrated, with its source."""
+    """Show the model in use: every quantity that can be calibrated, with the source of its
+    value.
+    """
     if not proposals:
         _answer(target, target.rig().model())
         return
@@ -68,7 +70,7 @@ def discard(target: Target, name: Calibration) -> None:
 def use(
     target: Target, version: Annotated[int, Argument(metavar="VERSION", parser=integer)]
 ) -> None:
-    """Return to a version of the model; 0 uses only the rig file."""
+    """Use another version of the model; 0 means the rig file alone."""
     _answer(target, target.rig().use_model(version))
 
 
@@ -89,7 +91,7 @@ def _decide(target: Target, name: str, decision: Literal["accept", "discard"]) -
 
 
 def show_proposal(proposal: Tree, console: "Console") -> None:
-    """Print a proposal beside the present values."""
+    """Print the values of a proposal and the values in use."""
     version = proposal["model_version"]
     of_model = "" if version is None else f", model {version}"
     console.print(f"{proposal['calibration']} {proposal['id']}: {proposal['state']}{of_model}")
@@ -119,7 +121,7 @@ def show_model(model: Tree, console: "Console") -> None:
 
 
 def _due(item: Tree) -> str:
-    """Return the day on which a quantity is to be calibrated again."""
+    """Return the date by which a quantity should be calibrated again."""
     day = clock(item.get("due_at"))[:10]
     return f"[red]{day}, overdue[/red]" if item.get("overdue") else day
 
@@ -129,7 +131,7 @@ app.add_typer(recipe_app)
 
 
 def value(text: str) -> tuple[list[str], Any]:
-    """Return the path to one member of a recipe, and its value."""
+    """Read NAME=VALUE: return the path to the member of a recipe, and its value."""
     name, equals, text_of_value = text.partition("=")
     if not equals or not name:
         raise BadParameter(f"{text!r} is not a value: give FIELD=VALUE, such as force_mN=8")
@@ -138,7 +140,7 @@ def value(text: str) -> tuple[list[str], Any]:
 
 
 def values(given: list[tuple[list[str], Any]]) -> dict[str, Any]:
-    """Return members as nested tables."""
+    """Return the members as nested dictionaries."""
     found: dict[str, Any] = {}
     for path, one in given:
         place = found

@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 
 SHOWN_ITEMS = 20
-"""Length of the longest list that is shown completely."""
+"""Length of the longest list whose items are all shown."""
 PREFIX = "request_"
 """Prefix of a field's name among the parameters of a command."""
 NOT_OPTIONS = ("kind", "autostart", "dry_run", "rig", "labels", "queue")
 
 
 ALL = "all"
-"""Word for all objects that a command could name."""
+"""Word that stands for all objects which a command could name."""
 DATA = Path("data")
 DataFolder = Annotated[
     Path, Option("--data", metavar="FOLDER", help="folder of records, logs and the journal")
@@ -42,12 +42,12 @@ AGO = {"d": "days", "h": "hours"}
 
 
 def moment(text: str) -> str:
-    """Return a time in UTC as REST expects it; a date means its midnight in local time."""
+    """Return a time in UTC in the form for REST; a date means midnight in local time."""
     return moment_at(text, datetime.now().astimezone())
 
 
 def moment_at(text: str, now: datetime) -> str:
-    """Return a time in UTC, seen from the time ``now``; raises BadParameter."""
+    """Return a time in UTC, relative to the time ``now`` if so given; raises BadParameter."""
     if text in DAYS:
         day = now.date() - timedelta(days=DAYS[text])
         found = datetime.combine(day, time()).astimezone()
@@ -65,14 +65,16 @@ def moment_at(text: str, now: datetime) -> str:
 def text_option(
     name: str, metavar: str, about: str, parser: Callable[[str], Any] | None = None
 ) -> Parameter:
-    """Return the parameter of an option whose value is a text, or is converted by ``parser``."""
+    """Return the parameter of an option whose value is a text, optionally converted by
+    ``parser``.
+    """
     flag = f"--{name.replace('_', '-')}"
     option = Option(flag, metavar=metavar, help=about, parser=parser)
     return named(name, Annotated[str | None, option])
 
 
 def request_parameters(request: "type[BaseModel]", without: Sequence[str] = ()) -> list[Parameter]:
-    """Return the parameters from which Typer makes an option for each field of a request."""
+    """Return parameters from which Typer creates an option for each field of a request."""
     return [
         named(PREFIX + name, _option(name, field))
         for name, field in request.model_fields.items()

@@ -1,6 +1,6 @@
-"""Files that a person names for the output of a command, and CSV for spreadsheets.
+"""Output files that a person names, and CSV for spreadsheets.
 
-Spreadsheets expect UTF-8 with its byte order mark, and the separators of a country.
+Spreadsheets expect UTF-8 with a byte order mark, and the separators that are usual in the country.
 """
 
 import csv
@@ -39,7 +39,7 @@ NOT_BOTH = "give --numbers or --spreadsheet, not both"
 
 
 def for_spreadsheet(content: bytes, separator: str) -> bytes:
-    """Return a CSV with a byte order mark and another separator between its cells.
+    """Return a CSV text with a byte order mark and the given separator between cells.
 
     With a semicolon, numbers get a decimal comma, as spreadsheets expect in countries that use the
     semicolon. A comment line becomes one cell.
@@ -67,7 +67,7 @@ def _with_comma(cell: str) -> str:
 def write_output(path: Path, content: bytes) -> None:
     """Write a file and sync it to the disk; raises CliError if it cannot be written.
 
-    A link, a device or a pipe, such as ``/dev/stdout``, is not replaced but written to.
+    A link, a device or a pipe, such as ``/dev/stdout``, is written to instead of being replaced.
     """
     try:
         if path.is_symlink() or (path.exists() and not path.is_file()):

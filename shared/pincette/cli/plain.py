@@ -1,6 +1,7 @@
 """Options of commands that start without Typer, which would take longer than an emergency stop.
 
-``run`` and ``estop`` read their words with argparse. Typer shows and completes the same options.
+``run`` and ``estop`` parse their arguments with argparse. Typer only shows and completes the same
+options.
 """
 
 import argparse
@@ -10,11 +11,11 @@ from typing import NamedTuple
 
 
 class Option(NamedTuple):
-    """One option of a command without Typer."""
+    """One option of a command that is parsed without Typer."""
 
     flag: str
     metavar: str
-    """Name of the value in a help text; empty for a switch."""
+    """Name of the value in a help text; empty for an option without a value."""
     help: str
     choices: Sequence[str] | None = None
     hidden: bool = False
@@ -26,7 +27,7 @@ class Option(NamedTuple):
 
 
 def parser_of(command: str, about: str, options: Sequence[Option]) -> argparse.ArgumentParser:
-    """Return a parser of the options of a command; no option can be abbreviated."""
+    """Return a parser for the options of a command; options cannot be abbreviated."""
     parser = argparse.ArgumentParser(
         prog=f"pincette {command}", description=about, allow_abbrev=False
     )
@@ -42,7 +43,7 @@ def parser_of(command: str, about: str, options: Sequence[Option]) -> argparse.A
 def read_options(
     parser: argparse.ArgumentParser, options: Sequence[Option], arguments: Sequence[str]
 ) -> argparse.Namespace:
-    """Read the words of a command; ends the process with status 2 for an unknown word."""
+    """Parse the arguments of a command; ends the process with status 2 if one is unknown."""
     given, unknown = parser.parse_known_args(list(_with_values(options, arguments)))
     if unknown:
         close = difflib.get_close_matches(unknown[0], [one.flag for one in options])
@@ -52,7 +53,7 @@ def read_options(
 
 
 def _with_values(options: Sequence[Option], arguments: Sequence[str]) -> Iterator[str]:
-    """Yield words with each value joined to its option, since a value may begin with -."""
+    """Yield the arguments, with each value joined to its option, since a value may begin with -."""
     valued, words = {one.flag for one in options if one.metavar}, iter(arguments)
     for word in words:
         value = next(words, None) if word in valued else None

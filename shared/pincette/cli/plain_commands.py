@@ -1,6 +1,6 @@
-"""``run`` and ``estop`` as commands of Typer, which shows and completes their options.
+"""``run`` and ``estop`` as Typer commands, for help and completion only.
 
-``pincette.__main__`` starts both without Typer.
+``pincette.__main__`` runs both without Typer.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ def _add(
     options: Sequence[Option],
     argument: Parameter | None = None,
 ) -> None:
-    """Add a command that passes its words to ``main``."""
+    """Add a command that passes its arguments to ``main``."""
 
     def call(**given: Any) -> int:
         words = [] if argument is None else [str(given[argument.name])]

@@ -1,4 +1,4 @@
-"""Readers of the values of options and arguments."""
+"""Parsers of the values of options and arguments."""
 
 import json
 import math
@@ -14,15 +14,15 @@ from pincette.core import numerals
 from pincette.core.units import unit_of
 
 FROM_FILE = "@"
-"""First character of a value that names a file to read the value from."""
+"""First character of a value that names a file from which the value is read."""
 
 
 def number(unit: str) -> Callable[[str], float]:
-    """Return a reader of a finite number in a unit; an empty unit means no unit."""
+    """Return a parser of a finite number in a unit; an empty unit means no unit."""
 
     def read(text: str) -> float:
         try:
-            return numerals.number(str(text))  # Typer passes default values too
+            return numerals.number(str(text))  # Typer passes default values to the parser too
         except ValueError as error:
             raise unusable(text, unit, str(error)) from error
 
@@ -30,7 +30,7 @@ def number(unit: str) -> Callable[[str], float]:
 
 
 def number_within(unit: str, least: float, most: float) -> Callable[[str], float]:
-    """Return a reader of a number between two limits."""
+    """Return a parser of a number between two limits."""
     read_any = number(unit)
 
     def read(text: str) -> float:
@@ -43,7 +43,7 @@ def number_within(unit: str, least: float, most: float) -> Callable[[str], float
 
 
 def integer(text: str) -> int:
-    """Read a whole number; raises BadParameter."""
+    """Parse an integer; raises BadParameter."""
     try:
         return numerals.whole(str(text))
     except ValueError as error:
@@ -53,7 +53,7 @@ def integer(text: str) -> int:
 
 
 def choice(values: Sequence[str]) -> Callable[[str], str]:
-    """Return a reader of one of several words."""
+    """Return a parser of one of several words."""
 
     def read(text: str) -> str:
         if text not in values:
@@ -66,10 +66,10 @@ def choice(values: Sequence[str]) -> Callable[[str], str]:
 
 
 class Form:
-    """Form in which a person writes the value of a field: a text, JSON, or NAME=VALUE,..."""
+    """Notation of a field's value on the command line: a text, JSON, or NAME=VALUE,..."""
 
     def __init__(self, name: str, annotation: Any) -> None:
-        """Prepare the form of the field ``name``, which ends with its unit."""
+        """Prepare the notation of the field ``name``; the suffix of the name is the unit."""
         self.name, self.unit = name, unit_of(name)
         self.kinds = tuple(_kinds(annotation))
         self.choices: dict[str, Any] = {
@@ -85,7 +85,7 @@ class Form:
 
     @property
     def shape(self) -> str:
-        """Return the form of a value for a help text."""
+        """Return the notation of the value for a help text."""
         if self.item is not None and self.item.models:
             return f"'{self.item.columns}; ...'|{FROM_FILE}FILE"
         if self.item is not None:
@@ -100,12 +100,12 @@ class Form:
 
     @property
     def columns(self) -> str:
-        """Return the units of the members of a record, as ``s:mN``."""
+        """Return the units of the members of a record, such as ``s:mN``."""
         return ":".join(unit_of(name) for name in self.members)
 
     @property
     def members(self) -> dict[str, Any]:
-        """Return the annotations of the members of a table, by their names."""
+        """Return the annotations of the members of a table, by name."""
         return {
             name: field.annotation
             for model in self.models
@@ -114,7 +114,7 @@ class Form:
 
     @property
     def is_open(self) -> bool:
-        """Return True if a table accepts additional members; they are numbers."""
+        """Return True if a table accepts additional members, which are numbers."""
         return any(model.model_config.get("extra") == "allow" for model in self.models)
 
     @property
@@ -123,7 +123,7 @@ class Form:
         return "NAME" if self.is_open else next(iter(self.members), "NAME")
 
     def read(self, text: str) -> Any:
-        """Return the value that a text states; raises BadParameter."""
+        """Parse the text of a value; raises BadParameter."""
         if text in self.choices:
             return self.choices[text]
         if text[:1] in ("{", "[") and (self.models or self.item):
@@ -147,7 +147,7 @@ class Form:
         return [self.item.read(part) for part in parts]
 
     def _records(self, text: str) -> list[dict[str, float]]:
-        """Return records, as ``s:mN; s:mN``, or those of ``@FILE``."""
+        """Parse records in the form ``s:mN; s:mN``, or those in the file of ``@FILE``."""
         assert self.item is not None
         names = list(self.item.members)
         if text.startswith(FROM_FILE):
@@ -165,9 +165,9 @@ class Form:
         ]
 
     def _table(self, text: str) -> dict[str, Any]:
-        """Return members that are stated as NAME=VALUE,NAME=VALUE.
+        """Parse members in the form NAME=VALUE,NAME=VALUE.
 
-        A value may be a list: a part without a name belongs to the value before it.
+        A value may be a list: an item without a name belongs to the value before it.
         """
         parts: list[str] = []
         for part in text.split(","):
@@ -214,14 +214,14 @@ def _from_file(path: str, names: Sequence[str]) -> list[dict[str, float]]:
 
 
 def literal(name: str, text: str) -> Any:
-    """Return the value of ``NAME=TEXT``: JSON if possible, otherwise a text.
+    """Parse ``NAME=TEXT``: the value is JSON if possible, otherwise a text.
 
     If the name ends with a unit, the value is a number, a list of numbers, or null.
 
     Raises
     ------
     BadParameter
-        Where a number is wanted and the text is none, or JSON states a number that is not finite.
+        If a number is required and the text is not one, or a number in JSON is not finite.
     """
     unit = unit_of(name)
     try:
@@ -237,7 +237,7 @@ def literal(name: str, text: str) -> Any:
 
 
 def _from_json(name: str, text: str) -> Any:
-    """Return a JSON value whose numbers are finite; raises BadParameter."""
+    """Parse JSON whose numbers are finite; raises BadParameter."""
     try:
         return json.loads(text, parse_constant=_not_finite, parse_float=_finite)
     except ValueError as error:
@@ -254,5 +254,5 @@ def _finite(text: str) -> float:
 
 
 def unusable(text: str, unit: str, why: str) -> BadParameter:
-    """Return the error for a text that is no number in a unit."""
+    """Return the error for a text that is not a number in a unit."""
     return BadParameter(f"{text!r}{f' {unit}' if unit else ''} cannot be used: {why}")

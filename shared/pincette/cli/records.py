@@ -1,4 +1,4 @@
-"""``pincette records``: downloads, deletes and replays records of jobs."""
+"""``pincette records``: downloads, deletes and replays the records of jobs."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -56,7 +56,8 @@ def get(
 ) -> None:
     """Download files of a record, each checked by its SHA-256.
 
-    snapshot.mcap is a finished copy of the record of a job that runs, or whose recorder was killed.
+    snapshot.mcap is a readable copy of a record that is still being written, or whose recorder was
+    killed.
     --spreadsheet and --numbers download the samples.
     """
     if numbers and spreadsheet is not None:
@@ -76,7 +77,7 @@ def get(
 
 @command(records_app, "delete")
 def delete(target: Target, name: JobName) -> None:
-    """Delete the files of a job that has ended and is not pinned; its result stays."""
+    """Delete the files of a job that has ended and is not pinned; its result is kept."""
     job = target.job(name)
     target.answer(job.delete_record(), f"job {job.id}: its record is deleted")
 
@@ -97,7 +98,7 @@ def replay(
         ),
     ] = None,
 ) -> int:
-    """Run recorded jobs through their services again; the status is 1 if an output differs."""
+    """Replay recorded jobs through their services; the exit status is 1 if an output differs."""
     from pincette.engine.replay.recorded import read_record, recorded_epoch, recorded_rig
     from pincette.engine.replay.service_alone import replay as repeat
 
@@ -125,7 +126,7 @@ def replay(
 
 
 def show_findings(path: Path, recording: "Recording", found: "list[Findings]") -> None:
-    """Print a table of services, with the reason if one was not repeated."""
+    """Print a table of services; for a service that was not replayed, print the reason."""
     console = screen()
     console.print(str(path), markup=False)
     names = ("service", "steps", "identical", "different", "first difference")

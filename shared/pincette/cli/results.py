@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def show_plan(plan: "JobPlan", console: "Console") -> None:
-    """Print what a job would do, and each limit that it would break."""
+    """Print what a job would do, and each limit that it would exceed."""
     from pincette.api.calibrations import CalibrationPlan
     from pincette.api.plans import MotionPlan, Plan
     from pincette.api.predictions import Prediction
@@ -55,7 +55,7 @@ def show_plan(plan: "JobPlan", console: "Console") -> None:
 
 
 def predicted_lines(prediction: "Prediction") -> list[tuple[str, str]]:
-    """Return the motion that the present model predicts, and the nearest limits."""
+    """Return the motion predicted by the model in use, and the nearest limits."""
     peaks = prediction.peaks
     lines = [
         ("predicted", f"{prediction.outcome} after {prediction.duration_s:.2f} s"),
@@ -119,7 +119,7 @@ def _or_dash(value: float | None, unit: str) -> str:
 
 
 def _law(law: "Law") -> list[tuple[str, str]]:
-    """Return the law of a job, and the worst-case stability of its loop."""
+    """Return the law of a job, and the stability of its loop in the worst case."""
     gains = ", ".join(f"{name} = {value:g}" for name, value in law.gains.items())
     radius, limit = law.spectral_radius, law.spectral_radius_limit
     return [
@@ -130,7 +130,7 @@ def _law(law: "Law") -> list[tuple[str, str]]:
 
 
 def _peak(law: "Law") -> list[tuple[str, str]]:
-    """Return the peak of sensitivity as text, if it is limited."""
+    """Return the sensitivity peak as text, if it is limited."""
     peak, limit = law.sensitivity_peak, law.sensitivity_peak_limit
     if peak is None or limit is None:
         return []
@@ -138,7 +138,9 @@ def _peak(law: "Law") -> list[tuple[str, str]]:
 
 
 def _steady(errors: "SteadyErrors") -> list[tuple[str, str]]:
-    """Return where the arm would rest if the part differed from the plan within its tolerances."""
+    """Return the steady state of the arm if the part differed from the plan within its
+    tolerances.
+    """
     lowest_um, highest_um = errors.position_min_um, errors.position_max_um
     lowest_mN, highest_mN = errors.force_min_mN, errors.force_max_mN
     return [
@@ -162,7 +164,7 @@ Tree = dict[str, Any]
 
 
 def outcome(job: "Job") -> str:
-    """Return how a job's program ended; empty if it has no result."""
+    """Return the outcome of a job's motion program; empty if the job has no result."""
     return str((job.result or {}).get("outcome", ""))
 
 
@@ -173,14 +175,9 @@ def show_result(
 
     Parameters
     ----------
-    job
-        The job, with its result.
-    console
-        The console to print on.
-    everything
-        Print every phase and every figure too.
-    more
-        Where a short result says that all figures are; None: the command that shows them.
+    job The job, with its result. console The console to print on. everything True to print every
+    phase and every value. more Text in a short result that states where all values are shown; None:
+    the command that shows them.
     """
     colour = "green" if job.state == "succeeded" else "red"
     result: Tree | None = job.result
@@ -215,7 +212,7 @@ def show_result(
 
 
 def verdict_words(result: Tree) -> list[str]:
-    """Return the outcome, and the reasons for confidence or doubt in its figures."""
+    """Return the outcome, and the reasons to trust or doubt its values."""
     from pincette.api.results import confirmations
 
     outcome = str(result.get("outcome", "")).replace("_", " ")
@@ -223,7 +220,7 @@ def verdict_words(result: Tree) -> list[str]:
 
 
 def brief_lines(result: Tree, kind: str) -> list[tuple[str, str]]:
-    """Return the main figures of a result; none if its kind names none or is not installed."""
+    """Return the main values of a result; empty if its kind defines none or is not installed."""
     from pincette.api.job_kinds import job_kinds
 
     known = job_kinds().get(kind)
@@ -247,7 +244,7 @@ def measured(value: Tree) -> str:
 
 
 def _show_findings(result: Tree, name: str, console: "Console") -> None:
-    """Print the findings of a calibration, and how to continue with them."""
+    """Print the findings of a calibration, and how to use them."""
     lines = [(value["quantity"], measured(value)) for value in result["values"]]
     lines += [(one["name"], quantity(one["value"], one["unit"])) for one in result["figures"]]
     figures(lines, console)
@@ -259,7 +256,9 @@ def _show_findings(result: Tree, name: str, console: "Console") -> None:
 
 
 def result_lines(result: Tree, kind: str) -> list[tuple[str, str]]:
-    """Return the outcome, and the figures named by the kind; none if the kind is not installed."""
+    """Return the outcome and the values that the kind defines; without the values if the kind is
+    not installed.
+    """
     from pincette.api.job_kinds import job_kinds
 
     known = job_kinds().get(kind)
@@ -268,7 +267,7 @@ def result_lines(result: Tree, kind: str) -> list[tuple[str, str]]:
 
 
 def _figure_lines(result: Tree, shown: "Iterable[ResultField]") -> list[tuple[str, str]]:
-    """Return a label and a text for each figure of a result."""
+    """Return a label and a text for each value of a result."""
     lines: list[tuple[str, str]] = []
     for field in shown:
         value = _member(result, field.name)
@@ -303,7 +302,9 @@ def _member(tree: Tree, path: str) -> Any:
 
 
 def record_lines(record: str | None) -> list[tuple[str, str]]:
-    """Return the place of a job's record, and its plot if the folder is on this machine."""
+    """Return the folder of a job's record, and the path of its plot if the folder is on this
+    machine.
+    """
     from pincette.api.job_kinds import job_kinds
 
     if not record:

@@ -1,4 +1,4 @@
-"""``pincette rigs``, ``queue`` and ``claim``: state of rigs, waiting jobs, and claims."""
+"""``pincette rigs``, ``queue`` and ``claim``: states of rigs, waiting jobs, and claims."""
 
 import os
 import secrets
@@ -41,7 +41,7 @@ def show_rigs(
         str | None, Argument(metavar="[RIG]", help="its checks, claim and queue; all if not given")
     ] = None,
 ) -> int:
-    """List the rigs, a line each, or show one; the status is 1 if a check that it needs fails."""
+    """List the rigs, or show one. The exit status is 1 if a required check fails."""
     if name is None:
         rigs = address.supervisor().rigs()
         address.answer(rigs, lambda: screen().print(_rig_table(rigs)))
@@ -81,7 +81,7 @@ def _holder(rig: "Rig") -> tuple[str]:
 
 
 def _trusted(shown: str, certainty: "Certainty", age_s: float | None) -> str:
-    """Return a displayed value, marked as believed, with its age, if that is its certainty."""
+    """Return a value as text; if its certainty is ``believed``, mark it so and add its age."""
     if certainty != "believed":
         return shown
     return f"{shown}, believed" if age_s is None else f"{shown}, believed ({age_s:.1f} s old)"
@@ -106,14 +106,14 @@ def milliseconds(duration_s: float | None) -> str:
 
 
 def mark(one: "Check") -> str:
-    """Return the verdict of a check: ok, fails, or look."""
+    """Return the result of a check in one word: ok, fails, or look."""
     if one.ok:
         return "[green]ok[/]"
     return "[red]fails[/]" if one.needed else "[yellow]look[/]"
 
 
 def figure(value: float | str | None, unit: str = "") -> str:
-    """Return a rounded value with its unit."""
+    """Return a rounded value with its unit as text."""
     if value is None:
         return "–"
     if isinstance(value, str):
@@ -124,7 +124,9 @@ def figure(value: float | str | None, unit: str = "") -> str:
 
 @command(app, "places")
 def show_places(target: Target) -> None:
-    """Show the places that vision clients have published, and how far they were off."""
+    """Show the places that vision clients have published, and their differences from where the
+    parts were found.
+    """
     found = target.rig().places()
     target.answer(found, lambda: _show_places(found, screen()))
 
@@ -158,7 +160,7 @@ def _show_places(found: "PlaceList", console: "Console") -> None:
 
 @command(queue_app, "resume")
 def resume_queue(target: Target) -> None:
-    """Resume a halted queue with its next job."""
+    """Resume a halted queue; the next job starts."""
     handle = target.rig()
     _queue(target, handle, handle.queue("resume"))
 
@@ -171,7 +173,7 @@ def move_queued(
         Any, Argument(metavar="PLACE", parser=integer, help="its new position; 1 is the next")
     ],
 ) -> None:
-    """Move a waiting job to another place in the queue."""
+    """Move a waiting job to another position in the queue."""
     handle = target.rig()
     _queue(target, handle, handle.move(job, place))
 
@@ -205,7 +207,7 @@ def _show_queue(handle: "RigHandle", rig: "Rig", console: "Console") -> None:
 
 
 def claimed(claim: "Claim | None") -> str:
-    """Return, as text, who has claimed a rig, for how long, and for what purpose."""
+    """Return, as text, the holder, the remaining time and the purpose of a claim on a rig."""
     if claim is None:
         return "the rig is not claimed"
     more = f": {claim.note}" if claim.note else ""
@@ -223,9 +225,10 @@ def take_claim(
     ] = 600.0,
     note: Annotated[str, Option("--note", help="its purpose, shown to others")] = "",
 ) -> None:
-    """Claim a rig, or renew the claim: others cannot start anything there, but anyone may stop it.
+    """Claim a rig, or renew the claim: other clients cannot start anything there, but anyone may
+    stop it.
 
-    It prints the variables for your shell: eval "$(pincette claim take)"
+    The command prints the variables for your shell: eval "$(pincette claim take)"
     """
     secret = os.environ.get(CLAIM) or secrets.token_urlsafe(24)
     os.environ[CLAIM] = secret
@@ -245,7 +248,7 @@ def give_back(
         ),
     ] = False,
 ) -> None:
-    """End the claim of this shell, which PINCETTE_CLAIM contains."""
+    """End the claim of this shell; PINCETTE_CLAIM contains its secret."""
     rig = target.rig()
     if not force:
         now = rig.give_back().claim

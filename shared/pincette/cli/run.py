@@ -46,7 +46,8 @@ OPTIONS = (
     Option("--delay-ms", "ms", "", hidden=True),
     Option("--delay-seed", "N", "", hidden=True),
 )
-"""Options of the command. ``--exit-with-parent`` is for a parent program, ``--delay-…`` for tests.
+"""Options of the command. ``--exit-with-parent`` is used by a parent program, ``--delay-…`` by
+tests.
 """
 
 
@@ -56,7 +57,7 @@ def name_help() -> str:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run a program until it is ended by a signal; returns the exit status."""
+    """Run a program until a signal ends it; returns the exit status."""
     from pincette.engine.process import Options, run_program
 
     prepare_streams()

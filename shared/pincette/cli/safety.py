@@ -17,22 +17,23 @@ if TYPE_CHECKING:
 
 
 RAMP_S, LOOK_S = 3.0, 0.05
-"""Time that a reset waits for an arm on its way to the safe voltage, and interval of the checks, in
-s."""
+"""Time limit for the arm to reach the safe voltage before a reset, and the interval of the checks,
+in s.
+"""
 
 app = group()
 
 
 @command(app, "reset")
 def reset(target: Target) -> None:
-    """Acknowledge the cause and clear the latch."""
+    """Acknowledge the cause of the latch, and clear the latch."""
     rig = target.rig()
     answer, cause = cleared(rig)
     target.answer(answer, f"rig {rig.name}: reset; the cause was: {cause}")
 
 
 def cleared(rig: "RigHandle") -> "tuple[Stopped, str]":
-    """Clear the latch of a rig once its arm has come to rest; return the reply and the cause."""
+    """Clear the latch of a rig after its arm has come to rest; return the reply and the cause."""
     deadline = monotonic() + RAMP_S
     state = rig.state()
     while state.latch.state == "ramping" and monotonic() < deadline:
@@ -104,7 +105,9 @@ def _show_alarms(found: "AlarmList") -> None:
 
 
 def state(one: "Alarm") -> str:
-    """Return what an open alarm still needs: an acknowledgement, or the end of its cause."""
+    """Return what must still happen before an open alarm closes: an acknowledgement, or the end of
+    its cause.
+    """
     seen = f"seen by {one.acknowledged_by}" if one.acknowledged_at else "not acknowledged"
     ends = ENDS[one.clears] if one.cleared_at is None else ""
     return f"{seen}, {ends}" if ends else seen

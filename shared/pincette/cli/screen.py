@@ -9,11 +9,11 @@ from rich.table import Table
 from rich.text import Text
 
 UNLIMITED = 10_000
-"""Width of an output that is no terminal, in characters."""
+"""Width of an output that is not a terminal, in characters."""
 
 
 def broken_between_words(text: Text, console: Console, width: int) -> Text:
-    """Return a text with line breaks at full lines; a word longer than a line stays whole."""
+    """Return a text broken into lines between words; a word longer than a line is not broken."""
     text.overflow = "ignore"
     return Text("\n").join(text.wrap(console, width))
 
@@ -26,7 +26,7 @@ class Screen(Console):
         super().__init__(highlight=False, file=file, width=None if file.isatty() else UNLIMITED)
 
     def print(self, *objects: Any, **settings: Any) -> None:
-        """Print as Rich does, but keep words whole that are longer than a line."""
+        """Print as Rich does, but do not break words that are longer than a line."""
         shown: list[Any] = []
         for one in objects:
             text = (
@@ -39,10 +39,12 @@ class Screen(Console):
 
 
 class Rows(Table):
-    """Table without frame; prints each row as lines if the terminal is too narrow."""
+    """Table without a frame. If the terminal is too narrow, each row is printed as several
+    lines.
+    """
 
     def __init__(self, names: Sequence[str], right: Collection[str]) -> None:
-        """Create a table; ``right`` names the columns that are flush right."""
+        """Create a table; ``right`` names the right-aligned columns."""
         super().__init__(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
         self._names, self._cells = tuple(names), list[tuple[str, ...]]()
         for name in names:
@@ -54,7 +56,7 @@ class Rows(Table):
         super().add_row(*cells)
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """Render the table, or a line for each cell that is not empty."""
+        """Render the table, or one line for each cell that is not empty."""
         if self.__rich_measure__(console, options).minimum <= options.max_width:
             yield from super().__rich_console__(console, options)
             return

@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 
 IN_DATA = "pki"
-"""Folder of certificates below ``--data``, for ``up --secure``."""
+"""Folder of the certificates of ``up --secure``, relative to ``--data``."""
 
 
 def _composed_program(text: str) -> str:
-    """Return a program that composes services of the loop, by its usual name."""
+    """Return the usual name of a program that runs several services of the loop."""
     try:
         return canonical_name(text)
     except ValueError as error:
@@ -74,7 +74,7 @@ app.add_typer(security_app)
 
 
 def _guarded(function: Function) -> Function:
-    """Return the function with SecurityError turned into an error of the command."""
+    """Return the function with SecurityError turned into a command error."""
 
     @wraps(function)
     def call(*args: Any, **given: Any) -> int | None:
@@ -102,7 +102,7 @@ def init(
     composed: Composed = None,
     days: Days = DAYS,
 ) -> None:
-    """Make an authority, and certificates of a rig's programs, a viewer and an operator."""
+    """Create an authority, and certificates for a rig's programs, a viewer and an operator."""
     folder, names, together = Folder(path), rigs or [], composed or []
     if not names:
         rig = opened(chosen(None)).rig
@@ -124,7 +124,9 @@ def add(
     composed: Composed = None,
     days: Days = DAYS,
 ) -> None:
-    """Make certificates of another rig's programs, or of one that composes several of a rig's."""
+    """Create certificates for another rig's programs, or for one program that runs several services
+    of a rig.
+    """
     made = enrol(Folder(path), name, hosts or [], _now(), days, composed or [])
     _print("made", made, "restart the router, which then accepts them")
 
@@ -132,7 +134,7 @@ def add(
 @command(security_app, "upstream")
 @_guarded
 def upstream(path: Place, hosts: Hosts = None, days: Days = DAYS) -> None:
-    """Make a certificate of a laboratory server's router, which the rig's router connects to."""
+    """Create a certificate for a laboratory server's router, to which the rig's router connects."""
     made = enrol_upstream(Folder(path), hosts or [], _now(), days)
     _print(
         "made",
@@ -151,7 +153,7 @@ def issue(
     ],
     days: Days = DAYS,
 ) -> None:
-    """Make a certificate of another person or tool."""
+    """Create a certificate for another person or tool."""
     who = person(name, role)
     Folder(path).issue(who, (), _now(), days)
     _print("made", (who,), _restarts(who))
@@ -205,7 +207,7 @@ def revoke(
 
 
 def _start_empty_list(folder: Folder) -> None:
-    """Write an empty list of revoked certificates, unless there is a valid one."""
+    """Write an empty revocation list, unless a valid one exists."""
     folder.authority()
     with suppress(SecurityError):
         raise CliError(
@@ -222,12 +224,12 @@ def _start_empty_list(folder: Folder) -> None:
 @command(security_app, "show")
 @_guarded
 def show(path: Place, form: Json) -> int:
-    """Show every certificate with its end and its hosts."""
+    """Show every certificate with its expiry and its hosts."""
     return show_certificates(Folder(path), _now(), as_json=form.json)
 
 
 def _restarts(who: Identity) -> str:
-    """Return what must be restarted before a change in the list of people takes effect."""
+    """Return what must be restarted before a change of the list of people takes effect."""
     also = " and, while its rig is idle, each actuator" if who.role == OPERATOR else ""
     return f"restart the router{also}: programs read their access lists at the start"
 
@@ -253,7 +255,7 @@ def show_certificates(folder: Folder, now: datetime, *, as_json: bool = False) -
 
 
 def _tree(facts: Facts, now: datetime) -> dict[str, Any]:
-    """Return one certificate as plain data."""
+    """Return one certificate as a dictionary."""
     return {
         "name": facts.identity.name,
         "role": facts.identity.role,
@@ -284,7 +286,7 @@ def temporary_certificates(rig: "RigFile") -> Generator[Path]:
 def made_certificates(rig: "RigFile", data: Path) -> Path:
     """Return the folder of certificates beside the records.
 
-    Create it, and add a rig, if missing.
+    Create the folder, and add a rig to it, if they do not exist.
     """
     folder, now = Folder(data / IN_DATA), datetime.now(UTC)
     hosts = tuple(dict.fromkeys((rig.bus.host, rig.supervisor.host, *rig.supervisor.names)))

@@ -1,4 +1,6 @@
-"""``pincette series``: run many jobs by one plan, follow them, and save table and report."""
+"""``pincette series``: runs many jobs of one plan, follows them, and saves their table and
+report.
+"""
 
 import json
 import os
@@ -37,9 +39,9 @@ if TYPE_CHECKING:
     from pincette.client import SeriesHandle
 
 CSV_FILE = "csv_file"
-"""Member of a plan file that names the file of the member ``csv``."""
+"""Member of a plan file that names a file; its content becomes the member ``csv``."""
 LOOK_S = 0.5
-"""Interval of requests while a series is followed, in s."""
+"""Interval between requests while a series is followed, in s."""
 COLOURS = {**STATE_COLOURS, "completed": "green", "stopped": "red"}
 ACTIONS: Mapping[SeriesActionType, str] = {
     "pause": "start no further job of a series; the running one goes on",
@@ -54,7 +56,7 @@ app.add_typer(series_app)
 
 
 def read_plan(path: Path) -> dict[str, Any]:
-    """Return the request in a plan file; raises CliError."""
+    """Read the request from a plan file; raises CliError."""
     try:
         plan = tomllib.loads(path.read_text(encoding="utf-8"))
         if (name := plan.pop(CSV_FILE, None)) is not None:
@@ -96,7 +98,7 @@ def run(
 
 
 def _followed(target: Target, series: "SeriesHandle") -> int:
-    """Print a line for each job that ends; the exit status shows whether all succeeded."""
+    """Print a line for each job that ends; the exit status shows whether all have succeeded."""
     console = screen(machine=target.json)
     console.print(f"series {series.id}: {series.series.total} jobs", markup=False)
     told = set[str]()
@@ -140,7 +142,7 @@ def _has_ended(one: "SeriesJob") -> bool:
 
 
 def _differing(series: "Series | SeriesPlan", one: "SeriesJob") -> str:
-    """Return the members in which the jobs of a series differ, for one of them."""
+    """Return one job's values of the members in which the jobs of a series differ."""
     first = series.jobs[0].request
     names = [
         name

@@ -1,4 +1,4 @@
-"""``pincette rig``: events on a simulated rig."""
+"""``pincette rig``: causes events on a simulated rig."""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -29,7 +29,7 @@ A rig takes these commands if its file says `scripts = true` in [simulation].
 """
 
 NEGATIVES = {"ignore_unknown_options": True}
-"""Settings of commands that accept a negative value, which begins like an option."""
+"""Command-line settings for commands that accept a negative value, which begins like an option."""
 
 
 def send(rig: "RigFile", wanted: "SimCommand", words: list[str]) -> None:
@@ -57,7 +57,7 @@ def send(rig: "RigFile", wanted: "SimCommand", words: list[str]) -> None:
 
 
 def read(words: list[str], after_s: float, for_s: float | None) -> "SimCommand":
-    """Return the command of some words; a target with only one operation needs no name for it."""
+    """Parse the words of a command. If a target has only one operation, its name may be omitted."""
     from pincette.config.script import OPERATIONS, objection
     from pincette.core.messages import SimCommand
 
@@ -84,7 +84,7 @@ def _value(text: str) -> float:
 
 
 def operation_rows() -> list[tuple[str, str, str, str]]:
-    """Return target, operation, value and meaning of all operations."""
+    """Return target, operation, value and description of all operations."""
     from pincette.config.script import OPERATIONS
 
     return [
@@ -95,7 +95,7 @@ def operation_rows() -> list[tuple[str, str, str, str]]:
 
 
 def value_text(operation: "Operation") -> str:
-    """Return the kind of value of an operation and its bounds; empty if it takes none."""
+    """Return type and bounds of the value of an operation; empty if it has no value."""
     if not operation.valued:
         return ""
     kept = "" if operation.default is None else f"; {operation.default:g} if not given"

@@ -1,4 +1,4 @@
-"""Commands of Typer, groups of options that they share, and their output."""
+"""Typer commands, groups of options that they share, and their output."""
 
 import inspect
 import json
@@ -27,18 +27,18 @@ if TYPE_CHECKING:
     from pincette.cli.screen import Rows
 
 PATIENCE_S = 1.0
-"""Time after which a command prints what it is waiting for, in s."""
+"""Time after which a command prints for what it is waiting, in s."""
 LAST_OUTPUT_S = 1.0
-"""Longest wait for remaining output when a command that keeps a rig running ends, in s."""
+"""Longest wait, in s, for remaining output at the end of a command that keeps a rig running."""
 LABEL_WIDTH = 19
-"""Least width of the names of figures, in characters."""
+"""Smallest width of the labels of values, in characters."""
 BELOW: Mapping[str, Any] = {
     "initial_indent": "  ",
     "subsequent_indent": "  ",
     "break_long_words": False,
     "break_on_hyphens": False,
 }
-"""Form of a value below its label."""
+"""Format of a value printed below its label."""
 STATE_COLOURS: Mapping[str, str] = {
     "succeeded": "green",
     "running": "cyan",
@@ -53,10 +53,11 @@ STATE_COLOURS: Mapping[str, str] = {
 
 
 def screen(*, machine: bool = False) -> "Console":
-    """Return the console for text: standard output, or standard error if JSON goes to the former.
+    """Return the console for text: standard output, or standard error if JSON goes to standard
+    output.
 
     Lines are broken between words, and only in a terminal. A word that is longer than a line, such
-    as a path, stays whole, so that it can be copied.
+    as a path, is not broken, so that it can be copied.
     """
     # Rich is loaded only for printing; a help text does not need it.
     from pincette.cli.screen import Screen
@@ -65,7 +66,7 @@ def screen(*, machine: bool = False) -> "Console":
 
 
 def fitted(text: str, stream: TextIO) -> str:
-    """Return a text whose lines are broken between words if the terminal is too narrow."""
+    """Return a text broken into lines between words if the terminal is too narrow."""
     if not stream.isatty():
         return text
     width = shutil.get_terminal_size().columns
@@ -85,14 +86,15 @@ def fitted(text: str, stream: TextIO) -> str:
 
 @contextmanager
 def lasting_screen(*, machine: bool = False) -> "Generator[Console]":
-    """Return the console of a command that keeps a rig up: output must neither fail nor block.
+    """Return the console of a command that keeps a rig running: its output must neither fail nor
+    block.
 
     Raises
     ------
     CliError
-        At the end, where lines could not be written.
+        At the end, if lines could not be written.
     Exit
-        At the end, where the reader of the output has paused: an error message could block too.
+        At the end, if the reader of the output has paused: an error message could also block.
     """
     from pincette.cli.screen import Screen
 
@@ -111,7 +113,7 @@ def lasting_screen(*, machine: bool = False) -> "Generator[Console]":
 
 @contextmanager
 def patience(what: str) -> Generator[None]:
-    """Print on standard error what is waited for, from second two on.
+    """Print on standard error what the command waits for, after two seconds.
 
     On a terminal the line counts the seconds and disappears; elsewhere it is printed once.
     """
@@ -141,13 +143,13 @@ def patience(what: str) -> Generator[None]:
 
 
 def emit(value: Any) -> None:
-    """Print one JSON document in one line."""
+    """Print a JSON document on one line."""
     sys.stdout.write(json.dumps(tree(value), ensure_ascii=False) + "\n")
     sys.stdout.flush()
 
 
 def tree(value: Any) -> Any:
-    """Return models as plain data."""
+    """Return models as dictionaries and lists."""
     if hasattr(value, "model_dump"):
         return value.model_dump(mode="json")
     if isinstance(value, list | tuple):
@@ -158,7 +160,9 @@ def tree(value: Any) -> Any:
 def table(
     *names: str, rows: Iterable[Sequence[str]] = (), right: Collection[str] | None = None
 ) -> "Rows":
-    """Return a table without frame; all columns but the first are flush right if none are named."""
+    """Return a table without a frame; if ``right`` names no columns, all but the first are
+    right-aligned.
+    """
     from pincette.cli.screen import Rows
 
     made = Rows(names, names[1:] if right is None else right)
@@ -168,7 +172,7 @@ def table(
 
 
 def figures(lines: Sequence[tuple[str, str]], console: "Console") -> None:
-    """Print labels with their values; if a line is too narrow, the value is below its label."""
+    """Print labels and values; if a line is too narrow, the value is printed below its label."""
     width = max([LABEL_WIDTH, *(len(label) for label, _ in lines)])
     for label, text in lines:
         line = f"{label:<{width}} {text}"
@@ -178,7 +182,7 @@ def figures(lines: Sequence[tuple[str, str]], console: "Console") -> None:
 
 
 def clock(stamp: str | None) -> str:
-    """Return a time stamp in local time with its offset from UTC."""
+    """Return a timestamp in local time, with its offset from UTC."""
     if not stamp:
         return ""
     return datetime.fromisoformat(stamp).astimezone().isoformat(sep=" ", timespec="seconds")
@@ -189,23 +193,23 @@ F = TypeVar("F", bound=Function)
 
 
 class Options:
-    """Base of groups of options: a dataclass whose fields are annotated as options of Typer."""
+    """Base class of groups of options: a dataclass whose fields are annotated as Typer options."""
 
     __slots__ = ()
 
     def guarded(self) -> AbstractContextManager[None]:
-        """Return the context in which a command with this group runs."""
+        """Return the context in which a command with this option group runs."""
         return nullcontext()
 
 
 @dataclass(frozen=True, slots=True)
 class Json(Options):
-    """Option of commands that can print JSON."""
+    """Option for output as JSON."""
 
     json: Annotated[bool, typer.Option("--json", help="answer in JSON on standard output")] = False
 
     def answer(self, value: Any, show: "str | Rows | Callable[[], object]", none: str = "") -> None:
-        """Print a value as JSON, or show it to a person.
+        """Print a value as JSON, or call ``show`` to print it as text.
 
         ``none`` is the text for an empty value.
         """
@@ -223,18 +227,18 @@ class Json(Options):
 
 @dataclass(frozen=True, slots=True)
 class RigOption(Options):
-    """Option of commands that read a rig file."""
+    """Option for a rig file."""
 
     rig: Annotated[Path | None, typer.Option("--rig", metavar="FILE", help="rig file")] = None
 
     @property
     def path(self) -> Path:
-        """Return the named rig file, else that of the environment or the demo's."""
+        """Return the path of the named rig file, else that of the environment or the demo."""
         return chosen(self.rig)
 
 
 class _WithWholeHelp:
-    """Command whose whole help is shown and wrapped in a list of commands."""
+    """Command whose complete help text is shown and wrapped in a list of commands."""
 
     help: str | None
 
@@ -243,14 +247,14 @@ class _WithWholeHelp:
 
 
 class Command(_WithWholeHelp, TyperCommand):
-    """Command of Typer."""
+    """Typer command with a complete help text."""
 
 
 class Group(_WithWholeHelp, TyperGroup):
-    """Group of commands below a word; the word without a command shows its help."""
+    """Group of commands. The group's name without a command shows the help text."""
 
     def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
-        """Show the help on standard error if nothing is given."""
+        """Show the help text on standard error if there are no arguments."""
         if not args and not ctx.resilient_parsing:
             typer.echo(ctx.get_help(), err=True)
             raise typer.Exit(Exit.USAGE)
@@ -260,7 +264,9 @@ class Group(_WithWholeHelp, TyperGroup):
 def command(
     app: typer.Typer, name: str, more: Sequence[inspect.Parameter] = (), **settings: Any
 ) -> Callable[[F], F]:
-    """Add a function to an application; a parameter that is a group becomes its options."""
+    """Add a function as a command; a parameter that is an option group is expanded into its
+    options.
+    """
 
     def add(function: F) -> F:
         app.command(name, cls=Command, **settings)(expanded(function, more))
@@ -270,7 +276,7 @@ def command(
 
 
 def group(name: str = "", about: str = "", kind: type[Group] = Group) -> typer.Typer:
-    """Return an application with commands below it."""
+    """Return an application to which commands can be added."""
     return typer.Typer(
         name=name or None,
         help=about or None,
@@ -281,9 +287,9 @@ def group(name: str = "", about: str = "", kind: type[Group] = Group) -> typer.T
 
 
 def expanded(function: Function, more: Sequence[inspect.Parameter] = ()) -> Function:
-    """Return the function with each parameter that is a group replaced by the group's fields.
+    """Return the function with each option-group parameter replaced by the fields of the group.
 
-    ``more`` are parameters that the function accepts only as keywords.
+    ``more`` are additional keyword-only parameters.
     """
     hints = get_type_hints(function, include_extras=True)
     groups: dict[str, type[Any]] = {}
@@ -318,7 +324,7 @@ def named(name: str, annotation: Any, default: Any = None) -> inspect.Parameter:
 
 
 def with_parameters(function: Function, parameters: Sequence[inspect.Parameter]) -> Function:
-    """Return the function with another signature, from which Typer makes its options."""
+    """Return the function with another signature, from which Typer creates its options."""
     function.__dict__["__signature__"] = inspect.Signature(parameters)
     function.__annotations__ = {one.name: one.annotation for one in parameters}
     return function

@@ -1,4 +1,4 @@
-"""``pincette up``: the programs of a rig on this machine."""
+"""``pincette up``: runs the programs of a rig on this machine."""
 
 import signal
 import subprocess
@@ -43,21 +43,27 @@ NewArm = Annotated[
 ]
 WATCH_S = 0.3
 FIRST_NEWS_S, NEWS_S = 10.0, 5.0
-"""Least time in s until the first line about a restarted program that does not serve, and between
-two lines."""
+"""Time in s until the first line about a restarted program that is not yet ready, and between
+further lines.
+"""
 MEASURE_S = "3"
-"""Duration of a measurement in s. Starting the programs that measure takes the rest of 5 s."""
+"""Duration of a measurement in s. Together with the start of the measuring programs it takes 5
+s.
+"""
 ENDINGS = (signal.SIGINT, signal.SIGTERM)
 IGNORED = (signal.SIGHUP, signal.SIGTTOU)
-"""Signals of a lost terminal and of output from the background. The rig ignores them, since its end
-would release a held part."""
+"""Signals that are ignored: loss of the terminal, and output while in the background. Ending the
+rig for them would release a held part.
+"""
 
 
 app = group()
 
 
 def _end(_number: int, _frame: FrameType | None) -> None:
-    """Raise the exception that ends the command, once; an end in progress is not disturbed."""
+    """Raise the exception that ends the command, but only once, so that it does not interrupt the
+    shutdown.
+    """
     for number in ENDINGS:
         signal.signal(number, signal.SIG_IGN)
     raise KeyboardInterrupt
@@ -73,7 +79,7 @@ def running(
     server: bool = False,
     log_format: "Form | None" = None,
 ) -> "Generator[Fleet]":
-    """Keep a rig up within the block, and shut it down afterwards in any case."""
+    """Keep a rig running within the block, and shut it down afterwards in any case."""
     from pincette.engine.fleet import Fleet, FleetError
     from pincette.engine.realtime.gc_tuning import return_free_memory
 
@@ -103,7 +109,7 @@ def running(
 
 
 def _print_status(console: "Console", member: "Child", colour: str, line: str) -> None:
-    """Print one line of status; in a terminal it replaces the previous one."""
+    """Print a status line; in a terminal it replaces the previous one."""
     from rich.text import Text
 
     text = Text.assemble(
@@ -120,7 +126,7 @@ def _print(console: "Console", text: "str | Text") -> None:
 
 
 def forget_arm(rig: "RigFile", data: Path) -> None:
-    """Delete the saved state of the simulated arm, so that the next start simulates a new one."""
+    """Delete the saved state of the simulated arm, so that the next start begins with a new arm."""
     try:
         rig.simulated_arm(data).unlink(missing_ok=True)
     except OSError as error:
@@ -154,7 +160,7 @@ def up(
         Option("--measure", help="measure the timing of this machine first, in 5 s; see `latency`"),
     ] = False,
 ) -> None:
-    """Start all programs, one line each; report programs that end; end all on Ctrl-C."""
+    """Start all programs, with one line for each; report programs that end; end all on Ctrl-C."""
     path = rig.path
     file = opened(path)
     if new_arm:
@@ -186,8 +192,7 @@ def up(
 def _watch(rig: "RigFile", fleet: "Fleet", console: "Console") -> None:
     """Restart programs and rotate log files until a signal ends the rig.
 
-    An error in this work is shown and ends nothing, since the end of the rig would release a held
-    part.
+    An error during this is printed and does not end the rig, since that would release a held part.
     """
     from rich.text import Text
 
@@ -218,19 +223,21 @@ def _watch(rig: "RigFile", fleet: "Fleet", console: "Console") -> None:
 
 
 class Restarts:
-    """Restarted programs of a rig: shows when they serve, or their log while they do not."""
+    """Restarted programs of a rig: reports when they are ready, and prints from their logs until
+    then.
+    """
 
     def __init__(self, fleet: "Fleet", clock: Callable[[], float] = monotonic) -> None:
         self._fleet, self._clock = fleet, clock
         self._serving = {name: one.process.pid for name, one in fleet.members.items()}
-        """Process id of each program whose line has been shown."""
+        """Process id of each program that has been reported as ready."""
         self._next_s: dict[int, float] = {}
-        """Earliest time of the next line about each process that does not serve yet, in s."""
+        """Earliest time of the next line about each process that is not ready yet, in s."""
         self._shown: dict[int, str] = {}
-        """Newest line that was shown about each of these processes."""
+        """Last printed log line of each of these processes."""
 
     def show(self, say: Callable[["Child", str, str], None]) -> None:
-        """Call ``say`` with a program, a colour and a line for every change."""
+        """Call ``say`` with program, colour and line for every change."""
         now_s = self._clock()
         for name, member in self._fleet.members.items():
             pid = member.process.pid
@@ -247,7 +254,7 @@ class Restarts:
 
 
 def machine_words(rig: "RigFile", data: Path) -> list[str]:
-    """Return what this machine supports and what to change, or how to measure that."""
+    """Return what this machine supports and what to change, or how to measure it."""
     from pincette.engine.measuring.kept import changes_of, how, kept, words
 
     known = kept(data)

@@ -36,11 +36,11 @@ if TYPE_CHECKING:
 PASSING = ("progress", "dropped")
 ALARMING = ("alarm",)
 MAIN = {"action": "type", "alarm": "cause", "result": "outcome"}
-"""Member with the main content of an event, where its name differs from the kind."""
+"""Name of the main member of an event, for kinds in which it differs from the kind."""
 POLL_S = 0.2
 BAR_WIDTH = 24
 WITH_BAR = 74
-"""Terminal width in characters from which the numbers leave room for the bar."""
+"""Smallest terminal width, in characters, at which numbers and bar fit into a line."""
 
 app = group()
 
@@ -82,9 +82,9 @@ def watch(
 
 
 def _of_rigs(target: Target, after: int | None) -> "tuple[str, Iterator[Event]]":
-    """Return the present state of the rigs, since idle ones send nothing, and later events.
+    """Return the present state of the rigs, followed by later events; idle rigs send none.
 
-    The rigs are the named one, or all; a supervisor must answer first.
+    Without a name, all rigs are included. The supervisor must reply first.
     """
     supervisor = target.supervisor()
     if target.rig_name is None:
@@ -112,7 +112,7 @@ def line(event: "Event") -> "Text":
 
 
 def words(kind: str, body: dict[str, Any]) -> str:
-    """Return the words of an event: its main word first, then the other non-empty members."""
+    """Return the text of an event: its main member first, then the other non-empty members."""
     main = MAIN.get(kind, kind)
     if kind == "alarm" and "alarm" in body:
         return alarm_words(body)
@@ -126,7 +126,7 @@ def words(kind: str, body: dict[str, Any]) -> str:
 
 
 def alarm_words(body: dict[str, Any]) -> str:
-    """Return the state of an alarm, in the words of the alarm log."""
+    """Return the state of an alarm, in the terms of the alarm log."""
     about: dict[str, Any] = body["alarm"]
     by = f" by {body['by']}" if body.get("by") and body["did"] == "acknowledged" else ""
     came = f", {about['count']} times" if about.get("count", 1) > 1 else ""
@@ -159,7 +159,7 @@ def followed(job: "JobHandle", *, machine: bool, everything: bool = False) -> in
 
 
 def follow_recorded(job: "JobHandle", console: "Console") -> "Job":
-    """Show a job's progress until it has ended and its record is written."""
+    """Show the progress of a job until it has ended and its record is written."""
     follow(job, console)
     if job.job.artifacts == "being_written":
         with patience("the motion has ended; its record is being written"):
@@ -168,7 +168,7 @@ def follow_recorded(job: "JobHandle", console: "Console") -> "Job":
 
 
 def status_of(job: "Job") -> Exit:
-    """Return the exit status for a job that was followed."""
+    """Return the exit status for the result of a followed job."""
     if job.state != "succeeded":
         return Exit.FAILED
     goal = (job.result or {}).get("goal")
@@ -176,9 +176,10 @@ def status_of(job: "Job") -> Exit:
 
 
 def follow(job: "JobHandle", console: "Console") -> "Job":
-    """Show a job's progress until it has ended, and return its final state.
+    """Show the progress of a job until it has ended, and return its final state.
 
-    If the job waits for a person, a terminal asks for the return key and then continues.
+    If the job waits for a person and there is a terminal, ask for the return key, then continue the
+    job.
     """
     show = _Bar(console) if console.is_terminal else _Lines(console)
     asked = ""
@@ -198,7 +199,7 @@ def follow(job: "JobHandle", console: "Console") -> "Job":
 
 
 class _Bar(AbstractContextManager[None]):
-    """Progress in one line that is redrawn."""
+    """Progress as one line that is redrawn."""
 
     def __init__(self, console: "Console") -> None:
         from rich.progress import BarColumn, TextColumn
@@ -226,7 +227,7 @@ class _Bar(AbstractContextManager[None]):
         elapsed_s = 0.0 if live is None else live.elapsed_s
         planned_s = None if live is None else live.planned_s
         if job.state == "succeeded":
-            # If contact comes sooner than planned, the motion is shorter.
+            # The motion is shorter if contact occurs earlier than planned.
             planned_s = elapsed_s
         self._progress.update(
             self._bar,
@@ -239,7 +240,7 @@ class _Bar(AbstractContextManager[None]):
         )
 
     def ask(self, name: str, instruction: str) -> bool:
-        """Ask for the return key; returns False if there is no terminal to press it at."""
+        """Ask for the return key; returns False if there is no terminal."""
         if not sys.stdin.isatty():
             self._progress.console.print(_order(name, instruction), markup=False)
             return False
@@ -250,7 +251,7 @@ class _Bar(AbstractContextManager[None]):
 
 
 class _Lines(AbstractContextManager[None]):
-    """Progress in a line for each phase, for a file or a pipe."""
+    """Progress with one line per phase, for a file or a pipe."""
 
     def __init__(self, console: "Console") -> None:
         self._console = console
@@ -286,7 +287,7 @@ def phase_of(job: "Job", live: "Progress | None") -> str:
 
 
 def newest(live: "Progress | None") -> str:
-    """Return newest position and force, of constant width."""
+    """Return the newest position and force, with constant width."""
     if live is None or live.x_um is None:
         return ""
     force = " " * 9 if live.force_mN is None else f"{live.force_mN:6.2f} mN"
@@ -294,7 +295,7 @@ def newest(live: "Progress | None") -> str:
 
 
 def share(elapsed_s: float, planned_s: float | None) -> str:
-    """Return the elapsed share of the planned time, as text."""
+    """Return the elapsed fraction of the planned time, as text."""
     return f"{min(1.0, elapsed_s / planned_s):.0%}" if planned_s else ""
 
 

@@ -4,10 +4,10 @@
         job = supervisor.rig().start("grip", force_mN=15.0)
         print(job.wait().state, job.result())
 
-Units are in the names: µm, mN, V, s. A refusal raises ``ProblemError``, whose text names the value,
-its unit, the limit and the remedy, or one of the classes below it, by its code. ``NoAnswerError``
-means that no reply has come; its ``delivered`` states whether the request may have been accepted
-nevertheless.
+Units are in the names: µm, mN, V, s. A refusal raises ``ProblemError`` or one of its subclasses, by
+the problem code; its text names the value, its unit, the limit and the remedy. ``NoAnswerError``
+means that no reply has arrived; its ``delivered`` states whether the request may nevertheless have
+been accepted.
 """
 
 from pincette.client.blocking import JobHandle, RigHandle, SeriesHandle, Supervisor

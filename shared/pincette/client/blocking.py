@@ -1,4 +1,4 @@
-"""The blocking client: the methods of the asynchronous one, run to their end by the caller.
+"""The blocking client: the methods of the asynchronous client, executed in the caller's thread.
 
 Over a ``BlockingConnection`` a coroutine of the client never suspends. One ``send(None)`` runs it
 to its end in the caller's thread, without an event loop or a second thread. It therefore works in a
@@ -59,7 +59,7 @@ def _items(stream: AsyncGenerator[R]) -> Iterator[R]:
 
 
 class Blocking(Generic[A]):
-    """An object of the asynchronous client whose methods block."""
+    """Blocking form of an object of the asynchronous client."""
 
     def __init__(self, asynchronous: A) -> None:
         self.asynchronous = asynchronous
@@ -80,7 +80,9 @@ def blocking(
     method: Callable[Concatenate[A, P], Coroutine[Any, Any, Any]],
     wrap: Callable[[Any], Any] | None = None,
 ) -> Callable[Concatenate[Blocking[A], P], Any]:
-    """Return the blocking form of a coroutine method; ``wrap`` makes handles blocking too."""
+    """Return the blocking form of a coroutine method; ``wrap`` also makes returned handles
+    blocking.
+    """
 
     @wraps(method)
     def call(self: Blocking[A], /, *args: P.args, **kwargs: P.kwargs) -> Any:
@@ -107,7 +109,7 @@ class JobHandle(Blocking[AsyncJobHandle]):
 
     @property
     def job(self) -> Job:
-        """Job in the newest reply of the supervisor."""
+        """State of the job in the newest reply of the supervisor."""
         return self.asynchronous.job
 
     @property
@@ -134,11 +136,13 @@ class JobHandle(Blocking[AsyncJobHandle]):
         return job_html(self.job, picture)
 
     def patient(self, patience_s: float) -> "JobHandle":
-        """Return the same job with another retry time, in s, while no supervisor replies."""
+        """Return a copy of this job that retries for this time, in s, when no supervisor
+        replies.
+        """
         return JobHandle(self.asynchronous.patient(patience_s))
 
     def result(self) -> JobResult | None:
-        """Return the result of the job; None if it has not moved."""
+        """Return the result of the job; None if the job has not moved the arm."""
         return self.asynchronous.result()
 
     refresh = blocking(AsyncJobHandle.refresh)
@@ -181,7 +185,7 @@ class SeriesHandle(Blocking[AsyncSeriesHandle]):
 
     @property
     def series(self) -> Series:
-        """Series in the newest reply of the supervisor."""
+        """State of the series in the newest reply of the supervisor."""
         return self.asynchronous.series
 
     @property
@@ -195,7 +199,9 @@ class SeriesHandle(Blocking[AsyncSeriesHandle]):
         return self.series.state
 
     def patient(self, patience_s: float) -> "SeriesHandle":
-        """Return the same series with another retry time, in s, while no supervisor replies."""
+        """Return a copy of this series that retries for this time, in s, when no supervisor
+        replies.
+        """
         return SeriesHandle(self.asynchronous.patient(patience_s))
 
     refresh = blocking(AsyncSeriesHandle.refresh)
@@ -223,7 +229,9 @@ class RigHandle(Blocking[AsyncRigHandle]):
         return rigs_html({self.name: self.status()})
 
     def patient(self, patience_s: float) -> "RigHandle":
-        """Return a copy of this rig that repeats calls for this time, in s, without a reply."""
+        """Return a copy of this rig that retries for this time, in s, when no supervisor
+        replies.
+        """
         return RigHandle(self.asynchronous.patient(patience_s))
 
     state = blocking(AsyncRigHandle.state)
@@ -283,7 +291,7 @@ class Supervisor(Blocking[AsyncSupervisor]):
 
     @property
     def transport(self) -> Transport:
-        """Transport that sends the calls; its clock and its sleep may be replaced."""
+        """Object that sends the calls; its clock and its sleep may be replaced."""
         return self.asynchronous.transport
 
     def _repr_html_(self) -> str:
@@ -303,13 +311,15 @@ class Supervisor(Blocking[AsyncSupervisor]):
         self.close()
 
     def patient(self, patience_s: float) -> "Supervisor":
-        """Return a copy of this client that repeats calls for this time, in s, without a reply."""
+        """Return a copy of this client that retries for this time, in s, when no supervisor
+        replies.
+        """
         other = Supervisor.__new__(Supervisor)
         other.asynchronous = self.asynchronous.patient(patience_s)
         return other
 
     def within(self, timeout_s: float) -> "Supervisor":
-        """Return the same supervisor with another time limit for each reply, in s."""
+        """Return a copy of this client with another time limit for each reply, in s."""
         other = Supervisor.__new__(Supervisor)
         other.asynchronous = self.asynchronous.within(timeout_s)
         return other

@@ -1,4 +1,4 @@
-"""One REST call as data: request, reader of its reply, and whether it may be repeated."""
+"""One REST call as data: the request, the parser of its reply, and whether it may be repeated."""
 
 import math
 import ssl
@@ -25,11 +25,11 @@ BASE = "/api/v1"
 PATIENCE_S = 120.0
 """Default time, in s, for which a repeatable call is repeated while no program replies.
 
-It is longer than the restart of a supervisor. Repeatable calls are those that only read, plans, a
-``start``, which has an Idempotency-Key, and everything that stops.
+It is longer than the restart of a supervisor. Repeatable calls are: all that only read, plans,
+``start`` (it has an Idempotency-Key), and all stops.
 """
 PLANNING_S = 170.0
-"""Additional time limit for the reply to a plan, in s: searches for gains take long."""
+"""Additional time limit for the reply to a plan, in s, since a search for gains takes long."""
 FIRST_DELAY_S, LONGEST_DELAY_S = 0.1, 2.0
 OPERATOR_MAX, KEY_MAX = 80, 200
 CLAIM_MIN, CLAIM_MAX = 16, 200
@@ -37,7 +37,7 @@ UNSENT = (httpx.ConnectError, httpx.ConnectTimeout, httpx.PoolTimeout)
 """Errors after which the supervisor cannot have received the request."""
 
 GATEWAY = (502, 503, 504)
-"""Statuses with which a proxy reports that it cannot reach, or has lost, the supervisor."""
+"""HTTP statuses with which a proxy reports that the supervisor is unreachable or was lost."""
 LOOK = "check this before you send it again"
 
 T = TypeVar("T")
@@ -46,7 +46,7 @@ M = TypeVar("M", bound=BaseModel)
 
 @dataclass(frozen=True, slots=True)
 class Call(Generic[T]):
-    """One request and the reader of its reply."""
+    """One request and the parser of its reply."""
 
     method: str
     path: str
@@ -55,11 +55,13 @@ class Call(Generic[T]):
     body: Any = None
     headers: Mapping[str, str] = field(default_factory=dict[str, str])
     repeatable: bool = False
-    """True if repeating the call has no further effect, for example after a lost reply."""
+    """True if a second call has no further effect, so that the call may be repeated after a lost
+    reply.
+    """
     kept_s: float = 0.0
     """Time for which the supervisor may delay its reply, in s."""
     look: str = LOOK
-    """Instruction, if no reply has arrived, how to see whether the request was accepted."""
+    """How to find out, if no reply has arrived, whether the request was accepted."""
 
     def details(self, timeout_s: float) -> dict[str, Any]:
         """Return the arguments for ``httpx.Client.request``."""
@@ -81,14 +83,14 @@ class Call(Generic[T]):
         return self.method != "GET" and "dry_run" not in self.query
 
     def answer(self, response: httpx.Response) -> T:
-        """Read a reply.
+        """Parse a reply.
 
         Raises
         ------
         ProblemError
             The supervisor refuses the request.
         ForeignAnswerError
-            The reply is not one of a supervisor of this version.
+            The reply is not that of a supervisor of this version.
         """
         if response.is_error:
             raise problem_of(response)
@@ -103,7 +105,9 @@ class Call(Generic[T]):
 
 
 class Attempts:
-    """Times at which a call without a reply is repeated, at growing intervals and not forever."""
+    """Schedule of repetitions of a call without a reply: at increasing intervals, up to a time
+    limit.
+    """
 
     def __init__(
         self,
@@ -114,7 +118,7 @@ class Attempts:
         clock: Callable[[], float],
         look: str | None = None,
     ) -> None:
-        """``look``: instruction how to see whether a call that changes something was accepted."""
+        """``look``: how to find out whether a call that changes something was accepted."""
         self._what, self._repeatable, self._look = what, repeatable, look
         self._patience_s, self._clock = patience_s, clock
         self._delivered = False
@@ -125,9 +129,11 @@ class Attempts:
         self._delay_s, self._first_s = FIRST_DELAY_S, None
 
     def delay_s(self, error: httpx.TransportError) -> float:
-        """Return the delay before the next attempt, in s; raises NoAnswerError if there is none."""
+        """Return the delay before the next attempt, in s; raises NoAnswerError when the time is
+        over.
+        """
         unsent = isinstance(error, (*UNSENT, httpx.UnsupportedProtocol))
-        # One delivered attempt is enough: the supervisor may have ended since.
+        # One delivered attempt is sufficient: the supervisor may have ended after it.
         self._delivered = self._delivered or (self._look is not None and not unsent)
         if isinstance(error, httpx.UnsupportedProtocol) or not (self._repeatable or unsent):
             raise self._no_answer(error) from error
@@ -167,14 +173,16 @@ def _is_mistrust(error: BaseException | None) -> bool:
 def identity_headers(
     operator: str | None, key: str | None, claim: str | None = None
 ) -> dict[str, str]:
-    """Return headers that identify the caller; raises ValueError if a value does not fit."""
+    """Return headers that identify the caller; raises ValueError if a value is not allowed in a
+    header.
+    """
     headers: dict[str, str] = {}
     if operator is not None:
         if not operator.isprintable() or not operator.strip() or len(operator) > OPERATOR_MAX:
             raise ValueError(
                 f"operator = {operator!r}: 1 to {OPERATOR_MAX} printable characters are required"
             )
-        # A header carries only ASCII; characters with a meaning there are encoded, too.
+        # A header can contain only ASCII; characters with a special meaning are also encoded.
         headers["X-Operator"] = quote(operator, safe=" ,;:!?()[]/@+*'&$=-_.~")
     if key is not None:
         if not _is_printable(key, KEY_MAX) or " " in key:
@@ -194,7 +202,7 @@ def identity_headers(
 
 
 def traced(traceparent: str | None) -> dict[str, str]:
-    """Return the header of a W3C trace context; empty without one."""
+    """Return the header for a W3C trace context; empty without one."""
     return {} if traceparent is None else {"traceparent": traceparent}
 
 
@@ -203,12 +211,12 @@ def _is_printable(text: str, most: int) -> bool:
 
 
 def model(kind: type[M]) -> Callable[[httpx.Response], M]:
-    """Return a function that reads a model from a reply; it ignores unknown fields."""
+    """Return a function that parses a model from a reply and ignores unknown fields."""
     return lambda response: kind.model_validate_json(response.content, extra="ignore")
 
 
 def get(path: str, kind: type[M], **query: str | float | None) -> Call[M]:
-    """Return a call that only reads; query members that are None are left out."""
+    """Return a call that only reads; query parameters that are None are omitted."""
     given = {name: value for name, value in query.items() if value is not None}
     return Call("GET", path, model(kind), given, repeatable=True)
 
@@ -219,7 +227,7 @@ def post(path: str, kind: type[M], body: Any = None, *, repeatable: bool = False
 
 
 def require_supervisor(response: httpx.Response) -> None:
-    """Raise GatewayError if a proxy has replied in place of the supervisor."""
+    """Raise GatewayError if a proxy has replied instead of the supervisor."""
     kind = response.headers.get("content-type", "").partition(";")[0]
     if response.status_code in GATEWAY and kind not in (MEDIA_TYPE, "application/json"):
         raise GatewayError(
@@ -244,12 +252,12 @@ def require_finite(tree: Any, path: tuple[str, ...] = ()) -> None:
 
 
 def content(response: httpx.Response) -> bytes:
-    """Return the content of a reply that is a file."""
+    """Return the body of a reply that is a file."""
     return response.content
 
 
 def _unreadable(error: ValueError) -> str:
-    """Return what is wrong with a reply, in words of pincette."""
+    """Return, as text, why a reply cannot be parsed."""
     if not isinstance(error, ValidationError):
         return str(error).partition("\n")[0]
     found = error.errors(include_url=False)[0]

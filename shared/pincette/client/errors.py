@@ -1,4 +1,4 @@
-"""Errors between a program and its supervisor, with texts that tell a person what to do."""
+"""Errors of requests to a supervisor, with texts that state what to do."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
@@ -11,7 +11,9 @@ from pincette.api.problems import TYPE
 
 
 class ClientError(Exception):
-    """An error that the caller must handle; its text states the remedy."""
+    """Base class of the client's errors, which the caller must handle; the text states the
+    remedy.
+    """
 
     code = "client-error"
     """Stable code of the error for programs; for a refusal, the code of its problem document."""
@@ -23,47 +25,47 @@ class ClientError(Exception):
 
     @property
     def codes(self) -> dict[str, Any]:
-        """Codes and numbers of the error as JSON values, for programs that pass it on."""
+        """Code and numbers of the error as JSON values, for programs that forward the error."""
         return {"code": self.code}
 
 
 class NoAnswerError(ClientError):
-    """No reply from the address, or the connection broke before the reply was complete."""
+    """Error if there was no reply, or the connection was lost before the reply was complete."""
 
     code = "no-answer"
 
     def __init__(self, words: str, *, delivered: bool = False, silent: bool = False) -> None:
         super().__init__(words)
         self.silent = silent
-        """True if a connection was made, but no reply came in time."""
+        """True if a connection was established, but no reply arrived in time."""
         self.delivered = delivered
-        """True if the request may have been accepted although no reply has come."""
+        """True if the request may have been accepted although no reply has arrived."""
 
 
 class GatewayError(httpx.TransportError):
-    """A program between client and supervisor has replied in place of the supervisor."""
+    """Error if a program between client and supervisor has replied instead of the supervisor."""
 
 
 class WhichRigError(ClientError):
-    """The request does not name a rig, and the supervisor serves several."""
+    """Error if the request does not name a rig and the supervisor serves several."""
 
     code = "which-rig"
 
 
 class ForeignAnswerError(ClientError):
-    """The reply is not one of a supervisor of this version."""
+    """Error if the reply is not that of a supervisor of this version."""
 
     code = "foreign-answer"
 
 
 class WaitTimeoutError(ClientError, TimeoutError):
-    """The job has not ended within the time limit; it continues."""
+    """Error if the job has not ended within the time limit; the job continues."""
 
     code = "wait-timeout"
 
 
 class InfeasiblePlanError(ClientError):
-    """A plan violates limits; no motion was requested."""
+    """Error if a plan violates limits; no motion was requested."""
 
     code = "limit-violation"
 
@@ -75,13 +77,13 @@ class InfeasiblePlanError(ClientError):
 
     @property
     def codes(self) -> dict[str, Any]:
-        """Code of the error, and each violation with quantity, value and limit."""
+        """Code of the error, and quantity, value and limit of each violation."""
         violations = [one.model_dump(mode="json") for one in self.violations]
         return {"code": self.code, "violations": violations}
 
 
 class JobEndedError(ClientError):
-    """A job has ended before it reached the state that the caller waits for."""
+    """Error if a job has ended before it reached the state for which the caller waits."""
 
     code = "job-failed"
 
@@ -96,7 +98,9 @@ class JobEndedError(ClientError):
         super().__init__(words)
         self.job = job
         self.force_mN = force_mN
-        """Force with which the part is held now, in mN; None if none is held, or it is unknown."""
+        """Force with which the part is now held, in mN; None if no part is held, or it is
+        unknown.
+        """
         self.asked_mN = asked_mN
         """Force that the job requested, in mN; None if it requested none."""
         if self.cancelled:
@@ -104,7 +108,7 @@ class JobEndedError(ClientError):
 
     @property
     def cancelled(self) -> bool:
-        """True if a caller stopped the job, as opposed to a fault, a lease or a guard."""
+        """True if a caller stopped the job; False if a fault, a lease or a guard did."""
         ending = self.job.ending
         return self.stopped and (ending is None or ending.code == "requested")
 
@@ -120,7 +124,9 @@ class JobEndedError(ClientError):
 
     @property
     def codes(self) -> dict[str, Any]:
-        """Code of the error, outcome of the job, and its ending with trip, faults and numbers."""
+        """Code of the error, outcome of the job, and reason for its end with trip, faults and
+        numbers.
+        """
         ending = self.job.ending
         return {
             "code": self.code,
@@ -134,36 +140,36 @@ class JobEndedError(ClientError):
 
 
 class JobWaitsError(JobEndedError):
-    """The motion has ended, and the job waits for a decision: see ``job.recovery``."""
+    """Error if the motion has ended and the job waits for a decision; see ``job.recovery``."""
 
     code = "awaiting-recovery"
 
 
 class ForceNotReachedError(JobEndedError):
-    """The force held differs from the requested one by more than its tolerance."""
+    """Error if the force held differs from the requested force by more than the tolerance."""
 
     code = "force-not-reached"
 
 
 class RigLatchedEndError(JobEndedError):
-    """The job has ended because the rig was latched, for example by an emergency stop."""
+    """Error if the job has ended because the rig was latched, for example by an emergency stop."""
 
     code = "rig-latched"
 
     @property
     def cancelled(self) -> bool:
-        """False: a person must look at the rig."""
+        """Always False: a person must inspect the rig."""
         return False
 
 
 class DamagedFileError(ClientError):
-    """The SHA-256 of a file of a record differs from the one that the supervisor states."""
+    """Error if the SHA-256 of a record's file differs from the one that the supervisor states."""
 
     code = "damaged-file"
 
 
 class ProblemError(ClientError):
-    """The supervisor has refused the request, with a problem document (RFC 9457)."""
+    """Error if the supervisor has refused the request with a problem document (RFC 9457)."""
 
     def __init__(self, status: int, problem: Mapping[str, Any], place: str = "") -> None:
         self.status = status
@@ -187,17 +193,17 @@ class ProblemError(ClientError):
 
     @property
     def reasons(self) -> Sequence[str]:
-        """Reasons why the rig cannot carry out the request, in words."""
+        """Reasons why the rig cannot execute the request, as text."""
         return self._members("reasons")
 
     @property
     def allowed_actions(self) -> Sequence[str]:
-        """Actions that the state of the job allows instead."""
+        """Actions that the present state of the job allows."""
         return self._members("allowed_actions")
 
     @property
     def codes(self) -> dict[str, Any]:
-        """Code of the error, and the violations and faults of the request that it states."""
+        """Code of the error, and the violations and faults of the request that it lists."""
         return {"code": self.code, "violations": self.violations, "errors": self.errors}
 
     def _members(self, name: str) -> Any:
@@ -214,23 +220,23 @@ class ProblemError(ClientError):
 
 
 class LimitViolationError(ProblemError):
-    """The plan violates a limit of the rig; ``violations`` state value, unit and limit."""
+    """Error if the plan violates a limit of the rig; ``violations`` list value, unit and limit."""
 
 
 class InvalidRequestError(ProblemError):
-    """The request is invalid, or names something that does not exist."""
+    """Error if the request is invalid, or names something that does not exist."""
 
 
 class RigBusyError(ProblemError):
-    """Another job has the rig, or too many jobs wait; a later request may succeed."""
+    """Error if another job uses the rig, or too many jobs wait; a later request may succeed."""
 
 
 class PartHeldError(ProblemError):
-    """A part is held: release it, or continue to hold it."""
+    """Error if a part is held: release it, or continue to hold it."""
 
     @property
     def job(self) -> str | None:
-        """Job that holds the part; None if no job of the supervisor does."""
+        """Job that holds the part; None if no job known to the supervisor holds it."""
         return self.problem.get("job")
 
     @property
@@ -241,7 +247,7 @@ class PartHeldError(ProblemError):
 
     @property
     def force_mN(self) -> float | None:
-        """Force with which the part is held, in mN; None if it is not known."""
+        """Force with which the part is held, in mN; None if it is unknown."""
         return self.problem.get("force_mN")
 
     @property
@@ -252,27 +258,27 @@ class PartHeldError(ProblemError):
 
 
 class NothingHeldError(ProblemError):
-    """No part is held, so none can be held further or released."""
+    """Error if no part is held, so that nothing can be held or released."""
 
 
 class RigLatchedError(ProblemError):
-    """The rig is latched: a person must look at it and reset it."""
+    """Error if the rig is latched: a person must inspect and reset it."""
 
 
 class RigNotReadyError(ProblemError):
-    """The rig cannot move; ``reasons`` state why."""
+    """Error if the rig cannot move; ``reasons`` state why."""
 
 
 class NotPermittedError(ProblemError):
-    """The key is missing, unknown, or has too small a scope."""
+    """Error if the key is missing, unknown, or has an insufficient scope."""
 
 
 class RequestStoppedError(ProblemError):
-    """The request was stopped by its Idempotency-Key before it had created a job."""
+    """Error if the request was stopped by its Idempotency-Key before it had created a job."""
 
     @property
     def cancelled(self) -> bool:
-        """True: nothing has moved."""
+        """Always True: nothing has moved."""
         return True
 
 
@@ -304,17 +310,17 @@ RAISED: Mapping[str, type[ProblemError]] = {
     "scope-too-small": NotPermittedError,
     "key-stopped": RequestStoppedError,
 }
-"""Exception of each problem code; any other problem is a ``ProblemError`` itself."""
+"""Exception class for each problem code; all other codes raise ``ProblemError`` itself."""
 
 
 def refused(status: int, code: str, title: str, detail: str, **members: Any) -> ProblemError:
-    """Return the error of a request that the client refuses, as the supervisor would refuse it."""
+    """Return the error for a request that the client itself refuses; it equals the supervisor's."""
     raised = RAISED.get(code, ProblemError)
     return raised(status, {"type": TYPE + code, "title": title, "detail": detail, **members})
 
 
 def _told(entry: Any) -> Any:
-    """Return the message of a fault, or the whole fault if it has none."""
+    """Return the message of a fault, or the whole fault if it has no message."""
     if isinstance(entry, dict):
         fault = cast("dict[str, Any]", entry)
         return fault.get("message", fault)
@@ -322,7 +328,7 @@ def _told(entry: Any) -> Any:
 
 
 def problem_of(response: httpx.Response) -> ProblemError:
-    """Return the error for a reply of the supervisor; its body must have been read."""
+    """Return the error for a reply of the supervisor whose body has been read."""
     place = f"{response.request.method} {response.request.url}"
     try:
         tree: Any = response.json()

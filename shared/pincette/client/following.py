@@ -1,7 +1,7 @@
-"""Follow a motion until an orchestrator's goal: a part that is held, or that is released.
+"""Follow a motion until the goal of an orchestrator: a part is held, or is released.
 
-The job's own state and the force that the job requested decide whether the goal is reached. A phase
-alone is not enough: a job that is stopped during the load also holds its part, with less force.
+The state of the job and its requested force decide whether the goal is reached. The phase alone is
+not sufficient: a job that is stopped during the load also holds its part, but with less force.
 """
 
 from collections.abc import AsyncGenerator
@@ -35,31 +35,36 @@ BEGUN = ("queued", "preparing", "ready", "running")
 LETTING_GO = ("unload", "retreat")
 """Phases in which a job releases its part."""
 RESTS_S = 30.0
-"""Longest wait until a stopped motion rests, in s."""
+"""Time limit for a stopped motion to come to rest, in s."""
 LATCHED = ("frozen", "ramping", "latched")
 TOLERANCE = 0.02
-"""Tolerance of a force whose request has none, as a share of the requested force. The stated
-uncertainty of the force is the tolerance if it is larger."""
+"""Tolerance for a request without one, relative to the requested force. If the stated uncertainty
+of the force is larger, it is the tolerance.
+"""
 SETTLES_S = 5.0
-"""Time for which a hold may be outside the tolerance before it counts as failed, in s."""
+"""Time for which the force of a hold may be outside the tolerance before the hold counts as failed,
+in s.
+"""
 
 
 def require_feasible(plan: JobPlan) -> JobPlan:
-    """Return a plan that may be run; raises InfeasiblePlanError with each violated limit."""
+    """Return the plan if it is feasible; raises InfeasiblePlanError with each violated limit."""
     if not plan.feasible:
         raise InfeasiblePlanError(plan.violations)
     return plan
 
 
 def left_s(now: Progress) -> float | None:
-    """Return the time until a motion begins its hold, or until its end if that is planned, in s."""
+    """Return the time until the hold of a motion begins, or until the end if there is no hold, in
+    s.
+    """
     return now.hold_in_s if now.remaining_s is None else now.remaining_s
 
 
 async def progress(job: "AsyncJobHandle") -> AsyncGenerator[Progress]:
     """Yield the progress of a job until it has ended, or waits for a decision.
 
-    The events of a job that was stopped with a part held go on until the part is released, but its
+    A job that was stopped with a part held sends events until the part is released, but its
     progress ends with the stop.
     """
     async with aclosing(_progress_and_state(job)) as moments:
@@ -68,7 +73,7 @@ async def progress(job: "AsyncJobHandle") -> AsyncGenerator[Progress]:
 
 
 async def _progress_and_state(job: "AsyncJobHandle") -> AsyncGenerator[tuple[Progress, str]]:
-    """Yield the progress of a job with the newest state of its events, until its motion ends."""
+    """Yield the progress of a job, with the state in its newest event, until its motion ends."""
     state: str = job.state
     async with aclosing(job.patient(PATIENCE_S).events()) as events:
         async for event in events:
@@ -86,7 +91,9 @@ def force_asked_mN(job: Job) -> float | None:
 
 
 def force_tolerance_mN(job: Job, uncertainty_mN: float | None) -> float:
-    """Return the largest allowed difference of the force held from the requested one, in mN."""
+    """Return the largest allowed difference between the force held and the requested force, in
+    mN.
+    """
     stated_mN = _number(job.request.get("force_tolerance_mN"))
     if stated_mN is not None:
         return stated_mN
@@ -94,7 +101,7 @@ def force_tolerance_mN(job: Job, uncertainty_mN: float | None) -> float:
 
 
 def is_reached(job: Job, force_mN: float | None, uncertainty_mN: float | None) -> bool:
-    """Return whether the force held is the one that a job requested, within its tolerance."""
+    """Return whether the force held equals the force that a job requested, within the tolerance."""
     asked_mN = force_asked_mN(job)
     if asked_mN is None:
         return True
@@ -104,7 +111,7 @@ def is_reached(job: Job, force_mN: float | None, uncertainty_mN: float | None) -
 
 
 def is_on_its_way(job: Job, force_mN: float) -> bool:
-    """Return whether a running job holds a part with a force until its release, or will do so."""
+    """Return whether a running job holds a part until its release, or will do so."""
     now, asked_mN = job.progress, force_asked_mN(job)
     if job.state not in BEGUN or (now is not None and now.phase in LETTING_GO):
         return False
@@ -112,7 +119,7 @@ def is_on_its_way(job: Job, force_mN: float) -> bool:
 
 
 def rests_with_part(job: Job) -> bool:
-    """Return whether a job only keeps its part at rest, until it gets another action."""
+    """Return whether a job only holds its part at rest, until another action."""
     if "release" not in job.allowed_actions:
         return False
     in_hold = job.progress is not None and job.progress.phase == "hold"
@@ -125,10 +132,10 @@ def _is_endless(job: Job) -> bool:
 
 
 def kept_at_rest(job: Job, force_mN: float) -> Progress | None:
-    """Return the progress of a job that keeps its part with a force after a stop or in a pause.
+    """Return the progress of a stopped or paused job that holds its part with the given force.
 
-    The same request is then fulfilled without a motion. The reference of the job's law and the
-    force must both equal the given force, within the stated uncertainty or 2 % of it; otherwise
+    A request for that force is then fulfilled without a motion. The reference of the job's law and
+    the force must both equal the given force, within the stated uncertainty or 2 % of it; otherwise
     this returns None.
     """
     now, paused = job.progress, job.state == "paused" and _is_endless(job)
@@ -141,9 +148,9 @@ def kept_at_rest(job: Job, force_mN: float) -> Progress | None:
 
 
 async def to_hold(transport: Transport, job: "AsyncJobHandle") -> AsyncGenerator[Progress]:
-    """Yield the progress of a job until it holds the requested force, settled.
+    """Yield the progress of a job until it holds the requested force and the force has settled.
 
-    The last progress contains the force held. A job that requested no force may hold any.
+    The last progress contains the force held. If the job requested no force, any force is accepted.
     """
     began_s: float | None = None
     async with aclosing(_progress_and_state(job)) as moments:
@@ -175,7 +182,7 @@ async def to_success(transport: Transport, job: "AsyncJobHandle") -> AsyncGenera
         return
     held_mN = _number(result["force_held_mN"])
     uncertainty_mN = _number(result.get("force_uncertainty_mN"))
-    # A hold that is too short to settle has no mean force, but was played as planned.
+    # A hold that is too short to settle has no mean force, but was executed as planned.
     unsettled = held_mN is None and not _was_let_go(found)
     if not unsettled and not is_reached(found, held_mN, uncertainty_mN):
         raise _not_reached(found, held_mN, uncertainty_mN)
@@ -184,8 +191,8 @@ async def to_success(transport: Transport, job: "AsyncJobHandle") -> AsyncGenera
 async def to_release(transport: Transport, job: "AsyncJobHandle") -> AsyncGenerator[Progress]:
     """Yield the progress of a job until its part is free and the rig accepts the next job.
 
-    The record may be written later. ``job`` may have ended already, for example if it was stopped
-    with the part held and is released now.
+    The record may be written later. ``job`` may already have ended, for example after a stop that
+    left the part held.
     """
     had_ended, transport = job.ended, transport.patient(PATIENCE_S)
     while True:
@@ -200,12 +207,14 @@ async def to_release(transport: Transport, job: "AsyncJobHandle") -> AsyncGenera
                 return
             raise await _ended(transport, job)
         if job.ended and not had_ended and "release" in known.allowed_actions:
-            raise await _ended(transport, job)  # stopped on the way, with the part still held
+            raise await _ended(transport, job)  # stopped before the end, with the part still held
         await transport.sleep(LOOK_S)
 
 
 async def _ended(transport: Transport, job: "AsyncJobHandle") -> JobEndedError:
-    """Return the error for a job that has ended too early; a latch of the rig takes precedence."""
+    """Return the error for a job that has ended too early; if the rig is latched, that is the
+    error.
+    """
     rig = await _rig(transport.patient(PATIENCE_S), job)
     found = job.job = await job.patient(PATIENCE_S).refresh()
     if rig.latch.state in LATCHED and found.state != "succeeded":
@@ -233,7 +242,7 @@ def _not_reached(
 
 
 def _has_released(job: Job) -> bool:
-    """Return whether an ended job was the one that released its part."""
+    """Return whether an ended job has itself released its part."""
     return job.state == "succeeded" or _was_let_go(job)
 
 

@@ -18,8 +18,10 @@ from pincette.client.streaming import Download
 from pincette.client.transport import Transport
 
 SAFE_TO_REPEAT: tuple[ActionType, ...] = ("start", "pause", "stop", "abort")
-"""Actions that have no further effect if they are repeated: a job starts once, and the others bring
-a rig to rest. A second ``resume``, ``continue`` or ``release`` could act on a later state."""
+"""Actions that may be repeated without further effect: ``start`` starts a job only once, and the
+others bring a rig to rest. A second ``resume``, ``continue`` or ``release`` could act on a later
+state.
+"""
 LONGEST_WAIT_S = 30.0
 
 
@@ -29,7 +31,7 @@ class AsyncJobHandle:
     def __init__(self, transport: Transport, job: Job) -> None:
         self._transport = transport
         self.job = job
-        """Job in the newest reply of the supervisor."""
+        """State of the job in the newest reply of the supervisor."""
 
     @property
     def id(self) -> str:
@@ -50,7 +52,9 @@ class AsyncJobHandle:
         return f"<job {job_line(self.job)}>"
 
     def patient(self, patience_s: float) -> "AsyncJobHandle":
-        """Return the same job with another retry time, in s, while no supervisor replies."""
+        """Return a copy of this job that retries for this time, in s, when no supervisor
+        replies.
+        """
         return AsyncJobHandle(self._transport.patient(patience_s), self.job)
 
     async def refresh(self, wait_s: float = 0.0) -> Job:
@@ -74,7 +78,9 @@ class AsyncJobHandle:
         return self.job
 
     async def recorded(self, timeout_s: float = LONGEST_WAIT_S) -> Job:
-        """Wait until the record is written, possibly after the job's end, up to ``timeout_s``."""
+        """Wait until the record is written, which may be after the end of the job; at most
+        ``timeout_s``.
+        """
         query: dict[str, str | float] = {"wait": "recorded", "timeout_s": timeout_s}
         call = Call("GET", f"/jobs/{self.id}", model(Job), query, repeatable=True, kept_s=timeout_s)
         return self._update(await self._transport.send(call))
@@ -96,7 +102,7 @@ class AsyncJobHandle:
         return await self.act("stop")
 
     async def abort(self) -> Job:
-        """Trip the actuator, which goes to its safe state and latches."""
+        """Trip the actuator: it goes to its safe state and latches."""
         return await self.act("abort")
 
     async def release(self) -> Job:
@@ -104,7 +110,7 @@ class AsyncJobHandle:
         return await self.act("release")
 
     async def proceed(self) -> Job:
-        """Continue a job that waits for a person: the action ``continue``."""
+        """Send the action ``continue`` to a job that waits for a person."""
         return await self.act("continue")
 
     async def act(self, action: ActionType, **members: Any) -> Job:
@@ -114,7 +120,9 @@ class AsyncJobHandle:
         return self._update(await self._transport.send(call))
 
     async def describe(self, **said: Any) -> Job:
-        """Change sample, batch, operator, notes, labels or pinned, possible also after the end."""
+        """Change sample, batch, operator, notes, labels or pinned, even after the end of the
+        job.
+        """
         path = f"/jobs/{self.id}"
         call = Call("PATCH", path, model(Job), body=said, repeatable=True)
         return self._update(await self._transport.send(call))
@@ -125,7 +133,9 @@ class AsyncJobHandle:
         return self._update(await self._transport.send(call))
 
     def events(self, after: int = 0) -> AsyncGenerator[Event]:
-        """Return the events of the job until it has ended, each once, including past ones."""
+        """Return the events of the job until it has ended, including past ones; each is returned
+        once.
+        """
 
         async def ended() -> bool:
             await self.refresh()
@@ -134,7 +144,8 @@ class AsyncJobHandle:
         return self._transport.events(f"/jobs/{self.id}/events", after, ended)
 
     def to_hold(self) -> AsyncGenerator[Progress]:
-        """Yield the progress until the part is held with the requested force, settled.
+        """Yield the progress until the part is held with the requested force and the force has
+        settled.
 
         Raises
         ------
@@ -142,21 +153,25 @@ class AsyncJobHandle:
             The job ended or was stopped before; RigLatchedEndError if the rig was latched,
             JobWaitsError if the job waits for a decision.
         ForceNotReachedError
-            The force held stays outside the tolerance of the request; without one, outside its
-            stated uncertainty or 2 % of the force.
+            The force held stays outside the tolerance. The tolerance is that of the request, or
+            else the larger one of its stated uncertainty and 2 % of the force.
         """
         return following.to_hold(self._transport, self)
 
     def to_success(self) -> AsyncGenerator[Progress]:
-        """Yield the progress until the job has succeeded with its force; raises as ``to_hold``."""
+        """Yield the progress until the job has succeeded with its force; raises the errors of
+        ``to_hold``.
+        """
         return following.to_success(self._transport, self)
 
     def to_release(self) -> AsyncGenerator[Progress]:
-        """Yield the progress until nothing is held and the arm rests; raises as ``to_hold``."""
+        """Yield the progress until nothing is held and the arm rests; raises the errors of
+        ``to_hold``.
+        """
         return following.to_release(self._transport, self)
 
     def result(self) -> JobResult | None:
-        """Return the result of the job; None if it has not moved."""
+        """Return the result of the job; None if the job has not moved the arm."""
         return result_of(self.job)
 
     async def artifacts(self) -> list[Artifact]:
@@ -191,11 +206,11 @@ class AsyncJobHandle:
 
 
 PAGE = 500
-"""Largest number of entries that the supervisor lists at once."""
+"""Largest number of entries in one reply of the supervisor."""
 
 
 async def jobs(transport: Transport, limit: int, **filters: str | int) -> list[AsyncJobHandle]:
-    """Return jobs of one rig or of all, newest first, read page by page if there are many."""
+    """Return jobs of one rig or of all rigs, newest first; many jobs are read in several pages."""
     found: list[Job] = []
     while len(found) < limit:
         size = min(PAGE, limit - len(found))

@@ -1,6 +1,6 @@
 """Models of plans and results, by the kind of job.
 
-If a kind is installed only at the supervisor, the members common to all plans and results are
+If a kind is installed only at the supervisor, only the members that all plans or results have are
 validated; the others are kept as received.
 """
 
@@ -16,7 +16,7 @@ from pincette.api.results import JobResult
 
 
 def plan_of(answer: httpx.Response) -> JobPlan:
-    """Read a plan of the kind that it states; members of an unknown kind stay as received."""
+    """Parse a plan by the kind that it states; members of an unknown kind are kept as received."""
     plan = JobPlan.model_validate_json(answer.content, extra="allow")
     known = job_kinds().get(plan.kind)
     if known is None:

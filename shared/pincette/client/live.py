@@ -1,4 +1,4 @@
-"""Samples of a rig one by one, each once, from the batches in which they arrive."""
+"""Single samples of a rig, each once, from the batches in which they arrive."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -9,19 +9,23 @@ from pincette.api.live import LiveBatch
 from pincette.client.errors import ForeignAnswerError
 
 ON_THE_WAY_S = 0.5
-"""Age of the newest samples that the first batch may contain, since it waits for its messages."""
+"""Largest age of the newest samples in the first batch, in s; a batch waits for the messages of its
+samples.
+"""
 
 
 class LiveSample(NamedTuple):
     """One sample of a rig; unknown values are None."""
 
     epoch: int
-    """Random number of the arming; samples with the same number belong together."""
+    """Random number of the arming. All samples between one arming and the next have the same
+    number.
+    """
     seq: int
     t_s: float
     """Time since the arming, in s."""
     playing: bool
-    """True if a program plays; otherwise only position and voltage are known."""
+    """True if a motion program plays; otherwise only position and voltage are known."""
     phase: str
     """Name of the phase; empty while no program plays."""
     x_um: float | None
@@ -35,12 +39,14 @@ class LiveSample(NamedTuple):
     second_force_mN: float | None = None
     second_voltage_V: float | None = None
     place_um: float | None = None
-    """Place of the part that two arms hold, in µm; None on a rig with one arm."""
+    """Place q of the part that two arms hold, in µm; None on a rig with one arm."""
     place_r_um: float | None = None
 
 
 class LiveBookmark:
-    """Position of a listener across broken connections; each connection sends the last minute."""
+    """Position in the stream of samples across lost connections; each new connection repeats the
+    last minute.
+    """
 
     def __init__(self, path: str, past_s: float) -> None:
         self.path = path
@@ -49,7 +55,7 @@ class LiveBookmark:
         self._from_s: float | None = None
 
     def read(self, data: str) -> Iterator[LiveSample]:
-        """Yield the samples of an event that have not come before; raises ForeignAnswerError."""
+        """Yield the samples of an event that were not read before; raises ForeignAnswerError."""
         try:
             batch = LiveBatch.model_validate_json(data, extra="ignore")
         except ValidationError as error:

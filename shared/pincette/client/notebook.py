@@ -13,7 +13,7 @@ HEADINGS = ("rig", "state", "part", "force", "job")
 
 
 def force_text(force_mN: Any, uncertainty_mN: Any) -> str:
-    """Return a force with its expanded uncertainty as text; empty if it is not known."""
+    """Return a force with its expanded uncertainty as text; empty if it is unknown."""
     if force_mN is None:
         return ""
     spread = "" if uncertainty_mN is None else f" ± {uncertainty_mN:.2f}"
@@ -21,7 +21,7 @@ def force_text(force_mN: Any, uncertainty_mN: Any) -> str:
 
 
 def job_facts(job: Job) -> dict[str, str]:
-    """Return the facts about a job that are shown, by name, without unknown ones."""
+    """Return the known facts about a job that are shown, by name."""
     now, result = job.progress, job.result or {}
     held_mN, uncertainty_mN = result.get("force_held_mN"), result.get("force_uncertainty_mN")
     if held_mN is None and now is not None and not result:

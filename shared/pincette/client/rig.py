@@ -38,20 +38,21 @@ class AsyncRigHandle:
         return f"<rig {self.name}>"
 
     def patient(self, patience_s: float) -> "AsyncRigHandle":
-        """Return the same rig with another retry time, in s, while no supervisor replies."""
+        """Return a copy of this rig that retries for this time, in s, when no supervisor
+        replies.
+        """
         return AsyncRigHandle(self._transport.patient(patience_s), self.name)
 
     async def state(self) -> Rig:
-        """Return the programs, interlocks, limits, latch and newest samples of the rig."""
+        """Return the programs, checks, limits, latch and newest samples of the rig."""
         return await self._transport.send(get(f"/rigs/{self.name}", Rig))
 
     async def status(self, limit_s: float = NEWS_S) -> RigStatus:
         """Return the state of the rig for display, after ``limit_s`` at the latest.
 
-        If no reply has arrived by then, everything is unknown and ``reasons`` state why.
+        If no reply has arrived by then, everything is unknown and ``reasons`` states why.
 
-        Raises:
-            NotPermittedError: no key was sent, or one that may not read the rig.
+        Raises NotPermittedError if no key was sent, or the key does not permit to read the rig.
         """
         try:
             once = self._transport.patient(0.0).within(limit_s)
@@ -62,7 +63,7 @@ class AsyncRigHandle:
             return unknown_status(str(error))
 
     async def can_start(self) -> list[str]:
-        """Return the reasons why no job can start; empty if one can."""
+        """Return the reasons why no job can start; empty if a job can start."""
         rig = await self.state()
         return [] if rig.can_start else rig.reasons or ["the rig gives no reason"]
 
@@ -90,7 +91,7 @@ class AsyncRigHandle:
         traceparent: str | None = None,
         **fields: Any,
     ) -> AsyncJobHandle:
-        """Start a job exactly once, however often the connection breaks meanwhile.
+        """Start a job exactly once, even if the connection is lost meanwhile.
 
         Parameters
         ----------
@@ -99,7 +100,7 @@ class AsyncRigHandle:
         autostart
             True if the job begins as soon as it is ready; otherwise it waits for ``start``.
         idempotency_key
-            Key of the job, for a program that may itself be restarted; generated if left out.
+            Key of the job, for a program that may itself be restarted; generated if omitted.
         traceparent
             W3C trace context of the caller, which is stored with the job.
 
@@ -108,7 +109,7 @@ class AsyncRigHandle:
         ProblemError
             The supervisor refuses: a limit, a latch, a rig that is not ready, another job.
         NoAnswerError
-            No reply has come; if it is ``delivered``, the job may have been accepted: start it
+            No reply has arrived; if ``delivered`` is true, the job may have been accepted: start it
             again with the same key.
         """
         body = self._body(request, {"autostart": autostart, **fields})
@@ -134,7 +135,7 @@ class AsyncRigHandle:
         idempotency_key: str | None = None,
         **fields: Any,
     ) -> tuple[AsyncJobHandle, Progress | None]:
-        """Start the job that brings a part to a force, whatever an own job has left.
+        """Start the job that brings a part to a force, whatever state the caller's jobs have left.
 
         If the arm is free, the job grips. If an own job holds a part at rest, a job ``hold`` loads
         or unloads the part to the force. Nothing starts if an own job already holds the force or is
@@ -143,15 +144,15 @@ class AsyncRigHandle:
         Parameters
         ----------
         own
-            Label of the caller's jobs, and its text; None: any text.
+            Name and text of the label that marks the caller's own jobs; text None: any text.
         hold_s
-            Time for which the force is held, in s; None: until the release.
+            Time for which the force is held, in s; None: until a release.
 
         Returns
         -------
         job, progress
-            The job to follow; and the progress of a stopped or paused job that holds the force
-            already, so that there is nothing to follow.
+            The job to follow; and, if a stopped or paused job already holds the force, its
+            progress: there is nothing to follow then.
 
         Raises
         ------
@@ -178,7 +179,9 @@ class AsyncRigHandle:
     async def _toward(
         self, force_mN: float, own: tuple[str, str | None], hold_s: float | None
     ) -> tuple[AsyncJobHandle | None, str]:
-        """Return the own job that has the rig, and the kind of job to start; empty: none needed."""
+        """Return the own job that uses the rig, and the kind of job to start; empty if none is
+        needed.
+        """
         active = await self.active_job()
         if active is None or not _is_own(active.job, own):
             return None, "grip"
@@ -195,7 +198,7 @@ class AsyncRigHandle:
         traceparent: str | None = None,
         **fields: Any,
     ) -> AsyncSeriesHandle:
-        """Start a series of jobs exactly once, however often the connection breaks meanwhile.
+        """Start a series of jobs exactly once, even if the connection is lost meanwhile.
 
         ``fields`` are members of a ``SeriesRequest``, such as ``job`` and ``grid``. Raises as
         ``start`` does.
@@ -207,7 +210,7 @@ class AsyncRigHandle:
     async def plan_series(self, request: SeriesRequest | None = None, **fields: Any) -> SeriesPlan:
         """Plan and predict all jobs of a series; nothing moves.
 
-        Raises ProblemError for a job that breaks a limit.
+        Raises ProblemError if a job violates a limit.
         """
         return await planned(self._transport, self.name, request, **fields)
 
@@ -228,20 +231,20 @@ class AsyncRigHandle:
         return AsyncJobHandle(self._transport, found)
 
     async def stop(self, idempotency_key: str) -> Job | None:
-        """Stop the job that a key of ``start`` creates, also before the job exists.
+        """Stop the job of an idempotency key of ``start``, even before the job exists.
 
-        Returns the job; None if the key had created none. The key creates no job any more: a
-        ``start`` with it that still waits for its reply raises ProblemError ``key-stopped``.
+        Returns the job; None if the key had not created one. After that, the key cannot create a
+        job: a ``start`` that is still waiting for its reply raises ProblemError ``key-stopped``.
         """
         return await stop(self._transport, idempotency_key)
 
     async def active_job(self) -> AsyncJobHandle | None:
-        """Return the job that has the rig."""
+        """Return the job that uses the rig."""
         rig = await self.state()
         return None if rig.active_job is None else await self.job(rig.active_job)
 
     async def let_go(self, idempotency_key: str | None = None, **fields: Any) -> AsyncJobHandle:
-        """Release the held part: by the job that holds it, or else by a job ``release``.
+        """Release the held part: by the job that holds it, or else by a new job ``release``.
 
         Raises
         ------
@@ -266,20 +269,23 @@ class AsyncRigHandle:
         return await self.start("release", idempotency_key=idempotency_key, **fields)
 
     def events(self, after: int | None = None) -> AsyncGenerator[Event]:
-        """Yield the events of the rig as they arrive, after a number; without it only new ones."""
+        """Yield the events of the rig as they arrive, from after a given number, or only new
+        ones.
+        """
         return events(self._transport, f"/rigs/{self.name}/events", after)
 
     def live(self, past_s: float = 0.0) -> AsyncGenerator[LiveSample]:
-        """Yield the samples of the rig as they arrive, after those of the last ``past_s`` (max.
+        """Yield the samples of the last ``past_s`` (at most 60 s), then new ones as they arrive.
 
-        60 s).
-
-        The supervisor sends at most 60 samples a second: of a faster rig every second, third … one.
+        The supervisor sends at most 60 samples per second; for a faster rig it sends every second,
+        third, … sample.
         """
         return self._transport.live(f"/rigs/{self.name}/live", past_s)
 
     async def estop(self) -> Stopped:
-        """Stop at once: a held part is kept, a free arm ramps to rest, the actuator latches."""
+        """Emergency stop: a held part stays held, a free arm ramps to rest, and the actuator
+        latches.
+        """
         call = post(f"/rigs/{self.name}/estop", Stopped, repeatable=True)
         return await self._transport.send(call)
 
@@ -289,7 +295,7 @@ class AsyncRigHandle:
         return await self._transport.send(call)
 
     async def claim(self, lease_s: float = 60.0, note: str = "") -> Claim:
-        """Claim the rig with the supervisor's ``claim``, or renew it; others can start nothing.
+        """Claim the rig with the secret ``claim`` of the supervisor object, or renew the claim.
 
         Raises
         ------
@@ -303,7 +309,9 @@ class AsyncRigHandle:
         )
 
     async def give_back(self, *, force: bool = False) -> Rig:
-        """End the claim on the rig; with ``force`` also another client's, which can read of it."""
+        """End the claim on the rig; with ``force`` also that of another client, to which this is
+        reported.
+        """
         query: dict[str, str | float] = {"force": "true"} if force else {}
         path = f"/rigs/{self.name}/claim"
         return await self._transport.send(Call("DELETE", path, model(Rig), query, repeatable=True))
@@ -314,13 +322,15 @@ class AsyncRigHandle:
         return await self._transport.send(call)
 
     async def move(self, job: str, position: int = 1) -> Rig:
-        """Move a queued job to another place; 1 is the next."""
+        """Move a queued job to another position; 1 is the next job."""
         body = {"type": "move", "job": job, "position": position}
         call = post(f"/rigs/{self.name}/queue/actions", Rig, body, repeatable=True)
         return await self._transport.send(call)
 
     async def places(self) -> PlaceList:
-        """Return the newest place of each vision client, and how far its places were off."""
+        """Return the newest place of each vision client, and the differences from where parts were
+        found.
+        """
         return await self._transport.send(get(f"/rigs/{self.name}/places", PlaceList))
 
     async def timing(self) -> LoopTiming:
@@ -336,13 +346,13 @@ class AsyncRigHandle:
         return await self._transport.send(get(f"/rigs/{self.name}/checklist", Checklist))
 
     async def use_model(self, version: int) -> ModelView:
-        """Use a version of the model; 0 is the rig file alone."""
+        """Use a version of the model; 0 means the rig file alone."""
         body = {"type": "use", "version": version}
         call = post(f"/rigs/{self.name}/model/actions", ModelView, body, repeatable=True)
         return await self._transport.send(call)
 
     async def learning(self) -> LearnedList:
-        """Return the corrections that the rig's programs have learned across their cycles."""
+        """Return the corrections that the rig's motion programs have learned over their cycles."""
         path, found = f"/rigs/{self.name}/learning", list[LearnedProgram]()
         before: str | None = None
         while True:
@@ -352,7 +362,7 @@ class AsyncRigHandle:
                 return LearnedList(rig=page.rig, programs=found)
 
     async def erase_learning(self, program: str | None = None) -> Erased:
-        """Delete the learned corrections of one program, or of all programs."""
+        """Delete the learned corrections of one motion program, or of all."""
         path = f"/rigs/{self.name}/learning" + ("" if program is None else f"/{program}")
         return await self._transport.send(Call("DELETE", path, model(Erased), repeatable=True))
 
@@ -385,14 +395,16 @@ def _held_for(hold_s: float | None) -> dict[str, Any]:
 
 
 async def stop(transport: Transport, idempotency_key: str) -> Job | None:
-    """Stop the job that a key creates."""
+    """Stop the job of an idempotency key."""
     body = {"idempotency_key": idempotency_key}
     call = post("/jobs/stop", StoppedRequest, body, repeatable=True)
     return (await transport.send(call)).job
 
 
 def events(transport: Transport, path: str, after: int | None) -> AsyncGenerator[Event]:
-    """Return events at a path, after a number; without it, after the newest event."""
+    """Return events at a path from after a given number; without one, from after the newest
+    event.
+    """
     read, query = model(EventList), {"limit": 1}
     newest = Call("GET", f"{path}/list", lambda answer: read(answer).newest, query, repeatable=True)
     return transport.events(path, newest if after is None else after)

@@ -27,7 +27,7 @@ class AsyncSeriesHandle:
     def __init__(self, transport: Transport, series: Series) -> None:
         self._transport = transport
         self.series = series
-        """Series in the newest reply of the supervisor."""
+        """State of the series in the newest reply of the supervisor."""
 
     @property
     def id(self) -> str:
@@ -44,11 +44,15 @@ class AsyncSeriesHandle:
         return f"<series {known.id}: {known.state}, {known.ended} of {known.total} jobs ended>"
 
     def patient(self, patience_s: float) -> "AsyncSeriesHandle":
-        """Return the same series with another retry time, in s, while no supervisor replies."""
+        """Return a copy of this series that retries for this time, in s, when no supervisor
+        replies.
+        """
         return AsyncSeriesHandle(self._transport.patient(patience_s), self.series)
 
     async def refresh(self, wait_s: float = 0.0) -> Series:
-        """Request the series; with ``wait_s``, wait up to this time until it is not running."""
+        """Request the state of the series; with ``wait_s``, wait up to this time until it is not
+        running.
+        """
         query: dict[str, str | float] = {"wait": "over", "timeout_s": wait_s} if wait_s else {}
         call = Call("GET", self._path, model(Series), query, repeatable=True, kept_s=wait_s)
         return self._update(await self._transport.send(call))
@@ -70,11 +74,11 @@ class AsyncSeriesHandle:
         return self.series
 
     async def pause(self) -> Series:
-        """Start no further job; the running one goes on."""
+        """Pause the series: no further job starts; the running one continues."""
         return await self.act("pause")
 
     async def resume(self) -> Series:
-        """Go on with the next job."""
+        """Resume the series with the next job."""
         return await self.act("resume")
 
     async def stop(self) -> Series:
@@ -89,7 +93,7 @@ class AsyncSeriesHandle:
     async def jobs(self) -> list[AsyncJobHandle]:
         """Return the jobs that the series has started, newest first."""
         label = f"{SERIES_LABEL}={self.id}"
-        # Interrupted jobs are repeated, so their number has no bound.
+        # Interrupted jobs are repeated, so the number of jobs has no bound.
         return await jobs(self._transport, sys.maxsize, label=label)
 
     async def table(self, form: Literal["csv", "parquet"] = "csv") -> bytes:

@@ -1,4 +1,4 @@
-"""State of a rig for orchestrators, from one table, with its age."""
+"""State of a rig for orchestrators, from one table, with the age of the information."""
 
 from collections.abc import Callable
 from time import monotonic
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pincette.client.rig import AsyncRigHandle
 
 NEWS_S = 1.0
-"""Age of the supervisor's newest reply beyond which the state of a rig is unknown, in s."""
+"""Age of the newest reply of the supervisor from which on the state of a rig is unknown, in s."""
 
 
 class RigStatus(NamedTuple):
@@ -21,7 +21,7 @@ class RigStatus(NamedTuple):
     state: RigState
     """State of the actuator; ``unknown`` without a recent reply."""
     part: PartState
-    """State of the part: held or not; ``unknown`` without a recent reply."""
+    """State of the part: held, not held, or unknown; ``unknown`` also without a recent reply."""
     ready: bool
     """True if the rig accepts commands: it is not latched, and all its programs work.
 
@@ -32,10 +32,10 @@ class RigStatus(NamedTuple):
     reasons: list[str]
     """Reasons why no grip can start; empty if one can."""
     job: str | None
-    """Identifier of the job that has the rig."""
+    """Identifier of the job that uses the rig."""
     newest: Newest | None
     age_s: float | None
-    """Time since the last message of the actuator, in s; None if it is not known."""
+    """Time since the last message of the actuator, in s; None if it is unknown."""
 
 
 def status_of(rig: Rig, age_s: float = 0.0) -> RigStatus:
@@ -57,7 +57,7 @@ def status_of(rig: Rig, age_s: float = 0.0) -> RigStatus:
 
 
 def unknown_status(why: str, age_s: float | None = None) -> RigStatus:
-    """Return the state of a rig of which nothing is known, with the reason."""
+    """Return the state of a rig about which nothing is known, with the reason."""
     return RigStatus(
         state="unknown",
         part="unknown",
@@ -83,8 +83,8 @@ class RigWatch:
         self._why = f"rig {rig.name}: no reply from the supervisor yet"
 
     async def read(self) -> RigStatus:
-        """Read the rig once, and return its state. A missing reply raises nothing."""
-        async with self._turn:  # so that no older reply comes after a newer one
+        """Read the rig once, and return its state. A missing reply raises no error."""
+        async with self._turn:  # so that an older reply cannot replace a newer one
             try:
                 rig = await self._handle.state()
             except ClientError as error:

@@ -1,4 +1,4 @@
-"""Files from a supervisor, and positions in its stream of events."""
+"""Downloads of files from a supervisor, and positions in its stream of events."""
 
 import hashlib
 from collections.abc import Mapping
@@ -15,12 +15,15 @@ from pincette.core.files import make_folder, publish
 
 MEDIA_TYPE = "text/event-stream"
 SILENCE_S = 30.0
-"""Time without any message after which a stream counts as broken, in s; it is longer than three
-intervals of keep-alive comments."""
+"""Time without any message after which a stream counts as lost, in s; longer than three keep-alive
+intervals.
+"""
 
 
 class Download:
-    """A file that appears in its folder only when it is complete and its SHA-256 is correct."""
+    """A file that appears in its folder only after it is complete and its SHA-256 has been
+    verified.
+    """
 
     def __init__(self, name: str, folder: Path, sha256: str | None) -> None:
         if Path(name).name != name:
@@ -31,7 +34,7 @@ class Download:
         self._file: BinaryIO | None = None
 
     def begin(self) -> None:
-        """Start again from the first byte."""
+        """Start again at the first byte."""
         self.discard()
         self._digest = hashlib.sha256()
         self._file = self._part.open("wb")
@@ -56,7 +59,7 @@ class Download:
         return self._path
 
     def discard(self) -> None:
-        """Remove the data of an attempt."""
+        """Remove the data of an incomplete download."""
         if self._file is not None:
             self._file.close()
             self._part.unlink(missing_ok=True)
@@ -82,7 +85,7 @@ def require_stream(response: httpx.Response) -> None:
 
 
 class Bookmark:
-    """Number of the newest stored event that was read."""
+    """Position in a stream: the number of the newest stored event that was read."""
 
     def __init__(self, path: str, after: int) -> None:
         self.path, self.number = path, after
@@ -92,7 +95,9 @@ class Bookmark:
         return stream_details(self.path, timeout_s, {"Last-Event-ID": str(self.number)})
 
     def read(self, message: ServerSentEvent) -> Event | None:
-        """Return the event; None for an event that was read before and for a keep-alive."""
+        """Return the event; None for an event that was already read, and for a keep-alive
+        message.
+        """
         if not message.data:
             return None
         try:

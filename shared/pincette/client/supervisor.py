@@ -1,4 +1,4 @@
-"""A supervisor, and through it rigs and jobs, over asyncio."""
+"""A supervisor, and access to its rigs and jobs, over asyncio."""
 
 from collections.abc import AsyncGenerator, Sequence
 from copy import copy
@@ -38,17 +38,17 @@ class AsyncSupervisor:
     timeout_s
         Time limit for each reply, in s.
     patience_s
-        Time for which a repeatable call is repeated while no supervisor replies, in s.
+        Time for which repeatable calls are retried when no supervisor replies, in s.
     operator
-        Name that is stored with every action; if left out, the supervisor stores the address.
+        Name that is stored with every action; if omitted, the supervisor stores the address.
     key
-        Key for a supervisor that requires one; the caller is then known by the key's name.
+        Key for a supervisor that requires one; the supervisor then stores the key's name.
     authority
         File of a certificate that is trusted over ``https://``, in addition to those of this
         machine: ``authority.crt`` of ``pincette security``.
     claim
-        Secret of at least 16 characters, chosen by the caller: ``rig.claim`` claims a rig with
-        it, and every call carries it.
+        Secret of at least 16 characters, chosen by the caller: ``rig.claim`` claims a rig with it,
+        and every call sends it.
     transport
         Replacement of the network, as in tests.
 
@@ -75,7 +75,7 @@ class AsyncSupervisor:
         settings = client_settings(url, operator, key, authority, claim)
         connection = AsyncConnection(httpx.AsyncClient(**settings, transport=transport))
         self.transport = Transport(url, connection, timeout_s, patience_s)
-        """Transport that sends the calls; its clock and its sleep may be replaced."""
+        """Object that sends the calls; its clock and its sleep may be replaced."""
 
     def __repr__(self) -> str:
         return f"<supervisor {self.transport.url}>"
@@ -96,13 +96,15 @@ class AsyncSupervisor:
         await self.transport.close()
 
     def patient(self, patience_s: float) -> "AsyncSupervisor":
-        """Return the same supervisor with another retry time, in s, while it does not reply."""
+        """Return a copy of this supervisor that retries for this time, in s, when it does not
+        reply.
+        """
         other = copy(self)
         other.transport = self.transport.patient(patience_s)
         return other
 
     def within(self, timeout_s: float) -> "AsyncSupervisor":
-        """Return the same supervisor with another time limit for each reply, in s."""
+        """Return a copy of this supervisor with another time limit for each reply, in s."""
         other = copy(self)
         other.transport = self.transport.within(timeout_s)
         return other
@@ -112,7 +114,9 @@ class AsyncSupervisor:
         return (await self.transport.send(get("/rigs", RigList))).rigs
 
     async def rig(self, name: str | None = None) -> AsyncRigHandle:
-        """Return a rig by its name; raises WhichRigError if none is named and there are several."""
+        """Return a rig by its name; raises WhichRigError if no name is given and there are
+        several.
+        """
         return AsyncRigHandle(self.transport, name or _only(await self.rigs()))
 
     async def job(self, name: str) -> AsyncJobHandle:
@@ -121,9 +125,9 @@ class AsyncSupervisor:
         return AsyncJobHandle(self.transport, found)
 
     async def stop(self, idempotency_key: str) -> Job | None:
-        """Stop the job that a key of ``start`` has created, and return it; None if there is none.
+        """Stop the job of an idempotency key of ``start``, and return it; None if there is none.
 
-        In both cases the key creates no job any more.
+        In both cases the key cannot create a job after that.
         """
         return await stop(self.transport, idempotency_key)
 
@@ -141,7 +145,7 @@ class AsyncSupervisor:
         return AsyncSeriesHandle(self.transport, found)
 
     async def series(self, limit: int = 50, rig: str | None = None) -> list[SeriesSummary]:
-        """Return the series of every rig, or of one, newest first."""
+        """Return the series of every rig, or of one rig, newest first."""
         return await listed(self.transport, limit, rig)
 
     async def export(self, form: ExportForm = "csv", **filters: str | int) -> bytes:
@@ -153,14 +157,14 @@ class AsyncSupervisor:
         return await self.transport.send(call)
 
     def events(self, after: int | None = None) -> AsyncGenerator[Event]:
-        """Yield the events of every rig as they arrive, after a number.
+        """Yield the events of every rig as they arrive, from after a given number.
 
-        Without it only new ones.
+        Without a number, yield only new events.
         """
         return events(self.transport, "/events", after)
 
     async def estop(self) -> StoppedList:
-        """Stop every rig at once; raises ProblemError, which names a rig that did not confirm."""
+        """Stop every rig at once; raises ProblemError that names a rig which did not confirm."""
         return await self.transport.send(post("/estop", StoppedList, repeatable=True))
 
     async def proposals(self, limit: int = 50) -> list[Proposal]:
@@ -201,7 +205,7 @@ class AsyncSupervisor:
         return await self.transport.send(get(f"/recipes/{name}", RecipeHistory))
 
     async def save_recipe(self, name: str, values: dict[str, Any], note: str = "") -> Recipe:
-        """Save a set of parameters under a name, as its next version."""
+        """Save values under a name, as the next version of that recipe."""
         body = {"name": name, "values": values, "note": note}
         return await self.transport.send(post("/recipes", Recipe, body, repeatable=True))
 
@@ -215,7 +219,7 @@ class AsyncSupervisor:
     ) -> AlarmList:
         """Return alarms, newest first.
 
-        Optionally of one rig, only open ones, or before a number.
+        They can be limited to one rig, to open alarms, or to those before a number.
         """
         only = None if open is None else str(open).lower()
         found: list[Alarm] = []
@@ -229,12 +233,12 @@ class AsyncSupervisor:
                 return page.model_copy(update={"alarms": found})
 
     async def acknowledge(self, alarm: int) -> Alarm:
-        """Acknowledge an alarm that a person has seen; a second call changes nothing."""
+        """Acknowledge an alarm that a person has seen; repeating it changes nothing."""
         path, body = f"/alarms/{alarm}/actions", {"type": "acknowledge"}
         return await self.transport.send(post(path, Alarm, body, repeatable=True))
 
     async def session(self) -> Session:
-        """Return the caller and its permissions, as the supervisor sees them."""
+        """Return the caller's identity and permissions, as determined by the supervisor."""
         return await self.transport.send(get("/session", Session))
 
     async def audit(self, limit: int = 50, before: int | None = None) -> list[AuditEntry]:
@@ -249,7 +253,9 @@ class AsyncSupervisor:
         return found
 
     async def audit_chain(self, link: str | None = None) -> AuditChain:
-        """Return whether the audit log is intact, and contains a link that was noted before."""
+        """Return whether the audit log is intact and still contains a link that was noted
+        earlier.
+        """
         return await self.transport.send(get("/audit/chain", AuditChain, link=link))
 
 

@@ -1,6 +1,6 @@
 """Transport of calls to a supervisor: over asyncio, or blocking.
 
-Both repeat calls that may be repeated.
+Both retry repeatable calls.
 """
 
 import ssl
@@ -28,7 +28,7 @@ from pincette.client.live import LiveBookmark, LiveSample
 from pincette.client.streaming import Bookmark, Download, require_stream, stream_details
 
 NO_CONTENT = 204
-"""Status of a stream that has ended for good, such as that of an ended job."""
+"""HTTP status of a stream that has ended for good, for example because its job has ended."""
 
 T = TypeVar("T")
 
@@ -45,7 +45,9 @@ class AsyncConnection:
 
     @asynccontextmanager
     async def stream(self, details: dict[str, Any]) -> AsyncGenerator[httpx.Response]:
-        """Send a request; the body is read later, but that of a refusal at once."""
+        """Send a request. The body of the reply is read later, except that of a refusal, which is
+        read at once.
+        """
         async with self._http.stream(**details) as response:
             if response.is_error:
                 await response.aread()
@@ -82,7 +84,9 @@ class BlockingConnection:
 
     @asynccontextmanager
     async def stream(self, details: dict[str, Any]) -> AsyncGenerator[httpx.Response]:
-        """Send a request; the body is read later, but that of a refusal at once."""
+        """Send a request. The body of the reply is read later, except that of a refusal, which is
+        read at once.
+        """
         with self._http.stream(**details) as response:
             if response.is_error:
                 response.read()
@@ -111,7 +115,7 @@ Connection = AsyncConnection | BlockingConnection
 
 
 class Transport:
-    """Sends calls to one supervisor, and repeats those that may be repeated."""
+    """Sends calls to one supervisor, and retries those that are repeatable."""
 
     def __init__(
         self, url: str, connection: Connection, timeout_s: float, patience_s: float
@@ -122,19 +126,19 @@ class Transport:
         self.sleep: Callable[[float], Awaitable[None]] = connection.sleep
 
     def patient(self, patience_s: float) -> "Transport":
-        """Return the same connection with another retry time, in s."""
+        """Return a copy of this transport with another retry time, in s."""
         other = copy(self)
         other.patience_s = patience_s
         return other
 
     def within(self, timeout_s: float) -> "Transport":
-        """Return the same connection with another time limit for each reply, in s."""
+        """Return a copy of this transport with another time limit for each reply, in s."""
         other = copy(self)
         other.timeout_s = timeout_s
         return other
 
     async def send(self, call: Call[T]) -> T:
-        """Send a call, again if it may be repeated, and read the reply."""
+        """Send a call and read the reply; retry the call if it is repeatable."""
         look = call.look if call.changes else None
         attempts = self._attempts(call.method, call.path, repeatable=call.repeatable, look=look)
         while True:
@@ -169,10 +173,10 @@ class Transport:
         after: int | Call[int],
         ended: Callable[[], Awaitable[bool]] | None = None,
     ) -> AsyncGenerator[Event]:
-        """Yield events as they come, each once and without a gap, across broken connections.
+        """Yield events as they arrive, each once and without gaps, across lost connections.
 
-        ``after`` is the number of the last known event, or the call that returns it. ``ended``
-        decides whether a stream that the supervisor has closed is complete.
+        ``after`` is the number of the last known event, or the call that returns this number.
+        ``ended`` returns whether a stream that the supervisor has closed is complete.
         """
         if isinstance(after, Call):
             after = await self.send(after)
@@ -196,7 +200,7 @@ class Transport:
             await self.sleep(FIRST_DELAY_S)
 
     async def live(self, path: str, past_s: float) -> AsyncGenerator[LiveSample]:
-        """Yield samples as they come, each once, across broken connections."""
+        """Yield samples as they arrive, each once, across lost connections."""
         bookmark = LiveBookmark(path, past_s)
         attempts = self._attempts("GET", path, repeatable=True)
         while True:
@@ -252,8 +256,8 @@ def client_settings(
         base_url = httpx.URL(url.rstrip("/") + BASE)
     except httpx.InvalidURL as error:
         raise ClientError(f"{url} is not an address ({error})") from error
-    # Loading the authorities of the machine would take a tenth of a command's processor time.
-    # An empty context trusts none.
+    # Loading the machine's certificate authorities would take a tenth of a command's processor
+    # time. An empty context trusts none.
     verify: bool | ssl.SSLContext = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     if base_url.scheme == "https":
         verify = True

@@ -1,4 +1,6 @@
-"""The rig file, read and validated. Submodules are imported when a name is first used."""
+"""The rig file, read and validated. Submodules are imported when one of their names is first
+used.
+"""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -46,8 +48,9 @@ PLACES = {
     "tables": ("Table",),
     "toml_file": ("ConfigError",),
 }
-"""Modules and the names that they define. Loading all of them takes a third of a second, while the
-help of a command needs only the laws or the commands of a simulated rig."""
+"""Modules and the names that they define. Importing all of them takes a third of a second, but the
+help text of a command needs only the laws or the commands of a simulated rig.
+"""
 
 
 def __getattr__(name: str) -> Any:

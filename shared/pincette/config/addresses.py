@@ -17,7 +17,7 @@ class BusAddresses:
 
     @property
     def router_at(self) -> tuple[str, int]:
-        """Host and port of the router, whichever rig it belongs to."""
+        """Return host and port of the router, for any rig."""
         return (self.host, self.port) if self.router is None else _address(self.router)
 
     @property
@@ -27,12 +27,12 @@ class BusAddresses:
 
     @property
     def served_upstream(self) -> bool:
-        """Return whether supervisor and recorder use a router other than the loop's."""
+        """Return whether supervisor and recorder use another router than the loop does."""
         return self.upstream is not None and self.served_at == "upstream"
 
     @property
     def served_by(self) -> tuple[str, int]:
-        """Return host and port of the router next to which supervisor, recorder and tools run."""
+        """Return host and port of the router that supervisor, recorder and tools use."""
         above = self.upstream_at
         return self.router_at if above is None or not self.served_upstream else above
 
@@ -43,6 +43,6 @@ def _address(place: str) -> tuple[str, int]:
 
 
 def supervisor_url(host: str, port: int, *, tls: bool) -> str:
-    """Return the address of REST and the page."""
+    """Return the address of the REST interface and the page."""
     shown = f"[{host}]" if ":" in host else host
     return f"{'https' if tls else 'http'}://{shown}:{port}"

@@ -1,4 +1,6 @@
-"""The rig file of a real rig: questions to the laboratory, and the file with the answers."""
+"""Rig file of a real rig: the questions to the laboratory, and the file generated from the
+answers.
+"""
 
 import json
 import tomllib
@@ -15,16 +17,16 @@ class Question:
     """A question that a laboratory must answer about its rig."""
 
     name: str
-    """Key of the template; the option is the same with dashes."""
+    """Key of the template; the name of the option is the same with dashes."""
     words: str
     unit: str
     default: Value
     where: str
-    """Place where a person finds the answer."""
+    """Where a person finds the answer."""
 
     @property
     def flag(self) -> str:
-        """Return the option that gives the answer."""
+        """Return the option that sets the answer."""
         return f"--{self.name.replace('_', '-')}"
 
 
@@ -187,7 +189,7 @@ def bench_file(values: dict[str, Value], options: dict[str, list[str]]) -> str:
     Raises
     ------
     ConfigError
-        Gain and voltages make no range, or the file could not be read.
+        Gain and voltages give no valid range, or the file could not be read.
     """
     gain = float(values.pop("amplifier_gain"))
     low_V, high_V = float(values.pop("arm_min_V")), float(values.pop("arm_max_V"))
@@ -216,6 +218,6 @@ def bench_file(values: dict[str, Value], options: dict[str, list[str]]) -> str:
 
 
 def _aligned(line: str) -> str:
-    """Return a line with its comment in the column of all comments."""
+    """Return a line whose comment is aligned with all other comments."""
     content, mark, comment = line.rpartition(COMMENT)
     return f"{content:<{COMMENTS_AT - 1}}{mark}{comment}" if mark and content else line

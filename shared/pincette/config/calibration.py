@@ -1,4 +1,4 @@
-"""Results of calibrations, which override values of a rig file; sent as JSON with each arming."""
+"""Results of calibrations, which replace values of a rig file; sent as JSON with each arming."""
 
 import hashlib
 import json
@@ -39,13 +39,15 @@ EXPECTED = (
     "part.stiffness_mN_per_um",
     "part.stiffness_tolerance",
 )
-"""Quantities that a recipe may replace for one job: the expected properties of its object."""
+"""Quantities that a recipe may replace for one job: the expected properties of the part."""
 PLACED = ("second.contact_um",)
-"""Quantities that a place of the part may replace for one job, besides ``EXPECTED``."""
+"""Quantities that a measured place of the part may replace for one job, in addition to
+``EXPECTED``.
+"""
 
 
 class Calibration(Table):
-    """Calibrated values by quantity, and the calibration that found each.
+    """Calibrated values by quantity, and the calibration that determined each value.
 
     A quantity without an entry in ``values`` has the rig file's value, which is assumed.
     """
@@ -70,7 +72,9 @@ class Calibration(Table):
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def text(self) -> str:
-        """Return JSON, with equal bytes for equal content; empty if there are no values."""
+        """Return the values as JSON, with equal bytes for equal content; empty if there are
+        none.
+        """
         if not self.values:
             return ""
         return json.dumps(self.model_dump(), sort_keys=True, separators=(",", ":"))
@@ -87,7 +91,7 @@ def parse_calibration(text: str) -> Calibration:
 
 
 def calibrated(rig: RigFile, calibration: Calibration) -> RigFile:
-    """Return a rig file with calibrated values; raises ConfigError."""
+    """Return a rig file in which calibrated values replace its own; raises ConfigError."""
     if not calibration.values:
         return rig
     tree = rig.model_dump(exclude_unset=True)

@@ -1,6 +1,6 @@
 """Quantities of control derived from a rig file: free response, observer, limits, planned rig.
 
-Several programs need the same derived quantities; each quantity is derived only here.
+Several programs need the same derived quantities, so each is computed only here.
 """
 
 from math import hypot, inf, sqrt
@@ -35,19 +35,21 @@ from pincette.control.response.residual_table import ResidualTable
 
 REST_S = 0.2
 REST_SAMPLES = (10, 64)
-"""Smallest and largest number of samples in the rest of a zero."""
+"""Smallest and largest number of samples during the rest in which the force is zeroed."""
 X_START_UM = 0.0
-"""Position of the arm at zero voltage, which the sensor offset of the rig file defines."""
+"""Position of the arm at zero voltage, which results from the sensor offset in the rig file."""
 
 CHECK_UM, CHECK_NOISES = 2.0, 50.0
-"""Least way over which it is checked whether an arm is free, in µm, and in noises of its sensor."""
+"""Smallest distance over which the program checks whether an arm is free: in µm, and as a multiple
+of the sensor noise.
+"""
 
 CREEP_REACH = 10.0
-"""Ratio of the age up to which creep is known to the longest identified creep time."""
+"""Ratio of the age up to which creep is modelled to the longest identified creep time."""
 
 
 def free_response(model: Model) -> FreeResponse:
-    """Return x_1 at 0 V of an arm that no program has followed yet: as identified, else a line.
+    """Return x_1 at 0 V of an arm with unknown history: the identified response, or else a line.
 
     The arm is poled if the voltages of its identification are known, otherwise unpoled.
     """
@@ -68,7 +70,7 @@ def free_response(model: Model) -> FreeResponse:
 
 
 def begin_memory(model: Model) -> HysteresisState | None:
-    """Return the initial memory of the free response; None: that of an unpoled arm."""
+    """Return the initial state of the free response; None means that of an unpoled arm."""
     taught = model.free_response
     if taught is None or taught.taught_V is None:
         return None
@@ -77,18 +79,18 @@ def begin_memory(model: Model) -> HysteresisState | None:
 
 
 def conditioning_V(rig: RigFile) -> float | None:
-    """Return the lowest voltage of conditioning strokes; None if they are not possible."""
+    """Return the lowest voltage of the conditioning strokes; None if they are not possible."""
     taught = rig.model.free_response
     return stroke_depth_V(None if taught is None else taught.taught_V, rig.limits.voltage_min_V)
 
 
 def approach_tells(rig: RigFile) -> bool:
-    """Return whether the approach of a free arm may narrow an unknown past.
+    """Return whether the approach of a free arm may be used to narrow down its unknown history.
 
-    The approach does not show how the past affects the force: arms with relay hysteresis approach
-    in the same way after pasts that differ by several mN. The approach is therefore not trusted for
-    an arm that strokes can condition, nor for one without voltages below rest. It counts only with
-    a model whose identified voltages are not known.
+    The approach does not reveal the effect of the history on the force: arms with relay hysteresis
+    approach in the same manner after histories whose forces differ by several mN. It is therefore
+    not used if strokes can condition the arm, nor if the arm has no voltages below rest. It is used
+    only for a model whose identification voltages are unknown.
     """
     taught = rig.model.free_response
     if rig.limits.voltage_min_V >= 0.0:
@@ -103,32 +105,34 @@ def _strokes(model: Model) -> int:
 
 
 def identified_hysteresis(model: Model) -> HysteresisModel | None:
-    """Return H, which replaces d·u in laws of the identified set; None if it is not identified."""
+    """Return H, which replaces d·u in laws with the identified set; None if it has not been
+    identified.
+    """
     return None if model.free_response is None else model.free_response.hysteresis()
 
 
 def rest_samples(period_s: float) -> int:
-    """Return the number of samples in the rest of a zero."""
+    """Return the number of samples during the rest in which the force is zeroed."""
     fewest, most = REST_SAMPLES
     return min(max(fewest, round(REST_S / period_s)), most)
 
 
 def residual(model: Model) -> ResidualTable | None:
-    """Return the residual of x_1 along the armed program; an arming contains only this one."""
+    """Return the residual of x_1 for the armed program; an arming contains no other residual."""
     return model.residuals[0].table() if len(model.residuals) == 1 else None
 
 
 def ring_shares(rig: RigFile, assumed: OutputTiming | None = None) -> RingShares:
     """Return the contribution of the mode's ringing to the uncertainty of a position.
 
-    All are 0 for observers that model the mode.
+    The contributions are 0 for observers that model the mode.
 
     Parameters
     ----------
     assumed
-        Times at which a voltage acts, as the drivers of a rig state them, for a model without
-        ``output_delay_s``; None: the shares are then 0. Steps in parts ring so little that the
-        usual delay suffices.
+        Delays of the output, as stated by the drivers, for a model without ``output_delay_s``;
+        None: the contributions are 0. Steps in parts cause so little ringing that the usual delay
+        is sufficient.
     """
     model, part, period_s = rig.model, rig.part, rig.rig.period_s
     known = model.output_delay_s is not None or rig.shaping_s is not None
@@ -194,21 +198,23 @@ def _observer(model: Model, period_s: float, noise_um: float) -> ForceObserver:
 
 
 def step_limits(rig: RigFile) -> StepLimits:
-    """Return the limits by which a step of the position is judged."""
+    """Return the limits used to detect and classify a step of the position."""
     return StepLimits(rig.sensor.noise_um, rig.model.compliance_um_per_mN, rig.rig.period_s)
 
 
 def check_way_um(rig: RigFile) -> float:
-    """Return the way over which it is checked whether an arm is free, in µm.
+    """Return the distance in µm over which the program checks whether an arm is free.
 
-    Over ``CHECK_NOISES`` times the sensor's noise, noise moves the share of the free motion by a
-    percent.
+    Over ``CHECK_NOISES`` times the sensor noise, noise changes the measured fraction of the free
+    motion by one percent.
     """
     return max(CHECK_UM, CHECK_NOISES * rig.sensor.noise_um)
 
 
 def free_arm(rig: RigFile, way_um: float) -> FreeArm:
-    """Return what is known of one arm by which its freedom is judged over a way, in µm."""
+    """Return the properties of one arm needed to check over a distance, in µm, whether it is
+    free.
+    """
     model, part = rig.model, rig.part
     s_p = model.compliance_um_per_mN
     softest = part.stiffness_mN_per_um * (1.0 - part.stiffness_tolerance)
