@@ -224,10 +224,10 @@ def free_arm(rig: RigFile, way_um: float) -> FreeArm:
 
 
 def _share_error(model: Model, way_um: float) -> float:
-    """Return the standard error of the slope of x_1 over a way, as a share of the slope.
+    """Return the relative standard error of the slope of x_1 over a distance.
 
-    A straight line that is off a loop by the share f, r.m.s., is off its slopes by up to 3·f, the
-    width of the loop; any error up to that is equally likely.
+    If a straight line deviates from a hysteresis loop by the fraction f (r.m.s.), its slope is
+    wrong by up to 3·f, the width of the loop; all errors up to that are equally likely.
     """
     taught, recorded = model.free_response, model.recorded_response
     if recorded is not None:
@@ -245,7 +245,7 @@ def planned_rig(
     condition_V: float | None = None,
     rest_um: float | None = None,
 ) -> PlannedRig:
-    """Return a rig as planners use it.
+    """Return a rig in the form for planners.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ def planned_rig(
     condition_V
         Lowest voltage of the strokes with which a plan begins, in V; None: without strokes.
     rest_um
-        Reading of the arm at rest at 0 V, in µm; None: not known.
+        Reading of the arm at rest at 0 V, in µm; None: unknown.
     """
     limits, model = rig.limits, rig.model
     return PlannedRig(
@@ -297,21 +297,25 @@ def creep_percent_per_decade(model: Model) -> float:
 
 
 def return_error_um(model: Model) -> float:
-    """Return the standard error of x_1 on the return from a press, in µm; 0 if it is not known."""
+    """Return the standard error of x_1 on the return after pressing a part, in µm; 0 if it is
+    unknown.
+    """
     free = model.free_response
     return 0.0 if free is None or free.return_error_um is None else free.return_error_um
 
 
 def turn_error_um_per_V(model: Model) -> float:
-    """Return the standard error of the slope of x_1 just after a turn, in µm/V; 0 if not known."""
+    """Return the standard error of the slope of x_1 just after a reversal, in µm/V; 0 if it is
+    unknown.
+    """
     free = model.free_response
     return 0.0 if free is None else free.turn_error_um_per_V or 0.0
 
 
 def creep_known_s(model: Model) -> float:
-    """Return the age of a zero up to which the free response follows creep, in s.
+    """Return the age of a zero up to which the free response models creep, in s.
 
-    It is ``CREEP_REACH`` times the longest identified creep time, and infinite if there is none.
+    It is ``CREEP_REACH`` times the longest identified creep time, or infinite if there is none.
     """
     free = model.free_response
     if free is None or not free.creep_times_s:

@@ -33,26 +33,29 @@ from pincette.control.stability.worst_case import (
 )
 
 TUNED_HZ = 0.5
-"""Frequency of the sinusoid on which gains are tuned, in Hz: that of the paper."""
+"""Frequency of the sinusoid for which gains are tuned, in Hz; the same as in the paper."""
 TUNED_CYCLES = 2
 LOAD_S = 1.0
 LOWEST_SHARE = 0.3
-"""Trough of that sinusoid, as a share of the grip's force."""
+"""Minimum of that sinusoid, as a fraction of the grip's force."""
 TOUCH_S = 2.0
-"""Duration of the motion to the voltage of first touch, and of the rest there, in s."""
+"""Duration of the motion to the voltage of first contact, and of the rest there, in s."""
 STIFFNESS_ERROR = 0.01
 """Relative error of an identified contact stiffness."""
 DELAY_PERIODS = 0.25
-"""Middle of the range of delays that the stability assessment covers, in periods."""
+"""Centre of the range of delays that the stability assessment covers, in periods."""
 NOISE_SEED = 1
 LEAST_WAY_V = 0.1
 LEAST_SLOPE = 0.05
-"""Smallest slope that a response may have, as a share of the model's slope, whatever error is
-stated."""
+"""Lower bound of the slope of a response, as a fraction of the model's slope, whatever error is
+stated.
+"""
 
 
 def judged(rig: RigFile, settings: LawSettings) -> Assessment:
-    """Return the assessment of a law's loop on a rig, in the worst case of the rig file."""
+    """Return the stability assessment of a law's loop on a rig, in the worst case that the rig file
+    admits.
+    """
     return assess(loop(rig, settings), intervals(rig, settings.set))
 
 
@@ -86,7 +89,8 @@ def _tuned(
         _tuning_rig(rig, len(path.force_r_mN), parameter_set),
         path,
         definition,
-        # Only the radius: an assessment would also search for advice on each refused setting.
+        # Only the radius: a complete assessment would also search for advice for each refused
+        # setting.
         lambda settings: _judged_radius(rig, settings, limit),
         radius_limit=limit,
         grid=None if grid is None else dict(grid),
@@ -119,7 +123,7 @@ def _path(rig: RigFile) -> TuningPath:
 
 
 def _tuning_rig(rig: RigFile, samples: int, parameter_set: ParameterSet) -> TuningRig:
-    """Return the rig on which the search runs, at the voltage of first touch."""
+    """Return the rig with which the search runs, at the voltage of first contact."""
     model, part, period_s = rig.model, rig.part, rig.rig.period_s
     response = free_response(model)
     touch_V = (part.contact_um - X_START_UM) / model.piezo_um_per_V
@@ -170,7 +174,9 @@ def loop(rig: RigFile, settings: LawSettings) -> Loop:
 
 
 def intervals(rig: RigFile, parameter_set: ParameterSet = "consistent") -> Intervals:
-    """Return the conditions of a job: the free arm, the part in its tolerance, a wrong response."""
+    """Return the conditions that a job can meet: the free arm, the part within its tolerance, a
+    wrong response.
+    """
     part = rig.part
     factors = slope_factors(rig) if parameter_set == "identified" else (1.0, 1.0)
     return around(part.stiffness_mN_per_um, part.stiffness_tolerance, gain_factor=factors)
@@ -179,10 +185,10 @@ def intervals(rig: RigFile, parameter_set: ParameterSet = "consistent") -> Inter
 def slope_factors(rig: RigFile) -> tuple[float, float]:
     """Return the smallest and largest ratio of the response's true slope to the model's slope.
 
-    They follow from the stated error E(w) of the model for a travel w of the voltage, as two
-    standard errors over d_p·w; and from the measured stroke of presses over the model's stroke. For
-    travels below ``LEAST_WAY_V``, E is the effect of noise and creep between two visits, and not of
-    a slope.
+    They follow from two standard errors E(w) of the model, divided by d_p·w, where w is the travel
+    of the voltage; and from the ratio of the measured stroke to the model's while a part is
+    pressed. For travels below ``LEAST_WAY_V``, E is not used: it results from noise and creep
+    between two measurements, not from a wrong slope.
     """
     taught = rig.model.free_response
     if taught is None:

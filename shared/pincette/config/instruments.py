@@ -1,4 +1,4 @@
-"""The two kinds of instrument of a rig: driver, address and range."""
+"""The two types of instrument of a rig: driver, address and range."""
 
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
@@ -35,7 +35,7 @@ Url = Annotated[str, AfterValidator(_reachable)]
 Options = dict[str, str | int | float | bool]
 """Options of one driver, which validates them itself."""
 SerialNumber = Annotated[str, Field(max_length=60)]
-"""Serial number on the name plate of an instrument; empty if it is not known."""
+"""Serial number on the name plate of an instrument; empty if it is unknown."""
 
 
 class Sensor(Table):
@@ -44,7 +44,7 @@ class Sensor(Table):
     driver: str
     """Name of the driver, as listed by ``pincette doctor --drivers``."""
     url: Url
-    """Address: a device, ``socket://HOST:PORT``, or the form that the driver documents."""
+    """Address: a device, ``socket://HOST:PORT``, or another form documented by the driver."""
     serial_number: SerialNumber = ""
     """Serial number of the instrument; stored with each calibration."""
     minimum_um: float
@@ -54,16 +54,17 @@ class Sensor(Table):
     offset_um: float = 0.0
     """Offset that is subtracted from the reading, so that the arm at rest is near zero."""
     direction: Literal[1, -1] = 1
-    """Direction of the reading: +1 if closing the gripper increases it."""
+    """Sign of the reading: +1 if it increases when the gripper closes."""
     timeout_s: Positive = 0.1
     """Time limit of an exchange with the instrument; in real time at most 0.8 of a control period.
     """
     noise_um: NotNegative
-    """Noise of the reading (r.m.s.) as identified; it enters the force uncertainty."""
+    """Identified noise of the reading (r.m.s.); it contributes to the force uncertainty."""
     drift_um_per_min: NotNegative = 0.0
-    """Largest drift of the reading, for example with the room temperature; it enters the force
-    uncertainty with the age of the zero. 0: none is assumed. The calibration ``noise`` measures it
-    at rest."""
+    """Largest drift of the reading, for example due to the room temperature; its contribution to
+    the force uncertainty grows with the time since the force was zeroed. 0 means no drift. The
+    calibration ``noise`` measures it at rest.
+    """
     record: str | None = None
     """File that records every byte to and from the instrument."""
     options: Options = Field(default_factory=Options)
@@ -76,7 +77,7 @@ class Output(Table):
     driver: str
     """Name of the driver, as listed by ``pincette doctor --drivers``."""
     url: Url
-    """Address: a device, ``socket://HOST:PORT``, or the form that the driver documents."""
+    """Address: a device, ``socket://HOST:PORT``, or another form documented by the driver."""
     serial_number: SerialNumber = ""
     """Serial number of the instrument; stored with each calibration."""
     timeout_s: Positive = 0.1
@@ -84,21 +85,25 @@ class Output(Table):
     record: str | None = None
     """File that records every byte to and from the instrument."""
     step_V: NotNegative = 0.0
-    """Smallest step of the voltage, as 20 V/2^14 of 14 bits over ±10 V; 0: not known.
+    """Smallest step of the voltage, for example 20 V/2^14 for 14 bits over ±10 V; 0: unknown.
 
-    Only multiples of it are applied. The arm remembers the voltage that was really applied: if the
-    output rounds by itself, the error of the free response grows with each small to-and-fro.
+    Only multiples of it are applied. The hysteresis of the arm depends on the voltage that was
+    actually applied: if the output itself rounded voltages, the error of the free response would
+    grow with each small reversal.
     """
     shaping: bool = False
     """True writes each step of the voltage in three parts (1/4, 1/2, 1/4), which do not excite the
     mode of the arm. It is meant for outputs that time the parts with their own clock, such as
-    "nidaqmx"."""
+    "nidaqmx".
+    """
     shaping_interval_s: Positive | None = None
-    """Time between two parts of a step. Default: half a period of the mode, half-way between that
-    of the free arm, which the calibrations frequency_response and output_timing find, and that of
-    the arm pressing the part."""
+    """Time between two parts of a step. Default: half a period of the mode, averaged between the
+    free arm (found by the calibrations frequency_response and output_timing) and the arm that
+    presses the part.
+    """
     on_silence: Literal["safe", "holds", "unstated"] = "unstated"
-    """Behaviour of the hardware if its host stops sending: it goes to a safe value, or holds the
-    last one."""
+    """Behaviour of the hardware if its host stops sending: the voltage goes to a safe value, or
+    stays at the last one.
+    """
     options: Options = Field(default_factory=Options)
     """Options of this driver."""

@@ -36,7 +36,7 @@ def law_definition(scheme: str) -> LawDefinition:
 
 
 def installed_laws() -> dict[str, LawDefinition]:
-    """Return the usable laws of one arm by name; faulty ones are left out."""
+    """Return the usable laws for one arm, by name; laws with faults are omitted."""
     found: dict[str, LawDefinition] = {}
     for scheme in plugins.names(plugins.LAWS):
         try:
@@ -47,13 +47,13 @@ def installed_laws() -> dict[str, LawDefinition]:
 
 
 def laws_by_name() -> dict[str, LawDefinition | TwoArmLaw]:
-    """Return the usable laws of one arm and of two by name."""
+    """Return the usable laws for one arm and for two, by name."""
     found: dict[str, LawDefinition | TwoArmLaw] = {**installed_laws(), TWO_ARMS.name: TWO_ARMS}
     return {name: found[name] for name in plugins.names(plugins.LAWS) if name in found}
 
 
 def described_laws() -> "list[InstalledLaw]":
-    """Describe every installed law, as REST lists them."""
+    """Return a description of every installed law, as listed over REST."""
     from pincette.api.plans import InstalledLaw, LawGain
 
     return [
@@ -88,12 +88,14 @@ class Law(Table):
     scheme: str = "pbsmic"
     """Name of the law; `pincette doctor --drivers` lists the installed laws."""
     set: ParameterSet | None = None
-    """Parameter set of the law: m, b, k, d of the rig ("consistent") or of the paper ("printed"),
-    or those of the rig with the free response in place of the line d·u ("identified"). Default:
-    "identified" if the model in use has an identified free response, else "consistent"."""
+    """Parameter set of the law. "consistent": m, b, k, d of the rig. "printed": those of the paper.
+    "identified": those of the rig, with the free response in place of the line d·u. Default:
+    "identified" if the model in use has an identified free response, else "consistent".
+    """
     force_age: ForceAge = "planned"
-    """Force F_k of the law: the newest estimate unchanged, or extrapolated to k by the change of
-    F_r."""
+    """Force F_k used by the law: the newest estimate unchanged, or extrapolated to sample k by the
+    change of F_r.
+    """
 
     @model_validator(mode="after")
     def _of_an_installed_law(self) -> "Law":
@@ -107,23 +109,25 @@ class Law(Table):
 
     @property
     def gains(self) -> dict[str, float]:
-        """Return the gains that the file states; the law's defaults complete them."""
+        """Return the gains stated in the file; the law's defaults complete them."""
         return dict(self.__pydantic_extra__)
 
     def settings(self, used: ParameterSet) -> LawSettings:
         """Return the law of a set with all its gains.
 
-        ``RigFile.law_set`` says which set is used.
+        ``RigFile.law_set`` determines which set is used.
         """
         definition = law_definition(self.scheme)
-        # Gains that the file leaves out have the product's defaults, in the printed set as well.
+        # Gains that the file omits have the program's defaults, also in the printed set.
         of_set: ParameterSet = "consistent" if used == "printed" else used
         gains = {each.name: each.value(of_set) for each in definition.parameters} | self.gains
         return definition.settings(used, force_age=self.force_age, **gains)
 
 
 def _faults(definition: LawDefinition, gains: dict[str, float]) -> dict[str, tuple[object, str]]:
-    """Return the gains that the law does not have or accept, each with its value and the reason."""
+    """Return the gains that the law does not have or does not accept, each with its value and the
+    reason.
+    """
     parameters = {parameter.name: parameter for parameter in definition.parameters}
     faults: dict[str, tuple[object, str]] = {}
     for name, value in gains.items():

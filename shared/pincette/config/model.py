@@ -20,52 +20,59 @@ from pincette.control.response.recorded_response import RecordedBranches, Turn
 from pincette.control.response.residual_table import ResidualTable
 
 USUAL_DELAY = 0.65
-"""Delay from a sample to its voltage, in periods, assumed if it has not been measured."""
+"""Delay from a sample until its voltage is applied, in periods, assumed if it has not been
+measured.
+"""
 Row = Annotated[tuple[float, ...], Field(strict=False)]
 
 UNEQUAL = 0.15
-"""Assumed difference of the stroke's change between two travels, as a share of that change."""
+"""Assumed difference between the stroke changes of two travels, as a fraction of the change."""
 ASSUMED_CREEP_PERCENT = 2.0
 """Assumed creep in % of a step per decade of time if it has not been measured; actuators have 1 to
 2."""
 
 
 class Branch(Table):
-    """The rising branch of the conditioned arm; see ``control.response.conditioned_branch``."""
+    """Rising branch of the conditioned arm; see ``control.response.conditioned_branch``."""
 
     voltages_V: tuple[float, ...] = Field(strict=False)
     """Voltages of the rising branch, from the bottom of the conditioning strokes on."""
     added_um: tuple[float, ...] = Field(strict=False)
-    """Position minus the model there, 0 at the bottom."""
+    """Measured position minus that of the model at these voltages; 0 at the lowest."""
     error_ways_V: tuple[float, ...] = Field(strict=False)
-    """Travels of the voltage since the zero of a conditioned grip at which the error is known."""
+    """Travels of the voltage, since the zero of a conditioned grip, at which the error is known."""
     errors_um: tuple[float, ...] = Field(strict=False)
-    """Standard error of the free response at these travels; it enters the force uncertainty."""
+    """Standard error of the free response at these travels; it contributes to the force
+    uncertainty.
+    """
     places_V: tuple[float, ...] = Field(default=(), strict=False)
-    """Voltages of the places to which the travel from the rest after the strokes was measured,
-    ascending."""
+    """Voltages, ascending, to which the travel from the rest after the strokes was measured."""
     way_ratios: tuple[Annotated[float, Field(gt=0.8, lt=1.25)], ...] = Field(
         default=(), strict=False
     )
-    """Ratio of the measured travel to each of these places to the travel that follows from model
-    and branch."""
+    """Ratio of the measured travel to each of these voltages to the travel computed from model and
+    branch.
+    """
     way_spread: NotNegative = 0.0
-    """Standard deviation of such a ratio from one conditioned travel to the next."""
+    """Standard deviation of such a ratio between conditioned travels."""
     way_uneven: NotNegative = 0.0
-    """Standard deviation of the ratio for a place that is 0.05 V or further from the measured ones.
+    """Standard deviation of the ratio at a voltage that is 0.05 V or more away from the measured
+    ones.
     """
     strokes: int = Field(default=STROKES, ge=STROKES, le=MOST_STROKES)
     """Number of conditioning strokes before the branch was measured."""
     rest_ratio: float = Field(default=1.0, gt=0.5, lt=2.0)
-    """Ratio of the measured travel from the bottom to the rest after the strokes to the travel that
-    follows from model and branch."""
+    """Ratio of the measured travel from the lowest voltage to the rest after the strokes, to the
+    travel computed from model and branch.
+    """
     rest_spread: NotNegative = 0.0
-    """Standard deviation of that ratio from one conditioned travel to the next."""
+    """Standard deviation of that ratio between conditioned travels."""
     errors_until_s: NotNegative = 0.0
-    """Age of the zero up to which ``errors_um`` hold; creep adds to them from there on."""
+    """Age of the zero up to which ``errors_um`` are valid; creep adds to them after that."""
     rehearsals: int = Field(default=0, ge=0)
-    """Number of rehearsed grips that ``errors_um`` come from, for which the force uncertainty is
-    widened; 0: the errors need no widening."""
+    """Number of rehearsed grips from which ``errors_um`` were determined; the force uncertainty is
+    widened for a small number. 0: the errors need no widening.
+    """
 
     @model_validator(mode="after")
     def _possible(self) -> "Branch":
@@ -109,53 +116,68 @@ class Branch(Table):
 
 
 class IdentifiedFreeResponse(Table):
-    """The identified free response, as ``pincette.engine.response_table`` prints it."""
+    """The identified free response, in the form that ``pincette.engine.response_table`` prints."""
 
     thresholds_V: tuple[float, ...] = Field(strict=False)
-    """Threshold r_i of each play; the first is 0, the linear part."""
+    """Threshold r_i of each play operator; the first is 0, the linear term."""
     weights_um_per_V: tuple[float, ...] = Field(strict=False)
-    """Weight w_i of each play."""
+    """Weight w_i of each play operator."""
     creep_times_s: tuple[float, ...] = Field(default=(), strict=False)
     """Creep times τ_j, in s."""
     creep_fractions: tuple[float, ...] = Field(default=(), strict=False)
-    """Creep fractions κ_j, shares of the static displacement, one for each time."""
+    """Creep fractions κ_j of the static displacement, one for each time."""
     fadings_per_V: tuple[float, ...] = Field(default=(), strict=False)
-    """Fading λ_i of each play; empty: no fading."""
+    """Fading λ_i of each play operator; empty: no fading."""
     return_fadings_per_V: tuple[float, ...] = Field(default=(), strict=False)
-    """Fadings μ_i, which replace λ_i while a play returns to its middle; empty: equal to λ_i."""
+    """Fadings μ_i, which replace λ_i while a play operator returns to its centre; empty: equal to
+    λ_i.
+    """
     curvature_um_per_V2: float = 0.0
-    """Curvature q, the growth of the stroke with the square of the voltage."""
+    """Curvature q: increase of the stroke with the square of the voltage."""
     squares_um_per_V2: tuple[float, ...] = Field(default=(), strict=False)
-    """Coefficient a_i of the square of each play; empty: none."""
+    """Coefficient a_i of the square of each play operator; empty: none."""
     cubes_um_per_V3: tuple[float, ...] = Field(default=(), strict=False)
-    """Coefficient b_i of the cube of each play."""
+    """Coefficient b_i of the cube of each play operator."""
     bent_V: tuple[float, float] = Field(default=(0.0, 0.0), strict=False)
-    """Voltages between which squares and cubes act; beyond them the response continues straight."""
+    """Range of voltages in which squares and cubes are used; beyond it the response continues
+    linearly.
+    """
     residual_um: NotNegative
-    """Residual (r.m.s.) on free motion that was not used in the fit; it enters the force
-    uncertainty."""
+    """Residual (r.m.s.) for free motion that was not used in the fit; it contributes to the force
+    uncertainty.
+    """
     press_gain: float = Field(default=1.0, gt=0.5, lt=2.0)
-    """Measured stroke divided by the model's stroke, where parts are pressed; 1 if not measured."""
+    """Measured stroke divided by the model's stroke in the range in which parts are pressed; 1 if
+    not measured.
+    """
     error_ways_V: tuple[float, ...] = Field(default=(), strict=False)
-    """Travels of the voltage since a zero at which the error is known; empty: the residual is used.
+    """Travels of the voltage, since the force was zeroed, at which the error is known; empty: the
+    residual is used.
     """
     errors_um: tuple[float, ...] = Field(default=(), strict=False)
-    """Standard error of the free response at these travels; it enters the force uncertainty."""
+    """Standard error of the free response at these travels; it contributes to the force
+    uncertainty.
+    """
     return_error_um: NotNegative | None = None
-    """Standard error of the free response at the place of the zero, on the return from a press,
-    from rehearsed grips. None: not known."""
+    """Standard error of the free response when the arm returns, after pressing a part, to the
+    position of the zero; from rehearsed grips. None: unknown.
+    """
     turn_error_um_per_V: NotNegative | None = None
-    """Standard error of the slope of the free response over the first 0.2 V after the voltage of a
-    press has turned down, from rehearsed grips. None: not known."""
+    """Standard error of the slope of the free response over the first 0.2 V after the voltage
+    reverses while a part is pressed; from rehearsed grips. None: unknown.
+    """
     creep_percent_per_decade: NotNegative = ASSUMED_CREEP_PERCENT
-    """Creep after a step in % of the step per decade of time. Beyond ten times the longest of
-    ``creep_times_s``, this creep adds to the uncertainty of the force; the default is assumed."""
+    """Creep after a step, in % of the step per decade of time. After ten times the longest of
+    ``creep_times_s``, this creep adds to the force uncertainty. The default is an assumption.
+    """
     taught_V: tuple[float, float] | None = Field(default=None, strict=False)
     """Lowest and highest voltage of the motion from which the response was identified; a job that
-    presses beyond them is refused. None: not known, and not checked."""
+    presses a part beyond them is refused. None: unknown, and not checked.
+    """
     branch: Branch | None = None
-    """Rising branch of the arm after conditioning strokes. Without it only the model follows the
-    strokes, and a changed stroke of the arm is not detected."""
+    """Rising branch of the arm after conditioning strokes. Without it the response after the
+    strokes is computed from the model alone, and a changed stroke of the arm is not detected.
+    """
 
     @model_validator(mode="after")
     def _possible(self) -> "IdentifiedFreeResponse":
@@ -197,8 +219,9 @@ class IdentifiedFreeResponse(Table):
     def stroked(self, factor: float, piezo_um_per_V: float) -> "IdentifiedFreeResponse":
         """Return the same response with a stroke that is larger by a factor.
 
-        The stroke of an actuator is not proportional to the voltage, so that a factor measured over
-        one travel differs from that over others: the errors grow by ``UNEQUAL`` of the change.
+        The stroke of an actuator is not proportional to the voltage, so a factor measured over one
+        travel differs from those over other travels. The errors are therefore increased by
+        ``UNEQUAL`` times the change.
         """
         unequal_um_per_V = UNEQUAL * abs(factor - 1.0) * piezo_um_per_V
 
@@ -229,9 +252,10 @@ class IdentifiedFreeResponse(Table):
         return self.model_copy(update=changed)
 
     def growth(self) -> ErrorGrowth | None:
-        """Return the error as a function of the travel since a zero, or None if it is unknown.
+        """Return the error as a function of the travel since the force was zeroed, or None if it is
+        unknown.
 
-        Raises ValueError if impossible.
+        Raises ValueError for impossible values.
         """
         if not self.error_ways_V and not self.errors_um:
             return None
@@ -265,11 +289,13 @@ class RecordedFreeResponse(Table):
     top_um: float
     """Position at ``top_V``."""
     ascending: tuple[float, ...] = Field(strict=False)
-    """Shares of the height from bottom to top, at equal steps of the voltage."""
+    """Relative heights between bottom (0) and top (1), at equal steps of the voltage."""
     descending: tuple[float, ...] = Field(strict=False)
-    """Shares of the same height along the descending branch, at equal steps of the voltage."""
+    """Relative heights along the descending branch, at equal steps of the voltage."""
     residual_um: NotNegative
-    """Residual (r.m.s.) on free motion that was not recorded; it enters the force uncertainty."""
+    """Residual (r.m.s.) for free motion that was not recorded; it contributes to the force
+    uncertainty.
+    """
 
     @model_validator(mode="after")
     def _possible(self) -> "RecordedFreeResponse":
@@ -305,11 +331,11 @@ class FreeResidual(Table):
     """Residual of the free response along one program; see ``control.residual_table``."""
 
     program: str
-    """Digest of the motion."""
+    """Digest of the program's motion."""
     response: str
     """Digest of the free response."""
     job: str
-    """Job whose voltages were played."""
+    """Job that played the voltages of the program."""
     measured_at: str = ""
     """Time of the measurement in UTC; set when the table comes into use."""
     stride_ticks: int = Field(ge=1)
@@ -317,7 +343,7 @@ class FreeResidual(Table):
     values_um: tuple[Row, ...] = Field(strict=False)
     """Values by segment of the program."""
     error_um: NotNegative
-    """Standard error in a later run; it enters the force uncertainty."""
+    """Standard error when the motion is repeated; it contributes to the force uncertainty."""
 
     @model_validator(mode="after")
     def _possible(self) -> "FreeResidual":
@@ -325,7 +351,9 @@ class FreeResidual(Table):
         return self
 
     def table(self) -> ResidualTable:
-        """Return the table as the estimator uses it; raises ValueError for impossible values."""
+        """Return the table in the form for the estimator; raises ValueError for impossible
+        values.
+        """
         return ResidualTable(self.stride_ticks, self.values_um, self.error_um)
 
 
@@ -341,32 +369,37 @@ class Model(Table):
     compliance_um_per_mN: Positive = 0.46
     """s_p: deflection per force at the tip."""
     hysteresis_fraction: NotNegative = 0.2
-    """Standard error of the linear free response, as a share of the furthest travel of the voltage
-    since the zero; by default that of an arm of unknown gain."""
+    """Standard error of the linear free response, as a fraction of the largest travel of the
+    voltage since the zero; by default that of an arm of unknown gain.
+    """
     creep_mN_per_decade: NotNegative = 0.3
-    """Growth of the force uncertainty per decade of zero age."""
+    """Increase of the force uncertainty per decade of the zero's age."""
     forgotten_mN: NotNegative = 3.0
-    """Largest standard error of the force from a small to-and-fro of the voltage, which reduces the
-    hysteresis."""
+    """Largest standard error of the force due to small reversals of the voltage, which reduce the
+    hysteresis.
+    """
     forgotten_scale_V: Positive = 0.4
-    """Travel of that to-and-fro since the zero, in one direction, at which 63 % of that error is
-    reached."""
+    """Travel of these reversals since the zero, in one direction, at which 63 % of that error is
+    reached.
+    """
     force_filter_s: NotNegative = 0.03
     """Time constant of the law's low-pass over the force error."""
     output_delay_s: NotNegative | None = None
     """Time from a sample until the voltage that responds to it is applied, used by laws that look
-    ahead and by the observer "smooth". Default: 0.65 of a period."""
+    ahead and by the observer "smooth".
+    """
     output_lag_s: NotNegative = 0.0
     """Time constant of a first-order lag between output and arm, such as an RC before the
     amplifier."""
     force_observer: Literal["quasi_static", "inverse_dynamics", "kalman", "smooth"] = "quasi_static"
-    """Method that computes the force from position and free response. "quasi_static" is for long
-    periods only; "smooth" is for short ones under a law that does not excite the mode, such as
-    "fpbsmic"."""
+    """Method that computes the force from position and free response. "quasi_static" is suitable
+    for long periods only; "smooth" is suitable for short periods if the law does not excite the
+    mode, as "fpbsmic".
+    """
     force_ages: Literal["matched", "printed"] = "matched"
-    """Ages of x and x_1 in (53): matched, or as printed; see ``control.observers``."""
+    """Ages of x and x_1 in (53): matched, or as printed in the paper; see ``control.observers``."""
     force_rate_mN_per_s: Positive = 50.0
-    """Force rate that ``kalman`` assumes, as r.m.s. over a period."""
+    """Rate of change of the force that ``kalman`` assumes, as r.m.s. over a period."""
     inverse_filter_s: NotNegative = 0.0005
     """Time constant τ of the filter 1/(τs + 1)² in ``inverse_dynamics``."""
     free_response: IdentifiedFreeResponse | None = None
@@ -376,7 +409,9 @@ class Model(Table):
     response is a straight line."""
 
     residuals: tuple[FreeResidual, ...] = Field(default=(), strict=False)
-    """Residuals of the free response along programs, each measured by a run without the part."""
+    """Residuals of the free response for certain programs, each measured by a run without the
+    part.
+    """
 
     @model_validator(mode="after")
     def _printed_ages_are_quasi_static(self) -> "Model":
@@ -405,13 +440,15 @@ class Model(Table):
         return hashlib.sha256(self.model_dump_json(include=known).encode()).hexdigest()[:16]
 
     def output(self, period_s: float) -> OutputTiming:
-        """Return the times at which a voltage acts on the arm, measured or assumed."""
+        """Return the delays between a sample and the effect of its voltage on the arm, measured or
+        assumed.
+        """
         given_s = self.output_delay_s
         delay_s = USUAL_DELAY * period_s if given_s is None else given_s
         return OutputTiming(delay_s, self.output_lag_s)
 
     def arm(self) -> ArmParameters:
-        """Return m, b, k, d of the consistent set."""
+        """Return m, b, k, d of the parameter set "consistent"."""
         return consistent_arm(
             self.natural_frequency_rad_per_s,
             self.damping_ratio,

@@ -1,4 +1,4 @@
-"""Notifications of ends of jobs and of alarms, by webhook and mail, in ``[supervisor]``."""
+"""Notifications about ended jobs and about alarms, by webhook and mail, in ``[supervisor]``."""
 
 from typing import Annotated, Literal
 
@@ -7,7 +7,7 @@ from pydantic import Field
 from pincette.config.tables import Table
 
 Told = Literal["job.ended", "job.recorded", "alarm.raised", "alarm.cleared"]
-"""Events that can be notified."""
+"""Events about which notifications can be sent."""
 Topics = Annotated[tuple[Told, ...], Field(min_length=1, max_length=4, strict=False)]
 DEFAULT: tuple[Told, ...] = ("job.ended", "alarm.raised")
 Address = Annotated[str, Field(pattern=r"^[^@\s<>,;]{1,64}@[^@\s<>,;]{1,190}$")]
@@ -22,7 +22,7 @@ class Webhook(Table):
     """File with the secret, whsec_ and base64, readable by its owner alone; relative to the data
     folder."""
     events: Topics = DEFAULT
-    """Events that the webhook receives: job.ended, job.recorded, alarm.raised, alarm.cleared."""
+    """Events that are sent to the webhook: job.ended, job.recorded, alarm.raised, alarm.cleared."""
 
 
 class Mail(Table):
@@ -35,7 +35,7 @@ class Mail(Table):
     security: Literal["starttls", "tls", "none"] = "starttls"
     """Security of the connection; ``none`` is for a server on this machine."""
     user: str = ""
-    """User name for the sign-in; empty: no sign-in."""
+    """User name for the SMTP login; empty: no login."""
     password_file: str = ""
     """File with the password, readable by its owner alone; relative to the data folder."""
     sender: Address

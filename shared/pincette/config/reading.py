@@ -1,4 +1,4 @@
-"""Reader of rig files: TOML, optionally with a base file, and JSON, as programs send it."""
+"""Reader of rig files: TOML, optionally with a base file, and JSON as sent by programs."""
 
 import reprlib
 from pathlib import Path
@@ -19,11 +19,13 @@ from pincette.config.toml_file import (
 from pincette.core.validation_wording import place, refusal
 
 ZERO_PERIODS = 10
-"""Smallest number of periods for a zero of the force."""
+"""Smallest number of periods over which the force is zeroed."""
 ROUNDING = 1e-6
 """Tolerance, in periods, of a product of two decimal numbers."""
 SHOWN, MOST_FAULTS = 300, 20
-"""Number of characters of a value that a fault shows, and number of faults that are listed."""
+"""Number of characters of a value that an error message shows, and number of faults that it
+lists.
+"""
 _SHORT = reprlib.Repr()
 _SHORT.maxstring, _SHORT.maxlevel = SHOWN, 3
 
@@ -57,10 +59,10 @@ def read_rig(path: Path) -> RigFile:
 
 
 def _check_zeros(rig: RigFile) -> None:
-    """Raise ConfigError if a stated time for the zero of the force is too short.
+    """Raise ConfigError if a stated time for zeroing the force is too short.
 
-    Raises ConfigError. Rig files that programs send and records contain state all defaults, and are
-    not refused for them.
+    Defaults are not checked here: rig files in messages and records state all of them, and must not
+    be refused for that.
     """
     period_s = rig.rig.period_s
     least_s = ZERO_PERIODS * period_s
@@ -74,12 +76,15 @@ def _check_zeros(rig: RigFile) -> None:
 
 
 CHOICES = {"law": "scheme", "sensor": "driver", "output": "driver"}
-"""Value on which the other values of a table depend; in a sensor or output table only its options
-do."""
+"""Value on which the other values of a table depend. In a sensor or output table only the options
+depend on it.
+"""
 
 
 def _fitting(below: Tree, above: Tree) -> Tree:
-    """Return the base file's tables without gains of another law and options of another driver."""
+    """Return the tables of the base file, without gains of another law and options of another
+    driver.
+    """
     result = dict(below)
     for name, choice in CHOICES.items():
         under, over = result.get(name), above.get(name)
@@ -101,7 +106,7 @@ def parse_rig(tables: Tree) -> RigFile:
 
 
 def parse_rig_json(text: str) -> RigFile:
-    """Read a rig file that a program sends, in JSON; raises ConfigError."""
+    """Read a rig file in JSON, as sent by a program; raises ConfigError."""
     try:
         return RigFile.model_validate_json(text)
     except ValidationError as error:
@@ -122,6 +127,6 @@ def _faults(error: ValidationError) -> str:
 
 
 def _legible(text: str) -> str:
-    """Return a text on one line, whatever a file or another program has put into it."""
+    """Return a text on one line, whatever characters a file or another program has put into it."""
     short = text if len(text) <= SHOWN else f"{text[:SHOWN]}…"
     return short if short.isprintable() else repr(short)

@@ -1,4 +1,4 @@
-"""The rig file: one frozen tree; unknown keys and impossible values are rejected."""
+"""The rig file: one immutable tree; unknown keys and impossible values are rejected."""
 
 import hashlib
 from collections.abc import Mapping
@@ -41,32 +41,33 @@ def _apart(programs: tuple[str, ...]) -> tuple[str, ...]:
 
 
 class Rig(Table):
-    """Name of the rig, its control period, its kind of time, and which services run together."""
+    """Name of the rig, its control period, its type of time, and the services that run together."""
 
     name: str = Field(pattern=f"^{RIG_NAME}$")
-    """Name of the rig: in every key of the bus, in records, and in the supervisor."""
+    """Name of the rig; it is used in every key of the bus, in records, and in the supervisor."""
     period_s: float = Field(default=0.02, gt=0, le=1.0)
-    """Control period: one sample, one step of the law, one command."""
+    """Control period: one sample, one step of the law and one command are made in each."""
     time: Literal["real", "lockstep"] = "real"
-    """``real``: the sensor samples on a grid of this machine's clock. ``lockstep``: the simulated
-    rig sets the pace, and the same job gives bit-identical results."""
+    """Type of time. ``real``: the sensor samples on a grid of this machine's clock. ``lockstep``:
+    the simulated rig sets the pace, and repeated jobs give bit-identical results.
+    """
     composed: Annotated[tuple[ComposedName, ...], AfterValidator(_apart)] = Field(
         default=(), strict=False
     )
-    """Programs that run several services of the loop in one process: ``"loop"`` all of them,
-    ``"estimator+controller"`` those two. A service that is in none of them is a separate program.
+    """Programs that run several services of the loop in one process: ``"loop"`` runs all,
+    ``"estimator+controller"`` runs these two. Every service not listed is a separate program.
     """
 
 
 class Part(Table):
-    """The object to be gripped, as plans assume it."""
+    """The part to be gripped, as assumed by plans."""
 
     name: str
     """Description for the operator."""
     contact_um: float
-    """Position of the driven arm at first touch."""
+    """Position of the driven arm at first contact."""
     contact_tolerance_um: Positive
-    """Largest deviation of the first touch from that position, in either direction."""
+    """Largest deviation of the first contact from that position, in either direction."""
     stiffness_mN_per_um: Positive
     """K_e: stiffness of the part in series with the passive arm."""
     stiffness_tolerance: float = Field(default=0.3, gt=0, lt=1)
@@ -77,13 +78,13 @@ class Calibrating(Table):
     """Validity of calibration results."""
 
     valid_days: Positive | None = None
-    """Validity from the measurement on; None: unlimited."""
+    """Time for which a result is valid after its measurement; None: unlimited."""
 
 
 ROUNDING = 1e-6
 """Tolerance, in periods, of a quotient of two decimal numbers."""
 JOINED = "rigs"
-"""Folder for rigs that have joined another rig, inside that rig's folder."""
+"""Folder for rigs that use another rig's router, inside that rig's folder."""
 UNSHARED: Mapping[str, set[str] | bool] = {
     "rig": {"composed"},
     "bus": {"upstream", "served_at"},
@@ -96,7 +97,7 @@ UNSHARED: Mapping[str, set[str] | bool] = {
     "foxglove": True,
     "supervisor": {"names", "behind", "keys", "webhooks", "mail"},
 }
-"""Values that may differ between programs, since nothing in the loop uses them."""
+"""Values that may differ between programs, since no program of the loop uses them."""
 
 
 class RigFile(Table):
@@ -161,7 +162,7 @@ class RigFile(Table):
 
     @property
     def arms(self) -> tuple["RigFile", ...]:
-        """Return one rig with a single arm for each arm; a rig of one arm returns itself."""
+        """Return a one-arm rig for each arm; for a rig with one arm, return the rig itself."""
         second = self.second
         if second is None:
             return (self,)
@@ -179,12 +180,12 @@ class RigFile(Table):
 
     @property
     def lockstep(self) -> bool:
-        """Return whether the simulated rig paces the loop."""
+        """Return whether the simulated rig sets the pace of the loop."""
         return self.rig.time == "lockstep"
 
     @property
     def programs(self) -> tuple[str, ...]:
-        """Return the programs of the loop, in the order of a tick."""
+        """Return the programs of the loop, in the order of processing a sample."""
         return tuple(dict.fromkeys(map(self.program_of, LOOP)))
 
     def program_of(self, service: str) -> str:
@@ -221,9 +222,9 @@ class RigFile(Table):
 
     @property
     def output_timing(self) -> OutputTiming:
-        """Return the times at which a voltage acts on the arm.
+        """Return the delay and lag with which a voltage acts on the arm.
 
-        For a step in parts, those of its middle part.
+        For a step in parts, they refer to the middle part.
         """
         timing = self.model.output(self.rig.period_s)
         shaping_s = self.shaping_s
@@ -231,17 +232,19 @@ class RigFile(Table):
 
     @property
     def law_set(self) -> ParameterSet:
-        """Return the parameter set of a law that names none: the rig file's or the model's."""
+        """Return the parameter set of a law for which none is chosen: that of the rig file, or of
+        the model.
+        """
         return self.law.set or default_set(identified=self.model.free_response is not None)
 
     @property
     def law_settings(self) -> LawSettings:
-        """Return the law of jobs that choose none, with all its gains."""
+        """Return the law, with all its gains, for jobs that do not choose one."""
         return self.law.settings(self.law_set)
 
     @property
     def monitors(self) -> MonitorLimits:
-        """Return the hard limits by which actuator and controller check every sample."""
+        """Return the hard limits with which actuator and controller check every sample."""
         limits, safety, period_s = self.limits, self.safety, self.rig.period_s
         margin_um = safety.position_margin * (limits.position_max_um - limits.position_min_um)
         return MonitorLimits(
@@ -259,18 +262,22 @@ class RigFile(Table):
 
     @property
     def joins(self) -> bool:
-        """Return whether the rig joins another rig's router, whose supervisor then serves it."""
+        """Return whether the rig uses another rig's router, so that the supervisor there serves
+        it.
+        """
         return self.bus.router is not None
 
     def home(self, data: Path) -> Path:
         """Return the folder of records and logs.
 
-        Each rig that joins another's router has its own.
+        Each rig that uses another rig's router has a separate folder.
         """
         return data / JOINED / self.rig.name if self.joins else data
 
     def simulated_arm(self, data: Path) -> Path:
-        """Return the file that keeps the simulated arm while its program does not run."""
+        """Return the file that stores the state of the simulated arm while its program does not
+        run.
+        """
         return self.home(data) / "simulated-arm.json"
 
     def secured(self, pki: Path) -> "RigFile":
@@ -278,7 +285,9 @@ class RigFile(Table):
         return self.model_copy(update={"bus": self.bus.model_copy(update={"pki": str(pki)})})
 
     def listening(self, address: str) -> "RigFile":
-        """Return the same rig with a router that listens on another address than its programs."""
+        """Return the same rig, with a router that listens at another address than the rig's
+        programs.
+        """
         return self.model_copy(update={"bus": self.bus.model_copy(update={"listen": address})})
 
     @property

@@ -1,4 +1,4 @@
-"""Commands to a simulated rig: the table of possible ones, and those of the rig file.
+"""Commands to a simulated rig: the table of all operations, and the commands in the rig file.
 
 The rig, the command line and docs/how-to/scripted-faults.md use this table.
 """
@@ -15,7 +15,7 @@ LONGEST_DELAY_S = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """An action or fault for a target."""
+    """An action or fault that can be applied to a target."""
 
     what: str
     meaning: str
@@ -35,7 +35,9 @@ class Operation:
 
 
 def _link_faults(quantity: str, limit: float) -> tuple[Operation, ...]:
-    """Return faults of an instrument or its line; ``quantity`` is the unit of its values."""
+    """Return the faults of an instrument or its line; ``quantity`` names their values, with
+    unit.
+    """
     late = ("s", 0.0, LONGEST_DELAY_S)
     return (
         Operation(
@@ -105,11 +107,11 @@ OPERATIONS: dict[str, tuple[Operation, ...]] = {
     "second_sensor": SENSOR,
     "second_output": OUTPUT,
 }
-"""Actions and faults of each target."""
+"""Actions and faults by target."""
 OF_SECOND = frozenset({"second_sensor", "second_output"})
-"""Targets that only a rig with two driven arms has."""
+"""Targets that exist only on rigs with two driven arms."""
 OPTIONAL = frozenset({("part", "place")})
-"""Operations whose value may be left out; leaving it out has a separate meaning."""
+"""Operations whose value may be omitted; without a value they have a separate meaning."""
 
 
 def operation_of(target: str, what: str) -> Operation | None:
@@ -118,7 +120,7 @@ def operation_of(target: str, what: str) -> Operation | None:
 
 
 def objection(order: SimCommand) -> str:
-    """Return why a command cannot be carried out, with the possible ones; empty if it can be."""
+    """Return why a command cannot be executed, with the possible commands; empty if it can be."""
     if order.target not in OPERATIONS:
         return f"no target {order.target!r}; targets are {', '.join(OPERATIONS)}"
     operation = operation_of(order.target, order.what)
@@ -151,12 +153,12 @@ class ScriptedOrder(Table):
     """An entry of [[simulation.script]]."""
 
     at_s: NotNegative
-    """Time of the command since the first voltage was written, in s, in the rig's time."""
+    """Time of the command in s, counted in the rig's time from the first written voltage."""
     target: str
     """``part``, ``weight``, ``arm``, ``sensor`` or ``output``; with two arms also ``second_sensor``
     and ``second_output``."""
     what: str
-    """Name of the action or fault, as ``pincette rig`` lists it."""
+    """Name of the action or fault, as listed by ``pincette rig``."""
     value: float | None = None
     """Value in the unit of the action; None: its default."""
     for_s: Positive | None = None
@@ -169,5 +171,5 @@ class ScriptedOrder(Table):
         return self
 
     def order(self) -> SimCommand:
-        """Return the command as it is sent over the bus."""
+        """Return the command in the form that is sent over the bus."""
         return SimCommand(self.target, self.what, self.value, self.at_s, self.for_s)

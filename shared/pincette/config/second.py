@@ -14,36 +14,41 @@ from pincette.config.tables import Positive, Table
 
 Tree = dict[str, Any]
 OWN_OF_AN_ARM = ("free_response", "recorded_response", "residuals")
-"""Values of a model that are measured on one arm and are not valid for another."""
+"""Values of a model that are measured for one arm and do not apply to another."""
 
 
 class Second(Table):
     """A second driven arm opposite the first, on the same part.
 
-    x_1 and x_2 are both positive towards the part, so that the gripper has closed by x_1 + x_2. The
-    other tables apply to both arms.
+    x_1 and x_2 are both positive towards the part, so the gripper has closed by x_1 + x_2. Tables
+    outside of this one apply to both arms.
     """
 
     sensor: Sensor
-    """Sensor of this arm; its ``direction`` makes x_2 grow towards the part."""
+    """Sensor of this arm; its ``direction`` must make x_2 increase towards the part."""
     output: Output
     """Output of this arm: a module on a separate line, or, with the url of ``[output]``, another
-    channel or another module on the same line. In the latter case driver, ``timeout_s`` and
-    ``record`` must be the same."""
+    channel or another module on the same line. If the url is the same, driver, ``timeout_s`` and
+    ``record`` must also be the same.
+    """
     model: Model = Model()
-    """Model of this arm. Values that are left out are those of ``[model]``, except measured ones:
-    each arm has a free response of its own."""
+    """Model of this arm. Omitted values are those of ``[model]``, except measured ones: each arm
+    has its own free response.
+    """
     limits: Limits
-    """Limits of this arm; values that are left out are those of ``[limits]``."""
+    """Limits of this arm; omitted values are those of ``[limits]``."""
     contact_um: float
-    """Position of this arm at first touch; default: ``part.contact_um``."""
+    """Position of this arm at first contact; default: ``part.contact_um``."""
     gap_um: Positive | None = None
-    """Distance of both tips where x_1 = x_2 = 0, by which a width of the part that a request states
-    becomes the position of the touch; default: unknown."""
+    """Distance between the two tips at x_1 = x_2 = 0. It is used to compute the position of first
+    contact from a stated width of the part. Default: unknown.
+    """
 
 
 def completed(tables: Tree) -> Tree:
-    """Return the tables of a rig file, with the second arm's values completed from the first."""
+    """Return the tables of a rig file, with missing values of the second arm taken from the
+    first.
+    """
     second = tables.get("second")
     if not isinstance(second, dict):
         return tables
@@ -102,7 +107,7 @@ def check_arms(
 
 
 def _check_line(name: str, first: Sensor | Output, other: Sensor | Output) -> None:
-    """Raise ValidationError if one line is described in two ways."""
+    """Raise ValidationError if the same line is described in two different ways."""
     if first.url != other.url:
         return
     for key in ("driver", "timeout_s", "record"):

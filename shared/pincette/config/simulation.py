@@ -1,7 +1,7 @@
-"""The simulated rig and its parts; the default of each value switches its effect off.
+"""The simulated rig and its components; the default of each value switches its effect off.
 
-"Instruments" are the facts that the project has collected from manuals and literature; values that
-these do not state are marked as assumed.
+"Instruments" refers to facts collected from manuals and literature; values not stated there are
+marked as assumed.
 """
 
 from typing import Self
@@ -22,36 +22,42 @@ class Hysteresis(Table):
     g_times_U: float
     """1. Product g·U; instruments: 0.26."""
     full_drive_V: Positive
-    """Drive U at which the shape is stated."""
+    """Drive U for which the shape is stated."""
     asymmetry: float = Field(default=0.0, gt=-1.0, lt=1.0)
     """1. Asymmetry of b: b·(1 + asymmetry) while the voltage rises, b·(1 - asymmetry) while it
-    falls; assumed, |b| in both directions must stay above |g|."""
+    falls; assumed. In both directions |b| must be larger than |g|.
+    """
     curvature_per_V: float = 0.0
-    """Curvature κ, by which the gain d·(1 + 2·κ·u) grows with the voltage; assumed."""
+    """Curvature κ; the gain d·(1 + 2·κ·u) increases with the voltage; assumed."""
 
 
 class Relays(Table):
-    """Relays after Preisach: y = d·((1 - ρ)·u + ρ·P(u)) + d·κ·u², P with memory of past extremes.
+    """Preisach relays: y = d·((1 - ρ)·u + ρ·P(u)) + d·κ·u², where P depends on past extremes.
 
-    It replaces ``[simulation.hysteresis]`` by another class of hysteresis. Small loops close on
-    themselves, and a past extreme is forgotten only when a larger swing passes it.
+    This table replaces ``[simulation.hysteresis]`` by another class of hysteresis. Small loops are
+    closed, and a past extreme loses its effect only when the voltage passes it.
     """
 
     loop_share: float = Field(ge=0.0, lt=1.0)
-    """1. Width of the loop between -U and U over its stroke, without creep; sets ρ."""
+    """1. Width of the loop between -U and U divided by its stroke, without creep; it determines
+    ρ.
+    """
     full_drive_V: Positive
-    """Drive U at which the loop is stated."""
+    """Drive U for which the loop is stated."""
     coercive_share: Positive = 1.0
-    """1. Voltage, as a share of U, near which relays rise, and near minus which they fall; fitted
-    to a measured stack: 1.1-1.7."""
+    """1. Voltage, as a fraction of U, near which relays switch on; they switch off near its
+    negative. Fitted to a measured stack: 1.1-1.7.
+    """
     spread_share: Positive = 1.5
-    """1. Spread of both voltages, as a share of U, at least a fifth of coercive_share; for the same
-    stack, 1.4 and more: an actuator in its range is far from saturation."""
+    """1. Spread of both switching voltages, as a fraction of U, at least a fifth of coercive_share;
+    for the same stack 1.4 and more, since an actuator in its range is far from saturation.
+    """
     centre_V: float = 0.0
-    """Voltage about which the thresholds lie; it makes the loop asymmetric; for the same stack,
-    the middle of its range."""
+    """Voltage about which the thresholds are centred; it makes the loop asymmetric; for the same
+    stack, the middle of its range.
+    """
     curvature_per_V: float = 0.0
-    """Curvature κ, by which the gain grows with the voltage."""
+    """Curvature κ; the gain increases with the voltage."""
 
 
 class SecondMode(Table):
@@ -80,65 +86,69 @@ class Amplifier(Table):
 
 
 class Drift(Table):
-    """Drift of the reading, slope·t + A·sin(2πt/T), from the room's heat between laser and gripper.
+    """Drift of the reading, slope·t + A·sin(2πt/T), due to the room temperature between laser and
+    gripper.
 
-    It is a function of time, not a random walk, so that the reading at a time does not depend on
-    how the time before was divided. All values are assumed.
+    It is a function of time, not a random walk, so the reading does not depend on the time steps
+    before it. All values are assumed.
     """
 
     slope_um_per_s: float = 0.0
     """Steady slope of the drift."""
     amplitude_um: NotNegative = 0.0
-    """Amplitude A of the cycle."""
+    """Amplitude A of the cyclic drift."""
     cycle_s: Positive = 600.0
-    """Period T of the room's air conditioning."""
+    """Period T of the cyclic drift, caused by the room's air conditioning."""
 
 
 class Bead(Table):
     """A ball of glass between the arms."""
 
     radius_um: Positive = 700.0
-    """Radius of the bead; paper: a bead of 1400 µm."""
+    """Radius of the bead; 1400 µm in the paper."""
     modulus_GPa: Positive | None = None
-    """Effective modulus E* of each face; 37.95 makes 25 nm at 1 mN with R = 25 µm
-    (instruments), and glass on glass has 37; None: rigid."""
+    """Effective modulus E* of each face. 37.95 gives 25 nm at 1 mN with R = 25 µm (instruments);
+    glass on glass has 37. None: rigid.
+    """
     adhesion_J_per_m2: NotNegative = 0.0
-    """Work of adhesion w; instruments: 0.05-0.1."""
+    """Work of adhesion w; typical values (instruments): 0.05-0.1."""
     roughness: float = Field(default=1.0, ge=0.0, le=1.0)
-    """1. Ratio of the pull-off force to its bound for smooth faces, 3/2·π·w·R; assumed."""
+    """1. Ratio of the pull-off force to its upper bound for smooth faces, 3/2·π·w·R; assumed."""
     liquid_um3: NotNegative = 0.0
-    """Liquid between arm and bead, which forms a bridge at the first touch; 1000 µm³ are 1 pL;
-    assumed."""
+    """Liquid between arm and bead, which forms a bridge at first contact; 1000 µm³ are 1 pL;
+    assumed.
+    """
     surface_tension_J_per_m2: Positive = 0.072
     """Surface tension γ of the liquid; water: 0.072."""
     wetting: float = Field(default=1.0, gt=0.0, le=1.0)
     """1. Cosine of the contact angle of the liquid."""
     ageing_per_decade: NotNegative = 0.0
-    """1. Share by which the pull-off force grows with each decade of the contact time; assumed."""
+    """1. Relative increase of the pull-off force per decade of the contact time; assumed."""
     bond_mN: NotNegative = 0.0
-    """Pull that residue or glue between arm and bead withstands for 1 s; 0: there is none;
-    assumed."""
+    """Pull that residue or glue between arm and bead withstands for 1 s; 0: no bond; assumed."""
     bond_scale_mN: Positive = 1.0
-    """Pull that shortens the life of the bond by the factor e; assumed."""
+    """Additional pull that shortens the life of the bond by the factor e; assumed."""
     density_kg_per_m3: Positive = 2500.0
     """Density of glass; 1400 µm then weigh 0.035 mN (instruments)."""
     friction: Positive | None = None
-    """1. Coefficient of friction µ of the bead on each arm; assumed; None: it cannot fall."""
+    """1. Coefficient of friction µ of the bead on each arm; assumed; None: the bead cannot fall."""
     lift_after_s: NotNegative | None = None
-    """Time for which the force must have held the part's weight until the part counts as lifted
-    off the ground; it falls when the force no longer holds it; None: it stays on the ground."""
+    """Time for which the force must be able to hold the part's weight until the part counts as
+    lifted off the ground. A lifted part falls when the force becomes too small. None: the part
+    stays on the ground.
+    """
     break_force_mN: Positive | None = None
     """Force above which the part breaks; assumed."""
     slip_force_mN: Positive | None = None
-    """Force above which the face of the part gives way by ``slip_um``; None: it does not."""
+    """Force above which the face of the part slips by ``slip_um``; None: it does not slip."""
     slip_um: Positive = 1.0
-    """Distance by which the face gives way at once."""
+    """Distance by which the face slips at once."""
     slips: int = Field(default=1, ge=1)
-    """1. Number of times that the face gives way."""
+    """1. Number of times that the face slips."""
 
 
 class SecondArm(Table):
-    """The second arm of a simulated rig; values that are left out are those of the first arm."""
+    """The second arm of a simulated rig; omitted values are those of the first arm."""
 
     natural_frequency_rad_per_s: Positive | None = None
     """Undamped natural frequency."""
@@ -151,7 +161,9 @@ class SecondArm(Table):
     hysteresis: Hysteresis | None = None
     """Hysteresis of the arm's free motion; only one of this table and ``relays`` is allowed."""
     relays: Relays | None = None
-    """Relay hysteresis of the arm's free motion, if it is of another class than the first arm's."""
+    """Relay hysteresis of the arm's free motion, if its class differs from that of the first
+    arm.
+    """
     creep_per_decade: NotNegative | None = None
     """1. Creep per decade of time after a step."""
     sensor_noise_um: NotNegative | None = None
@@ -167,7 +179,7 @@ class SecondArm(Table):
     amplifier: Amplifier | None = None
     """Amplifier between output and arm."""
     bead_contact_um: float | None = None
-    """Position of this arm's tip at which it touches the part at its initial place."""
+    """Position of this arm's tip at which it contacts the part in its initial place."""
 
     @model_validator(mode="after")
     def _one_class(self) -> Self:
@@ -180,19 +192,20 @@ class SecondArm(Table):
 
 
 class PairOfArms(Table):
-    """Properties of what lies between the two arms of a simulated rig, besides the part."""
+    """Properties of the contact faces and the ground between the two arms of a simulated rig."""
 
     face_mN_per_um: Positive = 80.0
-    """Stiffness of the part's face at each arm; two of 80 yield as one spring of 40."""
+    """Stiffness of the part's face at each arm; two of 80 in series act as one spring of 40."""
     ground_mN_per_um: Positive = 5.0
-    """Stiffness with which the part sticks to its place; assumed."""
+    """Stiffness with which the ground holds the part in its place; assumed."""
     ground_slip_mN: NotNegative = 0.0
-    """Force above which the part slips on the ground; 0: it lies loose."""
+    """Force above which the part slips on the ground; 0: the ground does not hold it."""
     pull_off_mN: tuple[NotNegative, NotNegative] = Field(default=(0.0, 0.0), strict=False)
-    """Forces at which the part comes off the first arm and off the second."""
+    """Forces at which the part comes off the first and the second arm."""
     lands: bool = False
     """True if a lifted part that is released returns to its old place on the ground, as on a stage
-    that has followed it; otherwise it falls and is gone."""
+    that has followed it; otherwise it falls and is lost.
+    """
 
 
 class Simulation(Table):
@@ -204,9 +217,10 @@ class Simulation(Table):
     seed: int = Field(default=1, ge=0)
     """Seed of the sensor's noise."""
     substep_s: Positive = 0.001
-    """Longest step of the plant. Within it the motion is exact for an input that settles
-    exponentially. A plain arm (one mode against a part without mass) has a constant input within
-    it, so that a lag of the output leaves more ring than a finer step shows."""
+    """Longest time step of the plant. Within a step, the motion is computed exactly for an
+    exponentially settling input. For a simple arm (one mode, a part without mass) the input is
+    constant within a step; with an output lag this causes more ringing than a smaller step would.
+    """
     natural_frequency_rad_per_s: Positive
     """Undamped natural frequency of the free driven arm's first mode; paper (54): 2437.8."""
     damping_ratio: Positive
@@ -228,8 +242,7 @@ class Simulation(Table):
     sensor_step_um: Positive
     """Resolution of the reading; paper section VI.A: 0.025."""
     averaging_s: NotNegative = 0.0
-    """Time over which the reading averages the position; the LK-G5000 averages up to 4^i
-    samples."""
+    """Time over which the sensor averages the position; the LK-G5000 averages up to 4^i samples."""
     drift: Drift = Drift()
     """Drift of the reading."""
     output_step_V: Positive | None = None
@@ -240,18 +253,19 @@ class Simulation(Table):
     amplifier: Amplifier = Amplifier()
     """Amplifier; by default the voltage at the arm is that of the output."""
     actuation_delay_s: NotNegative
-    """Lockstep: time from the sample to the arrival of the voltage."""
+    """Delay from the sample to the arrival of the voltage; for lockstep."""
     pace: NotNegative = 0.0
-    """1. Lockstep: highest speed as a multiple of real time; 0: as fast as the programs can."""
+    """1. Highest speed as a multiple of real time, for lockstep; 0: no limit."""
     bead: bool = True
     """True if a part is present at the start."""
     bead_contact_um: float
-    """Position of the driven arm's tip at the first touch, with the passive arm at rest."""
+    """Position of the driven arm's tip at first contact, with the passive arm at rest."""
     environment_stiffness_mN_per_um: Positive
     """Stiffness of the passive arm; instruments: about 2.17."""
     passive_natural_frequency_rad_per_s: Positive | None = None
-    """Natural frequency of the passive arm alone; instruments: also 388 Hz. None: an arm
-    without mass."""
+    """Natural frequency of the passive arm alone; instruments: 388 Hz, as the driven arm. None: an
+    arm without mass.
+    """
     passive_damping_ratio: Positive = 0.026
     """1. Damping ratio of the passive arm alone; assumed equal to the driven arm's."""
     part: Bead = Bead()
@@ -259,15 +273,15 @@ class Simulation(Table):
     second: SecondArm | None = None
     """The second arm of a rig with ``[second]``; by default equal to the first."""
     pair: PairOfArms | None = None
-    """Properties of what lies between the two arms."""
+    """Properties of the contact faces and the ground between the two arms."""
     baud: int = Field(default=115200, ge=1200)
-    """Baud rate of the simulated serial lines, where the driver's options state none."""
+    """Baud rate of the simulated serial lines if the driver's options state none."""
     truth: bool = True
     """True publishes the true position and force, for records and comparison."""
     scripts: bool = False
     """True accepts commands of `pincette rig`."""
     script: tuple[ScriptedOrder, ...] = Field(default=(), strict=False)
-    """Commands that run at their times."""
+    """Commands that are executed at given times."""
 
     @model_validator(mode="after")
     def _one_class(self) -> Self:
@@ -293,14 +307,14 @@ class Simulation(Table):
 
     @property
     def pair_of_arms(self) -> PairOfArms:
-        """Return the properties of what lies between two arms."""
+        """Return the properties of the contact faces and the ground between two arms."""
         return self.pair or PairOfArms()
 
     @property
     def bouc_wen(self) -> Hysteresis:
-        """Return the shape of a rig with Bouc-Wen hysteresis.
+        """Return the Bouc-Wen shape of a rig's hysteresis.
 
-        Raises ValueError for another class.
+        Raises ValueError if the hysteresis is of another class.
         """
         if self.hysteresis is None:
             raise ValueError(

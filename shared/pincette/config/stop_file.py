@@ -1,7 +1,7 @@
-"""The part of a rig file that an emergency stop needs to reach actuator and supervisor.
+"""The values of a rig file that an emergency stop needs to reach actuator and supervisor.
 
-It is read value by value, so that the rest of the file may be wrong or of a later version. This
-module loads no validation library, so that a stop does not wait for one.
+Each value is read separately, so that the rest of the file may be invalid or of a later version.
+This module imports no validation library, so that a stop does not wait for the import.
 """
 
 from pathlib import Path
@@ -60,13 +60,13 @@ class StopSupervisor(Struct, frozen=True):
 
 
 class StopFile(Struct, frozen=True):
-    """Part of a rig file that an emergency stop needs."""
+    """Values of a rig file that an emergency stop needs."""
 
     rig: StopRig
     bus: StopBus = StopBus()
     supervisor: StopSupervisor = StopSupervisor()
     notes: tuple[str, ...] = ()
-    """Values that cannot be used, each with its place. Their defaults apply."""
+    """Values that cannot be used, each with its key. Defaults replace them."""
 
     def program_of(self, service: str) -> str:
         """Return the program that runs a service of the loop."""
@@ -103,7 +103,7 @@ def read_for_stop(path: Path) -> StopFile:
 
 
 def _usable(kind: type[T], tables: Tree, name: str, path: Path, notes: list[str]) -> T | None:
-    """Return the usable values of a table, or None if one without a default is not usable."""
+    """Return the usable values of a table, or None if a required value cannot be used."""
     given: Any = tables.get(name)
     table = cast(Tree, given) if isinstance(given, dict) else {}
     values: Tree = {}

@@ -1,6 +1,6 @@
 """Read the tables of a TOML file, and merge them with those of its base file; nothing is validated.
 
-This module loads no validation library, so that an emergency stop does not wait for one.
+This module imports no validation library, so that an emergency stop does not wait for the import.
 """
 
 import tomllib
@@ -11,15 +11,15 @@ from pincette.core.files import EncodingError, decoded
 
 Tree = dict[str, Any]
 MOST_BYTES = 4 * 2**20
-"""Largest allowed size of a rig file, in bytes; one with a measured free response is far smaller.
+"""Largest allowed size of a rig file, in bytes; a file with a measured free response is far
+smaller.
 """
 BASE = "base"
-"""Name of the value that names the base file. The values of that file apply if a rig file states
-none of its own."""
+"""Key for the path of the base file, whose values apply where a rig file states none."""
 
 
 class ConfigError(ValueError):
-    """A rig file that cannot be used; the text names file, place, value and remedy."""
+    """Error for a rig file that cannot be used; the text names file, key, value and remedy."""
 
 
 def read_tables(path: Path) -> Tree:
@@ -38,22 +38,22 @@ def read_tables(path: Path) -> Tree:
         return tomllib.loads(decoded(content))
     except EncodingError as error:
         raise ConfigError(f"rig file {path}: {error}") from error
-    except (ValueError, RecursionError) as error:  # also endless digits
+    except (ValueError, RecursionError) as error:  # also rejects an endless number
         raise ConfigError(f"rig file {path} is not TOML: {error}") from error
 
 
 def path_beside(path: Path, name: str) -> Path:
     """Return the path of a file that a rig file names.
 
-    The file is in the folder of the rig file, or else in the folder of the file that a link points
-    to.
+    The file is in the folder of the rig file or, if the rig file is a link, in the folder of the
+    link's target.
     """
     here, there = path.parent / name, path.resolve().parent / name
     return there if there.exists() and not here.exists() else here
 
 
 def laid_over(below: Tree, above: Tree) -> Tree:
-    """Return the tables ``below``, with the values of ``above`` replacing theirs."""
+    """Return the tables ``below`` with their values replaced by those of ``above``."""
     result = dict(below)
     for key, value in above.items():
         under = result.get(key)

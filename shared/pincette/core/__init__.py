@@ -1,1 +1,1 @@
-"""Shared parts of all programs: services as data, topics, messages and their codec, plug-ins."""
+"""Code that all programs share: services as data, topics, messages and their codec, plug-ins."""

@@ -1,4 +1,4 @@
-"""Codes that programs exchange; ``core.wording`` makes texts for people."""
+"""Codes that programs exchange; ``core.wording`` makes texts for people from them."""
 
 from enum import StrEnum
 
@@ -26,7 +26,7 @@ __all__ = [
 
 
 class Outcome(StrEnum):
-    """End of a program, according to the controller."""
+    """How a motion program ended, according to the controller."""
 
     NONE = ""
     """No outcome yet."""
@@ -51,7 +51,7 @@ class Outcome(StrEnum):
 class Phase(StrEnum):
     """Phases that the controller itself knows.
 
-    A program may have others, such as levels of voltage.
+    A program may have additional phases, such as voltage levels.
     """
 
     APPROACH = "approach"
@@ -63,11 +63,11 @@ class Phase(StrEnum):
     RETREAT = "retreat"
     STOPPING = "stopping"
     STOPPED = "stopped"
-    """A part is kept with the force that it had when the program was stopped on its way."""
+    """A part is held with the force that it had when the program was stopped before its end."""
 
 
 KEPT = (Phase.HOLD, Phase.STOPPED)
-"""Phases in which a part is kept at rest."""
+"""Phases in which a part is held at rest."""
 
 
 class ActionCode(StrEnum):
@@ -94,7 +94,7 @@ class LeaseEnd(StrEnum):
 class Acted(StrEnum):
     """Action that took effect at a sample.
 
-    Every stop is ``stop``; one at the end of a lease follows ``lease``.
+    Every kind of stop is reported as ``stop``; if a lease has expired, ``lease`` precedes it.
     """
 
     LEASE = "lease"

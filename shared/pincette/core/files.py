@@ -17,17 +17,19 @@ MARKS = (
 )
 """Byte order marks of other encodings; those of UTF-32 begin as those of UTF-16 do."""
 LOOKED_AT = 200
-"""Number of bytes at the beginning of a text in which zeros show an encoding without a mark."""
+"""Number of bytes at the beginning of a text that are searched for zeros, which show an encoding
+without a mark.
+"""
 
 DRAFT = ".part"
-"""End of the name of a file that is being written."""
+"""Suffix of a file that is still being written."""
 
 
 @contextmanager
 def temporary_folder() -> Generator[Path]:
     """Make a folder for temporary files and remove it at the end.
 
-    Raises OSError with the remedy where none can be made.
+    Raises OSError with a remedy if the folder cannot be made.
     """
     try:
         made = tempfile.TemporaryDirectory(prefix="pincette-", ignore_cleanup_errors=True)
@@ -42,7 +44,7 @@ def temporary_folder() -> Generator[Path]:
 
 
 class EncodingError(ValueError):
-    """A text is not UTF-8; the message names the encoding, the place and the remedy."""
+    """Error for a text that is not UTF-8; the message names encoding, position and remedy."""
 
 
 def decoded(content: bytes) -> str:
@@ -51,7 +53,7 @@ def decoded(content: bytes) -> str:
         if content.startswith(mark):
             raise EncodingError(f"it is {name}: {_remedy(name)}")
     head = content[:LOOKED_AT]
-    if 3 * head.count(0) > len(head):  # every other character of a Latin text in UTF-16
+    if 3 * head.count(0) > len(head):  # in UTF-16, every second byte of a Latin text is zero
         raise EncodingError(f"it is UTF-16 or UTF-32 without a mark: {_remedy('UTF-16LE')}")
     try:
         return content.decode("utf-8-sig")
@@ -68,7 +70,7 @@ def _remedy(encoding: str) -> str:
 
 
 def replace_file(path: Path, content: bytes, mode: int = 0o666) -> None:
-    """Replace a file by new content, which is on the disk when this returns; raises OSError.
+    """Replace the content of a file; when the function returns, it is on the disk. Raises OSError.
 
     See ``replacing``.
     """
@@ -80,8 +82,8 @@ def replace_file(path: Path, content: bytes, mode: int = 0o666) -> None:
 def replacing(path: Path, mode: int = 0o666) -> Generator[Path]:
     """Yield a draft in the same folder; it replaces the file when the block ends without an error.
 
-    A reader sees the old content or the new content, also after a power cut. After an error the
-    file is unchanged. The draft exists when the block begins, with ``mode`` minus the bits that the
+    A reader sees either the old or the new content, even after a power cut. After an error the file
+    is unchanged. The draft exists when the block begins, with ``mode`` minus the bits that the
     umask of the process forbids. Raises OSError.
     """
     draft = path.with_name(f"{path.name}.{secrets.token_hex(4)}{DRAFT}")
@@ -107,7 +109,7 @@ def publish(draft: Path, path: Path) -> None:
 
 
 def make_folder(folder: Path, mode: int = 0o777) -> None:
-    """Make a folder and those above it, and sync the entry of each; raises OSError."""
+    """Make a folder and its parents, and sync the entry of each to the disk; raises OSError."""
     if folder.is_dir():
         return
     make_folder(folder.parent, mode)
@@ -121,12 +123,12 @@ def make_folder(folder: Path, mode: int = 0o777) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Sync the entries of a folder: its files' names, not their content; raises OSError."""
+    """Sync the entries of a folder (names of files, not their content); raises OSError."""
     number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(number)
     except OSError as error:
-        if error.errno != errno.EINVAL:  # a file system that cannot sync a folder
+        if error.errno != errno.EINVAL:  # the file system cannot sync folders
             raise
     finally:
         os.close(number)

@@ -1,4 +1,4 @@
-"""Sampling while nothing plays: at a low rate, since only people read the samples."""
+"""Sampling while no motion program plays: at a low rate, since only people read the samples."""
 
 SAMPLE_S = 0.1
 """Time between two samples of an idle rig, in s, if it is longer than a control period."""

@@ -1,4 +1,4 @@
-"""Opens ports to listen at, and states in one line why one cannot be opened, with the remedy."""
+"""Opens listening ports; if one cannot be opened, gives the reason and the remedy in one line."""
 
 import errno
 import pwd
@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 
 FIRST_OPEN_PORT = 1024
-"""First port that an ordinary account may open."""
+"""First port that an account without privileges may open."""
 LISTENS = "0A"
-"""State of a listening socket in the tables of the kernel."""
+"""State of a listening socket in the kernel's tables."""
 NO_IPV6 = "this machine has no IPv6: use an IPv4 address such as 127.0.0.1, or turn IPv6 on"
 
 
@@ -58,7 +58,8 @@ def why_not(host: str, port: int, error: OSError) -> str:
 def listener_uid(host: str, port: int) -> int | None:
     """Return the account (user id) of the program that listens at a port of this machine.
 
-    None if nothing listens there, if the host is a name, or if the system does not state it.
+    Return None if nothing listens there, if the host is a name, or if the system does not provide
+    this information.
     """
     tables = {socket.AF_INET: "/proc/net/tcp", socket.AF_INET6: "/proc/net/tcp6"}
     wanted: set[str] = set()
@@ -68,7 +69,7 @@ def listener_uid(host: str, port: int) -> int | None:
         except OSError:
             continue
         wanted |= {_as_listed(address), _as_listed(bytes(len(address)))}
-        if family == socket.AF_INET:  # listeners at :: also accept connections over IPv4
+        if family == socket.AF_INET:  # sockets listening at :: also accept IPv4 connections
             wanted |= {_as_listed(bytes(10) + b"\xff\xff" + address), _as_listed(bytes(16))}
     for table in tables.values():
         try:
@@ -84,7 +85,7 @@ def listener_uid(host: str, port: int) -> int | None:
 
 
 def _as_listed(address: bytes) -> str:
-    """Return an address as the tables of the kernel have it: words of the machine's byte order."""
+    """Return an address in the form of the kernel's tables: words in the machine's byte order."""
     words = [address[first : first + 4] for first in range(0, len(address), 4)]
     return "".join(f"{int.from_bytes(word, sys.byteorder):08X}" for word in words)
 

@@ -1,8 +1,8 @@
 """Columns of numbers in a text file: CSV as spreadsheets and recorders write it.
 
-The separator is ``;``, a tab, a comma or white space; a decimal comma is read where another sign
-separates. Blank lines and lines that begin with ``#`` are skipped, and one line of names may come
-first. An ambiguous file is refused with the number of its line.
+The separator is ``;``, a tab, a comma or white space. A comma is read as a decimal sign if another
+separator is used. Blank lines and lines that begin with ``#`` are skipped, and one line of names
+may come first. An ambiguous file is refused with the number of its line.
 """
 
 import csv
@@ -35,17 +35,17 @@ UNITS_ALONE = (
     "um",
     "µm",
 )
-"""Titles that are units and nothing else."""
+"""Column titles that consist of a unit only."""
 Row = tuple[int, list[str]]
 """Number of a line and its fields."""
 
 
 class FileError(ValueError):
-    """A file without a readable table; the text names the place and the remedy."""
+    """Error for a file without a readable table; the text names the position and the remedy."""
 
 
 def read_table(path: str, names: Sequence[str]) -> list[dict[str, float]]:
-    """Return the table of a file with one record a line.
+    """Return the table in a file with one record per line.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def read_table(path: str, names: Sequence[str]) -> list[dict[str, float]]:
     Raises
     ------
     FileError
-        The file cannot be read, or can be read in two ways.
+        The file cannot be read, or its content is ambiguous.
     """
     try:
         with Path(path).open("rb") as file:
@@ -139,19 +139,21 @@ def _fields(lines: Sequence[tuple[int, str]]) -> list[Row]:
 
 
 def _by_comma(line: str) -> bool:
-    """Return whether the commas of a line separate fields; otherwise they are decimal signs."""
+    """Return whether the commas in a line separate fields; otherwise they are decimal signs."""
     return "," in line and not (
         len(line.split()) > 1 and all(numerals.NUMBER.fullmatch(item) for item in line.split())
     )
 
 
 def _is_header(fields: Sequence[str]) -> bool:
-    """Return whether a line has names: each field begins with a letter and is no number's word."""
+    """Return whether a line contains column names: each field begins with a letter and is not a
+    word for a number, such as nan.
+    """
     return all(field[:1].isalpha() and field.lower() not in NUMBER_WORDS for field in fields)
 
 
 def _places(at: int, header: Sequence[str], names: Sequence[str]) -> list[int]:
-    """Return the places of the columns in a header; raises FileError."""
+    """Return the indices of the columns in a header; raises FileError."""
     if all(header.count(name) == 1 for name in names):
         return [header.index(name) for name in names]
     if len(header) != len(names):
@@ -172,7 +174,7 @@ def _places(at: int, header: Sequence[str], names: Sequence[str]) -> list[int]:
 
 
 def _stated_unit(title: str) -> str:
-    """Return the unit that a column's title states; empty if it is one word without a unit."""
+    """Return the unit stated in a column title; empty if the title is one word without a unit."""
     found = UNIT_IN_NAME.search(title)
     if found:
         return found.group(1)
@@ -181,12 +183,13 @@ def _stated_unit(title: str) -> str:
 
 
 def _word(title: str) -> str:
-    """Return the quantity that a column's title names."""
+    """Return the quantity that a column title names."""
     return bare(re.split(r"[\[(/]", title)[0].strip().lower())
 
 
 def _decimal_commas(rows: Sequence[Row]) -> bool:
-    """Return whether commas are surely decimal signs: one at least cannot separate thousands.
+    """Return whether commas are certainly decimal signs: at least one of them cannot be a thousands
+    separator.
 
     Raises
     ------

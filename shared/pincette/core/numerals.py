@@ -1,7 +1,7 @@
-"""Numbers that people type or paste: one number, a whole number, a list, a table of points.
+"""Parsers of numbers that people type or paste: a number, an integer, a list, a table of points.
 
-A decimal sign is ``.`` or ``,``. An ambiguous text is refused, so that no other number is used than
-the intended one. The page applies the same rule in JavaScript.
+The decimal sign is ``.`` or ``,``. An ambiguous text is refused, so that a wrong number is never
+used. The page applies the same rule in JavaScript.
 """
 
 import math
@@ -17,7 +17,7 @@ GROUPED = re.compile(r"[+\-−]?[0-9]{1,3}(?:\.[0-9]{3})*")
 DECIMALS = re.compile(r"[0-9]+(?:[eE][+\-−]?[0-9]+)?")
 """Text that may follow a decimal comma."""
 GROUP = re.compile(r"0[0-9]{2}")
-"""Three digits that begin with 0, as the groups of 1 000 do."""
+"""Three digits that begin with 0, like the groups in 1 000."""
 LIST_HINT = "separate the numbers by '; ', such as '5; 10; 2.5'"
 MOST_DIGITS = 400
 """Length of the longest text that is read as a number."""
@@ -29,7 +29,7 @@ def number(text: str) -> float:
     Raises
     ------
     ValueError
-        The text states none, or can be read in two ways; the message gives reason and remedy.
+        The text is not a number, or is ambiguous; the message gives reason and remedy.
     """
     stripped = text.strip()
     if THOUSANDS.fullmatch(stripped):
@@ -46,7 +46,7 @@ def number(text: str) -> float:
 
 
 def whole(text: str) -> int:
-    """Return the whole number that a text states; raises ValueError as ``number`` does."""
+    """Return the integer that a text states; raises ValueError as ``number`` does."""
     stripped = text.strip()
     if len(stripped) > MOST_DIGITS or not WHOLE.fullmatch(stripped):
         raise ValueError("give a whole number in digits only, such as 5")
@@ -57,12 +57,12 @@ def items(text: str) -> list[str]:
     """Return the texts of the numbers in a list.
 
     Numbers are separated by ``;``, by a comma followed by white space, or by white space. Commas
-    alone separate only if no two neighbours could be one number with a decimal comma.
+    alone are separators only if no two neighbouring items could be one number with a decimal comma.
 
     Raises
     ------
     ValueError
-        The list can be read in two ways.
+        The list is ambiguous.
     """
     stripped = text.strip()
     if ";" in stripped:
@@ -112,7 +112,7 @@ def records(text: str, count: int) -> list[list[str]]:
     Raises
     ------
     ValueError
-        A piece has another count of numbers; the message is that piece.
+        An item has another number of values; the message is that item.
     """
     stripped = text.strip()
     pieces = [piece.strip() for piece in stripped.split(",")]

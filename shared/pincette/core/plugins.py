@@ -24,7 +24,7 @@ SIMULATED_INSTRUMENTS = "pincette.simulated_instruments"
 COMMANDS = "pincette.commands"
 
 DRIVERS = {POSITION_SENSORS: "position sensor", VOLTAGE_OUTPUTS: "voltage output"}
-"""Groups from which a rig file chooses, each with the word for one of its members."""
+"""Entry-point groups from which a rig file chooses, each with the word for its members."""
 CALLED = {**DRIVERS, LAWS: "control law", JOB_KINDS: "kind of job", CALIBRATIONS: "calibration"}
 
 
@@ -32,7 +32,7 @@ T = TypeVar("T")
 
 
 class PluginError(Exception):
-    """A plug-in that does not exist or cannot be imported.
+    """Error for a plug-in that does not exist or cannot be imported.
 
     The text lists the existing ones, or the error.
     """
@@ -40,8 +40,8 @@ class PluginError(Exception):
 
 @cache
 def _all_entries(_path: tuple[str, ...]) -> EntryPoints:
-    # This reads the metadata of every installed distribution, which takes 10 ms or more. The class
-    # that Python 3.11 returns has the same ``select``.
+    # The call reads the metadata of every installed distribution, which takes 10 ms or more. The
+    # class that Python 3.11 returns also has the method ``select``.
     return cast(EntryPoints, entry_points())
 
 
@@ -73,7 +73,7 @@ def resolve(reference: str, of: type[T], what: str) -> T:
     """Import ``module:attribute`` that a plug-in names; raises PluginError."""
     try:
         found = resolve_name(reference)
-    # A module from outside may fail in any way, or end the program, while it is imported.
+    # A module from another package may fail in any way, or end the program, while it is imported.
     except (Exception, SystemExit) as error:
         raise PluginError(
             f"{what}: {reference} cannot be imported: {type(error).__name__}: {error}; "
@@ -99,7 +99,7 @@ def load(group: str, name: str) -> Any:
     (entry,) = found
     try:
         return entry.load()
-    # A module from outside may fail in any way, or end the program, while it is imported.
+    # A module from another package may fail in any way, or end the program, while it is imported.
     except (Exception, SystemExit) as error:
         raise PluginError(
             f"{kind} {name!r} ({entry.value}, {origin(entry)}) cannot be imported: "
@@ -111,7 +111,7 @@ def installation(name: str) -> str:
     """Return the command that installs the extra of pincette with this name, or an empty text."""
     try:
         wanted = requires("pincette") or []
-    except PackageNotFoundError:  # the client alone is installed
+    except PackageNotFoundError:  # only the client is installed
         return ""
     package = f"pincette-{name}=="
     found = any(one.startswith(package) for one in wanted)

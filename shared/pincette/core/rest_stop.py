@@ -21,7 +21,7 @@ MOST_BYTES = 1_000_000
 """Size limit of a reply, in bytes."""
 UNCONFIRMED = "urn:pincette:problem:estop-unconfirmed"
 ESTOP_CAUSE = "estop"
-"""Cause of a trip by an emergency stop, as ``Cause.ESTOP`` is written over REST."""
+"""Cause of a trip by an emergency stop: the text of ``Cause.ESTOP`` over REST."""
 KEY = "Authorization"
 DEFAULT_PORTS: Mapping[str, int] = {"http": 80, "https": 443}
 FIRST_USER, UNKNOWN_UID = 1000, 65534
@@ -30,7 +30,7 @@ namespace does not know."""
 
 
 class RestStopError(Exception):
-    """No rig has been confirmed as stopped; the text gives the reason."""
+    """Error if no rig has confirmed the stop; the text gives the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class RestStop:
     """Rigs whose stop a supervisor has confirmed."""
 
     stopped: tuple[str, ...]
-    """Names of the rigs that are stopped."""
+    """Names of the stopped rigs."""
     unconfirmed: tuple[str, ...] = ()
     """Names of the rigs whose actuator has not confirmed."""
     notes: tuple[str, ...] = ()
@@ -46,12 +46,12 @@ class RestStop:
     proven: bool = False
     """True if a certificate proved the identity of the supervisor. Plain HTTP proves nothing."""
     foreign_account: str = ""
-    """Account of the program that replied, if it belongs to another user of this machine."""
+    """Account of the program that replied, if it is another user of this machine."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Reply:
-    """Reply to a request: the status, the JSON of the content or None, and who sent it."""
+    """Reply to a request: the status, the JSON body or None, and the sender."""
 
     status: int
     tree: object
@@ -111,7 +111,7 @@ def stop_over_rest(
 
 
 def is_same_place(one: str, other: str) -> bool:
-    """Return whether two addresses are the same port of the same machine."""
+    """Return whether two addresses mean the same port of the same machine."""
     try:
         parts = [urlsplit(root_of(url)) for url in (one, other)]
         ports = {part.port or DEFAULT_PORTS.get(part.scheme) for part in parts}
@@ -147,8 +147,8 @@ def _foreign_account(line: HTTPConnection) -> str:
 def root_of(url: str) -> str:
     """Return the address of a supervisor from any address that a person copies.
 
-    It may lack the scheme, be that of the interface or of one of its resources, or be that of the
-    page as a browser shows it, with a query or a fragment.
+    The address may lack the scheme. It may be that of the REST interface, of one of its resources,
+    or of the page as shown by a browser, with a query or a fragment.
     """
     text = url.strip()
     text = text if "://" in text else f"http://{text}"
@@ -226,7 +226,7 @@ def _names(found: object) -> tuple[str, ...]:
 
 
 def _name(entry: object) -> str:
-    """Return the rig that an entry confirms, or an empty text."""
+    """Return the name of the rig that an entry confirms, or an empty text."""
     one = cast("dict[str, Any]", entry) if isinstance(entry, dict) else {}
     confirmed = one.get("cause") == ESTOP_CAUSE and one.get("acknowledged") is True
     return one["rig"] if confirmed and isinstance(one.get("rig"), str) else ""

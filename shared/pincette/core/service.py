@@ -1,7 +1,7 @@
 """Definition of a service: inputs and outputs as data, and pure functions from state to state.
 
-The runner does the rest: bus, clock, instrument, joins, deadlines, statistics, shutdown. Because
-inputs are data, replay, documents and the links between programs need no second list.
+The runner provides everything else: bus, clock, instrument, joins, deadlines, statistics, shutdown.
+Because inputs are data, replay, documents and the links between programs need no second list.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,11 +23,11 @@ Role = Literal["trigger", "join", "pace"]
 
 
 class RefusedError(Exception):
-    """A request that a service refuses; the text gives the reason."""
+    """Error for a request that a service refuses; the text gives the reason."""
 
 
 class Acquired(FrozenRecord, frozen=True):
-    """A buffered acquisition since the last tick: one sample each 1/``rate_hz``."""
+    """Buffered samples acquired since the last tick, one every 1/``rate_hz``."""
 
     rate_hz: float
     x_um: tuple[float, ...]
@@ -49,14 +49,16 @@ class Reading(FrozenRecord, frozen=True):
 
 
 class SetVoltage(FrozenRecord, frozen=True):
-    """Output for the instruments: apply these voltages before anything is published."""
+    """Output of a step to the instruments: apply these voltages before anything is published."""
 
     voltages_V: tuple[float, ...]
     """Voltage of each arm."""
 
 
 class WriteParts(FrozenRecord, frozen=True):
-    """Output for the instrument: apply these voltages one after the other; the last one stays."""
+    """Output of a step to the instrument: apply these voltages one after another, and keep the last
+    one.
+    """
 
     voltages_V: tuple[float, ...]
     interval_s: float
@@ -64,18 +66,20 @@ class WriteParts(FrozenRecord, frozen=True):
 
 
 class Wave(FrozenRecord, frozen=True):
-    """Output for the instrument: begin to play these voltages, one each 1/``rate_hz``."""
+    """Output of a step to the instrument: begin to play these voltages, one every 1/``rate_hz``."""
 
     voltages_V: Sequence[float]
     rate_hz: float
 
 
 class CheckWave(FrozenRecord, frozen=True):
-    """Output for the instrument: check that the wave that it plays has not been interrupted."""
+    """Output of a step to the instrument: check that the waveform has not been interrupted."""
 
 
 class ReadBack(FrozenRecord, frozen=True):
-    """Output for the instrument: read back its voltage; ``PutOut`` replaces this message."""
+    """Output of a step to the instrument: read back its voltage; ``PutOut`` replaces this
+    message.
+    """
 
 
 class PutOut(FrozenRecord, frozen=True):
@@ -85,13 +89,15 @@ class PutOut(FrozenRecord, frozen=True):
 
 
 class Slept(FrozenRecord, frozen=True):
-    """The machine was suspended; none of the clocks given to a step has counted ``slept_s``."""
+    """Message that the machine was suspended for ``slept_s``; the clocks given to steps do not
+    include this time.
+    """
 
     slept_s: float
 
 
 class Busy(FrozenRecord, frozen=True):
-    """The program was busy with another of its services for ``busy_s``; this is no standstill."""
+    """Message that another service of the same program ran for ``busy_s``; this is not a stall."""
 
     busy_s: float
 
@@ -103,9 +109,9 @@ DeviceCommand = SetVoltage | WriteParts | Wave | CheckWave | ReadBack
 class Input:
     """One input of a service.
 
-    ``trigger``  each arrival makes the service step.
-    ``join``     the step for sample k waits for this topic's sample k + ``offset``.
-    ``pace``     in lockstep, each arrival begins the next tick; in real time the grid does.
+    ``trigger`` each arrival makes the service step. ``join`` the step for sample k waits for this
+    topic's sample k + ``offset``. ``pace`` in lockstep, each arrival begins the next tick; in real
+    time the grid does.
     """
 
     topic: Topic
@@ -140,28 +146,33 @@ class Service(Generic[R, C, S, I]):
     """Function that returns the time between two timer steps in a state, in real time, in s; None:
     one control period for a sensor, ``wake_s`` for others."""
     initialize_from_output: Callable[[C, S, tuple[float, ...]], S] | None = None
-    """Function that begins from the voltages that each arm's instrument reports, whatever program
-    has set them."""
+    """Function that returns the initial state for the voltages that the arms' instruments report,
+    whatever program set them.
+    """
     booted: Callable[[S, Predecessor], S] | None = None
-    """Function that begins after an earlier program, depending on how that has ended; None: it does
-    not matter."""
+    """Function that adapts the initial state to how an earlier program ended; None: it does not
+    matter.
+    """
     ending: Callable[[S], Predecessor] | None = None
-    """Function that returns the message to the next program when this one is stopped; None: there
-    is no message."""
+    """Function that returns the message to the next program when this program is stopped; None: no
+    message.
+    """
     state_snapshot: tuple[str, ...] = ()
-    """Fields of the state that an arming carries over because outputs depend on them."""
+    """Fields of the state that are kept over an arming because outputs depend on them."""
     may_kick_watchdog: Callable[[C, S, float], bool] | None = None
     """Function that returns whether an instrument with a watchdog may receive a heartbeat; None: it
     always may."""
     shutdown: Callable[[C, S, float], tuple[S, bool]] | None = None
-    """Function that begins or continues to bring the instrument to rest before the program ends; it
-    returns true once at rest."""
+    """Function that brings the instrument to rest before the program ends, step by step; it returns
+    true once the instrument is at rest.
+    """
 
 
 AnyService = Service[Any, Any, Any, Any]
 
 LOOP_PROGRAM, SEPARATOR = "loop", "+"
-"""Name of the program that contains the whole loop, and the separator of services in other names.
+"""Name of the program that runs the whole loop, and the separator of services in other program
+names.
 """
 
 
@@ -173,7 +184,7 @@ def programs() -> list[str]:
 def member_services(program: str) -> tuple[str, ...]:
     """Return the services that a program of the loop runs, in the order of a tick.
 
-    None for other programs.
+    Return None for other programs.
     """
     if program == LOOP_PROGRAM:
         return LOOP
@@ -182,9 +193,10 @@ def member_services(program: str) -> tuple[str, ...]:
 
 
 def canonical_name(text: str) -> str:
-    """Return the name of a program that contains several services, in their order.
+    """Return the standard name of a program that runs several services: their names in the order of
+    a tick.
 
-    Raises ValueError.
+    Raises ValueError if a service is unknown.
     """
     wanted = (
         f"must be {LOOP_PROGRAM!r}, or at least two of {', '.join(LOOP)} with {SEPARATOR!r} between"
@@ -201,7 +213,7 @@ def canonical_name(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class CompositeService:
-    """Several services as one program; messages between them are not inputs of it."""
+    """Several services run as one program; messages between them are not inputs of the program."""
 
     name: str
     services: tuple[AnyService, ...]
@@ -209,7 +221,7 @@ class CompositeService:
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """Return the inputs that its services need from others."""
+        """Return the inputs that its services need from other programs."""
         own = member_services(self.name)
         return tuple(
             item
@@ -220,9 +232,9 @@ class CompositeService:
 
     @property
     def requests(self) -> tuple[Request, ...]:
-        """Return the requests that its services answer."""
+        """Return the requests that its services serve."""
         return tuple(request for service in self.services for request in service.requests)
 
 
 Participant = AnyService | CompositeService
-"""A program of the loop as others see it: name, inputs and requests."""
+"""Properties of a loop program that others use: name, inputs and requests."""

@@ -1,4 +1,4 @@
-"""Output to standard streams that are closed, full or without a reader."""
+"""Output to standard streams that may be closed, full or without a reader."""
 
 import io
 import os
@@ -18,8 +18,8 @@ LOOK_S = 0.01
 def prepare_streams() -> None:
     """Make output possible whatever the standard streams are.
 
-    Closed streams are opened to go nowhere, since a socket must not get the number of one. In
-    standard output, characters that its encoding lacks are replaced.
+    Closed streams are redirected to the null device, since a socket must not get their descriptor.
+    Characters that the encoding of standard output lacks are replaced.
     """
     for number in range(3):
         try:
@@ -34,10 +34,11 @@ def prepare_streams() -> None:
 
 
 def flushed(status: int, failed: int) -> int:
-    """Return the exit status once all output is written, or ``failed`` if it cannot be.
+    """Return the exit status after all output has been written, or ``failed`` if it cannot be
+    written.
 
-    Output that cannot be written is dropped. Otherwise Python would try again at its end, and
-    replace the status by its own.
+    Output that cannot be written is dropped. Otherwise Python would try again at exit, and replace
+    the status by its own.
     """
     for stream in (sys.stdout, sys.stderr):
         try:
@@ -49,7 +50,7 @@ def flushed(status: int, failed: int) -> int:
 
 
 def drop(stream: TextIO) -> None:
-    """Discard all that a stream still holds and all that follows."""
+    """Discard all output that a stream still buffers, and all later output."""
     with suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
@@ -60,9 +61,9 @@ def drop(stream: TextIO) -> None:
 class LossyWriter(io.TextIOBase):
     """Text stream for programs that must continue even if their output cannot be written.
 
-    ``write`` neither waits nor raises. A thread writes to the stream behind. Texts that cannot be
-    written (full disk, ended reader, lost terminal, closed stream) are counted and dropped, and so
-    are texts that do not fit into the queue because the reader has paused.
+    ``write`` neither waits nor raises an error. A separate thread writes to the wrapped stream.
+    Texts that cannot be written (full disk, ended reader, lost terminal, closed stream) are counted
+    and dropped, and so are texts that do not fit into the queue because the reader has paused.
     """
 
     def __init__(self, behind: TextIO) -> None:
@@ -79,11 +80,11 @@ class LossyWriter(io.TextIOBase):
 
     @property
     def encoding(self) -> str:  # type: ignore[override]
-        """Return the encoding of the stream behind."""
+        """Return the encoding of the wrapped stream."""
         return self._encoding
 
     def isatty(self) -> bool:
-        """Return whether the stream behind was a terminal at the beginning."""
+        """Return whether the wrapped stream was a terminal at the start."""
         return self._terminal
 
     def writable(self) -> bool:
@@ -117,9 +118,10 @@ class LossyWriter(io.TextIOBase):
             self._pending.task_done()
 
     def _put(self, text: str) -> None:
-        """Write without Python's buffers, which would keep what could not be written.
+        """Write without Python's buffers, which would keep text that could not be written.
 
-        Their locks could also block the end of the interpreter while this thread waits.
+        The locks of the buffers could also block the exit of the interpreter while this thread
+        waits.
         """
         try:
             number = self._behind.fileno()

@@ -1,11 +1,11 @@
 """Declaration of every key on the bus: message, producer, and when and how it is sent.
 
-A message is dropped if a link stalls, so that no program waits for a link. In lockstep it is
+If a link stalls, messages are dropped, so that no program waits for a link. In lockstep they are
 delayed instead, since every service then processes every tick. The newest message of every topic
 can be queried on the topic's own key.
 
 A key has one producer, so that a query for its newest message has one reply. A topic that every
-service of the loop publishes has a key for each of them.
+service of the loop publishes has one key per service.
 """
 
 import re
@@ -17,7 +17,7 @@ from pincette.core.messages import Message
 
 NAMESPACE = "pincette"
 WIRE = 2
-"""Version of keys and payloads; increased by every change that breaks a listener."""
+"""Version of keys and payloads; increased by every incompatible change."""
 ROOT = f"{NAMESPACE}/v{WIRE}"
 RIG_NAME = r"[a-z][a-z0-9-]{0,30}"
 """Regular expression of a rig's name."""
@@ -25,7 +25,7 @@ PROGRAM_TOKEN = re.compile(f"{ROOT}/(?P<rig>{RIG_NAME})/live/(?P<program>[a-z][a
 """Liveliness token of a program; see ``live_key``."""
 
 EACH_SERVICE = "each service of the loop"
-"""Producer of the topics that have a key for each service."""
+"""Value of ``producer`` for topics that have one key per service."""
 While = Literal["latched", "idle", "job"]
 """State of a rig in real time: the actuator is latched, or at rest, or a job plays a program."""
 ALWAYS: tuple[While, ...] = ("latched", "idle", "job")
@@ -33,7 +33,7 @@ ALWAYS: tuple[While, ...] = ("latched", "idle", "job")
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One kind of published message, and its key or keys."""
+    """One kind of published message, with its key or keys."""
 
     name: str
     message: type[Message]
@@ -47,18 +47,21 @@ class Topic:
     bulky: bool = False
     """True for messages so large that they are sent at a lower priority than samples."""
     rate_hz: float | None = None
-    """Largest mean rate at which a subscriber reads messages; it drops others unread. None: no
-    limit."""
+    """Largest mean rate at which a subscriber reads messages; further messages are dropped unread.
+    None: no limit.
+    """
 
     @property
     def per_service(self) -> bool:
-        """Return whether the key ends with the service: each service publishes such a topic."""
+        """Return whether the key ends with the service, because each service publishes the
+        topic.
+        """
         return self.producer == EACH_SERVICE
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """One query that a program answers, with its request and its reply."""
+    """One query that a program serves, with the types of request and reply."""
 
     name: str
     service: str
@@ -139,7 +142,9 @@ PLACE = Topic(
     rate_hz=50.0,
 )
 INPUTS = (PLACE,)
-"""Topics that clients publish and the supervisor reads; no program of the loop does."""
+"""Topics that clients publish and the supervisor reads; the programs of the loop do not read
+them.
+"""
 TOPIC_OF: dict[type[Message], Topic] = {topic.message: topic for topic in (*TOPICS, *INPUTS)}
 
 LOOP = ("sensor", "estimator", "controller", "actuator")
@@ -209,20 +214,20 @@ REQUESTS = (
 def key(rig: str, topic: Topic, service: str = "*") -> str:
     """Return the key of a topic of one rig.
 
-    A topic with a key for each service has that of ``service``, by default a wildcard for all.
+    If the topic has one key per service, return that of ``service``, by default a wildcard for all.
     """
     place = f"{ROOT}/{rig}/{topic.name}"
     return f"{place}/{service}" if topic.per_service else place
 
 
 def keys_of(rig: str, topic: Topic) -> dict[str, str]:
-    """Return each producer of a topic with its key."""
+    """Return the producers of a topic, each with its key."""
     producers = LOOP if topic.per_service else (topic.producer,)
     return {producer: key(rig, topic, producer) for producer in producers}
 
 
 def topic_keys(rig: str) -> tuple[str, ...]:
-    """Return key expressions that cover all topics of a rig, and no request or token."""
+    """Return key expressions that cover all topics of a rig, but no requests or tokens."""
     return f"{ROOT}/{rig}/*", *(key(rig, topic) for topic in TOPICS if topic.per_service)
 
 
@@ -232,19 +237,22 @@ def request_key(rig: str, request: Request) -> str:
 
 
 def live_key(rig: str, program: str) -> str:
-    """Return the key expression of a program's liveliness token."""
+    """Return the key of a program's liveliness token."""
     return f"{ROOT}/{rig}/live/{program}"
 
 
 def alive_of(token: str) -> tuple[str, str] | None:
-    """Return rig and program of a liveliness token, or None if no program has such a token.
+    """Return rig and program of a liveliness token, or None if it is not the token of a program.
 
-    Anything on the bus may hold a token, also one with wildcards that covers those of programs.
+    Any tool on the bus may declare a token, even one with wildcards that matches the tokens of
+    programs.
     """
     found = PROGRAM_TOKEN.fullmatch(token)
     return None if found is None else (found["rig"], found["program"])
 
 
 def live_key_of_any_wire(rig: str) -> str:
-    """Return the key expression of all liveliness tokens of a rig, of any version of the wire."""
+    """Return a key expression that covers all liveliness tokens of a rig, for every version of the
+    wire protocol.
+    """
     return f"{NAMESPACE}/*/{rig}/live/*"

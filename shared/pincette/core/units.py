@@ -1,4 +1,4 @@
-"""Units by the ends of names: every name that crosses an interface ends with its unit."""
+"""Units as suffixes of names: every name that crosses an interface ends with its unit."""
 
 UNITS = {
     "_mN_per_um": "mN/µm",
@@ -16,7 +16,7 @@ UNITS = {
     "_s": "s",
     "_hz": "Hz",
 }
-"""Units by the end of a name, longer ends first, so that the first match is the unit."""
+"""Units by suffix of a name, longer suffixes first, so that the first match is the unit."""
 OF_FILES = {
     "_um_per_V2": "µm/V²",
     "_mN_per_decade": "mN/decade",
@@ -39,7 +39,7 @@ def unit_of(name: str) -> str:
 
 
 def bare(name: str) -> str:
-    """Return a name without its unit."""
+    """Return a name without its unit suffix."""
     return next((name.removesuffix(end) for end in UNITS if name.endswith(end)), name)
 
 

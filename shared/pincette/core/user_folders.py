@@ -15,7 +15,7 @@ def config_folder() -> Path | None:
 
 
 def is_readable_file(path: Path) -> bool:
-    """Return whether a path is a regular file; false where its folder may not be entered."""
+    """Return whether a path is a regular file; False if its folder may not be entered."""
     try:
         return path.is_file()
     except (OSError, ValueError):

@@ -57,11 +57,13 @@ KINDS: Mapping[str, str] = {
 }
 """Expected type of a value that has the wrong one, by the first word of the code."""
 BRANCHES = ("float", "int", "str", "bool")
-"""Types that pydantic names among the fields if a value may be one of several."""
+"""Names of types that pydantic adds to the path of a field if its value may have several types."""
 
 
 def place(loc: Sequence[str | int]) -> str:
-    """Return the fields that lead to a value, as ``realtime.cores.0``, from ``loc`` of an entry."""
+    """Return the path of fields that leads to a value, such as ``realtime.cores.0``, from ``loc``
+    of an error.
+    """
     return ".".join(
         str(part)
         for part in loc
@@ -73,8 +75,8 @@ def place(loc: Sequence[str | int]) -> str:
 def refusal(error: Mapping[str, Any], unit: str = "") -> str:
     """Return what is expected of a value, from an entry of pydantic's ``errors``.
 
-    An example is ``must be above 0 mN``. A text of pincette's own, which a validator has raised, is
-    returned as it is.
+    An example is ``must be above 0 mN``. A text that one of pincette's own validators has raised is
+    returned unchanged.
     """
     code, context = str(error["type"]), dict(error.get("ctx") or {})
     if code in ("value_error", "assertion_error"):

@@ -134,7 +134,7 @@ UNKNOWN_FORCE: Mapping[FaultCode, str] = {
         "limit {limit_mN:.1f} mN"
     ),
 }
-"""Texts in place of those of ``TEXTS`` if the fault carries no value of the force."""
+"""Texts that replace those of ``TEXTS`` if the fault does not contain the force."""
 IN_A_ROW = frozenset(
     {
         FaultCode.FORCE_BEYOND_LIMIT,
@@ -169,7 +169,7 @@ NOT_A_NUMBER = float("nan")
 
 
 def fault_text(fault: Fault | None) -> str:
-    """Return a fault for people: value, unit and limit; empty without one."""
+    """Return a fault as text: value, unit and limit; empty if there is no fault."""
     if fault is None:
         return ""
     values = {
@@ -200,13 +200,13 @@ def fault_text(fault: Fault | None) -> str:
 
 
 def _with_milliseconds(values: Mapping[str, float]) -> dict[str, float]:
-    """Return numbers of a fault, with times in ms too."""
+    """Return the numbers of a fault, with times also in ms."""
     times = {name: value for name, value in values.items() if name.endswith("_s")}
     return {**values, **{f"{name[:-2]}_ms": 1e3 * value for name, value in times.items()}}
 
 
 def named_text(fault: Fault | None) -> str:
-    """Return a fault for people, preceded by its subject."""
+    """Return a fault as text, preceded by its subject."""
     text = fault_text(fault)
     if fault is None or not text or fault.number("seq") is not None:
         return text
@@ -215,12 +215,12 @@ def named_text(fault: Fault | None) -> str:
 
 
 def faults_text(faults: Sequence[Fault]) -> str:
-    """Return several faults for people, the first one first."""
+    """Return several faults as text, in order."""
     return "; ".join(filter(None, map(named_text, faults)))
 
 
 def cause_text(cause: Cause, faults: Sequence[Fault] = (), silent: str = "") -> str:
-    """Return why a rig is latched, for people.
+    """Return, as text, why a rig is latched.
 
     ``silent`` names the program whose command was missed.
     """
@@ -238,12 +238,12 @@ def cause_text(cause: Cause, faults: Sequence[Fault] = (), silent: str = "") -> 
 
 
 def applied_text(applied: Applied) -> str:
-    """Return why the actuator has tripped, for people."""
+    """Return, as text, why the actuator has tripped."""
     return cause_text(applied.cause, applied.faults)
 
 
 def status_text(status: Status) -> str:
-    """Return the status of a program for people; empty if there is nothing to report."""
+    """Return the status of a program as text; empty if there is nothing to report."""
     mode = "" if status.mode is None else str(status.mode)
     cause = cause_text(status.cause, status.faults) if status.cause else ""
     return "; ".join(filter(None, (mode, cause, faults_text(status.findings))))

@@ -8,13 +8,13 @@ Mark = Literal["ok", "missing", "note"]
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One check: whether it passed, and the remedy if it did not."""
+    """Result of one check: whether it passed, and the remedy if it did not."""
 
     ok: bool
     what: str
     remedy: str = ""
     note: bool = False
-    """True for a hint that is neither passed nor missing."""
+    """True for a hint, which has neither passed nor failed."""
 
     @property
     def mark(self) -> Mark:
@@ -23,5 +23,5 @@ class Finding:
 
 
 def noted(what: str, remedy: str = "") -> Finding:
-    """Return a hint for people, which does not count as missing."""
+    """Return a hint for people, which does not count as a failed check."""
     return Finding(True, what, remedy, note=True)

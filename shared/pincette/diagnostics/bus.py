@@ -1,4 +1,4 @@
-"""Sessions of other tools on the bus of a running rig, as seen by its router."""
+"""Sessions of other tools on the bus of a running rig, as reported by its router."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -31,8 +31,8 @@ LISTENS = "none needed: it only listens. The supervisor's own session for sample
 def exchanges(rig: RigFile) -> Iterator[Finding]:
     """Report on the programs of a running rig that have an instrument, and on their exchanges.
 
-    A program that does not answer is missing: its instrument may keep it from starting. Yields
-    nothing if the router cannot be joined; in lockstep no exchange is measured.
+    A program that does not reply is reported as missing: its instrument may prevent its start.
+    Yields nothing if the router cannot be joined; in lockstep no exchange is measured.
     """
     try:
         bus = ZenohBus(tool_endpoint(rig), rig.rig.name, "doctor")
@@ -58,7 +58,7 @@ def exchanges(rig: RigFile) -> Iterator[Finding]:
 
 
 def _status(bus: ZenohBus, service: str) -> Status | None:
-    """Return the state of a service; None if it does not answer."""
+    """Return the status of a service; None if it does not reply."""
     try:
         return status(bus, service, ASK_S)
     except BusError:
@@ -66,7 +66,7 @@ def _status(bus: ZenohBus, service: str) -> Status | None:
 
 
 def _not_running(rig: RigFile, service: str) -> Finding:
-    """Return the finding for a service with an instrument that does not answer."""
+    """Return the finding about a service with an instrument that does not reply."""
     table = "sensor" if service == "sensor" else "output"
     urls = " and ".join(getattr(arm, table).url for arm in rig.arms)
     program = rig.program_of(service)
@@ -79,12 +79,12 @@ def _not_running(rig: RigFile, service: str) -> Finding:
 
 
 def foreign_sessions(rig: RigFile) -> Iterator[Finding]:
-    """Yield what sessions other than the rig's programs have declared on its keys.
+    """Yield findings about declarations on the rig's keys by sessions other than its programs.
 
     Yields nothing if the router cannot be joined. The router does not know sessions that are linked
-    to a program directly. While a rig on the router works, no request is sent to the router: this
-    request has locked routers up (see ``engine.router_watch``), and a restart of the router may end
-    a job.
+    directly to a program. While a rig on the router runs a job, the router is not queried: the
+    query has made routers hang (see ``engine.router_watch``), and a restart of the router may end a
+    job.
     """
     if rig.bus.pki is not None:
         yield Finding(True, "bus: access lists let only the rig's programs answer on its keys")
@@ -110,13 +110,15 @@ def foreign_sessions(rig: RigFile) -> Iterator[Finding]:
 
 
 def _at_work(bus: ZenohBus) -> list[str]:
-    """Return the rigs on the router whose actuator outputs a job's voltage, or does not answer."""
+    """Return the rigs on the router whose actuator outputs the voltage of a job, or does not
+    reply.
+    """
     rigs = sorted(name for name, program in bus.alive_everywhere() if program == "actuator")
     return [name for name in rigs if _is_at_work(bus, name)]
 
 
 def _is_at_work(bus: ZenohBus, rig: str) -> bool:
-    """Return whether a rig's actuator outputs a job's voltage, or does not answer."""
+    """Return whether a rig's actuator outputs the voltage of a job, or does not reply."""
     try:
         reply = bus.call(STATUS["actuator"], StatusRequest(), ASK_S, rig=rig)
     except AbsentError:

@@ -23,9 +23,10 @@ if TYPE_CHECKING:
 
 
 def certificates(rig: RigFile, now: datetime | None = None) -> Iterator[Finding]:
-    """Yield for each program of a rig whether its certificate is usable here and today.
+    """Yield a finding for each program of a rig: whether its certificate is valid on this machine
+    today.
 
-    Only keys on this machine are checked: a program elsewhere has its key there.
+    Only keys on this machine are checked; programs on other machines have their keys there.
     """
     if rig.bus.pki is None:
         key, place = ("listen", rig.bus.listen) if rig.bus.listen else ("host", rig.bus.host)
@@ -36,7 +37,7 @@ def certificates(rig: RigFile, now: datetime | None = None) -> Iterator[Finding]
                 "`pincette security init FOLDER`, then [bus] pki; docs/how-to/secure.md",
             )
         return
-    # Loaded only for a rig with certificates.
+    # Imported only for a rig with certificates.
     from pincette.security.folder import SOON, Folder
 
     folder, now = Folder(Path(rig.bus.pki)), now or datetime.now(UTC)
@@ -70,7 +71,7 @@ def _programs(rig: RigFile) -> tuple[Identity, ...]:
 
 
 def _host(rig: RigFile, who: Identity) -> str:
-    """Return the host at which others connect to a program; empty if none do."""
+    """Return the host at which others connect to a program; empty if no program does."""
     if who.role == UPSTREAM and rig.bus.upstream_at is not None:
         return rig.bus.upstream_at[0]
     if who.role == SUPERVISOR:

@@ -1,8 +1,8 @@
 """Messages to MessagePack maps with named fields, and back, with every field checked.
 
-Encoder and decoders are msgspec's, built once for each message from its fields' types. A field that
-is missing, unknown, duplicated, of the wrong type, not finite or beyond its bound causes the whole
-message to be refused.
+Encoder and decoders are those of msgspec, built once for each message from the types of its fields.
+A field that is missing, unknown, duplicated, of the wrong type, not finite or beyond its bound
+causes the whole message to be refused.
 """
 
 from collections.abc import Callable, Mapping
@@ -33,7 +33,7 @@ _TEXTS = {kind: short_texts(kind) for kind in KINDS}
 def encode(message: Message) -> bytes:
     """Return a message as bytes.
 
-    A text field that is too long is cut, so that the rest is delivered.
+    A text field that is too long is truncated, so that the message can be delivered.
     """
     payload = _pack(message)
     if len(payload) <= MAX_TEXT:
@@ -45,8 +45,8 @@ def encode(message: Message) -> bytes:
 def decode(kind: type[M], payload: bytes) -> M:
     """Return a message of this type from bytes; raises CodecError.
 
-    A payload that this program would encode differently is read a second time, since it may have a
-    field twice or lack one, which the first reading does not detect.
+    A payload that this program would encode differently is checked again, since it may contain a
+    field twice or lack one, which the decoder does not detect.
     """
     if len(payload) > MAX_BYTES:
         raise CodecError(f"{kind.__name__}: {len(payload)} bytes, limit {MAX_BYTES}")

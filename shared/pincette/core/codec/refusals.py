@@ -1,7 +1,7 @@
-"""Reasons why bytes are refused, in words that are safe to log whatever the bytes are.
+"""Reasons why a payload is refused, as texts that are safe to log whatever the payload contains.
 
-A refused payload is read once more, slowly, by the plain reader ``msgpack`` and compared with the
-types of the message's fields: the words name field, value, unit and limit.
+A refused payload is decoded again, slowly, with the package ``msgpack`` and compared with the types
+of the message's fields. The text names field, value, unit and limit.
 """
 
 from collections.abc import Iterable
@@ -14,11 +14,11 @@ from msgspec import inspect
 
 from pincette.control.quantities import MAX_ITEMS, MAX_TEXT
 
-# The package ships no types.
+# The package has no type annotations.
 msgpack = cast(Any, untyped_msgpack)
 
 MAX_FIELDS = 64
-"""Largest number of fields of a map, known or not."""
+"""Largest number of fields of a map, whether known or unknown."""
 SHOWN = 40
 """Number of characters of a value that a refusal shows."""
 MOST_CHOICES = 12
@@ -26,23 +26,25 @@ MOST_CHOICES = 12
 NAMED = 5
 """Number of fields that a refusal names."""
 FEW = 16
-"""Number of list items read if the message has no list: enough to name the field."""
+"""Number of list items that are read for a message without lists: enough to name the field."""
 
 
 class CodecError(ValueError):
-    """Bytes that are not the expected message; the text names message, field and value."""
+    """Error for bytes that are not the expected message; the text names message, field and
+    value.
+    """
 
 
 class FieldsError(CodecError):
-    """A map whose fields differ from those of the message."""
+    """Error for a map whose fields differ from those of the message."""
 
 
 def read_slowly(kind: type, payload: bytes) -> None:
-    """Find what is wrong with a payload; raises CodecError. Returns if the message is sound.
+    """Find what is wrong with a payload; raises CodecError. Returns if the payload is valid.
 
-    The plain reader reserves memory as a list's header states, before the items arrive, and lists
-    may nest. The length of a list is therefore bounded before it is read; most messages have no
-    list.
+    The package ``msgpack`` reserves memory for the length stated in a list's header before it reads
+    the items, and lists may be nested. The length of a list is therefore limited before it is read;
+    most messages have no list.
     """
     name, node = kind.__name__, _node(kind)
     try:
@@ -62,7 +64,7 @@ def read_slowly(kind: type, payload: bytes) -> None:
 
 
 def short_texts(kind: type) -> list[str]:
-    """Return the names of a message's own short text fields."""
+    """Return the names of the short text fields that a message itself has."""
     return [
         name
         for name, node in _own_fields(kind)
@@ -71,7 +73,9 @@ def short_texts(kind: type) -> list[str]:
 
 
 def largest_floats(kind: type) -> list[tuple[str, float]]:
-    """Return a message's own float fields, optional ones included, with their largest magnitude."""
+    """Return the float fields that a message itself has, with their largest magnitude; optional
+    fields are included.
+    """
     found: list[tuple[str, float]] = []
     for name, node in _own_fields(kind):
         parts = node.types if isinstance(node, inspect.UnionType) else (node,)
@@ -101,7 +105,7 @@ def _node(kind: type) -> inspect.Type:
 def _distinct(pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
     """Return a map from pairs.
 
-    Refuses one that has a field twice, since other readers may read it differently.
+    A map that contains a field twice is refused, since decoders may interpret it differently.
     """
     tree = dict(pairs)
     if len(tree) < len(pairs):
@@ -184,7 +188,7 @@ def _record(place: str, node: inspect.StructType, value: Any) -> Any:
     values = {name: _value(f"{place}.{name}", fields[name], tree[name]) for name in fields}
     try:
         return node.cls(**values)
-    except ValueError as error:  # data that refuses itself
+    except ValueError as error:  # a value whose conversion fails
         raise CodecError(f"{place}: {error}") from error
 
 
@@ -233,14 +237,14 @@ def _choice(place: str, choices: Iterable[Any], value: Any) -> Any:
 
 
 def _shown(value: Any) -> str:
-    """Return a value for a refusal: short, on one line; of a container only the type."""
+    """Return a value for a refusal text: short and on one line; of a container only the type."""
     if value is None or isinstance(value, str | bool | int | float):
         return repr(str(value)[:SHOWN])
     return f"({type(value).__name__})"
 
 
 def _named(fields: Iterable[Any]) -> str:
-    """Return some names of fields for a refusal."""
+    """Return some field names for a refusal text."""
     names = sorted(_legible(field) for field in fields)
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     return ", ".join(names[:NAMED]) + more

@@ -1,6 +1,6 @@
 """Version of the wire protocol of a program, and what to update if versions differ.
 
-Programs of different versions use different keys and receive nothing from each other; each sees
+Programs of different versions use different keys and receive no messages from each other; each sees
 only the other's liveliness token. The encoding that accompanies a payload is examined only if the
 payload was refused.
 """
@@ -17,19 +17,19 @@ ENCODING = f"{_MARK}{WIRE}"
 
 
 def of_other_wires(tokens: Iterable[str]) -> dict[str, int]:
-    """Return the programs whose liveliness tokens have another version of the wire."""
+    """Return the programs whose liveliness tokens contain another version of the wire protocol."""
     found = {token.rpartition("/")[2]: _wire_of(token) for token in tokens}
     return {program: wire for program, wire in found.items() if wire not in (None, WIRE)}
 
 
 def update_which(program: str, wire: int) -> str:
-    """Return what a person should update if a program has another version of the wire."""
+    """Return what a person should update if a program has another version of the wire protocol."""
     older = "this program" if wire > WIRE else f"the {program}"
     return f"{program} runs with wire version {wire}, this program has {WIRE}: update {older}"
 
 
 def explained(error: CodecError, encoding: str, sender: str) -> str:
-    """Return why a payload of ``sender`` was refused, considering its ``encoding``."""
+    """Return why a payload of ``sender`` was refused; ``encoding`` may show another version."""
     version = encoding.removeprefix(_MARK)
     if version == encoding:
         shown = repr(encoding[:60])
@@ -45,7 +45,7 @@ def explained(error: CodecError, encoding: str, sender: str) -> str:
 
 
 def _wire_of(token: str) -> int | None:
-    """Return the version of a liveliness token, or None if it is not one of this project."""
+    """Return the version in a liveliness token, or None if it is not a token of this project."""
     parts = token.split("/")
     if len(parts) != 5 or (parts[0], parts[3]) != (NAMESPACE, "live"):
         return None

@@ -1,6 +1,6 @@
 """Messages between programs: frozen data, with units in the field names.
 
-Everything derived from sample k carries ``seq`` k and the ``epoch`` of its arming. A message is
+Every message derived from sample k contains ``seq`` k and the ``epoch`` of its arming. A message is
 invalid until its producer marks it valid.
 """
 

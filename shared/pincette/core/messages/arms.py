@@ -1,51 +1,55 @@
-"""Records of one arm in messages that carry one for each arm of a rig, the first arm first."""
+"""Records of one arm. Messages contain one record per arm of a rig, the first arm first."""
 
 from pincette.control.quantities import Micrometre, Millinewton, Number, Second, Volt, Whole
 from pincette.control.record import FrozenRecord
 from pincette.core.faults import Fault
 
 ARM_PREFIXES = ("", "second.")
-"""Beginning of the names of each arm's quantities, in tables, rig files and faults."""
+"""Prefix of the names of each arm's quantities, in tables, rig files and faults."""
 
 
 class ArmPosition(FrozenRecord, frozen=True):
     """Measured position of one arm's tip."""
 
     x_um: Micrometre
-    """Position towards the part."""
+    """Position; it increases towards the part."""
     valid: bool = False
     fault: Fault | None = None
     """Reason why there is no valid measurement."""
 
 
 class ArmEstimate(FrozenRecord, frozen=True):
-    """Contact force of one arm, estimated from its own position and voltage."""
+    """Contact force of one arm, estimated from this arm's position and voltage."""
 
     x_um: Micrometre
     force_mN: Millinewton
-    """Force of this arm on the part, compressive and positive."""
+    """Force of this arm on the part; compressive forces are positive."""
     force_uncertainty_mN: Millinewton
     perturbation_mN: Millinewton
     zero_age_s: Second | None
     zero_refusal: Fault | None
-    """Reason why the last requested zero was refused."""
+    """Reason why the last request to zero the force was refused."""
     applied_V: Volt
     limits_active: Whole
     touch_x_um: Micrometre | None = None
-    """Position at which an arm that should be free met something; None: it met nothing."""
+    """Position at which an arm that should be free contacted something; None: no contact."""
     touch_mN: Millinewton | None = None
-    """Smallest force of that touch: from the lag of the closing arm since a kink in its way, which
-    needs no zero, or the force less three uncertainties, negative if the arm is held from behind;
-    with an unconfirmed zero, the force itself if it exceeds its uncertainty."""
+    """Lower bound of the force at that contact. It is computed from the lag of the closing arm
+    after a change of its slope, which needs no zero; or it is the force minus three times its
+    uncertainty, negative if the arm is held from behind. If the zero is unconfirmed, it is the
+    force itself if that exceeds its uncertainty.
+    """
     stroke_change: Number | None = None
-    """Change of the arm's stroke since its calibration, as a share, from the last way that began
-    with conditioning strokes; None: not compared since the start."""
+    """Relative change of the arm's stroke since its calibration, from the last approach with
+    conditioning strokes; None: not measured since the start.
+    """
     stroke_limit: Number | None = None
-    """Largest change of the stroke that noise and repetition explain, as a share."""
+    """Largest relative change of the stroke that noise and repeatability explain."""
     zero_unconfirmed: bool = False
-    """True if the zero may hide the force of a part that already pressed when it was taken: the
-    estimator knows no zero from before its start, no one has confirmed that the arm was free, and
-    no part has been found at its planned place since."""
+    """True if a part may have pressed on the arm while the force was zeroed, so that the zero hides
+    its force. This is so if the estimator knows no zero from before its start, no person has
+    confirmed that the arm was free, and no part has been found at its planned place since.
+    """
 
 
 class ArmCommand(FrozenRecord, frozen=True):
@@ -53,11 +57,11 @@ class ArmCommand(FrozenRecord, frozen=True):
 
     voltage_V: Volt
     force_mN: Millinewton | None = None
-    """Estimated force of this arm from which the command was computed; None without a valid zero.
-    """
+    """Force estimate of this arm that was used for the command; None without a valid zero."""
     x_d_um: Micrometre | None = None
-    """Position that the law requested for this arm at sample ``seq``; None if no law controlled it
-    there."""
+    """Position that the law requested for this arm at sample ``seq``; None if no law controlled the
+    arm.
+    """
 
 
 class ArmApplied(FrozenRecord, frozen=True):

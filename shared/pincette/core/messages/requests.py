@@ -19,55 +19,49 @@ from pincette.core.faults import ActionCode, Cause, Fault, LeaseEnd, Mode, Prede
 
 
 class Arm(FrozenRecord, frozen=True):
-    """Start a new epoch. Refused if the rig file's digest differs."""
+    """Request to start a new epoch. Refused if the digest of the rig file differs."""
 
     epoch: Epoch
     owner: Whole
     digest: Text
     calibration: LongText = Document("")
-    """The model in use as JSON, which overrides that of the rig file; see ``config.calibration``.
-    """
+    """The model in use as JSON, which replaces that of the rig file; see ``config.calibration``."""
     capture_hz: Hertz = 0.0
-    """Rate of buffered acquisition, as in the program that is played."""
+    """Rate of buffered acquisition, as stated in the program that is played."""
     zero_confirmed: bool = False
-    """True if a person has stated that nothing touches the arm: zeros of earlier epochs are
-    dropped."""
+    """True if a person has confirmed that nothing touches the arm; zeros of earlier epochs are then
+    discarded.
+    """
     voltages: Items[VoltageRange] = ()
-    """Range of voltages that the plan states for each arm, the first arm first; the limits of the
-    rig hold for an arm that is left out."""
+    """Range of voltages planned for each arm, the first arm first; for an omitted arm the limits of
+    the rig apply.
+    """
     zero_kept: bool = False
     """True if the force of a part that is still held keeps the zero of the previous epoch."""
 
 
 class Load(FrozenRecord, frozen=True):
-    """Give the controller a program to play at the next arming."""
+    """Request that gives the controller a program to play at the next arming."""
 
     program: Program
 
 
 class Action(FrozenRecord, frozen=True):
-    """Request an action of the controller at ``at_seq``, or at its next tick (None).
-
-    ``stop``     a held part stays held; without one the arm comes to rest and the program ends.
-    ``let_go``   a stop that unloads a held part and ends where the arm is then.
-    ``retract``  a stop that unloads a held part and plays the retreat; without a part, at once.
-    ``pause``    at the next safe point the references rest, and the segment's time stops.
-    ``resume``   continue where the pause began, or cancel a pause that has not begun.
-    ``release``  continue with the unload and the segments after it.
-    ``continue`` end a segment that waits for a person.
-    ``keep``     end with the part held, at the voltage that is applied.
-    """
+    """Request an action of the controller at ``at_seq``, or at its next tick (None)."""
 
     action: ActionCode
     at_seq: Seq | None = None
     reason: Fault | None = None
-    """Reason why the controller itself requests the action; None if another program requests it."""
+    """Reason of an action that the controller itself requests; None if another program requests
+    it.
+    """
 
 
 class Lease(FrozenRecord, frozen=True):
-    """Let the program of an epoch continue for ``length_s`` from now.
+    """Request that lets the program of an epoch continue for ``length_s`` from now.
 
-    A repeated request restarts the time. When the time ends without one, the controller stops.
+    A repeated request restarts the time. If the time expires without a new request, the controller
+    stops.
     """
 
     epoch: Epoch
@@ -76,10 +70,12 @@ class Lease(FrozenRecord, frozen=True):
 
 
 class Idle(FrozenRecord, frozen=True):
-    """Let the sensor sample at a low rate until the next arming, since nothing plays."""
+    """Request that the sensor sample at a low rate until the next arming, since no program
+    plays.
+    """
 
     epoch: Epoch
-    """Epoch that is over; the sensor refuses the request in any other one."""
+    """Epoch that has ended; the sensor refuses the request in any other epoch."""
 
 
 class Trip(FrozenRecord, frozen=True):
@@ -89,7 +85,7 @@ class Trip(FrozenRecord, frozen=True):
     release_now: bool = False
     """Ramp to the safe voltage at once, even if a part is held or frozen."""
     words: Text = ""
-    """Reason, for people."""
+    """Reason as text for people."""
 
 
 class Reset(FrozenRecord, frozen=True):
@@ -104,9 +100,10 @@ class Reset(FrozenRecord, frozen=True):
 
 
 class RequestLog(FrozenRecord, frozen=True):
-    """A request that a program of the loop has accepted, with all that a replay needs.
+    """A request that a program of the loop has accepted, with all data that a replay needs.
 
-    One of ``arm`` to ``reset`` is present. A loaded program is included in the arming.
+    Exactly one of the fields ``arm`` to ``reset`` is present. A loaded program is included in the
+    arming.
     """
 
     epoch: Epoch
@@ -122,13 +119,13 @@ class RequestLog(FrozenRecord, frozen=True):
     trip: Trip | None = None
     reset: Reset | None = None
     state_snapshot: LongText = Document("")
-    """State that the program carries into the epoch from earlier ones, as JSON."""
+    """State that the program keeps from earlier epochs, as JSON."""
 
 
 class SimCommand(FrozenRecord, frozen=True):
-    """Operate a simulated rig: an action of a person at the rig, or a fault.
+    """Command to a simulated rig: an action of a person at the rig, or a fault.
 
-    Refused unless the rig file allows it.
+    Refused unless the rig file permits it.
     """
 
     target: Text
@@ -144,19 +141,22 @@ class SimCommand(FrozenRecord, frozen=True):
 
 
 class Record(FrozenRecord, frozen=True):
-    """Keep every sample of an epoch that is about to be armed, in the folder of a job."""
+    """Request to record every sample of an epoch that is about to be armed, in the folder of a
+    job.
+    """
 
     job: Text
     epoch: Epoch
     about: LongText
-    """JSON object with the texts that describe the owner of the record; see
-    ``results.archive.about``."""
+    """JSON object (names to strings) that describes the owner of the record; see
+    ``results.archive.about``.
+    """
 
 
 class Finish(FrozenRecord, frozen=True):
-    """Close the record of an epoch, whose last sample is ``last_seq``; None if it is not known.
+    """Request to close the record of an epoch. ``last_seq`` is its last sample; None if unknown.
 
-    The recorder then accepts messages until no more arrive.
+    The recorder first accepts messages until no more arrive.
     """
 
     job: Text
@@ -170,10 +170,10 @@ class Recorded(FrozenRecord, frozen=True):
     job: Text
     messages: Whole
     dropped: Whole
-    """Number of messages that did not fit or did not arrive."""
+    """Number of messages that did not arrive, or that did not fit into the recorder's queue."""
     complete: bool
     detail: Text
-    """Reason why the record is not complete, as text."""
+    """Reason, as text, why the record is incomplete."""
 
 
 class StatusRequest(FrozenRecord, frozen=True):
@@ -184,19 +184,19 @@ class InstrumentCounts(FrozenRecord, frozen=True):
     """Numbers of failed exchanges with a program's instruments since the program started."""
 
     late: Whole = 0
-    """Number of replies that arrived after their timeout and were dropped."""
+    """Number of replies that arrived after the timeout and were discarded."""
     lost: Whole = 0
     """Number of replies that never arrived."""
     unexpected: Whole = 0
-    """Number of replies without a request, such as those that a line repeats."""
+    """Number of replies without a request, for example replies that the line repeated."""
     reopened: Whole = 0
     """Number of times that a lost or silent port was reopened."""
     retried: Whole = 0
-    """Number of times that opening an instrument failed and was repeated."""
+    """Number of repeated attempts to open an instrument."""
 
 
 class ExchangeTimes(FrozenRecord, frozen=True):
-    """Durations of the newest exchanges with one instrument that succeeded, as measured."""
+    """Durations of the newest successful exchanges with one instrument."""
 
     count: Whole
     """Number of exchanges, at most 40."""
@@ -204,15 +204,17 @@ class ExchangeTimes(FrozenRecord, frozen=True):
     median_s: Second
     worst_s: Second
     held_s: Second = 0.0
-    """Time for which a device server holds replies back before it forwards them whole; 0 if none
-    was found."""
+    """Time for which a device server buffers a reply before it forwards it as a whole; 0 if none
+    was detected.
+    """
     line_baud: Whole = 0
-    """Estimated rate of the serial line behind a device server if it is slower than the rig file
-    states; 0 if it is not."""
+    """Estimated baud rate of the serial line behind a device server if it is lower than stated in
+    the rig file; otherwise 0.
+    """
 
 
 class Status(FrozenRecord, frozen=True):
-    """Status of a program; ``instance`` differs for every start of it."""
+    """Status of a program; ``instance`` is different after every start."""
 
     service: Text
     version: Text
@@ -223,23 +225,25 @@ class Status(FrozenRecord, frozen=True):
     missed: Whole
     refused: Whole
     calibration: Text = ""
-    """Digest of the model in use; empty: that of the rig file."""
+    """Digest of the model in use; empty for that of the rig file."""
     mode: Mode | None = None
     """Mode of the actuator."""
     cause: Cause = Cause.NONE
     """Cause of the actuator's trip."""
     faults: Items[Fault] = ()
-    """Faults behind the cause; see ``Applied``."""
+    """Faults that led to the cause; see ``Applied``."""
     findings: Items[Fault] = ()
     """Other findings about the program, the most serious first."""
     predecessor: Predecessor | None = None
-    """End of the previous actuator program."""
+    """How the previous actuator program ended."""
     replaces: Whole | None = None
-    """Instance of the previous program, if it is known."""
+    """Instance of the previous program; None if it is unknown."""
     instrument: InstrumentCounts | None = None
-    """Failed exchanges with its instruments; None if it has none."""
+    """Failed exchanges with the program's instruments; None if it has none."""
     exchanges: Items[ExchangeTimes] = ()
-    """Durations of readings, or of exchanges with the output, for each arm; empty in lockstep."""
+    """Durations of sensor readings, or of exchanges with the output, for each arm; empty in
+    lockstep.
+    """
 
 
 class TimingRequest(FrozenRecord, frozen=True):

@@ -29,7 +29,7 @@ from pincette.latency.histogram import Distribution
 
 
 class Position(FrozenRecord, frozen=True):
-    """Measurement of each arm's tip by the sensor, at its own grid point."""
+    """Positions of all arm tips, measured by the sensor on its own sampling grid."""
 
     epoch: Epoch
     seq: Seq
@@ -44,7 +44,7 @@ class Position(FrozenRecord, frozen=True):
 
 
 class Burst(FrozenRecord, frozen=True):
-    """Samples from the sensor's own buffer up to sample ``seq``, one each 1/``rate_hz``."""
+    """Samples from the sensor's buffer up to sample ``seq``, one every 1/``rate_hz``."""
 
     epoch: Epoch
     seq: Seq
@@ -56,17 +56,21 @@ class Burst(FrozenRecord, frozen=True):
 
 
 class Estimate(FrozenRecord, frozen=True):
-    """Force and perturbation of each arm, from position k and the voltage applied at k-1."""
+    """Force and perturbation of each arm, computed from position k and the voltage applied at
+    k-1.
+    """
 
     epoch: Epoch
     seq: Seq
     applied_seq: Seq
-    """Number of the sample whose voltages were used; -1 if there were none."""
+    """Number of the sample whose voltages were used; -1 if none were."""
     tripped: bool
     degraded: bool
     """True if the voltage applied to an arm is missing."""
     arms: Arms[ArmEstimate]
-    """Estimate of each driven arm, the first arm first; ``valid`` and ``fault`` are of all."""
+    """Estimate of each driven arm, the first arm first; ``valid`` and ``fault`` refer to all
+    arms.
+    """
     valid: bool = False
     fault: Fault | None = None
     """Reason why the estimate is not valid."""
@@ -82,20 +86,22 @@ class Command(FrozenRecord, frozen=True):
     """Command for each driven arm, the first arm first. The actuator refuses a command for another
     number of arms than the rig has."""
     part_held: bool
-    """True if a part is held from here on: a fault then freezes the voltage, and otherwise ramps it
-    to the safe voltage."""
+    """True if a part is held from now on: a fault then freezes the voltage; otherwise it ramps to
+    the safe voltage.
+    """
     zero: bool
-    """True if the estimator must zero the force again at this seq."""
+    """True if the estimator must zero the force at this sample."""
     final: bool
     """True if this is the last command of this arming."""
     valid: bool = False
     fault: Fault | None = None
     """Reason why the command is not valid, which the controller cannot measure itself."""
     sweep: Sweep | None = None
-    """Sweep to play around the first arm's voltage; the following commands confirm that it may
-    continue."""
+    """Sweep to be played around the first arm's voltage; the commands that follow confirm that it
+    may continue.
+    """
     segment: Whole | None = None
-    """Number of the program's segment to which the voltage belongs; None: to none."""
+    """Number of the program segment to which the voltage belongs; None if it belongs to none."""
     segment_tick: Whole = 0
     """Number of ticks since the beginning of the segment."""
 
@@ -109,7 +115,7 @@ class Applied(FrozenRecord, frozen=True):
     epoch: Epoch
     seq: Seq
     arms: Arms[ArmApplied]
-    """Output of each driven arm, the first arm first; mode, cause and latch are those of all."""
+    """Output of each driven arm, the first arm first; mode, cause and latch apply to all arms."""
     state: Mode
     cause: Cause
     """Cause of the trip; empty if there is none."""
@@ -121,13 +127,15 @@ class Applied(FrozenRecord, frozen=True):
     refused: Whole
     command_age_s: Second
     faults: Items[Fault] = ()
-    """Faults behind the cause: what was found, why earlier commands were not valid, why a freeze
-    ended early."""
+    """Faults that led to the cause: what was detected, why earlier commands were not valid, or why
+    a freeze ended early.
+    """
     segment: Whole | None = None
     segment_tick: Whole = 0
     slewing_s: Second | None = None
-    """Time since the last change of the output, at most a period, for which the slew limit was
-    computed; None in lockstep, where it is a period."""
+    """Time since the last change of the output, at most one period; the slew limit is computed for
+    it. None in lockstep, where it is one period.
+    """
     unconfirmed: bool = False
     """True if the output of an arm has not confirmed its ``voltage_V``, so that the actual voltage
     is unknown."""
@@ -148,10 +156,10 @@ class Applied(FrozenRecord, frozen=True):
 
 
 class Telemetry(FrozenRecord, frozen=True):
-    """The controller's view of sample ``seq``: the references that hold for this sample.
+    """References and control quantities of the controller for sample ``seq``.
 
-    It is published while a program plays, so between jobs the newest one is the last sample of the
-    last program, whose ``epoch`` is over.
+    Published while a program plays. Between jobs, the newest message belongs to the last sample of
+    the last program, whose ``epoch`` has ended.
     """
 
     epoch: Epoch
@@ -164,9 +172,9 @@ class Telemetry(FrozenRecord, frozen=True):
     """References of each driven arm, the first arm first."""
     force_r_mN: Millinewton
     sliding_um: Micrometre
-    """Sliding variable s; if s is a force, s over K̄."""
+    """Sliding variable s as a length; if the law defines s as a force, it is divided by K̄."""
     band_um: Micrometre
-    """Half width of the band in which s stays or to which it returns."""
+    """Half width of the band within which s stays or to which it returns."""
     perturbation_mN: Millinewton
     """Estimated perturbation p̂, with the force that the law used."""
     perturbation_error_mN: Millinewton
@@ -178,45 +186,58 @@ class Telemetry(FrozenRecord, frozen=True):
     contact_stiffness_mN_per_um: MillinewtonPerMicrometre | None
     held: bool
     acted: Items[Acted]
-    """Actions that took effect at this seq. ``let_go`` and ``retract`` are reported as ``stop``,
-    after ``lease`` if a lease has ended without any request for the stop."""
+    """Actions that took effect at this sample. ``let_go`` and ``retract`` are reported as ``stop``;
+    if a lease has expired without a stop request, ``lease`` precedes it.
+    """
     paused: bool = False
-    """From this sample on the references rest, and the segment's time does not advance."""
+    """True if, from this sample on, the references are constant and the segment's time does not
+    advance.
+    """
     touch_x_um: Micrometre | None = None
-    """Position where the arm met something during its motion in free space; None: nothing."""
+    """Position where the arm contacted something during its motion in free space; None: no
+    contact.
+    """
     touch_mN: Millinewton | None = None
-    """Force of that touch when the arm turned back."""
+    """Force at that contact when the arm turned back."""
     correction_um: Micrometre = 0.0
-    """Learned correction from earlier cycles, added to x_r for the law."""
+    """Correction learned from earlier cycles, which is added to x_r for the law."""
     slips: Whole = 0
-    """Number of times that the part has given way under moving references."""
+    """Number of slips of the part while the references moved."""
     step_um: Micrometre | None = None
-    """Step of the position that the voltage does not explain, positive towards the part; None:
-    none was found."""
+    """Step of the position that the voltage does not explain, positive towards the part; None if
+    there was none.
+    """
     step_x_um: Micrometre | None = None
     """Position just before the step."""
     step_mN: Millinewton | None = None
-    """Estimated force just before the step; if the sensor has jumped, the force since."""
+    """Estimated force just before the step; it is also the force after it if the sensor has
+    jumped.
+    """
     step_after_mN: Millinewton | None = None
-    """Estimated force just after the step; if the part has slipped, the force since."""
+    """Estimated force just after the step; it is the true one if the part has slipped."""
     place_um: Micrometre | None = None
-    """Place of the part between two arms, q = (x_1 - x_2)/2 of the sample; None on a rig of one
-    arm."""
+    """Place of the part between two arms, q = (x_1 - x_2)/2 at this sample; None on a rig with one
+    arm.
+    """
     place_r_um: Micrometre | None = None
     """Reference of the place."""
 
 
 class GroundTruth(FrozenRecord, frozen=True):
-    """True state of a simulated rig when its output was written; only the recorder uses it."""
+    """True state of a simulated rig at the time when its output was written; only the recorder uses
+    it.
+    """
 
     seq: Seq
-    """Number of writes to the output since the rig program started. It belongs to no epoch, so it
-    does not join with the ``seq`` of other topics."""
+    """Number of writes to the output since the rig program started. It belongs to no epoch and does
+    not correspond to the ``seq`` of other topics.
+    """
     arms: Arms[ArmTruth]
     """State of each driven arm, the first arm first."""
     part_um: Micrometre | None = None
-    """Position where the first of two arms touches the part; None if there is no part, and on a rig
-    of one arm."""
+    """Position at which the first of two arms contacts the part; None if there is no part, or on a
+    rig with one arm.
+    """
 
 
 class JobNotice(FrozenRecord, frozen=True):
@@ -235,14 +256,14 @@ class JobNotice(FrozenRecord, frozen=True):
 
 
 class Place(FrozenRecord, frozen=True):
-    """Place of the part as a vision client measures it; a job uses it if its request states so."""
+    """Place of the part, measured by a vision client; a job uses it if its request says so."""
 
     rig: Text
-    """Name of the rig whose coordinates these are."""
+    """Name of the rig in whose coordinates the place is stated."""
     x_um: Micrometre
-    """Position of the arm at first touch; with two arms the place q = (x_1 - x_2)/2."""
+    """Position of the arm at first contact; with two arms, the place q = (x_1 - x_2)/2."""
     u_um: Micrometre
-    """Expanded uncertainty (k = 2) of ``x_um``; above 0."""
+    """Expanded uncertainty (k = 2) of ``x_um``; greater than 0."""
     width_um: Micrometre | None
     """Width of the part, for two arms; None if it was not measured."""
     u_width_um: Micrometre | None
@@ -254,19 +275,21 @@ class Place(FrozenRecord, frozen=True):
 
 
 class Timing(FrozenRecord, frozen=True):
-    """Timing of a program of the loop since its epoch began; in real time only."""
+    """Timing of a program of the loop since the beginning of its epoch; in real time only."""
 
     epoch: Epoch
     seq: Seq
-    """Number of the newest sample that is counted; -1 before the first."""
+    """Number of the newest sample that the statistics include; -1 before the first."""
     service: Text
     missed: Whole
     """Number of samples and grid points that were skipped."""
     lateness: Distribution
-    """Lateness of wake-ups against the program's own grid; if it has none, of the samples' arrival
-    against the grid of the earliest."""
+    """Lateness of wake-ups relative to the program's own grid; if it has none, lateness of arriving
+    samples relative to the grid of the earliest.
+    """
     age: Distribution
-    """Time from the first arrival of a sample's number to the step with the message that the
-    program acts on."""
+    """Time from the arrival of the first message with a sample's number to the step that uses the
+    sample.
+    """
     execution: Distribution
-    """Duration of steps until all outputs were published, instruments included."""
+    """Duration of a step until all outputs are published, including exchanges with instruments."""
