@@ -76,7 +76,7 @@ def _host(rig: RigFile, who: Identity) -> str:
         return rig.bus.upstream_at[0]
     if who.role == SUPERVISOR:
         own = rig.supervisor
-        # A wildcard address is in no certificate.
+        # A wildcard address is not contained in a certificate.
         return "" if not own.tls or own.host in ("0.0.0.0", "::") else own.host
     return rig.bus.host if who.serves else ""
 

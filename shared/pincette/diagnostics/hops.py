@@ -1,4 +1,6 @@
-"""Properties of a device server before an instrument, from the arrival of answers."""
+"""Properties of a device server between host and instrument, estimated from the arrival times of
+replies.
+"""
 
 from collections.abc import Iterator
 
@@ -11,7 +13,7 @@ milliseconds), and the next longer one, in s. A measured time is a little longer
 
 
 def not_asked_for(name: str, count: int) -> Iterator[Finding]:
-    """Return the possible senders of answers without a request, if there were any."""
+    """Return the possible senders of replies without a request, if there were any."""
     if count:
         yield noted(
             f"{name}: {count} answers without a request",
@@ -21,7 +23,7 @@ def not_asked_for(name: str, count: int) -> Iterator[Finding]:
 
 
 def hop_findings(name: str, held_s: float, line_baud: int) -> Iterator[Finding]:
-    """Yield findings of a server that holds answers back, and of a line slower than stated.
+    """Yield findings about a server that delays replies, and about a line slower than stated.
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""Answers of a rig's instruments when they are opened, and the direction of the arm."""
+"""Checks of a rig's instruments when they are opened, and of the direction in which the arm
+moves.
+"""
 
 import re
 import time
@@ -34,14 +36,18 @@ COARSEST_UM, FINEST_UM = 0.05, 0.001
 mm."""
 LATENCY_MS = 1
 THIN_SHARE = 0.5
-"""Share of a timeout above which the slowest reading has too small a margin."""
+"""Fraction of a timeout above which the duration of the slowest reading leaves too small a
+margin.
+"""
 MOVE_V, MOVE_STEPS, STEP_S = 0.2, 20, 0.05
 LEAST_SHARE, MOST_SHARE = 0.3, 3.0
-"""Range of the measured motion, as a share of the model's, that counts as the arm's."""
+"""Range of the ratio of measured to modelled motion within which the arm counts as moving."""
 OLD_SHARE = 0.5
-"""Share of a move below which the first reading after it counts as an old one."""
+"""Fraction of a motion below which the first reading after it counts as outdated."""
 LASER_ANSWERS = re.compile(r"b['\"]ER,[$#~]")
-"""Sign of a laser at the output's address: a Keyence controller repeats an unknown request."""
+"""Reply that reveals a laser at the output's address: a Keyence controller repeats an unknown
+request.
+"""
 USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 INSTRUMENTS_HELP = (
     "instruments: simulated, started with the rig; with real ones, doctor checks whether "
@@ -51,9 +57,9 @@ INSTRUMENTS_HELP = (
 
 
 def instruments(rig: RigFile) -> Iterator[Finding]:
-    """Open all instruments one after the other, and check their answers; moves nothing.
+    """Open all instruments one after another, and check their replies; moves nothing.
 
-    The last finding compares the control period with what was measured.
+    The last finding compares the control period with the measured durations.
     """
     limits = Limits.of(rig)
     sensors, outputs = list[ExchangeTimes](), list[ExchangeTimes]()
@@ -113,7 +119,7 @@ def opened_device(service: AnyService, rig: RigFile) -> PositionSensor | Voltage
 
 
 def remedy_of(error: InstrumentError, table: str, url: str) -> str:
-    """Return the remedy for an instrument of a table of the rig file that fails.
+    """Return the remedy for an instrument that fails; it is named by its table of the rig file.
 
     An error of a port states its cause and remedy. Cable and power are suspected only if no valid
     answer came and nothing else is known.
@@ -147,7 +153,7 @@ def _called(service: AnyService) -> str:
 
 
 def latency(url: str, devices: Path = USB_SERIAL) -> Iterator[Finding]:
-    """Return how long a USB adapter holds bytes back; the port must be open."""
+    """Return how long a USB adapter buffers bytes; the port must be open."""
     timer = devices / Path(url).resolve().name / "latency_timer"
     if not url.startswith("/") or not timer.is_file():
         return
@@ -176,7 +182,7 @@ class Limits:
         try:
             shared_s = shared_timeout_s(rig, [services[one] for one in member_services(name)])
         except ConfigError:
-            shared_s = inf  # a finding of the rig file states it
+            shared_s = inf  # a finding about the rig file states it
         arms, tick_s = len(rig.arms), longest_reading_s(rig.rig.period_s)
         reading_s = min(reading_timeout_s(rig, shared_s), tick_s / arms)
         return cls(reading_s, min(rig.output.timeout_s, rig.rig.period_s / arms))
@@ -217,7 +223,9 @@ def questions(
     measured: list[ExchangeTimes],
     clock: Callable[[], float] = time.monotonic,
 ) -> Finding:
-    """Read an output's voltage, which moves nothing, and compare the duration with its limit."""
+    """Read the voltage of an output repeatedly, which moves nothing, and compare the duration with
+    its limit.
+    """
     took_s: list[float] = []
     for _ in range(READINGS):
         began_s = clock()
@@ -334,7 +342,9 @@ def direction(
 
 
 def _readings_um(sensor: PositionSensor, output: VoltageOutput) -> list[float]:
-    """Return several readings in µm; on a slow line this exceeds the watchdog time of an output."""
+    """Return several readings in µm. On a slow line this takes longer than the watchdog time of an
+    output.
+    """
     x_um: list[float] = []
     for _ in range(READINGS):
         if isinstance(output, WatchedOutput):

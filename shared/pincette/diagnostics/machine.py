@@ -61,7 +61,9 @@ def disk(data: Path) -> Finding:
 
 
 def priority() -> Finding:
-    """Check whether the loop gets the fixed priority requested in real time, or which it gets."""
+    """Check whether the loop gets the fixed priority that the rig file requests, or which one it
+    gets.
+    """
     # On Linux each thread has its own priority, which ends with this thread.
     with ThreadPoolExecutor(1) as pool:
         got = pool.submit(_granted).result()
@@ -158,7 +160,7 @@ def port_finding(rig: RigFile) -> Finding:
 
 
 def _version(url: str) -> dict[str, Any]:
-    """Return the version document of a supervisor; empty if none answers."""
+    """Return the version document of a supervisor; empty if none replies."""
     # Loaded only where a port is in use.
     import httpx
 

@@ -17,7 +17,7 @@ from pincette.instruments.options import read_options
 COVERAGE = 2.0
 """Coverage factor: number of standard uncertainties in the expanded uncertainty U."""
 RING_NOTED = 0.02
-"""Share of a path's range above which the uncertainty from ringing is reported."""
+"""Fraction of a path's range above which the uncertainty from ringing is reported."""
 RC_S = 0.0033
 """Time constant of the recommended RC before the amplifier, in s."""
 
@@ -83,7 +83,7 @@ def timing(rig: RigFile) -> Finding:
 
 
 def ring(rig: RigFile) -> Iterator[Finding]:
-    """Check whether the steps of the voltage excite the mode, and what prevents that.
+    """Check whether the voltage steps excite the mode, and report what prevents it.
 
     The path of ``[track]`` is checked if it is a sinusoid: its steps are the largest where it is
     fastest.
@@ -133,7 +133,7 @@ def ring(rig: RigFile) -> Iterator[Finding]:
 
 
 def composed(rig: RigFile) -> Iterator[Finding]:
-    """Check whether one process can run the composed services, and report what is given up."""
+    """Check whether one process can run the composed services, and report the disadvantages."""
     services = loop_services()
     for name in rig.rig.composed:
         try:
@@ -225,7 +225,9 @@ def limits(rig: RigFile) -> Iterator[Finding]:
 
 
 def model(rig: RigFile) -> Finding:
-    """Report quantities of the model that, by the rig file, were not measured on this rig."""
+    """Report quantities of the model that, according to the rig file, were not measured on this
+    rig.
+    """
     left = [name for name in CALIBRATED if not _given(rig, name)]
     if not left:
         return noted("model: given by the rig file; a calibration may replace each quantity")

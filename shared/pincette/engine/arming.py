@@ -9,8 +9,9 @@ from pincette.core.messages import Arm, Lease, Load, Status, StatusRequest
 from pincette.core.topics import ARM, LEASE, LOAD, STATUS
 
 ORDER = ("actuator", "estimator", "controller", "sensor")
-"""Order of arming. The actuator comes first: if it refuses, nothing else has changed. The sensor
-comes last: in lockstep its arming is the first tick."""
+"""Order of arming. The actuator is first: if it refuses, nothing else has changed. The sensor is
+last: in lockstep its arming is the first tick.
+"""
 
 
 def status(bus: Bus, service: str, timeout_s: float = 2.0) -> Status:
@@ -34,8 +35,8 @@ def arm(
     Parameters
     ----------
     zero_confirmed
-        True if a person has confirmed that nothing touches the arm, so that earlier zeros do not
-        count against a new one.
+        True if a person has confirmed that nothing touches the arm; a new zero is then not compared
+        with earlier ones.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Note of how the previous program ended, in a file of the program's own.
+"""Note of how the previous program ended, in a file that the program itself writes.
 
-The supervisor may have been absent, or have died at the same time. The program itself therefore
-notes that it runs, before it serves, and that it has ended cleanly, after it has come to rest.
+The supervisor may have been absent, or have crashed at the same time. Therefore the program notes
+that it runs before it serves requests, and that it has ended cleanly after it has come to rest.
 """
 
 import logging
@@ -23,12 +23,12 @@ _log = logging.getLogger(__name__)
 
 
 def boot_note(rig: RigFile, service: str, data: Path) -> "BootNote":
-    """Return the note of one service of a rig, in the folder of the rig's records."""
+    """Return the note of one service of a rig; the file is in the folder of the rig's records."""
     return BootNote(rig.home(data) / f"{service}-{rig.rig.name}.json")
 
 
 class Before(NamedTuple):
-    """The previous program of the same service."""
+    """How the previous program of the same service ended."""
 
     ended: Predecessor = Predecessor.NONE
     instance: int | None = None
@@ -47,7 +47,7 @@ class _Note(msgspec.Struct):
 
 
 class BootNote:
-    """One small file, replaced whole and on the disk before the call returns."""
+    """One small file, which is replaced atomically and is on the disk before a call returns."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -55,7 +55,8 @@ class BootNote:
     def found(self) -> Before:
         """Return how the previous program has ended.
 
-        A note that cannot be read, or could not be replaced, means that it did not end cleanly.
+        If the note cannot be read, or could not be replaced, the program counts as not cleanly
+        ended.
         """
         found = self._read()
         if found.ended is Predecessor.CLEAN and not self._write(*found):
@@ -63,10 +64,10 @@ class BootNote:
         return found
 
     def begin(self) -> None:
-        """Note that the program runs, before it replies to any request.
+        """Note that the program runs; call this before it replies to any request.
 
-        On a full disk the note is emptied in place, which needs no space: an empty note does not
-        mean a clean end. Raises OSError if that is not possible.
+        On a full disk the file is emptied, which needs no space: an empty note does not count as a
+        clean end. Raises OSError if that is not possible.
         """
         if self._write(RUNNING, None):
             return
@@ -82,7 +83,7 @@ class BootNote:
             ) from error
 
     def end(self, ending: Predecessor, instance: int) -> None:
-        """Note how the program ended, once it is at rest, and the number of its start."""
+        """Note, after the program has come to rest, how it ended and the number of its start."""
         if ending is not Predecessor.DIED:
             self._write(ending, instance)
 

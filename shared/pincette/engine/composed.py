@@ -1,7 +1,7 @@
-"""The whole loop in one process: the same services and instruments, the bus in memory, lockstep.
+"""The whole loop in one process: the same services and instruments, in lockstep, over a bus in
+memory.
 
-Only the transport differs from the loop of five processes, so that the numbers are the same to
-the last bit.
+Only the transport differs from the loop of five processes, so the results are bit-identical.
 """
 
 from collections.abc import Callable
@@ -19,13 +19,13 @@ from pincette.engine.simulated import devices_on, simulated_devices
 from pincette.sim.bench import Bench
 
 Benches = Callable[[Callable[[GroundTruth], None]], Bench]
-"""Function that receives the true state of a simulated rig."""
+"""Function that is called with the true state of a simulated rig."""
 
 
 class ComposedLoop:
     """A simulated rig and its four services, ready to be armed; ``bus.pump`` makes its steps.
 
-    ``bench`` sets up the simulated rig, for callers that operate it between programs.
+    ``bench`` sets up the simulated rig; callers use it to act on the rig between programs.
     """
 
     def __init__(self, rig: RigFile, bench: Benches | None = None) -> None:

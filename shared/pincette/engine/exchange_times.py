@@ -36,7 +36,9 @@ def times_of(took_s: Sequence[float]) -> ExchangeTimes | None:
 
 
 def with_hop(times: ExchangeTimes, arrivals: Arrivals | None) -> ExchangeTimes:
-    """Return the durations, with what the arrival of replies reveals about a device server."""
+    """Return the durations together with the properties of a device server that the arrival of
+    replies reveals.
+    """
     if arrivals is None:
         return times
     hop = arrivals.hop()
@@ -44,7 +46,7 @@ def with_hop(times: ExchangeTimes, arrivals: Arrivals | None) -> ExchangeTimes:
 
 
 def in_words(times: ExchangeTimes) -> str:
-    """Return the durations for people, in ms."""
+    """Return the durations as text, in ms."""
     values = (times.minimum_s, times.median_s, times.worst_s)
     shown = "/".join(f"{1e3 * value:.1f}" for value in values)
     return f"{shown} ms (minimum/median/worst of {times.count})"

@@ -34,7 +34,9 @@ LOG_STAMP = re.compile(r"^\d{4}-\d\d-\d\d [\d:,]+ \w+ ")
 
 
 class FleetError(Exception):
-    """A program could not be started; the text names it, the reason and the remedy."""
+    """Error if a program could not be started; the text contains its name, the reason and the
+    remedy.
+    """
 
 
 @dataclass
@@ -108,7 +110,7 @@ def check_ports(rig: RigFile) -> None:
 
 
 def check_router(rig: RigFile) -> None:
-    """Raise FleetError if a rig joins a router that is not running."""
+    """Raise FleetError if a rig uses another rig's router and that router is not running."""
     if not rig.joins:
         return
     try:
@@ -134,7 +136,7 @@ class Fleet:
         server: bool = False,
         log_format: logs.Form | None = None,
     ) -> None:
-        """``server``: with an upstream router, the programs that run beside that router."""
+        """``server`` True: only the programs that run beside an upstream router."""
         self._server = server
         self.members: dict[str, Child] = {}
         self._rig = rig
@@ -161,11 +163,11 @@ class Fleet:
         return own if self._rig.joins else ["router", *own, "supervisor"]
 
     def start(self, names: Iterable[str]) -> None:
-        """Start programs at the same time and wait until all of them serve."""
+        """Start programs at the same time, and wait until all of them are ready."""
         self.start_each(dict.fromkeys(names, ()))
 
     def start_each(self, programs: Mapping[str, Iterable[str]]) -> None:
-        """Start programs, each with further arguments, and wait until all of them serve."""
+        """Start programs, each with additional arguments, and wait until all of them are ready."""
         started = [self._spawn(name, extra) for name, extra in programs.items()]
         progress = {
             one.name: StartProgress(partial(demand_s, one.process.pid), one.logged)
@@ -174,7 +176,7 @@ class Fleet:
         for member in started:
             looked_s = monotonic()
             while not member.ready.wait(0.05):
-                # A program that others wait for may have ended.
+                # A program for which others wait may have ended.
                 ended = [one for one in started if one.process.poll() is not None]
                 if ended:
                     raise FleetError(
@@ -187,7 +189,8 @@ class Fleet:
                 if monotonic() - looked_s < LOOK_S:
                     continue
                 looked_s = monotonic()
-                # A program may wait for a slow one: either all of them make progress, or none.
+                # A program may wait for a slow one; therefore the start counts as stalled only if
+                # none makes progress.
                 still = [one for one in started if not one.ready.is_set()]
                 whys = {one.name: progress[one.name].why_given_up() for one in still}
                 if all(whys.values()) or any("ready" in why for why in whys.values()):
@@ -260,7 +263,7 @@ class Fleet:
 
 
 def _status(number: int) -> str:
-    """Return how a process has ended, in words."""
+    """Return, as text, how a process has ended."""
     if number < 0:
         return f"ended by {signal.Signals(-number).name}"
     return f"exit status {number}"

@@ -51,15 +51,16 @@ def of_arms(devices: Sequence[PositionSensor | VoltageOutput]) -> Device:
 
 
 ORDERS = (SetVoltage, WriteParts, Wave, CheckWave, ReadBack)
-"""Outputs of a service that are meant for the instrument."""
+"""Types of outputs of a step that are commands to the instrument."""
 MOST_SAMPLES = 3000
 """Largest number of samples of an acquisition in one tick; if the loop was late, the rest follows
 in later ticks."""
 LEAST_READING_S = 0.005
-"""Shortest limit of a reading's duration, in s: a standstill of the machine of this length does not
-make a reading too old."""
+"""Shortest upper limit for the duration of a reading, in s. If the machine stalls for less than
+this, a reading does not count as too old.
+"""
 WAITED_SHARE = 0.8
-"""Share of that limit for which the service waits for a sensor."""
+"""Fraction of that limit for which the service waits for a sensor."""
 NO_PARTS = (
     "this voltage output cannot write steps in parts, since it has no clock of its own: "
     "omit [output] shaping, and fit an RC of 3.3 ms before the amplifier"
@@ -67,12 +68,15 @@ NO_PARTS = (
 TRIES = 3
 """Number of attempts to open an instrument, or to read back its voltage."""
 PAUSE_S = 0.05
-"""Pause before another attempt after bytes that were no valid reply, in s: noise may last."""
+"""Pause before another attempt after bytes that were not a valid reply, in s, since noise may
+continue.
+"""
 QUESTIONS = 5
-"""Number of queries to the output at each arming."""
+"""Number of queries to the output that are measured at each arming."""
 REOPEN_PERIODS = 1.5
-"""Time, in control periods, within which a lost line to an output may be opened again without a
-fault. A command is at most one period old when it is written, and the default age limit is 2.5."""
+"""Time, in control periods, within which a lost line to an output may be reopened without a
+fault.
+"""
 SAME_V = 0.01
 """Difference of two voltages, in V, below which they differ only by rounding."""
 PASSING = ("silent", "late", "garbled")
@@ -83,8 +87,8 @@ PASSING = ("silent", "late", "garbled")
 class ReadingWatch:
     """Refuses readings that took too long.
 
-    The instrument may have measured at the beginning of the exchange. A position that is older than
-    a control period would let the arm continue to press for that time.
+    The instrument may have measured at the beginning of the exchange. If the position is older than
+    a control period, the arm may continue to press for that time.
     """
 
     oldest_s: float
@@ -129,7 +133,7 @@ class Instrument:
         self._recorder = ExchangeRecorder()
         self._device: Any = device
         self._watched = device if isinstance(device, WatchedOutput) else None
-        """True if the output has a watchdog; checked once, since the check takes long."""
+        """True if the output has a watchdog; checked only once, since the check takes long."""
         self._period_s = period_s
         self._kicked_at_s = 0.0
         self._confirmed_V: float | None = None
@@ -138,7 +142,7 @@ class Instrument:
         self._later = Block((), ())
 
     def read(self) -> ArmReading:
-        """Read the sensor: one reading, or all that it has acquired since the last tick."""
+        """Read the sensor: one reading, or all samples acquired since the last tick."""
         watch = self._watch
         try:
             if not self._capture_hz:
@@ -206,12 +210,13 @@ class Instrument:
         return None
 
     def _done_again(self, act: Callable[[], None], *expected_V: float | None) -> float | None:
-        """Call the driver, and once more if the line was lost and the output keeps its voltage.
+        """Call the driver; repeat the call once if the line was lost and the output has kept its
+        voltage.
 
-        A device server that ends its client's connection, or that is restarted, does not change the
-        output. The voltage is therefore read back over the new connection, and only one of the
-        expected voltages counts: an output that has lost its supply or was tripped has another one.
-        Returns the time at which the call began; None if it was repeated.
+        A device server that closes the connection, or is restarted, does not change the output. The
+        voltage is therefore read back over the new connection. Only an expected voltage is
+        accepted: an output that lost its supply or tripped has another one. Returns the time at
+        which the call began; None if it was repeated.
         """
         began_s = self._now_s()
         try:
@@ -247,7 +252,7 @@ class Instrument:
     def read_back(self) -> float:
         """Return the output's voltage; raises RefusedError if the output does not state it.
 
-        One wrong reply does not count: reading moves nothing, so it is repeated.
+        After a wrong reply the query is repeated, since reading moves nothing.
         """
         try:
             return float(self._read_back())
@@ -256,9 +261,10 @@ class Instrument:
             raise RefusedError(f"the voltage output cannot be read back: {found}") from error
 
     def measure(self) -> None:
-        """Read the output's voltage a few times to measure exchanges, which moves nothing.
+        """Read the output's voltage a few times to measure the duration of exchanges; moves
+        nothing.
 
-        A failed query is left out: the output has just been read back.
+        A failed query is ignored, since the output has just been read back successfully.
         """
         if self._watch is None:
             return
@@ -289,7 +295,7 @@ class Instrument:
                 return self._device.read_V()
             except Exception as error:
                 found = driver_error(error)
-                # A server may have ended a connection that was not used for long.
+                # A device server may have closed a connection that was unused for a long time.
                 if found.code not in (*PASSING, "hung_up"):
                     raise
                 self.counts.retried += 1
@@ -319,12 +325,14 @@ class Instrument:
 
 
 def published(outputs: tuple[Any, ...]) -> tuple[Message, ...]:
-    """Return the outputs without the first one, if that was meant for the instrument."""
+    """Return the outputs of a step without the first one, if that is a command to the
+    instrument.
+    """
     return outputs[1:] if outputs and isinstance(outputs[0], ORDERS) else outputs
 
 
 def driver_error(error: Exception) -> InstrumentError:
-    """Return a driver's exception as an instrument's error.
+    """Return a driver's exception as an InstrumentError.
 
     An exception of any other class, such as the ValueError of an external driver, counts as a reply
     that the driver could not read.
@@ -337,13 +345,13 @@ def driver_error(error: Exception) -> InstrumentError:
 
 
 def fault_of(error: Exception) -> Fault:
-    """Return the fault for a driver's exception, in the driver's own words."""
+    """Return the fault for a driver's exception; its text is that of the driver."""
     found = driver_error(error)
     return fault(FaultCode(f"instrument_{found.code}"), str(found))
 
 
 MEASUREMENT_TIMEOUT_S = 1.0
-"""Longest time of an exchange that is measured while no loop runs, in s."""
+"""Timeout of an exchange that is measured while no loop runs, in s."""
 LOCKSTEP_TIMEOUT_S = 2.0
 """Timeout in lockstep, by the wall clock: it ends a run that hangs, but never a tick."""
 
@@ -353,7 +361,7 @@ _log = logging.getLogger(__name__)
 
 
 def open_for_measurement(service: AnyService, rig: RigFile) -> Device:
-    """Open the instrument of a service of one arm with a timeout that allows slow exchanges."""
+    """Open the instrument of a service for one arm, with a timeout that allows slow exchanges."""
     return _open(service, rig, inf, MEASUREMENT_TIMEOUT_S)
 
 
@@ -393,7 +401,7 @@ def _open(
         output = plugins.load(plugins.VOLTAGE_OUTPUTS, settings.driver)
         opened = _retried(partial(output, settings), TRIES)
         if isinstance(opened, WaveOutput):
-            # A sweep begins within a tick, which is too short to load NumPy.
+            # A sweep begins within a tick, which is too short to import NumPy.
             import_module("pincette.control.planning.swept_voltages")
         if settings.shaping and not isinstance(opened, PartsOutput):
             opened.close()
@@ -421,8 +429,8 @@ def reading_timeout_s(rig: RigFile, at_most_s: float = inf) -> float:
 def _retried(open_: Callable[[], D], times: int) -> D:
     """Open an instrument in at most ``times`` attempts.
 
-    If all programs of a rig start at once, the first reply may be late; a line that is being
-    plugged in makes noise.
+    If all programs of a rig start at once, the first reply may be late; and plugging a line in
+    causes noise.
     """
     # A sensor with a short timeout in a tick may need several attempts for its first exchange.
     for _ in range(times - 1):

@@ -1,6 +1,6 @@
 """The instruments of all arms, read or written one after the other within a tick.
 
-If one fails, the other is left as it is: the service decides what happens to both.
+If one instrument fails, the other is not changed: the service decides about both.
 """
 
 from collections.abc import Callable
@@ -27,7 +27,7 @@ NAMES = ("the first arm", "the second arm")
 class Instruments:
     """Instruments of a runner's service, and the operations on them.
 
-    On a rig of two arms each fault has the number of its arm.
+    On a rig with two arms, each fault contains the number of its arm.
     """
 
     def __init__(
@@ -49,7 +49,9 @@ class Instruments:
         """True if an output needs heartbeats."""
 
     def read(self) -> Reading:
-        """Read the sensor of each arm; the first reading is then as old as the duration of all."""
+        """Read the sensors of all arms; the age of the first reading then includes the duration of
+        the others.
+        """
         if not self._several:
             return Reading((self._arms[0].read(),))
         watch = self._watch
@@ -60,9 +62,9 @@ class Instruments:
         return Reading((first, *others))
 
     def put_out(self, order: DeviceCommand) -> Fault | PutOut | None:
-        """Send each output its part of the command, the second only if the first has obeyed.
+        """Send each output its voltage, the second only if the first has succeeded.
 
-        A wave is for the first arm alone; the second keeps its voltage.
+        A waveform is only for the first arm; the second arm keeps its voltage.
         """
         read_V: list[float] = []
         for arm, one in enumerate(self._arms):
@@ -107,7 +109,7 @@ class Instruments:
     def capture(self, rate_hz: float) -> None:
         """Begin a buffered acquisition, or end the present one (0 Hz).
 
-        Raises RefusedError where the sensor has none, and on a rig of two arms.
+        Raises RefusedError if the sensor cannot do this, and on a rig with two arms.
         """
         if not self._several:
             self._arms[0].capture(rate_hz)

@@ -2,9 +2,9 @@
 
 A sample of a trigger waits for its partners, the samples of other topics that are joined to it by
 epoch and number. In lockstep nothing is lost, so every sample is accepted and every step waits for
-all partners. In real time a bus may lose, repeat or reorder samples; then numbers are checked, only
-the newest sample of a stream counts, and a step is made without a partner that does not come in
-time.
+all partners. In real time the bus may lose, repeat or reorder samples. Therefore numbers are
+checked, only the newest sample of a stream is used, and a step is made without a partner that does
+not arrive in time.
 """
 
 from collections import deque
@@ -18,12 +18,15 @@ from pincette.core.service import AnyService, Role
 
 KEPT = 16
 """Largest number of samples of a topic that wait for a join, and of streams that wait for a step.
-A sample that waits longer has lost its partner."""
+If more samples wait, the partner of the oldest has been lost.
+"""
 AHEAD = 250
 """Largest number by which a sample may be ahead of the time since its epoch began: 5 s at
 T = 20 ms, more than a link keeps before it is given up."""
 CLOCKS_APART = 1e-3
-"""Relative difference in speed that two monotonic clocks may have; a bad quartz has a tenth."""
+"""Relative difference in speed that is allowed between two monotonic clocks; a bad quartz deviates
+by a tenth of that.
+"""
 JOIN_WAIT_PERIODS = 0.25
 """Time that a step waits for its partners in real time, in control periods."""
 
@@ -32,12 +35,13 @@ Waiting = dict[tuple[int, int], Sample]
 Row = list[Any]
 """Inputs of a step, in the order of the service's ``inputs_type``."""
 Joined = tuple[Row, Sample | None, float]
-"""Inputs of a step; the sample that triggers it, or None for a tick of the grid; and the time at
-which that came, or the time of the tick."""
+"""Inputs of a step; the sample that triggers it, or None for a grid tick; and the arrival time of
+that sample, or the time of the tick.
+"""
 
 
 class Joiner:
-    """The samples of one service that wait for a step; has no clock."""
+    """Waiting samples of one service, and the steps that they allow; it has no clock."""
 
     def __init__(
         self, service: AnyService, period_s: float, *, lockstep: bool, recorded: bool = False
@@ -47,8 +51,8 @@ class Joiner:
         Parameters
         ----------
         recorded
-            True for samples of a record: they are in order, so that no number is checked, and a
-            missing partner will not come, so that no step waits for one.
+            True for samples of a record. They are in order, so numbers are not checked; and missing
+            partners will not arrive, so no step waits for them.
         """
         self._period_s = period_s
         self._lockstep = lockstep
@@ -61,10 +65,11 @@ class Joiner:
         self.refused = 0
         """Number of samples that were refused because of their number."""
         self.missed = 0
-        """Number of samples that were accepted and then displaced by a newer one."""
+        """Number of samples that were accepted and then replaced by a newer one before use."""
         self.pending: deque[tuple[Sample | None, float]] = deque()
-        """Triggers that wait for their partners, each with the time at which it came; None means a
-        tick of the grid, with the time of that tick."""
+        """Triggers that wait for their partners, each with its arrival time; None means a grid
+        tick, with its time.
+        """
         self.newest: Sample | None = None
         """The sample that triggered the newest step."""
         self._epoch = 0
@@ -77,10 +82,10 @@ class Joiner:
         self._inputs: dict[type[Message], tuple[Role, int]] = {
             item.topic.message: (item.role, 0) for item in service.inputs
         }
-        """Role of each topic, and its place in a row."""
+        """Role of each topic, and its index in a row."""
         self._waiting: dict[type[Message], Waiting] = {}
         self._partners: list[tuple[Waiting, int, int]] = []
-        """Samples, offset, and place in a row of each topic that is joined."""
+        """Samples, offset, and index in a row for each topic that is joined."""
         for place, item in enumerate(joinable, start=first):
             kind = item.topic.message
             self._inputs[kind] = item.role, place
@@ -94,8 +99,8 @@ class Joiner:
         Parameters
         ----------
         epoch
-            Present epoch of the service. Of too many samples that wait for a join, those of other
-            epochs are dropped first.
+            Present epoch of the service. If too many samples wait for a join, those of other epochs
+            are dropped first.
         """
         role, _ = self._inputs[type(sample)]
         if role == "trigger":
@@ -119,12 +124,12 @@ class Joiner:
         """Return whether a sample may be the next one of its topic, and note its number.
 
         A sample that is not newer than an accepted one is refused. Nor can there be more samples of
-        an epoch than periods since it began: a larger number does not come from the sensor's grid,
-        and would cause all correct ones to be refused.
+        an epoch than periods since it began: a larger number cannot come from the sensor's grid; if
+        it were accepted, all correct samples would be refused.
 
         Commands with older numbers are admitted: the actuator checks their owner and age too.
-        Samples of other epochs are not judged. Epoch 0 is the idle loop before the first arming,
-        where the numbers of a restarted sensor begin again at 0; it is not judged either.
+        Samples of other epochs are not checked. Nor are those of epoch 0, the idle loop before the
+        first arming, in which the numbers of a restarted sensor begin again at 0.
         """
         if sample.epoch != self._epoch or self._epoch == 0:
             return True
@@ -140,11 +145,11 @@ class Joiner:
         return True
 
     def _displaces(self, sample: Sample) -> bool:
-        """Make room for a sample; return whether the sample is to wait.
+        """Remove samples that a new one replaces; return whether the new sample is kept.
 
         Only the newest sample of a stream counts; a backlog is never played. Samples of another
-        epoch or owner form their own stream, and a repeated sample is older: neither displaces the
-        sample that counts.
+        epoch or owner form a separate stream, and a repeated sample is older; neither replaces the
+        newest sample.
         """
         stream = stream_of(sample)
         for pending in self.pending:
@@ -163,7 +168,7 @@ class Joiner:
     def next(self, now: float) -> Joined | None:
         """Remove the first step that can be made and return its inputs; None if there is none.
 
-        A partner that has not come in time is None.
+        A partner that has not arrived in time is None.
         """
         pending = self.pending
         if not pending:
@@ -210,9 +215,9 @@ class Joiner:
     def _patience_s(self, sample: Sample) -> float:
         """Return the time that a step waits for its partners in real time, in s.
 
-        The actuator publishes the partner of an idle sensor's sample only when it has the sample,
-        so there is more time: as much as for each of the samples that are left out. A sample that
-        was lost changes nothing, since an armed loop has no time to wait.
+        While the sensor idles, the actuator publishes the partner only after it has received the
+        sample, so the step waits longer, in proportion to the idle interval. A lost sample does not
+        extend the wait, since an armed loop has no time for it.
         """
         newest = self.newest
         if newest is None or newest.epoch != sample.epoch:
@@ -223,7 +228,8 @@ class Joiner:
     def begin(self, epoch: int, now: float) -> None:
         """Begin an epoch at ``now``, before its first sample was made.
 
-        Nothing waits for a step then; samples of this epoch that wait for a join are kept.
+        Samples that wait for a step are discarded; those of this epoch that wait for a join are
+        kept.
         """
         self._epoch, self._since_s = epoch, now
         self._newest_seq = {}
@@ -233,7 +239,7 @@ class Joiner:
                 del waiting[key]
 
     def begin_tick(self, at_s: float) -> None:
-        """Let a tick of the grid at a time, in s, lead to a step."""
+        """Enqueue a grid tick at a time, in s, as the trigger of a step."""
         self.pending.append((None, at_s))
 
     def blank(self) -> Row:
@@ -255,5 +261,7 @@ class Joiner:
 
 
 def stream_of(sample: Sample) -> tuple[type[Sample], int, int | None]:
-    """Return topic, epoch and owner: numbers of samples are compared within these."""
+    """Return topic, epoch and owner of a sample; sample numbers are compared only within the same
+    three.
+    """
     return type(sample), sample.epoch, getattr(sample, "owner", None)

@@ -1,4 +1,4 @@
-"""Log lines on their way to standard error: no thread that logs waits for a disk or a pipe.
+"""Queue of log lines to standard error, so that no thread that logs waits for a disk or a pipe.
 
 A program's standard error may be a file on a disk that no longer responds, or a pipe that no
 program reads. A write to it then lasts until the disk or the reader is back. One thread therefore
@@ -16,7 +16,7 @@ from time import monotonic, sleep
 CAPACITY = 2000
 """Number of lines that may wait to be written: some minutes of a busy program."""
 END_S = 1.0
-"""Longest time for which the end of a program waits for its last lines to be written, in s."""
+"""Time limit for writing the last lines at the end of a program, in s."""
 LOOK_S = 0.005
 DROPPED = "%d log lines were dropped: standard error could not be written"
 
@@ -38,7 +38,7 @@ class LogQueue(QueueHandler):
 
     def prepare(self, record: logging.LogRecord) -> logging.LogRecord:
         """Return a copy of a record with its text complete, since its arguments may change."""
-        # The method of QueueHandler also merges an error into the text, for other processes.
+        # The method of QueueHandler also merges a traceback into the text, for other processes.
         record = copy.copy(record)
         record.msg, record.args = record.getMessage(), None
         return record
@@ -76,7 +76,7 @@ class _Writer(logging.Handler):
         return True
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write a line, after one that states how many were dropped since the last one."""
+        """Write a line, preceded by a line that states how many were dropped since the last one."""
         dropped = self._lines.dropped - self._reported
         try:
             if dropped:

@@ -54,7 +54,8 @@ def chosen(given: Form | None) -> Form:
 
 
 def begin(program: str, form: Form) -> JsonLines | None:
-    """Send all log lines to standard error in one form; return the JSON formatter, else None.
+    """Send all log lines to standard error in one format; return the formatter if it is JSON, else
+    None.
 
     No thread that logs waits for the line to be written: see ``log_queue``.
     """

@@ -1,13 +1,13 @@
 """The loop of a program: its services, their messages, and the thread of their steps.
 
-The thread that brings a message makes the step itself, one thread at a time; the program's own
-thread makes the steps that a timer requires. Passing a message from one thread to another takes
-longer than most steps. This is the pattern of leader and followers: D. C. Schmidt, M. Stal, H.
-Rohnert and F. Buschmann, Pattern-Oriented Software Architecture, volume 2, Wiley 2000.
+The thread that receives a message executes the step itself, one thread at a time; the main thread
+executes the steps that a timer requires. Passing a message from one thread to another takes longer
+than most steps. This is the pattern of leader and followers: D. C. Schmidt, M. Stal, H. Rohnert and
+F. Buschmann, Pattern-Oriented Software Architecture, volume 2, Wiley 2000.
 
-The service nearest to the output steps first: the actuator notes a sample at its arrival, before
-anything is computed with it, and a command is output before the next sample is read. So a tick
-passes through the services in its own order.
+The service nearest to the output steps first: the actuator notes the arrival of a sample before
+anything is computed from it, and a command is output before the next sample is read. So the
+services process each tick in order.
 """
 
 import random
@@ -34,13 +34,13 @@ Reply = Callable[[Message | str], None]
 Item = tuple[Message, float, str, Reply | None]
 """A message and its arrival time.
 
-For a request also the service's name and a function for the reply.
+A request also has the name of the service and a function for the reply.
 """
 
 BACKLOG = 0.25
-"""Time between samples of a topic, in periods, below which they are a backlog."""
+"""Time between samples of a topic, in periods, below which the samples count as a backlog."""
 SHUTDOWN_S = 3.0
-"""Longest time that an instrument may take to come to rest when its program ends."""
+"""Time limit for an instrument to come to rest when its program ends, in s."""
 MAX_BATCH = 1000
 """Largest number of items that are handled before the clock is read again."""
 SAME_S = 2e-5
@@ -50,7 +50,7 @@ SAME_S = 2e-5
 class Loop:
     """Passes messages, requests and the time to its services, one at a time; publishes outputs.
 
-    Items are handled in the order in which they come, by one thread at a time.
+    Items are handled in the order of arrival, by one thread at a time.
     """
 
     def __init__(
@@ -70,11 +70,11 @@ class Loop:
         Parameters
         ----------
         urgent
-            Topics for which another program waits: they are published at once (None: all are), the
-            others when no step is ready.
+            Topics for which another program waits; they are published at once, all others when no
+            step is ready. None: all topics.
         inline
-            Handle messages in the thread that brings them, which calls ``step`` repeatedly: for
-            lockstep in one process.
+            True to handle messages in the thread that delivers them and that calls ``step``
+            repeatedly; for lockstep in one process.
         delay_s
             Longest random delay before a message is published, for tests.
         refused
@@ -83,7 +83,7 @@ class Loop:
         self.runners: Sequence[Runner] = sorted(
             runners, key=lambda runner: _priority(runner.service.name), reverse=True
         )
-        """Runners from the output to the sensor."""
+        """Runners, in order from the output to the sensor."""
         self._by_name = {runner.service.name: runner for runner in self.runners}
         topics = dict.fromkeys(
             (item.topic, runner)
@@ -92,7 +92,7 @@ class Loop:
             if item.role != "pace" or runner.lockstep
         )
         self.takers: dict[type[Message], list[Runner]] = {}
-        """Runners that take a message, by its type."""
+        """Runners that receive a message, by its type."""
         for topic, runner in topics:
             self.takers.setdefault(topic.message, []).append(runner)
         self.inputs = list(
@@ -107,17 +107,17 @@ class Loop:
         """Runners that have a timer or statistics."""
         looks = [one for one in self.runners if one.interval_s and not one.on_grid]
         self.looking = looks[0] if looks and len(self.runners) > 1 else None
-        """Runner of the actuator, if it checks its clock between steps of other services."""
+        """Runner of the actuator, if it must check its clock between steps of other services."""
         self._look_s = (self.looking and self.looking.interval_s) or inf
         """Duration above which a step of another service is reported to it."""
         self._watches = self._look_s < inf
 
         self._bus = bus
-        # Inline means lockstep, where only the number of a sample gives the time.
+        # ``inline`` means lockstep, in which only the sample number determines the time.
         self._now: Callable[[], float] = (lambda: 0.0) if inline else monotonic
         self._urgent = None if urgent is None else frozenset(one.message for one in urgent)
         self._later: list[Message] = []
-        """Messages that are published when no step is ready."""
+        """Messages to be published when no step is ready."""
         self._unfinished = False
         """True if a step of the next tick is ready."""
         self._collector = Collector()
@@ -129,13 +129,12 @@ class Loop:
 
         self._queue: deque[Item] = deque()
         self._running = threading.Lock()
-        """Lock of the thread that handles items; the program's own thread holds it until it waits.
-        """
+        """Lock of the thread that handles items; the main thread holds it except while it waits."""
         self._running.acquire()
         self._nudges: SimpleQueue[None] = SimpleQueue()
-        """Queue that wakes the program's own thread."""
+        """Queue used to wake the main thread."""
         self._wakes_s = inf
-        """Time at which the program's own thread wakes without being woken."""
+        """Time at which the main thread wakes up without being woken."""
         self._stopped = False
         self._failure: Exception | None = None
         self._submit: Callable[[Item], object] = self._take if inline else self.submit
@@ -155,13 +154,13 @@ class Loop:
         return self._by_name[service]
 
     def receive(self, topic: Topic, message: Message) -> None:
-        """Take a message from the bus, in the thread that brings it."""
+        """Receive a message from the bus, in the thread that delivers it."""
         now, kind = self._now(), topic.message
         if self._backlog_s:
             before_s = self._came_s.get(kind, -inf)
             self._came_s[kind] = now
             if now - before_s < self._backlog_s:
-                self.defer((message, now, "", None))  # only the newest sample will count
+                self.defer((message, now, "", None))  # only the newest sample will be used
                 return
         self._submit((message, now, "", None))
 
@@ -189,7 +188,7 @@ class Loop:
                 return
 
     def defer(self, item: Item) -> None:
-        """Enqueue an item for the program's own thread, since more may come until it wakes."""
+        """Enqueue an item for the main thread, since more items may arrive until it wakes up."""
         self._queue.append(item)
         self._wake_by(-inf)
 
@@ -200,13 +199,13 @@ class Loop:
             return self._now()
         now = -inf
         for _ in range(MAX_BATCH):
-            if not queue:  # certain, since only the thread that handles items removes them
+            if not queue:  # safe, since only the thread that handles items removes them
                 break
             now = self._take(queue.popleft())
         return now
 
     def _wake_by(self, wakes_s: float) -> None:
-        """Wake the program's own thread if it would wake later than that time."""
+        """Wake the main thread if it would otherwise wake up later than the given time."""
         if wakes_s < self._wakes_s - SAME_S:
             self._wakes_s = wakes_s
             self._nudges.put(None)
@@ -236,7 +235,9 @@ class Loop:
             self._shut_down()
 
     def _let_others_run(self, wait_s: float) -> None:
-        """Let other threads handle items until a timer is due or another thread wakes this one."""
+        """Let other threads handle items until a timer is due or another thread wakes the main
+        thread.
+        """
         self._wakes_s = monotonic() + wait_s
         self._running.release()
         try:
@@ -320,7 +321,9 @@ class Loop:
         return now
 
     def _report_busy(self, runner: Runner, began_s: float, began_cpu_s: float) -> float:
-        """Report to the actuator how long a step of another service took; return the time now."""
+        """Report to the actuator how long a step of another service took; return the present
+        time.
+        """
         now = self._now()
         took_s = now - began_s
         if took_s > self._look_s:
@@ -329,9 +332,9 @@ class Loop:
         return now
 
     def kept_busy(self, runner: Runner, took_s: float, computed_s: float, now: float) -> Outputs:
-        """Report to the actuator how long a step of another service has kept the program busy.
+        """Report to the actuator for how long a step of another service has occupied the program.
 
-        This time is no standstill, and neither is the longest wait for an instrument.
+        This time does not count as a stall; neither does the longest wait for an instrument.
         """
         looking = self.looking
         look_s = None if looking is None else looking.interval_s
@@ -354,12 +357,14 @@ class Loop:
                 sleep(interval_s)
 
     def deliver(self, message: Message, now: float, came_at: float | None = None) -> None:
-        """Pass a message to the runners that take it; it arrived at ``came_at``, or just now."""
+        """Pass a message to the runners that receive it; ``came_at`` is its arrival time (None:
+        now).
+        """
         for runner in self.takers.get(type(message), ()):
             runner.take(message, now, came_at)
 
     def share(self, outputs: Outputs, now: float) -> None:
-        """Pass the outputs of one runner to the others that take them."""
+        """Pass the outputs of one runner to the other runners that receive them."""
         for message in outputs:
             if type(message) in self._internal:
                 self.deliver(message, now)

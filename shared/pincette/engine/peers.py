@@ -1,4 +1,4 @@
-"""Waits until the consumers of a service are connected, and logs which are missing and why."""
+"""Waits until the consumers of a service are connected; logs which are missing and why."""
 
 import logging
 import threading
@@ -55,7 +55,9 @@ def _cause(name: str, rig: RigFile, config: SessionConfig) -> str:
 
 
 def absent(missing: set[str], wires: Mapping[str, int], causes: Mapping[str, str]) -> str:
-    """Return the missing consumers, and which side to update if wires differ, else the reason."""
+    """Return the missing consumers, and which side to update if their wire versions differ, or else
+    the reason.
+    """
     reasons = {name: update_which(name, wires[name]) for name in missing & wires.keys()}
     reasons = {**causes, **reasons}
     return ", ".join(

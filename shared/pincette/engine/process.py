@@ -46,9 +46,9 @@ from pincette.sim.wires.ports import WireError
 
 log = logging.getLogger("pincette")
 READY = "ready: "
-"""Beginning of the line on standard output that reports that a program serves."""
+"""Beginning of the line on standard output which reports that a program is ready."""
 OF_THE_ROUTER = ("router", "upstream", "supervisor")
-"""Programs that all rigs on one router share."""
+"""Programs that are shared by all rigs on one router."""
 
 OTHERS = 0o077
 MOST_FILES = 4096
@@ -58,7 +58,7 @@ fewer."""
 FAILED = FailedThreads()
 """Threads of this process that ended with an error."""
 Notes = dict[Runner, BootNote]
-"""Notes of the services to which the end of their previous program matters."""
+"""Boot notes of the services that depend on how their previous program ended."""
 
 CannotStart = (
     ConfigError,
@@ -128,7 +128,7 @@ def _allow_files() -> None:
 
 
 def keep_from_others() -> None:
-    """Make files that are written from here on inaccessible to other accounts."""
+    """Make files that are written from now on inaccessible to other accounts."""
     os.umask(os.umask(OTHERS) | OTHERS)
 
 
@@ -149,7 +149,7 @@ def _wait_for_parent(stop: Callable[[], None]) -> None:
 
 
 def _say_ready(text: str) -> None:
-    """Print that the program serves, if standard output can be written."""
+    """Print that the program is ready, if standard output can be written."""
     try:
         sys.stdout.write(f"{READY}{text}\n")
         sys.stdout.flush()
@@ -163,7 +163,9 @@ def loop_services() -> dict[str, AnyService]:
 
 
 def loop_programs(rig: RigFile) -> dict[str, Participant]:
-    """Return the programs of a rig's loop as others see them, in the order of a tick."""
+    """Return the programs of a rig's loop with their inputs and requests, in the order of a
+    tick.
+    """
     services = loop_services()
     return {
         name: services[name]
@@ -174,13 +176,13 @@ def loop_programs(rig: RigFile) -> dict[str, Participant]:
 
 
 def _run_of_loop(name: str, rig: RigFile, stop: threading.Event, options: Options) -> None:
-    """Run a service of the loop, or several that the rig file composes."""
+    """Run a service of the loop, or several if the rig file composes them."""
     if name not in rig.programs:
         raise ConfigError(
             f"[rig] composed = {list(rig.rig.composed)}: the programs of the loop of rig "
             f"{rig.rig.name!r} are {', '.join(rig.programs)}, not {name}"
         )
-    if not rig.lockstep:  # lockstep keeps no clock, and would use the whole machine
+    if not rig.lockstep:  # lockstep does not follow a clock, and would use the whole machine
         raise_priority(rig.realtime.of(*member_services(name)))
     participants = loop_programs(rig)
     with ExitStack() as stack:

@@ -1,4 +1,4 @@
-"""Programs outside the loop: what each receives at its start, and the router."""
+"""Programs outside the loop: the context that each receives at its start, and the router."""
 
 import threading
 from collections.abc import Callable

@@ -1,8 +1,8 @@
-"""What a replay needs besides samples: the requests that a service accepted, and its state.
+"""Data that a replay needs besides samples: the requests that a service accepted, and its state.
 
 Each request is noted with its position among the steps. Only those parts of the state are noted, as
 JSON, that differ from a start; the coefficients of a model, which follow from the rig file and the
-calibration, are left out. A float keeps every bit.
+calibration, are left out. Floats are stored exactly.
 """
 
 import json

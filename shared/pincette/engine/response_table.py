@@ -77,7 +77,7 @@ def response_tables(path: Path, source: str) -> str:
 
 
 def as_toml(found: Identification) -> str:
-    """Return the table ``[model.free_response]``, rounded to what the residual justifies."""
+    """Return the table ``[model.free_response]``, with digits according to the residual."""
     model = found.model
     parts = ""
     if model.fadings_per_V:

@@ -1,4 +1,4 @@
-"""Restarts of ended programs: at once, then at growing intervals, and not forever."""
+"""Restarts programs that have ended: at once, then at growing intervals, up to a limit."""
 
 from collections.abc import Callable, Sequence
 from time import monotonic
@@ -7,19 +7,19 @@ from pincette.engine.fleet import Child, Fleet
 
 REVIVED = ("router", "upstream", "supervisor", "recorder")
 """Programs that are restarted. They do not belong to the loop, which continues without them, and a
-held part stays held. A program of the loop is not restarted before a person has looked at the rig.
+held part stays held. A program of the loop is not restarted before a person has inspected the rig.
 """
 FIRST_S, LONGEST_S = 0.5, 10.0
 WELL_S = 60.0
-"""Running time after which a program's restarts begin with the shortest wait again."""
+"""Running time of a program after which its restart intervals begin again with the shortest."""
 
 
 class Revival:
     """Restarts the ended programs of a fleet; ``look`` is called several times a second.
 
-    All of them have been ready once, so that each is restarted whatever its exit status: a file
-    that it cannot use now may be usable again at the next attempt. A fleet whose programs were
-    never ready does not come up, and has no revival.
+    Each program has been ready once, so it is restarted whatever its exit status: a file that it
+    cannot use now may be usable at the next attempt. If a program is never ready, the start of the
+    fleet fails, and there is no revival.
     """
 
     def __init__(
@@ -33,7 +33,7 @@ class Revival:
         self._begun_s = dict.fromkeys(names, clock())
         self._due_s: dict[str, float] = {}
         self._told: set[int] = set()
-        """Process ids whose end was reported."""
+        """Process ids whose end has been reported."""
 
     def look(self, say: Callable[[Child, str], None]) -> None:
         """Report each end, and each restarted program that serves again."""

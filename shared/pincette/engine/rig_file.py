@@ -1,4 +1,4 @@
-"""The rig file over the bus, so that a supervisor needs nothing else to serve a rig."""
+"""The rig file over the bus: a supervisor needs no other source to serve a rig."""
 
 from collections.abc import Callable
 
@@ -10,7 +10,7 @@ from pincette.core.topics import RIG_FILE, Request
 
 
 def serve_rig_file(bus: Bus, rig: RigFile, program: str) -> None:
-    """Answer requests for the rig file that a program of the loop works with."""
+    """Reply to requests for the rig file that a program of the loop uses."""
     rig_reply = RigFileReply(Document(rig.model_dump_json()), rig.digest())
 
     def answer(

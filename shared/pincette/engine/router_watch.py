@@ -18,11 +18,13 @@ log = logging.getLogger("pincette")
 CODE = "router.locked"
 """Code of the log line, also as its member ``code``."""
 ENDED_STATUS = 75
-"""Exit status of a router that has ended itself: EX_TEMPFAIL, a failure that a new start cures."""
+"""Exit status of a router that has ended itself: EX_TEMPFAIL, a failure that a restart resolves."""
 ASK_S, LOOK_S = 1.0, 0.5
 LEASES = 10
-"""Longest time without a reply of the own router, in leases of a link: 5 s in real time. With it, a
-router is back before the supervisor's lease on a job ends, which is 10 s by default."""
+"""Longest time without a reply of the watched router, in leases of a link: 5 s in real time. With
+this value, a restarted router is ready before the supervisor's lease on a job ends, which is 10 s
+by default.
+"""
 
 
 class RouterWatch:
@@ -65,7 +67,7 @@ class RouterWatch:
     def look(self) -> None:
         """Call ``end`` if the router has not replied for too long."""
         now_s = self._clock()
-        # Time in which this process did not run says nothing about the router.
+        # If this process did not run for a time, that says nothing about the router.
         self._silent_s += min(now_s - self._looked_s, 2.0 * LOOK_S)
         self._looked_s = now_s
         if self._silent_s > self._limit_s:

@@ -1,4 +1,4 @@
-"""A service at work: its state, its inputs, its instrument, its timer and its statistics.
+"""A running service: its state, its inputs, its instrument, its timer and its statistics.
 
 A runner has no thread, no bus and no clock: its caller passes it messages and the time. So the same
 runner works in a separate program over Zenoh, beside others in one process, in a replay, and in
@@ -32,7 +32,7 @@ from pincette.instruments.line.counts import LineCounts
 IDLE_S = 0.5
 """Longest time that a program waits before it checks whether it is to stop."""
 EARLY = 1.5
-"""Number of intervals: a timer step that is due later than this is brought forward."""
+"""Number of intervals. If the next timer step is due later than this, it is brought forward."""
 NO_CLOCK = "in lockstep there is no clock, so nothing is late"
 
 Outputs = tuple[Message, ...]
@@ -41,8 +41,8 @@ Outputs = tuple[Message, ...]
 class Runner:
     """Takes samples, requests and the time; steps its service, and writes to its instrument.
 
-    Messages lead to steps by ``fire``, and the timer by ``tick``. Once the outputs of a step have
-    been published, ``settle`` does the work for which no program waits.
+    Messages lead to steps by ``fire``, and the timer by ``tick``. After the outputs of a step have
+    been published, ``settle`` does the remaining work, for which no program waits.
     """
 
     def __init__(
@@ -69,8 +69,8 @@ class Runner:
         clock
             Clock that measures the duration of reading ``device``.
         recorded
-            True for samples of a record: no number is checked, no step waits for a partner, and no
-            statistics are kept.
+            True for samples of a record: numbers are not checked, no step waits for a partner, and
+            no statistics are collected.
         """
         self.service = service
         self.instance, self._before = instance, before
@@ -90,7 +90,7 @@ class Runner:
         self.steps = 0
         self._rig = rig
         self._now = 0.0
-        # Determined before the loop runs: loading a driver takes longer than a tick.
+        # Determined before the loop runs, since importing a driver takes longer than a tick.
         self._instrument = service.instrument is not None
         judges = check_timing and self._instrument
         self._budget: Budget | None = known_budget(rig) if judges else None
@@ -113,7 +113,7 @@ class Runner:
         self._timed = False
         """True if the timer caused the newest step."""
         self.on_grid = self._reads and not self.lockstep
-        """True if the timer takes samples, and does not only check the time."""
+        """True if the timer takes samples; False if it only checks the time."""
         self.starts_tick = self._reads and self.lockstep
         self.due_at: float | None = None
         own_grid = self.interval_s is not None
@@ -146,12 +146,12 @@ class Runner:
         return None if self.lockstep or wake_s is None else wake_s(self.config)
 
     def _until_next_s(self) -> float | None:
-        """Return the time from one step of the timer to the next one in the present state."""
+        """Return the time from one timer step to the next one in the present state."""
         interval_s, timer_s = self.interval_s, self.service.timer_s
         if interval_s is None or timer_s is None:
             return interval_s
         until_s = timer_s(self.config, self.state)
-        # A watched output is sent a heartbeat once a period.
+        # A heartbeat is sent to a watched output once per period.
         return min(until_s, self.period_s) if self._device.watched else until_s
 
     def _hasten(self, now: float) -> None:
@@ -166,7 +166,7 @@ class Runner:
             self.due_at -= floor(ahead_s / until_next_s) * until_next_s
 
     def _begin_from(self, found: PutOut) -> None:
-        """Begin from the voltages that are applied, whatever program has set them."""
+        """Begin from the voltages that are applied, whatever program set them."""
         if self.service.initialize_from_output is not None:
             self.state = self.service.initialize_from_output(
                 self.config, self.state, found.voltages_V
@@ -230,7 +230,8 @@ class Runner:
     def tick(self, now: float) -> Outputs:
         """Make the timer step, and return what is to be published.
 
-        A sensor is read. The watchdog of an output is fed only if the service is healthy.
+        If there is a sensor, it is read. An output's watchdog gets a heartbeat only if the service
+        is healthy.
         """
         row = self.joiner.blank()
         if self._reads:
@@ -247,7 +248,8 @@ class Runner:
     def settle(self, now: float) -> None:
         """Complete the newest step, whose outputs have been published.
 
-        Counts its times. The next step of the timer stays on the grid; missed points are skipped.
+        Adds its times to the statistics. The next timer step stays on the grid; missed points are
+        skipped.
         """
         stats, outputs, timed = self.stats, self._outputs, self._timed
         self._timed = False
@@ -272,7 +274,9 @@ class Runner:
         self.due_at += (late + 1) * interval_s
 
     def account_for(self, stall: Slept | Busy, now: float) -> Outputs:
-        """Make a step because the machine slept or the program was busy, if it has an output."""
+        """Make a step that reports that the machine slept or the program was busy, if the service
+        has an output.
+        """
         if not self._drives:
             return ()
         row = self.joiner.blank()
@@ -312,7 +316,9 @@ class Runner:
         return (stats.timing(self.missed),) if stats is not None and stats.due(now) else ()
 
     def call(self, request: Message, now: float) -> tuple[Message | str, Outputs]:
-        """Handle a request: return the reply or the text of a refusal, and what to publish."""
+        """Handle a request: return the reply or the text of a refusal, and the messages to
+        publish.
+        """
         stats = self.stats
         if isinstance(request, TimingRequest):
             return NO_CLOCK if stats is None else stats.timing(self.missed), ()
@@ -349,7 +355,7 @@ class Runner:
             if isinstance(fault, Fault):
                 if self.lockstep:
                     return fault_text(fault), noted
-                # The request has been carried out; the service judges the resulting voltage.
+                # The request has been executed; the service checks the resulting voltage.
                 row = self.joiner.blank()
                 row[0] = fault
                 return reply, (*published(outputs), *self._step(row, now), *noted)
@@ -388,7 +394,8 @@ class Runner:
     def _check_timing(self) -> None:
         """Refuse an arming if the instruments do not fit into the period; raises RefusedError.
 
-        The actuator checks what the drivers state, and each program what it has measured itself.
+        The actuator checks the durations stated by the drivers, and each program those that it has
+        measured itself.
         """
         stated, exchanges = self._budget, self._device.exchanges
         if stated is None:

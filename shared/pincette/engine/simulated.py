@@ -1,4 +1,4 @@
-"""The simulated instruments of a rig within this process, and commands to them from the bus."""
+"""The simulated instruments of a rig within this process; commands to them arrive over the bus."""
 
 from collections.abc import Callable
 from typing import cast
@@ -49,7 +49,7 @@ def _link(fitted: Fitted) -> Link:
 
 
 def serve_sim_commands(bus: Bus, script: Script) -> None:
-    """Pass each command to the script; its objection is the refusal."""
+    """Pass each command to the script; if the script objects, refuse the request with its text."""
 
     def answer(_request: Request, message: Message, reply: Callable[[Message | str], None]) -> None:
         reply(script.order(cast(SimCommand, message)) or Ack(0))

@@ -1,4 +1,4 @@
-"""Distinguishes a slowly starting program from one that has come to a standstill."""
+"""Distinguishes a program that starts slowly from one that has stalled."""
 
 import os
 from collections.abc import Callable
@@ -6,9 +6,9 @@ from pathlib import Path
 from time import monotonic
 
 STALLED_S = 60.0
-"""Time without progress after which a start is given up."""
+"""Time without progress after which a start counts as failed, in s."""
 LONGEST_S = 900.0
-"""Time after which a start is given up in any case."""
+"""Time after which a start counts as failed in any case, in s."""
 LEAST_S = 0.6
 """Processor time, used or waited for within ``STALLED_S``, that counts as progress.
 
@@ -81,7 +81,9 @@ class StartProgress:
         return ""
 
     def news(self) -> str:
-        """Return a line about a start that takes long, once in ``NEWS_S``; else an empty text."""
+        """Return a line about a start that takes long, at most once per ``NEWS_S``; otherwise an
+        empty text.
+        """
         now_s = self._clock()
         if now_s - self._told_s < NEWS_S:
             return ""

@@ -14,12 +14,15 @@ from pincette.core.messages import Estimate, Telemetry
 from pincette.engine.composed import ComposedLoop
 
 SPEED_FACTOR = 3.0
-"""Ratio of the fastest part of the motion to the approach; the paper's widest sinusoid needs it."""
+"""Ratio of the largest speed of the motion to that of the approach; the paper's widest sinusoid
+needs it.
+"""
 LARGEST_RESIDUAL = 0.005
-"""Largest residual of a model, as a share of the range: arms without a past leave 0.2 %. If relays
-of wide loops happen to be set when the arm is switched on, it is 1 to 3 %."""
+"""Largest accepted residual of a model, relative to the range. An arm without history gives 0.2 %.
+If relays with wide loops are set when the arm is switched on, the residual is 1 to 3 %.
+"""
 BELOW_REST = 0.1
-"""Distance of the motion beyond the rest position, as a share of its height above it."""
+"""Distance of the motion beyond the rest position, relative to its height above it."""
 
 
 def teach(rig: RigFile, *, to_limits: bool = False) -> Identification:
@@ -60,7 +63,8 @@ def free_motion(rig: RigFile, *, to_limits: bool = False) -> tuple[list[float], 
         high_um = rig.limits.position_max_um
         low_um = max(-BELOW_REST * high_um, rig.limits.position_min_um)
     program = teaching_program(low_um, high_um, SPEED_FACTOR * rig.grip.approach_um_per_s)
-    # Before the response is taught, a free arm reads some mN: the rig's own limit ends the motion.
+    # Before the response is identified, the estimated force of a free arm is some mN, so the rig's
+    # own limit would end the motion.
     guards = replace(program.guards, force_max_mN=rig.limits.force_max_mN)
     estimates: list[Estimate] = []
     outcome = Outcome.NONE
@@ -79,7 +83,7 @@ def free_motion(rig: RigFile, *, to_limits: bool = False) -> tuple[list[float], 
 
 
 def without_part(rig: RigFile) -> RigFile:
-    """Return the rig in lockstep, without a part and without a taught model."""
+    """Return the rig in lockstep, without a part and without an identified model."""
     simulation = rig.simulation
     return rig.model_copy(
         update={
@@ -95,7 +99,7 @@ def without_part(rig: RigFile) -> RigFile:
 def free_range_um(rig: RigFile) -> tuple[float, float]:
     """Return the range of free positions whose voltages cover a grip of the rig file.
 
-    The arm presses with F at x_e + F/K_e where, free, it would be s_p·F further.
+    The arm presses with F at x_e + F/K_e; with the same voltage, a free arm would be s_p·F further.
     """
     part, force_mN = rig.part, rig.grip.force_mN
     softest = part.stiffness_mN_per_um * (1.0 - part.stiffness_tolerance)

@@ -10,7 +10,7 @@ log = logging.getLogger(__name__)
 
 
 class FailedThreads:
-    """Threads of this process that ended with an error, by name."""
+    """Names of the threads of this process that ended with an error."""
 
     def __init__(self) -> None:
         self.names: list[str] = []
@@ -73,7 +73,8 @@ class RepeatedAction:
         except Exception as error:
             text = f"{error}" or type(error).__name__
             if text != self.trouble:
-                # An OSError names file and remedy; of any other error the place in the code counts.
+                # The text of an OSError contains file and remedy; for any other error the position
+                # in the code is needed.
                 shown = None if isinstance(error, OSError) else error
                 log.error("%s: %s", self._name, text, exc_info=shown)
             self.trouble = text

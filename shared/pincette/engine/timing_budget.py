@@ -1,4 +1,6 @@
-"""Checks whether the instruments of a rig fit into its control period, by all durations."""
+"""Checks whether the instruments of a rig fit into its control period, from the sum of all
+durations.
+"""
 
 import sys
 from collections.abc import Iterable, Sequence
@@ -15,20 +17,22 @@ from pincette.core.service import AnyService
 from pincette.instruments.protocols import Timing
 
 PATIENCE_WAKES = 1.5
-"""Number of checks of its clock for which an actuator's program may wait for a silent sensor: at
-the third the actuator concludes that it was not run, and excludes the time from every age."""
+"""Number of clock checks for which an actuator's program may wait for a silent sensor. At the third
+missed check the actuator concludes that it did not run, and excludes the time from every age.
+"""
 RESPONSE_TIME_CONSTANTS = 3.0
 """Time constants within the response that the driver of an output states: it settles to 5 %."""
 EXCHANGE_RESERVE = 1.25
 """Factor by which an exchange may exceed its time on the line, since an instrument needs time
-before it replies: with a smaller reserve, every reply would come too late."""
+before it replies. With a smaller factor, every reply would be too late.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """Durations of all parts of a tick; instruments of several arms are used one after the other.
+    """Durations of all parts of a tick; instruments of several arms are used one after another.
 
-    Tuples have one item for each arm, the first arm first.
+    Each tuple has one item per arm, the first arm first.
     """
 
     period_s: float
@@ -67,7 +71,7 @@ class Budget:
     def measured(
         self, sensors: Sequence[ExchangeTimes], outputs: Sequence[ExchangeTimes]
     ) -> "Budget":
-        """Return this budget with the medians of the measured durations, for each arm."""
+        """Return this budget with the medians of the measured durations added, for each arm."""
         return replace(
             self,
             sensors_measured_s=tuple(one.median_s for one in sensors),
@@ -157,9 +161,8 @@ def budget(rig: RigFile) -> Budget:
 
 
 def shared_timeout_s(rig: RigFile, services: Iterable[AnyService]) -> float:
-    """Return the longest wait for a sensor that delays no actuator beside it, in s.
-
-    May raise ConfigError.
+    """Return the longest wait for a sensor that does not delay an actuator in the same program, in
+    s.
     """
     together = tuple(services)
     looks_s = [one.wake_s(one.configure(rig)) for one in together if one.wake_s is not None]
@@ -183,8 +186,8 @@ def lets_go_s(rig: RigFile) -> float:
     """Return the earliest time after a heartbeat at which the output may release a part, in s.
 
     It is the time of the output's own watchdog, as its driver states it. Without a watchdog it
-    follows from ``[output] on_silence``: ∞ if the hardware holds, and 0 if it goes to a safe value
-    after an unknown time, or if nothing is stated.
+    follows from ``[output] on_silence``: infinite if the hardware holds its value; 0 if it goes to
+    a safe value after an unknown time, or if the rig file does not state it.
     """
     return min(_lets_go_s(arm) for arm in rig.arms)
 
@@ -200,7 +203,7 @@ def _lets_go_s(arm: RigFile) -> float:
 
 
 def stated_output(rig: RigFile) -> OutputTiming:
-    """Return the times at which a voltage acts according to the drivers; at once without any."""
+    """Return the delay and lag of the output according to the drivers; 0 without a driver."""
     try:
         timing = budget(rig)
     except (ConfigError, plugins.PluginError):

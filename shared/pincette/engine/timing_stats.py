@@ -1,6 +1,7 @@
-"""Timing statistics of one service, counted as it runs; it has no clock.
+"""Timing statistics of one service, collected while it runs; this module reads no clock.
 
-Until the outputs of a step are published only times are noted; they are counted after that.
+Until the outputs of a step are published, times are only noted; the statistics are updated after
+that.
 """
 
 from math import inf
@@ -11,7 +12,7 @@ from pincette.core.service import AnyService
 from pincette.latency.histogram import Histogram
 
 KEPT = 16
-"""Number of samples whose arrival is remembered; as many as may wait for a join."""
+"""Number of samples whose arrival times are kept; as many as may wait for a join."""
 PUBLISH_EVERY_S = 1.0
 Outputs = tuple[Any, ...]
 """Messages with the number of a sample."""
@@ -22,8 +23,8 @@ class SeenGrid:
 
     A sample is due one period after the one before it, for each number between them. A sample that
     comes before it is due shows that the grid lies earlier. If a sample is late by whole periods,
-    the grid may have moved, since missed points have no number: it is assumed to have moved. If
-    that was wrong, the next sample comes early and corrects it.
+    the grid is assumed to have moved, since missed points have no number. If that is wrong, the
+    next sample arrives early and corrects it.
     """
 
     __slots__ = ("_due_s", "_number", "_period_s")
@@ -35,13 +36,13 @@ class SeenGrid:
         """Due time of the newest sample."""
 
     def begin(self) -> None:
-        """Forget the grid: the next sample begins another one."""
+        """Discard the grid: the next sample begins another one."""
         self._number = None
 
     def lateness_s(self, number: int, at_s: float) -> float:
         """Return the lateness of a sample, in s.
 
-        One whose number does not grow begins another grid.
+        A sample whose number does not increase begins another grid.
         """
         before, self._number = self._number, number
         if before is None or number <= before:
@@ -57,7 +58,9 @@ class SeenGrid:
 
 
 class TimingStats:
-    """Lateness against the own or the samples' grid, age of the first input, and execution time."""
+    """Lateness relative to the program's or the samples' grid, age of the first input, and
+    execution time.
+    """
 
     __slots__ = (
         "_acts_on",
@@ -90,7 +93,7 @@ class TimingStats:
         self._epoch = self._missed = 0
         self._began_s = 0.0
         self._come: tuple[int, float] | None = None
-        """Number and time of a sample whose lateness is not counted yet."""
+        """Number and time of a sample whose lateness is not included yet."""
         self._age_s: float | None = None
         """Age of the sample of the newest step, whose outputs are not published yet."""
         self._publish_at_s = inf
@@ -105,7 +108,7 @@ class TimingStats:
             histogram.clear()
 
     def came(self, sample: Sample, at_s: float) -> None:
-        """Note a sample that arrived at ``at_s``; only the first of its number counts."""
+        """Note a sample that arrived at ``at_s``; only the first arrival of each number is used."""
         seq = sample.seq
         place = seq % KEPT
         if sample.epoch != self._epoch or self._numbers[place] == seq:
@@ -147,7 +150,7 @@ class TimingStats:
             self._come = None
 
     def starts(self, now: float) -> None:
-        """Let the statistics be published from here on, first after a while."""
+        """Start publishing the statistics, for the first time after one interval."""
         self._publish_at_s = now + PUBLISH_EVERY_S
 
     def due(self, now: float) -> bool:

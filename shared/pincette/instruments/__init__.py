@@ -1,1 +1,1 @@
-"""Drivers of real instruments, and the link that they share."""
+"""Drivers of real instruments, and the line that they share."""

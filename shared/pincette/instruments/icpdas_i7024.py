@@ -117,7 +117,8 @@ class I7024:
     def clear_trip(self) -> None:
         """Let the module accept commands again after its watchdog has tripped; moves nothing.
 
-        Only for a reset by a person: earlier commands are outdated, so begin from ``read_V``.
+        Only for a reset by a person. Earlier commands are outdated: begin from the voltage of
+        ``read_V``.
         """
         self._watchdog.clear()
 
@@ -146,7 +147,7 @@ def timing(settings: Output) -> Timing:
     lets_go_s = None
     if options.watchdog_s > 0.0:
         count += HostWatchdog.heartbeat_bytes(checksum=options.checksum)
-        # The module counts whole ticks, and the first one may have been nearly over.
+        # The module counts whole ticks, and the first one may already have been nearly over.
         lets_go_s = options.watchdog_s - TICK_S
     return Timing(exchange_s(count, options.baud), RESPONSE_S, lets_go_s=lets_go_s)
 

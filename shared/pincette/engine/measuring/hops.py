@@ -1,4 +1,4 @@
-"""A hop over the bus: from the thread of one program to that of another, over loopback."""
+"""Transmission time over the bus from a thread of one program to that of another, over loopback."""
 
 from queue import Empty, SimpleQueue
 from time import monotonic, sleep
@@ -25,7 +25,9 @@ Messages = SimpleQueue[Message]
 
 
 def echo(port: int, asker: int, for_s: float) -> None:
-    """Answer each position with an estimate, as the loop's second program does; raises BusError."""
+    """Reply to each position with an estimate, as the loop's second program does; raises
+    BusError.
+    """
     bus = ZenohBus(_ends(port, asker), RIG, "echo")
     queue: Messages = SimpleQueue()
     end_s = monotonic() + for_s
@@ -44,7 +46,7 @@ def echo(port: int, asker: int, for_s: float) -> None:
 
 
 def hops(port: int, for_s: float) -> Distribution:
-    """Exchange samples with the echo for some time, and count half of each round trip."""
+    """Exchange samples with the echo program for some time; record half of each round-trip time."""
     bus = ZenohBus(_ends(port), RIG, "asker")
     queue: Messages = SimpleQueue()
     try:

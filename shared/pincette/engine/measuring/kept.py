@@ -30,7 +30,7 @@ class Kept(NamedTuple):
 
 
 def keep(data: Path, found: Findings, measured_at: str) -> None:
-    """Keep a measurement; one under load is kept beside that without load."""
+    """Store a measurement; one under load is stored in addition to that without load."""
     tree = {
         **_machine(),
         "measured_at": measured_at,
@@ -43,7 +43,7 @@ def keep(data: Path, found: Findings, measured_at: str) -> None:
     }
     with suppress(
         OSError
-    ):  # the result has been reported already, and nothing depends on this copy
+    ):  # the result has already been reported, and nothing depends on this copy
         make_folder(data, 0o700)
         replace_file(data / FILE, f"{json.dumps(tree, indent=1)}\n".encode(), 0o600)
 
@@ -71,7 +71,7 @@ def how(rig: RigFile) -> str:
 
 
 def asked(rig: RigFile) -> Asked:
-    """Return the age limit, the priority and the programs that a rig file states."""
+    """Return the age limit, the priority and the programs stated in a rig file."""
     programs = [rig.realtime.of(*member_services(name)).priority for name in rig.programs]
     return Asked(
         rig.rig.period_s,
@@ -83,7 +83,9 @@ def asked(rig: RigFile) -> Asked:
 
 
 def changes_of(rig: RigFile, known: Kept | Findings) -> list[Change]:
-    """Return what to change in a rig file for this machine, by the grid nearest to its period."""
+    """Return what to change in a rig file for this machine, from the measured grid nearest to its
+    period.
+    """
     measured = _nearest(known, rig.rig.period_s)
     return changes(asked(rig), measured, known.hop, known.refused)
 

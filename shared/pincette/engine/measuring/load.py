@@ -17,7 +17,7 @@ BLOCKS = 64
 
 @contextmanager
 def load(for_s: float) -> Generator[None]:
-    """Load every processor and the disk; after ``for_s`` the programs end by themselves."""
+    """Load every processor and the disk; the programs end automatically after ``for_s``."""
     wanted = [["cpu"] for _ in range(os.cpu_count() or 1)]
     with temporary_folder() as folder:
         wanted.append(["disk", str(folder / "block")])
@@ -41,7 +41,7 @@ def burn(end_s: float) -> None:
 
 
 def write(path: Path, end_s: float) -> None:
-    """Write to the disk, and wait for it."""
+    """Write to the disk, and wait until the data have been written."""
     block = os.urandom(BLOCK)
     with path.open("wb", buffering=0) as file:
         while True:
@@ -54,7 +54,7 @@ def write(path: Path, end_s: float) -> None:
 
 
 def main(words: Sequence[str]) -> None:
-    """Run one of the programs for so many seconds."""
+    """Run one of the programs for the given number of seconds."""
     end_s = monotonic() + float(words[0])
     if words[1] == "cpu":
         burn(end_s)

@@ -29,7 +29,7 @@ Progress = Callable[[str, float], None]
 
 
 class MeasuringError(Exception):
-    """The machine could not be measured; the text gives the reason."""
+    """Error if the machine could not be measured; the text gives the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,9 @@ def measure(
 
 
 def _shares(periods_s: Sequence[float]) -> list[float]:
-    """Return shares of the time: a long period gets more, and still has fewer wake-ups."""
+    """Return the fraction of the time for each period: a long period gets more, and still has fewer
+    wake-ups.
+    """
     weights = [sqrt(period_s) for period_s in periods_s]
     whole = fsum(weights)
     return [weight / whole for weight in weights]

@@ -1,1 +1,1 @@
-"""Operating system settings with which a program runs in time."""
+"""Settings of the operating system with which a program keeps its timing."""

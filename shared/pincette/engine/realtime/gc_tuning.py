@@ -1,8 +1,8 @@
 """Settings of Python itself for periodic programs: garbage collection and thread switching.
 
-Reference counts free nearly everything that a tick makes. Only cycles are left for the collector, a
-few for each refused request. By default it would search for them in the middle of a tick, whenever
-the number of objects reaches a threshold, and among everything that has ever been imported.
+Reference counts free nearly everything that a tick makes. Only reference cycles remain for the
+collector, a few per refused request. By default it would run in the middle of a tick, whenever the
+number of objects reaches a threshold, and search everything that has ever been imported.
 """
 
 import ctypes
@@ -18,7 +18,7 @@ COLLECT_EVERY = 2000
 
 def freeze_gc() -> None:
     """Exclude all present objects from collections, and switch between threads sooner."""
-    # For a program that serves requests: an emergency stop must not wait for a picture.
+    # For a program that serves requests: an emergency stop must not wait while a picture is drawn.
     gc.collect()
     gc.freeze()
     return_free_memory()
@@ -26,7 +26,7 @@ def freeze_gc() -> None:
 
 
 def return_free_memory() -> None:
-    """Return to the system the memory that only the start needed: 2 to 5 MB of a program."""
+    """Return memory to the system that was needed only during the start: 2 to 5 MB per program."""
     with suppress(AttributeError):  # a C library other than glibc
         ctypes.CDLL(None).malloc_trim(0)
 
@@ -38,7 +38,7 @@ def disable_gc() -> None:
 
 
 class Collector:
-    """Collects garbage when a loop has published everything and nothing waits for it."""
+    """Collects garbage when a loop has published all outputs and no program waits for it."""
 
     __slots__ = ("_turns",)
 

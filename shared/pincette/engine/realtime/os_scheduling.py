@@ -1,9 +1,9 @@
 """Requests the scheduling of a program from the system, and states what is not permitted.
 
-On one machine the loop has precedence, then the system, then programs that plan, draw and record. A
-program without permission still runs, and reports that once, unless the rig file requires the
-setting. The request must come before the bus is joined, since only later threads inherit the
-result.
+On one machine the loop has the highest priority, then the system, then programs that plan, draw and
+record. Without permission a program still runs, and reports this once, unless the rig file requires
+the setting. Settings must be requested before the bus is joined, since only threads started later
+inherit them.
 """
 
 import logging
@@ -34,7 +34,9 @@ class Refusal:
 
 
 def ask(scheduling: Scheduling, system: Linux) -> tuple[Refusal, ...]:
-    """Request the settings in the first thread, from which others inherit; return the refusals."""
+    """Request the settings in the first thread, from which other threads inherit them; return the
+    refusals.
+    """
     found = (
         _priority(scheduling.priority, system),
         _cores(scheduling.cores, system),
@@ -47,7 +49,7 @@ def ask(scheduling: Scheduling, system: Linux) -> tuple[Refusal, ...]:
 
 def trial(scheduling: Scheduling, system: Linux) -> tuple[Refusal, ...]:
     """Request the settings in a separate thread, without the priority; return the refusals."""
-    # Memory belongs to the process, not to a thread, and so is judged by its limit.
+    # Memory locking applies to the process, not to a thread, so only its limit is checked.
     with ThreadPoolExecutor(1) as pool:
         tried = replace(scheduling, priority=0, lock_memory=False)
         found = pool.submit(ask, tried, system).result()
@@ -56,7 +58,7 @@ def trial(scheduling: Scheduling, system: Linux) -> tuple[Refusal, ...]:
 
 
 def words(refusals: tuple[Refusal, ...]) -> str:
-    """Return what was refused and how to permit it, in one line."""
+    """Return what was refused and how to permit it, on one line."""
     return (
         f"{' and without '.join(one.words for one in refusals)}. Permit it: "
         f"{'; '.join(one.remedy for one in refusals)}. docs/how-to/real-time.md explains "
@@ -78,7 +80,7 @@ def _priority(priority: int, system: Linux) -> Refusal | None:
     nice = _refused(lambda: system.be_nice(FIRST)) is None
     instead = f"niceness {FIRST} instead" if nice else "so a busy machine delays its ticks"
     limit = system.priority_limit()
-    # With a sufficient limit, it is the session's group that has no share.
+    # With a sufficient limit, the reason is that the session's group has no real-time share.
     held_by = f"rtprio limit {limit}" if limit < priority else "no share for this control group"
     remedy = (
         f"`rtprio {priority}` in limits.d, LimitRTPRIO={priority} in systemd, "
@@ -163,8 +165,9 @@ def raise_priority(scheduling: Scheduling = _ANY, system: Linux | None = None) -
 
     Raises ConfigError if a required setting is refused.
     """
-    # A fair scheduler lets a thread that wakes up wait for the slices of others, a few ms each; a
-    # tick has a dozen such waits one after another. So a fixed priority is requested first.
+    # With a fair scheduler, a thread that wakes up waits for the time slices of other threads, a
+    # few ms each; a tick contains a dozen such waits. Therefore a fixed priority is requested
+    # first.
     if system is None and sys.platform != "linux":
         if scheduling.required:
             raise ConfigError(f"[realtime] required = {_named(scheduling)}: it needs Linux")
@@ -182,7 +185,7 @@ def raise_priority(scheduling: Scheduling = _ANY, system: Linux | None = None) -
 
 
 def lower_priority() -> None:
-    """Give the calling thread a lower priority than everything that has a tick to keep."""
+    """Give the calling thread a lower priority than all threads that must keep a tick."""
     with suppress(OSError):
         Linux().be_nice(max(LAST, os.getpriority(os.PRIO_PROCESS, 0)))
 

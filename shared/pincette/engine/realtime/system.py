@@ -1,7 +1,7 @@
 """Linux system calls that make a thread run sooner; tests replace them.
 
-Priority, niceness, processors and timer slack are a thread's own, and threads that it begins later
-inherit them. Locked memory and the limit of the processors' latency are the process's.
+Priority, niceness, processors and timer slack belong to a thread; threads that it starts later
+inherit them. Locked memory and the limit of the processors' latency belong to the process.
 """
 
 import ctypes
@@ -33,7 +33,7 @@ class Linux:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
 
     def be_nice(self, niceness: int) -> None:
-        """Set the niceness; where tasks are grouped by session it counts for the group alone."""
+        """Set the niceness; if tasks are grouped by session, it applies only within the group."""
         os.setpriority(os.PRIO_PROCESS, 0, niceness)
         if os.getsid(0) == os.getpid() and AUTOGROUP.exists():
             AUTOGROUP.write_text(str(niceness), encoding="ascii")
@@ -53,7 +53,8 @@ class Linux:
 
     def lock_memory(self) -> None:
         """Lock the used memory of the process, so that it is not swapped out."""
-        # A limit that is enough at first would let a later allocation fail, so there must be none.
+        # A limit that is sufficient now could let a later allocation fail; therefore no limit may
+        # be set.
         if self.memory_limit_bytes() is not None:
             raise PermissionError("a limited memory is not locked")
         _raise_limit(resource.RLIMIT_MEMLOCK, NO_LIMIT)

@@ -1,1 +1,1 @@
-"""Replay of recorded epochs through one service alone."""
+"""Replay of recorded epochs through a single service."""

@@ -17,7 +17,9 @@ CLOCKED = ("command_age_s", "refused")
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """A field that differs from the record; without a field, an output that was not repeated."""
+    """A field that differs from the record; an empty field means an output that was not
+    repeated.
+    """
 
     topic: str
     seq: int
@@ -71,7 +73,7 @@ class Comparison:
             self._recorded[type(sample), sample.seq].append(sample)
 
     def take(self, outputs: Iterable[Message]) -> None:
-        """Compare a replayed output; outputs that the record lacks are skipped."""
+        """Compare a replayed output; outputs that are missing in the record are skipped."""
         for output in outputs:
             recorded = self._recorded.get((type(output), getattr(output, "seq", -1)))
             if recorded:

@@ -1,4 +1,4 @@
-"""The record of a job as a replay needs it: its rig file and the messages of its epoch."""
+"""The record of a job in the form for a replay: its rig file and the messages of its epoch."""
 
 import json
 from pathlib import Path

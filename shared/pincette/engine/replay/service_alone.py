@@ -1,4 +1,6 @@
-"""One service of a recorded epoch: armed, called and stepped as it was, and compared."""
+"""One service of a recorded epoch: armed, called and stepped as recorded, and its outputs
+compared.
+"""
 
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -26,7 +28,9 @@ CAUSES: Mapping[FaultCode, ErrorCode] = {
 
 @dataclass(slots=True)
 class Tape:
-    """Output that accepts any voltage, and fails where the instrument failed in the record."""
+    """Simulated output that accepts any voltage, and fails whenever the recorded instrument
+    failed.
+    """
 
     fault: Fault | None = None
     found_V: float = 0.0
@@ -62,13 +66,13 @@ RANK = {topic.name: LOOP.index(topic.producer) for topic in TOPICS if topic.prod
 
 
 class _StoppedError(Exception):
-    """Nothing more can be repeated; the text gives the reason."""
+    """Error if nothing more can be repeated; the text gives the reason."""
 
 
 def replay(service: AnyService, rig: RigFile, messages: Sequence[Message]) -> Findings:
     """Repeat what a service did in the epoch of ``messages``; the rig is uncalibrated."""
-    # The clock of an actuator in real time is not recorded: only its answers to commands are
-    # repeated, not the effects of time alone or of a request.
+    # In real time the clock of an actuator is not recorded: only its replies to commands are
+    # repeated, not the effects of elapsed time or of a request.
     findings = Findings(service.name)
     try:
         _play(service, rig, messages, findings)
@@ -109,7 +113,9 @@ def _play(
 
 
 def _tape_that_fails(tapes: tuple[Tape, ...], failure: Fault | None) -> Tape:
-    """Return the instrument of the arm that a fault names; on a rig of one arm it names none."""
+    """Return the instrument of the arm that a fault names; on a rig with one arm, faults name
+    none.
+    """
     second = failure is not None and failure.number("arm") == 2
     return tapes[-1 if second else 0]
 
@@ -131,7 +137,7 @@ def _armed(
     if armed is None or armed.arm is None:
         raise _StoppedError("its arming is not in the record, as in older records")
     runner = Runner(service, rig, tapes, armed.arm.owner, recorded=True)
-    # A newer version has another digest of the same rig file where it knows more quantities.
+    # A newer version has another digest of the same rig file if it knows more quantities.
     arm = replace(armed.arm, digest=runner.digest)
     before: list[Message] = [Reset(acknowledge=True)] if RESET in service.requests else []
     if LOAD in service.requests:

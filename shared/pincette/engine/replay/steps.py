@@ -1,4 +1,5 @@
-"""Steps that a service made, and their samples, as far as a record shows; pure.
+"""Steps that a service made and the samples that it used, as far as a record shows them; pure
+functions.
 
 In real time a sample may be skipped, and a partner may come too late. The outputs show it: a
 degraded estimate had no partner, and a sample without an output caused no step.
@@ -22,12 +23,16 @@ class Step:
     samples: tuple[Sample, ...]
     fault: Fault | None = None
     slewing_s: float | None = None
-    """Time that the slew limit gave an actuator's command in real time; None if not recorded."""
+    """Time since the last change of the output, used for the slew limit of an actuator's command in
+    real time; None if it is not recorded.
+    """
 
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """A sample that a step used and the record lacks: nothing after it can be repeated."""
+    """A sample that a step used and that is missing in the record: nothing after it can be
+    repeated.
+    """
 
     topic: str
     seq: int
@@ -79,7 +84,9 @@ def steps(service: str, samples: Samples) -> Iterator[Step | Gap]:
 
 
 def estimator_steps(samples: Samples) -> Iterator[Step | Gap]:
-    """Return a step for each estimate, also for one known only by the command made of it."""
+    """Return a step for each estimate, including those known only from the command computed from
+    them.
+    """
     for seq in samples.seqs(Estimate, Command):
         position = samples.newest(Position, seq)
         if position is None:

@@ -45,8 +45,9 @@ LINE_BYTES = len(b"#012+05.000") + 1
 REPLY_BYTES = len(b">") + 1
 CHECKSUM_BYTES = 2
 TRIES = 4
-"""Largest number of times that a question is asked while its answers belong to another question,
-such as a late answer."""
+"""Largest number of times that a request is sent while its replies belong to another request, such
+as a late reply.
+"""
 
 _log = logging.getLogger(__name__)
 
@@ -113,7 +114,7 @@ class DconModule:
             raise InstrumentError(text, "refused")
 
     def put_out(self, voltage_V: float) -> None:
-        """Set the voltage of the channel; raises InstrumentError."""
+        """Set the output voltage of the channel; raises InstrumentError."""
         head = b"#%02X%d" % (self.address, self.channel)
         reply = self.ask(head + f"{voltage_V:+07.3f}".encode())
         if reply != b">":
@@ -141,7 +142,9 @@ class DconModule:
         return reply[3:]
 
     def _answer(self, body: bytes, form: re.Pattern[bytes]) -> bytes:
-        """Ask until the answer belongs to this request; return the last answer, matching or not."""
+        """Repeat the request until the answer belongs to it; return the last answer, matching or
+        not.
+        """
         reply, head = b"", b"!%02X" % self.address
         for _ in range(TRIES):
             reply = self.ask(body)

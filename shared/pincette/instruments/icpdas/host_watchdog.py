@@ -1,11 +1,11 @@
 """Host watchdog of a DCON module: armed at the first heartbeat, never cleared automatically.
 
 If the module receives no heartbeat for ``limit_s`` it goes to its safe value and ignores commands
-until the trip is cleared. A trip stays until ``clear``: a voltage that was computed before it is
-outdated, and applying it would move an arm that has been released.
+until the trip is cleared. A trip stays until ``clear``: a voltage that was computed before the trip
+is outdated, and applying it would move an arm that has been released.
 
-If the module has received a write and not confirmed it, further writes send no heartbeat until one
-is confirmed: a host that cannot apply its voltage must not keep the old one applied.
+If the module has received a write but not confirmed it, further writes send no heartbeat until one
+is confirmed: a host that cannot set a voltage must not keep the old one applied.
 """
 
 import logging
@@ -67,8 +67,8 @@ class HostWatchdog:
     def feed(self) -> None:
         """Send the heartbeat, and arm the watchdog if that is due; may raise.
 
-        A trip that is found on arming is reported here, once: there has been no write since that
-        would have reported it.
+        A trip that is detected on arming is reported here once, since no write could have reported
+        it.
         """
         if self._state == "off":
             return
@@ -81,14 +81,17 @@ class HostWatchdog:
             raise
 
     def learn(self, code: ErrorCode | None) -> None:
-        """Update the state by the result of a write: its error code, or None if it was accepted."""
+        """Update the state from the result of a write: its error code, or None if it was
+        accepted.
+        """
         if self._state == "off":
             return
         self._unconfirmed = code in UNCONFIRMED
         if code == "tripped":
             self._state = "tripped"
         elif code is None and self._state == "tripped":
-            # Another program has cleared the trip; a module that has tripped is not armed.
+            # Another program has cleared the trip; a module that has tripped does not accept the
+            # arming.
             self._state = "waiting"
         elif code in UNHEARD and self._state == "armed":
             self._state = "unsure"

@@ -1,8 +1,8 @@
-"""Arrival times of answers over TCP, and what they show about the device server on the way.
+"""Arrival times of replies over TCP, and the properties of the device server that they reveal.
 
 A server that forwards at once lets the bytes arrive one after the other, as the serial line carries
 them. ser2net's ``chardelay``, called packing time or inter-character time in other device servers,
-holds them back until the line has been silent for a time, so that an answer arrives whole, and
+buffers them until the line has been silent for a time, so that a reply arrives as a whole, and
 later by that time. ser2net 4.3 waits for two characters at 9600 baud at any rate of the line,
 rounded up to whole milliseconds: 3 ms.
 """
@@ -17,9 +17,9 @@ BITS_PER_BYTE = 10
 RATES = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
 """Usual baud rates; the rate of a slow line is one of them."""
 LEAST_ANSWERS = 5
-"""Smallest number of answers of one length from which the server is judged."""
+"""Smallest number of replies of one length needed for an estimate."""
 LEAST_BYTES = 8
-"""Length of an answer whose arrival in pieces can be seen at any rate."""
+"""Smallest length of a reply whose arrival in pieces can be detected at any baud rate."""
 CLOSE_S, MANY = 0.0015, 4
 """Limits that show that an answer arrived in pieces: two pieces less than ``CLOSE_S`` s apart, or
 at least ``MANY`` pieces. A server that holds answers back may cut one in two where the instrument
@@ -36,13 +36,16 @@ MOST_KINDS, KEPT = 16, 40
 """Largest number of kinds of exchanges (by their lengths), and of newest durations kept for each.
 """
 SHORT_SHARE = 0.1
-"""Share of the durations that are shorter than the one that counts. The shortest of all may be
-wrong, since a server that was not scheduled forwards some answers early."""
+"""Fraction of the durations that are shorter than the one used. The shortest one may be wrong,
+since a server that was not scheduled forwards some replies early.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Hop:
-    """Properties of the device server on the way, estimated from the arrival of answers."""
+    """Properties of the device server between host and instrument, estimated from the arrival of
+    replies.
+    """
 
     held_s: float = 0.0
     """Time for which the server holds answers back, in s; 0 if they arrive byte by byte. It
@@ -84,7 +87,7 @@ class Arrivals:
     _kinds: dict[tuple[int, int], _Kind] = field(default_factory=dict[tuple[int, int], _Kind])
 
     def clear(self) -> None:
-        """Forget everything, for a new connection."""
+        """Discard all durations, for a new connection."""
         self._kinds.clear()
 
     def add(self, sent: int, received: int, sent_s: float, arrived_s: Sequence[float]) -> None:

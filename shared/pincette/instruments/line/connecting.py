@@ -12,7 +12,7 @@ LEAST_CONNECT_S = 0.001
 def connected(host: str, port: int, timeout_s: float) -> socket.socket:
     """Return a connection to the first address of a host that answers; raises OSError.
 
-    Each address gets an equal share of the remaining time: a name may resolve to an IPv6 address
+    Each address gets an equal part of the remaining time: a name may resolve to an IPv6 address
     without a server, followed by an IPv4 address with one.
     """
     found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
