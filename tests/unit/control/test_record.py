@@ -1,4 +1,4 @@
-"""A record is frozen, and checks itself when it is replaced."""
+"""A record is frozen, and validates itself when it is replaced."""
 
 import dataclasses
 import pickle

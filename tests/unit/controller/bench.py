@@ -1,4 +1,4 @@
-"""The controller's step closed over an arm that is (4), and a part at ``X_E_UM``."""
+"""The controller's step in closed loop with an arm that satisfies (4), and a part at ``X_E_UM``."""
 
 from dataclasses import dataclass
 
@@ -63,7 +63,7 @@ QUIET = Estimate(
 
 
 def program(laws: tuple[LawSettings, ...] = (), **of: int) -> Program:
-    """A grip; ``of`` names the law of a phase."""
+    """Return a grip; ``of`` names the law of a phase."""
     segments = (
         Rest("zero", 0.1),
         Move("approach", 0.6, to_um=(10.0,)),
@@ -126,7 +126,7 @@ class Bench:
         return self.ticks[-1]
 
     def until(self, phase: str = "") -> Tick:
-        """On to the first tick of a phase, or to the end."""
+        """Continue to the first tick of a phase, or to the end."""
         for _ in range(500):
             tick = self.tick()
             if tick.command.final or tick.telemetry.phase == phase:

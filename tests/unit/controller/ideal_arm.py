@@ -1,4 +1,4 @@
-"""An arm that is where its references are, and a part; a grip and a track to play with it."""
+"""An ideal arm that is always at its reference, and a part; a grip and a track to play with it."""
 
 import pytest
 from msgspec.structs import replace
@@ -49,7 +49,7 @@ def line_of(player: Player) -> LoadLine:
 
 
 class Arm:
-    """An arm that is where it is wanted, and a part at ``contact_um`` with ``stiffness``."""
+    """An arm at its reference position, and a part at ``contact_um`` with ``stiffness``."""
 
     def __init__(
         self, contact_um: float = 12.0, stiffness: float = K_E, program: Program = PROGRAM

@@ -1,4 +1,4 @@
-"""Two ideal arms on the line d_p·u with a part between them, and the controller that leads them."""
+"""Two ideal arms on the line d_p·u with a part between them, and the controller that moves them."""
 
 from collections.abc import Callable, Mapping
 
@@ -13,13 +13,13 @@ from tests.support.two_arms import two_arm_rig
 
 PERIOD_S = 0.02
 GAP_UM = 12.3
-"""x_1 + x_2 at the touch of both, where the part lies 0.05 µm off the middle."""
+"""x_1 + x_2 at contact of both, where the part lies 0.05 µm off the middle."""
 NEAR_UM = 6.2
 LONGEST = 3000
 
 
 def linear_rig() -> RigFile:
-    """The rig of two arms with the line of d_p for its free responses."""
+    """Return the rig of two arms with the line of d_p as free response."""
     rig = two_arm_rig()
     assert rig.second is not None
     first, second = (
@@ -34,7 +34,7 @@ RIG = linear_rig()
 
 
 def request(**changes: float | bool) -> PairRequest:
-    """How the part is met."""
+    """Return the request for the contact with the part."""
     assert RIG.second is not None
     return PairRequest(
         **{
@@ -53,7 +53,7 @@ def request(**changes: float | bool) -> PairRequest:
 
 
 class IdealPair:
-    """Estimates are exact; a part that one arm alone touches yields to it by K_GROUND."""
+    """Estimates are exact; a part in contact with only one arm yields with stiffness K_GROUND."""
 
     K_GROUND = 5.0
 
@@ -69,7 +69,7 @@ class IdealPair:
         self.seq = 0
 
     def forces(self) -> tuple[float, float]:
-        """F_1 and F_2 of the voltages applied."""
+        """Return F_1 and F_2 of the applied voltages."""
         if not self.part:
             return 0.0, 0.0
         s_1, s_2 = (arm.model.compliance_um_per_mN for arm in RIG.arms)
@@ -89,7 +89,7 @@ class IdealPair:
         return first, second
 
     def tick(self, action: ActionCode | None = None) -> tuple[Command, Telemetry]:
-        """One sample; the action is noted before it."""
+        """Play one tick; an action is recorded before it."""
         if action is not None:
             self.state, *_ = SERVICE.handle(self.config, self.state, Action(action), 0.0)
         (F_1, F_2), (X_1, X_2) = self.forces(), self._free()
@@ -129,7 +129,7 @@ class IdealPair:
         return command, telemetry
 
     def play(self, actions: Mapping[str, ActionCode] | None = None) -> list[Telemetry]:
-        """Play to the end; an action comes half a second into the phase that it is named by."""
+        """Play to the end; an action takes place half a second into its phase."""
         found: list[Telemetry] = []
         left = dict(actions or {})
         while len(found) < LONGEST:

@@ -1,4 +1,4 @@
-"""Stops that let go, parts that are held from the start, and guards of a free motion."""
+"""Stops that release, parts that are held from the start, and guards of a free motion."""
 
 import pytest
 from msgspec.structs import replace
@@ -159,7 +159,7 @@ def test_an_arm_that_is_pressed_before_its_strokes_omits_them(touch_mN: float) -
 
 
 def test_an_arm_that_a_light_touch_meets_on_the_way_to_its_strokes_goes_back() -> None:
-    """0 V was nearer to a part that pressed with 4 mN, and pressed it with 13 mN."""
+    """0 V was nearer to a part that pressed with 4 mN, so the arm pressed it with 13 mN."""
     strokes = conditioning(-0.8, 10.0, 0.0, 19.0)
     program = replace(PROGRAM, segments=(*strokes, *PROGRAM.segments))
     light = replace(BLANK, touch_x_um=-8.0, touch_mN=0.4, applied_V=-0.4)

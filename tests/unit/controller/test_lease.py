@@ -1,4 +1,5 @@
-"""A program that hears nothing of the supervisor is stopped as its job says, and by nobody else."""
+"""A program whose lease is not renewed is stopped as its job specifies, and only by the
+controller itself."""
 
 import pytest
 from msgspec.structs import replace
@@ -16,7 +17,7 @@ LENGTH_S = 0.2
 
 
 class Leased(Bench):
-    """A bench whose controller plays under a lease, on a clock of its own."""
+    """A bench whose controller plays under a lease, on a separate clock."""
 
     def __init__(self, then: str = "stop", length_s: float | None = LENGTH_S) -> None:
         super().__init__(program())
@@ -44,7 +45,7 @@ class Leased(Bench):
         return command, telemetry
 
     def reach(self, phase: str) -> None:
-        """On to a phase, renewing at every tick."""
+        """Continue to a phase, renewing at every tick."""
         for _ in range(500):
             self.renew()
             if self.tock()[1].phase == phase:

@@ -107,7 +107,7 @@ def test_a_stop_ends_the_current_program(phase: str) -> None:
 
 @pytest.mark.parametrize("own_retreat", [True, False])
 def test_beyond_a_position_limit_the_arm_goes_back(own_retreat: bool) -> None:
-    """Nothing else watches the position while no law holds."""
+    """No other guard monitors the position while no law is active."""
     retreat = (Move("retreat", 0.6, to_um=(0.0,)),) if own_retreat else ()
     segments = (Drive("rise", 0.4, courses=(Follow(ramp(0.5)),)), Drive("rest", 5.0))
     guards = replace(GUARDS, position_min_um=-5.0, position_max_um=8.0)

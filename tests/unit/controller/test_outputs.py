@@ -99,7 +99,7 @@ def test_a_command_states_the_least_force_of_its_sample() -> None:
     state, outputs = step(CONFIG, bench.state, Inputs(QUIET), 0.0)
     first = outputs[0]
     assert isinstance(first, Command)
-    # Before a zero the least that presses: 0 mN less the uncertainty of 0.1 mN.
+    # Before a zero the smallest force that presses: 0 mN minus the uncertainty of 0.1 mN.
     assert (first.arms[0].force_mN, first.arms[0].x_d_um) == (-0.1, None)
     zeroed = with_arm(QUIET, seq=1, zero_age_s=0.1, force_mN=0.5)
     state, outputs = step(CONFIG, state, Inputs(zeroed), 0.0)

@@ -1,4 +1,4 @@
-"""Programs of two arms: their phases, what ends them early, and the actions on them."""
+"""Programs of two arms: their phases, guards that end them early, and actions."""
 
 import dataclasses
 from math import inf, nan
@@ -114,7 +114,7 @@ def test_a_part_is_found_from_each_side_before_both_close() -> None:
 def test_a_seeking_arm_presses_little_more_than_its_touch(
     drift_mN_per_s: float,
 ) -> None:
-    """What is read of a free arm's force drifts along its way, as its model errs by."""
+    """The estimated force of a free arm drifts along its path, by the error of its model."""
     pair = IdealPair(grip(centred=True))
     begun: list[int] = []
 
@@ -173,7 +173,7 @@ def test_a_part_found_too_early_by_a_confirmed_zero_is_loaded(centred: bool) -> 
 
 
 def test_the_approach_continues_until_its_touch_is_detected() -> None:
-    """A touch of F keeps an arm s·F behind its free way, also that of the part farthest off."""
+    """A contact force F keeps an arm s·F behind its free path, also for the most distant part."""
     compliant = dataclasses.replace(request(), compliances_um_per_mN=(0.46, 0.5))
     ways = zip(compliant.furthest_um, request().furthest_um, strict=True)
     assert [one - other for one, other in ways] == pytest.approx([0.8 * 0.46, 0.8 * 0.5])
@@ -302,7 +302,7 @@ def test_an_arm_with_something_behind_it_moves_out_without_a_law(arm: int) -> No
 def test_after_a_refused_zero_each_arm_with_a_known_zero_is_monitored_on_return(
     behind: int, outcome: str
 ) -> None:
-    """The zero of the first arm was refused, so that its force is not known."""
+    """The zero of the first arm was refused, so its force is not known."""
     pair = IdealPair(grip())
 
     def refused(estimate: Estimate) -> Estimate:

@@ -1,4 +1,4 @@
-"""A pause begins where the references rest, moves nothing, and changes nothing of what follows."""
+"""A pause begins where the references rest, moves nothing, and does not change what follows."""
 
 import pytest
 from hypothesis import given, settings
@@ -21,7 +21,7 @@ def reference(arm: Arm) -> Reference:
 
 
 def paused(arm: Arm, most: int = 200) -> Arm:
-    """Ask for a pause, and play until it has begun."""
+    """Request a pause, and play until it has begun."""
     arm.player = pause(arm.player)
     for _ in range(most):
         arm.tick()
@@ -31,7 +31,8 @@ def paused(arm: Arm, most: int = 200) -> Arm:
 
 
 def whole(arm: Arm, at: tuple[tuple[int, int], ...] = ()) -> list[Reference]:
-    """References of each tick of a program, with a pause asked for at some ticks for some time."""
+    """Return the references of each tick of a program, with pauses requested at some ticks for
+    some time."""
     begin, end = {start for start, _ in at}, {start + length for start, length in at}
     seen: list[Reference] = []
     for tick in range(3000):
@@ -63,7 +64,7 @@ def whole(arm: Arm, at: tuple[tuple[int, int], ...] = ()) -> list[Reference]:
 def test_in_every_phase_a_pause_begins_at_the_next_rest(
     asked: str, begins: tuple[str, float]
 ) -> None:
-    # Of another contact line than planned, so that the hold begins with a motion.
+    # The contact line differs from the planned one, so the hold begins with a motion.
     arm = Arm(contact_um=11.5, stiffness=1.8)
     arm.until(asked)
     paused(arm)

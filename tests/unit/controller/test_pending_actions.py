@@ -1,4 +1,4 @@
-"""Actions asked of the service: when they act, what telemetry says, what is refused and why."""
+"""Actions requested of the service: when they take effect, their telemetry, and refusals."""
 
 import pytest
 

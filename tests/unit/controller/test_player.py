@@ -253,7 +253,7 @@ def test_a_part_may_be_lost_at_the_peak_of_a_path_but_not_at_its_trough() -> Non
             break
         arm.tick()
     assert lost_at is not None
-    # Not before F_r is at 4 mN again, twice the contact force.
+    # Not before F_r is 4 mN again, twice the contact force.
     assert lost_at >= 5
     assert arm.player.segment.phase == "retreat"
 

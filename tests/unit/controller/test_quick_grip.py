@@ -1,4 +1,5 @@
-"""A quick grip: through the touch without a stop, and along the line as it is identified."""
+"""A quick grip: through the contact without a stop, and along the contact line as it is
+identified."""
 
 from itertools import pairwise
 
@@ -18,7 +19,7 @@ LOAD = 3
 
 
 def quick(from_: Program = PROGRAM, load_s: float = 0.36) -> Program:
-    """The grip of the other tests, quick: 40 µm/s until the touch."""
+    """Return the grip of the other tests as a quick one: 40 µm/s until the contact."""
     zero, approach, contact, load, *others = from_.segments
     return replace(
         from_,
@@ -53,9 +54,9 @@ def test_the_load_starts_no_faster_than_the_seek_and_ends_at_rest() -> None:
         x_um.append(arm.player.ref.x_um)
         forces_mN.append(arm.player.ref.force_mN)
     rates = [(b - a) / T for a, b in pairwise(x_um)]
-    # On the line of the hardest part, three times as hard as the planned one.
+    # On the line of the stiffest part, three times as stiff as the planned one.
     assert rates[0] == pytest.approx(SPEED / 3.0, rel=0.02)
-    # It catches up where the part turns out to be softer.
+    # It catches up if the part turns out to be softer.
     assert max(rates) < 1.7 * SPEED
     assert rates[-2] < 0.05 * SPEED
     assert max(forces_mN) <= 20.0 + 1e-9
@@ -142,13 +143,13 @@ def test_a_part_nearer_than_planned_is_detected_on_the_approach(contact_um: floa
         forces_mN.append(arm.estimate().force_mN)
     assert arm.player.outcome == "contact"
     assert arm.phases == ["zero", "approach", "retreat"]
-    # Of 20 mN that are planned.
+    # Share of the planned 20 mN.
     assert max(forces_mN) < 12.0
     assert forces_mN[-1] == 0.0
 
 
 def test_a_slowly_growing_force_on_the_approach_is_not_a_part() -> None:
-    """The free response may be wrong by more than is stated, but not in a moment."""
+    """The free response may be wrong by more than stated, but not suddenly."""
     arm = Arm(program=QUICK)
     arm.until("approach")
     begun = arm.seq
@@ -166,7 +167,8 @@ def test_a_slowly_growing_force_on_the_approach_is_not_a_part() -> None:
 
 
 def test_the_voltage_of_the_law_has_no_bump_at_a_touch() -> None:
-    """The controller's step over an arm that is (4): the voltage goes on as it rose before."""
+    """The controller's step with an arm that satisfies (4): the voltage continues to rise as
+    before."""
     bench = Bench(quick(program()))
     bench.until("load")
     touch = len(bench.ticks)

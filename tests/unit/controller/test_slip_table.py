@@ -1,7 +1,7 @@
-"""Peaks of the true force of loads in which the part gives way, over random noise.
+"""Peaks of the true force in loads during which the part slips, over random noise.
 
-A load to 20 mN in 0.45 s, a part of 2.17 mN/µm that gives way at 12 mN, samples each 20 ms. The arm
-is quasi-static: its free place follows the references, and the part takes the rest.
+A load to 20 mN in 0.45 s, a part of 2.17 mN/µm that slips at 12 mN, samples each 20 ms. The arm is
+quasi-static: its free position follows the references, minus the deflection by the part.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from .test_quick_grip import LOAD, QUICK
 S_P, K_E, CONTACT_UM, SLIPS_MN, LOAD_MN, LOAD_S = 0.46, 2.17, 12.0, 12.0, 20.0, 0.45
 FEW, ALL, SEED = 12, 200, 461
 FURTHEST_UM = 14.0 + LOAD_MN / (K_E / 1.3) + 2.0
-"""Highest reference of the plan, for the softest part that it admits."""
+"""Highest reference of the plan, for the softest part that it allows."""
 
 
 def program(retries: int) -> Program:
@@ -45,19 +45,19 @@ def program(retries: int) -> Program:
 
 @dataclass
 class Slipping:
-    """An arm at a part that gives way, and what came of its load."""
+    """An arm at a part that slips, and the outcome of its load."""
 
     program: Program
     limits: StepLimits
     random: Random
     slip_um: float | None
-    """Way of one slip; None: the force falls to half each time."""
+    """Distance of one slip; None: the force falls to half each time."""
     peak_mN: float = 0.0
     reach_um: float = 0.0
     """Highest reference."""
     outcome: str = ""
     slips: int = 0
-    """Slips that the controller has found."""
+    """Number of slips that the controller has detected."""
 
     def play(self) -> "Slipping":
         player = begin(self.program, (_estimate(0.0, 0.0, 0.0),), T)
@@ -95,7 +95,8 @@ class Slipping:
 
 
 def _free_um(player: Player, before_um: float) -> float:
-    """Free place that the references ask for; it stays where the voltage is frozen."""
+    """Return the free position that the references request; it is constant while the voltage is
+    frozen."""
     if player.slip.suspect is not None or player.segment.open_loop:
         return before_um
     return player.ref.x_um + (S_P * player.ref.force_mN if player.segment.presses else 0.0)
@@ -120,9 +121,9 @@ def loads(slip_um: float | None, noise_um: float, retries: int, count: int) -> l
 
 @dataclass(frozen=True)
 class Row:
-    """One row of the table: what it may come to.
+    """Limits of one row of the table.
 
-    A slip is found in the first sample after it. Until then the load goes on by up to 2 mN.
+    A slip is detected in the first sample after it. Until then the load continues by up to 2 mN.
     """
 
     slip_um: float | None
@@ -131,7 +132,7 @@ class Row:
     median_mN: float
     worst_mN: float
     found: float
-    """Least share of loads in which the slip is found."""
+    """Smallest share of loads in which the slip is detected."""
 
 
 TABLE = (

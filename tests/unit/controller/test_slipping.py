@@ -1,4 +1,4 @@
-"""Steps of the position that the voltage does not explain, on an ideal arm and part."""
+"""Position steps that the voltage does not explain, on an ideal arm and part."""
 
 from random import Random
 
@@ -21,10 +21,10 @@ LIMITS = StepLimits(NOISE_UM, S_P, T)
 
 
 class Sensed(Arm):
-    """An arm with a noisy sensor that may jump, at a part that may give way.
+    """An arm with a noisy sensor that may jump, at a part that may slip.
 
-    ``x_1`` is kept as long as nothing moves the references, so that a slip moves the arm forwards
-    and takes force away.
+    ``x_1`` is constant while the references do not move, so a slip moves the arm forwards and
+    reduces the force.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Sensed(Arm):
             self.phases.append(self.player.segment.phase)
 
     def slip(self, by_um: float) -> None:
-        """Let the part give way at constant voltage: by the share of it that the arm follows."""
+        """Let the part slip at constant voltage, by the share of it that the arm follows."""
         kappa = S_P * self.stiffness
         self.contact_um += by_um
         x_um = self.player.ref.x_um + by_um * kappa / (1.0 + kappa)
@@ -182,7 +182,7 @@ def test_an_impossible_stiffness_is_never_used(share: float) -> None:
     while arm.player.segment.phase == "load":
         arm.tick()
         line = arm.player.line
-        # A load whose force falls or stands while the arm goes on.
+        # A load whose force falls or stays constant while the arm moves on.
         x_um = line.first_x_um + 0.5 * line.count
         force_mN = 12.0 + share * K_E * 0.5 * line.count
         forged = line.add(x_um, force_mN, 2.0 + line.count)

@@ -1,4 +1,4 @@
-"""The controller's step: loading laws, changing them on the way, and what telemetry says."""
+"""The controller's step: loading laws, changing them during a program, and telemetry."""
 
 import dataclasses
 from pathlib import Path
@@ -101,12 +101,13 @@ def first_of(ticks: list[Tick], phase: str) -> int:
 
 
 def voltage_step(ticks: list[Tick], index: int) -> float:
-    """What the tick asks for beyond what is there."""
+    """Return the change of voltage that the tick requests."""
     return ticks[index].command.arms[0].voltage_V - ticks[index].estimate.arms[0].applied_V
 
 
 def test_a_change_of_law_between_segments_is_bumpless() -> None:
-    """Beside the same grip with one law: each change costs less than the plan's largest step."""
+    """Compared with the same grip with one law: each change costs less than the plan's largest
+    step."""
     one, two = Bench(program(BOTH_LAWS)), Bench(program(BOTH_LAWS, load=1, hold=0, unload=1))
     one.until()
     two.until()
@@ -125,8 +126,8 @@ def test_a_change_of_law_between_segments_is_bumpless() -> None:
 @pytest.mark.parametrize("load", [0, 1], ids=["same law", "another law"])
 @pytest.mark.parametrize("laws", [BOTH_LAWS, BOTH_LAWS[::-1]], ids=["to dsmifc", "to pbsmic"])
 def test_the_force_starts_and_ends_without_a_bump(laws: tuple[LawSettings, ...], load: int) -> None:
-    """2 mN that are fed from one sample to the next would be 2/41.3 V at once, x_r that ran ahead
-    of the pressed arm as much again."""
+    """2 mN that are fed suddenly would be a step of 2/41.3 V, and an x_r ahead of the pressed
+    arm as much again."""
     bench = Bench(program(laws, load=load, hold=load, unload=load))
     bench.until()
     for phase in ("load", "retreat"):
@@ -136,7 +137,7 @@ def test_the_force_starts_and_ends_without_a_bump(laws: tuple[LawSettings, ...],
 
 
 def test_restarting_a_law_in_contact_would_cause_a_bump(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The negative: 20 mN that come as a step at the start of the hold are 20/41.3 V."""
+    """Counterexample: a step of 20 mN at the start of the hold is 20/41.3 V."""
 
     def restart(
         law: Law,
@@ -187,9 +188,9 @@ def test_references_of_the_telemetry_are_those_set_for_its_sample() -> None:
         assert telemetry.force_r_mN == set_for.ref.force_mN
     after = bench.state.player
     assert after is not None
-    # They have moved on meanwhile, for the next sample.
+    # They have advanced meanwhile, for the next sample.
     assert after.ref.x_um > telemetry.arms[0].x_r_um + 0.1
-    # The plan fits the part, so that the sample is where the references have it.
+    # The plan fits the part, so the sample is at its reference.
     assert bench.ticks[-1].estimate.arms[0].x_um == pytest.approx(telemetry.arms[0].x_r_um, abs=0.1)
     assert telemetry.arms[0].x_d_um == pytest.approx(telemetry.arms[0].x_r_um, abs=0.1)
 
@@ -217,7 +218,7 @@ def test_telemetry_has_the_band_and_the_perturbation_of_the_sample(settings: Law
 def test_an_active_limit_stops_the_integral_only_in_its_own_direction(
     limits: int, frozen: bool
 ) -> None:
-    """The arm is below its reference: it asks for more."""
+    """The arm is below its reference: the law requests more."""
     bench = Bench(program())
     bench.until("approach")
     for _ in range(10):

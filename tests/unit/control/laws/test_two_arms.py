@@ -1,4 +1,4 @@
-"""The law of two arms: against its transcription, and what it promises on two ideal arms."""
+"""The law of two arms: compared with its transcription, and its properties on two ideal arms."""
 
 import json
 from math import pi, sin
@@ -63,7 +63,7 @@ def test_the_golden_vectors_are_reproduced(case: Case) -> None:
 
 
 class Ideal:
-    """Two quasi-static arms whose free response is off by an offset and a slope, and a part."""
+    """Two quasi-static arms whose free response has an offset and a slope error, and a part."""
 
     def __init__(self, slopes: Pair = (1.0, 1.0), offsets_um: Pair = (0.0, 0.0)) -> None:
         self.made = two_arms.build(ARMS, LONG, 0.02, C)
@@ -180,7 +180,7 @@ def test_the_first_step_and_a_change_of_contact_cause_no_jump_at_the_references(
         pressed=pressed,
     )
     if pressed:
-        # s_1 and s_2 differ: the plan's own force, not the estimate, enters the place.
+        # s_1 and s_2 differ: the plan's own force, not the estimate, determines the position.
         assert arms.force_mN() > 0.0
     before = arms.free_um
     for _ in range(3):

@@ -31,7 +31,7 @@ ARMS = {
     "printed": (1.8e-3, 126.8, 5.943e6, 1.129e8),
 }
 IMPEDANCE = (1e-3, 8.9221, 1.9901e4, 5000.0)
-"""M, B, K, K_f."""
+"""M, B, K, K_f of the impedance."""
 GAINS = {
     # K_P, K_I, K_S in mN, δ in µm (PBSMIC) or mN (DSMIFC). The first row of a printed set is the
     # paper's; the others make the switching term count, in and beyond the boundary layer.
@@ -43,7 +43,7 @@ GAINS = {
 Scheme = Literal["pbsmic", "dsmifc"]
 ParameterSet = Literal["consistent", "printed"]
 Row = dict[str, tuple[Decimal, Decimal]]
-"""What the law gives in one tick, named as in LawOutput: value and scale."""
+"""Outputs of the law in one tick, named as in LawOutput: value and scale."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ CASES = [
 
 
 def signals(seed: int = 7) -> dict[str, list[float]]:
-    """What is measured, applied and wanted: smooth motion with noise after a rest."""
+    """Return measured, applied and reference signals: smooth motion with noise after a rest."""
     draw = random.Random(seed)
     columns: dict[str, list[float]] = {name: [] for name in ("x", "x_r", "F", "F_r", "u")}
     columns["limited"] = []
@@ -90,28 +90,28 @@ def signals(seed: int = 7) -> dict[str, list[float]]:
 
 
 def transcribe(case: Case, given: dict[str, list[float]]) -> list[Row]:
-    """Every tick of the law."""
+    """Compute every tick of the law."""
     with localcontext(prec=DIGITS):
         columns = {name: [Decimal(value) for value in values] for name, values in given.items()}
         return _pbsmic(case, columns) if case.scheme == "pbsmic" else _dsmifc(case, columns)
 
 
 def plant_coefficients(case: Case) -> tuple[Decimal, Decimal, Decimal, Decimal]:
-    """m̄, b̄, k̄, d̄ (5)."""
+    """Return m̄, b̄, k̄, d̄ (5)."""
     m, b, k, d = (Decimal(value) for value in ARMS[case.set])
     T = Decimal(case.period_s)
     return m / T**2, -2 * m / T**2 - b / T, m / T**2 + b / T + k, d
 
 
 def impedance_coefficients(case: Case) -> tuple[Decimal, Decimal, Decimal, Decimal]:
-    """M̄, B̄, K̄, K̄_f (13)."""
+    """Return M̄, B̄, K̄, K̄_f (13)."""
     M, B, K, K_f = (Decimal(value) for value in IMPEDANCE)
     T = Decimal(case.period_s)
     return M / T**2, -2 * M / T**2 - B / T, M / T**2 + B / T + K, K_f
 
 
 def sat(s: Decimal, delta: Decimal) -> Decimal:
-    """(32)."""
+    """Return the saturation (32)."""
     if abs(s) <= delta:
         return s / delta
     return Decimal(1) if s > 0 else Decimal(-1)
@@ -198,7 +198,7 @@ def _dsmifc(case: Case, given: dict[str, list[Decimal]]) -> list[Row]:
 def position_by_17(
     case: Case, given: dict[str, list[Decimal]], i: int, p_error: Decimal = Decimal(0)
 ) -> Decimal:
-    """(17) for sample i."""
+    """Return the position by (17) for sample i."""
     m, b, k, d = plant_coefficients(case)
     x, F, u = given["x"], given["F"], given["u"]
     return (1 / k) * (
@@ -232,7 +232,7 @@ def _past(case: Case, given: dict[str, list[Decimal]], i: int) -> Row:
 
 
 def golden() -> dict[str, dict[str, dict[str, float]]]:
-    """A few ticks of every case."""
+    """Return a few ticks of every case."""
     given = signals()
     table: dict[str, dict[str, dict[str, float]]] = {}
     for case in CASES:

@@ -41,7 +41,7 @@ CASES = [
 
 
 class Sample(NamedTuple):
-    """Of both arms what a tick is given, and q_r, F_r, d_r with their rates."""
+    """Inputs of a tick for both arms, and q_r, F_r, d_r with their rates."""
 
     x: tuple[float, float]
     H: tuple[float, float]
@@ -53,7 +53,7 @@ class Sample(NamedTuple):
 
 
 def sample(case: Case, k: int) -> Sample:
-    """Smooth numbers that depend on each other in no way."""
+    """Return smooth numbers that are independent of each other."""
     t, span = k * case.period_s, TICKS * case.period_s
     w = 2.0 * pi / span
     return Sample(
@@ -72,14 +72,14 @@ def sample(case: Case, k: int) -> Sample:
 
 
 class Filter:
-    """F(z), multiplied out."""
+    """F(z) as one difference equation."""
 
     def __init__(self, n: int, hz: float, period_s: float) -> None:
         self.n, self.p = n, exp(-2.0 * pi * hz * period_s)
         self.past: list[float] = []
 
     def hold(self, w: float) -> float:
-        """As if w had been there always."""
+        """Set the state as if w had always had this value."""
         self.past = [w] * self.n
         return w
 
@@ -92,7 +92,7 @@ class Filter:
 
 
 def transcribed(case: Case) -> list[tuple[float, float]]:
-    """X_1 and X_2 of every tick."""
+    """Return X_1 and X_2 of every tick."""
     T, phi = case.period_s, max(0.0, case.delay_s / case.period_s - 0.5)
     kappa = exp(-T / case.lag_s) if case.lag_s > 0.0 else 0.0
     behind = T * kappa / (1.0 - kappa)

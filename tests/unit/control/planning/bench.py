@@ -1,4 +1,4 @@
-"""A rig and a part for which programs are planned."""
+"""The rig and the part for which programs are planned."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Programs of the calibrations: what they move, within which limits, and what is refused."""
+"""Programs of the calibrations: their motions, limits and refusals."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -38,7 +38,7 @@ REQUEST = ContactRequest(**CONTACT | {"stiffness_mN_per_um": 2.17})
 
 
 def voltages(program: Program, segments: tuple[Segment, ...] | None = None) -> list[float]:
-    """Every voltage of the open-loop segments, from 0 V on."""
+    """Return every voltage of the open-loop segments, from 0 V on."""
     found, held_V = [0.0], 0.0
     for segment in segments or program.segments:
         assert segment.open_loop
@@ -180,7 +180,7 @@ def test_the_widest_level_is_first_and_has_the_crest_of_the_law() -> None:
 
 
 def test_the_force_of_a_press_includes_the_swings_of_the_identified_arm() -> None:
-    # An arm whose swings at a pressed part are half as wide again as d_p says.
+    # The swings of this arm at a pressed part are half as wide again as d_p predicts.
     wide = HysteresisModel((0.0, 0.5), (28.5, 5.0))
     line_mN = crest_force_mN(REQUEST, ROOMY, 2.0)
     crest_mN = crest_force_mN(REQUEST, replace(ROOMY, free_response=wide), 2.0)

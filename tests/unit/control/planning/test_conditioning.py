@@ -91,7 +91,8 @@ def test_a_plan_without_strokes_warns_of_an_unknown_past() -> None:
 
 
 def test_a_plan_without_strokes_states_the_uncertainty_from_an_unknown_past() -> None:
-    """U of such grips came to 22 mN, where the plan knew of some mN, and the load was given up."""
+    """U of such grips reached 22 mN, whereas the plan assumed some mN, and the load was
+    abandoned."""
     # On a stiff arm the same error of the free response is a larger force.
     rig = demo_rig({"model": {**TAUGHT["model"], "compliance_um_per_mN": 0.06}})
 
@@ -116,7 +117,7 @@ def test_a_plan_without_strokes_states_the_uncertainty_from_an_unknown_past() ->
 
 
 def test_a_rig_without_voltages_below_rest_cannot_be_conditioned_and_reports_it() -> None:
-    """Its force has the uncertainty of an unknown past, but no force is refused for it."""
+    """Its force has the uncertainty of an unknown history, but no force is refused for it."""
     rig = demo_rig({**TAUGHT, "limits": {"voltage_min_V": 0.0}})
     assert conditioning_V(rig) is None
     present = Present(x_um=0.0, memory_known=False)

@@ -44,7 +44,7 @@ def test_a_line_far_from_the_origin_is_fitted_without_loss_of_digits() -> None:
 
 
 def test_noise_common_to_position_and_force_does_not_bias_the_stiffness() -> None:
-    """F̂ = (x_1 - x)/s_p has the noise of x; over a short load least squares errs by it."""
+    """F̂ = (x_1 - x)/s_p has the noise of x; over a short load, least squares is biased by it."""
     draw = np.random.default_rng(4)
     plan, noise_um = 10.0 + 0.1 * (PLAN - 10.0), 0.3
     stiffnesses: list[float] = []

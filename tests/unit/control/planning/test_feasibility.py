@@ -1,4 +1,4 @@
-"""Limits a course breaks: each with its phase, its time, and how often."""
+"""Limits that a predicted motion breaks: each with its phase, its time, and the number of times."""
 
 from dataclasses import replace
 from math import cos, pi
@@ -19,7 +19,7 @@ WIDE = PlanLimits(-1e3, 1e3, -1e3, 1e3, 1e3, 1e6, 1e9)
 
 
 def course(values: list[float]) -> Course:
-    """Position, force and voltage alike; the second half is called so."""
+    """Return a motion with equal position, force and voltage; the second half is named so."""
     count = len(values)
     phases = ["first" if k < count // 2 else "second" for k in range(count)]
     return Course([T * k for k in range(count)], phases, values, values, values)

@@ -1,4 +1,4 @@
-"""A grip's plan: segments, guards, course, and every broken limit with its place."""
+"""A grip's plan: segments, guards, predicted motion, and every broken limit with its phase."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -17,7 +17,7 @@ from .bench import CONTACT, LIMITS, RIG
 REQUEST = GripRequest(force_mN=20.0, hold_s=4.0, **CONTACT)
 NARROW = HysteresisModel((0.0, 0.4), (15.0, 6.0))
 WIDE = HysteresisModel((0.0, 0.5, 1.5), (8.0, 8.0, 8.0))
-"""Loops whose arms need about -0.3 and -0.9 V to come back to where they were."""
+"""Loops whose arms need about -0.3 and -0.9 V to return to their starting position."""
 
 
 def planned(
@@ -47,7 +47,7 @@ def test_segments_are_in_order() -> None:
     assert isinstance(approach, Move)
     assert approach.to_um == (26.0,)
     assert approach.duration_s == pytest.approx(26.0 * 15.0 / 8.0 / 20.0)
-    # The softest part, touched last, still reaches the contact force 1 µm before the end.
+    # The softest part, contacted last, still reaches the contact force 1 µm before the end.
     assert isinstance(seek, Seek)
     assert seek.to_um == pytest.approx((34.0 + 2.0 / 1.4,))
     assert seek.duration_s == pytest.approx((8.0 + 2.0 / 1.4) / 4.0)
@@ -55,7 +55,7 @@ def test_segments_are_in_order() -> None:
 
 
 def back(free_response: HysteresisModel, **rig: Any) -> tuple[float, float]:
-    """Return where a grip ends, and the voltage there."""
+    """Return the final position of a grip, and the voltage there."""
     plan = plan_grip(REQUEST, replace(RIG, free_response=free_response, **rig))
     retreat = plan.program.segments[-1]
     assert isinstance(retreat, Move)
@@ -88,7 +88,7 @@ def test_an_arm_that_cannot_go_below_0_V_does_not_return_below_its_remanence() -
 def test_the_return_follows_a_drifting_reading(rest_um: float) -> None:
     rested_um, _ = back(WIDE)
     to_um, _ = back(WIDE, rest_um=rest_um)
-    # Never nearer to the part than the stand-off.
+    # The arm never comes nearer to the part than the stand-off.
     assert to_um == pytest.approx(min(26.0, max(rested_um, rest_um)))
 
 

@@ -1,4 +1,4 @@
-"""The line that the references of a load follow: never softer than what the samples admit."""
+"""The contact line that the references of a load follow: never softer than the samples allow."""
 
 from math import inf
 
@@ -20,7 +20,7 @@ GUARDS = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.9, 1.0)
 
 
 def loaded(K_e: float, noise_um: float, count: int, seed: int = 0) -> ContactLine:
-    """Samples of a load from 2 mN to 20 mN, with noise in x and in F̂ = (x_1 - x)/s_p."""
+    """Return samples of a load from 2 mN to 20 mN, with noise in x and in F̂ = (x_1 - x)/s_p."""
     rng, line = np.random.default_rng(seed), ContactLine()
     for force_mN in np.linspace(2.0, 20.0, count):
         error_um = noise_um * rng.standard_normal()
@@ -70,7 +70,7 @@ def test_a_line_across_a_slip_is_not_followed() -> None:
 
 def test_the_bounds_of_usable_stiffnesses_are_correct() -> None:
     assert stiffness_bounds(2.2, GUARDS) == pytest.approx((0.66, 6.6))
-    # A program that looks for the stiffness has wider guards.
+    # A program that searches for the stiffness has wider guards.
     assert stiffness_bounds(0.5, GUARDS) == pytest.approx((0.15, 2.9))
 
 

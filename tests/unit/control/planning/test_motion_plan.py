@@ -1,4 +1,4 @@
-"""Moves, holds and releases as programs: what they play, how long, and which limits they break."""
+"""Moves, holds and releases as programs: their segments, durations, and broken limits."""
 
 from dataclasses import replace
 from typing import Any
@@ -58,7 +58,7 @@ def test_a_move_to_a_voltage_uses_no_law(wish: dict[str, float]) -> None:
     assert plan.course.voltage_V[-1] == pytest.approx(1.0)
     assert plan.course.x_r_um[-1] == pytest.approx(20.0)
     move = plan.program.segments[0]
-    # A change counts from the voltage applied when it is played, whatever the plan began from.
+    # A change starts from the voltage applied when it is played, whatever the plan began from.
     assert any(path.relative for path in paths_of(move)) == ("by_V" in wish)
 
 

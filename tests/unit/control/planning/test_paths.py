@@ -1,4 +1,4 @@
-"""Paths: rest at both ends, derivatives, full amplitude, bounds, and the way over the wire."""
+"""Paths: rest at both ends, derivatives, full amplitude, bounds, and encoding for the bus."""
 
 from itertools import pairwise
 from math import pi

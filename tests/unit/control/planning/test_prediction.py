@@ -126,7 +126,7 @@ def test_phases_that_take_too_long_are_refused() -> None:
 def test_an_arm_that_forgets_gradually_returns_further_after_small_swings(
     returning: tuple[float, ...], further: bool
 ) -> None:
-    """The law's small swings were left out: the trough of a press lost contact by 3.4 mN."""
+    """The law's small swings were neglected: the trough of a press lost contact by 3.4 mN."""
     fadings = (0.0, 0.9) if returning else ()
     model = HysteresisModel(
         (0.0, 1.0 / 0.9), (11.0, 10.0), fadings_per_V=fadings, return_fadings_per_V=returning

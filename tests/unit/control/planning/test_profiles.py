@@ -34,7 +34,7 @@ def test_a_move_satisfies_its_boundary_conditions(
     end = duration_s - h
     assert profile.position(h) == pytest.approx(x_0 + v_0 * h, abs=1e-6)
     assert profile.position(end) == pytest.approx(x_1 - v_1 * h, abs=1e-6)
-    # Speed leaves its boundary value with h², that is, without acceleration.
+    # The speed departs from its boundary value as h², that is, without acceleration.
     scale = (abs(x_1 - x_0) / duration_s + abs(v_0) + abs(v_1)) * 1e-6
     assert profile.speed(h) == pytest.approx(v_0, abs=scale + 1e-9)
     assert profile.speed(end) == pytest.approx(v_1, abs=scale + 1e-9)

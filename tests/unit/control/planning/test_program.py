@@ -1,4 +1,4 @@
-"""A program that cannot be played refuses itself, and says which of its segments is why."""
+"""A program that cannot be played is refused, and the error names the segment."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Speeds of a quick grip: the touch is felt in time, the load does not pass its end."""
+"""Speeds of a quick grip: contact is detected in time, and the load does not overshoot."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -140,7 +140,7 @@ def test_the_speed_has_no_step_from_the_seek_to_the_end_of_the_load() -> None:
     # From rest to 40 µm/s in five periods, and down to rest again.
     assert max(rates) == pytest.approx(found.seek_um_per_s, rel=0.02)
     assert max(abs(b - a) for a, b in pairwise(rates)) < 0.35 * max(rates)
-    # The softest part, touched last, is believed before the seek is over.
+    # Contact with the softest part, which comes last, is confirmed before the seek is over.
     softest = 2.17 * 0.7
     seek = plan.program.segments[3]
     assert isinstance(seek, Seek)

@@ -51,7 +51,7 @@ def test_a_correction_is_bounded() -> None:
 
 
 def followed(learner: CycleLearner, cycles: int, noise: Callable[[], float]) -> CycleLearner:
-    """Cycles whose error is what was not learned of ``DISTURBED``, and noise."""
+    """Return cycles whose error is the unlearned rest of ``DISTURBED``, and noise."""
     for tick in range(cycles * N):
         error_um = DISTURBED[tick % N] + learner.corrections.at(tick) + noise()
         learner = learner.updated(tick, error_um, limited=False)
@@ -66,7 +66,7 @@ def test_learning_ends_without_repeating_errors_and_keeps_the_best_corrections(s
     print(f"seed {seed}: {[f'{error:.3f}' for error in known.errors_um]} µm")
     assert known.over
     assert 4 <= len(known.errors_um) <= MOST_CYCLES
-    # What led the best cycle holds on, and leaves little of what repeats beside the noise.
+    # The correction of the best cycle is kept, and leaves little repeating error beyond the noise.
     assert known.values_um == known.best_um
     left = [a + b for a, b in zip(DISTURBED, known.values_um, strict=True)]
     assert sum(value * value for value in left) / N < 0.05**2
@@ -83,7 +83,7 @@ def test_corrections_learned_from_noise_are_small(seed: int) -> None:
     assert known.over
     assert len(known.errors_um) <= 6
     mean_square = sum(value * value for value in known.values_um) / 100
-    # Less than a tenth more of the error than without.
+    # The error is less than a tenth larger than without.
     assert mean_square < 0.2 * 0.04**2
 
 
@@ -175,7 +175,7 @@ def test_corrections_made_worse_by_a_drift_are_not_stored() -> None:
 
 
 def test_corrections_at_the_noise_level_are_stored_only_if_they_help() -> None:
-    """The figures are those of the cycles, whatever is decided."""
+    """The figures are those of the cycles, whatever the decision."""
     for seed in range(50):
         found = judged(seed, 6, share=0.15, noise_um=0.06)
         assert found is not None

@@ -1,4 +1,4 @@
-"""References of segments: they begin where the entry is, and their derivatives are true."""
+"""References of segments: they begin at the entry state, and their derivatives are consistent."""
 
 import pytest
 
@@ -23,7 +23,7 @@ from pincette.control.planning.segments import (
 from pincette.control.planning.sweep import Sweep
 
 T = 1e-4
-"""Period that is short enough for differences to be derivatives."""
+"""Period short enough for differences to approximate derivatives."""
 LINE = LoadLine(26.0, 2.1)
 FORCE, PLACE = sinusoid("force", 12.0, 16.0, 10.0, 2), sinusoid("position", -3.0, 8.0, 5.0, 2)
 FREE = Entry(Reference(20.0, 15.0, voltages_V=(1.0,)), T)
@@ -82,7 +82,7 @@ def test_a_segment_starts_at_the_references_of_its_entry(name: str) -> None:
     segment, entry = MOVING[name]
     begin, ref = segment.reference(0.0, entry), entry.ref
     if name == "press at the rate of the seek":
-        # The line that is identified meanwhile may lie beside the newest sample.
+        # The contact line identified meanwhile may deviate from the newest sample.
         assert begin.force_mN == ref.force_mN
     elif not isinstance(segment, Track):
         assert begin[::3] == pytest.approx((ref.x_um, ref.force_mN, ref.opening_um), abs=1e-12)
@@ -106,11 +106,11 @@ def test_each_moving_segment_ends_at_its_goal() -> None:
     assert end("move").x_um == 24.0
     assert end("slow down").x_um == pytest.approx(20.0 + 0.5 * 0.3 * 15.0)
     assert end("press")[::3] == pytest.approx((26.0 + 20.0 / 2.1, 20.0, 0.0))
-    # The first arm goes to 18 - 3 µm, the second one, which has touched nothing, from 18 by 4 µm.
+    # The first arm goes to 18 - 3 µm, the second one, which has no contact, from 18 by 4 µm.
     assert end("relative move of two arms")[::6] == pytest.approx((0.5 * (15.0 - 22.0), 37.0))
     assert end("press of two arms")[::3] == pytest.approx((4.0, 20.0, 30.0))
     assert end("relative press of two arms").x_um == pytest.approx(-2.5 + 4.0)
-    # The place stops within 2 µm.
+    # The position stops within 2 µm.
     assert end("press of two arms without a goal").x_um == pytest.approx(-3.0 + 0.5 * 0.6 * 5.0)
 
 

@@ -1,4 +1,4 @@
-"""The motion that teaches: its range, its speed, its time."""
+"""The motion for the free-response calibration: its range, its speed, its duration."""
 
 from itertools import pairwise
 
@@ -30,10 +30,11 @@ def test_growing_strokes_are_followed_by_the_whole_range_and_nested_loops() -> N
     assert tops == sorted(tops)
     assert (COURSE[0].to, tops[-2:]) == (0.0, [1.0, 1.0])
     ways = [abs(leg.to - before.to) for before, leg in pairwise(COURSE)]
-    # Loops of 10 to 20 mN about a grip are a fifth to a third of the range.
+    # Loops of 10 to 20 mN during a grip are a fifth to a third of the range.
     assert len([way for way in ways if 0.1 <= way <= 0.35]) >= 10
     assert len([way for way in ways if way >= 0.6]) >= 10
-    # A quarter of the time at least is left for choice and for judgement, with small loops in it.
+    # At least a quarter of the time is left for model selection and validation, with small loops in
+    # it.
     assert len([way for way in ways[-16:] if way <= 0.35]) >= 5
 
 

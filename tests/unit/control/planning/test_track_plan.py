@@ -1,4 +1,4 @@
-"""A tracked path's plan: segments, course, predicted voltage, and every limit it breaks."""
+"""A tracked path's plan: segments, predicted motion and voltage, and every broken limit."""
 
 from dataclasses import replace
 from itertools import pairwise

@@ -1,4 +1,5 @@
-"""Conditioning strokes are seen in the voltage; the way of a conditioned arm is compared."""
+"""Conditioning strokes are recognised in the voltage; the paths of a conditioned arm are
+compared."""
 
 from math import hypot, sqrt
 from typing import NamedTuple
@@ -41,7 +42,7 @@ REST = 10
 
 
 def voltages(*stops_V: float) -> list[float]:
-    """Voltages in steps of 0.05 V, with a rest of 15 ticks at each stop."""
+    """Return voltages in steps of 0.05 V, with a rest of 15 ticks at each stop."""
     at_V, found = 0.0, list[float]()
     for stop_V in stops_V:
         steps = max(1, round(abs(stop_V - at_V) / 0.05))
@@ -126,7 +127,7 @@ REST_V, REST_TICKS = 0.0, 25
 
 
 class Way(NamedTuple):
-    """A response after strokes and a rise, with the bases of its ways and its last rest."""
+    """A response after strokes and a rise, with the start of its paths and its last rest."""
 
     response: IdentifiedResponse
     bottom: Base
@@ -135,7 +136,7 @@ class Way(NamedTuple):
 
 
 def conditioned_way(gain: float, to_V: float = 1.5, pressed_um: float = 0.0) -> Way:
-    """Return the ways of an arm with another gain; at the end something may press it back."""
+    """Return the paths of an arm with another gain; at the end a part may press it back."""
     response, bottom = identified_response(MODEL, 19.0, 0.1, branch=BRANCH), Bottom()
     base: Base | None = None
     rest = response.sample(0.0)
@@ -153,7 +154,7 @@ def conditioned_way(gain: float, to_V: float = 1.5, pressed_um: float = 0.0) -> 
 
 
 def change_of(way: Way, **doubts: float) -> StrokeChange | None:
-    """Compare the way from the rest after the strokes."""
+    """Compare the path from the rest after the strokes."""
     doubt = MeasurementErrors(**{"noise_um": NOISE_UM, **doubts})
     return stroke_change(way.response, way.base, way.rest, REST, doubt)
 
@@ -237,7 +238,7 @@ def test_an_arm_without_strokes_is_not_compared() -> None:
 
 
 def test_the_error_of_the_return_is_that_of_grips_after_strokes() -> None:
-    """The rehearsals without strokes left 0.12 µm on an arm of relays, those after them 0.27 µm."""
+    """The rehearsals without strokes left 0.12 µm on a relay arm, those after them 0.27 µm."""
     voltages_V, wrong_um = [0.0], [0.0]
     ways: list[ConditionedWay] = []
 

@@ -1,4 +1,4 @@
-"""A residual table is judged by a pressed part that it was not made of."""
+"""A residual table is validated with a pressed part whose data it was not made from."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ PHASE = np.linspace(0.0, 8.0 * np.pi, 400)
 X_UM = 36.0 + 4.0 * np.sin(PHASE)
 TRUE_MN = 12.0 + 2.1 * (X_UM - 36.0) + 0.02 * (X_UM - 36.0) ** 2
 MISSED_MN = 0.4 * np.cos(PHASE)
-"""What the free response misses: a loop."""
+"""Error of the free response, in mN: a loop."""
 
 
 def noise_mN(seed: int) -> np.ndarray:

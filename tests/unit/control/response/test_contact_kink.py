@@ -1,4 +1,4 @@
-"""A part in the way of the free motion is seen; no hysteresis is taken for one."""
+"""A part in the path of the free motion is detected; no hysteresis is mistaken for one."""
 
 from dataclasses import replace
 from functools import cache
@@ -17,7 +17,7 @@ from tests.unit.control.calibration.freeing import SAMPLES_PER_CYCLE, freed_demo
 from tests.unit.control.response.test_measured_hysteresis import measured
 
 RIGS = [(False, None), (False, 3), (True, 4)]
-"""Whether the hysteresis is of relays, and the seed of a rig drawn at random."""
+"""Whether the hysteresis consists of relays, and the seed of a randomly drawn rig."""
 
 
 def simulated(relays: bool, seed: int | None) -> Simulation:
@@ -26,7 +26,7 @@ def simulated(relays: bool, seed: int | None) -> Simulation:
 
 @cache
 def moved(relays: bool, seed: int | None, at_um: float | None) -> tuple[Column, Column, slice]:
-    """The motion of ``free_response`` with a part at a position, or without one."""
+    """Return the motion of ``free_response`` with a part at a position, or without one."""
     bead = {"bead": at_um is not None, "bead_contact_um": at_um or 30.0}
     bench = Bench(simulated(relays, seed).model_copy(update=bead))
     program = free_response_program(
@@ -59,7 +59,7 @@ def test_a_part_in_the_way_is_found_at_its_position(
     assert found is not None
     assert found.x_um == pytest.approx(at_um, abs=2.0)
     softening = rig.compliance_um_per_mN * rig.environment_stiffness_mN_per_um
-    # The model of the free motion takes up a part of what the contact does.
+    # The model of the free motion absorbs some of the contact's effect.
     assert 0.4 * softening < found.softening < 1.6 * softening
 
 

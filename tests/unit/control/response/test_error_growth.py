@@ -1,4 +1,4 @@
-"""How the error of x_1 grows with the way since a zero: found, stored, refused, used."""
+"""Growth of the error of x_1 with the travel since a zero: estimated, stored, refused, used."""
 
 from math import log10, sqrt
 
@@ -17,7 +17,7 @@ REST, RISE = 20, 10
 
 
 def grips(*ways_V: float, hold: int = REST) -> tuple[Column, list[RehearsedGrip]]:
-    """Voltages of grips that meet a part at 1 V, and press by these ways."""
+    """Return voltages of grips that meet a part at 1 V, and press by these distances."""
     voltages: list[Column] = []
     found: list[RehearsedGrip] = []
     at = 0
@@ -64,7 +64,7 @@ def test_creep_is_the_growth_of_the_error_during_the_holds() -> None:
     assert growth.until_s == pytest.approx(10.6, abs=0.1)
     assert found.creep_um.value == pytest.approx(0.2, rel=0.1)
     assert found.creep_um.uncertainty > 0.05
-    # An error that does not grow in the hold is none of creep.
+    # An error that does not grow in the hold is not caused by creep.
     assert rehearsed_errors(u, 0.1 * u, PERIOD_S, rehearsed).creep_um.value < 1e-9
 
 
@@ -72,7 +72,7 @@ def test_noise_has_little_effect_and_no_grip_is_refused() -> None:
     u, rehearsed = grips(0.3, 0.5, 0.7, 0.4, hold=500)
     noise_um = np.random.default_rng(5).normal(0.0, 0.03, len(u))
     found = rehearsed_errors(u, noise_um, PERIOD_S, rehearsed)
-    # The zero of a grip has that of its rest.
+    # The zero of a grip has the error of its rest.
     assert 0.03 / sqrt(10) < found.growth.at(9.0) < 0.02
     assert 0.0 < found.creep_um.value < 0.05
     with pytest.raises(ValueError, match="no rehearsed grips"):

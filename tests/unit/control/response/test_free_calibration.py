@@ -1,4 +1,5 @@
-"""The free response of rigs drawn at random: gain within 1 %, and a model that holds elsewhere."""
+"""The free response of randomly drawn rigs: gain within 1 %, and a model that is valid on other
+motions."""
 
 from dataclasses import replace
 
@@ -36,7 +37,7 @@ def judge(seeds: range) -> None:
     worst = np.max(np.abs(np.array(rows)), axis=0)
     assert worst[0] < 0.2
     assert worst[3] < 1.0
-    # The creep of the course before goes on beneath that of the step.
+    # The creep of the previous motion continues during that of the step.
     assert worst[4] < 15.0
     assert worst[5] < 0.25
 
@@ -55,7 +56,7 @@ def test_the_demo_rig_has_the_papers_gain() -> None:
     found = calibrate_free_response(motion, SAMPLES_PER_CYCLE)
     assert found.gain.gain_um_per_V == pytest.approx(19.0, rel=0.005)
     assert found.gain.loop_percent == pytest.approx(18.5, abs=0.5)
-    # Once the growing swings are slow, a new arm is explained as well by one that was moved before.
+    # Once the growing swings are slow, a new arm is described as well as one that was moved before.
     new = calibrate_free_response(motion, SAMPLES_PER_CYCLE, unpoled=True)
     assert new.model_residual_um == pytest.approx(found.model_residual_um, rel=0.05)
     assert found.model_residual_um < 0.1

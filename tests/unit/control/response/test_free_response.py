@@ -12,7 +12,7 @@ MODEL = nominal_response(19.0, FreeSample(0.0, 2.0))
 
 
 def ramp(from_V: float, to_V: float, from_um: float, slope: float) -> list[FreeSample]:
-    """Fifty samples of a straight branch."""
+    """Return fifty samples of a straight branch."""
     steps = [(to_V - from_V) * index / 50 for index in range(51)]
     return [FreeSample(from_V + step_V, from_um + slope * step_V) for step_V in steps]
 

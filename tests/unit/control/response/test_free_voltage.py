@@ -1,4 +1,4 @@
-"""The free response inverted: what a voltage leads to is what was wanted."""
+"""The inverse free response: its voltage leads to the wanted position."""
 
 import pytest
 from hypothesis import given, settings

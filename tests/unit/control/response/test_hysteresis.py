@@ -1,4 +1,4 @@
-"""The Prandtl-Ishlinskii operator and its creep, against their definitions."""
+"""The Prandtl-Ishlinskii operator and its creep, compared with their definitions."""
 
 from dataclasses import replace
 from math import exp, nan
@@ -25,14 +25,14 @@ CREEPING = replace(PLAYS, creep_times_s=(0.1, 10.0), creep_fractions=(0.05, 0.02
 FADING = HysteresisModel(
     (0.0, 0.5, 1.0, 0.5, 1.0), (10.0, 4.0, 2.0, 1.0, 1.5), fadings_per_V=(0.0, 0.8, 0.8, 1.4, 0.0)
 )
-"""Two thresholds twice, one play of four that does not fade."""
+"""Two thresholds, each twice; one play of four has no decay."""
 BOUC_WEN = HysteresisModel(
     (0.0, 0.8, 0.5, 2.0),
     (10.0, 3.0, 2.0, 1.0),
     fadings_per_V=(0.0, 1.25, 0.0, 0.9),
     return_fadings_per_V=(0.0, 0.6, 0.0, 1.3),
 )
-"""Two plays of four that never yield and that fade at another rate on their way back."""
+"""Two plays of four that never yield and that decay at another rate after a reversal."""
 VOLTAGES = st.lists(st.floats(-2.0, 3.0), min_size=1, max_size=20)
 
 
@@ -49,7 +49,7 @@ def position(*voltages_V: float) -> float:
 
 def test_the_first_stroke_and_its_return_follow_the_play_operators() -> None:
     assert position(2.0) == pytest.approx(10 * 2.0 + 4 * 1.5 + 2 * 1.0)
-    # On the way back a play moves only after 2r.
+    # After a reversal a play moves only after 2r.
     assert position(2.0, 1.2) == pytest.approx(10 * 1.2 + 4 * 1.5 + 2 * 1.0)
     assert position(2.0, 0.0) == pytest.approx(10 * 0.0 + 4 * 0.5 + 2 * 1.0)
 
@@ -143,12 +143,12 @@ def test_without_fading_the_play_is_the_plain_one_to_the_bit(voltages: list[floa
     for u in voltages:
         play = [max(u - r, min(u + r, y)) for r, y in zip(thresholds, play, strict=True)]
     assert driven(PLAYS, *voltages).plays_V == tuple(play)
-    # Nor does it matter to such a play that others beside it fade.
+    # Such a play is not affected by the decay of others either.
     assert driven(FADING, *voltages).plays_V[-1] == play[-1]
 
 
 def bent_plays(model: HysteresisModel) -> HysteresisModel:
-    """Bends by which every play is another function of itself, within and beyond their range."""
+    """Return bends that make every play a different function, within and beyond its range."""
     count = len(model.thresholds_V)
     return replace(
         model,
@@ -263,7 +263,7 @@ def test_creep_is_exact_however_the_time_is_cut() -> None:
 
 PLAIN = ((), (), (0.0, 0.0), 0.0, (), (), (0.0, 0.0))
 BOTH_FADE = ((), (), (0.0, 0.5), 0.0, (), (), (0.0, 0.0))
-"""Fields between the weights and the rates on the way back."""
+"""Fields between the weights and the rates after a reversal."""
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Identification of a free response: from its own model class, and from another."""
+"""Identification of a free response: data from its own model class, and from another."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -32,7 +32,7 @@ FEW = PLAIN._replace(families=((0.0,), (0.7,)), curved=(False, True))
 
 
 def drive(count: int) -> list[float]:
-    """Two incommensurate swings, so that loops lie within loops."""
+    """Return two incommensurate swings, which give nested loops."""
     return [1.2 * sin(0.011 * k) + 0.9 * sin(0.037 * k) for k in range(count)]
 
 
@@ -99,7 +99,7 @@ def test_fading_and_curvature_are_identified_if_present() -> None:
 
 
 def bouc_wen_um(voltage_V: Column, shape: BoucWen) -> Column:
-    """An actuator of the Bouc-Wen class whose loop is some 35 % wide, and creep."""
+    """Return an actuator of the Bouc-Wen class with a loop some 35 % wide, and creep."""
     h, before = 0.0, 0.0
     rows = np.empty(len(voltage_V))
     for index, u in enumerate(voltage_V.tolist()):
@@ -109,7 +109,7 @@ def bouc_wen_um(voltage_V: Column, shape: BoucWen) -> Column:
 
 
 def test_a_bouc_wen_actuator_gets_one_play_that_never_yields() -> None:
-    """Also where plays leave no more than three times the noise."""
+    """This also holds if the plays leave at most three times the noise."""
     noise_um = 2.0 * NOISE_UM
     voltage_V = 1.3 * np.array(drive(2500))
     shape = BoucWen(A_um_per_V=0.55, b_per_V=1.0, g_per_V=0.3)
@@ -126,7 +126,7 @@ def test_a_bouc_wen_actuator_gets_one_play_that_never_yields() -> None:
 
 
 def relays_um(voltage_V: Column) -> Column:
-    """An actuator of 1200 Preisach relays, which has neither plays nor fading, and a line."""
+    """Return an actuator of 1200 Preisach relays, which has neither plays nor decay, and a line."""
     random = np.random.default_rng(6)
     half_width = random.gamma(2.0, 0.25, 1200)
     middle = random.normal(0.3, 1.0, 1200)
@@ -139,7 +139,7 @@ def relays_um(voltage_V: Column) -> Column:
 
 
 def stops_um(voltage_V: Column) -> Column:
-    """An actuator of 60 stops, whose density falls off with their height, a line, and creep."""
+    """Return an actuator of 60 stops, whose density falls with their height, a line, and creep."""
     heights = np.linspace(0.02, 2.4, 60)
     stops, before = np.zeros(60), 0.0
     rows = np.empty(len(voltage_V))
@@ -166,7 +166,7 @@ def test_an_actuator_of_another_class_without_fading_gets_no_fading(
 
 
 def teaching(laps: int) -> Column:
-    """The course of the calibration ``free_response``, in volts at its rate."""
+    """Return the motion of the calibration ``free_response``, in volts at its rate."""
     legs = [(-0.3 + leg.to * 3.2, leg.pace * 3.0, leg.rest_s) for leg in COURSE] * laps
     path = voltage_moves([(0.0, 3.0, 0.0), *legs])
     count = int(path.duration_s / PERIOD_S)
@@ -174,7 +174,7 @@ def teaching(laps: int) -> Column:
 
 
 def test_bends_are_found_where_loops_differ_with_the_voltage() -> None:
-    """Relays after Preisach, as the simulated rig has them: three quarters of the error go."""
+    """Preisach relays, as in the simulated rig: the model removes three quarters of the error."""
     relays = loop_of_relays(19.0, 0.2, 2.5, 2.0, 4.0, 1.4)
     voltage_V = teaching(1)
     behind_um = [0.0] * len(voltage_V)

@@ -1,4 +1,4 @@
-"""The inverse of the free response: it leads where it should, in few steps."""
+"""The inverse of the free response: accurate, in few steps."""
 
 from collections.abc import Callable
 from statistics import median
@@ -28,7 +28,8 @@ SOME = settings(deadline=None, max_examples=50, derandomize=True)
 
 @st.composite
 def models(draw: st.DrawFn) -> HysteresisModel:
-    """Plays with and without fading, with creep, a little curvature, and bends or none."""
+    """Return plays with and without decay, with creep, a little curvature, and with or without
+    bends."""
     plays = draw(st.integers(0, 5))
     fadings = [draw(st.floats(0.0, 0.9)) / (0.2 * (place + 1)) for place in range(plays)]
     bent = draw(st.booleans())
@@ -98,7 +99,7 @@ def test_the_voltage_rises_with_the_displacement(
 
 
 def evaluations(memory: HysteresisState, wanted_um: float) -> int:
-    """Return the number of voltages that are tried beside the present one."""
+    """Return the number of voltages that are tried in addition to the present one."""
     tried_V: list[float] = []
 
     def counted(
@@ -119,7 +120,7 @@ def evaluations(memory: HysteresisState, wanted_um: float) -> int:
 
 
 def test_few_evaluations_are_enough() -> None:
-    """A sinusoid of 2 Hz and 17 µm, whose ways between samples go up to 2 µm."""
+    """A sinusoid of 2 Hz and 17 µm, whose steps between samples reach 2 µm."""
     memory, counts = start(TAUGHT_MODEL), list[int]()
     for tick in range(400):
         wanted_um = 40.0 + 17.0 * float(np.sin(2.0 * np.pi * 2.0 * tick * PERIOD_S))

@@ -1,4 +1,4 @@
-"""The identification on a measured piezo stack, on cycles that it was not fitted to."""
+"""The identification on a measured piezo stack, on cycles that were not used for the fit."""
 
 from pathlib import Path
 
@@ -16,8 +16,8 @@ MEASURED = Path(__file__).parents[4].parent / "shared/data/piezo-stack-hysteresi
 
 
 def measured(lag: int, every: int = EVERY) -> tuple[list[float], list[float]]:
-    """Voltage in V, and displacement in µm that many samples later."""
-    # The record is another's, and the project must not contain it.
+    """Voltage in V, and displacement in µm at a later sample, by the given delay."""
+    # The record belongs to others, and the project must not contain it.
     if not MEASURED.exists():
         pytest.skip("the measured hysteresis of a piezo stack is not beside this checkout")
     rows = np.loadtxt(MEASURED)[::every]

@@ -1,4 +1,4 @@
-"""What an identified free response gets wrong: the straight line, and creep in a hold."""
+"""Errors of an identified free response: the straight line, and creep in a hold."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ PERIOD_S = 0.02
 
 
 def test_an_ellipse_deviates_from_its_chord_by_its_width() -> None:
-    """x lags by a phase: about the zero at the bottom the line errs by both branches."""
+    """x lags by a phase: about the zero at the bottom the line is wrong on both branches."""
     phase = 2.0 * np.pi * np.arange(1000) / 100.0
     errors: list[float] = []
     for lag in (0.0, 0.05, 0.1):
@@ -26,7 +26,8 @@ def test_an_ellipse_deviates_from_its_chord_by_its_width() -> None:
 
 
 def small_swings(full_um: float, scale_V: float, seed: int) -> tuple[Column, Column]:
-    """Voltage of 2 V to and fro after a rest, and an r that it wears, with noise."""
+    """Return an alternating voltage of 2 V after a rest, and a residual r that decays with it,
+    with noise."""
     voltage_V = np.concatenate([np.zeros(50), 0.01 * (np.arange(200) % 2)])
     way_V = np.concatenate([np.zeros(50), 0.005 * np.arange(200)])
     noise_um = np.random.default_rng(seed).normal(0.0, 0.01, 250)

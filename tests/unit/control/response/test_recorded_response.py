@@ -1,4 +1,5 @@
-"""Recorded free response: Madelung's rules, a bounded memory, and branches out of a motion."""
+"""Recorded free response: Madelung's rules, a bounded memory, and branches that leave a recorded
+motion."""
 
 from itertools import pairwise
 from math import cos, pi
@@ -33,7 +34,7 @@ def driven(response: RecordedResponse, *voltages_V: float) -> RecordedResponse:
 
 
 def ramp(*ends_V: float, step_V: float = 0.02) -> list[float]:
-    """Straight lines from one end to the next."""
+    """Return straight lines from one end to the next."""
     voltages: list[float] = []
     for start, end in pairwise(ends_V):
         count = max(1, round(abs(end - start) / step_V))
@@ -78,7 +79,7 @@ def test_the_memory_is_bounded_and_the_arm_stays_on_its_branch(voltages: list[fl
         assert 2 <= len(response.turns) <= MOST_TURNS
         x_um = response.displacement_um()
         ends = sorted((response.turns[-1], response.turns[-2]), key=lambda turn: turn.voltage_V)
-        # What is ignored of a reversal may lead past an end by so much.
+        # The ignored part of a reversal may lead beyond an end by this amount.
         slack_um = 40.0 * IGNORED_V
         assert ends[0].x_um - slack_um <= x_um <= ends[1].x_um + slack_um
 
@@ -99,7 +100,7 @@ def test_a_spiral_forgets_only_its_smallest_loops() -> None:
     spiral = [1.0 + 1.4 * 0.93**k * (-1) ** k for k in range(40)]
     response = driven(FRESH, 2.5, -0.5, *spiral)
     assert MOST_TURNS - 1 <= len(response.turns) <= MOST_TURNS
-    # The loops that are kept are the wide ones, and still lead out as they led in.
+    # The stored loops are the wide ones, and remain closed.
     assert driven(response, 2.5).displacement_um() == pytest.approx(52.0)
 
 
@@ -135,7 +136,7 @@ def test_the_tolerance_of_a_zero_is_five_errors_plus_the_creep() -> None:
 
 
 def swings(*ends_V: float) -> Column:
-    """Smooth moves of 120 samples from one end to the next, and rests of 20."""
+    """Return smooth moves of 120 samples from one end to the next, and rests of 20."""
     parts: list[float] = []
     for start, end in pairwise(ends_V):
         parts += [start + (end - start) * 0.5 * (1 - cos(pi * k / 120)) for k in range(1, 121)]

@@ -1,4 +1,4 @@
-"""The residual table: looked up, identified of runs, and counted from the last zero."""
+"""The residual table: lookup, identification from runs, and values relative to the last zero."""
 
 import numpy as np
 import pytest
@@ -73,7 +73,8 @@ def test_one_run_gives_no_error() -> None:
 
 
 def test_residuals_count_from_the_last_zero() -> None:
-    """The zero at place 6 moves the offset by 0.3; what came before is moved by as much."""
+    """The zero at position 6 moves the offset by 0.3; earlier values are moved by the same
+    amount."""
     before, after = [0.1, 0.2, 0.3, 0.3, 0.3, 0.3], [0.0, 0.05, 0.1]
     zeroed = [False] * 6 + [True, False, False]
     found = chained(before + after, zeroed, rest=4)

@@ -1,4 +1,4 @@
-"""What a voltage goes back and forth, and what is forgotten by it."""
+"""Reversals of a voltage, and those that larger ones erase."""
 
 from math import sin
 

@@ -1,4 +1,4 @@
-"""Separable fit of weights and creep, and what the identification does with its result."""
+"""Separable fit of weights and creep, and its use in the identification."""
 
 import numpy as np
 import pytest
@@ -14,13 +14,13 @@ MODEL = HysteresisModel(THRESHOLDS_V, (12.0, 4.0, 2.0), TIMES_S, (0.03, 0.05))
 
 
 def drive(count: int) -> Column:
-    """Two incommensurate swings, so that loops lie within loops."""
+    """Return two incommensurate swings, which give nested loops."""
     k = np.arange(count)
     return 1.2 * np.sin(0.011 * k) + 0.9 * np.sin(0.037 * k)
 
 
 def measured_um(voltage_V: Column, period_s: float = PERIOD_S) -> Column:
-    """Free motion of the model, with the noise of a sensor."""
+    """Return free motion of the model, with the noise of a sensor."""
     noise_um = np.random.default_rng(1).normal(0.0, 0.03, len(voltage_V))
     return simulate(MODEL, voltage_V, period_s) + noise_um + 5.0
 
@@ -46,7 +46,7 @@ def test_creep_in_the_wrong_direction_is_set_to_zero() -> None:
 
 
 def test_part_of_the_displacement_is_immediate() -> None:
-    """A displacement that is low-passed altogether admits no static part."""
+    """A completely low-passed displacement allows no static term."""
     voltage_V = drive(3000)
     x_um = low_passed((0.5,), 19.0 * voltage_V[:, np.newaxis], PERIOD_S)[0, :, 0]
     _, fractions = fitted(x_um, voltage_V)

@@ -1,4 +1,4 @@
-"""Creep from before a start: what a free arm at rest tells of it, its creep times told apart."""
+"""Creep from before a start: estimated from a free arm at rest, separately for each creep time."""
 
 import random
 
@@ -41,7 +41,8 @@ def led(
 def stroked(
     arm: IdentifiedResponse, turns_V: tuple[float, ...], standard_um: float = 0.0
 ) -> tuple[IdentifiedResponse, IdentifiedResponse, UnknownPast]:
-    """An arm, the model and the pasts, led to a rest at each turn, then to a zero at 1.2 V."""
+    """Return an arm, the model and the histories, moved to a rest at each reversal, then to a
+    zero at 1.2 V."""
     response, past = MODEL, unknown_past(MODEL, ENDS_V)
     for turn_V in (*turns_V, 1.2):
         arm, response, past = led(arm, response, past, turn_V, 2.0)
@@ -51,7 +52,7 @@ def stroked(
 
 @pytest.mark.parametrize("seed", range(40))
 def test_creep_is_bounded_by_its_remainder(seed: int) -> None:
-    """Arms that rested at several places, the last of them shortly before the start."""
+    """Arms that rested at several positions, the last of them shortly before the start."""
     draw, arm = random.Random(seed), MODEL
     for _ in range(draw.randint(1, 3)):
         arm = arm.updated(draw.uniform(*ENDS_V), 10.0 ** draw.uniform(0.0, 4.0))
@@ -74,7 +75,7 @@ def test_an_arm_that_agrees_with_the_model_narrows_a_short_hold() -> None:
 
 
 def test_plays_that_were_not_turned_over_give_no_information() -> None:
-    """All pasts agree at 3.5 V, but 3.4 V and 3.3 V lie on the same branch."""
+    """All histories agree at 3.5 V, but 3.4 V and 3.3 V lie on the same branch."""
     _, _, past = stroked(MODEL, (3.5, 3.4, 3.3, 1.9))
     assert past.awaits_rest
     assert past.fallen == Fallen()

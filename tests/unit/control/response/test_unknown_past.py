@@ -1,4 +1,4 @@
-"""Pasts that nobody has followed: what they may make of x_1, and when they are over."""
+"""Unknown histories: the range of x_1 that they allow, and when they no longer matter."""
 
 import random
 
@@ -49,10 +49,10 @@ def test_no_past_between_the_ends_has_a_larger_error(model: IdentifiedResponse, 
 
 
 def test_an_unknown_past_is_bounded_by_the_ranges_of_the_plays() -> None:
-    """At 0 V the play of 1 V stands between -1 and 1 V, that of 0.5 V between -0.5 and 0.5 V.
+    """At 0 V the play of 1 V has a state between -1 and 1 V, that of 0.5 V between -0.5 and 0.5 V.
 
-    The model's stand at 0 V. A stroke to 1.5 V takes all to 0.5 and 1 V: the higher past moves by
-    -0.5·3 - 0.5·5 µm less, the lower by as much more.
+    The model's state is 0 V. A stroke to 1.5 V brings all to 0.5 and 1 V: the higher history moves
+    by -0.5·3 - 0.5·5 µm less, the lower by as much more.
     """
     response, past = led(PLAYS, unknown_past(PLAYS, (-4.0, 4.0)), 0.0)
     past = past.rezero(response)
@@ -96,7 +96,7 @@ def test_a_linear_response_has_no_memory() -> None:
 
 
 def rose(*to_V: float) -> tuple[IdentifiedResponse, UnknownPast]:
-    """Model and pasts, zeroed at 0 V, then driven further."""
+    """Return model and histories, zeroed at 0 V, then driven further."""
     response, past = led(PLAYS, unknown_past(PLAYS, ENDS_V), 0.0)
     return led(response, past.rezero(response), *to_V)
 
@@ -157,7 +157,7 @@ def test_slow_creep_from_the_past_is_stated_with_its_full_range() -> None:
         rested_V, rested_s = draw.uniform(*ENDS_V), 10.0 ** draw.uniform(2.0, 4.0)
         arm = CREEPS.updated(rested_V, rested_s).updated(0.0, 1.0)
         response, past = led(CREEPS, unknown_past(CREEPS, ENDS_V), 0.0)
-        # Turning points are wiped out, creep is not.
+        # Turning points are erased, creep is not.
         response, past = led(response, past, *ENDS_V, 0.8)
         arm, _ = led(arm, past, *ENDS_V, 0.8)
         past = past.rezero(response)

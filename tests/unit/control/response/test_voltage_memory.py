@@ -1,4 +1,4 @@
-"""The past of a voltage in few pieces, and a model that is replayed through it."""
+"""The history of a voltage as few segments, and a model that is replayed through it."""
 
 from math import pi, sin
 
@@ -30,7 +30,7 @@ def remembered(voltages_V: list[float]) -> VoltageMemory:
 
 
 def ramp(*to_V: float, rest: int = 0) -> list[float]:
-    """From 0 V to each in turn, 0.04 V a sample, with a rest at each."""
+    """Return voltages from 0 V to each value in turn, 0.04 V per sample, with a rest at each."""
     path: list[float] = [0.0]
     for value in to_V:
         count = max(1, round(abs(value - path[-1]) / 0.04))
@@ -59,7 +59,7 @@ def test_a_new_model_is_initialized_with_the_stored_voltages() -> None:
     travelled_um = abs(live.position_um())
     assert travelled_um > 20.0
     assert led.position_um() == pytest.approx(live.position_um(), abs=0.1)
-    # What follows is what follows for the live one: the turning points are the same.
+    # The continuation equals that of the live model: the turning points are the same.
     for voltage_V in ramp(0.7, 2.2):
         live, led = live.updated(voltage_V, T), led.updated(voltage_V, T)
         assert led.position_um() == pytest.approx(live.position_um(), abs=0.15)

@@ -52,14 +52,14 @@ def command(**changes: object) -> CommandFacts:
 
 
 def ready(limits: SafetyLimits = LIMITS) -> SafetyState:
-    """Reset and armed at time 0, before the first sample."""
+    """Return a state that was reset and armed at time 0, before the first sample."""
     return armed(limits, reset(limits, SafetyState()), epoch=EPOCH, owner=OWNER, now=0.0)
 
 
 def offered(
     state: SafetyState, command: CommandFacts, now: float, limits: SafetyLimits = LIMITS
 ) -> SafetyState:
-    """A command that comes and does not wait for its sample."""
+    """Submit a command that arrives and does not wait for its sample."""
     if why := authority_fault(state, command):
         return reject(state, command, why)
     return judged(limits, state, command, now)
@@ -72,22 +72,22 @@ def ticked(
     x_um: float = 1.0,
     **changes: object,
 ) -> SafetyState:
-    """Sample ``seq`` on the grid, and 4 ms later the command made of it."""
+    """Submit sample ``seq`` on the grid, and 4 ms later the command computed from it."""
     state = sampled(limits, state, seq, (x_um,), seq * T)
     return offered(state, command(seq=seq, **changes), seq * T + 0.004, limits)
 
 
 def held(voltage_V: float = 0.5) -> SafetyState:
-    """Armed, with a part, after the first tick."""
+    """Return an armed state with a part, after the first tick."""
     return ticked(ready(), 0, part_held=True, voltage_V=voltage_V)
 
 
 def cause_words(state: SafetyState) -> str:
-    """Why it has tripped, for people."""
+    """Return the cause of the trip as text."""
     return cause_text(state.cause, state.faults)
 
 
 def detail_words(state: SafetyState) -> str:
-    """What a person asks for first."""
+    """Return the detail of the trip as text."""
     parts = (state.mode, cause_words(state), faults_text(state.findings))
     return "; ".join(part for part in parts if part)

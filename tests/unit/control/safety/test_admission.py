@@ -1,4 +1,4 @@
-"""Which commands act, which wait, which are refused, and which trip."""
+"""Which commands take effect, wait, are refused, or trip."""
 
 from math import inf, nan
 from typing import Any
@@ -41,7 +41,7 @@ FREE = ticked(ready(), 0)
 
 
 def after(state: SafetyState, **changes: Any) -> SafetyState:
-    """Sample 1, and a command like a good one but for some fields, 4 ms later."""
+    """Submit sample 1, and 4 ms later a good command with other values of some fields."""
     return ticked(state, 1, **changes)
 
 

@@ -1,4 +1,4 @@
-"""What a boot means, by how the actuator before has ended."""
+"""Interpretation of a boot, depending on how the previous actuator ended."""
 
 import pytest
 from msgspec.structs import replace

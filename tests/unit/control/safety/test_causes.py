@@ -1,4 +1,4 @@
-"""Causes: who may name which, and which lets a part go."""
+"""Causes: which program may state which, and which of them release a part."""
 
 import pytest
 

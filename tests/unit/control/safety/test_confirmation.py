@@ -1,4 +1,4 @@
-"""An output that has failed: when it is asked, and what its answer leads to."""
+"""An output that has failed: when it is read back, and the effect of its reply."""
 
 import pytest
 from msgspec.structs import replace

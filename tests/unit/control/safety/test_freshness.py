@@ -1,4 +1,4 @@
-"""Ages by the clock and by numbers, and what the actuator's own standstill excuses."""
+"""Ages by the clock and by numbers, and the stalls of the actuator that are discounted."""
 
 from dataclasses import replace
 

@@ -1,4 +1,5 @@
-"""Which modes lead where: arming, trip, freeze, ramp, latch, reset, and the end of the program."""
+"""Transitions between modes: arming, trip, freeze, ramp, latch, reset, and the end of the
+program."""
 
 import pytest
 

@@ -1,4 +1,5 @@
-"""Hard limits of force, following error and position, at their edges and over samples in a row."""
+"""Hard limits of force, following error and position, at their edges and over consecutive
+samples."""
 
 from math import nan
 
@@ -23,7 +24,7 @@ from .bench import MONITORS, T
 
 
 def found(limits: MonitorLimits, watches: Watches) -> str:
-    """What acts, for people."""
+    """Return the cause of a trip as text."""
     finds = finding(limits, watches)
     return "" if finds is None else cause_text(finds.cause, (finds.fault,))
 

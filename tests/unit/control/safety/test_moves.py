@@ -1,4 +1,5 @@
-"""When the voltage moved last, a safe voltage that is not 0 V, and other numbers at their edges."""
+"""Time of the last voltage change, a safe voltage other than 0 V, and other numbers at their
+edges."""
 
 from dataclasses import replace as changed
 

@@ -1,6 +1,6 @@
-"""Two controllers at once, in every order drawn: nothing of the second one is ever taken.
+"""Two controllers at once, in every drawn order: no command of the second one is ever accepted.
 
-What is left after an interleaving is what the first one alone leaves, but for what is counted.
+The state after an interleaving is that after the first one alone, except for counters.
 """
 
 import random
@@ -18,13 +18,13 @@ from .bench import EPOCH, LIMITS, OWNER, T, command, offered, ready
 
 TICKS = 6
 WORLDS = 64
-"""Runs of the first controller that interleavings are made of."""
+"""Runs of the first controller from which interleavings are made."""
 Event = tuple[float, CommandFacts | None, int]
 """Time, a command (None: the sample arrives), number."""
 
 
 def first(chance: random.Random) -> list[Event]:
-    """Samples and commands of the rightful controller, some of them odd, late or lost."""
+    """Return samples and commands of the first controller, some of them odd, late or lost."""
     events: list[Event] = []
     for seq in range(TICKS):
         events.append((seq * T, None, seq))
@@ -42,7 +42,8 @@ def first(chance: random.Random) -> list[Event]:
 
 
 def second(chance: random.Random) -> CommandFacts:
-    """A command of another sender: another owner or epoch, or a recording of the last one."""
+    """Return a command of another sender: another owner or epoch, or a recording of the last
+    one."""
     owner, epoch = chance.choice(((OWNER + 1, EPOCH), (OWNER, EPOCH - 1), (OWNER + 1, EPOCH + 1)))
     return CommandFacts(
         epoch,
@@ -70,14 +71,14 @@ def befallen(state: SafetyState, event: Event) -> SafetyState:
 
 
 def ending(state: SafetyState) -> SafetyState:
-    """As it is once time has passed, without what is only counted."""
+    """Return the state after some time, without counters."""
     state = pass_time(LIMITS, state, TICKS * T)
     return replace(state, refused=0, refusal=None, unauthorized=NO_UNAUTHORIZED)
 
 
 def interleaved(count: int, seed: int) -> Iterator[int]:
-    """Play interleavings, each against what the first controller alone leaves; yields how many
-    commands of the second came."""
+    """Play interleavings, each compared with the first controller alone; yields how many
+    commands of the second arrived."""
     chance = random.Random(seed)
     worlds = [first(chance) for _ in range(WORLDS)]
     alone: list[SafetyState] = []

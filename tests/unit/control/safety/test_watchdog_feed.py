@@ -1,4 +1,4 @@
-"""Which states of the loop keep the hardware's own watchdog from acting."""
+"""States of the loop in which the hardware watchdog is fed."""
 
 import pytest
 from msgspec.structs import replace

@@ -1,4 +1,4 @@
-"""Spectral radii as they are."""
+"""Spectral radii, computed from the eigenvalues."""
 
 import numpy as np
 

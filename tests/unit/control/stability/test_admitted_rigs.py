@@ -45,11 +45,11 @@ PIECES = 10
 class Rig:
     case: LoopCase
     late_ticks: int
-    """Time from a touch or a loss until the law is informed."""
+    """Time from a contact or a loss until the law is informed."""
 
 
 def drawn(number: int, seed: int) -> list[Rig]:
-    """Rigs all over the set, half of them at its ends."""
+    """Draw rigs in the whole set, half of them at its limits."""
     chance = np.random.default_rng(seed)
 
     def within(low: float, high: float) -> float:
@@ -72,7 +72,7 @@ def drawn(number: int, seed: int) -> list[Rig]:
 
 
 def reference(t_s: float) -> tuple[float, float, float, bool]:
-    """x_r, its derivatives, and whether the plan presses."""
+    """Return x_r, its derivatives, and whether the plan presses."""
     w = 2.0 * pi * HZ
     if t_s < FREE_S:
         return X_E_UM + 40.0 * (t_s - FREE_S), 40.0, 0.0, False
@@ -88,7 +88,7 @@ def reference(t_s: float) -> tuple[float, float, float, bool]:
 
 
 def furthest_um(loop: Loop, rig: Rig, seed: int) -> float:
-    """Largest |x - x_r| over the last tenth of a second, of the arm itself."""
+    """Return the largest |x - x_r| of the arm itself over the last tenth of a second."""
     T, case, chance = loop.period_s, rig.case, np.random.default_rng(seed)
     law = control_law.build(replace_set(loop), ARM, T, 0.0, output=loop.assumed_timing)
     rest = case.frequency_factor, 0.0, case.gain_factor, case.damping_factor
@@ -104,7 +104,8 @@ def furthest_um(loop: Loop, rig: Rig, seed: int) -> float:
         x = float(z[0])
         x_r, v, a, _ = reference((tick + 1) * T)
         touched = x > X_E_UM
-        # The touch in the samples in a row, its loss from where the plan has let go.
+        # The contact is reported after the required samples, its loss after the plan has released
+        # the part.
         met = touched if not reported else tick * T > FREE_S + PRESSED_S
         waited = waited + 1 if met else 0
         if waited > rig.late_ticks and not gone:
@@ -112,7 +113,7 @@ def furthest_um(loop: Loop, rig: Rig, seed: int) -> float:
             at: dict[str, Any] = {"x_um": x, "x_r_um": x_r, "force_mN": 0.0, "force_r_mN": 0.0}
             state = control_law.rebase(law, state, **at)
         seen = x + NOISE_UM * float(chance.standard_normal())
-        # The estimator's force by its own slope, quasi-static.
+        # The estimator's force uses its own slope, quasi-static.
         F = (ARM.d / ARM.k * z[3] - seen) * ARM.k if reported else 0.0
         F_r = K_E * (x_r - X_E_UM) if reported else 0.0
         state, output = step_at(
@@ -124,7 +125,7 @@ def furthest_um(loop: Loop, rig: Rig, seed: int) -> float:
         )
         old_V = float(z[3])
         for piece in range(PIECES):
-            # About where the spring lets the arm rest: x_e counts in the equilibrium.
+            # Relative to the arm's rest position on the spring: x_e is part of the equilibrium.
             pressed = int(z[0] > X_E_UM)
             base_um = X_E_UM * kappa / (1.0 + kappa) if pressed else 0.0
             z[0] -= base_um
@@ -137,7 +138,7 @@ def furthest_um(loop: Loop, rig: Rig, seed: int) -> float:
 
 
 def replace_set(loop: Loop) -> Any:
-    """The law of the line, which the arm here has."""
+    """Use the law of the line, which fits the arm here."""
     return type(loop.law)(loop.law.definition, "consistent", "planned", loop.law.values)
 
 
@@ -149,7 +150,7 @@ def test_no_rig_of_an_admitted_loop_diverges(name: str) -> None:
 
 
 def test_a_refused_loop_diverges_on_a_drawn_rig() -> None:
-    """What the trial is worth: it can fail, and near the edge it does."""
+    """The trial can fail, and does so near the limit of the set."""
     loop = loop_of(0.001, f_w=130.0)
     assert not assess(loop, PART).stable
     reached = [furthest_um(loop, rig, number) for number, rig in enumerate(drawn(40, SEED))]

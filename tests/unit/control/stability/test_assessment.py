@@ -1,4 +1,4 @@
-"""What may run, what may not, and whether the advice holds."""
+"""Which loops may run, which may not, and whether the advice is right."""
 
 import re
 from dataclasses import replace
@@ -58,7 +58,7 @@ def test_a_refusal_names_radius_limit_case_and_change() -> None:
 
 
 def proposed(loop: Loop, text: str) -> tuple[Loop, str]:
-    """The loop that a proposal asks for, and the radius it promises."""
+    """Return the loop that a proposal requests, and its predicted radius."""
     match = re.fullmatch(r"(.+) gives ([0-9.]+)", text)
     assert match is not None, text
     for change in match[1].split(" and "):
@@ -130,7 +130,7 @@ def test_the_limit_is_an_argument() -> None:
 
 
 def test_a_longer_delay_worsens_the_radius() -> None:
-    """A loop for a short delay is not one for a delay of nearly a period."""
+    """A loop for a short delay does not fit a delay of nearly a period."""
     loop = Loop(law_settings(), ARM, 0.008, force_filter_s=0.03)
     at_once = assess(loop, around(2.17, 0.3, delay_periods=(0.0, 0.0)))
     late = assess(loop, around(2.17, 0.3, delay_periods=(0.0, 1.0)))

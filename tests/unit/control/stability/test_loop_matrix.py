@@ -1,4 +1,4 @@
-"""The closed loop: its printed radii, its course in time, and what is left out of it."""
+"""The closed loop: its printed radii, its motion in time, and the terms that are left out."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -23,24 +23,25 @@ D_P = 19.0
 ARM = consistent_arm(OMEGA_N, ZETA, D_P, S_P)
 FREE, CONTACT = LoopCase(), LoopCase(K_e_mN_per_um=2.17)
 ROUNDED = 0.005
-"""Off by rounding to two digits."""
+"""Tolerance for rounding to two digits."""
 ROUNDED_TWICE = 0.0055
-"""Off by rounding to three digits and these to two: the table has 0.89 for 0.8849."""
+"""Tolerance for rounding to three digits and then to two: the table has 0.89 for 0.8849."""
 
 
 def friendliest(period_s: float, K_P: float) -> Loop:
-    """K_f = 0, and the true force."""
+    """Return the most favourable loop: K_f = 0, and the true force."""
     law = law_settings(K_P=K_P, K_f=0.0, force_age="newest")
     return Loop(law, ARM, period_s, force="true")
 
 
 def as_run_by_the_list(period_s: float, K_P: float) -> Loop:
-    """With the impedance (14), and the estimated force, free as well as in contact."""
+    """Return the loop with the impedance (14), and the estimated force, free and in contact."""
     return Loop(law_settings(K_P=K_P, force_age="newest"), ARM, period_s, force_when_free=True)
 
 
 def as_controlled(period_s: float, K_P: float) -> Loop:
-    """With the force that is planned, its error low-passed, and none fed where the arm is free."""
+    """Return the loop with the planned force, its error low-passed, and none fed while the arm
+    is free."""
     return Loop(law_settings(K_P=K_P), ARM, period_s, force_filter_s=0.03)
 
 
@@ -93,7 +94,7 @@ def test_a_shorter_period_is_not_simply_worse(period_s: float, radius: float) ->
 
 @pytest.mark.parametrize("period_s", [0.02, 0.008, 0.005, 0.002])
 def test_without_a_force_the_free_loop_is_the_position_loop(period_s: float) -> None:
-    """Unless the law is fed a force where nothing is touched, neither filter nor estimate acts."""
+    """If the law is fed no force without contact, neither filter nor estimate acts."""
     law = law_settings(M=0.0, B=0.0, force_age="newest")
     alone = replace(friendliest(period_s, 1.0), law=law.with_gains(K_f=0.0))
     run = Loop(law, ARM, period_s)
@@ -114,7 +115,7 @@ def test_with_a_stiff_arm_the_radius_is_that_of_the_law() -> None:
 
 
 def test_the_switching_slope_sets_the_decay_of_s() -> None:
-    """s_k = (1 - slope)·s_{k-1} on an arm that is as the law knows it."""
+    """s_k = (1 - slope)·s_{k-1} on an arm that equals the law's model."""
     stiff = consistent_arm(1e6, 0.5, D_P, S_P)
     for slope in (0.3, 1.5, 2.5):
         law = law_settings(M=0.0, B=0.0, delta=1.0)
@@ -124,7 +125,7 @@ def test_the_switching_slope_sets_the_decay_of_s() -> None:
 
 
 def test_an_unused_integral_is_omitted() -> None:
-    """ε acts through K_S alone; otherwise its eigenvalue 1 is none of the loop's."""
+    """ε acts through K_S only; otherwise its eigenvalue 1 does not belong to the loop."""
     cases = (FREE, CONTACT)
     off = loop_matrices(Loop(law_settings(), ARM, 0.02), cases)
     on = loop_matrices(Loop(law_settings(K_S=1e-9), ARM, 0.02), cases)
@@ -134,11 +135,11 @@ def test_an_unused_integral_is_omitted() -> None:
 
 
 ROUNDING = 1e-7
-"""The arm solved here is halved, and squared back, some twenty times."""
+"""Rounding error of the arm computed here, by some twenty halvings and squarings."""
 
 
 class Reality:
-    """A loop step by step: law, observer, and an arm that is solved here."""
+    """A loop step by step: law, observer, and an arm that is computed here."""
 
     def __init__(self, loop: Loop, observer: ForceObserver, case: LoopCase) -> None:
         self.loop, self.observer, self.case = loop, observer, case
@@ -187,7 +188,7 @@ class Reality:
 def test_the_matrix_agrees_with_the_loop_in_time(
     law: LawSettings, observer: ForceObserver | None, case: LoopCase, force_when_free: bool
 ) -> None:
-    """From 1 µm off, tick by tick, against the powers of the matrix."""
+    """From an error of 1 µm, tick by tick, compared with the powers of the matrix."""
     loop = Loop(
         law,
         ARM,
@@ -229,7 +230,8 @@ def test_a_change_of_gain_keeps_the_other_values() -> None:
 
 
 def test_another_arm_gives_another_loop() -> None:
-    """ω_n off by 5 % decides: the factor of a case is that of the arm, and not of the law."""
+    """An error of 5 % in ω_n is decisive: the factor of a case applies to the arm, and not to
+    the law."""
     loop = as_controlled(0.004, 1.0)
     faster: ArmParameters = consistent_arm(1.05 * OMEGA_N, ZETA, D_P, S_P)
     varied = spectral_radii(loop, (LoopCase(frequency_factor=1.05),))[0]

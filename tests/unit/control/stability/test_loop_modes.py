@@ -1,4 +1,4 @@
-"""Which slow mode counts: what creeps after the position has settled does not, all else does."""
+"""Which slow mode counts: creep after the position has settled does not, all else does."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ LIMIT = 0.97
 
 
 def sloped(slope: float, period_s: float = 0.02) -> Loop:
-    """PBSMIC with slope G_a·K_S/(k̄·δ) inside the boundary layer."""
+    """Return PBSMIC with slope G_a·K_S/(k̄·δ) inside the boundary layer."""
     law = law_settings(delta=1.0)
     K_S = slope * discretize(ARM, period_s).k_bar / (law.gains["K_P"] + law.gains["K_I"])
     return Loop(law.with_gains(K_S=K_S), ARM, period_s, force_filter_s=0.03)
@@ -31,7 +31,7 @@ def test_settling_is_to_two_percent() -> None:
 
 @pytest.mark.parametrize("scheme", ["pbsmic", "dsmifc"])
 def test_the_printed_switching_creeps_and_does_not_count(scheme: str) -> None:
-    """The printed K_S/d̄ does next to nothing: s leaks away at 1e-11 or 1e-5 a tick."""
+    """The printed K_S/d̄ has hardly any effect: s decays at 1e-11 or 1e-5 a tick."""
     law = default_settings("pbsmic" if scheme == "pbsmic" else "dsmifc", "printed")
     loop = Loop(law, ARM, 0.02)
     assert np.all(spectral_radii(loop, CASES) > 0.9999)
@@ -51,7 +51,7 @@ def test_the_printed_switching_creeps_and_does_not_count(scheme: str) -> None:
 def test_a_slow_mode_counts_by_its_remaining_amplitude(
     slope: float, limit: float, counts: list[bool]
 ) -> None:
-    """Judged here by the position itself, after the ticks that the limit takes to 2 %."""
+    """Determined here from the position itself, after the ticks that the limit takes to 2 %."""
     loop = sloped(slope)
     slow = spectral_radii(loop, CASES)
     assert slow == pytest.approx([1.0 - slope] * 2, abs=2e-3)
@@ -82,7 +82,8 @@ def test_one_switching_mode_does_not_hide_another() -> None:
 
 @pytest.mark.parametrize("size", [1e9, 1e100, 1e200])
 def test_an_extremely_unstable_loop_exceeds_the_limit(size: float) -> None:
-    """By chance, which goes by the processor, its slow mode's share cannot be reckoned."""
+    """By rounding, which depends on the processor, the share of its slow mode cannot be
+    computed."""
     law = law_settings(M=size, K=1.0 / size, K_S=1.0, delta=1.0)
     found = counted_radii(Loop(law, ARM, 0.02, force_filter_s=0.03), CASES, LIMIT)
     assert np.max(found) > LIMIT

@@ -1,4 +1,4 @@
-"""The judgement at short periods: M_s, the widened intervals, the table of margins, refusals."""
+"""The assessment at short periods: M_s, the widened intervals, the table of margins, refusals."""
 
 from dataclasses import replace
 from math import exp, pi
@@ -25,7 +25,7 @@ PART = around(2.17, 0.3)
 
 
 def loop_of(period_s: float, **gains: float) -> Loop:
-    """FPBSMIC as it runs, with the observer that belongs to it."""
+    """Return FPBSMIC as it runs, with its observer."""
     observer = QuasiStatic(QuasiStaticParameters(0.46, older=held_age(0.65)))
     law = FPBSMIC.settings("identified").with_gains(**gains)
     settings = OutputTiming(0.65 * period_s)
@@ -33,7 +33,8 @@ def loop_of(period_s: float, **gains: float) -> Loop:
 
 
 def from_the_closed_loop(loop: Loop, case: LoopCase) -> float:
-    """M_s by the resolvent of the whole loop: S = 1 + c(zI - A)⁻¹b, b of a disturbance of x."""
+    """Return M_s by the resolvent of the whole loop: S = 1 + c(zI - A)⁻¹b, with b for a
+    disturbance of x."""
     closed = loop_matrices(loop, (case,))[0]
     transition, _ = sampled_arms(loop.arm, loop.period_s, loop.output_lag_s, (case,))
     disturbed = closed[:, 0].copy()
@@ -96,7 +97,7 @@ def test_the_law_has_its_design_margins(period_s: float, n: float, f_w: float, p
     found = assess(loop, PART)
     assert found.stable, found.reason
     assert found.sensitivity_peak == pytest.approx(peak, abs=0.05)
-    # Nothing is slower than the low-pass of the force error, of 3 Hz.
+    # No mode is slower than the low-pass of the force error, of 3 Hz.
     assert found.radius < exp(-2.0 * pi * 2.7 * period_s)
 
 
@@ -136,7 +137,8 @@ def test_a_law_for_long_periods_recommends_the_other_one() -> None:
 
 
 def test_contacts_unknown_to_the_law_are_checked_too() -> None:
-    """n = 1 at 10 Hz is stable with each contact that it knows, and with no unknown one."""
+    """n = 1 at 10 Hz is stable with each contact in its model, and with no contact outside of
+    it."""
     law: LawSettings = loop_of(0.001, n=1.0, f_w=8.0).law
     loop, wide = replace(loop_of(0.001), law=law), widened(loop_of(0.001), PART)
     settings = LoopCase(0.0, 0.8, 0.3, 1.2, 0.77, 0.0)

@@ -1,4 +1,4 @@
-"""The map of radii against single assessments."""
+"""The map of radii compared with single assessments."""
 
 from dataclasses import replace
 

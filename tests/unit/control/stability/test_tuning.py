@@ -1,4 +1,4 @@
-"""The search for gains: what is traded, what counts, and what the search plays."""
+"""The search for gains: its trade-off, its criteria, and the motions that it plays."""
 
 from dataclasses import replace
 from math import cos, pi
@@ -23,7 +23,7 @@ from tests.unit.control.laws.model_loop import ARM, SCHEMES
 
 K_E, PERIOD_S, TOUCH_V = 2.2, 0.02, 1.5
 SWING = TuningPath(tuple(10.0 * (1.0 - cos(pi * tick * PERIOD_S)) for tick in range(300)), 100)
-"""Two cycles of 0.5 Hz and 20 mN that count."""
+"""The two cycles of 0.5 Hz and 20 mN that count."""
 REST = TuningPath((10.0,) * 400, 300)
 K_P, K_F = (0.2, 0.5, 2.0), (0.0, 2000.0, 5000.0, 10000.0)
 GRID = {"K_P": K_P, "K_f": K_F}
@@ -85,7 +85,7 @@ def test_the_balanced_candidate_minimizes_the_larger_of_both_errors(scheme: str)
 
 
 class Radius:
-    """A radius by K_P alone, and which laws it was asked for."""
+    """A radius that depends on K_P only, and the laws for which it was requested."""
 
     def __init__(self, of: dict[float, float]) -> None:
         self.of = of
@@ -110,7 +110,7 @@ def test_gains_at_the_stability_limit_are_excluded_and_checked_once() -> None:
     assert set(refused) == {best}
     assert len(set(radius.asked)) == len(radius.asked)
     assert {item.settings for item in found.front} <= set(radius.asked)
-    # What never came to the front is never judged.
+    # A candidate that never reaches the Pareto front is never assessed.
     assert len(radius.asked) < len(K_P) * len(K_F)
 
 
@@ -155,7 +155,7 @@ def test_a_resting_law_errs_by_equation_51_with_its_force(
 ) -> None:
     law = default_settings(scheme, "consistent").with_gains(K_f=gain)
     x_um, force_mN = track(RIG, REST, law, planned, error_mN)
-    # (51), x_r - x_e = F_r/planned; the law takes F + b for F, so that b comes off F_r.
+    # (51), x_r - x_e = F_r/planned; the law uses F + b for F, so b is subtracted from F_r.
     mismatch_mN = 10.0 - K_E * 10.0 / planned
     stiffness = K_E + law.gains["K"] / gain if gain else float("inf")
     moved_um = (mismatch_mN - error_mN) / stiffness

@@ -1,4 +1,4 @@
-"""The judgement of two arms: its matrix against the loop itself, and what it refuses."""
+"""The assessment of two arms: its matrix compared with the loop itself, and its refusals."""
 
 from dataclasses import replace
 
@@ -77,7 +77,7 @@ def test_the_matrix_of_the_law_agrees_with_law_and_estimators(
     state, matrix = two_arms.start(), law_matrix(loop, pressed=pressed)
     chance = np.random.default_rng(11)
     before = np.zeros(matrix.shape[1] - 4)
-    # The first tick takes up what it finds; from 0 on both go alike.
+    # The first tick initialises the states; from tick 0 on both agree.
     for number in range(12):
         inputs = chance.normal(size=4) if number else np.zeros(4)
         x_1, x_2, free_1, free_2 = map(float, inputs)
@@ -108,7 +108,7 @@ def test_a_held_pair_swings_together_and_a_free_arm_alone() -> None:
     held, free = np.sort(np.abs(np.imag(rates)), axis=1) / FAST_LOOP.period_s
     first, second = ARMS
     swing = ((first.k + second.k) / (first.m + second.m)) ** 0.5
-    # The other mode of a held pair lies beyond half the rate, and is seen elsewhere.
+    # The other mode of a held pair lies above half the rate, and is tested elsewhere.
     assert np.min(np.abs(held - swing)) < 2e-3 * swing
     assert free[::2] == pytest.approx([0.97 * OMEGA_N, OMEGA_N], rel=2e-3)
 

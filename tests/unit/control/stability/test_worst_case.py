@@ -1,4 +1,4 @@
-"""The search for the worst case against a blind search of more points."""
+"""The search for the worst case compared with a random search of more points."""
 
 import re
 
@@ -22,7 +22,7 @@ LIMIT = 0.97
 
 
 def drawn(count: int, seed: int) -> tuple[LoopCase, ...]:
-    """Cases anywhere within the intervals of PART, a third of them free."""
+    """Draw cases anywhere within the intervals of PART, a third of them free."""
     numbers = np.random.default_rng(seed)
     return tuple(
         LoopCase(
