@@ -1,4 +1,4 @@
-"""A file that was replaced, and a folder that was made, outlast a power cut; nothing is torn."""
+"""A replaced file and a new folder survive a power cut; no file is partly written."""
 
 import os
 import stat

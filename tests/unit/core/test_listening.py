@@ -1,4 +1,5 @@
-"""Why a program cannot listen at a port: one line with the remedy for each kind of refusal."""
+"""Messages for a port on which a program cannot listen: one line with the remedy for each kind
+of error."""
 
 import errno
 import os

@@ -1,4 +1,5 @@
-"""Tables of numbers as spreadsheets and recorders write them, or the line that is unclear."""
+"""Tables of numbers as spreadsheets and recorders write them, or an error that names the unclear
+line."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""One rule for every number that is typed: read as it is shown, or refused."""
+"""One rule for every typed number: read as it is displayed, or refused."""
 
 import pytest
 

@@ -1,4 +1,5 @@
-"""Whatever is reported as stored outlasts a power cut at that moment, and is closed to others."""
+"""Data reported as stored survive a power cut at that moment, and are not accessible to other
+accounts."""
 
 import hashlib
 import os

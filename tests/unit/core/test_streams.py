@@ -1,4 +1,4 @@
-"""Output of programs that go on whether or not it can be written."""
+"""Output of programs that continue whether or not it can be written."""
 
 import fcntl
 import io

@@ -1,4 +1,4 @@
-"""What doctor finds in rig files, and in what instruments say; without ports, in no time."""
+"""Findings of doctor in rig files and in instruments' replies; without ports, in no time."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -44,7 +44,8 @@ def missing(found: Iterator[Finding]) -> list[str]:
 
 
 class Bench:
-    """The demo's instruments over memory, with the arm at rest; each look takes a millisecond."""
+    """The demo's instruments over memory, with the arm at rest; each reading takes a
+    millisecond."""
 
     def __init__(self, unit: str = "um", flipped: bool = False) -> None:
         assert RIG.simulation is not None

@@ -1,4 +1,4 @@
-"""What doctor says of the priority that the loop asks for."""
+"""Findings of doctor about the real-time priority that the loop requests."""
 
 import os
 import sys
@@ -18,7 +18,7 @@ def refuse(*_wish: object) -> None:
 
 
 def take(*_wish: object) -> None:
-    """As a system does that permits it."""
+    """Accept the priority, as a system does that permits it."""
 
 
 def test_a_permitted_fixed_priority_passes_the_check(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ class Laser:
         return 1.0
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Do nothing: there is no port to close."""
 
 
 class Output:
@@ -17,4 +17,4 @@ class Output:
         return 0.0
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Do nothing: there is no port to close."""

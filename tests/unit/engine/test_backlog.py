@@ -1,4 +1,4 @@
-"""A program that has stood still steps with the newest sample of what has come meanwhile."""
+"""After a stall, a program steps with the newest sample that has arrived meanwhile."""
 
 import threading
 
@@ -23,7 +23,8 @@ COUNT = 10
 
 
 class Bus(MemoryBus):
-    """Delivers in the caller's thread, as the bus of a program does, and notes who publishes."""
+    """Delivers in the caller's thread, as the bus of a program does, and records the publishing
+    threads."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -47,7 +48,8 @@ class Bus(MemoryBus):
 
 
 def test_from_a_backlog_the_newest_sample_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is left to the program's own thread; who brings one alone steps with it at once."""
+    """Queued samples are left to the program's own thread; a thread that delivers a single one
+    steps with it at once."""
     monkeypatch.setattr(engine, "monotonic", lambda: 10.0)
     bus = Bus()
     loop = Loop([Runner(loop_services()["estimator"], read_rig(DEMO))], bus)

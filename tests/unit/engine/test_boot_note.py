@@ -1,4 +1,4 @@
-"""How the program before has ended, from a file that may be gone, damaged or not writable."""
+"""How the previous actuator ended, from a file that may be missing, damaged or not writable."""
 
 import os
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What keeps an actuator from its clock, in a program that has other services too, is told it."""
+"""An actuator is told how long other services of its program kept it from checking its clock."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -24,7 +24,7 @@ RIG = read_rig(DEMO)
 
 @dataclass
 class Clocks:
-    """Time that passes, and of it what this thread computed."""
+    """Passing time, and the part of it that this thread computed."""
 
     now_s: float = 10.0
     computed_s: float = 0.0

@@ -1,4 +1,5 @@
-"""Which programs and ports a rig needs on its machine, with a router of its own or of another."""
+"""Programs and ports that a rig needs on its machine, with its own router or that of another
+rig."""
 
 import os
 import subprocess

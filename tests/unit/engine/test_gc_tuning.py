@@ -1,4 +1,4 @@
-"""The collector runs between the turns of a loop, and there alone; threads take short turns."""
+"""Garbage collection runs only between the turns of a loop; threads use a short switch interval."""
 
 import gc
 import subprocess
@@ -28,7 +28,7 @@ run_program("supervisor", Path({str(DEMO)!r}), Options())
 
 
 class Cycle:
-    """Something that only the collector frees."""
+    """An object that only the garbage collector frees."""
 
     def __init__(self) -> None:
         self.own = self

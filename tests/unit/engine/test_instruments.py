@@ -1,4 +1,4 @@
-"""The instruments of two arms: read and written in a tick, and each fault says whose it is."""
+"""The instruments of two arms: read and written in a tick, and each fault states its arm."""
 
 from typing import Any
 

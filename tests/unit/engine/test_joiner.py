@@ -1,4 +1,4 @@
-"""Which numbers may come next."""
+"""Sequence numbers that may come next."""
 
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,4 +1,4 @@
-"""What programs say of themselves, as lines of JSON."""
+"""Log lines of programs, in JSON."""
 
 import json
 import logging

@@ -1,4 +1,4 @@
-"""Several services as one program: whose step comes first, and what leaves when."""
+"""Several services as one program: the order of steps, and when messages are sent."""
 
 import threading
 from dataclasses import dataclass, field
@@ -60,7 +60,7 @@ class Output:
         return 0.0
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Do nothing: there is no port to close."""
 
 
 @dataclass
@@ -84,11 +84,11 @@ class Outside:
         raise NotImplementedError((question, request, timeout_s))
 
     def close(self) -> None:
-        """Nothing to leave."""
+        """Do nothing: there is no connection to close."""
 
 
 def in_lockstep(*names: str, urgent: tuple[Topic, ...] = ()) -> tuple[Loop, Outside]:
-    """Services on a simulated rig, as they are before a reset."""
+    """Return services on a simulated rig, in their state before a reset."""
     devices, outside = simulated_devices(LOCKSTEP, lambda _truth: None), Outside()
     runners = [Runner(SERVICES[name], LOCKSTEP, devices.get(name)) for name in names]
     return Loop(runners, outside, urgent=urgent), outside
@@ -97,7 +97,7 @@ def in_lockstep(*names: str, urgent: tuple[Topic, ...] = ()) -> tuple[Loop, Outs
 def asked(
     loop: Loop, outside: Outside, question: Request, request: Message
 ) -> tuple[Message | str, list[Message]]:
-    """The reply, and what had left before it."""
+    """Return the reply, and the messages that were sent before it."""
     replies: list[tuple[Message | str, list[Message]]] = []
     outside.answerers[question](
         question, request, lambda reply: replies.append((reply, list(outside.told)))
@@ -107,7 +107,7 @@ def asked(
 
 
 def armed(loop: Loop, outside: Outside) -> None:
-    """Begin an epoch, and its first tick."""
+    """Begin an epoch, and play its first tick."""
     asked(loop, outside, RESET, Reset(acknowledge=True))
     asked(loop, outside, LOAD, Load(PROGRAM))
     for name in ORDER:
@@ -230,7 +230,7 @@ def test_no_turn_publishes_the_timing_of_two_services() -> None:
 
 @pytest.mark.parametrize("first", [7, 200], ids=["repeated", "ahead"])
 def test_samples_of_another_program_become_a_finding_that_names_the_topic(first: int) -> None:
-    """They carry numbers that were taken already, or shut the sensor's own samples out."""
+    """They have sequence numbers that were already used, or block the sensor's own samples."""
     bus, refused = Outside(), RefusedMessages("demo/estimator")
     sensor = Loop([Runner(SERVICES["sensor"], RIG, Laser())], bus)
     sensor.begin(monotonic() - 2.0 * T)
@@ -305,7 +305,7 @@ def test_a_sensor_too_slow_for_a_composed_loop_is_refused_with_both_times() -> N
 
 
 def test_a_sensor_that_would_always_be_slightly_too_late_is_refused_too() -> None:
-    # Of 1.93 ms its line alone takes 1.8, and no answer came in time.
+    # Of 1.93 ms its line alone takes 1.8, and no reply came in time.
     rig = composing(demo_rig({"rig": {"period_s": 0.01}}), "loop")
     with pytest.raises(ConfigError, match=r"takes 1\.8 ms, limit 1\.5 ms in one program"):
         shared_timeout_s(rig, SERVICES.values())

@@ -1,4 +1,4 @@
-"""Which thread handles what has come, and that nothing is lost or handled twice."""
+"""Which thread handles received items, and that no item is lost or handled twice."""
 
 import random
 import threading
@@ -16,7 +16,7 @@ from pincette_estimator import SERVICE
 from tests.support.rigs import DEMO
 
 SOON_S = 10.0
-"""Longer than a machine stands still."""
+"""Time longer than a stall of the machine, in s."""
 LONG_S = 1000.0
 
 
@@ -25,7 +25,7 @@ def item(number: int) -> Item:
 
 
 class Program(Loop):
-    """A loop that runs in a thread of its own, and notes which thread took what."""
+    """A loop that runs in a separate thread, and records which thread handled which item."""
 
     def __init__(self) -> None:
         super().__init__([Runner(SERVICE, read_rig(DEMO))], MemoryBus())
@@ -34,7 +34,7 @@ class Program(Loop):
         self.turns = 0
         self.idle_s: float = LONG_S
         self.during: Callable[[int], None] | None = None
-        """Called for each item that is taken."""
+        """Called for each item that is handled."""
         self.turned = threading.Condition()
         self.raised: list[Exception] = []
         self.thread = threading.Thread(target=self._run)
@@ -65,12 +65,12 @@ class Program(Loop):
         self.after(1)
 
     def after(self, turns: int) -> None:
-        """Wait until so many turns have been made."""
+        """Wait until this many turns have been made."""
         with self.turned:
             assert self.turned.wait_for(lambda: self.turns >= turns, SOON_S)
 
     def until(self, items: int) -> None:
-        """Wait until so many items have been taken."""
+        """Wait until this many items have been handled."""
         with self.turned:
             assert self.turned.wait_for(lambda: len(self.taken) >= items, SOON_S)
 
@@ -89,7 +89,7 @@ def program() -> Iterator[Program]:
 
 
 def waiting(program: Program) -> None:
-    """Let the program's thread go to wait: then another one can make a turn."""
+    """Let the program's thread wait, so that another one can make a turn."""
     with program._running:  # pyright: ignore[reportPrivateUsage]
         pass
 

@@ -16,14 +16,14 @@ SOON_S, TOO_LATE_S = 0.5 * REOPEN_PERIODS * PERIOD_S, 1.1 * REOPEN_PERIODS * PER
 
 @dataclass
 class Output:
-    """An output that keeps its voltage while its line is away."""
+    """An output that keeps its voltage while its line is lost."""
 
     now_s: float = 0.0
     put_V: float = 0.0
     failing: list[ErrorCode] = field(default_factory=list[ErrorCode])
     """How the next writes and heartbeats fail."""
     heard: bool = False
-    """Whether a write that fails is carried out."""
+    """True if a write that fails is carried out."""
     reopens_in_s: float | None = SOON_S
     """Time until the line is back; None: it does not come back."""
     loses: Callable[[], None] = lambda: None

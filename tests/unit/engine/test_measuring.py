@@ -1,4 +1,4 @@
-"""Wake-ups on a grid, in virtual time; and what keeps a machine busy."""
+"""Wake-ups on a grid, in virtual time; and load that keeps a machine busy."""
 
 import os
 import subprocess

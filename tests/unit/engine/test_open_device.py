@@ -1,4 +1,4 @@
-"""Instruments are opened with patience: a first answer may be late, which would end a program."""
+"""Opening an instrument is retried, since a first late reply would otherwise end a program."""
 
 import logging
 from contextlib import nullcontext
@@ -23,7 +23,7 @@ SERVICES = loop_services()
 
 
 class Late:
-    """A driver that fails to open so often, and then gives its settings back."""
+    """A driver that fails to open this many times, and then returns its settings."""
 
     def __init__(
         self, monkeypatch: pytest.MonkeyPatch, failures: int, code: ErrorCode = "silent"
@@ -44,7 +44,7 @@ class Late:
         return settings
 
 
-# A sensor is waited for 16 ms in a tick of 20 ms, a sixth of its timeout.
+# A sensor has a timeout of 16 ms in a tick of 20 ms, a sixth of its usual timeout.
 @pytest.mark.parametrize(("name", "tries"), [("sensor", 7), ("actuator", 3)])
 @pytest.mark.parametrize("opened", [True, False])
 def test_an_instrument_that_does_not_answer_at_once_is_retried(
@@ -95,7 +95,7 @@ def test_a_noisy_line_gets_more_time(monkeypatch: pytest.MonkeyPatch, name: str)
 
 
 class Careless:
-    """A driver from outside that raises exceptions of Python itself."""
+    """An external driver that raises built-in exceptions of Python."""
 
     def __init__(self, _settings: Any = None) -> None:
         pass
@@ -149,7 +149,7 @@ def test_an_output_that_cannot_write_steps_in_parts_is_refused(
             """Open nothing."""
 
         def write_V(self, _voltage_V: float) -> None:
-            """Put out nothing."""
+            """Output nothing."""
 
         def read_V(self) -> float:
             return 0.0

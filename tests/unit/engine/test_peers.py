@@ -1,4 +1,4 @@
-"""Who is waited for, and why, in one line of a log."""
+"""Which partners a program waits for, and why, in one log line."""
 
 from pincette.engine.peers import absent
 

@@ -1,4 +1,5 @@
-"""What a program writes is closed to other accounts, and it may open many files for a moment."""
+"""Files of a program are not accessible to other accounts, and it may temporarily open many
+files."""
 
 import os
 import stat

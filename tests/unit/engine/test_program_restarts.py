@@ -1,4 +1,4 @@
-"""A program beside the loop that dies is started again, at once and then less often."""
+"""A program outside the loop that dies is restarted, at once and then less often."""
 
 import errno
 import os
@@ -13,20 +13,20 @@ from pincette.engine.revival import FIRST_S, LONGEST_S, WELL_S, Revival
 
 
 class Process:
-    """Has a number and perhaps a status."""
+    """Has a process number and perhaps an exit status."""
 
     def __init__(self, pid: int) -> None:
         self.pid, self.returncode = pid, cast("int | None", None)
 
 
 class Programs:
-    """Stands in for processes of the operating system."""
+    """Replaces the processes of the operating system."""
 
     def __init__(self, *names: str) -> None:
         self.members = {name: self._child(name, 100 + n) for n, name in enumerate(names)}
         self.revived: list[str] = []
         self.error: OSError | None = None
-        """Error that starts of programs fail with."""
+        """Error with which starts of programs fail."""
 
     def _child(self, name: str, pid: int) -> Child:
         process = cast("subprocess.Popen[str]", Process(pid))

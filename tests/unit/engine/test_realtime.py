@@ -1,4 +1,5 @@
-"""What programs ask of the system, what they say where it is refused, and one real try."""
+"""System settings that programs request, their messages if these are refused, and one real
+attempt."""
 
 import json
 import logging

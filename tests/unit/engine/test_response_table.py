@@ -59,7 +59,7 @@ def test_a_sinusoid_that_was_not_taught_is_followed(seed: int) -> None:
     voltages_V = [*rise, *sinusoid]
     for voltage_V in voltages_V:
         plant.put_out(voltage_V)
-    # x_k answers to the voltage of k-1.
+    # x_k follows the voltage of k-1.
     x_um = np.array(positions_um[1:])
     x_1_um = simulate(taught.hysteresis(), np.array(voltages_V[:-1]), 0.02)
     error_um = float(np.std((x_um - x_1_um)[len(rise) :]))
@@ -119,7 +119,8 @@ def test_a_motion_that_ends_early_teaches_nothing() -> None:
 
 
 def test_an_arm_with_an_unknown_past_is_not_identified_as_unpoled() -> None:
-    """Relays stand by chance as the arm is switched on; a pair taught so erred by 20 %."""
+    """Relays have random states when the arm is switched on; a pair calibrated in this state had
+    errors of 20 %."""
     drawn, _ = CLASSES["relays"](read_rig(TWO_ARMS).arms[0], 501)
     low_um, high_um = REACH_UM
     limits = drawn.limits.model_copy(update={"position_min_um": low_um, "position_max_um": high_um})
@@ -154,7 +155,7 @@ def test_recorded_branches_replace_the_identified_response(
     assert response.branches.top == pytest.approx(recording.branches.top, abs=1e-3)
     assert response.branches.ascending == pytest.approx(recording.branches.ascending, abs=1e-5)
     assert response.model_error_um == pytest.approx(recording.residual_um, abs=5e-4)
-    # Up and down over the stroke, the branches lie apart: there is a loop in them.
+    # The branches up and down over the stroke differ: there is a loop.
     middle_um: list[float] = []
     for end_V in (3.0, 0.0):
         for step in range(51):

@@ -1,4 +1,5 @@
-"""A router that does not answer itself ends; one that does, or that was not run, goes on."""
+"""A router that does not reply to itself ends; one that replies, or that was not scheduled,
+continues."""
 
 import pytest
 
@@ -9,7 +10,7 @@ LIMIT_S = 5.0
 
 
 class Router:
-    """A router that answers or raises an error, its clock, and the ends that were called for."""
+    """A router that replies or raises an error, its clock, and the number of requested ends."""
 
     def __init__(self) -> None:
         self.now_s = 100.0

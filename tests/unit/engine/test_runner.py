@@ -1,4 +1,4 @@
-"""Joins by number, in both kinds of time."""
+"""Joins of messages by sequence number, in both kinds of time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -165,7 +165,7 @@ class BrokenSensor:
         raise InstrumentError("laser off")
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Do nothing: there is no port to close."""
 
 
 def test_a_failing_sensor_gives_an_invalid_sample_with_the_reason() -> None:
@@ -207,7 +207,7 @@ def test_an_impossible_model_refuses_the_arming_and_changes_nothing() -> None:
 
 
 class Buffered:
-    """A sensor whose buffer holds three samples more at each look."""
+    """A sensor whose buffer holds three more samples at each reading."""
 
     def __init__(self) -> None:
         self.rates: list[float] = []
@@ -225,7 +225,7 @@ class Buffered:
         self.rates.append(0.0)
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Do nothing: there is no port to close."""
 
 
 def test_an_acquisition_lasts_as_long_as_the_arming_that_requested_it() -> None:
@@ -263,7 +263,7 @@ class PlainOutput:
         return 0.0
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Do nothing: there is no port to close."""
 
 
 class PartsOutput(PlainOutput):

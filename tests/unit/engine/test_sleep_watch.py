@@ -1,4 +1,5 @@
-"""A machine that was suspended: two clocks of which one counts it, and the loop that is told."""
+"""A machine that was suspended: only one of two clocks counts that time, and the loop is
+informed."""
 
 from dataclasses import dataclass
 from time import CLOCK_BOOTTIME, CLOCK_MONOTONIC
@@ -18,12 +19,12 @@ from tests.support.rigs import DEMO
 
 @dataclass
 class Hand:
-    """Both clocks, by hand."""
+    """Both clocks, set by the test."""
 
     awake_s: float = 100.0
     slept_s: float = 0.0
     put_off_s: float = 0.0
-    """How long the program is put off before the next reading but one."""
+    """Delay of the program before the reading after the next, in s."""
 
     def __call__(self, clock: int) -> float:
         if clock == CLOCK_BOOTTIME:

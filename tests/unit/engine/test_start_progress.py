@@ -1,4 +1,4 @@
-"""A start is given up where nothing goes on, however long it takes otherwise; logs are kept."""
+"""A start is abandoned if it makes no progress, however long it takes otherwise; logs are kept."""
 
 import os
 import signal

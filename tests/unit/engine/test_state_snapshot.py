@@ -1,4 +1,4 @@
-"""What a service carries into an epoch: snapshot as JSON, and restored to the last bit."""
+"""State that a service carries into an epoch: a snapshot as JSON, restored to the last bit."""
 
 import json
 from typing import Any
@@ -47,7 +47,7 @@ SERVICES: tuple[AnyService, ...] = (ESTIMATOR, CONTROLLER, ACTUATOR)
 
 
 def moved(config: Any, **others: Any) -> Any:
-    """The state of an estimator that has followed a voltage to and fro."""
+    """Return the state of an estimator that has followed an alternating voltage."""
     state = ESTIMATOR.start(config)
     response, memory = state.arms[0].response, ReversalMemory(0.0)
     for voltage_V in (0.3, 1.1, 0.7, 1.9, 0.1 + 0.2, 0.4):
@@ -69,7 +69,7 @@ def test_the_memory_of_an_estimator_is_restored(kind: type) -> None:
 
 
 def test_the_compared_change_of_a_stroke_is_restored() -> None:
-    """A start has none: the second arming after a comparison failed with a TypeError."""
+    """A start has no table: the second arming after a comparison failed with a TypeError."""
     config = ESTIMATOR.configure(RIGS[IdentifiedResponse])
     state = moved(config, stroke=StrokeChange(0.1 + 0.2, 0.004))
     text = snapshot(ESTIMATOR, config, state)

@@ -1,4 +1,4 @@
-"""The free motion that a simulated rig is taught by, and what comes of it."""
+"""The free motion that calibrates a simulated rig, and its result."""
 
 from pathlib import Path
 
@@ -48,7 +48,7 @@ def test_the_taught_model_rises_with_the_voltage_whatever_happened_before(
     for voltage in voltages:
         state = step(model, state, voltage, 0.02)
     way_V = 0.01 if up else -0.01
-    # No creep in either: both stay for no time.
+    # Neither has creep: both rest for no time.
     before_um = displacement_um(model, step(model, state, state.voltage_V, 0.0))
     after_um = displacement_um(model, step(model, state, state.voltage_V + way_V, 0.0))
     assert (after_um - before_um) / way_V > 5.0

@@ -1,4 +1,4 @@
-"""Threads that fail: the program learns of it, and what repeats goes on."""
+"""Threads that fail: the program is informed, and repeated work continues."""
 
 import logging
 import threading

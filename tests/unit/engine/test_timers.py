@@ -94,7 +94,7 @@ class Watched(Output):
         """Notifies no thread."""
 
     def clear_trip(self) -> None:
-        """Has never tripped."""
+        """Do nothing: it has never tripped."""
 
 
 @pytest.mark.parametrize(("output", "look_s"), [(Output(), SAMPLE_S), (Watched(), T)])

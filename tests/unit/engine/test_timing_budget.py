@@ -1,4 +1,4 @@
-"""Whether instruments fit the control period: the sum, its parts, and the refusal to arm."""
+"""Whether instruments fit the control period: the sum, its terms, and the refusal to arm."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ DC205: Tree = {"driver": "srs_dc205", "options": {"range_V": 10}}
 
 
 def rig(sensor_baud: int, output: Tree) -> RigFile:
-    """The demo rig with these lines."""
+    """Return the demo rig with these lines."""
     tree = DEMO.model_dump(mode="json", exclude_unset=True)
     tree["output"] = {"driver": "icpdas_i7024", "url": tree["output"]["url"], **output}
     return parse_rig(laid_over(tree, {"sensor": {"options": {"baud": sensor_baud}}}))
@@ -95,7 +95,7 @@ def test_the_bandwidth_is_that_of_the_slower_instrument() -> None:
 
 
 class Still:
-    """An output that stands at 0 V."""
+    """An output at a constant 0 V."""
 
     def write_V(self, voltage_V: float) -> None:
         assert voltage_V == 0.0
@@ -104,4 +104,4 @@ class Still:
         return 0.0
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Do nothing: there is no port to close."""

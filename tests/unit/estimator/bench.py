@@ -1,4 +1,4 @@
-"""An estimator fed sample by sample, and rigs for it."""
+"""An estimator that receives samples one by one, and rigs for it."""
 
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,7 @@ APPLIED = Applied(
 
 
 def a_rig(taught: IdentifiedFreeResponse | None, period_s: float = 0.02, **model: Any) -> RigFile:
-    """The demo rig with this free response, and changes to its model."""
+    """Return the demo rig with this free response, and changes to its model."""
     changed = DEMO.model.model_copy(update={"free_response": taught, **model})
     rig = DEMO.rig.model_copy(update={"period_s": period_s})
     return DEMO.model_copy(update={"rig": rig, "model": changed})

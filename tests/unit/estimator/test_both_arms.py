@@ -1,4 +1,4 @@
-"""Two arms: each is estimated as if it were the only one, and their difference is watched."""
+"""Two arms: each is estimated as if it were the only one, and their difference is monitored."""
 
 from math import sin
 
@@ -45,7 +45,7 @@ class PairBench(Bench):
 
 
 def course(seq: int) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Voltages of both, and tips that are near to what they bring."""
+    """Return voltages of both, and tip positions close to their free responses."""
     voltages = 0.5 + 0.4 * sin(0.05 * seq), 0.6 - 0.3 * sin(0.08 * seq)
     return (19.0 * voltages[0], 18.5 * voltages[1]), voltages
 
@@ -83,7 +83,7 @@ def test_a_sample_without_the_second_measurement_is_not_valid() -> None:
 
 
 def rest(bench: PairBench, ticks: int, apart_mN: float, *, held: bool) -> Estimate:
-    """Both arms at one voltage; the first is pushed back as by a force."""
+    """Keep both arms at one voltage; the first is pushed back as by a force."""
     back_um = apart_mN * RIG.model.compliance_um_per_mN
     found = bench.feed_both((-back_um, 0.0), (0.0, 0.0), held=held)
     for _ in range(ticks - 1):
@@ -148,7 +148,7 @@ def test_tips_that_rest_while_both_arms_press_harder_are_not_stuck(arm: int) -> 
         bench.feed_both(at, (1.5 + 0.01 * tick, 1.5 + 0.01 * tick), held=True) for tick in range(30)
     ]
     assert all(each.valid for each in pressed)
-    # A place that moves shows in both tips.
+    # A moving part is visible in both tips.
     moved: list[Estimate] = []
     for tick in range(1, 14):
         tips = [at[0] + 0.19 * tick, at[1] - 0.19 * tick]

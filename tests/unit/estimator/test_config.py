@@ -1,4 +1,4 @@
-"""Which force observer a rig file gets, and which it is refused."""
+"""The force observer that a rig file gets, and those that are refused for it."""
 
 import pytest
 

@@ -15,7 +15,7 @@ AGE_S = 30.0
 
 
 def stated_mN(drift_um_per_min: float) -> tuple[float, float]:
-    """U just after the zero, and 30 s later, of an arm at rest."""
+    """Return U just after the zero, and 30 s later, of an arm at rest."""
     rig = a_rig(TAUGHT)
     sensor = rig.sensor.model_copy(update={"drift_um_per_min": drift_um_per_min})
     bench = Bench(configure(rig.model_copy(update={"sensor": sensor})))

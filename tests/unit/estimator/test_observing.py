@@ -1,4 +1,4 @@
-"""How the estimator uses its force observer: which samples, and when it restarts."""
+"""Use of the force observer by the estimator: which samples, and when it restarts."""
 
 from math import pi, sin, sqrt
 
@@ -51,7 +51,7 @@ def test_after_a_gap_the_observer_restarts(config: EstimatorConfig) -> None:
     bench.rest(0.0, 0.0)
     assert not bench.feed(1.0, None).valid
     assert bench.feed(-4.6, 0.0).arms[0].force_mN == pytest.approx(10.0)
-    # Without a gap the same jump is no resting force.
+    # Without a gap the same jump is not a static force.
     bench.rest(0.0, 0.0, count=100)
     assert bench.feed(-4.6, 0.0).arms[0].force_mN != pytest.approx(10.0, abs=0.1)
 

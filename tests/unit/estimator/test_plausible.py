@@ -1,4 +1,4 @@
-"""Finite numbers that no sensor and no output can have meant: refused, and remembered nowhere."""
+"""Finite but impossible numbers of a sensor or an output are refused and leave no trace."""
 
 from math import inf, nan
 
@@ -28,7 +28,7 @@ def test_a_position_beyond_the_sensors_range_is_invalid(
     assert (estimate.valid, estimate.degraded, estimate.arms[0].x_um) == (False, False, 0.0)
     assert "outside -9999..9999 µm" in fault_text(estimate.fault)
     sound.seq += 1
-    # What comes next is as after a sample that was no measurement.
+    # What follows is as after a sample without a measurement.
     assert spoilt.feed(0.5, 0.1).arms[0].force_mN == pytest.approx(
         sound.feed(0.5, 0.1).arms[0].force_mN, abs=0.01
     )

@@ -1,4 +1,4 @@
-"""A kink in the way of an arm whose force is known: of the sensor's noise, or of a part."""
+"""A kink in the path of an arm whose force is known: caused by the sensor's noise, or by a part."""
 
 from functools import cache
 from math import copysign
@@ -17,12 +17,13 @@ S_P, K_E = CONFIG.arms[0].compliance_um_per_mN, 2.17
 TOUCH_MN, SAMPLES = 2.0, 3
 STEP_V, HIGHEST_V, NOISE_UM = 0.004, 4.0, 0.03
 BENT = (155, 442, 854, 1035, 1502)
-"""Seeds of noise that bends the way of a free arm as a part does, of some 4000 that were tried."""
+"""Seeds of noise that bends the path of a free arm as a part does, from some 4000 that were
+tried."""
 
 
 @cache
 def followed() -> tuple[State, int]:
-    """An estimator that has tracked x_1 over the range, is armed again, and zeroed."""
+    """Return an estimator that has tracked x_1 over the range, is armed again, and zeroed."""
     bench = Bench(CONFIG)
     for voltage_V in (*np.arange(0.0, HIGHEST_V, 0.02), *np.arange(HIGHEST_V, 0.0, -0.02)):
         free_um = bench.state.arms[0].response.updated(float(voltage_V), 0.02).position_um()
@@ -36,9 +37,9 @@ def followed() -> tuple[State, int]:
 def touched_with_mN(
     seed: int, contact_um: float = 1e9, K_e: float = K_E, gain: float = 1.0
 ) -> float | None:
-    """True force when a guard believes a touch; None where it never does.
+    """Return the true force when a guard detects contact; None if it never does.
 
-    ``gain``: displacement of the arm over that of its model.
+    ``gain``: displacement of the arm divided by that of its model.
     """
     bench = Bench(CONFIG)
     (bench.state, bench.seq), bench.epoch, count = followed(), 2, 0
@@ -65,7 +66,8 @@ def test_noise_that_bends_the_path_of_a_free_arm_is_not_a_touch(seed: int) -> No
 @pytest.mark.parametrize("K_e", [0.7 * K_E, 1.3 * K_E])
 @pytest.mark.parametrize("gain", [0.98, 1.0, 1.02])
 def test_a_part_is_still_detected_by_its_kink(seed: int, K_e: float, gain: float) -> None:
-    """Also where the force reads up to 1.4 mN wrong, as a model 2 % off makes it."""
+    """This also holds if the force has an error up to 1.4 mN, as from a model that is wrong by 2
+    %."""
     felt_mN = touched_with_mN(seed, contact_um=33.0, K_e=K_e, gain=gain)
     print(seed, K_e, gain, felt_mN)
     assert felt_mN is not None
@@ -76,7 +78,7 @@ def test_a_part_is_still_detected_by_its_kink(seed: int, K_e: float, gain: float
 def test_after_a_zero_a_force_that_no_free_arm_has_is_a_touch(
     force_mN: float, multiple: float
 ) -> None:
-    """A part that pressed at rest has no kink, and is found by its force alone."""
+    """A part that pressed at rest causes no kink, and is found only by its force."""
     bench = Bench(CONFIG)
     (bench.state, bench.seq), bench.epoch = followed(), 2
     confirmed = replace(bench.state.arms[0], zero_confirmed=True)
@@ -92,9 +94,9 @@ def test_after_a_zero_a_force_that_no_free_arm_has_is_a_touch(
 def test_a_part_that_pressed_the_arm_at_the_start_is_found_on_the_way_up(
     config: EstimatorConfig, held: bool
 ) -> None:
-    """The place where the arm was found is no ground that is known to be free.
+    """The initial position of the arm is not known to be free.
 
-    With a model in use a part that nobody held was pressed up to the limit of the force.
+    With a model in use a part that no job held was pressed up to the limit of the force.
     """
     bench, contact_um, kappa = Bench(config), -8.0, S_P * K_E
     voltages_V = (*np.arange(0.0, -1.0, -0.01), *np.arange(-1.0, 2.0, 0.01))

@@ -1,6 +1,6 @@
-"""An estimator that is started anew beside an arm that remembers: the simulated arm, moved freely.
+"""An estimator that is restarted for an arm with a history: the simulated arm, moved freely.
 
-The arm touches nothing, so its true force is zero all the time.
+The arm is always free, so its true force is zero.
 """
 
 import random
@@ -59,9 +59,9 @@ class FreeArm:
         return [self.tick(self.at_V) for _ in range(round(seconds / PERIOD_S))]
 
     def stroke(self, epoch: int, *, from_zero: bool = False) -> list[Estimate]:
-        """As in a grip: zero half way up, then to the voltage that presses, and hold.
+        """Play a stroke as in a grip: zero half way up, then to the voltage that presses, and hold.
 
-        With ``from_zero`` there is a zero before it moves, too.
+        With ``from_zero`` there is a zero before the motion, too.
         """
         self.bench.arm(epoch)
         if from_zero:
@@ -75,7 +75,7 @@ class FreeArm:
 
 
 def a_past(arm: FreeArm, seed: int) -> None:
-    """Strokes and rests at random, and the arm back at 0 V."""
+    """Play random strokes and rests, and return the arm to 0 V."""
     draw = random.Random(seed)
     for _ in range(draw.randint(1, 4)):
         arm.move(draw.uniform(0.0, 3.5))
@@ -101,7 +101,8 @@ def test_the_force_after_a_restart_is_within_its_uncertainty(
 
 
 def test_without_a_restart_the_same_stroke_has_a_smaller_error(free: PlantParameters) -> None:
-    """The error is that of the restart: one who stays knows the past, one who starts does not."""
+    """The error comes from the restart: an estimator that continues knows the history, a new one
+    does not."""
     worst: dict[bool, float] = {}
     for restarts in (False, True):
         arm = FreeArm(free)
@@ -122,7 +123,7 @@ def test_the_approach_shows_that_an_arm_is_not_the_one_of_the_model(free: PlantP
 def test_the_approach_shows_nothing_if_strokes_are_impossible_or_come_first(
     free: PlantParameters, low_V: float
 ) -> None:
-    """By its zeros before and after the approach, a quarter of the unknown past was left in U."""
+    """With zeros before and after the approach, a quarter of the unknown history was left in U."""
     model = DEMO.model
     assert model.free_response is not None
     taught = model.free_response.model_copy(update={"taught_V": (low_V, 3.0)})

@@ -14,13 +14,13 @@ from .bench import TAUGHT, Bench, a_rig
 RETURN_UM, TURN_UM_PER_V = 0.8, 1.4
 ZERO_V, TOP_V, STEP_V = 1.0, 2.0, 0.02
 CREPT_V = 0.12
-"""Fall of the voltage that creep makes in a hold."""
+"""Fall of the voltage that creep causes in a hold, in V."""
 
 
 def stated_mN(
     return_error_um: float | None, turn_error_um_per_V: float | None = None
 ) -> dict[str, float]:
-    """Return U at the top of a press, two falls below it, and U back at the place of the zero."""
+    """Return U at the top of a press, two falls below it, and back at the voltage of the zero."""
     errors = {"return_error_um": return_error_um, "turn_error_um_per_V": turn_error_um_per_V}
     taught = TAUGHT.model_copy(update=errors)
     bench = Bench(configure(a_rig(taught)))
@@ -43,14 +43,15 @@ def test_U_on_the_return_is_at_least_the_error_of_rehearsed_returns() -> None:
     without, stated = stated_mN(None), stated_mN(RETURN_UM)
     assert stated["top"] == pytest.approx(without["top"])
     assert stated["below"] == pytest.approx(without["below"])
-    # What the unfollowed past may do is in both; without the error x_1 is sure where it was zeroed.
+    # Both contain the effect of the unknown history; without the error x_1 is certain at the
+    # voltage of its zero.
     by_um = COVERAGE / a_rig(TAUGHT).model.compliance_um_per_mN
     more_mN2 = stated["back"] ** 2 - without["back"] ** 2
     assert more_mN2 == pytest.approx((by_um * RETURN_UM) ** 2, rel=1e-6)
 
 
 def test_creep_during_a_hold_does_not_cause_the_error_of_the_whole_return() -> None:
-    """Where the voltage of a hold had crept down by 0.1 V, U rose from 1.5 to 2 mN in one tick."""
+    """When the voltage of a hold had crept down by 0.1 V, U rose from 1.5 to 2 mN in one tick."""
     without, stated = stated_mN(None), stated_mN(RETURN_UM)
     by_um = COVERAGE / a_rig(TAUGHT).model.compliance_um_per_mN
     more_mN2 = stated["crept"] ** 2 - without["crept"] ** 2
@@ -71,7 +72,8 @@ def test_the_slope_error_after_a_turn_counts_by_the_fall_and_ends_on_the_return(
 def test_a_small_change_of_the_stroke_widens_the_uncertainty_with_the_travel_since_the_zero() -> (
     None
 ):
-    """A stroke 0.73 % larger, of which the strokes show 0.9 %, errs by 0.25 mN at 16 mN."""
+    """A stroke 0.73 % larger, of which the strokes show 0.9 %, causes an error of 0.25 mN at 16
+    mN."""
 
     def squared_mN2(stroke: StrokeChange | None) -> float:
         bench = Bench(configure(a_rig(TAUGHT)))

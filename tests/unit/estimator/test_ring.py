@@ -1,4 +1,4 @@
-"""U carries the ring of the mode after a step of the voltage, where its timing is known."""
+"""U includes the ring of the mode after a step of the voltage, if its timing is known."""
 
 import pytest
 
@@ -13,7 +13,7 @@ LAGLESS = OutputTiming(0.005)
 
 
 def stated_mN(*voltages_V: float, output: OutputTiming | None = None, held: bool = False) -> float:
-    """Return U after the last of these voltages, one a sample."""
+    """Return U after the last of these voltages, one per sample."""
     model: dict[str, float] = {}
     if output is not None:
         model = {"output_delay_s": output.delay_s, "output_lag_s": output.lag_s}

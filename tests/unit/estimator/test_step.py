@@ -1,4 +1,5 @@
-"""The estimator's step: matched ages, missing partners, zeros, and a memory that lives on."""
+"""The estimator's step: inputs of equal age, missing partners, zeros, and a state that is kept
+across epochs."""
 
 from math import inf, isfinite, nan, sqrt
 
@@ -115,7 +116,7 @@ def test_a_part_that_presses_at_rest_is_never_zeroed(config: EstimatorConfig) ->
 
 
 def test_a_zero_is_accepted_after_a_part_that_was_zeroed_away_is_removed() -> None:
-    """A part was zeroed away and then removed: what is read is not a force."""
+    """A zero was taken while a part pressed, which was then removed: the reading is not a force."""
     bench = Bench(IDENTIFIED)
     bench.rest(-9.0, 0.0)
     bench.feed(-9.0, 0.0, zero=True)

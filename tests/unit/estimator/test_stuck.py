@@ -1,4 +1,5 @@
-"""A stuck sensor is found within ten samples, and a quiet or creeping arm is none."""
+"""A stuck sensor is detected within ten samples, and a quiet or creeping arm is not mistaken for
+one."""
 
 import random
 from math import inf, sin
@@ -14,7 +15,7 @@ MOVED_V = moved_V(0.03, 19.0)
 
 
 def alarm(readings: list[float], voltages: list[float]) -> int | None:
-    """Number of the sample at which the watch says stuck."""
+    """Return the number of the sample at which the detector reports a stuck sensor."""
     watch = StuckWatch()
     for number, (x_um, voltage_V) in enumerate(zip(readings, voltages, strict=True)):
         watch = watch.updated(x_um, voltage_V, MOVED_V)

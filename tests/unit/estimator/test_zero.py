@@ -1,4 +1,5 @@
-"""A zero only where the arm is free: touches on the way, places beyond the first touch."""
+"""A zero is taken only if the arm is free: contacts during the motion, positions beyond the
+first contact."""
 
 import pytest
 
@@ -22,14 +23,15 @@ class Approach:
         self.voltage_V = 0.0
 
     def close_to(self, x_to_um: float, contact_um: float = 1e9, ticks: int = 100) -> None:
-        """Raise the voltage until the arm has come to ``x_to_um`` or as far as that is forced."""
+        """Raise the voltage until the arm has reached ``x_to_um``, or as far as the voltage
+        allows."""
         while self.place(contact_um) < x_to_um and ticks:
             self.voltage_V += 0.02
             self.feed(contact_um)
             ticks -= 1
 
     def place(self, contact_um: float) -> float:
-        """Where the arm is: behind the model's x_1 by a constant, and pressed back."""
+        """Set the arm's position: a constant behind the model's x_1, and pressed back."""
         free_um = self.bench.state.arms[0].response.updated(self.voltage_V, 0.02).position_um()
         pressed_um = max(0.0, free_um - contact_um) * S_P * K_E / (1.0 + S_P * K_E)
         return free_um - pressed_um
@@ -66,7 +68,7 @@ def test_an_arm_that_touched_something_is_not_zeroed(
     before = approach.zero(12.0)
     assert before.arms[0].force_mN > 2.0
     assert "touched something at 1" in fault_text(before.arms[0].zero_refusal)
-    # Where it came from, it is free again.
+    # At its start position it is free again.
     approach.voltage_V = 0.0
     assert approach.zero(12.0).arms[0].zero_refusal is None
 
@@ -85,7 +87,7 @@ def test_the_first_grip_of_an_estimator_allows_for_a_memory_it_does_not_know() -
     assert approach.zero().arms[0].zero_refusal is None
 
     def short_of_the_model(by_um: float) -> str:
-        """Rest by so much short of x_1 and ask for a zero there."""
+        """Rest this far short of x_1 and request a zero there."""
         refusal = ""
         for count in range(13):
             response = approach.bench.state.arms[0].response
@@ -103,7 +105,7 @@ def test_the_first_grip_of_an_estimator_allows_for_a_memory_it_does_not_know() -
 
 
 LOST_UM = 1e6
-"""Reading that no arm can have, so that it counts as not measured."""
+"""Reading that no arm can have, so it counts as not measured."""
 
 
 def with_a_zero_due(lost: int = 1) -> Approach:
@@ -144,7 +146,7 @@ def test_a_zero_is_not_taken_after_another_command(rise_V: float) -> None:
     later = approach.feed(1e9)
     assert later.valid
     assert later.arms[0].zero_age_s != 0.0
-    # Not even where the arm rests again.
+    # This holds even if the arm rests again.
     again = approach.bench.feed(approach.place(1e9), approach.voltage_V, answered=False)
     assert again.arms[0].zero_age_s != 0.0
 

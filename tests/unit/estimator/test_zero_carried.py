@@ -1,4 +1,5 @@
-"""The zero of a part that one arm still holds goes on in the next epoch, where it is asked for."""
+"""The zero for a part that one arm still holds continues in the next epoch, if this is
+requested."""
 
 import pytest
 
@@ -15,7 +16,7 @@ HELD_SAMPLES = 50
 
 
 def held_bench() -> Bench:
-    """An estimator whose force was zeroed, and that then follows a held part for a while."""
+    """Return an estimator whose force was zeroed, and that then follows a held part for a while."""
     bench = Bench(configure(DEMO))
     bench.rest(0.0, 0.0, 30)
     assert bench.feed(0.0, 0.0, zero=True).arms[0].zero_age_s == 0.0

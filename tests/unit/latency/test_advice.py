@@ -1,4 +1,5 @@
-"""What suits a machine: each part of the rule by hand, and that what is proposed is enough."""
+"""Recommended settings for a machine: each part of the rule by hand calculation, and that the
+proposed settings suffice."""
 
 import pytest
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""Lateness against a grid that only the samples show."""
+"""Lateness relative to a grid that is known only from the samples."""
 
 import pytest
 

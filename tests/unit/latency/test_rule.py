@@ -1,4 +1,4 @@
-"""Which period is supported: each part of the rule, at its limit and beyond it."""
+"""Supported period: each part of the rule, at its limit and beyond it."""
 
 from itertools import chain, repeat
 
@@ -11,7 +11,7 @@ T = 0.02
 
 
 def measured(*late_s: float, period_s: float = T, count: int = 10_000) -> Measured:
-    """Some late wake-ups among those that are 10 µs late."""
+    """Return some late wake-ups among those that are 10 µs late."""
     filled = chain(late_s, repeat(1e-5, count - len(late_s)))
     return Measured(period_s, counted(filled), 0)
 

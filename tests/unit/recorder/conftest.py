@@ -1,4 +1,4 @@
-"""A keeper with clocks of its own."""
+"""A record writer with its own clocks."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -34,7 +34,7 @@ CONFIG = RecorderConfig(
 
 
 class Bench:
-    """A keeper, what feeds it, and its time."""
+    """A record writer, its input, and its time."""
 
     def __init__(self, folder: Path, room: int = 10_000) -> None:
         self.now_s = 100.0
@@ -60,7 +60,7 @@ class Bench:
         return self.clock_ns() + round(self.wall_step_s * 1e9)
 
     def begin(self, job: str = "j-1", epoch: int = EPOCH, **about: str) -> Ack | str | None:
-        """Ask for a record; None where the answer is still to come."""
+        """Request a record; returns None if the reply is still pending."""
         whose = {**ABOUT, "job": job, "epoch": str(epoch), **about}
         self.begun.clear()
         self.writer.begin(Record(job, epoch, Document(json.dumps(whose))), self.begun.append)
@@ -68,7 +68,7 @@ class Bench:
 
     @property
     def answer(self) -> Ack | str | None:
-        """The answer to ``begin``."""
+        """Return the reply to ``begin``."""
         if not self.begun:
             return None
         (answer,) = self.begun
@@ -76,25 +76,25 @@ class Bench:
         return answer
 
     def feed(self, messages: Sequence[Message]) -> None:
-        """What the bus brings."""
+        """Deliver a message of the bus."""
         for message in messages:
             self.intake.take(TOPIC_OF[type(message)], message)
 
     def wait(self, seconds: float) -> None:
-        """Let time pass, and the keeper look."""
+        """Let time pass, and let the record writer check."""
         self.now_s += seconds
         self.writer.take()
 
     def finish(
         self, last_seq: int | None, job: str = "j-1", epoch: int = EPOCH
     ) -> Recorded | str | None:
-        """Ask for the end; None where the answer is still to come."""
+        """Request the end; returns None if the reply is still pending."""
         self.replies.clear()
         self.writer.finish(carried(Finish(job, epoch, last_seq)), self.replies.append)
         return self.reply
 
     def ended(self, last_seq: int | None, job: str = "j-1", epoch: int = EPOCH) -> Recorded | str:
-        """Ask for the end of a record that is not open, and wait for the answer."""
+        """Request the end of a record that is not open, and wait for the reply."""
         answers = SimpleQueue[Message | str]()
         self.writer.finish(carried(Finish(job, epoch, last_seq)), answers.put)
         answer = answers.get(timeout=60.0)
@@ -103,7 +103,7 @@ class Bench:
 
     @property
     def reply(self) -> Recorded | str | None:
-        """The last answer to ``finish``."""
+        """Return the last reply to ``finish``."""
         if not self.replies:
             return None
         (reply,) = self.replies
@@ -113,7 +113,7 @@ class Bench:
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Iterator[Bench]:
-    """A keeper of an empty folder."""
+    """Provide a record writer for an empty folder."""
     bench = Bench(tmp_path)
     yield bench
     bench.writer.close()

@@ -1,4 +1,4 @@
-"""What the rig file says of records; a rig file that says nothing is as good as before."""
+"""Settings of records in the rig file; a rig file without them is as valid as before."""
 
 import tomllib
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Each topic has a way of its own, and the last sample of none is cut off."""
+"""Topics have separate channels, and the last sample of none is cut off."""
 
 import pytest
 

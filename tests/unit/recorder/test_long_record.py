@@ -1,4 +1,5 @@
-"""The record of a long hold: memory stays bounded while it is written and closed; nothing lacks."""
+"""The record of a long hold: memory stays bounded while it is written and closed; no sample is
+missing."""
 
 import random
 from collections import Counter
@@ -22,12 +23,12 @@ from .conftest import Bench
 
 files = cast(Any, untyped_parquet)
 BATCH = 12
-"""Ticks that come before the recorder looks again: a quarter of a second, so one chunk each."""
+"""Number of ticks between two checks of the recorder: a quarter of a second, so one chunk each."""
 
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Blocks, row groups and an index of few entries, so that each bound is reached soon."""
+    """Use small blocks, row groups and indexes, so that each limit is reached soon."""
     monkeypatch.setattr(RowBlocks.__init__, "__kwdefaults__", {"every_tick": True, "rows": 256})
     monkeypatch.setattr(parquet.writer, "__defaults__", (1024,))
     monkeypatch.setattr(mcap_file, "INDEXED_CHUNKS", 100)
@@ -35,7 +36,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class LongRecord:
-    """A record into which the same tick is written again and again."""
+    """A record into which the same tick is written repeatedly."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench, self.ticks, self.counts = bench, 0, Counter[type[Message]]()
@@ -45,7 +46,7 @@ class LongRecord:
         assert bench.begin() == Ack(0)
 
     def feed(self, ticks: int, *, final: bool = False) -> None:
-        """Record so many ticks; the last one may be that of the arming."""
+        """Record this many ticks; the last one may be that of the arming."""
         end = self.ticks + ticks
         while self.ticks < end:
             batch: list[Message] = []

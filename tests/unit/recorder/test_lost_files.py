@@ -73,7 +73,7 @@ def test_a_start_notices_lost_messages_of_a_record(bench: Bench) -> None:
 
 
 def test_a_folder_without_a_record_is_accepted(bench: Bench) -> None:
-    """The supervisor writes such a folder where no recorder was there."""
+    """The supervisor writes such a folder if there was no recorder."""
     folder = bench.jobs / "j-1"
     folder.mkdir(parents=True)
     files.write_json(folder / files.RESULT, {"outcome": "gripped"})

@@ -43,8 +43,8 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Durable:
 
 @pytest.fixture
 def recording(disk: Durable, tmp_path: Path) -> Iterator[Bench]:
-    """A keeper whose syncs are recorded from its start on."""
-    del disk  # it only has to exist before the keeper does
+    """Provide a record writer whose syncs are recorded from its start on."""
+    del disk  # it only has to exist before the record writer
     (tmp_path / "data").mkdir()
     bench = Bench(tmp_path / "data")
     yield bench
@@ -64,7 +64,7 @@ def manifest_of(folder: Path) -> dict[str, Any]:
 
 
 def restart(records: Path) -> RecordRepairer:
-    """Do what a recorder does at its start; returns when that is done."""
+    """Do what a recorder does at its start; returns when this is done."""
     repairer = RecordRepairer(replace(CONFIG, records=records))
     repairer.check_newest().result()
     repairer.close()

@@ -89,7 +89,7 @@ def test_an_empty_file_is_closed_too(tmp_path: Path) -> None:
 
 
 class Asked(MemoryBus):
-    """A bus whose answers may come later, from any thread."""
+    """A bus whose replies may come later, from any thread."""
 
     def __init__(self) -> None:
         super().__init__()

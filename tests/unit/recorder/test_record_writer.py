@@ -1,4 +1,4 @@
-"""What the recorder answers, what it refuses, and what a record has when it is closed."""
+"""Replies of the recorder, refusals, and the content of a closed record."""
 
 import json
 from pathlib import Path
@@ -29,7 +29,7 @@ def _manifest(bench: Bench, job: str = "j-1") -> dict[str, Any]:
 
 
 def _whole(bench: Bench, count: int = 30) -> list[Message]:
-    """Record an arming from its start to its end; its messages."""
+    """Record an arming from its start to its end; returns its messages."""
     messages = [*loop(count), notice("succeeded")]
     assert bench.begin() == Ack(0)
     bench.feed(messages)
@@ -298,7 +298,7 @@ def test_files_state_when_the_samples_were_taken_and_not_when_the_job_was_reques
     asked_at = "2025-11-21T15:00:00.000Z"
     assert bench.begin(created_at=asked_at) == Ack(0)
     bench.wait(3.0)
-    bench.wall_step_s = 3600.0  # the machine's clock is set: the times of the record go on
+    bench.wall_step_s = 3600.0  # the machine's clock is set: the times of the record continue
     bench.feed(messages[:90])
     bench.wait(0.5)
     bench.feed([*messages[90:], notice("succeeded")])

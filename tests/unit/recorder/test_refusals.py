@@ -1,4 +1,4 @@
-"""What the recorder refuses, and whose record makes room for another."""
+"""Refusals of the recorder, and which open record may be closed in favour of another."""
 
 import json
 from dataclasses import replace

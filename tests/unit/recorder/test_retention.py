@@ -1,4 +1,5 @@
-"""Which records are deleted: by the time that recorders have counted, whatever the clock says."""
+"""Which records are deleted: by the time that recorders have counted, independently of the
+clock."""
 
 import json
 import os
@@ -26,7 +27,7 @@ def _kept(count: int, size: int = 100) -> list[Kept]:
 
 
 def _ages(count: int) -> dict[str, float]:
-    """Records that ended one second after the other, the first 1000 s ago."""
+    """Make records that ended one second after the other, the first 1000 s ago."""
     return {f"j-{place:02d}": 1000.0 - place for place in range(count)}
 
 
@@ -181,7 +182,7 @@ def test_a_corrected_clock_needs_no_person(machine: Machine) -> None:
     machine.boot(off_s=TO_1970)  # a board without a battery
     machine.run(0.1)
     assert machine.stepped
-    machine.wall_s += START_S + DAY_S  # its network has told it the time
+    machine.wall_s += START_S + DAY_S  # it has received the time from its network
     machine.run(0.1)
     assert (machine.stepped, machine.left()) == (False, 15)
     machine.run(2.0)

@@ -1,4 +1,4 @@
-"""What a record keeps of how punctual the programs say that they were."""
+"""Punctuality reported by the programs, as stored in a record."""
 
 import json
 

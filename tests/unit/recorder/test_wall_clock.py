@@ -1,4 +1,5 @@
-"""The wall clock is set while a record is open: its times go on, and the step is noted."""
+"""The wall clock is set while a record is open: the record's times continue, and the step is
+stored."""
 
 import pytest
 
@@ -8,7 +9,7 @@ HOUR_S = 3600.0
 
 
 class Hands:
-    """Both clocks of a machine, moved by hand."""
+    """Both clocks of a machine, set by the test."""
 
     def __init__(self) -> None:
         self.wall_s, self.steady_s = 1_763_740_800.0, 500.0

@@ -1,4 +1,5 @@
-"""The record's file: what other tools find in it, what a kill leaves, and how it is closed then."""
+"""The file of a record: its content for other tools, its state after a kill, and how it is
+closed then."""
 
 import json
 import random
@@ -43,7 +44,7 @@ def test_columns_from_the_file_are_those_of_the_messages(tmp_path: Path) -> None
     write(tmp_path / "job.mcap", messages)
     read = mcap_reading.read(tmp_path / "job.mcap")
     mine, theirs = columns(messages, PERIOD_S), columns(read.messages, read.period_s)
-    assert repr(mine) == repr(theirs)  # repr tells -0.0 from 0.0
+    assert repr(mine) == repr(theirs)  # repr distinguishes -0.0 from 0.0
     assert mine["true_force_mN"][5] is not None
 
 

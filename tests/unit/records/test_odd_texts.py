@@ -1,4 +1,4 @@
-"""Texts of a job that are no plain words reach each file of its record unchanged."""
+"""Unusual texts of a job reach each file of its record unchanged."""
 
 import csv
 import io

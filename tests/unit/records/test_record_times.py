@@ -32,7 +32,7 @@ TIMES = {
 
 
 def arrivals(messages: list[Message]) -> list[tuple[Message, int]]:
-    """Messages of a loop, each when its sample is due."""
+    """Return messages of a loop, each arriving when its sample is due."""
     newest, found = 0, list[tuple[Message, int]]()
     for message in messages:
         if isinstance(message, Sample):

@@ -1,4 +1,4 @@
-"""Rows that are joined block by block are the rows that are joined at once."""
+"""Rows joined block by block equal the rows joined at once."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -34,7 +34,8 @@ def joined(messages: Sequence[Message], *, every_tick: bool = True) -> dict[str,
 
 
 def unanswered(messages: Sequence[Message], *, lockstep: bool) -> list[Message]:
-    """The same loop with ticks without a command, which a rig in real time does not count."""
+    """Return the same loop with ticks without a command, which a rig in real time does not
+    count."""
     skipped = {20, 21, 77, 140}
     found: list[Message] = []
     for message in messages:
@@ -72,7 +73,7 @@ def test_messages_may_be_late_or_lost() -> None:
     messages.sort(key=lambda one: getattr(one, "seq", 0) % 1000 + random.uniform(0.0, 5.0))
     found, whole = joined(messages), columns(messages, PERIOD_S)
     for name in whole:
-        if not name.startswith("true_"):  # of which some are lost: no rig loses them
+        if not name.startswith("true_"):  # some of which are lost, which never happens on a rig
             assert found[name] == whole[name], name
 
 

@@ -1,4 +1,4 @@
-"""Messages as Protobuf: nothing of them is lost, and a file brings its own schema along."""
+"""Messages as Protobuf: nothing is lost, and a file contains its own schema."""
 
 import struct
 from typing import Any

@@ -1,4 +1,4 @@
-"""Units follow from the ends of names."""
+"""Units follow from the suffixes of names."""
 
 import pytest
 

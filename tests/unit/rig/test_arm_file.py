@@ -1,4 +1,4 @@
-"""The simulated arm lives on over a restart of the rig program."""
+"""The simulated arm keeps its state over a restart of the rig program."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ RELAYS: Tree = {"hysteresis": None, "relays": {"loop_share": 0.15, "full_drive_V
 
 
 class Clock:
-    """Time of day in steps of the test."""
+    """Time of day that the test advances."""
 
     now_s = 1.0e9
 
@@ -51,7 +51,7 @@ def test_hysteresis_and_creep_outlive_the_program(tmp_path: Path, hysteresis: Tr
     file.start()
     moved(first, 100, MOVED_V)
     file.close()
-    moved(first, 50, 0.0)  # what the output of the restarted rig does in its first second
+    moved(first, 50, 0.0)  # output of the restarted rig in its first second
     second = bench_of(rig)
     assert places_um(second) == (0.0,)
     resumed_file = ArmFile(rig, tmp_path, second.rig, clock)
@@ -82,7 +82,7 @@ def test_time_passes_for_the_arm_while_no_program_runs(tmp_path: Path) -> None:
         again.close()
         left_um.extend(places_um(later))
     just_now_um, a_day_ago_um = left_um
-    assert a_day_ago_um < just_now_um - 0.3  # creep is over, remanence is not
+    assert a_day_ago_um < just_now_um - 0.3  # creep has decayed, remanence has not
     assert a_day_ago_um > 0.1
 
 

@@ -1,4 +1,4 @@
-"""Lockstep passes no faster than its pace, and does not make up for what the machine lost."""
+"""Lockstep is never faster than its pace, and does not catch up after stalls of the machine."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from pincette_rig.program import BEHIND_S, Pace
 
 
 class Clock:
-    """Moves by what is waited for, and by hand."""
+    """Advances by the waiting times, and by the test."""
 
     def __init__(self) -> None:
         self.now_s = 100.0

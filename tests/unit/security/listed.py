@@ -1,4 +1,4 @@
-"""What an access list lets pass."""
+"""Messages that an access list admits."""
 
 from pincette.security.access import Access
 from pincette.security.identity import Identity
@@ -14,7 +14,7 @@ def lets(access: Access, who: Identity, flow: str, message: str, wanted: str) ->
 
 
 def includes(granted: str, wanted: str) -> bool:
-    """Whether a key expression of whole-chunk wildcards includes another one."""
+    """Return whether a key expression with whole-chunk wildcards includes another one."""
     ours, theirs = granted.split("/"), wanted.split("/")
     if ours[-1] == "**":
         return theirs[: len(ours) - 1] == ours[:-1]

@@ -1,4 +1,5 @@
-"""Access lists follow from the topics: what each may say is what the topics say it produces."""
+"""Access lists follow from the topics: each program may publish what the topics state that it
+produces."""
 
 from itertools import combinations, product
 

@@ -1,4 +1,4 @@
-"""An authority of one's own: what it signs, for whom, and until when."""
+"""A private authority: which certificates it signs, and their validity."""
 
 from datetime import UTC, datetime, timedelta
 

@@ -1,4 +1,4 @@
-"""A program that composes services may do what they may, all of it, and no more."""
+"""A program that composes services has all of their permissions, and no others."""
 
 from itertools import combinations, product
 

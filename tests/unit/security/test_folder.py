@@ -1,4 +1,4 @@
-"""The folder of certificates: nothing is written over, secrets are secret, faults are named."""
+"""The folder of certificates: nothing is overwritten, secrets are private, faults are named."""
 
 import stat
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A time that never goes back, and a certificate that has ended before the clock was set back."""
+"""A time that never goes back, and a certificate that expired before the clock was set back."""
 
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -15,7 +15,7 @@ HOUR = timedelta(hours=1)
 
 
 class Clocks:
-    """A time of day that a test sets, and the time that has passed."""
+    """A time of day that a test sets, and the elapsed time."""
 
     def __init__(self) -> None:
         self.wall, self.passed_s = datetime.now(UTC), 0.0

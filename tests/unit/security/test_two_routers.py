@@ -1,4 +1,5 @@
-"""Two routers: each lets pass from the other what somebody beyond it may say, and nothing more."""
+"""Two routers: each admits from the other the messages of permitted programs beyond it, and no
+others."""
 
 from itertools import product
 

@@ -1,4 +1,4 @@
-"""Plants of two arms for the tests, as bare as each of them wants."""
+"""Plants of two arms for the tests, with only the effects that each test needs."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -14,7 +14,7 @@ SHARE = 0.0255
 
 
 def bare_arms(simulation: Simulation, **changes: Any) -> PlantParameters:
-    """Both arms without hysteresis, creep, lag and steps: x_f = d·u at once."""
+    """Return both arms without hysteresis, creep, lag and steps: x_f = d·u at once."""
     bare = replace(
         plant.plant_parameters(simulation),
         hysteresis=BoucWen(0.0, 0.0, 0.0),
@@ -27,19 +27,19 @@ def bare_arms(simulation: Simulation, **changes: Any) -> PlantParameters:
 
 
 def at_rest(p: PlantParameters, voltage_V: float) -> PlantState:
-    """The arms at rest under a voltage, which was put out in one step."""
+    """Return the arms at rest at a voltage that was output in one step."""
     return plant.advance(p, plant.set_voltage(p, plant.start(), voltage_V), 5.0)
 
 
 def moving(p: PlantParameters, state: PlantState, dt_s: float, steps: int) -> Iterator[PlantState]:
-    """The states of a motion at a constant voltage."""
+    """Return the states of a motion at a constant voltage."""
     for _ in range(steps):
         state = plant.advance(p, state, dt_s)
         yield state
 
 
 def energy_nJ(p: PlantParameters, state: PlantState) -> float:
-    """Kinetic and elastic energy about the free position of a bare plant, mN·µm."""
+    """Return kinetic and elastic energy about the free position of a bare plant, mN·µm."""
     free_um = p.piezo_um_per_V * state.drive_V - p.compliance_um_per_mN * p.hung_mN
     share, ratio = p.second_share, p.second_frequency_ratio
     omega = p.natural_frequency_rad_per_s

@@ -1,4 +1,4 @@
-"""A rig under a script, and an instrument on a line; time moves by the writes."""
+"""A rig with a script, and an instrument on a line; time advances with the writes."""
 
 from dataclasses import dataclass, field
 
@@ -12,7 +12,7 @@ T = 0.02
 
 @dataclass
 class Rig(Orders):
-    """A rig whose arm stands at a micrometre a tick; time moves by the writes."""
+    """A rig whose arm is at one micrometre per tick; time advances with the writes."""
 
     writes: list[float] = field(default_factory=list[float])
     done: list[tuple[float, str]] = field(default_factory=list[tuple[float, str]])
@@ -51,7 +51,7 @@ class Rig(Orders):
 
 
 class Echo:
-    """An instrument that answers what it is asked, and counts how often it was let idle."""
+    """An instrument that echoes its requests, and counts the calls of ``idle``."""
 
     def __init__(self) -> None:
         self.heard: list[bytes] = []
@@ -67,7 +67,7 @@ class Echo:
 
 @dataclass
 class Stand:
-    """A rig under a script, looked at and driven tick by tick; tick k puts out k/10 V."""
+    """A rig with a script, driven tick by tick; tick k outputs k/10 V."""
 
     script: Script
     rig: Rig

@@ -9,7 +9,7 @@ from pincette.sim.plant.amplifier import IDEAL, AmplifierParameters, advance_amp
 def _followed(
     amplifier: AmplifierParameters, input_V: float, dt_s: float, steps: int
 ) -> list[tuple[float, float]]:
-    """Slewed and output voltage after each step with a constant input, from 0 V."""
+    """Return slewed and output voltage after each step with a constant input, from 0 V."""
     slewed_V = output_V = 0.0
     result = list[tuple[float, float]]()
     for _ in range(steps):

@@ -1,4 +1,4 @@
-"""Modes of the arms, apart and joined, in the plant's own motion."""
+"""Modes of the arms, separate and joined, in the plant's own motion."""
 
 import math
 from dataclasses import replace
@@ -17,7 +17,7 @@ FINE_S = 5e-5
 
 
 def _crossings_rad_per_s(values: list[float]) -> float:
-    """Frequency of an oscillation about 0 by its upward crossings."""
+    """Return the frequency of an oscillation about 0 by its upward crossings."""
     times = [
         index + before / (before - after)
         for index, (before, after) in enumerate(pairwise(values))
@@ -27,7 +27,7 @@ def _crossings_rad_per_s(values: list[float]) -> float:
 
 
 def _peaks_rad_per_s(values: list[float]) -> list[float]:
-    """Frequencies of the two highest peaks of the spectrum, lower one first."""
+    """Return the frequencies of the two highest peaks of the spectrum, lower one first."""
     count = len(values)
     spectrum = np.abs(np.fft.rfft(np.array(values) * np.hanning(count), 8 * count))
     inner = (spectrum[1:-1] > spectrum[:-2]) & (spectrum[1:-1] > spectrum[2:])
@@ -76,7 +76,7 @@ def test_joined_arms_ring_with_the_eigenvalues_of_both(
 
 
 def _joined_rad_per_s(p: PlantParameters) -> list[float]:
-    """Undamped frequencies of the joined arms, by M·q̈ + K·q = 0."""
+    """Return the undamped frequencies of the joined arms, by M·q̈ + K·q = 0."""
     shares = [1.0 - p.second_share, p.second_share] if p.second_share else [1.0]
     k = np.array([1.0 / (share * p.compliance_um_per_mN) for share in shares])
     omega = p.natural_frequency_rad_per_s * np.array([1.0, p.second_frequency_ratio])[: len(k)]

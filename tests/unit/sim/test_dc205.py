@@ -17,7 +17,7 @@ PARTS = (
 
 
 class Stage:
-    """A source, and the voltages that came out."""
+    """A source, and its output voltages."""
 
     def __init__(self) -> None:
         self.voltages_V: list[float] = []

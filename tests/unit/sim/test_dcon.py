@@ -4,7 +4,7 @@ from pincette.sim.instruments.dcon import SimulatedI7024
 
 
 class Stage:
-    """A clock that is set by hand, and the voltages that came out."""
+    """A clock that the test sets, and the output voltages."""
 
     def __init__(self, checksum: bool = False) -> None:
         self.now_s = 0.0

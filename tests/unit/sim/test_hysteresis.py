@@ -54,7 +54,7 @@ def test_a_short_motion_is_as_exact_as_a_long_one(way_V: float) -> None:
 @pytest.mark.parametrize("seed", range(8))
 def test_many_motions_equal_one_after_the_other(seed: int) -> None:
     chance = np.random.default_rng(seed)
-    # Short ways and long ones, reversals and rests, more than are worked out ahead.
+    # Short and long motions, reversals and rests, more than are computed ahead.
     sizes = chance.choice([0.0, 1e-6, 1e-3, 0.02, 0.5, 2.0], 300) * chance.choice([-1.0, 1.0], 300)
     steps = np.where(chance.random(300) < 0.8, np.abs(sizes) * (-1.0) ** (seed % 2), sizes)
     voltages_V, levels_um = np.cumsum(steps).tolist(), [0.0] * 300

@@ -1,4 +1,4 @@
-"""Two driven arms and the part between them, against what mechanics says of them."""
+"""Two driven arms and the part between them, compared with mechanics."""
 
 import math
 from typing import Any
@@ -35,7 +35,7 @@ def _simulation() -> Simulation:
 
 
 def _bare(**changes: Any) -> PlantParameters:
-    """An arm without hysteresis, creep, lag and steps."""
+    """Return an arm without hysteresis, creep, lag and steps."""
     arm = replace(
         plant_parameters(_simulation()),
         hysteresis=BoucWen(0.0, 0.0, 0.0),
@@ -53,7 +53,7 @@ def _pair(**changes: Any) -> PairParameters:
 
 
 def _pressed(p: PairParameters, state: PairState, free_um: tuple[float, float]) -> PairState:
-    """At rest where each arm alone would go to ``free_um``, reached slowly."""
+    """Return the arms at rest where each alone would be at ``free_um``, reached slowly."""
     goals = [u / arm.piezo_um_per_V for u, arm in zip(free_um, p.arms, strict=True)]
     begin = state.first.drive_V, state.second.drive_V
     for step in range(1, 401):
@@ -93,7 +93,7 @@ def test_the_arm_that_touches_first_pushes_the_part_against_friction(side: int) 
     turned = (near, far) if side == 0 else ((0.0, near[0]), (0.0, far[0]))
     state = _pressed(p, start_pair(p), turned[0])
     stiffness = 1.0 / (1.0 / 5.0 + 1.0 / FACE + p.arms[side].compliance_um_per_mN)
-    # Held: springs in series. Pushed on: friction, less what a last slip went too far.
+    # Held: springs in series. Pushed on: friction, minus the overshoot of the last slip.
     assert pair_forces_mN(p, state)[side] == pytest.approx(0.8 * stiffness, rel=1e-3)
     assert pair_forces_mN(p, state)[1 - side] == 0.0
     state = _pressed(p, state, turned[1])
@@ -155,7 +155,7 @@ def test_a_part_that_lands_stays_where_it_was_carried_and_can_be_gripped_again()
 def test_a_part_that_stays_where_it_is_released_is_not_struck_again(
     carried: bool, shares: tuple[float, ...], aside_s: float
 ) -> None:
-    """By one step, as a watchdog does it, or by those of a tick each; one arm before the other."""
+    """By one step, as from a watchdog, or by one step per tick; one arm before the other."""
     part = PartParameters(hold_mN=0.05, lift_after_s=0.1 if carried else math.inf)
     p = _pair(part=part, lands=True, ground_slip_mN=1.5)
     state = _pressed(p, start_pair(p), (35.0, 33.0))
@@ -205,7 +205,7 @@ def test_a_held_pair_swings_with_both_masses_on_both_springs() -> None:
 def test_arms_that_leave_a_loose_part_for_an_instant_close_on_it_again(
     step_s: float,
 ) -> None:
-    """Only the faces hold it: the force of a single face is exactly 0, and shows nothing."""
+    """Only the faces hold it: the force of a single face is exactly 0, and reveals nothing."""
     p = _pair(ground_slip_mN=1.5)
     state = _pressed(p, start_pair(p), (30.5, 30.5))
     held_mN = (2.0 * 30.5 - GAP_UM) / (p.first.compliance_um_per_mN + SOFTER + 2.0 / FACE)
@@ -236,7 +236,7 @@ def test_touching_and_leaving_add_no_energy() -> None:
 
 
 def _energy_nJ(p: PairParameters, state: PairState) -> float:
-    """Kinetic and elastic energy about rest at 0 V, faces and ground included."""
+    """Return kinetic and elastic energy about rest at 0 V, faces and ground included."""
     total = 0.5 * p.ground_mN_per_um * (state.part_um - state.anchor_um) ** 2
     for arm, tip, force in zip(
         p.arms, (state.first, state.second), pair_forces_mN(p, state), strict=True

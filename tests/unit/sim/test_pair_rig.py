@@ -1,4 +1,4 @@
-"""The simulated rig of two arms: ticks, both kinds of time, and what may be done to it."""
+"""The simulated rig of two arms: ticks, both kinds of time, and its commands."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""A part that falls, breaks, or is put where it was not."""
+"""A part that falls, breaks, or is put at a new position."""
 
 from dataclasses import replace
 
@@ -47,7 +47,7 @@ def test_a_part_that_was_held_too_briefly_stays_in_place(simulation: Simulation)
 
 
 def test_a_part_falls_in_a_long_rest_too(simulation: Simulation) -> None:
-    # Creep backwards takes the last of the force, minutes after the voltage was set.
+    # Reverse creep removes the rest of the force, minutes after the voltage was set.
     p = replace(
         bare_arms(simulation, part=FALLS, output_lag_s=0.003),
         creep_per_decade=0.02,

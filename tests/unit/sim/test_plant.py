@@ -19,7 +19,7 @@ def demo_plant(simulation: Simulation) -> PlantParameters:
 
 @pytest.fixture
 def linear(demo_plant: PlantParameters) -> PlantParameters:
-    """The bare mode: no bead, lag, creep, hysteresis or steps."""
+    """Return the bare mode: no bead, lag, creep, hysteresis or steps."""
     return replace(
         demo_plant,
         hysteresis=NO_HYSTERESIS,
@@ -32,7 +32,7 @@ def linear(demo_plant: PlantParameters) -> PlantParameters:
 
 
 def _ring(parameters: PlantParameters, state: PlantState, rest_um: float) -> tuple[float, float]:
-    """Frequency in rad/s and damping ratio of a free decay about ``rest_um``."""
+    """Return frequency in rad/s and damping ratio of a free decay about ``rest_um``."""
     crossings_s, peaks_um = list[float](), list[float]()
     dt_s, peak = parameters.substep_s, 0.0
     for step in range(1000):
@@ -75,7 +75,7 @@ def test_the_mode_is_exact_whatever_the_substep(linear: PlantParameters) -> None
 
 
 def _swept(parameters: PlantParameters, amplitude_V: float) -> list[tuple[float, float]]:
-    """Voltage and position over the fourth cycle of a 0.5 Hz sinusoid."""
+    """Return voltage and position over the fourth cycle of a 0.5 Hz sinusoid."""
     state, points = plant.start(), list[tuple[float, float]]()
     for step in range(1, 4001):
         voltage_V = amplitude_V * math.sin(2.0 * math.pi * step / 1000)
@@ -144,7 +144,8 @@ def test_a_long_rest_is_computed_in_one_step(demo_plant: PlantParameters) -> Non
     once = plant.advance(demo_plant, state, 100.0)
     for _ in range(1000):
         state = plant.advance(demo_plant, state, 0.1)
-    # A fine step lets the arm lag behind its creeping equilibrium by 2·ζ/ω_n, a coarse one not.
+    # With a fine step the arm lags behind its creeping equilibrium by 2·ζ/ω_n, with a coarse one it
+    # does not.
     assert once.x_um == pytest.approx(state.x_um, abs=1e-5)
     assert once.creep_um == pytest.approx(state.creep_um, abs=1e-9)
 

@@ -1,4 +1,5 @@
-"""The simulated arm with relays has what is proven of Preisach's model, and the loop asked for."""
+"""The simulated arm with relays has the proven properties of Preisach's model, and the requested
+loop."""
 
 import math
 from collections.abc import Sequence
@@ -18,7 +19,7 @@ PATHS = st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=12)
 
 
 def followed(path_V: Sequence[float], shape: Relays = SHAPE) -> tuple[list[float], Turns]:
-    """h after each voltage, from the unpoled state at zero."""
+    """Return h after each voltage, from the unpoled state at zero."""
     levels_um = [0.0] * len(path_V)
     return levels_um, follow_relays(shape, 0.0, (), path_V, levels_um)
 
@@ -38,7 +39,7 @@ def test_the_everett_function_counts_the_relays_between() -> None:
 
 
 def test_a_lattice_of_single_relays_moves_in_the_same_way() -> None:
-    """Each relay followed by itself, from those that are up where α + β < 0."""
+    """Each relay is computed separately, starting with those up where α + β < 0."""
     shape = Relays(gain_um_per_V=10.0, full_drive_V=2.0, coercive_V=0.6, spread_V=0.8)
     cell_V = 0.02
     centres_V = cell_V * (np.arange(400) - 199.5)
@@ -98,7 +99,7 @@ def test_the_response_saturates() -> None:
 
 
 def test_only_relevant_turning_points_are_stored() -> None:
-    """A decaying swing is remembered turn by turn; the first one beyond them all leaves none."""
+    """A decaying swing is stored turn by turn; the first one beyond them all erases them."""
     decaying = [2.0 * (-0.8) ** index for index in range(30)]
     _, turns = followed(decaying)
     assert [v + SHAPE.centre_V for v, _ in turns] == pytest.approx(decaying[:-1])

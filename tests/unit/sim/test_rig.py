@@ -11,7 +11,7 @@ PERIOD_S = 0.02
 
 
 class Clock:
-    """A clock that is set by hand."""
+    """A clock that the test sets."""
 
     def __init__(self) -> None:
         self.now_s = 100.0

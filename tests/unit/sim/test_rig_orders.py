@@ -17,7 +17,7 @@ def _rig(simulation: Simulation, **changes: object) -> SimulatedRig:
 
 
 def _held(rig: SimulatedRig, voltage_V: float, ticks: int = 60) -> float:
-    """Position after a while at a voltage."""
+    """Return the position after a while at a voltage."""
     for _ in range(ticks):
         rig.put_out(voltage_V)
     return rig.measure_um()

@@ -19,7 +19,7 @@ SWEPT = [0.05 * math.sin(0.001 * index**1.5) for index in range(1000)]
 
 @pytest.fixture
 def fast(simulation: Simulation) -> Simulation:
-    """A rig with two arms whose output is fast and whose sensor is quiet."""
+    """Return a rig with two arms whose output is fast and whose sensor is quiet."""
     return simulation.model_copy(
         update={
             "sensor_noise_um": 0.0,

@@ -1,4 +1,5 @@
-"""The script of a simulated rig: when its orders act, and what they do to readings and voltages."""
+"""The script of a simulated rig: when its commands take effect, and how they change readings and
+voltages."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""An instrument behind a line that fails by order."""
+"""An instrument behind a line with scripted faults."""
 
 import pytest
 

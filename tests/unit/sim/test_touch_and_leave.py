@@ -18,7 +18,7 @@ from tests.unit.sim.elaborate import SHARE, at_rest, bare_arms, energy_nJ, movin
 
 TIME_S = 1e-3
 ROUNDING = 1e-9
-"""Of energies of about 100 nJ."""
+"""Rounding error of energies of about 100 nJ."""
 
 
 def _demo_arms(**changes: Any) -> PlantParameters:
@@ -28,7 +28,7 @@ def _demo_arms(**changes: Any) -> PlantParameters:
 
 
 def _thrown(p: PlantParameters, voltage_V: float, x_um: float, speed: float) -> PlantState:
-    """The driven arm away from its rest, apart from the part."""
+    """Return the driven arm displaced from rest, separate from the part."""
     state = replace(plant.start(), voltage_V=voltage_V, drive_V=voltage_V, target_V=voltage_V)
     return replace(state, x_um=min(x_um, p.contact_um - 0.01), speed_um_per_s=speed)
 
@@ -88,7 +88,7 @@ def test_an_impact_conserves_the_momentum(simulation: Simulation) -> None:
     end = plant.advance(p, start, 2e-9)
     assert end.joined
     assert end.speed_um_per_s == pytest.approx(end.passive_speed_um_per_s)
-    # The impulse acts on each modal mass alike, and on the passive arm the other way.
+    # The impulse acts on each modal mass equally, and on the passive arm in the opposite direction.
     given_first = 4800.0 - (end.speed_um_per_s - end.second_speed_um_per_s)
     given_second = 200.0 - end.second_speed_um_per_s
     assert given_first / first == pytest.approx(given_second / second, rel=1e-3)
@@ -111,7 +111,7 @@ def test_the_part_sticks_until_the_pull_off_force(
             jump_um = before.x_um - state.x_um
     assert not state.joined
     assert least_mN == pytest.approx(-pull_off_mN, abs=0.005)
-    # The tip jumps by what the force had bent it, and a step of the voltage.
+    # The tip jumps by the deflection that the force had caused, and by a step of the voltage.
     assert jump_um == pytest.approx(pull_off_mN * 0.46, abs=0.003)
 
 
@@ -155,7 +155,7 @@ def test_the_same_path_gives_the_same_bits(simulation: Simulation) -> None:
 
 
 def _against_a_stiff_damper(p: PlantParameters, voltage_V: float, time_s: float) -> float:
-    """Tip position by small steps of both arms against a hard, overdamped stop."""
+    """Return the tip position by small steps of both arms against a stiff, overdamped stop."""
     dt_s, stop, damper = 1e-7, 4000.0, 0.3
     omega, k = p.natural_frequency_rad_per_s, 1.0 / p.compliance_um_per_mN
     k_p = p.environment_stiffness_mN_per_um
@@ -186,7 +186,8 @@ def test_bounces_agree_with_a_direct_numerical_integration(
 
 
 def _leaving(p: PlantParameters, rest_s: float, pulled_um: float) -> tuple[PlantState, float]:
-    """The state of arms that have touched for a time and are pulled apart, and the largest pull."""
+    """Return the state of arms that were in contact for a time and are pulled apart, and the
+    largest pull."""
     state, touch_V = at_rest(p, 1.6), p.contact_um / p.piezo_um_per_V
     state, least_mN = plant.advance(p, state, rest_s), 0.0
     for step in range(1, 301):
@@ -222,7 +223,7 @@ def test_a_bridge_pulls_less_with_the_gap_and_ruptures(simulation: Simulation) -
 def test_a_bond_breaks_after_some_time_under_a_pull(
     simulation: Simulation, rest_s: float, joined: bool
 ) -> None:
-    """A pull of 5.4 mN leaves the bond a life of e^0.6 times some seconds."""
+    """At a pull of 5.4 mN the bond lasts e^0.6 times some seconds."""
     p = bare_arms(simulation, part=PartParameters(bond_mN=6.0, bond_scale_mN=0.4))
     state, _ = _leaving(p, 0.0, 5.0)
     assert state.joined

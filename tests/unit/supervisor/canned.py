@@ -1,4 +1,4 @@
-"""A rig that plays canned samples as soon as it is armed."""
+"""A simulated rig that plays prepared samples as soon as it is armed."""
 
 import threading
 from collections.abc import Callable
@@ -22,7 +22,7 @@ from . import samples
 from .canned_record import closed, trip_reason
 
 IN_HOLD, IN_APPROACH = 350, 60
-"""Ticks of the canned grip."""
+"""Number of ticks of the prepared grip."""
 
 ANSWERING = (*PROGRAMS, SIMULATION)
 """Programs that state their status."""
@@ -43,9 +43,9 @@ class CannedRig:
         self.digests: dict[str, str] = dict.fromkeys(ANSWERING, rig.digest())
         self.instances: dict[str, int] = dict.fromkeys(ANSWERING, 1)
         self.replaces: int | None = None
-        """Instance of the actuator before, which was switched off with the latch of its boot."""
+        """Instance of the previous actuator, which was switched off with the latch of its boot."""
         self.told = rig.model_dump_json()
-        """What its programs say when they are asked for their rig file."""
+        """Replies of its programs to a request for their rig file."""
         self.exchanges: dict[str, tuple[ExchangeTimes, ...]] = {}
         """Measured exchanges of its programs with their instruments."""
         self.silent: set[str] = set()
@@ -58,10 +58,10 @@ class CannedRig:
         self.pause_at: int | None = None
         self.pauses: list[int] = []
         self.calibration = ""
-        """Digest of the model that it was armed with."""
+        """Digest of the model with which it was armed."""
         self.place = 0
         self.acts: list[str] = []
-        """What the controller was asked for, in order."""
+        """Requests to the controller, in order."""
         self.trips: list[messages.Trip] = []
         self.notices: list[messages.JobNotice] = []
         self.rests, self.freezes, self.deaf = True, False, False
@@ -69,17 +69,17 @@ class CannedRig:
         self.part_held = False
         """What the actuator keeps beyond the end of a program."""
         self.mode: Mode | None = None
-        """As the actuator's status has it."""
+        """Part of the actuator's status."""
         self.findings: dict[str, tuple[Fault, ...]] = {}
         self.missed = dict[str, int]()
-        """What a program's status tells beside."""
+        """Additional members of a program's status."""
         self.record: messages.Record | None = None
         self.records = Path()
         self.incomplete = ""
-        """Why the record will not be complete."""
+        """Reason why the record will not be complete."""
         self._last: messages.Applied | None = None
         self.turn = threading.RLock()
-        """Held while the rig does something; a test holds it where it looks twice."""
+        """Lock that is held while the rig acts; a test holds it for consistent readings."""
         self._sinks: dict[Topic, list[Sink]] = {}
         self._latest: dict[Topic, messages.Message] = {}
         self._watchers: list[Callable[[str, bool], None]] = []
@@ -96,7 +96,7 @@ class CannedRig:
         return self._latest.get(topic)
 
     def sinks(self, topic: Topic) -> list[Sink]:
-        """Return who takes the messages of a topic."""
+        """Return the receivers of the messages of a topic."""
         return self._sinks.get(topic, [])
 
     def subscribe(self, topic: Topic, sink: Sink) -> None:
@@ -111,19 +111,19 @@ class CannedRig:
             sink(program, True)
 
     def kill(self, program: str) -> None:
-        """A program vanishes."""
+        """Remove a program."""
         self.silent.add(program)
         for sink in self._watchers:
             sink(program, False)
 
     def revive(self, program: str) -> None:
-        """A program is back."""
+        """Bring a program back."""
         self.silent.discard(program)
         for sink in self._watchers:
             sink(program, True)
 
     def idle(self) -> None:
-        """What a rig in real time says while nothing plays."""
+        """Publish what a rig in real time publishes while nothing plays."""
         self.publish(messages.Position(self.epoch, 0, 0.0, (ArmPosition(0.01, valid=True),)))
         self.publish(self._applied(Mode.LATCHED if self.latch else Mode.IDLE, self.latch))
 
@@ -195,7 +195,7 @@ class CannedRig:
         self.play(self.pauses[0] if self.pauses else self.pause_at)
 
     def play(self, until: int | None = None) -> None:
-        """Send canned ticks up to a place, or to the end."""
+        """Send prepared ticks up to a tick, or to the end."""
         with self.turn:
             end = len(self.ticks) if until is None else until
             while self.place < end:
@@ -206,7 +206,7 @@ class CannedRig:
                 self.place += 1
 
     def trip(self, cause: str) -> None:
-        """The actuator ramps and latches; what was canned is not played."""
+        """Ramp and latch the actuator; the remaining samples are not played."""
         self.latch = cause
         held = self.place > 0 and self.ticks[self.place - 1].telemetry.held
         self.place = len(self.ticks)
@@ -217,7 +217,7 @@ class CannedRig:
         self.thaw()
 
     def thaw(self) -> None:
-        """The actuator ramps, and is latched then."""
+        """Ramp the actuator, and latch it then."""
         self.frozen = self.part_held = False
         self.publish(self._applied(Mode.RAMPING, self.latch))
         self.publish(replace(self._applied(Mode.LATCHED, self.latch), final=True))
@@ -263,7 +263,7 @@ class CannedRig:
                 self.play()
 
     def say(self, tick: samples.Tick, acted: tuple[Acted, ...], outcome: Outcome | None) -> None:
-        """Let an action act at the coming tick, and report an outcome from there on."""
+        """Let an action take effect at the next tick, and report an outcome from there on."""
         self.paused = False
         self.ticks[self.place] = replace(tick, telemetry=replace(tick.telemetry, acted=acted))
         if outcome is not None:
@@ -273,7 +273,7 @@ class CannedRig:
             ]
 
     def rest(self) -> None:
-        """The references rest: one more sample like the one before, which is paused."""
+        """Rest the references: one more sample like the previous one, marked as paused."""
         last = self.ticks[max(self.place - 1, 0)]
         stated = replace(last.telemetry, acted=(Acted.PAUSE,), paused=True)
         self.ticks.insert(self.place, replace(last, telemetry=stated))
@@ -286,7 +286,7 @@ class CannedRig:
         self.play(self.place + 1)
 
     def lose(self) -> None:
-        """A guard ends the pause: the program goes its way back."""
+        """End the pause by a guard: the program retreats."""
         tick = self.ticks[self.place]
         self.say(tick, (), Outcome.LOST)
         self.play()

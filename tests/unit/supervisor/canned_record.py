@@ -13,7 +13,7 @@ from pincette.records.columns import columns
 
 
 class Recording(Protocol):
-    """Where records go, and what is wrong with them."""
+    """Folder of the records, and their faults."""
 
     rig: RigFile
     records: Path

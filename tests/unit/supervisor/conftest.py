@@ -26,25 +26,25 @@ BLANK = Picture(b"\x89PNG", {".svg": b'<svg xmlns="http://www.w3.org/2000/svg"/>
 
 
 def blank(*_of: object) -> Picture:
-    """What is left where nothing is drawn."""
+    """Empty content of pictures that are not drawn."""
     return BLANK
 
 
 @pytest.fixture
 def drawn() -> None:
-    """Have pictures drawn, which is most of what a test takes; without this they are blank."""
+    """Enable drawing, which takes most of a test's time; otherwise pictures are blank."""
 
 
 @pytest.fixture(autouse=True)
 def pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave pictures blank but for the tests of what is drawn."""
+    """Keep pictures blank except in the tests of drawing."""
     if "drawn" not in request.fixturenames:
         monkeypatch.setattr(archive, "picture", blank)
 
 
 @pytest.fixture(scope="session")
 def rig_file() -> RigFile:
-    """The demo rig in lockstep, so that no sample has an age."""
+    """Return the demo rig in lockstep, so that no sample has an age."""
     tables: dict[str, Any] = tomllib.loads(DEMO.read_text(encoding="utf-8"))
     tables["rig"]["time"] = "lockstep"
     return parse_rig(tables)
@@ -82,7 +82,7 @@ def harness(rig_file: RigFile, open_harness: Callable[..., Harness]) -> Harness:
 
 @pytest.fixture
 def real(real_time: RigFile, open_harness: Callable[..., Harness]) -> Harness:
-    """A supervisor of an idle rig in real time, whose clock stands."""
+    """Return a supervisor of an idle rig in real time, whose clock does not advance."""
     harness = open_harness(real_time)
     harness.observer.clock = lambda: 100.0
     harness.bus.idle()
@@ -91,7 +91,7 @@ def real(real_time: RigFile, open_harness: Callable[..., Harness]) -> Harness:
 
 @pytest.fixture
 def ring(harness: Harness) -> ScopeKeys:
-    """Put keys in force, one of each scope."""
+    """Make valid keys, one of each scope."""
     access = Access(Authenticator())
     harness.app = create_app(harness.rigs, access)
     return key_of_each_scope(harness.store, access.authenticator)

@@ -14,7 +14,7 @@ FULL = "the job store: database or disk is full; check the disk's free space and
 
 @contextmanager
 def full_disk(monkeypatch: pytest.MonkeyPatch) -> Generator[None]:
-    """Nothing can be written; what is there can be read."""
+    """Let every write fail; existing data can be read."""
 
     @contextmanager
     def refuse(base: Database) -> Generator[Connection]:

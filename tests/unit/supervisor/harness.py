@@ -1,4 +1,4 @@
-"""A supervisor of a canned rig, and a client that calls it without a network."""
+"""A supervisor of a simulated rig, and a client that calls it without a network."""
 
 import asyncio
 from collections.abc import Callable
@@ -68,7 +68,7 @@ def ending(code: str, **others: Any) -> dict[str, Any]:
 
 
 class Harness:
-    """A supervisor of a canned rig, and a client that calls it without a network."""
+    """A supervisor of a simulated rig, and a client that calls it without a network."""
 
     def __init__(
         self,
@@ -124,7 +124,7 @@ class Harness:
         return self.call("POST", f"/api/v1{path}", json=body, params=query)
 
     def grip(self, **wishes: Any) -> dict[str, Any]:
-        """Take a grip job that begins at once; returns it as it was taken."""
+        """Create a grip job that begins at once; returns it as it was accepted."""
         response = self.post("/jobs", {"kind": "grip", "autostart": True, **wishes})
         assert response.status_code == 201, response.text
         return response.json()
@@ -137,11 +137,11 @@ class Harness:
         return self.ended(response.json()["id"])
 
     def ended(self, job: str) -> dict[str, Any]:
-        """The job once it has ended, and its record is written."""
+        """Return the job once it has ended and its record is written."""
         return self.get(f"/jobs/{job}", wait="recorded", timeout_s=30)
 
     def until(self, there: Callable[[], bool]) -> None:
-        """Wait until something is the case; the job lives in a thread of its own."""
+        """Wait until a condition is true; the job runs in a separate thread."""
         begun_at = monotonic()
         while not there():
             assert monotonic() - begun_at < PATIENCE_S
@@ -149,7 +149,7 @@ class Harness:
 
     @property
     def live(self) -> LiveJob:
-        """The job that has the rig."""
+        """Return the job that occupies the rig."""
         live = self.manager.active
         assert live is not None
         return live
@@ -161,7 +161,7 @@ class Harness:
         self.until(lambda: live.status.state == state)
 
     def playing_to(self, place: int, **wishes: Any) -> str:
-        """A grip that plays up to a tick, and then waits for an action."""
+        """Start a grip that plays up to a tick, and then waits for an action."""
         self.bus.pause_at = place
         job = str(self.grip(**wishes)["id"])
         self.reach(job, "running")
@@ -184,20 +184,20 @@ class Harness:
         return self.call("POST", f"/api/v1/jobs/{job}/actions", json={"type": action}, **details)
 
     def acted(self, job: str, action: str) -> dict[str, Any]:
-        """A job that has taken an action."""
+        """Return a job that has accepted an action."""
         response = self.act(job, action)
         assert response.status_code == 202, response.text
         return response.json()
 
     def freed(self, job: str) -> dict[str, Any]:
-        """A job once the rig is free of it."""
+        """Return a job once it has released the rig."""
         live = self.manager.active
         if live is not None and live.id == job:
             assert live.done.wait(20.0)
         return self.ended(job)
 
     def told(self, *kinds: str, job: str | None = None) -> list[Event]:
-        """Published events of these kinds."""
+        """Return published events of these kinds."""
         rows = self.store.events_after(0, job=job, limit=100_000)
         return [row for row in rows if not kinds or row.kind in kinds]
 

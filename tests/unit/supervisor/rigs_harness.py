@@ -1,4 +1,4 @@
-"""A supervisor of several canned rigs that come and go on one router."""
+"""A supervisor of several simulated rigs that appear and disappear on one router."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ Turn = Callable[[str, str, bool], None]
 
 
 def joined(own: RigFile, name: str, **limits: float) -> RigFile:
-    """A rig like another one, which joins that one's router."""
+    """Return a rig like another one, which joins that one's router."""
     changes: dict[str, Any] = {
         "rig": own.rig.model_copy(update={"name": name}),
         "bus": own.bus.model_copy(update={"router": f"{own.bus.host}:{own.bus.port}"}),
@@ -34,11 +34,12 @@ def joined(own: RigFile, name: str, **limits: float) -> RigFile:
 
 @dataclass
 class CannedOthers:
-    """A bus that reaches the programs of canned rigs; other names have a token and no program."""
+    """A bus that reaches the programs of simulated rigs; other names have a token and no
+    program."""
 
     canned: dict[str, CannedRig]
     asked: list[str] = field(default_factory=list[str])
-    """Rigs that requests were sent to."""
+    """Rigs to which requests were sent."""
     closed: bool = False
 
     def call(
@@ -80,7 +81,7 @@ class RigsHarness(Harness):
         self.app = create_app(self.rigs)
 
     def make(self, file: RigFile) -> CannedRig:
-        """Another life of a rig."""
+        """Start a new instance of a rig."""
         made = CannedRig(file)
         made.records = file.home(self.data) / "jobs"
         self.canned[file.rig.name] = made
@@ -100,13 +101,13 @@ class RigsHarness(Harness):
         self.turns.append(sink)
 
     def come(self, file: RigFile) -> CannedRig:
-        """The programs of a rig are started."""
+        """Start the programs of a rig."""
         made = self.make(file)
         self.turn(file.rig.name, alive=True)
         return made
 
     def go(self, rig: str) -> None:
-        """The programs of a rig end."""
+        """Stop the programs of a rig."""
         self.canned[rig].silent.update(LOOP)
         self.turn(rig, alive=False)
 
@@ -116,7 +117,7 @@ class RigsHarness(Harness):
                 sink(rig, program, alive)
 
     def at(self, rig: str) -> None:
-        """Work with a rig from here on."""
+        """Use a rig from here on."""
         self.bus, self.manager = self.canned[rig], self.rigs.get(rig)
 
     def names(self) -> list[str]:

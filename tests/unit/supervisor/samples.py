@@ -1,4 +1,4 @@
-"""A grip and a track as the bus would carry them: canned samples, the same on every run."""
+"""A grip and a track as received over the bus: prepared samples, the same in every run."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -54,7 +54,7 @@ PATH = sinusoid("force", 12.0, 20.0, 0.5, 2)
 HELD = ("load", "hold", "settle", "track", "unload")
 FORCE_ERROR_MN = 0.25
 TRUE_ERROR_MN = -0.4
-"""Of the true force along the path."""
+"""Error of the true force along the path."""
 UNCERTAINTY_MN = 0.5
 HANG_TICKS = 5
 
@@ -68,7 +68,7 @@ def planned(kind: str) -> Planned:
 
 
 def run_of(kind: str, table: Columns) -> Run:
-    """Return what such a job has gathered."""
+    """Return the data that such a job has collected."""
     return Run(planned(kind).model.rig, planned(kind), table)
 
 
@@ -95,7 +95,7 @@ class Tick:
 
 
 def references() -> Iterator[tuple[str, int, float, float]]:
-    """Phase, its number, x_r and F_r of each tick, moving smoothly from one to the next."""
+    """Return phase, its number, x_r and F_r of each tick, moving smoothly from one to the next."""
     x_um = force_mN = 0.0
     for number, (phase, ticks, x_to_um, force_to_mN) in enumerate(PHASES):
         for tick in range(ticks):
@@ -107,7 +107,8 @@ def references() -> Iterator[tuple[str, int, float, float]]:
 
 
 def grip(epoch: int = 7) -> list[Tick]:
-    """A whole grip: the estimate errs by FORCE_ERROR_MN in the hold, x by a small ripple."""
+    """Return a whole grip: the estimate has the error FORCE_ERROR_MN in the hold, x a small
+    ripple."""
     return [*_grip(epoch)]
 
 
@@ -117,7 +118,8 @@ def _grip(epoch: int) -> list[Tick]:
 
 
 def track(epoch: int = 7) -> list[Tick]:
-    """A load, PATH, and an unload: the estimate errs by FORCE_ERROR_MN along the path."""
+    """Return a load, PATH, and an unload: the estimate has the error FORCE_ERROR_MN along the
+    path."""
     ticks: list[Tick] = []
     before = ("load", 0, CONTACT_UM + 12.0 / STIFFNESS, 12.0)
     for seq in range(50):
@@ -128,7 +130,7 @@ def track(epoch: int = 7) -> list[Tick]:
         telemetry = replace(tick.telemetry, segment_tick=number)
         truth = with_arm(tick.truth, force_mN=before[3] + TRUE_ERROR_MN)
         ticks.append(replace(tick, telemetry=telemetry, truth=truth))
-        # What the controller refers to at this tick holds for the sample after it.
+        # The controller's references of this tick apply to the next sample.
         force_mN = PATH.at(number * PERIOD_S)
         before = ("track", 1, CONTACT_UM + force_mN / STIFFNESS, force_mN)
     for _ in range(10):
@@ -139,7 +141,7 @@ def track(epoch: int = 7) -> list[Tick]:
 
 
 def rest(epoch: int = 7, noise_um: float = 0.03, ticks: int = 200) -> list[Tick]:
-    """A calibration of the noise: an arm at rest, read with the same noise on every run."""
+    """Return a calibration of the noise: an arm at rest, with the same noise in every run."""
     chance = Random(1)
     made = [_still(epoch, seq, "noise", 0, noise_um * chance.gauss()) for seq in range(ticks)]
     return _moved(made)
@@ -161,7 +163,7 @@ def weighing(epoch: int, steps: Sequence[float], compliance_um_per_mN: float) ->
 
 
 def numbered(tick: Tick, seq: int) -> Tick:
-    """The same sample with another number."""
+    """Return the same sample with another number."""
     return Tick(
         replace(tick.position, seq=seq, t_s=seq * PERIOD_S),
         replace(tick.estimate, seq=seq, applied_seq=seq - 1),
@@ -173,7 +175,7 @@ def numbered(tick: Tick, seq: int) -> Tick:
 
 
 def _still(epoch: int, seq: int, phase: str, segment: int, x_um: float) -> Tick:
-    """A sample at a voltage that rests."""
+    """Return a sample at a constant voltage."""
     tick = _tick(epoch, seq, phase, segment, 0.0, 0.0)
     return replace(
         tick,
@@ -266,5 +268,5 @@ def _tick(epoch: int, seq: int, phase: str, segment: int, x_r_um: float, force_r
 
 
 def timing(service: str, seq: int) -> Timing:
-    """How punctual a program says that it was: once it was late by 1 ms."""
+    """Return a program's report of its punctuality: once it was late by 1 ms."""
     return recorded.timing(service, seq, 1e-3)

@@ -1,4 +1,4 @@
-"""The routes of events over a journal, and a listener whose answer is read while it comes."""
+"""The routes of events over a journal, and a client that reads the stream as it arrives."""
 
 import asyncio
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ AT = "2026-03-01T12:00:00.000Z"
 
 @dataclass
 class Bench:
-    """The routes over a journal, with a word on which job has the rig."""
+    """The routes over a journal, and which job occupies the rig."""
 
     store: Store
     log: EventLog
@@ -58,7 +58,7 @@ class Bench:
 
 
 class Stream:
-    """One request, whose answer is read while it comes."""
+    """One request, whose response is read as it arrives."""
 
     def __init__(self, app: FastAPI, path: str, **headers: str) -> None:
         place, _, query = path.partition("?")
@@ -105,7 +105,7 @@ class Stream:
             return await self._chunks.get()
 
     async def event(self) -> dict[str, str]:
-        """The next event by its fields; comments are passed over, an end is empty."""
+        """Return the next event by its fields; comments are skipped, an end is empty."""
         while (chunk := await self.chunk()) is not None:
             fields = dict(line.split(": ", 1) for line in chunk.strip().split("\n"))
             if "data" in fields:

@@ -1,4 +1,4 @@
-"""Keys and sessions: what is kept of them, whom they let in, and when they end."""
+"""Keys and sessions: stored data, admitted clients, and expiry."""
 
 import re
 from datetime import datetime, timedelta
@@ -24,7 +24,7 @@ from pincette_supervisor.journal.tables import utc_text
 from pincette_supervisor.problems import ProblemError
 
 NOW = "2126-03-01T12:00:00.000Z"
-"""Later than any test is run, so that nothing that a test makes is newer."""
+"""Time later than any test run, so that everything that a test makes is older."""
 HERE = "127.0.0.1"
 
 
@@ -34,7 +34,7 @@ def book(store: Store) -> KeyFile:
 
 
 class Clock:
-    """A time of day that a test moves or sets, and the time that has passed."""
+    """A time of day that a test advances or sets, and the elapsed time."""
 
     def __init__(self) -> None:
         self.now, self.passed_s = NOW, 0.0

@@ -104,7 +104,7 @@ def test_if_keys_cannot_be_read_everything_but_a_stop_is_refused(desk: Desk) -> 
     file = desk.harness.store.folder / KEY_FILE
     away = file.with_suffix(".away")
     file.rename(away)
-    file.mkdir()  # which no program can read as a file, root's neither
+    file.mkdir()  # which no program, not even one of root, can read as a file
     desk.harness.until(lambda: "keys" in desk.alarms())
     alarm = desk.alarms()["keys"]
     assert alarm["cleared_at"] is None
@@ -158,7 +158,7 @@ def test_a_clock_that_is_behind_is_an_alarm_that_only_an_admin_may_end(desk: Des
     codes = dict(zip(ALL, ("no-key", "scope-too-small", "scope-too-small"), strict=False))
     assert {scope: code_of(desk.acknowledge(alarm, scope)) for scope in codes} == codes
     assert "key-clock" in desk.alarms()
-    assert desk.call("GET", "/jobs").status_code == 200  # a key without an end is not concerned
+    assert desk.call("GET", "/jobs").status_code == 200  # a key without an expiry is not affected
     desk.assert_that_a_stop_acts()
     assert desk.acknowledge(alarm, "admin").status_code == 200
     desk.harness.until(lambda: "key-clock" not in desk.alarms())

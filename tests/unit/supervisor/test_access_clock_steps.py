@@ -1,4 +1,4 @@
-"""Keys with an end and idle sessions, while the time of day steps back and forward."""
+"""Keys with an expiry and idle sessions, while the time of day steps back and forward."""
 
 from contextlib import closing
 from datetime import UTC, datetime, timedelta
@@ -30,14 +30,14 @@ MINUTE = timedelta(minutes=1)
 
 
 class Clocks:
-    """A time of day that a test sets, and the time that has passed."""
+    """A time of day that a test sets, and the elapsed time."""
 
     def __init__(self) -> None:
         # Later than the time at which a test runs, so that nothing that it makes is newer.
         self.wall, self.passed_s = datetime.now(UTC) + timedelta(days=1), 0.0
 
     def authenticator(self) -> Authenticator:
-        """Return one, as after a start of the supervisor."""
+        """Return an authenticator, as after a start of the supervisor."""
         return Authenticator(wall=lambda: self.wall, clock=lambda: self.passed_s)
 
     def go_on(self, duration: timedelta) -> None:

@@ -1,4 +1,4 @@
-"""How much a client may have of requests, streams, bodies and time; a stop has no limit."""
+"""Limits of a client for requests, streams, bodies and time; a stop has no limit."""
 
 import asyncio
 import gzip
@@ -51,7 +51,7 @@ def test_waiting_callers_of_a_bucket_are_served_in_order() -> None:
     buckets = TokenBuckets(per_s=10.0, burst=1.0)
     waits = [buckets.wait_s("a", 0.0, patience_s=0.25) for _ in range(4)]
     assert waits == pytest.approx([0.0, 0.1, 0.2, 0.3])
-    # The last one did not wait, so that it took no token.
+    # The last one did not wait, so it used no token.
     assert buckets.wait_s("a", 0.1, patience_s=0.25) == pytest.approx(0.2)
 
 
@@ -102,7 +102,7 @@ ACTIONS = "/api/v1/jobs/job-1/actions"
 
 
 class OfKeys(Authenticator):
-    """Takes any key for the name of its caller."""
+    """Accepts any key as the name of its caller."""
 
     def identify(self, address: str, shown: str | None, cookie: str | None) -> Caller:
         del cookie
@@ -112,7 +112,7 @@ class OfKeys(Authenticator):
 def held(
     monkeypatch: pytest.MonkeyPatch, test: Callable[[Call, asyncio.Event], Awaitable[None]]
 ) -> None:
-    """Run a test before an application that answers nothing but stops until it is let go."""
+    """Run a test with an application that replies only to stops until it is released."""
     monkeypatch.setattr(limits, "HELD_S", NOT_HELD)
 
     async def run() -> None:

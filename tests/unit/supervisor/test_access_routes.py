@@ -1,4 +1,4 @@
-"""Every route says what it demands, and holds to it; what is done is kept with whose it was."""
+"""Every route states its required scope, and enforces it; actions are stored with their caller."""
 
 from itertools import product
 from typing import Any
@@ -27,7 +27,7 @@ OPEN = {
     ("post", "/api/v1/rigs/{rig}/page-check"): "a page must learn whether its stop would arrive",
     ("delete", "/api/v1/session"): "gives up a cookie, whosever it is",
 }
-"""Operations that demand nothing, each with why not."""
+"""Operations without a required scope, each with the reason."""
 UNDESCRIBED = {
     "/",
     "/favicon.ico",
@@ -49,7 +49,7 @@ DEMANDS: dict[str, set[tuple[str, str]]] = {
         ("get", "/api/v1/audit/chain"),
     },
 }
-"""What is not as its method lets one expect: reading observes, the rest operates."""
+"""Exceptions to the rule that reading needs ``observe`` and the rest ``operate``."""
 
 
 def operations() -> dict[tuple[str, str], Any]:

@@ -1,4 +1,4 @@
-"""The alarm log: one row for as long as an alarm is open, and the same words everywhere."""
+"""The alarm log: one row for as long as an alarm is open, and the same texts everywhere."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -120,7 +120,7 @@ def test_a_trip_is_reported_in_the_same_words_by_job_rig_alarm_and_event(harness
     (event,) = harness.told("alarm")
     assert event.body["words"] == row["words"]
     assert event.body["alarm"]["id"] == row["id"]
-    # Looked at from outside the job, it is the same trip.
+    # Seen from outside the job, it is the same trip.
     harness.manager.alarm_monitor.poll()
     assert len(alarms(harness)) == 1
     assert alarms(harness)[0]["count"] == 1

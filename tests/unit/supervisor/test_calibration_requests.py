@@ -1,4 +1,4 @@
-"""What may be asked for as a calibration, what is refused, and what a dry run predicts."""
+"""Calibration requests: which are valid, which are refused, and the prediction of a dry run."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Calibrations from request to the model in use, against a rig that plays canned samples."""
+"""Calibrations from request to the model in use, on a rig that plays prepared samples."""
 
 import asyncio
 import json
@@ -84,7 +84,7 @@ def test_later_jobs_use_the_accepted_values(harness: Harness) -> None:
     assert (manifest["model_version"], manifest["model_digest"]) == ("1", model["digest"])
     assert manifest["rig_file_digest"] == harness.get("/rigs/demo")["digest"]
     assert harness.get("/rigs/demo")["can_start"] is True
-    # The difference is that to what was in use until then.
+    # The difference is that from the value used until then.
     assert harness.get(f"/calibrations/{name}")["values"][0]["in_use"] == 0.03
 
 
@@ -237,7 +237,8 @@ def with_sensor(rig: RigFile, **changes: Any) -> RigFile:
 
 
 def heard_idle(harness: Harness) -> None:
-    """An actuator that an earlier supervisor has met is in no known state before it is heard."""
+    """The state of an actuator that an earlier supervisor knew is unknown before its first
+    message."""
     assert harness.get("/rigs/demo")["latch"]["state"] == "unknown"
     harness.bus.latch = ""
     harness.bus.idle()

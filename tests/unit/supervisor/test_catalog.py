@@ -1,4 +1,4 @@
-"""The catalogue of what is installed, over REST."""
+"""The catalogue of the installed plug-ins, over REST."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The checklist of calibrations: order, what is next and why, and what was gained."""
+"""The checklist of calibrations: order, the next step and its reason, and the gained accuracy."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -65,7 +65,7 @@ def test_an_uncalibrated_rig_starts_with_the_noise(harness: Harness) -> None:
         "compliance": "later",
         "free_response": "later",
         "frequency_response": "unsupported",  # its instruments have no buffers
-        "output_timing": "unsupported",  # nor does its period show the mode
+        "output_timing": "unsupported",  # its period does not resolve the mode either
         "contact_stiffness": "later",
     }
     by_name = steps(harness)
@@ -98,7 +98,7 @@ def test_each_step_is_planned_once_for_a_model_in_use(
     decide(harness, name, "accept")
     after = [harness.get("/rigs/demo/checklist") for _ in range(3)]
     assert after[0] == after[1] == after[2]
-    # The noise is done, and what is done is not planned.
+    # The noise is done, and a completed calibration is not planned.
     assert sorted([*planned, "noise"]) == sorted(step.variant.name for step in found)
 
 

@@ -1,4 +1,4 @@
-"""A claim on a rig: whom it bars, whom it never bars, how it ends, and that all see it."""
+"""A claim on a rig: clients that it blocks and does not block, its end, and its visibility."""
 
 from typing import Any
 

@@ -1,4 +1,5 @@
-"""Traces of jobs through a real collector of OpenTelemetry: Rotel, a program in a wheel."""
+"""Traces of jobs through a real collector of OpenTelemetry: Rotel, which is installed from a
+wheel."""
 
 import gzip
 import json

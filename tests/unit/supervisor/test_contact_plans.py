@@ -1,4 +1,4 @@
-"""What a plan of a job that meets a part says before it starts."""
+"""Statements of a plan of a job that meets a part, before it starts."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What is counted of a rig's samples: trips, ages, gaps, peaks; none of it ever falls."""
+"""Counters of a rig's samples: trips, ages, gaps, peaks; none of them ever decreases."""
 
 from collections.abc import Iterable
 

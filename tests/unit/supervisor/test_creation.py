@@ -1,4 +1,4 @@
-"""Creating a job once, asking for it again, and finding it among others."""
+"""Creating a job once, repeating the request, and finding the job among others."""
 
 import asyncio
 import json
@@ -158,7 +158,7 @@ def test_jobs_are_found_by_kind_state_and_label(harness: Harness) -> None:
 
 
 def together(harness: Harness, *bodies: dict[str, Any], key: str) -> list[httpx.Response]:
-    """Requests with one key, sent at once."""
+    """Send requests with one key at once."""
 
     async def send() -> list[httpx.Response]:
         transport = httpx.ASGITransport(harness.app)
@@ -198,7 +198,7 @@ def test_the_number_of_requests_waiting_for_a_key_is_limited(
 
 
 def test_a_caller_that_has_disconnected_starts_no_job(harness: Harness) -> None:
-    """The body comes whole, and the connection is closed while the job is being planned."""
+    """The body arrives complete, and the connection is closed while the job is being planned."""
 
     async def send() -> None:
         sent = False

@@ -34,7 +34,7 @@ def test_trajectories_are_listed_page_by_page(store: Store) -> None:
 
 
 class Pages:
-    """A transport to an audit log of 1200 entries, in pages of 500 at most."""
+    """A transport to an audit log of 1200 entries, in pages of at most 500."""
 
     def __init__(self) -> None:
         self.asked: list[int] = []

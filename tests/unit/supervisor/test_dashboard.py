@@ -1,4 +1,4 @@
-"""The dashboard of deploy/grafana asks for metrics and labels that there are."""
+"""The dashboard of deploy/grafana uses metrics and labels that exist."""
 
 import json
 import re

@@ -42,7 +42,7 @@ STOPS = (ActionCode.STOP, ActionCode.RETRACT)
 
 
 def wrong(facts: Facts, command: Command | None) -> str:
-    """Return what is wrong with a command; empty where nothing is."""
+    """Return the fault of a command; empty if there is none."""
     events = STATES[facts.state].events
     if facts.state in AWAITING:
         return "" if decide_wait(facts) == command else "the wait ends otherwise"
@@ -88,7 +88,7 @@ def wrong(facts: Facts, command: Command | None) -> str:
 
 
 def decide_wait(facts: Facts) -> Command | None:
-    """Return the only command that a job that waits for a decision may get."""
+    """Return the only command that is valid for a job that waits for a decision."""
     if facts.interrupted:
         return Move("interrupt", ENDS)
     if facts.unsafe:

@@ -1,4 +1,4 @@
-"""Pictures that are drawn in a process beside the supervisor."""
+"""Pictures that are drawn in a separate process."""
 
 import logging
 import os
@@ -26,7 +26,8 @@ def artist() -> Iterator[Worker]:
 
 
 def pixels(drawn: object) -> object:
-    """What two drawings of one subject have in common; vector files have dates and numbers."""
+    """Return what two drawings of one subject have in common; vector files contain dates and
+    numbers."""
     return getattr(drawn, "png", drawn)
 
 

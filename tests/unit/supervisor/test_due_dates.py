@@ -1,4 +1,4 @@
-"""What was calibrated is due again after a time, and when an instrument was exchanged."""
+"""Calibrations are due again after a time, and after an instrument was exchanged."""
 
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -16,7 +16,7 @@ DUE = "2026-08-28T12:00:00.000Z"
 
 
 def kept_up(rig: RigFile, sensor: str = "", output: str = "", days: float | None = None) -> RigFile:
-    """The rig with serial numbers and a time that calibrations hold."""
+    """Return the rig with serial numbers and a validity period of calibrations."""
     tables = rig.model_dump(exclude_unset=True)
     tables["sensor"]["serial_number"] = sensor
     tables["output"]["serial_number"] = output
@@ -74,7 +74,7 @@ def test_overdue_calibrations_are_a_warning(
     # Measured again, it is due again from then on.
     model.add({NOISE: 0.03}, {}, "c", "2026-09-01T12:00:00.000Z")
     assert model.warnings(after(190.0)) == []
-    # By the clock on the wall; the year 2000 is over.
+    # By the wall clock; the year 2000 is in the past.
     model.add({NOISE: 0.04}, {}, "d", "2000-01-01T00:00:00.000Z")
     view = {item.quantity: item.overdue for item in model_view(model).quantities}
     assert view[NOISE] is True

@@ -1,4 +1,4 @@
-"""Events over REST: streams that begin where a listener was, and lists."""
+"""Events over REST: streams that resume where a listener stopped, and lists."""
 
 import asyncio
 import json
@@ -110,7 +110,7 @@ def test_an_ended_job_sends_its_past_events(bench: Bench, app: FastAPI) -> None:
 def test_a_stream_is_refused_with_204_once_nothing_can_follow(
     bench: Bench, app: FastAPI, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A standard EventSource connects again after every end, except after a 204."""
+    """A standard EventSource reconnects after every end, except after a 204."""
     monkeypatch.setattr(event_log, "LISTENERS_MAX", 1)  # no refusal keeps a place
     bench.job("a", "succeeded")
     assert get(app, "/jobs/a/events").status_code == 204  # its events are deleted

@@ -20,7 +20,7 @@ from pincette_supervisor.journal.store import Store, StoreError
 
 T = TypeVar("T")
 GUARD_S = 20.0
-"""A test that waits for what never comes fails after this."""
+"""Timeout after which a test that waits for nothing fails, in s."""
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ async def first(log: EventLog, count: int, after: int | None, **which: Any) -> l
 
 
 async def present(listening: EventSubscription) -> None:
-    """Come to the end of the past, of which there is none."""
+    """Read to the end of the past events, of which there are none."""
     while not listening.caught_up:
         assert await listening.next() == []
 
@@ -222,7 +222,7 @@ def test_the_number_of_events_is_limited(log: EventLog) -> None:
         places.append(log.subscribe())
         with pytest.raises(TooManyListenersError):
             log.subscribe()
-        # One that nobody holds any more, because its answer has never begun, has no place.
+        # A stream without references, because its response has never begun, occupies no slot.
         places.pop()
         log.subscribe()
 

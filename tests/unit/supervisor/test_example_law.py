@@ -1,4 +1,5 @@
-"""A control law from outside the tree: the how-to's package, planned, judged and played."""
+"""A control law of an external package: the how-to guide's package, planned, assessed and
+played."""
 
 import re
 import sys

@@ -1,4 +1,5 @@
-"""Extreme numbers in every member of every request: refused by name, honoured, or warned of."""
+"""Extreme numbers in every member of every request: refused by name, used, or reported in a
+warning."""
 
 from collections.abc import Iterator, Mapping
 from math import inf, isclose, nan
@@ -62,7 +63,7 @@ Path = tuple[str | int, ...]
 
 
 def numbers(model: type[BaseModel], base: Mapping[str, Any]) -> Iterator[Path]:
-    """Paths of the numeric members of a request, those of its nested objects included."""
+    """Return paths of the numeric members of a request, including those of its nested objects."""
     for name, field in model.model_fields.items():
         kinds = parts(field.annotation)
         if float in kinds or int in kinds:
@@ -78,7 +79,7 @@ def numbers(model: type[BaseModel], base: Mapping[str, Any]) -> Iterator[Path]:
 
 
 def parts(annotation: Any) -> set[type]:
-    """Types that an annotation is made of."""
+    """Return the types of which an annotation consists."""
     if isinstance(annotation, type):
         return {annotation}
     if get_origin(annotation) in (Union, UnionType, list) or get_args(annotation):
@@ -87,7 +88,7 @@ def parts(annotation: Any) -> set[type]:
 
 
 def with_value(base: Mapping[str, Any], path: Path, value: float) -> dict[str, Any]:
-    """The request with another value at a path."""
+    """Return the request with another value at a path."""
     requested: Any = {**base}
     if base["kind"] == "move" and path[0] in TARGETS:
         requested = {name: each for name, each in requested.items() if name not in TARGETS}
@@ -103,7 +104,7 @@ def with_value(base: Mapping[str, Any], path: Path, value: float) -> dict[str, A
 
 
 def found_in(values: Any, path: Path) -> Any:
-    """Value of a plan under the name of a member; None where it has none."""
+    """Return the value of a plan under the name of a member; None if it has none."""
     for key in path:
         if isinstance(values, dict):
             values = cast("dict[Any, Any]", values).get(key)
@@ -117,7 +118,7 @@ def found_in(values: Any, path: Path) -> Any:
 
 
 def honoured(planned: Planned, path: Path, value: float) -> bool:
-    """Whether a plan keeps a value, or says of the member that it does not."""
+    """Return whether a plan uses a value, or states of the member that it does not."""
     plan, values, part = planned.plan, planned.values, RIG.part
     if path[0] == "x_points":
         path = ("points", *path[1:-1], str(path[-1]).replace("x_um", "force_mN"))

@@ -1,4 +1,4 @@
-"""A disk that has stopped answering: actions on a rig wait for no write of the journal."""
+"""A disk that hangs: actions on a rig wait for no write of the journal."""
 
 import asyncio
 import threading
@@ -27,7 +27,7 @@ from .harness import Harness
 
 PATIENCE_S = 20.0
 LIMIT_S = 4.0 * WAIT_S + 3.0
-"""Longest time of an answer: each step waits for ``WAIT_S`` at most; the rest is the machine's."""
+"""Longest time of a reply: each step waits for at most ``WAIT_S``; the rest is for the machine."""
 
 
 @contextmanager
@@ -280,7 +280,7 @@ def test_a_request_behind_a_write_that_hangs_is_answered(
     if answer.status_code >= 500:
         assert answer.status_code == 503
         assert answer.headers["content-type"] == "application/problem+json"
-    assert answer.status_code not in (202, 201)  # nothing is accepted that is not kept
+    assert answer.status_code not in (202, 201)  # nothing is accepted that is not stored
 
 
 def test_no_request_reads_the_journal_on_the_event_loop(harness: Harness) -> None:

@@ -1,4 +1,4 @@
-"""Whether a job came as near to its references as it was asked to."""
+"""Whether a job came as close to its references as requested."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ from .harness import Harness
 from .samples import FORCE_ERROR_MN, PERIOD_S, Tick
 
 SWING_UM = 0.03
-"""Height of the canned position's error."""
+"""Amplitude of the prepared position's error, in µm."""
 
 
 def goal(ticks: list[Tick], **values: float) -> Any:

@@ -1,4 +1,4 @@
-"""Refusals of an address that repeats them are held back, and delay nothing else."""
+"""Refusals to an address that repeats them are delayed, and delay nothing else."""
 
 import asyncio
 import socket
@@ -21,7 +21,8 @@ Call = Callable[[str, str], Coroutine[Any, Any, int]]
 
 
 def held(test: Callable[[Call], Awaitable[None]]) -> None:
-    """Run a test before an application that answers each request with the last part of its path."""
+    """Run a test with an application that replies to each request with the last part of its
+    path."""
 
     async def app(scope: Scope, _receive: Receive, send: Send) -> None:
         last = scope["path"].rpartition("/")[2]
@@ -45,7 +46,7 @@ def held(test: Callable[[Call], Awaitable[None]]) -> None:
 
 
 async def ended(call: Coroutine[Any, Any, int]) -> "asyncio.Task[int]":
-    """Begin a request, and give it the turns of the event loop that it needs at once."""
+    """Begin a request, and run the event loop as often as the request needs without waiting."""
     task = asyncio.create_task(call)
     for _ in range(50):
         await asyncio.sleep(0.0)

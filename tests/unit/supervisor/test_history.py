@@ -1,4 +1,4 @@
-"""The course of hours: smallest and largest values of the records, and nothing between them."""
+"""Hours of history: smallest and largest values of the records, and nothing between them."""
 
 from typing import Any
 

@@ -38,7 +38,7 @@ FORMS = [job_table.csv_of, job_table.numbers_of, job_table.parquet_of]
 
 @pytest.fixture
 def journal(harness: Harness, monkeypatch: pytest.MonkeyPatch) -> Harness:
-    """A journal of many pages of jobs, each with a result of its own size."""
+    """Make a journal of many pages of jobs, each with a result of different size."""
     monkeypatch.setattr(journal_store, "PAGE", PAGE)
     job = str(harness.grip()["id"])
     harness.freed(job)

@@ -1,4 +1,5 @@
-"""Lists of jobs: each job is as its own address has it, however often the list was read before."""
+"""Lists of jobs: each job equals that of its own address, however often the list was read
+before."""
 
 from typing import Any
 

@@ -1,4 +1,5 @@
-"""Searches in the journal find the same jobs as a look at each job, and cost no more with more."""
+"""Searches in the journal find the same jobs as a check of each job, and are as fast with more
+jobs."""
 
 import string
 from collections.abc import Iterator
@@ -31,13 +32,13 @@ ODD = (
     "a\\b",
     "'",
 )
-"""Texts with signs that mean something to SQL, to JSON or to a full-text query."""
+"""Texts with characters that are special in SQL, JSON or full-text queries."""
 TEXTS = (*ODD, "gr", "B7", "b7", "7", "o", "_", "%", '"', "needle", "tray", '"tray": "7"', "AND OR")
 LABELS = (("tray", "7"), ("tray", ""), ("t", "7"), ("ray", "7"), *(("odd", one) for one in ODD))
 
 
 def rows() -> list[JobRow]:
-    """Return jobs of which each has other texts, labels, outcomes and times."""
+    """Return jobs with different texts, labels, outcomes and times."""
     made = [
         replace(BASE, id="j-sample", sample="Größe B7", labels={"tray": "7"}),
         replace(BASE, id="j-labels", labels={"tray": "", "x": "tray"}, requested_by="cell-7"),
@@ -60,7 +61,7 @@ def folded(words: str) -> str:
 
 
 def matches(job: JobRow, wanted: JobFilter) -> bool:
-    """Look at a job itself; labels of ``TEXTS`` are searched by their own texts."""
+    """Check a job itself; labels of ``TEXTS`` are searched by their own texts."""
     if wanted.text is not None:
         labels = [
             part
@@ -213,7 +214,7 @@ def test_a_list_costs_no_more_with_many_jobs(tmp_path: Path) -> None:
 
 
 def least_s(store: Store, wanted: JobFilter) -> float:
-    """Return the least time of a processor for a list, of several tries."""
+    """Return the least processor time for a list, of several attempts."""
     tries: list[float] = []
     for _ in range(7):
         begun_s = thread_time()

@@ -1,4 +1,4 @@
-"""Jobs from request to end, against a rig that plays canned samples."""
+"""Jobs from request to end, on a rig that plays prepared samples."""
 
 import asyncio
 from collections.abc import Callable
@@ -251,7 +251,7 @@ def test_lockstep_names_the_program_that_is_silent(
     harness = open_harness(rig_file, guard_s=0.05)
 
     def without_estimate(ticks: list[Tick]) -> list[Tick]:
-        # The estimator says nothing of the last tick, so nobody after it does.
+        # The estimator publishes nothing for the last tick, so the later services do not either.
         silent = replace(ticks[49], estimate=ticks[48].estimate, command=ticks[48].command)
         silent = replace(silent, telemetry=ticks[48].telemetry, applied=ticks[48].applied)
         return [*ticks[:49], silent, *ticks[50:]]

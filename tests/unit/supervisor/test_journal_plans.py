@@ -1,4 +1,4 @@
-"""How the journal finds its rows: what is asked for often reads no table from end to end."""
+"""How the journal finds its rows: frequent queries read no table from end to end."""
 
 from typing import Any
 

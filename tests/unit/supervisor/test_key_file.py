@@ -1,4 +1,4 @@
-"""The four properties of keys: no lost or damaged file lets anybody in, and no stop waits."""
+"""The four properties of keys: no lost or damaged file admits a client, and no stop waits."""
 
 import asyncio
 import sqlite3

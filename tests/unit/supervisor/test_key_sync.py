@@ -1,4 +1,5 @@
-"""Keys that cannot be read or locked, as on a network share: nobody stays let in by accident."""
+"""Keys that cannot be read or locked, as on a network share: no client stays admitted by
+accident."""
 
 import asyncio
 import errno

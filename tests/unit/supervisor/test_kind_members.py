@@ -18,7 +18,7 @@ GRIP = GripJobRequest(kind="grip", on_stop="retract")
 
 @pytest.fixture
 def kinds(monkeypatch: pytest.MonkeyPatch) -> dict[str, JobKind]:
-    """The installed kinds; ``move`` and ``grip`` let a part go, and play on for longer."""
+    """The installed kinds; ``move`` and ``grip`` release a part, and continue for longer."""
     found = dict(job_kinds())
     for name in ("move", "grip"):
         found[name] = replace(found[name], on_stop="release", lease_factor=2.5)

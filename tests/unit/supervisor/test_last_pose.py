@@ -1,4 +1,4 @@
-"""Steps by a distance count from the last target, not from a noisy reading."""
+"""Steps by a distance start from the last target, not from a noisy reading."""
 
 from dataclasses import replace
 from typing import Any

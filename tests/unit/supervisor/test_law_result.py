@@ -1,4 +1,4 @@
-"""Figures of the law from samples whose figures are known."""
+"""Figures of the law computed from samples with known figures."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -20,11 +20,12 @@ from .samples import PERIOD_S, PLANT, Tick, run_of
 
 STIFFNESS, TOUCH_UM = 2.1, 4.0
 RATES = (0.0, 0.3, -0.2, 0.05)
-"""Changes of the perturbation from one sample to the next, in mN, over and over."""
+"""Changes of the perturbation from one sample to the next, in mN, repeated."""
 
 
 def pressed_arm(count: int = 60) -> tuple[list[Tick], list[float]]:
-    """Samples of an arm that is (4) with a perturbation that is known, pressed on a spring."""
+    """Return samples of an arm that satisfies (4) with a known perturbation, pressed on a
+    spring."""
     arm = ModelArm(PLANT, STIFFNESS, TOUCH_UM, TOUCH_UM, TOUCH_UM, TOUCH_UM / 19.0)
     ticks: list[Tick] = []
     p_mN: list[float] = [0.0]

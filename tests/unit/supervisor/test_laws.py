@@ -22,12 +22,12 @@ from .harness import Harness
 
 GAINS = ("K_P", "K_I", "K_S", "delta", "M", "B", "K", "K_f", "force_age")
 UNSTABLE = {"K_S": 1.0, "delta": 1.0}
-"""A switching term whose slope makes the loop rattle."""
+"""A switching term whose slope makes the loop oscillate."""
 
 
 @pytest.fixture
 def straight(rig_file: RigFile) -> RigFile:
-    """A rig whose free response is known as a line alone; its gains are quickly found."""
+    """Return a rig whose free response is known as a line only; its gains are found quickly."""
     model = rig_file.model.model_copy(update={"free_response": None})
     return rig_file.model_copy(update={"model": model})
 
@@ -39,7 +39,7 @@ def dry_run(harness: Harness, **wishes: Any) -> dict[str, Any]:
 
 
 def refused(harness: Harness, wishes: dict[str, Any], problem: str) -> dict[str, Any]:
-    """The problem with which a job is refused; nothing has moved and no job is kept."""
+    """Return the problem with which a job is refused; nothing has moved and no job is stored."""
     response = harness.post("/jobs", {"kind": "grip", "autostart": True, **wishes})
     assert response.status_code == 422
     assert response.json()["type"] == f"urn:pincette:problem:{problem}"

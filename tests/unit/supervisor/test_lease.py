@@ -24,7 +24,7 @@ WORDS = "lease: nothing received from the supervisor for 10.0 s, limit 10 s"
 
 
 class Line(CannedRig):
-    """A controller that takes a lease, or does not, and keeps when it was asked."""
+    """A controller that accepts or refuses a lease, and records the times of the requests."""
 
     def __init__(self, rig: RigFile) -> None:
         super().__init__(rig)

@@ -1,4 +1,4 @@
-"""Samples joined while they come: in order, each once, bounded, whatever the bus does to them."""
+"""Samples joined as they arrive: in order, each once, bounded, whatever the bus does to them."""
 
 import asyncio
 from collections.abc import Iterable
@@ -63,7 +63,7 @@ class Scene:
             self.say(tick.messages())
 
     def idle(self, first: int, count: int, epoch: int = 7) -> None:
-        """Position and voltage alone, as between two jobs."""
+        """Return position and voltage only, as between two jobs."""
         applied = samples.grip(epoch)[0].applied
         for seq in range(first, first + count):
             self.now_s += PERIOD_S
@@ -272,7 +272,7 @@ def test_late_samples_are_not_gaps_but_missing_ones_are(scene: Scene) -> None:
     listener = scene.live.open()
     ticks = samples.grip()[:60]
     scene.play(ticks[:20])
-    scene.now_s += 2.0  # this process stood still; nothing was lost
+    scene.now_s += 2.0  # this process was stalled; nothing was lost
     scene.play(ticks[20:40])
     scene.play(ticks[45:60])
     batches = heard(listener)

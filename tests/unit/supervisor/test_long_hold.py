@@ -1,4 +1,4 @@
-"""Holds without an end: progress goes on, memory does not grow, and the job ends properly."""
+"""Holds without an end: progress continues, memory does not grow, and the job ends properly."""
 
 from time import monotonic, sleep
 

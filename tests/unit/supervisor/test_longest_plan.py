@@ -1,4 +1,4 @@
-"""Requests whose numbers would take days are refused in words, before a course is worked out."""
+"""Requests whose numbers would take days are refused before a motion is computed."""
 
 from typing import Any
 

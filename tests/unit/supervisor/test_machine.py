@@ -1,4 +1,4 @@
-"""The table of states, walked at random over REST: no sequence of calls leaves it."""
+"""Random walks over the state table by REST: no sequence of calls leaves it."""
 
 import tempfile
 import tomllib
@@ -33,7 +33,7 @@ PICTURE = "pincette_supervisor.results.archive.picture"
 
 
 class Bench(RuleBasedStateMachine):
-    """A person who does anything at any time, and a rig that may fail."""
+    """Random actions of a person at any time, on a rig that may fail."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -137,7 +137,7 @@ class Bench(RuleBasedStateMachine):
         return [row.state for row in found if row is not None]
 
     def _settled(self) -> bool:
-        """Whether nothing goes on by itself."""
+        """Return whether nothing changes without an action."""
         live, bus = self.harness.manager.active, self.harness.bus
         if live is None:
             queue = self.harness.manager.queue

@@ -1,4 +1,4 @@
-"""What a scrape brings, by Prometheus' own parsers; who may scrape; how many series there are."""
+"""The content of a scrape, by Prometheus' own parsers; access to it; and the number of series."""
 
 from collections.abc import Callable
 from typing import cast

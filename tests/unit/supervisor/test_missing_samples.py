@@ -1,4 +1,4 @@
-"""A calibration that lacks too many samples is stopped at once, and not played to its end."""
+"""A calibration with too many missing samples is stopped at once, and not played to its end."""
 
 from collections.abc import Callable
 
@@ -18,7 +18,7 @@ LOST_FROM, PLAYED = 60, 300
 
 
 def lacking(count: int) -> Callable[[list[Tick]], list[Tick]]:
-    """An arm at rest, of whose readings some in a row are none."""
+    """Return an arm at rest, with a number of consecutive readings missing."""
     gone = range(LOST_FROM, LOST_FROM + count)
 
     def edit(ticks: list[Tick]) -> list[Tick]:

@@ -1,4 +1,4 @@
-"""Counts continue if their program restarts, and no duration counts as shorter than it was."""
+"""Counters continue if their program restarts, and no duration counts as shorter than it was."""
 
 from hypothesis import given
 from hypothesis import strategies as st

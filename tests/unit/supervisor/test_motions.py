@@ -163,7 +163,7 @@ def test_an_operator_may_state_that_a_part_is_held() -> None:
 
 
 def samples(count: int, *, held: bool) -> list[Message]:
-    """A rest at 12 µm and 0.6 V after a ramp to there."""
+    """Return a rest at 12 µm and 0.6 V after a ramp to there."""
     made: list[Message] = []
     for seq in range(count):
         x_um = min(12.0, 0.24 * seq)

@@ -1,4 +1,4 @@
-"""A job that has ended is no obstacle to the next; hold and release need a part that is held."""
+"""A job that has ended does not block the next; hold and release need a held part."""
 
 from threading import Timer
 from typing import Any

@@ -81,7 +81,7 @@ def test_the_end_of_a_job_is_posted_and_its_signature_holds(harness: Harness) ->
         "succeeded",
     )
     assert content["data"]["sample"] == "B7 Größe"
-    # As the standard says it, and not as the product computes it.
+    # As the standard specifies it, and not as the product computes it.
     signed = f"{headers['webhook-id']}.{headers['webhook-timestamp']}.".encode() + body
     mac = hmac.new(RAW, signed, hashlib.sha256).digest()
     assert headers["webhook-signature"] == f"v1,{base64.b64encode(mac).decode()}"
@@ -112,7 +112,7 @@ def test_a_restart_loses_no_notice_and_sends_none_twice(harness: Harness) -> Non
         delivery, _ = deliver(harness.store, webhook(received))
         first = ended(harness)
         delivery.work()
-        second = ended(harness)  # the supervisor ends before it is told
+        second = ended(harness)  # the supervisor ends before it is notified
         again, _ = deliver(harness.store, webhook(received))
         again.work()
         again.work()

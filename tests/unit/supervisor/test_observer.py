@@ -33,7 +33,7 @@ class EncodedBus(MemoryBus):
         return None
 
     def watch(self, sink: Callable[[str, bool], None]) -> None:
-        """Nobody comes or goes."""
+        """Do nothing: no program appears or disappears."""
 
 
 def test_a_position_from_before_the_end_of_a_ramp_is_not_the_present_position() -> None:

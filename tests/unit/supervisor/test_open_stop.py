@@ -1,4 +1,4 @@
-"""An emergency stop needs no key, and however many come each is confirmed."""
+"""An emergency stop needs no key, and each of many simultaneous ones is confirmed."""
 
 import asyncio
 
@@ -28,7 +28,7 @@ def test_every_client_may_stop(
 
 
 def test_concurrent_stops_share_trips_and_each_one_is_confirmed(harness: Harness) -> None:
-    """Those who come while the actuator is being asked share the next trip."""
+    """Stops that arrive during a request to the actuator share the next trip."""
 
     async def flood() -> list[int]:
         transport = httpx.ASGITransport(harness.app)

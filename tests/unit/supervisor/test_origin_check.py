@@ -1,4 +1,4 @@
-"""By which names a supervisor may be asked, and which pages may change something."""
+"""Host names under which a supervisor accepts requests, and pages that may change something."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""A page learns at load whether its stop and its orders would be accepted, and why not."""
+"""A page learns at load whether its stop and its requests would be accepted, and why not."""
 
 from collections.abc import Callable
 from typing import Any

@@ -11,7 +11,7 @@ from .harness import Harness
 
 
 def paused(harness: Harness, place: int = IN_HOLD, **wishes: object) -> str:
-    """A job that is paused."""
+    """Return a paused job."""
     job = harness.playing_to(place, **wishes)
     harness.acted(job, "pause")
     harness.reach(job, "paused")
@@ -101,7 +101,7 @@ def test_no_deadline_runs_while_a_job_is_paused(
 
 
 class Clock:
-    """A clock that a test turns."""
+    """A clock that a test advances."""
 
     def __init__(self) -> None:
         self.now_s = 0.0

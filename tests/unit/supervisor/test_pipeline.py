@@ -41,7 +41,7 @@ def keep_recipe(harness: Harness) -> None:
 
 
 def test_a_job_is_resolved_planned_and_admitted_once(harness: Harness, work: Counter[str]) -> None:
-    """Also before the first sample, when the position of the arm is not known."""
+    """This also holds before the first sample, when the position of the arm is not known."""
     keep_recipe(harness)
     for _ in range(2):
         work.clear()

@@ -1,4 +1,5 @@
-"""Places of parts from outside: what is taken, what is refused, what a plan and a result say."""
+"""Positions of parts from external programs: valid and refused ones, and their use in plans and
+results."""
 
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -28,18 +29,18 @@ KEY = "pincette/v2/demo/place"
 
 
 def ago(seconds: float = 0.0) -> str:
-    """A time so many seconds ago."""
+    """Return the time this many seconds ago."""
     return (datetime.now(UTC) - timedelta(seconds=seconds)).isoformat()
 
 
 def stated(**changes: Any) -> dict[str, Any]:
-    """A place of the demo rig's part, measured just now."""
+    """Return a position of the demo rig's part, measured just now."""
     usual = {"x_um": 31.0, "u_um": 0.5, "measured_at": ago(), "source": "camera-1"}
     return {**usual, **changes}
 
 
 def sent(**changes: Any) -> Place:
-    """The same as a message on the bus."""
+    """Return the same as a message on the bus."""
     fields: dict[str, Any] = {"rig": "demo", "width_um": None, "u_width_um": None}
     return Place(**{**fields, **stated(**changes)})
 

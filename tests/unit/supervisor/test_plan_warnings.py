@@ -1,4 +1,4 @@
-"""What plans say of weak forces, goals that will not be judged, and unsampled paths."""
+"""Warnings of plans about weak forces, goals that are not evaluated, and unsampled paths."""
 
 from typing import Any
 

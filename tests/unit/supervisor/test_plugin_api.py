@@ -1,4 +1,4 @@
-"""Kinds of job import the public API of the supervisor alone."""
+"""Kinds of job import only the public API of the supervisor."""
 
 import ast
 from collections.abc import Iterator

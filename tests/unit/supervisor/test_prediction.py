@@ -1,4 +1,4 @@
-"""What is predicted of a plan, beside what the whole loop then does."""
+"""The prediction of a plan, compared with the motion of the whole loop."""
 
 from functools import cache
 from pathlib import Path
@@ -39,7 +39,7 @@ STRAIGHT: Tree = {
         "environment_stiffness_mN_per_um": 2.17,
     },
 }
-"""A rig whose truth is its model."""
+"""A rig whose true parameters are those of its model."""
 
 
 def plan(rig: RigFile, present: Present | None = None, **wishes: Any) -> Planned:

@@ -1,4 +1,4 @@
-"""Predictions one at a time, kept, and asked for before a job is taken."""
+"""Predictions are computed one at a time, stored, and requested before a job is accepted."""
 
 import threading
 from functools import cache

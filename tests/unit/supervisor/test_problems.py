@@ -1,4 +1,4 @@
-"""Every problem says what to do, can be found again in the log, and speaks pincette's words."""
+"""Every problem states a remedy, can be found in the log, and uses pincette's own texts."""
 
 import ast
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Jobs that wait for the one that runs."""
+"""Jobs that wait for the running one."""
 
 from collections.abc import Callable
 from typing import Any
@@ -183,7 +183,7 @@ def test_an_emergency_stop_between_two_jobs_loses_none(
 
 
 def waiting(harness: Harness) -> list[str]:
-    """Names of the jobs that wait, the next first."""
+    """Return the names of the waiting jobs, the next first."""
     found = [job for job in harness.get("/jobs", state="queued")["jobs"] if job["position"]]
     return [job["id"] for job in sorted(found, key=lambda job: job["position"])]
 

@@ -1,4 +1,4 @@
-"""Named checks: what is looked at, in probes and at the rig, with value, limit and words."""
+"""Named checks: what is checked, by probes and at the rig, with value, limit and text."""
 
 from collections.abc import Callable
 from typing import Any

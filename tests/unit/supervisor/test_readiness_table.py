@@ -1,4 +1,4 @@
-"""What can start and whether the stage may move, in every state, at every age, beside every job."""
+"""What can start and whether the stage may move, in every state, at every age, with every job."""
 
 from itertools import product
 from typing import get_args

@@ -1,4 +1,4 @@
-"""Recipes: what they may hold, how versions are kept, and how one completes a request."""
+"""Recipes: their allowed content, their versions, and how one completes a request."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -36,7 +36,7 @@ def request(**wishes: Any) -> JobRequest:
 
 
 def lookup(**values: Any) -> Callable[[str], RecipeRow | None]:
-    """A book with version 3 of one recipe."""
+    """Return a collection with version 3 of one recipe."""
     row = RecipeRow("bead", 3, checked_values(values), "", AT)
     return lambda reference: row if reference in ("bead", "bead@3") else None
 
