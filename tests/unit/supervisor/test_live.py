@@ -19,6 +19,7 @@ from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import Authenticator
 from pincette_supervisor.journal.access import KeyFile
 from pincette_supervisor.rigs.live import (
+    EARLY_MOST,
     EVENT_POINTS,
     HISTORY_POINTS,
     KEPT,
@@ -167,6 +168,42 @@ def test_the_force_has_no_gap_if_the_messages_of_a_stall_arrive_program_by_progr
         assert None not in batch.force_mN
         assert None not in batch.x_r_um
         assert None not in batch.voltage_V
+
+
+@pytest.mark.parametrize("ahead", [1, 3])
+def test_the_force_has_no_gap_if_other_messages_arrive_before_the_position(
+    scene: Scene, ahead: int
+) -> None:
+    listener = scene.live.open()
+    ticks = zeroed_ticks(60)
+    scene.play(ticks[:10])
+    late = ticks[10:]
+    for group in (late[n : n + ahead] for n in range(0, len(late), ahead)):
+        scene.say(one for tick in group for one in (tick.estimate, tick.telemetry, tick.applied))
+        scene.say(tick.position for tick in group)
+    batches = heard(listener)
+    assert seqs(batches) == [tick.position.seq for tick in ticks]
+    for batch in batches:
+        assert None not in batch.force_mN
+        assert None not in batch.x_r_um
+        assert None not in batch.voltage_V
+
+
+def test_messages_without_a_position_are_kept_up_to_a_limit(scene: Scene) -> None:
+    ticks = zeroed_ticks(1)
+    scene.play(ticks)
+    listener = scene.live.open()
+    heard(listener)
+    first = ticks[0].position.seq + 1
+    beyond = EARLY_MOST + 1
+    for seq in range(first, first + beyond):
+        scene.say([replace(ticks[0].estimate, seq=seq)])
+    for seq in range(first, first + beyond):
+        scene.now_s += STALL_S
+        scene.say([replace(ticks[0].position, seq=seq)])
+    found = [force_mN for batch in heard(listener) for force_mN in batch.force_mN]
+    assert found[0] is None
+    assert None not in found[1:]
 
 
 def test_samples_are_shown_after_the_estimates_have_ended(scene: Scene) -> None:

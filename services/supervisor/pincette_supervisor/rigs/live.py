@@ -30,6 +30,8 @@ LATE_TICKS = 8
 STALL_S = 0.5
 """Longest additional wait of a row, in s, while a program's messages have not reached its number.
 After a stall all messages of one program may arrive before those of the next one."""
+EARLY_MOST = 64
+"""Largest number of samples whose messages are kept before their position has arrived."""
 LISTENERS_MAX = 16
 """Largest number of listeners of one client."""
 
@@ -93,6 +95,11 @@ class LiveSamples:
         self._lock = threading.Lock()
         self._pending: dict[int, Row] = {}
         """Rows of the newest epoch that still wait for messages, by seq."""
+        self._early: dict[int, list[Estimate | Telemetry | Applied]] = {}
+        """Messages that have arrived before the position of their number, by seq: each program
+        has a connection of its own, and a busy machine reads them in any order."""
+        self._newest = -1
+        """Number of the newest position in the epoch."""
         self._epoch: int | None = None
         self._passed: dict[type[Message], int] = {}
         """Newest number of each kind of message in the epoch, except positions."""
@@ -114,6 +121,7 @@ class LiveSamples:
         with self._lock:
             if isinstance(message, Position):
                 place = message.epoch, message.seq // self._stride
+                self._newest = message.seq
                 if place != self._place:
                     self._place = place
                     self._begin(message)
@@ -122,11 +130,22 @@ class LiveSamples:
                 return
             self._passed[type(message)] = message.seq
             row = self._pending.get(message.seq)
-            if row is None:
-                return
-            _fill(row, message)
-            if row.whole and row.estimated and row.applied:
-                self._close(message.seq)
+            if row is not None:
+                self._add(row, message)
+            elif message.seq > self._newest:
+                self._keep_early(message)
+
+    def _add(self, row: Row, message: Estimate | Telemetry | Applied) -> None:
+        """Add a message to its row, and close the row if it is complete."""
+        _fill(row, message)
+        if row.whole and row.estimated and row.applied:
+            self._close(row.seq)
+
+    def _keep_early(self, message: Estimate | Telemetry | Applied) -> None:
+        """Keep a message until the position of its number has arrived."""
+        self._early.setdefault(message.seq, []).append(message)
+        if len(self._early) > EARLY_MOST:
+            del self._early[min(self._early)]
 
     def _begin(self, position: Position) -> None:
         """Open the row of a sample, and close those of an earlier epoch."""
@@ -135,6 +154,7 @@ class LiveSamples:
                 self._close(max(self._pending))
             self._epoch = position.epoch
             self._passed.clear()
+            self._early.clear()
         self._close_late(position.seq - LATE_TICKS * self._stride)
         row = Row(position.epoch, position.seq, self.clock(), position.t_s)
         first, *others = position.arms
@@ -142,6 +162,10 @@ class LiveSamples:
         for other in others:
             row.second = SecondRow(x_um=other.x_um if other.valid else None)
         self._pending[position.seq] = row
+        for message in self._early.pop(position.seq, ()):
+            self._add(row, message)
+        for seq in [seq for seq in self._early if seq < position.seq]:
+            del self._early[seq]
 
     def _close_late(self, seq: int) -> None:
         """Close the rows up to a number for which no more messages can be expected."""
