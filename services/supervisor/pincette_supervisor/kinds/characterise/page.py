@@ -71,7 +71,7 @@ CONDITIONS: Mapping[str, str] = {
 }
 """Words before the number of a condition; a condition that is missing here is shown by its own
 name."""
-WIDTHS = "".join(f'<col style="width: {share}%">' for share in (26, 9, 9, 8, 33, 9, 6))
+WIDTHS = "".join(f'<col style="width: {share}%">' for share in (26, 9, 9, 8, 31, 9, 8))
 HEAD = ("quantity", "value", "U (k = 2)", "unit", "condition", "source", "Xu 2013")
 PAPER_NOTE = "Xu 2013: Q. Xu, IEEE T-ASE 10(3), 2013; another gripper, at 50 samples per second."
 STYLE = """
@@ -86,7 +86,14 @@ thead th { font-weight: 600; border-color: #8a939c; }
 thead th:nth-child(2), thead th:nth-child(3), thead th:last-child { text-align: right; }
 td.n { text-align: right; font-variant-numeric: tabular-nums; }
 td.c { color: #5a646e; font-size: 7.5pt; } td.c:nth-child(5) { white-space: normal; }
+th:last-child, td:last-child { padding-right: 0; }
 svg { width: 100%; height: auto; } .figures { break-before: page; }
+@media screen and (max-width: 182mm) {
+  body { margin: 4mm; font-size: 10pt; } td.c { font-size: 9.5pt; }
+  .values, .figures { display: block; overflow-x: auto; }
+  td.c:nth-child(5) { min-width: 45mm; } .figures svg { min-width: 150mm; }
+  table:not(.values) td { white-space: normal; }
+}
 @media print { body { margin: 0; max-width: none; } }
 """
 
@@ -200,6 +207,7 @@ def html(result: CharacteriseResult, about: Mapping[str, str], svg: str) -> str:
     title = f"Data sheet · {about['gripper']}"
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{escape(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
         f"<h1>{escape(title)}</h1>\n<table>{stated}</table>\n{''.join(parts)}\n"
         f'<p>{escape(PAPER_NOTE)}</p>\n<div class="figures">{drawn}</div>\n</body>\n</html>\n'
