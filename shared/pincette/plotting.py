@@ -4,7 +4,7 @@ from collections.abc import Callable
 from io import BytesIO
 from typing import Any
 
-# Matplotlib's keyword arguments carry no types.
+# Matplotlib's keyword arguments have no type annotations.
 Axis = Any
 
 WIDTH_IN, DPI = 9.6, 130
@@ -21,7 +21,7 @@ def picture(
     sharex: bool = False,
 ) -> bytes:
     """Draw into rows × columns of axes, which ``draw`` gets row by row; return a PNG."""
-    # Loaded with the first picture: half a second that a help text does without.
+    # Imported for the first picture: it takes half a second, which a help text does not need.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

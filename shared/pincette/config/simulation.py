@@ -64,8 +64,9 @@ class SecondMode(Table):
     """The second bending mode of the driven arm."""
 
     share: float = Field(default=0.0, ge=0.0, lt=1.0)
-    """1. Share of the static deflection, by voltage or force; a cantilever loaded at its tip has
-    (1.875/4.694)⁴ = 0.0255; 0: there is no second mode."""
+    """1. Share of the static deflection, by voltage or by force, due to this mode; a cantilever
+    loaded at its tip has (1.875/4.694)⁴ = 0.0255; 0: there is no second mode.
+    """
     frequency_ratio: float = Field(default=6.27, gt=1.0)
     """1. Ratio of its frequency to that of the first mode; instruments: near 6.27."""
     damping_ratio: Positive = 0.026

@@ -26,9 +26,10 @@ BELOW_REST = 0.1
 
 
 def teach(rig: RigFile, *, to_limits: bool = False) -> Identification:
-    """Move the simulated arm freely and identify its free response, as of an arm without a past.
+    """Move the simulated arm freely and identify its free response, as that of an arm without
+    history.
 
-    ``to_limits``: up to the highest position, as an arm needs it that also carries its part along.
+    ``to_limits``: move up to the highest position, as needed for an arm that also moves its part.
 
     Raises
     ------

@@ -42,7 +42,8 @@ __all__ = ["LONGEST_FRAME", "RETRY_S", "exchange_s", "open_link"]
 
 QUIET_BYTES = 3
 QUIET_S, QUIET_SHARE = 0.001, 0.5
-"""Silence in s that is required after a failed exchange, and its limit as a share of the timeout.
+"""Silence in s that is required after a failed exchange, and its upper limit as a fraction of the
+timeout.
 """
 READ_SIZE = 4096
 UNSENT_PERIODS, LEAST_UNSENT_S = 4.0, 1.0
@@ -183,8 +184,8 @@ def exchange_s(count: int, baud: int) -> float:
 class _Address:
     """Address at which a host was first reached; None before that.
 
-    A lost port is opened again at this address, since a name server that does not answer would
-    block the loop for seconds.
+    A lost port is reopened at this address, since a name server that does not reply would block the
+    loop for seconds.
     """
 
     found: tuple[str, int] | None = None
@@ -209,7 +210,7 @@ def _open_port(url: str, baud: int, timeout_s: float, where: _Address, within_s:
             return _SerialPort(port, timeout_s, locks)
     except InstrumentError:
         raise
-    except Exception as error:  # a handler of pyserial's urls may raise anything
+    except Exception as error:  # the handlers of pyserial's urls may raise any exception
         if isinstance(error, OSError) and error.errno == errno.EWOULDBLOCK:
             raise device_in_use(url) from error
         raise InstrumentError(f"{url}: {_why_closed(url, error)}", "cannot_open") from error
@@ -290,8 +291,8 @@ class _SerialPort:
 def _of_one_kind() -> Generator[None]:
     """Raise OSError, or TimeoutError for a write, for every error that pyserial 3.5 raises.
 
-    A lost port may raise a termios.error, which is no OSError; a closed one raises a TypeError from
-    its descriptor.
+    A lost port may raise a termios.error, which is not an OSError; a closed port raises a TypeError
+    from its descriptor.
     """
     try:
         yield
@@ -339,7 +340,7 @@ class _SocketPort:
             # Each of these raises OSError if the other end has reset the connection meanwhile.
             found = _address_of(self._socket), port
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            # Otherwise data to a lost host would be sent again for a quarter of an hour.
+            # Otherwise the system would retransmit data to a lost host for a quarter of an hour.
             most_ms = round(1000.0 * max(UNSENT_PERIODS * write_timeout_s, LEAST_UNSENT_S))
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, most_ms)
             self._socket.settimeout(write_timeout_s)
@@ -352,8 +353,9 @@ class _SocketPort:
 
     def receive(self, wait_s: float) -> bytes:
         """Return the bytes that have arrived, waiting for the first one; empty if none came."""
-        # A device server may forward byte by byte, and wait for each to be acknowledged (Nagle);
-        # an acknowledgement is delayed by 40 ms otherwise. Linux resets the option.
+        # A device server may forward single bytes, and wait for the acknowledgement of each
+        # (Nagle). Without this option, Linux delays an acknowledgement by 40 ms; it also resets the
+        # option.
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
         ready, _, _ = select.select([self._socket], [], [], wait_s)
         if not ready:

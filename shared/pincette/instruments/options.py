@@ -17,7 +17,7 @@ def read_options(model: type[T], driver: str, options: Mapping[str, object]) -> 
     Raises
     ------
     ConfigError
-        With one line for each fault, and the options there are.
+        With one line for each fault, and the existing options.
     """
     try:
         return model.model_validate(dict(options))

@@ -28,7 +28,7 @@ the present state.
 
 
 class InstrumentError(Exception):
-    """An instrument or its link failed; the text names it and the reason."""
+    """Error of an instrument or its link; the text contains its name and the reason."""
 
     def __init__(self, text: str, code: ErrorCode = "garbled") -> None:
         super().__init__(text)
@@ -114,7 +114,7 @@ class WaveOutput(VoltageOutput, Protocol):
     """Voltage output that plays a waveform from its own buffer; ``write_V`` ends it at once."""
 
     def begin_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:
-        """Apply one voltage each 1/rate; the last one stays. Raises InstrumentError."""
+        """Output one voltage every 1/rate, and keep the last one. Raises InstrumentError."""
         ...
 
     def look(self) -> None:
@@ -127,7 +127,7 @@ class PartsOutput(VoltageOutput, Protocol):
     """Voltage output that writes a control step in parts, timed by its own clock."""
 
     def write_parts(self, voltages_V: Sequence[float], interval_s: float) -> None:
-        """Apply one voltage each ``interval_s``, the first at once; the last one stays.
+        """Output one voltage every ``interval_s``, the first immediately, and keep the last one.
 
         Return when the instrument has accepted all of them. A later write ends the parts at once.
         Raises InstrumentError.
@@ -144,7 +144,7 @@ class WatchedOutput(VoltageOutput, Protocol):
         ...
 
     def clear_trip(self) -> None:
-        """Release the instrument from its safe value if it has gone there.
+        """Make the instrument leave its safe value if its watchdog has tripped.
 
         Raises InstrumentError.
         """
@@ -156,7 +156,7 @@ class Timing:
     """Time that an instrument needs in a control period, from the settings of its line only."""
 
     exchange_s: float
-    """Time of request and answer on the line, in s."""
+    """Duration of request and reply on the line, in s."""
     response_s: float = 0.0
     """Time from the command to the voltage, or from the position to the reading, in s."""
     buffered_hz: float | None = None

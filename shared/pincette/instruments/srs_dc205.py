@@ -109,9 +109,9 @@ class DC205:
         Raises
         ------
         InstrumentError
-            If the voltage is not a number within the range, before anything is sent; if the
-            source refuses it or does not answer; if someone has switched the output off, which
-            only opening it again undoes.
+            If the voltage is not a number within the range, before anything is sent; if the source
+            refuses it or does not answer; if the output was switched off at the instrument, in
+            which case it must be opened again.
         """
         if not isfinite(voltage_V) or abs(voltage_V) > self._range_V:
             text = f"DC205: {voltage_V} V refused, limit ±{float(self._range_V)} V"

@@ -1,14 +1,14 @@
 """Recommendations for a measured machine: period, law, composition, age limit, priority; pure.
 
-The actuator trips if no newer command comes within the age limit A, counted from the arrival of the
-sample on which the last command was based. Between two samples a machine may therefore stall for
-the time that A leaves beside the period T and the time t from a sample to its command:
+The actuator trips if no newer command arrives within the age limit A, counted from the arrival of
+the sample on which the last command was based. Between two samples a machine may therefore stall
+for the time that A leaves beside the period T and the time t from a sample to its command:
 
     A = T + 2 L + t,    t = 3 h + c
 
 with the latest wake-up L, p99.9 of a hop over the bus h and the time c of the steps. L counts
-twice, since a short measurement does not contain the latest of a day. A is rounded up to T/2, and
-not below 2.5 T, the default.
+twice, since the latest wake-up in a short measurement is earlier than that of a whole day. A is
+rounded up to T/2, and not below 2.5 T, the default.
 """
 
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ SUITED = ((0.001, "fpbsmic"), (0.02, "pbsmic"))
 """Periods in s, and the law for each, the fastest first. Periods between them would let a mode at
 388 Hz alias to a frequency at which the loop works: 12 Hz at 5 ms, 112 Hz at 2 ms."""
 TOGETHER = "loop"
-"""Value of [rig] composed for a loop in one process."""
+"""Value of [rig] composed that runs the whole loop in one process."""
 
 
 class Recommended(NamedTuple):
@@ -86,7 +86,7 @@ class Change(NamedTuple):
 def age_periods(period_s: float, late_s: float, transit_s: float) -> float:
     """Return the age limit A/T that a machine keeps.
 
-    Above ``MOST_PERIODS`` if no rig file can state it.
+    The result exceeds ``MOST_PERIODS`` if no rig file may state it.
 
     Parameters
     ----------
@@ -100,9 +100,9 @@ def age_periods(period_s: float, late_s: float, transit_s: float) -> float:
 
 
 def age_change(asked: Asked, late_s: float, transit_s: float) -> Change | None:
-    """Return the change of the age limit, or of the period if no limit is long enough.
+    """Return the necessary change of the age limit, or of the period if no limit is long enough.
 
-    None if the rig file suits.
+    Return None if no change is needed.
     """
     period_s, needed = asked.period_s, age_periods(asked.period_s, late_s, transit_s)
     seen = f"the latest wake-up was late by {1000.0 * late_s:.1f} ms, which is counted twice"
@@ -117,9 +117,9 @@ def age_change(asked: Asked, late_s: float, transit_s: float) -> Change | None:
 
 
 def changes(asked: Asked, measured: Measured, hop: Distribution, refused: str) -> list[Change]:
-    """Return the changes of a rig file for a machine, the most serious first.
+    """Return the changes that a rig file needs for a machine, the most serious first.
 
-    Empty if it suits.
+    Empty if none is needed.
 
     ``refused`` is what the system did not permit while it was measured, in words. A process for
     estimator and controller is proposed where four hops at their p99.9 take more than half a

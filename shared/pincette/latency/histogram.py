@@ -74,9 +74,9 @@ class Distribution(FrozenRecord, frozen=True):
         return total
 
     def quantile_s(self, share: float) -> float | None:
-        """Return the duration that a share of the durations does not exceed, in s.
+        """Return the quantile of the durations for a fraction, in s.
 
-        None without any.
+        None if there are no durations.
 
         The end n(b+1) of the least bucket up to which ⌈share · count⌉ were counted, and no more
         than the longest: at most 1/32 or 1 ns above the true order statistic, never below it.

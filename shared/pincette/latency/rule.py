@@ -7,15 +7,15 @@ from pincette.latency.histogram import Distribution
 
 TAIL = 0.999
 LATE_SHARE = 0.1
-"""Largest lateness of all but one in a thousand wake-ups, as a share of the period."""
+"""Limit for 99.9 % of the wake-ups: largest lateness as a fraction of the period."""
 LATEST_SHARE = 0.5
-"""Largest lateness of every wake-up, as a share of the period."""
+"""Limit for all wake-ups: largest lateness as a fraction of the period."""
 HOPS = 4
 """Hops of a tick: position, estimate and command, and the applied voltage to the estimator."""
 HOPS_SHARE = 0.5
-"""Largest duration of all hops of a tick, as a share of the period."""
+"""Limit for all hops of a tick together, as a fraction of the period."""
 FEWEST = 100
-"""Smallest number of wake-ups from which a period can be judged."""
+"""Smallest number of wake-ups needed to assess a period."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,11 +25,11 @@ class Measured:
     period_s: float
     lateness: Distribution
     missed: int
-    """Number of grid points that had passed before the wake-up for them."""
+    """Number of grid points that were skipped because they had passed before the wake-up."""
 
 
 def objections(measured: Measured, hop: Distribution | None = None) -> tuple[str, ...]:
-    """Return why a period T is not supported; none if it is.
+    """Return why a period T is not supported; empty if it is.
 
     It is supported if of at least 100 wake-ups on a grid of T
 

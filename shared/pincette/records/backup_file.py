@@ -58,8 +58,8 @@ class _Hashed(io.RawIOBase):
 class _Bounded(io.RawIOBase):
     """Content of a compressed file, limited in its total size and in the size of each read.
 
-    The reader of archives would load a name or an attribute of any length into memory, and skip
-    contents of any length.
+    Without these limits, the archive reader would load names and attributes of any length into
+    memory, and skip contents of any length.
     """
 
     def __init__(self, stream: IO[bytes], most: int) -> None:
@@ -148,7 +148,7 @@ def restore(file: Path, data: Path, read_keys: Callable[[Path], object]) -> list
     aside = Path(tempfile.mkdtemp(prefix=".restore-", dir=data))
     try:
         names = _unpack(file, aside, read_keys)
-        # The journal comes last: without it the folder does not count as one with data.
+        # The journal is moved last: without it the folder does not count as one with data.
         for path in sorted(aside.iterdir(), key=lambda path: path.name == JOURNAL):
             sync_folder(data)  # the names before it outlast a power cut if the journal's does
             path.rename(data / path.name)

@@ -45,7 +45,9 @@ class Column(Field):
 def _column(
     message: type[Message], name: str, meaning: str, field: str = "", arm: int = 0
 ) -> Column:
-    """Return a column of a message's field, or of an arm's field of the same name by default."""
+    """Return a column of a message's field, or of an arm's field; by default it has the same
+    name.
+    """
     field = field or name
     own = field in message.__struct_fields__
     kind = KINDS.get(scalar_of(message if own else ARMS[message], field), "text")
@@ -186,11 +188,12 @@ RUNNING = ("armed", "idle")
 
 
 def columns(messages: Iterable[Message], period_s: float) -> dict[str, list[Any]]:
-    """Return the columns of one epoch up to the end of the arming, one row for each seq.
+    """Return the columns of one epoch up to the end of the arming, one row for each sample number.
 
     Missing values are None.
     """
-    # The last message of a kind and number counts; one with a negative seq is no sample.
+    # Of several messages of a type and number, the last is used; a negative seq means that it is
+    # not a sample.
     found: dict[type[Message], dict[int, Message]] = {}
     truths: list[GroundTruth] = []
     applied: dict[int, Applied] = {}
@@ -252,7 +255,7 @@ def _reader(column: Column) -> Callable[[Any], Any]:
     """Return the function that reads a column's value from its message or from an arm's entry."""
     read = attrgetter(column.field)
     if column.kind != "text":
-        return read  # several times as fast
+        return read  # several times as fast as calling the general function
     return lambda record: _cell(read(record))
 
 
@@ -279,8 +282,8 @@ def truths_by_tick(
 ) -> dict[int, GroundTruth]:
     """Return true states by the number of their sample; the first belongs to the first tick."""
     # A simulated rig knows no sample numbers: it counts the voltages that were written to it. In
-    # lockstep every tick writes; in real time one without a command does not. Once the actuator has
-    # tripped it writes as often as it likes, and truths are left out.
+    # lockstep a voltage is written in every tick; in real time only in ticks with a command. After
+    # a trip the number of writes per tick is not fixed, so true states are omitted.
     ticks: list[int] = []
     for seq in range(max(applied, default=-1) + 1):
         if seq in applied and applied[seq].state not in RUNNING:
@@ -300,7 +303,9 @@ def truths_by_tick(
 
 
 def numbers_every_tick(messages: Iterable[Applied | GroundTruth]) -> bool:
-    """Return True if the true states number every tick, False if only ticks with a command."""
+    """Return True if there is a true state for every tick, False if only for ticks with a
+    command.
+    """
     lowest: int | None = None
     highest, newest, tripped = 0, -1, None
     for message in messages:

@@ -78,7 +78,7 @@ def _codes(path: Path, fields: Iterable[parquet.Field]) -> number_table.Codes:
 
 
 def _table(source: Any, codes: number_table.Codes | None) -> Iterator[str]:
-    """Yield the names, then the samples: as numbers only if there are ``codes``."""
+    """Yield the names, then the samples; if ``codes`` are given, everything as numbers."""
     names = source.schema_arrow.names
     try:
         yield _line(names)

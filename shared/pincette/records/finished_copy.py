@@ -22,7 +22,7 @@ UNFINISHED = "copied from an unfinished record, which is still being written or 
 def snapshot(path: Path) -> Iterator[bytes]:
     """Yield the parts of a file that every reader can open, from a record in any state.
 
-    A record that has its end is copied unchanged. Raises OSError before the first part.
+    A finished record is copied unchanged. Raises OSError before the first part.
     """
     if mcap_reading.is_closed(path):
         return _parts(path.open("rb"))
@@ -39,7 +39,7 @@ class FinishedCopy:
     """Parts of a copy that has its end and its index."""
 
     def __init__(self, path: Path, closing: Mapping[str, str]) -> None:
-        """Prepare a copy; ``closing`` states how the record ended."""
+        """Prepare a copy; ``closing`` is the metadata about the end of the record."""
         self._path = path
         self.closing = dict(closing)
         """Metadata at the end of the record. After the last part it also contains the number of

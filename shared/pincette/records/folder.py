@@ -30,7 +30,7 @@ REPORT = "report.html"
 PINNED = ".pinned"
 """Name of the file that marks a record to be kept, whatever its age."""
 CLOCK_AGREED = ".clock-agreed"
-"""Name of the file by which a person confirms the time of day after it has stepped."""
+"""Name of the file by which a person confirms the time of day after the clock was changed."""
 DELETED_PREFIX = ".deleted-"
 """Start of a folder's name while it is being deleted."""
 DRAWN = {
@@ -217,7 +217,7 @@ def write_manifest(
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Return the manifest; empty if there is no readable one."""
+    """Return the manifest; empty if it is missing or unreadable."""
     with suppress(OSError, ValueError):
         tree: Any = json.loads((folder / MANIFEST).read_bytes())
         if isinstance(tree, dict):

@@ -1,7 +1,7 @@
-"""Live record of a job: an MCAP file that stays readable whenever its writer ends."""
+"""Live record of a job: an MCAP file that stays readable however its writer ends."""
 
-# Nothing is buffered beyond the chunk that is being filled, and a chunk is closed when it is full
-# or old; so the loss by a kill is bounded in bytes and in time.
+# Only the chunk that is being filled is buffered, and it is closed when it is full or old. So the
+# data lost when the program is killed are limited in size and in time.
 
 import errno
 import json
@@ -113,9 +113,9 @@ class McapFile:
     """Writes one record."""
 
     # A sample's log time is the arrival of sample 0 plus its number times the control period, so
-    # that samples are evenly spaced in whichever time the rig runs; its publish time is its
-    # arrival. A message without a number of its own is logged at the newest sample's time. Before
-    # the first sample, the start of the record takes the place of the arrival of sample 0.
+    # that samples are evenly spaced in real time and in lockstep; its publish time is its arrival.
+    # A message without a number of its own is logged at the newest sample's time. Before the first
+    # sample, the start of the record takes the place of the arrival of sample 0.
 
     def __init__(
         self, path: Path, rig: str, *, about: Mapping[str, str], start_ns: int, period_s: float

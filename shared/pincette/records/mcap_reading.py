@@ -59,7 +59,7 @@ def entries(path: Path) -> Iterator[mcap.McapRecord]:
         try:
             yield from reader.records
         except BROKEN:
-            return  # the rest was never written in full
+            return  # the rest was not written completely
 
 
 def read(path: Path) -> Recording:
@@ -107,7 +107,7 @@ class Decoder:
             case mcap.Schema():
                 self._schemas[entry.id] = entry.data
             case mcap.Channel() if entry.topic in self._topics and entry.topic in NAMES:
-                # Protocol Buffers are loaded when the first record is read.
+                # Protocol Buffers are imported when the first record is read.
                 from pincette.records.schemas import unpacker
 
                 self._readers[entry.id] = unpacker(entry.topic, self._schemas[entry.schema_id])

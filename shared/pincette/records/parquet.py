@@ -194,7 +194,8 @@ def parts(
 
 def _pyarrow() -> tuple[Any, Any]:
     """Return the package, which has no type annotations, and its module for files."""
-    # Loaded with the first table: a tenth of the start of a program that may never see one.
+    # Imported for the first table: it takes a tenth of the start time of a program that may never
+    # need it.
     import pyarrow.parquet
 
     return pyarrow, pyarrow.parquet

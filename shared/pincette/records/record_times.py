@@ -10,7 +10,7 @@ UNCERTAINTY = "sample_0_uncertainty_s"
 NAMES = (BEGIN, SAMPLE_0, UNCERTAINTY, END)
 """Names under which the metadata of a record's files state the times."""
 COMPARED = 4
-"""Number of samples after the first one whose arrivals show whether that one came late."""
+"""Number of samples after the first one whose arrivals show whether the first one was late."""
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 LAST_NS = 2**63 - 1
 
@@ -34,8 +34,8 @@ def sample_0_ns(message: Message, arrival_ns: int, period_ns: int) -> int | None
 class RecordTimes:
     """Times of one record, from the arrivals of its messages.
 
-    All arrivals are times of one clock that never steps: the time of day at the beginning of the
-    record, continued by the monotonic clock.
+    All arrivals are measured by one clock that is never set: the time of day at the beginning of
+    the record, continued by the monotonic clock.
     """
 
     def __init__(self, about: Mapping[str, str], period_s: float) -> None:

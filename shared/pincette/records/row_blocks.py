@@ -19,7 +19,7 @@ from pincette.core.messages import (
 from pincette.records.columns import RUNNING, columns, table_of
 
 ROWS = 8192
-"""Number of rows in a block. A row is complete once as many later rows have begun."""
+"""Number of rows in a block. A row counts as complete when that many later rows have begun."""
 NAMES: Mapping[type[Message], str] = {
     Position: "position",
     Estimate: "estimate",
@@ -51,7 +51,7 @@ class RowBlocks:
         self.two_arms = False
         """True once the actuator has reported a second arm."""
         self._over: int | None = None
-        """Number of the sample that ended the arming; None while it continues."""
+        """Number of the last sample of the arming; None while the arming continues."""
         self._newest_applied = -1
         self._tripped: bool = False
         self._first_truth: int | None = None
@@ -59,8 +59,9 @@ class RowBlocks:
         """Number of true values that belong to ticks before ``_placed_seq``."""
         self._missing: Counter[str] = Counter()
         self._applied: set[int] = set()
-        """Numbers of the applied voltages in the newest block that was returned; missing ones in it
-        have been counted."""
+        """Numbers of the applied voltages in the newest returned block; those missing in it have
+        been counted.
+        """
 
     def add(self, message: Message) -> None:
         """Add a message of the epoch, in order of arrival."""
@@ -111,9 +112,9 @@ class RowBlocks:
     @property
     def missing(self) -> dict[str, int]:
         """Return the number of samples that were sent and never arrived, by topic."""
-        # A sample that is derived from another proves that the other was sent: an estimate its
-        # position, the telemetry of a playing program its estimate, an answered tick its command,
-        # and an estimate the applied voltage that it names.
+        # A sample proves that the sample from which it was derived was sent: an estimate proves its
+        # position and the applied voltage that it names, the telemetry of a playing program its
+        # estimate, and a tick with an accepted command its command.
         found = self._missing + self._missing_in(self._samples, {*self._applied})
         return {name: found[name] for name in NAMES.values() if found[name]}
 

@@ -1,8 +1,8 @@
 """Messages as Protocol Buffers, with descriptors made from the messages' classes."""
 
-# Other tools can decode a record with what is in it. Names, units included, are those of the
-# classes. ``float | None`` becomes an optional field, a class with fields a nested message, a tuple
-# a repeated field, and a union of records a nested message with one field for each of them.
+# Other tools can decode a record without further files. Names and units are those of the classes.
+# ``float | None`` becomes an optional field, a class with fields a nested message, a tuple a
+# repeated field, and a union of records a nested message with one field for each of them.
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -113,7 +113,7 @@ def _describe(kind: type, into: descriptor_pb2.DescriptorProto, within: str) -> 
             continue
         entry.type = _SCALARS[type(node)]
         if optional:
-            # An optional scalar is the only member of a oneof that no tool shows.
+            # An optional scalar is represented by a oneof with one member, which tools do not show.
             entry.proto3_optional = True
             entry.oneof_index = len(into.oneof_decl)
             into.oneof_decl.add(name=f"_{field.name}")

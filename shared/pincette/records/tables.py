@@ -56,7 +56,7 @@ class Tables:
                 self._samples = files.SamplesDraft(path, self._about, two_arms=two)
             self._samples.add(block)
         except OSError as error:
-            self._trouble = error  # reported with the table
+            self._trouble = error  # the error is reported with the table
 
     def write(self) -> list[str]:
         """Write the tables of all messages so far; return their errors; raises OSError."""

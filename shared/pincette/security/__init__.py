@@ -1,1 +1,1 @@
-"""Identities on the bus, and their rights."""
+"""Identities on the bus, and their permissions."""

@@ -1,8 +1,8 @@
 """Access lists of the router and of each service, enforced on their links by certificate names."""
 
-# The router's list protects what passes the router; a service that others reach directly has a list
-# of its own. Everything that no rule allows is denied, also to a certificate that the list does not
-# name: with the opposite default, a put on a wildcard would pass every rule that denies.
+# The router's list covers messages that pass the router; a service that others reach directly has
+# its own list. Everything that no rule allows is denied, also to certificates that the list does
+# not name. With the opposite default, a put on a wildcard key would bypass every rule that denies.
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
@@ -45,14 +45,18 @@ def router_access(identities: Iterable[Identity]) -> Access:
 
 
 def neighbour_access(router: Identity, beyond: Iterable[Identity]) -> Access:
-    """Return the messages that a router passes from and to another router: all rights beyond it."""
+    """Return the messages that a router passes from and to another router, for all identities
+    beyond it.
+    """
     return {router.name: _of_router(united(map(rights, beyond)))}
 
 
 def beyond_upstream(
     known: Iterable[Identity], rig: str, *, served_upstream: bool
 ) -> tuple[Identity, ...]:
-    """Return identities beyond a server's router: people; its programs if ``served_upstream``."""
+    """Return the identities beyond a server's router: people, and the server's programs if
+    ``served_upstream``.
+    """
     served = {SUPERVISOR, program("recorder", rig).name} if served_upstream else set[str]()
     return tuple(one for one in known if one.role in PEOPLE or one.name in served)
 
@@ -60,7 +64,7 @@ def beyond_upstream(
 def beyond_rig(
     known: Iterable[Identity], rig: str, *, served_upstream: bool
 ) -> tuple[Identity, ...]:
-    """Return identities beyond a rig's router, as seen from that of a laboratory server."""
+    """Return the identities beyond a rig's router, as seen from a laboratory server's router."""
     known = tuple(known)
     other = {
         one.name

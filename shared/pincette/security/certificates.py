@@ -23,7 +23,9 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from pincette.security.identity import AUTHORITY, Identity
 
 CLOCKS_DIFFER = timedelta(hours=1)
-"""Difference of two hosts' clocks up to which a fresh certificate is accepted."""
+"""Largest difference between the clocks of two hosts at which a new certificate is still
+accepted.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +92,9 @@ def issue(
 
 
 def read(certificate: bytes) -> Facts:
-    """Return the content of a certificate; raises ValueError if it is none, or not of this kind."""
+    """Return the content of a certificate; raises ValueError if it is invalid, or of another
+    kind.
+    """
     found = x509.load_pem_x509_certificate(certificate)
     names = (NameOID.COMMON_NAME, NameOID.ORGANIZATIONAL_UNIT_NAME)
     attributes = [found.subject.get_attributes_for_oid(name) for name in names]

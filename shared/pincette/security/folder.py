@@ -12,7 +12,7 @@ from pincette.security.identity import AUTHORITY, Credentials, Identity, Securit
 from pincette.security.revocation import begin_revoked, note_revoked, read_revoked
 
 SOON = timedelta(days=30)
-"""Time before the end of a certificate from which on it should be renewed."""
+"""Remaining validity of a certificate below which it should be renewed."""
 CERTIFICATE, KEY = ".crt", ".key"
 SECRET, PUBLIC, OWNED = 0o600, 0o644, 0o700
 
@@ -63,7 +63,7 @@ class Folder:
     def replace(self, identity: Identity, now: datetime, days: float) -> Credentials:
         """Revoke a program's certificate, and create a new one; raises SecurityError."""
         serial = self.facts(identity).serial
-        read_revoked(self.path)  # else there would be a new one, and the old one not revoked
+        read_revoked(self.path)  # otherwise a new one would exist while the old one is not revoked
         credentials = self.renew(identity, now, days)
         note_revoked(self.path, serial, identity.name)
         return credentials
@@ -137,9 +137,9 @@ class Folder:
         return self.path / f"{name}{suffix}"
 
     def _write(self, name: str, pair: Pair, *, again: bool = False) -> None:
-        """Write both files, each whole or not at all.
+        """Write both files, each atomically.
 
-        The key first, so that no certificate lacks one.
+        The key is written first, so that no certificate exists without a key.
         """
         parts = ((KEY, SECRET, pair.private_key), (CERTIFICATE, PUBLIC, pair.certificate))
         try:

@@ -10,11 +10,13 @@ from pincette.core.topics import LOOP
 
 ROUTER, UPSTREAM, SUPERVISOR = "router", "upstream", "supervisor"
 ROUTERS = (ROUTER, UPSTREAM)
-"""Router of a rig, and that of a laboratory server, to which the former connects."""
+"""Names of the router of a rig, and of the router of a laboratory server, to which the rig's router
+connects.
+"""
 SHARED = (*ROUTERS, SUPERVISOR)
 """Programs that all rigs on one router share."""
 OF_A_RIG = (*LOOP, "recorder", "rig")
-"""Programs that each rig has for itself."""
+"""Programs of which each rig has its own."""
 VIEWER, OPERATOR = "viewer", "operator"
 PEOPLE = (VIEWER, OPERATOR)
 """Roles of people and their tools: one may only read everything, the other may also stop."""
@@ -24,7 +26,7 @@ NAME = re.compile(r"[a-z][a-z0-9-]{0,30}")
 
 
 class SecurityError(Exception):
-    """Certificates that cannot be created, read or used; the text gives the remedy."""
+    """Error for certificates that cannot be created, read or used; the text gives the remedy."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""UTC that never goes back, for the validity of dates that grant access.
+"""A UTC clock that never goes back, used to check expiry dates of keys and certificates.
 
 A person, a time server, or a computer without a battery can set the time of day back. An expired
 key or certificate would then be valid again.
@@ -46,14 +46,14 @@ class LatestTime:
         return wall
 
     def learn(self, seen: datetime) -> None:
-        """Take account of a time that an earlier program has seen."""
+        """Include a time that an earlier program has seen."""
         clock_s = self._clock_s()
         if seen > self._counted(clock_s):
             self._latest = min(seen, LAST), clock_s
 
     @property
     def ahead(self) -> timedelta:
-        """Return the time, in s, by which this time is ahead of the time of day."""
+        """Return by how many seconds this clock is ahead of the time of day."""
         return max(timedelta(0), self._counted(self._clock_s()) - self._wall())
 
     def agree(self) -> None:

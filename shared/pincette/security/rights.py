@@ -1,4 +1,4 @@
-"""Rights of each identity to publish, receive, request and reply, by topics and requests."""
+"""Permissions of each identity to publish, receive, request and reply, by topics and requests."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
@@ -35,7 +35,7 @@ ASKS: dict[str, tuple[str, ...]] = {
 none."""
 ANY = "*"
 EVERY_TOPIC = topic_keys(ANY)
-"""Key expressions of all topics of all rigs; they cover no request and no token."""
+"""Key expressions of all topics of all rigs; they match no request and no token."""
 EVERY_TOKEN = live_key_of_any_wire(ANY)
 
 
@@ -48,8 +48,9 @@ class Rights:
     answers: tuple[str, ...] = ()
     asks: tuple[str, ...] = ()
     hears: tuple[str, ...] = ()
-    """Keys that the identity subscribes to, and whose newest message it queries, through the
-    router."""
+    """Keys to which the identity subscribes through the router, and whose newest message it
+    queries.
+    """
     lives: tuple[str, ...] = ()
     """Key of the identity's own liveliness token."""
     sees: tuple[str, ...] = ()
@@ -57,7 +58,9 @@ class Rights:
 
 
 def rights(identity: Identity) -> Rights:
-    """Return the rights of an identity; a program of several services has the rights of all."""
+    """Return the permissions of an identity; a program of several services has those of all of
+    them.
+    """
     # A router publishes nothing itself, and services of the loop receive their inputs directly.
     role, rig = identity.role, identity.rig or ANY
     if role in ROUTERS:
@@ -80,7 +83,7 @@ def rights(identity: Identity) -> Rights:
 
 
 def united(several: Iterable[Rights]) -> Rights:
-    """Return the rights of several identities, each key expression once."""
+    """Return the combined permissions of several identities, each key expression once."""
     every = [*several]
     return Rights(
         *(
@@ -96,5 +99,7 @@ def may_ask(role: str, question: Request) -> bool:
 
 
 def _token(rig: str, program: str) -> str:
-    """Return a token of any version of the wire, so that outdated programs are visible too."""
+    """Return the tokens of a program for every version of the wire protocol, so that outdated
+    programs are also visible.
+    """
     return f"{NAMESPACE}/*/{rig}/live/{program}"

@@ -88,9 +88,9 @@ class ReplayLink:
             _log.debug("%s: %s", self._path, error)
 
     def _unlike(self, request: bytes, how: str) -> InstrumentError:
-        """Return the error that names the deviation from the recording.
+        """Return the error that describes the deviation from the recording.
 
-        The position stays there.
+        The position in the recording does not advance.
         """
         self._next -= 1
         number = self._entries[self._next].number

@@ -1,10 +1,10 @@
 """Line of requests and answers over any port.
 
-An answer carries no number, so the line keeps a list of requests without an answer. While one is
-open, no request is sent whose answer could be confused with its answer. First the line sends a
-probe, whose answer differs from all others. An instrument answers in order, so the probe's answer
-closes every earlier request, whether its answer came late or never. Without a probe the line waits,
-at most ``patience_s``, and then opens the port again.
+A reply contains no number, so the line keeps a list of open requests, which have no reply yet.
+While one is open, no request is sent whose reply could be confused with its reply. First the line
+sends a probe, whose answer differs from all others. An instrument answers in order, so the probe's
+answer closes every earlier request, whether its answer came late or never. Without a probe the line
+waits, at most ``patience_s``, and then opens the port again.
 """
 
 import logging
@@ -24,18 +24,21 @@ LONGEST_FRAME = 256
 RETRY_S = 0.5
 """Shortest time between two attempts to open a lost port again, in s."""
 GRACE = 0.2
-"""Share of the timeout that is waited once more after the timeout has passed: the machine may have
-stalled while the answer was already on its way."""
+"""Additional wait after the timeout, as a fraction of it: the machine may have stalled while the
+reply was already being transmitted.
+"""
 PATIENCE_TIMEOUTS, LEAST_PATIENCE_S = 4.0, 2.0
-"""Number of timeouts, and least number of seconds, after which a missing answer counts as lost if
-no probe can find out. The port is then opened again."""
+"""Number of timeouts, and least number of seconds, after which a missing reply counts as lost if
+there is no probe. The port is then opened again.
+"""
 MOST_UNEXPECTED = 3
-"""Number of successive exchanges with a surplus answer after which the line is left silent."""
+"""Number of successive exchanges with a surplus reply after which no more requests are sent."""
 STANDSTILL_S = 0.005
-"""Delay in s beyond a deadline from which the machine, not the instrument, counts as the cause."""
+"""Delay in s beyond a deadline above which the machine, not the instrument, counts as the cause."""
 SETTLE_S, LONGEST_SETTLE_S = 0.05, 0.5
 """Silence that is awaited on a new port, and the longest time that this may take, in s. A device
-server may send a banner, and the answer to an earlier client may still be under way."""
+server may send a banner, and the reply to an earlier client may still arrive.
+"""
 GREETING_SHARE = 0.25
 """Share of the exchange time for which the banner of a reopened port is awaited, if that port has
 sent one before."""
@@ -61,7 +64,7 @@ SAID = (
         "the device server cannot open its serial device: is the adapter plugged in there?",
     ),
 )
-"""Texts that a device server sends before it closes the connection, each with its remedy: ser2net
+"""Remedies for the texts that a device server sends before it closes the connection: ser2net
 4.3 sends "Port already in use" and "Device open failure: ..."."""
 
 _log = logging.getLogger("pincette.instruments.link")
@@ -102,7 +105,7 @@ class Line:
 
     url: str
     open_port: Callable[[float], Port]
-    """Opens the port within a time in s; raises InstrumentError."""
+    """Function that opens the port within a time in s; raises InstrumentError."""
     timeout_s: float
     """Longest duration of a whole exchange on an open line, in s."""
     quiet_s: float
@@ -110,12 +113,12 @@ class Line:
     s."""
     terminator: bytes
     matching: Callable[[], Matching]
-    """Returns the rules by which the answers of the present driver are recognised."""
+    """Function that returns the rules by which the replies of the present driver are recognised."""
     on_open: Callable[[Link], None]
     clock: Callable[[], float]
     counts: LineCounts = field(default_factory=LineCounts)
     arrivals: Arrivals | None = None
-    """Receives the duration of each exchange that succeeded; None at a serial port."""
+    """Object that receives the duration of each successful exchange; None at a serial port."""
     _port: Port | None = field(default=None, init=False)
     _closed: bool = field(default=False, init=False)
     _open: OpenRequests = field(init=False)
@@ -286,7 +289,7 @@ class Line:
             self._note_greeting(data)
 
     def _note_greeting(self, data: bytes) -> None:
-        """Keep bytes from a new port that are no answer; raises InstrumentError for telnet."""
+        """Keep bytes from a new port that are not a reply; raises InstrumentError for telnet."""
         self._greets = True
         self._greeting = (self._greeting + data)[-LONGEST_FRAME:]
         if TELNET.search(self._greeting):
@@ -353,7 +356,9 @@ class Line:
     def _resynchronise(
         self, port: Port, matching: Matching, request: bytes, until_s: float
     ) -> None:
-        """Wait until no open request is left whose answer could be confused with this one's."""
+        """Wait until there is no open request whose reply could be confused with that of this
+        request.
+        """
         wanted = matching.answers(request)
         in_doubt = self._drain(port, wanted, until_s)
         while True:
@@ -370,7 +375,7 @@ class Line:
                 return
             else:
                 self._wait_for(port, other, request, until_s)
-                # On a line that doubles its answers, a second one is on its way.
+                # On a line that duplicates replies, a second one will arrive.
                 in_doubt = self._drain(port, wanted, until_s, self.quiet_s)
 
     def _drain(
@@ -378,8 +383,8 @@ class Line:
     ) -> bool:
         """Close open requests that have been answered, and drop all other lines.
 
-        Returns whether a line was dropped that could be taken for a wanted answer: then the answers
-        may be one ahead of the requests.
+        Returns whether a dropped line could be mistaken for a wanted reply: the replies may then be
+        one ahead of the requests.
         """
         unexpected = False
         while True:
@@ -401,7 +406,7 @@ class Line:
                 text = f"{self.url}: data without a pause; check baud rate and instrument type"
                 raise InstrumentError(text, "garbled")
             self._pending += data
-        # The rest of a line that was cut off would be taken for the start of the next.
+        # The rest of a truncated line would be mistaken for the start of the next line.
         self._pending = b""
         self._unexpected_run = self._unexpected_run + 1 if unexpected else 0
         if self._unexpected_run >= MOST_UNEXPECTED:
@@ -422,9 +427,9 @@ class Line:
     ) -> bytes:
         """Send a request and return its answer.
 
-        If only this request is open, a line that does not match it is also returned, for the driver
-        to judge; the request stays open, since its answer may still come. A probe keeps waiting
-        instead, and so does the first request at a new port, where the line may be meant for an
+        If only this request is open, a line that does not match it is also returned, so that the
+        driver can check it; the request stays open, since its reply may still arrive. A probe and
+        the first request at a new port keep waiting instead, since the line may be meant for an
         earlier client.
         """
         own = self._open.add(matching, request, self.clock())
@@ -517,7 +522,7 @@ class Line:
         _log.debug("%s: an answer came %.3f s after its request", self.url, self._late_s)
 
     def _code(self) -> ErrorCode:
-        """Return the error code of a missing answer, based on the bytes that came instead."""
+        """Return the error code for a missing reply, based on the bytes that arrived instead."""
         if self._late_run:
             return "late"
         return "garbled" if self._garbled else "silent"

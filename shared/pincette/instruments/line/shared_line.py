@@ -10,10 +10,10 @@ from pincette.instruments.protocols import InstrumentError, Link
 
 Prepare = Callable[[Link], None]
 OpenLine = Callable[[Prepare, Callable[[], Matching]], Link]
-"""Opens a line.
+"""Function that opens a line.
 
-The first argument prepares the instruments after the line was lost; the second returns the rules
-for the answers of the present driver.
+Its first argument prepares the instruments after the line was lost; the second returns the rules
+for the replies of the present driver.
 """
 
 
@@ -34,7 +34,7 @@ class SharedLine:
         return end
 
     def of(self, end: "LineEnd") -> Link:
-        """Return the line, set to recognise the answers of one driver."""
+        """Return the line, set to recognise the replies of one driver."""
         self._matching = end.matching
         return self._link
 
@@ -87,7 +87,7 @@ _LINES: ContextVar[dict[str, SharedLine] | None] = ContextVar("lines", default=N
 
 @contextmanager
 def one_line_for_each_url() -> Generator[None]:
-    """Let all instruments that are opened at one url within the block share one line."""
+    """Make all instruments that are opened at the same url within the block share one line."""
     token = _LINES.set({})
     try:
         yield
@@ -96,7 +96,7 @@ def one_line_for_each_url() -> Generator[None]:
 
 
 def end_of_line(url: str, on_open: Prepare, matching: Matching, open_line: OpenLine) -> Link:
-    """Open a line, or return an end of the line at the url if lines are shared."""
+    """Open a line, or return another end of the line at the url if lines are shared."""
     lines = _LINES.get()
     if lines is None:
         return open_line(on_open, lambda: matching)
