@@ -52,9 +52,14 @@ def open_rpc_link(
 
     Parameters
     ----------
-    timeout_s Timeout of calls whose method name, without its path, is in ``quick``. patience_s
-    Timeout of all other calls, which may set up hardware; at least ``timeout_s``. metadata Metadata
-    that is sent with each call. record File to which each exchange is written.
+    timeout_s
+        Timeout of calls whose method name, without its path, is in ``quick``.
+    patience_s
+        Timeout of all other calls, which may set up hardware; at least ``timeout_s``.
+    metadata
+        Metadata that is sent with each call.
+    record
+        File to which each exchange is written.
 
     Raises
     ------

@@ -312,8 +312,10 @@ def discriminated(types: list[Any], member: str) -> Any:
 def registered(group: str, of: type[K]) -> Mapping[str, K]:
     """Return everything that is registered in an entry-point group, sorted by place.
 
-    Raises ------ PluginError One cannot be imported, or is registered under another name than its
-    own.
+    Raises
+    ------
+    PluginError
+        One cannot be imported, or is registered under another name than its own.
     """
     found: list[K] = []
     for name in plugins.names(group):

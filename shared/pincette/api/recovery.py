@@ -74,7 +74,8 @@ def decisions_of(*, placed: bool, was_held: bool) -> list[Decision]:
 
     Parameters
     ----------
-    placed True if the job's request may state the place of the part, which ``retry_at`` requires.
+    placed
+        True if the job's request may state the place of the part, which ``retry_at`` requires.
     was_held
         True if a part was held with the requested force, so that there is a result to ``accept``.
     """

@@ -175,9 +175,15 @@ def show_result(
 
     Parameters
     ----------
-    job The job, with its result. console The console to print on. everything True to print every
-    phase and every value. more Text in a short result that states where all values are shown; None:
-    the command that shows them.
+    job
+        The job, with its result.
+    console
+        The console to print on.
+    everything
+        True to print every phase and every value.
+    more
+        Text in a short result that states where all values are shown; None: the command that
+        shows them.
     """
     colour = "green" if job.state == "succeeded" else "red"
     result: Tree | None = job.result
