@@ -1,4 +1,4 @@
-"""A record says what its numbers mean, and its picture is one."""
+"""A record states the meaning of its numbers, and contains its picture."""
 
 import gc
 import hashlib

@@ -23,7 +23,7 @@ from .harness import Harness
 
 @pytest.fixture
 def gate(harness: Harness, monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
-    """Keeps the recorder from closing a record until it is set."""
+    """Keeps the recorder from closing a record until the event is set."""
     opened = threading.Event()
     call = harness.bus.call
 
@@ -38,7 +38,7 @@ def gate(harness: Harness, monkeypatch: pytest.MonkeyPatch) -> Iterator[threadin
 
 
 def over(harness: Harness) -> str:
-    """A job that has ended, whose record is being written."""
+    """Return a job that has ended, whose record is being written."""
     job: str = harness.grip()["id"]
     harness.get(f"/jobs/{job}", wait="terminal", timeout_s=30)
     return job

@@ -1,4 +1,4 @@
-"""Parts that are held beyond the end of a job, records that are lacking, and restarts."""
+"""Parts that are held beyond the end of a job, missing records, and restarts."""
 
 from collections.abc import Callable
 

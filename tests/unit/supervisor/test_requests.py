@@ -1,4 +1,4 @@
-"""Requests that cannot be used get an answer that says what, the value, the unit, the limit."""
+"""Invalid requests are refused with the reason, the value, the unit and the limit."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from .harness import Harness
 
 MEDIA_TYPE = "application/problem+json"
 K_E, CONTACT_UM = 2.17, 30.0
-"""Stiffness in mN/µm and place of the demo rig's part."""
+"""Stiffness in mN/µm and position of the demo rig's part."""
 POSITIONS = [{"t_s": 0.0, "x_um": CONTACT_UM + 4.0}, {"t_s": 2.0, "x_um": CONTACT_UM + 5.0}]
 FORCES = [{"t_s": 0.0, "force_mN": K_E * 4.0}, {"t_s": 2.0, "force_mN": K_E * 5.0}]
 

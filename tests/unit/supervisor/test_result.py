@@ -1,4 +1,4 @@
-"""Figures of a grip from samples whose figures are known."""
+"""Figures of a grip computed from samples with known figures."""
 
 from itertools import pairwise
 from math import sqrt
@@ -156,7 +156,7 @@ def test_a_missing_sample_leaves_a_gap_in_its_columns_only() -> None:
 
 def test_true_values_are_numbered_by_their_order() -> None:
     ticks = samples.grip()[:10]
-    # The rig counts on from an earlier job, and tick 4 wrote nothing.
+    # The rig's tick count continues from an earlier job, and tick 4 wrote nothing.
     applied = [replace(t.applied, answered=t.applied.seq != 4) for t in ticks]
     written = [t for t in ticks if t.applied.seq != 4]
     truths = [replace(t.truth, seq=900 + place) for place, t in enumerate(written)]

@@ -1,4 +1,4 @@
-"""A calibration that a stall has tripped restarts automatically, or continues where it was."""
+"""A calibration that tripped during a stall restarts automatically, or continues where it was."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -17,7 +17,7 @@ from .harness import Harness
 
 STALLED = "command_age: no command for 51 ms, limit 50 ms"
 TICKS = 50
-"""Of a noise before its trip."""
+"""Ticks of a noise calibration before its trip."""
 WEIGHTS_MN = [0.0, 5.0, 10.0]
 STEPS = (0.0, 5.0, 10.0, 5.0, 0.0)
 STEP_TICKS = samples.HANG_TICKS + 60
@@ -25,7 +25,7 @@ TRUE_UM_PER_MN = 0.46
 
 
 def begun(harness: Harness, calibration: str, **wishes: Any) -> str:
-    """A calibration that plays, up to a tick."""
+    """Return a calibration that plays up to a tick."""
     body = {"calibration": calibration, "autostart": True, **wishes}
     response = harness.post("/calibrations", body)
     assert response.status_code == 201, response.text
@@ -47,7 +47,7 @@ def reached(harness: Harness, job: str) -> None:
 
 
 def following(harness: Harness, job: str) -> str:
-    """Name of the job that goes on, by the cause of the one before."""
+    """Return the name of the job that follows, by the cause of the previous one's end."""
     harness.until(lambda: "as job " in harness.get(f"/jobs/{job}")["cause"])
     return str(harness.get(f"/jobs/{job}")["cause"].rpartition("as job ")[2])
 
@@ -129,7 +129,7 @@ def waiting(harness: Harness, live: LiveJob) -> None:
 
 
 def hang(harness: Harness, job: str, weights_mN: Sequence[float]) -> None:
-    """Hang weights as the job asks for them."""
+    """Hang weights as the job requests them."""
     for weight_mN in weights_mN:
         live = harness.live
         assert live.id == job
@@ -162,11 +162,11 @@ def test_a_resumed_weighing_continues_with_the_first_unread_weight(
 
 
 FAR_V, FAR_UM = -0.9, -31.0
-"""Where an arm has come that goes further than its gain says; the limit is -30 µm."""
+"""Position of an arm that moves further than its gain predicts; the limit is -30 µm."""
 
 
 def too_far(ticks: list[samples.Tick]) -> list[samples.Tick]:
-    """A free motion that a limit of position ends; nothing trips."""
+    """Return a free motion that ends at a position limit without a trip."""
     made = samples.rest(ticks[0].position.epoch)
     for seq in range(100, 120):
         tick = made[seq]

@@ -1,4 +1,4 @@
-"""The reported state of a rig is consistent: state, start and stage come from one table."""
+"""The reported state of a rig is consistent: state, start and stage follow from one table."""
 
 from typing import Any, get_args
 
@@ -11,7 +11,7 @@ from .harness import Harness
 
 
 def told(harness: Harness) -> dict[str, Any]:
-    """The rig, once it was held to the table."""
+    """Return the state of the rig, after comparing it with the table."""
     rig = harness.get("/rigs/demo")
     state = rig["latch"]["state"]
     assert state == rig["standing"]["state"]
@@ -38,7 +38,7 @@ def test_a_fresh_rig_is_switched_on_and_not_latched(harness: Harness) -> None:
     rig = told(harness)
     assert rig["latch"]["state"] == "switched_on"
     assert (rig["can_start"], rig["safe_to_move"]["value"]) == (True, False)
-    harness.bus.idle()  # what it says is known, and the stage may move
+    harness.bus.idle()  # its state is known, and the stage may move
     rig = told(harness)
     assert rig["latch"]["state"] == "switched_on"
     assert (rig["can_start"], rig["safe_to_move"]["value"]) == (True, True)

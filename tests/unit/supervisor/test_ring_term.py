@@ -1,4 +1,4 @@
-"""Warnings and violations of a plan whose steps ring the mode."""
+"""Warnings and violations of a plan whose steps excite the mode."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""When a run is over: what was said of its last tick has come, or is not to be expected."""
+"""End of a run: all messages of its last tick have arrived, or are no longer expected."""
 
 from collections.abc import Callable
 
@@ -25,7 +25,7 @@ def test_a_late_last_message_is_awaited(harness: Harness) -> None:
     late: list[Telemetry] = []
 
     def overtaken(ticks: list[Tick]) -> list[Tick]:
-        # Each program has a way of its own: the actuator's end is here before the outcome is.
+        # Each program has its own channel: the actuator's end arrives before the outcome.
         late.append(ticks[-1].telemetry)
         return untold(ticks)
 

@@ -19,7 +19,7 @@ PEAK_MN, LIMITED = 31.0, 3
 
 
 def long_grip(hold_ticks: int = HOLD_TICKS) -> list[Message]:
-    """A grip whose hold is long, with one peak of force and a few ticks at a limit in it."""
+    """Return a grip with a long hold that contains one peak of force and a few ticks at a limit."""
     ticks = samples.grip()
     names = [tick.telemetry.phase for tick in ticks]
     begin = names.index("hold") + 100  # where the hold is settled
@@ -45,7 +45,7 @@ def _moved(message: Message, by: int, place: int) -> Message:
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Blocks of few rows, of which few are kept."""
+    """Use blocks of few rows, of which few are stored."""
     monkeypatch.setattr(RowBlocks.__init__, "__kwdefaults__", {"every_tick": True, "rows": 256})
     monkeypatch.setattr(run_samples, "HELD_ROWS", 1024)
     monkeypatch.setattr(run_samples, "EXTREME_ROWS", 32)

@@ -1,4 +1,5 @@
-"""A series: many jobs by one request, its stop rules, its actions, and what a restart leaves."""
+"""A series: many jobs by one request, its stop rules, its actions, and its state after a
+restart."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,4 +1,4 @@
-"""Several rigs under one supervisor: they come and go, and each is run on its own."""
+"""Several rigs under one supervisor: they appear and disappear, and each is run separately."""
 
 import asyncio
 import threading
@@ -179,7 +179,7 @@ def test_an_unusable_rig_is_named_with_the_reason(
         status, detail = refusal(response)
         assert status == 503
         assert words in detail
-    assert rigs_harness.canned["left"].trips  # the other one is stopped all the same
+    assert rigs_harness.canned["left"].trips  # the other one is stopped nevertheless
     assert any(words in why for why in rigs_harness.call("GET", "/readyz").json()["reasons"])
     rigs_harness.come(files.right)
     rigs_harness.served("right")
@@ -187,7 +187,7 @@ def test_an_unusable_rig_is_named_with_the_reason(
 
 
 def found_and_not_served(harness: RigsHarness, stop: Callable[[str], None], *names: str) -> None:
-    """Let rigs be known that are not served, each with a call that stops it."""
+    """Make rigs known that are not served, each with a call that stops it."""
 
     def stop_others(rigs: Collection[str], limit_s: float) -> StopOfOthers:
         missed = trip_each(rigs, stop, limit_s)
@@ -247,7 +247,7 @@ def test_rigs_beyond_the_limit_of_one_stop_are_not_reported_as_stopped(
 def test_a_stop_of_the_served_rigs_does_not_wait_for_a_hanging_rig(
     rigs_harness: RigsHarness,
 ) -> None:
-    """However many requests for all rigs wait for one that hangs."""
+    """This holds however many requests for all rigs wait for one that hangs."""
     over = threading.Event()
 
     def hang(_rig: str) -> None:
@@ -339,7 +339,7 @@ def test_an_emergency_stop_stops_one_rig_or_all(both: RigsHarness) -> None:
 
 
 def test_a_hanging_rig_delays_neither_view_nor_stop_of_the_other(both: RigsHarness) -> None:
-    with both.canned["right"].turn:  # none of its programs answers
+    with both.canned["right"].turn:  # none of its programs replies
         assert both.get("/rigs/left")["can_start"]
         assert both.post("/rigs/left/estop").json()["acknowledged"]
 

@@ -19,7 +19,7 @@ from .harness import Harness
 HOLD = 445
 """Tick at which the part is held."""
 DEAF_S = 2.5
-"""Longer than the silence after which an actuator counts as silent."""
+"""Longer than the silence after which an actuator counts as silent, in s."""
 
 
 @pytest.fixture
@@ -82,7 +82,7 @@ def test_a_job_on_a_cut_line_is_ended_by_its_lease_only(desk: Harness) -> None:
 
 
 def lose_router(desk: Harness) -> None:
-    """Let all programs be silent and their tokens vanish, as where the router has ended."""
+    """Make all programs silent and remove their tokens, as when the router has ended."""
     for program in ANSWERING:
         desk.bus.kill(program)
 

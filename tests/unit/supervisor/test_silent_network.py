@@ -6,7 +6,7 @@ from pincette_supervisor.program import MOST_DOUBLED, RESTARTS, UNHEARD_S, Loopb
 
 
 class Bus:
-    """A bus by hand, with its clock."""
+    """A bus controlled by the test, with its clock."""
 
     def __init__(self) -> None:
         self.now_s = 100.0

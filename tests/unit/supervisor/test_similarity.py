@@ -1,4 +1,4 @@
-"""A calibration that finds what is unlike the calibrated value in use proposes nothing."""
+"""A calibration that deviates strongly from the calibrated value in use proposes nothing."""
 
 import pytest
 

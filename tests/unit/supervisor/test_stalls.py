@@ -1,4 +1,5 @@
-"""A job that trips by the age of its commands says what the machine kept, and what suits it."""
+"""A job that trips by the age of its commands states the stalls of the machine, and suitable
+settings."""
 
 from msgspec.structs import asdict
 
@@ -16,7 +17,7 @@ STALLED = "command_age: no command for 51 ms, limit 50 ms"
 
 
 def tripped(harness: Harness, why: str = STALLED) -> str:
-    """Cause of a grip that tripped on its way."""
+    """Return the cause of a grip that tripped during its motion."""
     job = harness.playing_to(IN_APPROACH)
     harness.bus.trip(why)
     return str(harness.ended(job)["cause"])

@@ -17,9 +17,9 @@ from .harness import Harness
 
 T0_S = 100.0
 HEARD_S = 0.2
-"""An older sample is not known any more."""
+"""Age beyond which a sample no longer determines the state, in s."""
 LETS_GO_S = 0.4
-"""The demo's output lets go after 0.5 s in steps of 0.1 s, so at the earliest after this."""
+"""Earliest release of the demo's output, in s: after 0.5 s in steps of 0.1 s."""
 SILENT = fault(FaultCode.INSTRUMENT_SILENT, "no answer on the line")
 
 
@@ -39,7 +39,7 @@ class Rig:
         self.harness.bus.publish(replace(applied, **changes))
 
     def told(self, after_s: float) -> dict[str, Any]:
-        """What REST says so long after the first sample."""
+        """Return the REST state this long after the first sample."""
         self.now_s = T0_S + after_s
         return self.harness.get("/rigs/demo")
 
@@ -128,7 +128,7 @@ def test_a_freeze_with_a_silent_output_does_not_count_as_holding(
     view = rig.told(0.02)
     assert (state_of(view), part_of(view)) == (("frozen", "known"), ("held", "believed"))
     rig.now_s = T0_S + LETS_GO_S
-    rig.say(**frozen)  # it goes on telling what it was told last
+    rig.say(**frozen)  # it continues to report its last message
     view = rig.told(LETS_GO_S + 0.01)
     assert (state_of(view), part_of(view)) == (("frozen", "known"), ("unknown", "unknown"))
     assert view["standing"]["part_age_s"] == pytest.approx(LETS_GO_S + 0.01)

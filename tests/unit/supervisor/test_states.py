@@ -1,4 +1,4 @@
-"""The table of job states, walked."""
+"""The table of job states: every transition."""
 
 from typing import get_args
 

@@ -1,4 +1,4 @@
-"""A job's state and its event are written together: no kill comes between them."""
+"""A job's state and its event are written together: a kill cannot separate them."""
 
 import threading
 from collections.abc import Callable, Generator
@@ -20,7 +20,7 @@ ROW = JobRow("a", "grip", "demo", "queued", {"kind": "grip"}, {}, AT)
 
 
 class Witness:
-    """Looks at the journal after every write, as the next supervisor would."""
+    """Checks the journal after every write, as the next supervisor would."""
 
     def __init__(self, patch: pytest.MonkeyPatch) -> None:
         self.looks = 0

@@ -1,4 +1,5 @@
-"""A stop that meets a job between two states is taken, not refused for the state that was."""
+"""A stop that arrives between two states of a job is accepted, not refused for the earlier
+state."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -13,7 +14,7 @@ from pincette_supervisor.problems import ProblemError
 
 
 class GoesOn:
-    """A live job whose state goes on whenever an action has looked at it."""
+    """A live job whose state advances whenever an action has read it."""
 
     def __init__(self, *states: JobState) -> None:
         self._states = list(states)
@@ -32,7 +33,7 @@ class GoesOn:
         return True
 
     def record_action(self, action: ActionType, by: str) -> None:
-        """Nothing."""
+        """Do nothing."""
 
 
 def act(job: Any, action: ActionType) -> bool:

@@ -194,7 +194,7 @@ def test_storing_an_event_deletes_the_oldest_ones_beyond_the_limit(
     monkeypatch.setattr(store_module, "EVENTS_SWEEP", 5)
     for _ in range(5):
         store.add_event(AT, "demo", None, "state", {})
-    # Not all that are too many go at once, so that nobody waits long for it.
+    # Not all surplus rows are deleted at once, so that no caller waits long.
     assert store.event_span() == (50, 70)
 
 
@@ -248,7 +248,7 @@ def test_a_file_without_a_store_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_store_opened_twice_keeps_its_log_when_another_program_closes(tmp_path: Path) -> None:
-    """To close a file takes all of a process's locks on it, those of SQLite too."""
+    """Closing a file releases all of a process's locks on it, including those of SQLite."""
     path = tmp_path / "journal.sqlite"
     first, second = Store(path), Store(path)
     other = f"""

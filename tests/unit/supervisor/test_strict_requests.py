@@ -1,4 +1,4 @@
-"""A request that is not understood to the last word does nothing, least of all move the arm."""
+"""A request with any unknown content does nothing, and in particular does not move the arm."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""A clock that stands still while its program does, and who is called silent by it."""
+"""A clock that stops while its program is stalled, and the detection of silent programs by it."""
 
 from dataclasses import dataclass
 from time import monotonic, sleep
@@ -16,7 +16,7 @@ from .canned import CannedRig
 
 @dataclass
 class Hand:
-    """The hand of a clock, which a test turns."""
+    """The time of a clock, which a test advances."""
 
     now_s: float = 100.0
 

@@ -1,4 +1,4 @@
-"""What the Thing Description says of keys, of several rigs, and of what REST has."""
+"""Content of the Thing Description about keys, several rigs, and the resources of REST."""
 
 import json
 from typing import Any

@@ -1,4 +1,4 @@
-"""Figures of a tracked path from samples whose figures are known."""
+"""Figures of a tracked path computed from samples with known figures."""
 
 from math import sqrt
 

@@ -19,17 +19,17 @@ HOLD_AT_S = 6.0
 
 
 APART_MN = 1.5
-"""Difference of the commanded forces of the second arm and the first."""
+"""Difference of the commanded forces of the second arm and the first, in mN."""
 
 
 def with_second(estimate: Estimate) -> Estimate:
-    """The same of a rig of two arms."""
+    """Return the same for a rig of two arms."""
     first = estimate.arms[0]
     return replace(estimate, arms=(first, replace(first, force_mN=first.force_mN + APART_MN)))
 
 
 def followed(hold_at_s: float | None, *, arms: int = 1) -> list[Progress]:
-    """The progress after each tick of the canned grip."""
+    """Return the progress after each tick of the prepared grip."""
     ticks = list(samples.grip())
     tracker = Tracker(ticks[0].position.epoch, PERIOD_S, None, lockstep=True, hold_at_s=hold_at_s)
     found: list[Progress] = []

@@ -1,4 +1,4 @@
-"""Trajectories over REST: made, kept, sampled, drawn, and jobs made of them."""
+"""Trajectories over REST: created, stored, sampled, drawn, and used in jobs."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -46,7 +46,7 @@ def port(heard: list[str]) -> Generator[int]:
 
 
 def answer(port: int, data: bytes) -> bytes:
-    """All that comes until the server closes the connection, or is silent."""
+    """Return all that arrives until the server closes the connection, or is silent."""
     stated = b""
     with socket.create_connection(("127.0.0.1", port), 5.0) as client:
         client.settimeout(2.0)

@@ -16,7 +16,7 @@ from .harness import Harness
 HEAD = b"POST /api/v1/nothing HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n"
 NEXT = b"GET /livez HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
 LINES = 300
-"""More than a head may have."""
+"""More header lines than are allowed."""
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def line(tmp_path_factory: pytest.TempPathFactory) -> Generator[socket.socket]:
 
 
 def answer(line: socket.socket) -> int:
-    """Read one answer to its end; its status, or 0 where the connection has ended."""
+    """Read one response to its end; returns its status, or 0 if the connection has ended."""
     with line.makefile("rb") as file:
         status = file.readline()
         if not status:

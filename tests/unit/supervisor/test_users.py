@@ -1,4 +1,4 @@
-"""People who sign in by name and password, beside keys."""
+"""Users who sign in by name and password, in addition to keys."""
 
 import asyncio
 import json

@@ -1,4 +1,4 @@
-"""A deadline is not passed by the time in which the supervisor itself stood still."""
+"""Time in which the supervisor itself was stalled does not count towards a deadline."""
 
 from types import SimpleNamespace
 from typing import cast

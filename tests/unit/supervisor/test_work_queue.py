@@ -29,7 +29,7 @@ GET = b"GET /livez HTTP/1.1\r\nHost: a\r\n\r\n"
 
 
 class Line(asyncio.Transport):
-    """A transport that keeps what is written."""
+    """A transport that stores what is written."""
 
     def __init__(self, opened: socket.socket | None = None) -> None:
         ends = {"peername": ("127.0.0.1", 1), "sockname": ("127.0.0.1", 2)}

@@ -1,4 +1,4 @@
-"""The process beside the supervisor: what it does, and when it ends."""
+"""The worker process of the supervisor: its work, and its end."""
 
 import errno
 import os

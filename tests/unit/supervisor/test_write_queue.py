@@ -1,4 +1,4 @@
-"""A journal that fails during a job: the job goes on, ends as it would, and is written later."""
+"""A journal that fails during a job: the job continues, ends normally, and is written later."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""After a job that touched something before its zero, the next zero needs a person's word."""
+"""After a job with a contact before its zero, the next zero needs a person's confirmation."""
 
 from collections.abc import Callable
 

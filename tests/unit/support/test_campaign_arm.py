@@ -1,4 +1,4 @@
-"""The arm of the campaign loses the energy of its ring at a part."""
+"""The arm of the campaign loses the energy of its ringing at a part."""
 
 import pytest
 
