@@ -180,7 +180,7 @@ def run(context: Context) -> None:
         if not context.rig.lockstep:  # in lockstep programs may take any time
             watch = LoopbackWatch(
                 # A different session from the one that holds the token.
-                lambda: SUPERVISOR in own_buses[-1].alive(),
+                lambda: _hears_itself(own_buses[-1]),
                 partial(can_join, context.open_bus),
                 partial(restart, rigs.own.context),
             )
@@ -200,13 +200,23 @@ def _trip_directly(own: RigFile, rig: RigFile, trip: Trip) -> Message:
 def serve_alone(bus: ZenohBus, rig: str, stop: threading.Event) -> None:
     """Hold the supervisor's token of a rig; raises BusError if another one keeps holding it."""
     until_s = monotonic() + GONE_S
-    while SUPERVISOR in bus.alive():
+    while _may_be_served(bus, until_s):
         if monotonic() > until_s or stop.wait(LOOK_S):
             raise BusError(
                 f"another supervisor already serves rig {rig}, perhaps at another port: stop "
                 "it first, or use it; two supervisors would conflict"
             )
     bus.announce(SUPERVISOR)
+
+
+def _may_be_served(bus: ZenohBus, until_s: float) -> bool:
+    """Return whether another supervisor is alive, or the router does not reply before a time."""
+    try:
+        return SUPERVISOR in bus.alive()
+    except BusError:
+        if monotonic() > until_s:
+            raise
+        return True
 
 
 def interrupted(store: Store) -> list[str]:
@@ -309,6 +319,14 @@ class LoopbackWatch:
         """Stop the checks, without waiting for a pending request."""
         self._looking.close(0.0)
         self._asking.close(0.0)
+
+
+def _hears_itself(bus: ZenohBus) -> bool:
+    """Return whether the supervisor's own token is visible at the router."""
+    try:
+        return SUPERVISOR in bus.alive()
+    except BusError:
+        return False
 
 
 def can_join(open_bus: OpenBus) -> bool:

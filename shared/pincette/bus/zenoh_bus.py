@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from math import inf
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any, TypeVar
 
 import zenoh
@@ -43,6 +43,8 @@ T = TypeVar("T")
 Declaration = Callable[["zenoh.Session"], Any]
 """Function that makes a declaration in a session; its result is kept."""
 log = logging.getLogger("pincette")
+LINK_GONE_S = 0.1
+"""Time after which a broken link is no longer listed, in s; 0.05 s were measured (Zenoh 1.10.2)."""
 UNANSWERED_S = 3.0
 """Time from an unanswered request until the session is opened again, in s."""
 REOPENED_S = 30.0
@@ -109,12 +111,13 @@ class ZenohBus:
             return self._asked(ask)
 
     def alive(self) -> set[str]:
-        """Return the programs whose liveliness token is visible from here."""
+        """Return the programs whose token is visible from here; raises BusError without a reply."""
         return {program for _, program in self._alive(self._rig)}
 
     def alive_everywhere(self) -> set[tuple[str, str]]:
-        """Return rigs and programs whose liveliness token is visible from here, for all rigs on the
-        router.
+        """Return rigs and programs whose token is visible from here, of all rigs on the router.
+
+        Raises BusError if no router replies: that is not the same as no program.
         """
         return self._alive("*")
 
@@ -129,12 +132,28 @@ class ZenohBus:
         return self._other_wires(self._rig)
 
     def _other_wires(self, rig: str) -> dict[str, int]:
-        return of_other_wires(self._tokens(live_key_of_any_wire(rig), 0.3))
+        try:
+            return of_other_wires(self._tokens(live_key_of_any_wire(rig), 0.3))
+        except BusError:  # this only explains another error
+            return {}
 
-    def _tokens(self, place: str, timeout_s: float = 1.0) -> list[str]:
-        # The routers know the tokens and reply themselves; no queryable is queried.
-        replies = self._asked(lambda one: one.liveliness().get(place, timeout=timeout_s))
-        return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+    def _tokens(self, place: str, timeout_s: float = 2.0) -> list[str]:
+        # The routers know the tokens and reply; no queryable is queried.
+        def look(session: zenoh.Session) -> tuple[list[zenoh.Reply], bool]:
+            replies = list(session.liveliness().get(place, timeout=timeout_s))
+            if not replies:  # a link that breaks ends the query, and is still listed for a moment
+                sleep(LINK_GONE_S)
+            return replies, bool(session.info.routers_zid())
+
+        replies, linked = self._asked(look)
+        tokens = [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+        # A timeout is a reply, too.
+        if len(tokens) < len(replies) or not (tokens or linked):
+            raise BusError(
+                f"{self._name}: no router stated within {timeout_s:.3g} s which programs run; is "
+                "it running, and not overloaded?"
+            )
+        return tokens
 
     def foreign_declarations(self, timeout_s: float = 1.0) -> list[ForeignDeclaration]:
         """Return declarations on this rig's keys by sessions without the token of a program.

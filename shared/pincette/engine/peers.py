@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from time import monotonic
 
 from pincette.bus.handshake import diagnose_link
+from pincette.bus.protocol import BusError
 from pincette.bus.topology import SessionConfig, consumers, endpoint
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
@@ -33,7 +34,7 @@ def wait_for_peers(
     causes: dict[str, str] = {}
     said, look_s = "", monotonic() + WHY_S
     while not stop.is_set():
-        missing = wanted - bus.alive()
+        missing = wanted - _alive(bus)
         if not missing:
             return True
         if monotonic() > look_s:
@@ -45,6 +46,14 @@ def wait_for_peers(
             said = words
         stop.wait(POLL_S)
     return False
+
+
+def _alive(bus: ZenohBus) -> set[str]:
+    """Return the programs that are known to run."""
+    try:
+        return bus.alive()
+    except BusError:
+        return set()
 
 
 def _cause(name: str, rig: RigFile, config: SessionConfig) -> str:

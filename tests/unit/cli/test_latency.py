@@ -54,13 +54,13 @@ def test_the_shortest_period_is_reported(
     machine: Machine, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["latency", "--seconds", "7"]) == Exit.DONE
-    output, output = capsys.readouterr()
+    output, progress = capsys.readouterr()
     assert "supported: 5 ms and longer (200 Hz)" in output
     assert "not 2 ms: p99.9 of the lateness: 0.3 ms, limit 0.1 T = 0.2 ms" in output
     assert "[rig] period_s = 0.02 with the law pbsmic, as four programs" in output
     assert "A period T is supported if, of at least 100 wake-ups" in output
     assert "the machine's host took 0.25 s" in output
-    assert output == "wake-ups: 7.0 s\n"
+    assert progress == "wake-ups: 7.0 s\n"
     ((periods_s, for_s, _, loaded),) = machine.asked
     assert (max(periods_s), min(periods_s), for_s, loaded) == (0.02, 0.001, 7.0, False)
 

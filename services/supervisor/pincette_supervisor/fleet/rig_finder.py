@@ -88,8 +88,11 @@ class RigFinder:
 
     def start(self, everywhere: Everywhere) -> None:
         """Serve the rigs that are alive, and after that those that appear."""
-        for rig, program in everywhere.alive_everywhere():
-            self.on_liveliness(rig, program, True)
+        try:
+            for rig, program in everywhere.alive_everywhere():
+                self.on_liveliness(rig, program, True)
+        except BusError as error:  # the watch reports them later
+            log.warning("%s", error)
         everywhere.watch_everywhere(self.on_liveliness)
         deadline = monotonic() + FIRST_S
         for found in list(self._found.values()):
