@@ -215,9 +215,9 @@ PLACE_FOUND: tuple[ResultField, ...] = (
         uncertainty="place.uncertainty_um",
         optional=True,
     ),
-    number("place.bias.mean_um", "mean of that over the jobs of its source", optional=True),
+    number("place.bias.mean_um", "mean difference of all jobs with this source", optional=True),
     number("place.bias.deviation_um", "its standard deviation", optional=True),
-    number("place.bias.count", "number of these jobs", "", digits=0, optional=True),
+    number("place.bias.count", "number of jobs with this source", "", digits=0, optional=True),
 )
 """Result fields on the place that a request or a vision client has given."""
 WIDTH_FOUND: tuple[ResultField, ...] = (

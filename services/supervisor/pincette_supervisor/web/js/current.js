@@ -12,6 +12,9 @@ const ACTIONS = {
   approve: "Approve", reject: "Reject",
 };
 
+/** States in which a job waits for a person, and makes no progress. */
+const STILL = ["proposed", "awaiting_recovery"];
+
 /** Share of the planned time that was played, and what is left of it. */
 function course(progress) {
   if (!progress || progress.planned_s === null) return { percent: null, remaining_s: null };
@@ -85,9 +88,10 @@ export class Current {
       job.cause ? h("p", { class: "cause" }, job.cause) : null,
       instruction ? h("p", { class: "instruction", role: "status" }, instruction) : null,
       job.recovery ? h("p", { class: "instruction", role: "status", id: "recovery-wait" }) : null,
-      job.allowed_actions.includes("retry_at") ? h("label", {}, "Place for the retry, in µm (± 1 µm) ",
+      job.allowed_actions.includes("retry_at") ? h("div", { class: "field" },
+        h("label", { for: "retry-x" }, "Place for the retry", h("span", { class: "unit" }, "µm, to within 1 µm")),
         h("input", { id: "retry-x", type: "number", step: "any" })) : null,
-      ended ? null : h("div", { class: "progress" },
+      ended || STILL.includes(job.state) ? null : h("div", { class: "progress" },
         h("progress", { id: "bar", max: 100, "aria-labelledby": "course" }),
         h("p", { id: "course", class: "course" })),
       buttons.length ? h("div", { class: "buttons" }, ...buttons) : null,

@@ -56,7 +56,7 @@ export class Queue {
     const button = (type, text) => h("button", { type: "button", id: `${type}-${job.id}`,
       "data-needs": "operate", "aria-label": `${text} ${asked(job)}, proposed by ${job.by}`,
       onclick: () => this.ask(`/jobs/${job.id}/actions`, type) }, text);
-    return h("li", {}, h("button", { type: "button", class: "link", id: `wait-${job.id}`,
+    return h("li", { class: "proposed" }, h("button", { type: "button", class: "link", id: `wait-${job.id}`,
       onclick: () => this.choose(job.id) }, asked(job)),
     h("span", { class: "muted" }, `by ${job.by}, until ${clock(job.approval_until)}`),
     button("approve", "Approve"), button("reject", "Reject"));

@@ -6,6 +6,8 @@ import { unitOf } from "../words.js";
 import { numberIn, numbersIn, recordsIn } from "./numbers.js";
 
 const WIDE = ["pairs"];
+/** Longest label of a choice that half the width of the form has room for. */
+const CHOICE_LENGTH = 14;
 
 /** A person states these of the present, so that they are never copied from an earlier request. */
 const CONFIRMED = ["zero_confirmed"];
@@ -61,7 +63,8 @@ function control(spec, values, sources) {
   }
   const choices = spec.widget === "choice" ? spec.choices
     : [{ value: "", label: spec.placeholder }, ...sources.recipes.map((name) => ({ value: name, label: name }))];
-  return h("div", { class: style }, label,
+  const long = choices.some((each) => each.label.length > CHOICE_LENGTH);
+  return h("div", { class: long ? "field wide" : style }, label,
     h("select", common, ...choices.map((each) => h("option", { value: each.value }, each.label))), fault);
 }
 

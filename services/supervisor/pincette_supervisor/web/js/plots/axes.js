@@ -98,7 +98,10 @@ export class Axes {
       const x = Math.round(this.x(n * timeStep)) + 0.5;
       pen.moveTo(x, top);
       pen.lineTo(x, bottom);
-      if (timeLabel) pen.fillText(timeLabel(n * timeStep), Math.min(x, right - 14), bottom + 6);
+      if (timeLabel) {
+        const label = timeLabel(n * timeStep);
+        pen.fillText(label, Math.min(x, right + RIGHT - 1 - pen.measureText(label).width / 2), bottom + 6);
+      }
     }
     pen.stroke();
   }
