@@ -35,7 +35,9 @@ def main() -> None:
     )
     parser.add_argument("--authority", type=Path, help="CA certificate to trust over https")
     parser.add_argument(
-        "--move", action="store_true", help="offer the tools that move: grip and release"
+        "--move",
+        action="store_true",
+        help="offer the tools that move: grip, release, decide and run_series",
     )
     parser.add_argument(
         "--propose",

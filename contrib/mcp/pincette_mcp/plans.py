@@ -12,7 +12,7 @@ from base64 import urlsafe_b64decode, urlsafe_b64encode
 from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from pincette.core.files import replace_file
 from pincette.core.user_folders import config_folder
@@ -30,7 +30,7 @@ class NoPlanError(Exception):
     """Error of a token without a plan that may still be run."""
 
     def __init__(self, why: str) -> None:
-        words = f"no-plan: this token {why}; call plan_grip, and grip with the token of its plan"
+        words = f"no-plan: this token {why}; plan again, and use the token of that plan"
         super().__init__(words)
 
 
@@ -47,6 +47,8 @@ class Plan(NamedTuple):
     """Time of the system clock at which the token expires, in s."""
     session: str
     """Session of the protocol; empty if it has none."""
+    series: dict[str, Any] | None = None
+    """Request for a series; None for a grip."""
 
 
 class Tokens:
@@ -56,10 +58,17 @@ class Tokens:
         self._secret, self._clock = secret, clock
         self._taken: set[str] = set()
 
-    def of(self, rig: str, force_mN: float, hold_s: float | None, session: str) -> str:
+    def of(
+        self,
+        rig: str,
+        force_mN: float,
+        hold_s: float | None,
+        session: str,
+        series: dict[str, Any] | None = None,
+    ) -> str:
         """Return the token of a plan."""
         until_s = round(self._clock() + VALID_S, 1)
-        plan = Plan(secrets.token_urlsafe(9), rig, force_mN, hold_s, until_s, session)
+        plan = Plan(secrets.token_urlsafe(9), rig, force_mN, hold_s, until_s, session, series)
         text = json.dumps(plan, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 3)  # base64 of a whole number of groups ends without =
         return f"{_text(text)}.{_text(self._signature(text))}"

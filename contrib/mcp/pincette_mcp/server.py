@@ -1,8 +1,9 @@
 """Tools: reading and stopping are always available, moving only on request."""
 
 import time
-from collections.abc import AsyncGenerator, Callable, Generator
-from contextlib import contextmanager, suppress
+from collections.abc import AsyncGenerator, Callable
+from contextlib import suppress
+from datetime import UTC, datetime
 from typing import Annotated, Any
 
 import anyio
@@ -15,12 +16,12 @@ from pydantic import BaseModel, Field
 
 from pincette import __version__
 from pincette.api.jobs import Job, Progress
+from pincette.api.recovery import Decision, RecoveryWait
 from pincette.client import (
     AsyncJobHandle,
     AsyncRigHandle,
     AsyncSupervisor,
     ClientError,
-    JobEndedError,
     NotPermittedError,
     WaitTimeoutError,
     WhichRigError,
@@ -28,13 +29,13 @@ from pincette.client import (
 )
 from pincette.client.following import RESTS_S
 from pincette.client.status import NEWS_S, RigStatus, unknown_status
+from pincette_mcp.calls import session_of, tool_errors, traced
 from pincette_mcp.plans import NoPlanError, Plan, Tokens, account_secret
+from pincette_mcp.series import RecoveryTime, SeriesTools
 
 LABEL = "mcp"
 """Label of a job with the name of its plan."""
 OWN = (LABEL, None)
-SESSION = "mcp-session-id"
-"""Header of a session, which the newest revision of the protocol does not have."""
 UNKNOWN = "unknown"
 """Text for a part whose state cannot be read."""
 LOOKS = ToolAnnotations(read_only_hint=True, open_world_hint=False)
@@ -85,6 +86,8 @@ class Status(BaseModel):
     phase: str
     job: str | None
     job_state: str | None
+    recovery: RecoveryWait | None
+    """Decision for which the job waits; null if it waits for none."""
 
 
 class GripPlan(BaseModel):
@@ -136,20 +139,6 @@ class Done(BaseModel):
     detail: str
 
 
-@contextmanager
-def told() -> Generator[None]:
-    """Turn rejected requests and failed jobs into tool errors with their codes."""
-    try:
-        yield
-    except JobEndedError as error:
-        outcome = f" ({error.outcome})" if error.outcome else ""
-        raise ToolError(f"{error.code}{outcome}: {error}") from error
-    except ClientError as error:
-        raise ToolError(f"{error.code}: {error}") from error
-    except NoPlanError as error:
-        raise ToolError(str(error)) from error
-
-
 class Tools:
     """Tools of one rig."""
 
@@ -158,17 +147,19 @@ class Tools:
         self._tokens = Tokens(account_secret(), time.time)
         self._asked: set[str] = set()
         """Names of the plans whose grip is running."""
+        self.for_series = SeriesTools(supervisor, self._rig, self._tokens)
 
     async def status(self) -> Status:
         """Report whether the rig is ready, what it holds, and its newest sample."""
-        with told():
+        with tool_errors():
             found = await self._status()
         newest = found.newest
-        job_state = None
+        job_state, recovery = None, None
         if found.job is not None:
             at_once = self._supervisor.patient(0.0).within(NEWS_S)
             try:
-                job_state = (await at_once.job(found.job)).state
+                job = await at_once.job(found.job)
+                job_state, recovery = job.state, job.job.recovery
             except ClientError:
                 job_state = UNKNOWN
         return Status(
@@ -186,11 +177,12 @@ class Tools:
             phase="" if newest is None else newest.phase,
             job=found.job,
             job_state=job_state,
+            recovery=recovery,
         )
 
     async def plan_grip(self, force_mN: Force, context: Context, hold_s: Hold = None) -> GripPlan:
         """Predict a grip, in some seconds; nothing moves. A feasible plan has a token for grip."""
-        with told():
+        with tool_errors():
             rig = await self._rig()
             plan = await rig.plan_reach(force_mN, own=OWN, hold_s=hold_s)
         token = None
@@ -208,13 +200,15 @@ class Tools:
             token=token,
         )
 
-    async def grip(self, token: str, context: Context) -> Gripped:
+    async def grip(self, token: str, context: Context, recovery_s: RecoveryTime = None) -> Gripped:
         """Grip as planned; takes some 5 s to 60 s, and the hold time that was given.
 
         It ends when the part is held, or with that hold time. A part that an earlier grip holds is
-        loaded or unloaded to the force; a part that already has this force stays unchanged.
+        loaded or unloaded to the force; a part that already has this force stays unchanged. With
+        recovery_s, a grip of a free arm that fails is an error awaiting-recovery: then call decide.
         """
-        with told():
+        waits = {} if recovery_s is None else {"recovery": {"wait_s": recovery_s}}
+        with tool_errors():
             plan = self._tokens.take(token, session_of(context))
             self._asked.add(plan.id)  # before anything is awaited: a stop may come meanwhile
             rig: AsyncRigHandle | None = None
@@ -227,6 +221,8 @@ class Tools:
                     hold_s=plan.hold_s,
                     idempotency_key=plan.id,
                     labels={LABEL: plan.id},
+                    traceparent=traced(context),
+                    **waits,
                 )
                 if now is not None:
                     return _gripped(job, "held", now.force_mN, now.force_uncertainty_mN)
@@ -254,7 +250,7 @@ class Tools:
 
         The tool proposal tells what has become of it.
         """
-        with told():
+        with tool_errors():
             plan = self._tokens.take(token, session_of(context))
             rig = await self._rig()
             await _require_unused(rig, plan)
@@ -265,31 +261,58 @@ class Tools:
                 idempotency_key=plan.id,
                 labels={LABEL: plan.id},
                 approval_s=APPROVAL_S,
+                traceparent=traced(context),
             )
         return _proposed(job.job)
 
     async def proposal(self, job: str) -> Proposed:
         """Report the state of a proposed grip, and its end."""
-        with told():
+        with tool_errors():
             return _proposed((await self._supervisor.job(job)).job)
+
+    async def decide(
+        self,
+        job: str,
+        decision: Decision,
+        x_um: Annotated[
+            float | None, Field(description="Place of the part for retry_at, in µm")
+        ] = None,
+        u_um: Annotated[float, Field(gt=0.0, description="Uncertainty of x_um, in µm")] = 1.0,
+    ) -> Done:
+        """Decide how a job that waits goes on; status states the decisions that it permits.
+
+        After retry or retry_at the returned job repeats the grip: follow it with status.
+        """
+        with tool_errors():
+            rig = await self._rig()
+            found = await rig.job(job)
+            if found.job.rig != rig.name:
+                raise ToolError(f"job {job} is of rig {found.job.rig}, and this is {rig.name}")
+            place = {} if x_um is None else {"place": _place(x_um, u_um)}
+            await found.act(decision, **place)
+            ended = await found.refresh(RESTS_S)  # until a repeated job is created
+            again = "" if ended.ending is None else ended.ending.next_job
+            part = (await rig.state()).part
+            return Done(job=again or ended.id, part=part, detail=ended.state)
 
     async def release(self, context: Context) -> Done:
         """Release the part, also if another client has gripped it; takes about 5 s."""
-        with told():
+        with tool_errors():
             rig = await self._rig()
-            job = await rig.let_go(labels={LABEL: "release"})
+            job = await rig.let_go(labels={LABEL: "release"}, traceparent=traced(context))
             await follow(job.to_release(), context)
             return Done(job=job.id, part=(await rig.state()).part, detail="released")
 
     async def stop(self) -> Done:
-        """Stop a motion; a held part stays held. It may be called at any time.
+        """Stop a motion and a series; a held part stays held. It may be called at any time.
 
         It ends once the motion rests, and the next one can start: in 30 s at the latest.
         """
-        with told():
+        with tool_errors():
             rig = await self._rig()
             for name in list(self._asked):
                 await rig.stop(name)
+            await self.for_series.stop(rig)
             job = await rig.active_job()
             if job is None:
                 return Done(job=None, part=(await rig.state()).part, detail="nothing moves")
@@ -302,7 +325,7 @@ class Tools:
         """Stop at once and latch the rig. Only a person can reset it."""
         # Do not read the rig's name or its state first: reading may require a key, or fail.
         at_once = self._supervisor.patient(0.0)
-        with told():
+        with tool_errors():
             if self._name is None:
                 stopped = (await at_once.estop()).rigs
             else:
@@ -338,12 +361,6 @@ class Tools:
         return AsyncRigHandle(self._supervisor.transport, self._name)
 
 
-def session_of(context: Context) -> str:
-    """Return the session of a request; empty over stdio, and if the protocol has none."""
-    request = context.request_context.request
-    return "" if request is None else request.headers.get(SESSION, "")
-
-
 async def follow(moments: AsyncGenerator[Progress], context: Context) -> None:
     """Report the progress of a motion to the agent's program."""
     async for now in moments:
@@ -351,6 +368,11 @@ async def follow(moments: AsyncGenerator[Progress], context: Context) -> None:
         total_s = None if remaining_s is None else now.elapsed_s + remaining_s
         force = "" if now.force_mN is None else f", {now.force_mN:.1f} mN"
         await context.report_progress(now.elapsed_s, total_s, f"{now.phase}{force}")
+
+
+def _place(x_um: float, u_um: float) -> dict[str, Any]:
+    at = datetime.now(UTC).isoformat(timespec="milliseconds")
+    return {"x_um": x_um, "u_um": u_um, "measured_at": at, "source": LABEL}
 
 
 def _gripped(
@@ -385,9 +407,12 @@ def serve(
     tools = Tools(supervisor, rig)
     offered = [
         *(strict(tool, LOOKS) for tool in (tools.status, tools.plan_grip)),
+        *(strict(tool, LOOKS) for tool in (tools.for_series.plan_series, tools.for_series.series)),
         *(strict(tool, STOPS) for tool in (tools.stop, tools.emergency_stop)),
-        *(strict(tool, MOVES) for tool in (tools.grip, tools.release) if moving),
     ]
+    if moving:
+        moves = (tools.grip, tools.release, tools.decide, tools.for_series.run_series)
+        offered += [strict(tool, MOVES) for tool in moves]
     if proposing:
         offered += [strict(tools.propose_grip, PROPOSES), strict(tools.proposal, LOOKS)]
     return MCPServer(
@@ -426,7 +451,9 @@ def strict(function: Callable[..., Any], annotations: ToolAnnotations) -> Tool:
 
 
 async def _require_unused(rig: AsyncRigHandle, plan: Plan) -> None:
-    """Raise NoPlanError if a plan is of another rig, or already has a job."""
+    """Raise NoPlanError if a plan is of a series or of another rig, or already has a job."""
+    if plan.series is not None:
+        raise NoPlanError("is for a series: call run_series with it")
     if plan.rig != rig.name:
         raise NoPlanError(f"is for rig {plan.rig}, and this is {rig.name}")
     if jobs := await rig.jobs(1, label=f"{LABEL}={plan.id}"):

@@ -17,7 +17,8 @@ from tests.support.adapters import FORCE_MN, NEAR_MN, WAIT_S
 from tests.support.grips import restart
 from tests.support.running import Json, RunningRig
 
-LOOKS, STOPS, MOVES = {"status", "plan_grip"}, {"stop", "emergency_stop"}, {"grip", "release"}
+LOOKS = {"status", "plan_grip", "plan_series", "series"}
+STOPS, MOVES = {"stop", "emergency_stop"}, {"grip", "release", "decide", "run_series"}
 
 
 async def until_phase(rig: RunningRig, phase: str) -> str:
@@ -86,7 +87,7 @@ def test_an_agent_proposes_a_grip_and_learns_what_a_person_has_decided(rig: Runn
             answer.raise_for_status()
             await asyncio.to_thread(rig.ended, job, WAIT_S)
             found = await said(client, "proposal", job=job)
-            assert found["state"] == "succeeded"
+            assert found["state"] == "succeeded", found["cause"]
             assert abs(found["force_held_mN"] - FORCE_MN) < NEAR_MN
 
     asyncio.run(drive())

@@ -7,14 +7,15 @@ from mcp.server.mcpserver.exceptions import ToolError
 
 from pincette.api.results import OutcomeCode
 from pincette.client import JobEndedError
-from pincette_mcp.server import Gripped, told
+from pincette_mcp.calls import tool_errors
+from pincette_mcp.server import Gripped
 from tests.unit.client.test_outcomes import BAD, ended
 
 
 @pytest.mark.parametrize("outcome", BAD)
 def test_the_error_of_a_tool_begins_with_the_code(outcome: str) -> None:
     error = JobEndedError("job x failed", ended(outcome))
-    with pytest.raises(ToolError, match=rf"^job-failed \({outcome}\): "), told():
+    with pytest.raises(ToolError, match=rf"^job-failed \({outcome}\): "), tool_errors():
         raise error
 
 

@@ -26,7 +26,9 @@ from tests.support.running import RunningRig
 
 DRIVE = ROOT / "contrib/support/mcp_http.mjs"
 SDK = "@modelcontextprotocol/sdk@1.32.2"
-TOOLS = ["emergency_stop", "grip", "plan_grip", "release", "status", "stop"]
+LOOKS = ["plan_grip", "plan_series", "series", "status"]
+MOVES = ["decide", "grip", "release", "run_series"]
+TOOLS = sorted([*LOOKS, *MOVES, "emergency_stop", "stop"])
 
 
 @contextmanager
