@@ -165,7 +165,7 @@ def test_units_and_texts_come_from_the_source() -> None:
         "type": "number",
         "minimum": -1e9,
         "maximum": 1e9,
-        "description": "Position towards the part.",
+        "description": "Position; it increases towards the part.",
         "x-unit": "µm",
     }
     assert "own grid point" in position["description"]
