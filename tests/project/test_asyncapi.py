@@ -168,7 +168,7 @@ def test_units_and_texts_come_from_the_source() -> None:
         "description": "Position; it increases towards the part.",
         "x-unit": "µm",
     }
-    assert "own grid point" in position["description"]
+    assert "own sampling grid" in position["description"]
     assert "voltage was kept" in applied["properties"]["answered"]["description"]
     assert schemas["ArmEstimate"]["properties"]["zero_age_s"] == {
         "oneOf": [{"type": "number", "minimum": -1e12, "maximum": 1e12}, {"type": "null"}],
