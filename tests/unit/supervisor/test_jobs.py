@@ -56,6 +56,19 @@ def test_the_record_is_complete_when_the_job_has_ended(harness: Harness) -> None
         assert response.status_code == 404
 
 
+def test_a_row_read_before_the_end_of_its_job_gives_a_result_with_the_end(harness: Harness) -> None:
+    job = harness.playing_to(IN_APPROACH)
+    row = harness.store.get(job)
+    assert row is not None
+    harness.act(job, "stop")
+    ended = harness.ended(job)
+    view = harness.manager.index.view(row).model_dump(mode="json")
+    assert view["state"] == "stopped"
+    names = ("result", "artifacts", "record_complete", "ending", "cause")
+    assert {name: view[name] for name in names} == {name: ended[name] for name in names}
+    assert (view["artifacts"], view["record_complete"]) == ("ready", True)
+
+
 @pytest.mark.usefixtures("drawn")
 def test_a_track_is_one_request(harness: Harness) -> None:
     harness.bus.edit = lambda ticks: samples.track(ticks[0].position.epoch)

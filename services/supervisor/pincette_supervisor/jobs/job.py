@@ -174,6 +174,8 @@ class LiveJob:
         self.recorded = threading.Event()
         """Event that is cleared from the end of the job until its record is written."""
         self.recorded.set()
+        self.stored: dict[str, Any] = {}
+        """Newest values of the journal's row that were stored, perhaps before the row has them."""
         self._context, self._store, self._changes = context, context.store, out
         self._lock = threading.RLock()
         """Lock held by a change of the state or of the actions until its write is submitted."""
@@ -355,6 +357,7 @@ class LiveJob:
     def store(self, **values: object) -> None:
         """Store values of the journal's row; see ``Store.change``."""
         with self._lock:
+            self.stored = {**self.stored, **values}
             self._write(partial(self._store.change, self.id, **values))
 
     def notify(self) -> None:

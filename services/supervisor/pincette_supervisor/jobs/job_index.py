@@ -88,10 +88,13 @@ def job_view(
     left: UnfinishedJobs = NOTHING,
 ) -> Job:
     """Return one job, with its live state and its place in the queue if it has one."""
+    # Before the status, whose revision shows whether the row was read before the record was stored.
+    recorded = live is None or live.recorded.is_set()
     status = None if live is None else live.status
-    if status is not None and status.revision > row.revision:  # not written to the journal yet
+    if live is not None and status is not None and status.revision > row.revision:
+        # Read before the newest change was written to the journal.
         ended = status.ending.model_dump(mode="json") if status.terminal and status.ending else None
-        more = {"state": status.state, "cause": status.cause, "ending": ended}
+        more = {**live.stored, "state": status.state, "cause": status.cause, "ending": ended}
         row = replace(row, **more, revision=status.revision)
     if live is not None and len(live.row.actions) > len(row.actions):  # the same of its actions
         row = replace(row, actions=live.row.actions)
@@ -111,7 +114,7 @@ def job_view(
     artifacts: ArtifactState = "none"
     if deleted:
         artifacts = "deleted"
-    elif left.being_written(row.id) or (live is not None and not live.recorded.is_set()):
+    elif left.being_written(row.id) or not recorded:
         artifacts = "being_written"
     elif record:
         artifacts = "ready"
