@@ -311,15 +311,15 @@ class Supervisor(Blocking[AsyncSupervisor]):
         self.close()
 
     def patient(self, patience_s: float) -> "Supervisor":
-        """Return a copy of this client that retries for this time, in s, when no supervisor
-        replies.
+        """Return a copy of this supervisor that retries for this time, in s, when it does not
+        reply.
         """
         other = Supervisor.__new__(Supervisor)
         other.asynchronous = self.asynchronous.patient(patience_s)
         return other
 
     def within(self, timeout_s: float) -> "Supervisor":
-        """Return a copy of this client with another time limit for each reply, in s."""
+        """Return a copy of this supervisor with another time limit for each reply, in s."""
         other = Supervisor.__new__(Supervisor)
         other.asynchronous = self.asynchronous.within(timeout_s)
         return other
