@@ -73,7 +73,7 @@ def of(documents: list[tuple[str, Any]], kind: str) -> list[Any]:
 
 
 def failure(engine: Any, plan: Any) -> BaseException:
-    """Return the error of the device in a plan, below the engine's own errors."""
+    """Return the device's error that caused the engine's errors in a plan."""
     with pytest.raises(FailedStatus) as caught:
         engine(plan)
     error: BaseException = caught.value

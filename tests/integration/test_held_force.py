@@ -288,7 +288,7 @@ def test_a_stop_during_a_change_keeps_the_present_force_and_the_next_hold_contin
 
 
 @RIGS
-def test_a_pause_during_a_change_rests_and_continues(rig: RigFile) -> None:
+def test_a_change_that_is_paused_rests_and_then_continues(rig: RigFile) -> None:
     desk, paused = Desk(rig), list[float]()
     desk.grip(5.0)
 

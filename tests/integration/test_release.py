@@ -91,7 +91,7 @@ def test_two_arms_release_a_part_that_lies_between_them() -> None:
 @pytest.mark.parametrize(
     ("pull_off_mN", "verdict"), [([300.0, 300.0], "sticks"), ([300.0, 0.0], "unknown")]
 )
-def test_a_part_that_sticks_to_an_arm_of_two_is_not_released(
+def test_a_part_that_sticks_to_one_of_two_arms_is_not_released(
     pull_off_mN: list[float], verdict: str
 ) -> None:
     """A part that sticks to both arms holds them; one arm alone drags it over the ground."""

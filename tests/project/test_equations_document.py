@@ -99,7 +99,7 @@ def test_every_reference_to_an_equation_is_valid(root: Path) -> None:
     assert nowhere == []
 
 
-def test_the_code_of_an_equation_names_it(root: Path) -> None:
+def test_code_that_implements_an_equation_cites_its_number(root: Path) -> None:
     silent: list[str] = []
     for row in rows(root):
         for path in CODE.findall(row.whole):

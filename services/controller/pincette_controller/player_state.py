@@ -99,8 +99,8 @@ class Began(FrozenRecord, frozen=True):
     voltages_V: tuple[float, ...] = (0.0,)
     """Voltage applied to each arm, in V."""
     force_mN: float = 0.0
-    """Force at the start of a program that takes over a held part, in mN; 0 without a part. This
-    force may have no zero, so the guard of the force counts from it."""
+    """Force at the start of a program that takes over a held part, in mN; 0 without a part. It
+    may not have been zeroed, so the force guard measures changes relative to it."""
 
 
 class Touch(FrozenRecord, frozen=True):

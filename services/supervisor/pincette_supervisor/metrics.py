@@ -143,7 +143,7 @@ R = TypeVar("R", bound=Callable[..., Readings])
 
 
 def metric(kind: Kind, name: str, *labels: str) -> Callable[[R], R]:
-    """Return a decorator that turns a function of all rigs into the metric of a name."""
+    """Return a decorator that registers a function, which takes all rigs, as a named metric."""
 
     def add(read: R) -> R:
         FAMILIES.append(Family(name, kind, labels, read, _meaning(read)))

@@ -115,9 +115,9 @@ class ZenohBus:
         return {program for _, program in self._alive(self._rig)}
 
     def alive_everywhere(self) -> set[tuple[str, str]]:
-        """Return rigs and programs whose token is visible from here, of all rigs on the router.
+        """Return all rigs on the router with their programs whose tokens are visible from here.
 
-        Raises BusError if no router replies: that is not the same as no program.
+        Raises BusError if no router replies, which does not mean that no program runs.
         """
         return self._alive("*")
 

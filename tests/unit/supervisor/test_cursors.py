@@ -143,7 +143,7 @@ def test_an_unknown_cursor_is_not_found(path: str, harness: Harness) -> None:
     assert answer.status_code == 404, answer.text
 
 
-def test_the_client_reads_recipes_and_learning_to_their_ends(
+def test_the_client_reads_all_pages_of_recipes_and_learned_programs(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for module in ("supervisor", "rig"):

@@ -144,7 +144,7 @@ def test_an_old_or_unknown_place_is_refused_with_value_limit_and_remedy(harness:
     assert unknown["sources"] == []
 
 
-def test_a_job_takes_the_newest_place_of_the_bus(harness: Harness) -> None:
+def test_a_job_uses_the_newest_place_from_the_bus(harness: Harness) -> None:
     for x_um in (30.5, 31.0):
         harness.bus.publish(sent(x_um=x_um))
     harness.bus.publish(sent(x_um=29.0, measured_at=ago(3.0)))

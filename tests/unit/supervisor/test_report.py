@@ -101,7 +101,7 @@ def test_figures_have_units() -> None:
     assert page.text[page.text.index("missed ticks") + 1] == "0"
 
 
-def test_course_limits_and_actions_are_tables() -> None:
+def test_a_report_has_tables_of_course_limits_and_actions() -> None:
     result = _example(GripResult)
     result["limits_acted"] = [{"limit": "slew_up", "first_seq": 41, "samples": 3}]
     result["actions"] = []

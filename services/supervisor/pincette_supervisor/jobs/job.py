@@ -175,12 +175,12 @@ class LiveJob:
         """Event that is cleared from the end of the job until its record is written."""
         self.recorded.set()
         self.stored: dict[str, Any] = {}
-        """Newest values of the journal's row that were stored, perhaps before the row has them."""
+        """Newest values submitted for the journal's row, which may not contain them yet."""
         self._context, self._store, self._changes = context, context.store, out
         self._lock = threading.RLock()
         """Lock held by a change of the state or of the actions until its write is submitted."""
         self._replacing = threading.RLock()
-        """Lock held while the status is replaced; never during any other wait."""
+        """Lock held only while the status is replaced, never while something is waited for."""
         self._passed = -1
         """Newest segment whose wait a person has confirmed."""
         self._actions: list[tuple[int, ActionType]] = []

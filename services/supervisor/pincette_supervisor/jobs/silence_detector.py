@@ -45,7 +45,7 @@ class SilenceDetector:
         self._lease_s = lease_s
         self._told = False
         self.excused = False
-        """True if the last query has shown that the loop works, or has ended."""
+        """True if the last query showed that the loop either runs or has ended."""
         self.cut_off = False
         """True if no program was received or has replied, so that the loop ends by its lease."""
 

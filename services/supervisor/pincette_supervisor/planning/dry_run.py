@@ -130,7 +130,7 @@ class EmulatedDevice:
         self.instruments.put_V[self.arm] = voltage_V
 
     def write_parts(self, voltages_V: Sequence[float], interval_s: float) -> None:  # noqa: ARG002
-        """Output a step; its parts are modelled by the arm."""
+        """Output a voltage step; the simulated arm computes its intermediate values."""
         self.write_V(voltages_V[-1])
 
     def begin_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:  # noqa: ARG002

@@ -37,7 +37,7 @@ SUBSTEP_S = 0.001
 SETTLED_S = 60.0
 """Time for which the arm is assumed to have been at its first voltage, in s."""
 STILL_V = 1e-9
-"""Change of the voltage within a period below which it is constant, in V."""
+"""The voltage counts as constant if it changes by less than this within a period, in V."""
 
 
 Stretch = tuple[float, list[float]]

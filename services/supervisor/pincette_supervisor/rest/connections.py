@@ -69,7 +69,7 @@ class WorkQueue:
         """Connections that wait for their turn; the first one is served next."""
         self._turn: asyncio.Handle | None = None
         self._next_s = 0.0
-        """Time until which the queue takes no turn, in s."""
+        """Time before which the queue serves no waiting connection, in s."""
 
     def __len__(self) -> int:
         return len(self._silent) + len(self._kept) + len(self._ready)

@@ -129,7 +129,7 @@ class _Described:
         return {**found, "safe": safe, "idempotent": safe or name in OPEN, "forms": [form]}
 
     def _name_rig(self, schema: dict[str, Any], *, wanted: bool) -> None:
-        """Fix the rig in the request schema; it is required if there are several rigs."""
+        """Set ``rig`` in the request schema to this rig; require it if there are several rigs."""
         for one in schema.get("oneOf", [schema]):
             if "rig" not in one.get("properties", {}):
                 continue

@@ -96,8 +96,8 @@ class LiveSamples:
         self._pending: dict[int, Row] = {}
         """Rows of the newest epoch that still wait for messages, by seq."""
         self._early: dict[int, list[Estimate | Telemetry | Applied]] = {}
-        """Messages that have arrived before the position of their number, by seq: each program
-        has a connection of its own, and a busy machine reads them in any order."""
+        """Messages that arrived before the position with the same seq, by seq. Each program has a
+        connection of its own, and a busy machine may read these in any order."""
         self._newest = -1
         """Number of the newest position in the epoch."""
         self._epoch: int | None = None

@@ -74,8 +74,8 @@ class ConditionedBranch(FrozenRecord, frozen=True):
     rest_spread: float = 0.0
     """Standard deviation of ``rest_ratio`` between conditioned motions."""
     rehearsals: int = 0
-    """Number of rehearsed grips from which ``errors`` were determined. 0: so many that the number
-    does not matter, or the errors are already widened for it."""
+    """Number of rehearsed grips from which ``errors`` were determined. 0 if the errors
+    need no correction for this number: it is large, or they are already widened for it."""
 
     def __post_init__(self) -> None:
         if len(self.voltages_V) != len(self.added_um) or len(self.voltages_V) < 2:

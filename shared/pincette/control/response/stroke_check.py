@@ -130,7 +130,7 @@ class StrokeChange(FrozenRecord, frozen=True):
     way_um: float = 0.0
     """Length of the motion in the calibration, in µm."""
     rested: bool = True
-    """True for the motion from the rest after the strokes; False for the motion from the bottom."""
+    """True if the motion starts after the pause; False if it starts from the lowest voltage."""
 
     @property
     def significant(self) -> bool:

@@ -67,7 +67,7 @@ class Loop:
     observer: ForceObserver | None = None
     """Force observer of the loop; None for the quasi-static one."""
     force_when_free: bool = False
-    """True if the law also uses the force of the free arm; False if F = F_r = 0 then."""
+    """True if the law also uses the force while the arm is free; False if it sets F = F_r = 0."""
 
     def __post_init__(self) -> None:
         require_positive("period", self.period_s, "s")

@@ -44,9 +44,9 @@ from pincette_supervisor.plugin.plans import (
 )
 
 EARLY_PRESSES = (3.0, 6.0, 12.0)
-"""Limits of the force up to which a press is used for the first contact, as multiples of the
-contact force. The smallest limit at which the contact is certain is used, since faces that are
-not flat become stiffer with the force."""
+"""Candidate force limits for the search for the first contact, as multiples of the contact
+force. Only the samples of a press below the limit are used. The smallest limit at which the contact
+is certain is used, since faces that are not flat become stiffer with the force."""
 BRING_UP_MIN = 10.0
 """Time in minutes by which the part position in the rig file, which is a reading, may be older
 than that of this calibration: a bring-up takes so long, and the sensor drifts meanwhile."""

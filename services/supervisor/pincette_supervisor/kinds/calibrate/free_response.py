@@ -47,7 +47,7 @@ need no exact depth.
 LESS = 0.8
 """Factor applied to the voltage, counted from rest, at which the arm exceeded a position limit."""
 QUICKEST = 0.9
-"""Share of the slew limit up to which a grip is rehearsed at the speed of a quick one."""
+"""Fraction of the slew limit that a grip rehearsed at the speed of a quick grip may not exceed."""
 GAIN_DIFFERENCE = 0.01
 """Relative difference between the gain of the model and the measured gain, above which a warning
 is given."""
