@@ -26,7 +26,7 @@ Script = Callable[[list[bytes | None]], str]
 
 
 class Understudy:
-    """A replayed dialogue, which is told the requests that change the instrument's state."""
+    """A replayed dialogue that knows which requests change the instrument's state."""
 
     def __init__(self, replay: ReplayLink, instrument: Instrument) -> None:
         self.replay = replay

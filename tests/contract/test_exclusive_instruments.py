@@ -1,4 +1,4 @@
-"""Only one program at a time can open an instrument; a second one is told which program has it."""
+"""Only one program at a time can open an instrument; the refusal of a second names the first."""
 
 import os
 import socket

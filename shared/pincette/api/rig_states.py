@@ -119,7 +119,7 @@ and the certainty due to the age of that report.
 
 
 class OccupantEntry(NamedTuple):
-    """What uses the rig, and the jobs that can start meanwhile."""
+    """The current user of the rig, and the jobs that can start at present."""
 
     meaning: str
     may_start: bool

@@ -22,7 +22,7 @@ class Question:
     unit: str
     default: Value
     where: str
-    """Where a person finds the answer."""
+    """Source in which a person finds the value."""
 
     @property
     def flag(self) -> str:

@@ -84,7 +84,7 @@ HostName = Annotated[str, Field(pattern=r"^[A-Za-z0-9]([A-Za-z0-9.-]{0,252})$")]
 
 
 Behind = Literal["nothing", "container"]
-"""What protects a port from other machines, in addition to the program itself."""
+"""Protection of a port from other machines, in addition to that of the program itself."""
 CAMERA = r"^https?://[A-Za-z0-9.\-\[\]:]{1,255}(/[!#-%(-:=?-_a-z~]{0,1000})?$"
 """Pattern of a camera's address. It excludes characters that end an attribute in the page or an
 entry of its security policy.

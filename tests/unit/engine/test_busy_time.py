@@ -1,4 +1,4 @@
-"""An actuator is told how long other services of its program kept it from checking its clock."""
+"""Time for which other services of a program kept its actuator from checking the clock."""
 
 from dataclasses import dataclass
 from typing import Any

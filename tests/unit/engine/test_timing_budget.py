@@ -1,4 +1,4 @@
-"""Whether instruments fit the control period: the sum, its terms, and the refusal to arm."""
+"""Check that instruments fit the control period: sum, terms, and refusal to arm."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Whether a job came as close to its references as requested."""
+"""Check of a job's goal: the largest permitted distance from its references."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What can start and whether the stage may move, in every state, at every age, with every job."""
+"""Jobs that can start and permission to move the stage, for each state, age and job."""
 
 from itertools import product
 from typing import get_args

@@ -17,7 +17,7 @@ from tests.unit.control.calibration.freeing import SAMPLES_PER_CYCLE, freed_demo
 from tests.unit.control.response.test_measured_hysteresis import measured
 
 RIGS = [(False, None), (False, 3), (True, 4)]
-"""Whether the hysteresis consists of relays, and the seed of a randomly drawn rig."""
+"""Rigs: True if the hysteresis consists of relays; and the seed, None for the demo rig."""
 
 
 def simulated(relays: bool, seed: int | None) -> Simulation:
