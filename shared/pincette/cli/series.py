@@ -128,7 +128,7 @@ def _print_ended(target: Target, series: "Series", told: set[str], console: "Con
         if one.job is None or one.job in told or not _has_ended(one):
             continue
         told.add(one.job)
-        job = target.supervisor().job(one.job).recorded()
+        job = target.supervisor().patient(FOLLOWED_S).job(one.job).recorded()
         left = "" if not series.remaining_s else f"{series.remaining_s:.0f} s left"
         words = (one.job, _differing(series, one), job.state, outcome(job), left)
         line = "  ".join([f"{one.number:>4}", *filter(None, words)])

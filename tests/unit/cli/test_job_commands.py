@@ -14,6 +14,7 @@ from pincette.api.jobs import Action, Artifact, Job
 from pincette.api.plans import Plan
 from pincette.api.requests import Recipe, RecipeHistory
 from pincette.api.rigs import Rig
+from pincette.api.series import Series, SeriesJob
 from pincette.cli import MEANINGS, Exit
 from pincette.cli.main import main
 from tests.unit.client import desk
@@ -54,6 +55,27 @@ def test_with_json_output_a_followed_job_prints_only_json(
         "rig": "demo",
         "autostart": True,
     }
+
+
+def test_a_series_is_followed_while_the_supervisor_restarts(
+    at: At, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = tmp_path / "plan.toml"
+    plan.write_text('[job]\nkind = "grip"\n', encoding="utf-8")
+    one = desk.example(SeriesJob, job=NAME, state="succeeded")
+    ended = {"state": "completed", "total": 1, "ended": 1, "failed": 0, "remaining_s": None}
+    gone = httpx.ConnectError("refused")
+    supervisor = at(
+        httpx.Response(200, json={"rigs": [desk.example(Rig)]}),
+        httpx.Response(200, json=desk.example(Series, jobs=[one], **ended)),
+        gone,
+        desk.job(state="succeeded"),
+        gone,
+        desk.job(state="succeeded"),
+    )
+    assert main(["series", "run", str(plan)]) == Exit.DONE
+    assert NAME in capsys.readouterr().out
+    assert len(supervisor.slept_s) == 2
 
 
 @pytest.mark.parametrize(
