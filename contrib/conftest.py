@@ -1,6 +1,6 @@
-"""Plug-ins for the tests of contrib, and a rig on which a grip takes time to be cancelled.
+"""Plug-ins for the tests of contrib, and a rig so slow that a test can cancel a running grip.
 
-A module may state changes of this rig as ``CHANGES``.
+A test module may define other settings of this rig as ``CHANGES``.
 """
 
 from collections.abc import Generator

@@ -1,4 +1,4 @@
-"""Stock client of the Model Context Protocol over stdio, and the answers of a rig's tools."""
+"""Stock client of the Model Context Protocol over stdio, and calls of a rig's tools with it."""
 
 import asyncio
 import os
@@ -22,7 +22,7 @@ async def agent(url: str, *options: str, key: str = "") -> AsyncGenerator[Client
 def server_of(url: str, *options: str, key: str = "") -> StdioServerParameters:
     """Return the parameters of the server.
 
-    By default the SDK would hide the settings folder from it.
+    They pass on the settings folder, which the SDK hides from the server by default.
     """
     words = ["-m", "pincette_mcp", "--url", url, *options]
     environment = {**os.environ, "PINCETTE_KEY": key}

@@ -1,5 +1,5 @@
 """Register of code blocks on the pages about contrib packages; contrib/tests/test_documents.py
-executes them.
+executes these blocks.
 """
 
 from tests.support.document_register import DEMO

@@ -1,4 +1,4 @@
-"""Requirements for forces in every adapter: change between forces, stop, and try again.
+"""Checks of force requests that every adapter must pass: change the force, stop, and try again.
 
 A driver requests forces by the stock client of an adapter, or only by REST or the command line.
 """

@@ -18,7 +18,7 @@ from pincette_bluesky import Gripper
 from tests.support.adapters import until
 from tests.support.running import RunningRig
 
-# Their types are incomplete.
+# The type annotations of these packages are incomplete.
 bps = cast("Any", bluesky.plan_stubs)
 bpp = cast("Any", bluesky.preprocessors)
 check_limits = cast("Any", bluesky.simulators).check_limits

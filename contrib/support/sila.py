@@ -36,10 +36,7 @@ async def unitelabs(rig: RigFile) -> AsyncGenerator[Any]:
 
 
 async def ended(execution: Any) -> Any:
-    """Return the responses of an observable command of that client after its end.
-
-    Raises its error.
-    """
+    """Return the responses of an observable command of UniteLabs' client after its end."""
     async for _ in await execution.subscribe_status():
         pass
     return await execution.get_responses()

@@ -1,4 +1,4 @@
-"""Stock clients of adapters, as programs in the documents, run on the host."""
+"""Runs the documents' programs for stock clients of the adapters on the host."""
 
 import re
 import subprocess

@@ -1,6 +1,6 @@
 """Store a flight of a rig in a Tiled server; run in an environment with both packages.
 
-``SUPERVISOR TILED KEY FORCE_MN`` prints how the server lists it.
+``tiled_drive.py SUPERVISOR TILED KEY FORCE_MN`` prints how the server lists the run.
 """
 # pyright: basic, reportMissingImports=false
 

@@ -200,10 +200,10 @@ class Gripper(Device):
 
     @AsyncStatus.wrap
     async def prepare(self, value: Mapping[str, Any]) -> None:
-        """Plan a job that ends without a release; the arguments are its ``kind`` and its fields.
-        Nothing moves.
+        """Plan the job of the next flight, given by its ``kind`` and its fields; nothing moves.
 
-        Raises InfeasiblePlanError if the job would exceed a limit.
+        The job must end without a release request. Raises InfeasiblePlanError if it would exceed a
+        limit.
         """
         self._prepared = None
         if value.get("until_released"):
@@ -263,7 +263,9 @@ class Gripper(Device):
 
     @AsyncStatus.wrap
     async def unstage(self) -> None:
-        """Stop the job of a flight; the engine does not stop it when a plan is aborted."""
+        """Stop the job that ``kickoff`` has started; the engine does not stop it when a plan is
+        aborted.
+        """
         await self.stop()
 
     async def stop(self, success: bool = True) -> None:

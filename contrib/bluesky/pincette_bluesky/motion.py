@@ -1,4 +1,4 @@
-"""Motion that a bluesky status follows, and its stop."""
+"""Motion that a bluesky status follows, and functions that stop it."""
 
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
@@ -25,7 +25,7 @@ class Motion:
     async def stop(self, rig: AsyncRigHandle, *, as_planned: bool) -> None:
         """Stop the motion; with ``as_planned`` the status ends without an error."""
         self.stopped_as_planned = as_planned
-        if self.job is None:  # there is no job yet, and none may start
+        if self.job is None:  # prevent the request from creating a job
             await rig.stop(self.key)
         else:
             await rest(self.job)
@@ -59,9 +59,9 @@ async def motion_of(motions: list[Motion]) -> AsyncGenerator[Motion]:
 
 
 async def rest(job: AsyncJobHandle) -> None:
-    """Stop a job. A job that holds its part until a release request keeps holding it.
+    """Stop a job, unless it already holds its part until a release request.
 
-    A hold of limited duration is stopped; otherwise it would release the part when it ends.
+    A hold of limited duration is stopped too, since it would release the part at its end.
     """
     known = await job.refresh()
     in_hold = known.progress is not None and known.progress.phase == "hold"

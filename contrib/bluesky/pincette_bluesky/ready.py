@@ -75,7 +75,7 @@ class Ready:
                 with suppress(NotPermittedError):
                     ready = rig.status().ready
                 for function in tuple(self._functions):
-                    # A suspender raises an error while the engine is busy; it gets the next reading
-                    # instead.
+                    # A suspender raises an error while the engine is busy, and then acts on the
+                    # next reading.
                     with suppress(RuntimeError):
                         function(value=ready)

@@ -26,7 +26,9 @@ LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
 
 class Door:
-    """Accepts connections in its own thread, and forwards permitted ones to the server."""
+    """Listener that accepts connections in its own thread, and forwards permitted ones to the
+    server.
+    """
 
     def __init__(
         self,
@@ -75,7 +77,7 @@ class Door:
         for one in others:
             one.cancel()
         await asyncio.gather(*others, return_exceptions=True)
-        await asyncio.sleep(0)  # ends the connections that this closes
+        await asyncio.sleep(0)  # let the closed transports end their connections
 
     async def _take(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._open += 1
@@ -112,7 +114,7 @@ class Door:
         return None
 
     def _tell(self, origin: str) -> None:
-        if origin not in self._told and len(self._told) < MOST:  # a page may retry again and again
+        if origin not in self._told and len(self._told) < MOST:  # log each origin once
             self._told.add(origin)
             log.warning("refused a page with origin %.100r; see [foxglove] origins", origin)
 

@@ -27,7 +27,9 @@ PLOTS = {
     "voltage, V": ("applied.arms[0].voltage_V",),
     "sliding function, µm": ("telemetry.sliding_um", "telemetry.band_um"),
 }
-"""Title of each plot, with the paths that it shows: topic and field, units in their names."""
+"""Plots by title, each with its message paths. A path is a topic and a field, which ends in the
+unit.
+"""
 ONLY_IF = {"applied.arms[0].voltage_V": "unconfirmed==false"}
 """Conditions for paths: a voltage is not shown unless the output has confirmed it."""
 STATES = ("telemetry.phase", "applied.state", "job.state")

@@ -48,7 +48,7 @@ def run(context: Started) -> None:
 
     def send(topic: Topic, message: Message) -> None:
         one = channels[topic.name]
-        if one.has_sinks():  # costs nothing without a viewer
+        if one.has_sinks():  # without viewers nothing is encoded
             one.log(SCHEMAS[topic.name].pack(message), log_time=time_ns())
 
     bus = context.open_bus()
@@ -57,7 +57,8 @@ def run(context: Started) -> None:
     try:
         for topic in TOPICS:
             bus.subscribe(topic, send)
-        # No page can guess this address; all other clients may connect through the door anyway.
+        # A web page cannot guess this loopback address, so it must connect through the door, which
+        # checks its origin. Other clients may connect anyway.
         behind = f"127.{'.'.join(str(1 + secrets.randbelow(254)) for _ in range(3))}"
         server = start(
             name=f"pincette {rig}",
@@ -143,7 +144,7 @@ def estop_service(context: Started) -> Service:
 
 
 def described(name: str, tree: dict[str, Any]) -> MessageSchema:
-    """Return the JSON description of a service."""
+    """Return the JSON schema of a service's request or response, with its name."""
     data = json.dumps(tree).encode()
     return MessageSchema(
         encoding="json", schema=Schema(name=name, encoding="jsonschema", data=data)

@@ -223,15 +223,16 @@ def last(moments: Iterable[Progress]) -> Progress | None:
 def failed(error: ClientError) -> ActionResult:
     """Return the result of an action that failed, with the codes of the error.
 
-    An action that was stopped is cancelled. An exception would make the node unusable.
+    The status of a stopped action is "cancelled". The error is returned and not raised, since an
+    exception would make the node unusable.
     """
     kind = ActionCancelled if error.cancelled else ActionFailed
     return kind(errors=[error_of(error)], json_result=error.codes)
 
 
 def done(command: Callable[[], str | None]) -> AdminCommandResponse:
-    """Return the result of an admin command, which must not raise an exception; the argument is the
-    error text.
+    """Run an admin command and return its result; client errors are returned, not raised.
+    ``command`` returns the text of an error, or None.
     """
     try:
         trouble = command()

@@ -70,7 +70,7 @@ def main() -> None:
 
 
 def http_key() -> tuple[str, str]:
-    """Return the key that callers over HTTP send, and its place; raises NoKeyError."""
+    """Return the key that callers over HTTP send, and where it is stored; raises NoKeyError."""
     if stated := os.environ.get(STATED):
         return stated, f"${STATED}"
     path = account_file(KEY, secrets.token_urlsafe(KEY_BYTES).encode())

@@ -10,7 +10,9 @@ from pincette.client import ClientError, JobEndedError
 from pincette_mcp.plans import NoPlanError
 
 SESSION = "mcp-session-id"
-"""Header of a session, which the newest revision of the protocol does not have."""
+"""Name of the header that identifies a session; the newest revision of the protocol has no
+sessions.
+"""
 TRACE = "traceparent"
 """Key of the W3C trace context in ``_meta`` of a call."""
 

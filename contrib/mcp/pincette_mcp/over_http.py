@@ -10,7 +10,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 HOST = "127.0.0.1"
 LEAVES_S = 3
-"""Time for which the server waits for running requests when it ends, in s."""
+"""Time for which the server waits for running requests when it shuts down, in s."""
 REFUSED = {"error": "this server requires its key in the header `Authorization: Bearer KEY`"}
 CHALLENGE: Mapping[str, str] = {"WWW-Authenticate": "Bearer"}
 

@@ -27,7 +27,7 @@ KEY = "pincette/mcp-key"
 
 
 class NoPlanError(Exception):
-    """Error of a token without a plan that may still be run."""
+    """Error for a token that contains no plan, or a plan that may not be run any more."""
 
     def __init__(self, why: str) -> None:
         words = f"no-plan: this token {why}; plan again, and use the token of that plan"
@@ -38,7 +38,7 @@ class Plan(NamedTuple):
     """Feasible plan, as its token contains it."""
 
     id: str
-    """Name of the plan: label and Idempotency-Key of its job."""
+    """Name of the plan, used as label and Idempotency-Key of its job."""
     rig: str
     force_mN: float
     hold_s: float | None
@@ -70,11 +70,11 @@ class Tokens:
         until_s = round(self._clock() + VALID_S, 1)
         plan = Plan(secrets.token_urlsafe(9), rig, force_mN, hold_s, until_s, session, series)
         text = json.dumps(plan, separators=(",", ":")).encode()
-        text += b" " * (-len(text) % 3)  # base64 of a whole number of groups ends without =
+        text += b" " * (-len(text) % 3)  # pad to groups of three bytes, so that base64 needs no =
         return f"{_text(text)}.{_text(self._signature(text))}"
 
     def take(self, token: str, session: str) -> Plan:
-        """Return the plan of a token, which is then used. Raises NoPlanError."""
+        """Return the plan of a token, and mark the token as used. Raises NoPlanError."""
         text, _, signature = token.partition(".")
         try:
             content, signed = urlsafe_b64decode(text), urlsafe_b64decode(signature)
@@ -106,7 +106,7 @@ def account_secret() -> bytes:
 def account_file(name: str, made: bytes) -> Path | None:
     """Return a file of the account's settings, created if missing; None if that is impossible.
 
-    A file with another length than ``made`` counts as missing.
+    A new file contains ``made``. A file of another length counts as missing.
     """
     folder = config_folder()
     if folder is None:

@@ -69,7 +69,9 @@ class SeriesTools:
     ) -> None:
         self._supervisor, self._rig, self._tokens = supervisor, rig, tokens
         self._stops = 0
-        """Number of stops so far, by which a series that is being created notices one."""
+        """Number of stops so far; if it changes while a series is being created, the series is
+        stopped.
+        """
 
     async def plan_series(
         self,
@@ -125,7 +127,7 @@ class SeriesTools:
     async def stop(self, rig: AsyncRigHandle) -> None:
         """Stop the running series, and one that run_series is creating."""
         self._stops += 1
-        for known in await rig.series():  # the running one may be an old one that was resumed
+        for known in await rig.series():  # also finds an older series that was resumed
             if known.state == "running":
                 await (await self._supervisor.find_series(known.id)).stop()
 

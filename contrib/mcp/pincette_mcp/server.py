@@ -146,7 +146,7 @@ class Tools:
         self._supervisor, self._name = supervisor, rig
         self._tokens = Tokens(account_secret(), time.time)
         self._asked: set[str] = set()
-        """Names of the plans whose grip is running."""
+        """Names of the plans whose grips are running."""
         self.for_series = SeriesTools(supervisor, self._rig, self._tokens)
 
     async def status(self) -> Status:
@@ -210,7 +210,7 @@ class Tools:
         waits = {} if recovery_s is None else {"recovery": {"wait_s": recovery_s}}
         with tool_errors():
             plan = self._tokens.take(token, session_of(context))
-            self._asked.add(plan.id)  # before anything is awaited: a stop may come meanwhile
+            self._asked.add(plan.id)  # before the first await, so that a concurrent stop finds it
             rig: AsyncRigHandle | None = None
             try:
                 rig = await self._rig()
@@ -290,7 +290,7 @@ class Tools:
                 raise ToolError(f"job {job} is of rig {found.job.rig}, and this is {rig.name}")
             place = {} if x_um is None else {"place": _place(x_um, u_um)}
             await found.act(decision, **place)
-            ended = await found.refresh(RESTS_S)  # until a repeated job is created
+            ended = await found.refresh(RESTS_S)  # wait until a repeated job is created
             again = "" if ended.ending is None else ended.ending.next_job
             part = (await rig.state()).part
             return Done(job=again or ended.id, part=part, detail=ended.state)
@@ -317,7 +317,7 @@ class Tools:
             if job is None:
                 return Done(job=None, part=(await rig.state()).part, detail="nothing moves")
             await job.stop()
-            with suppress(WaitTimeoutError):  # its state says that it is still stopping
+            with suppress(WaitTimeoutError):  # then the returned state is that of a stopping job
                 await job.wait(RESTS_S)
             return Done(job=job.id, part=(await rig.state()).part, detail=job.state)
 
@@ -425,10 +425,10 @@ def serve(
 
 
 class _AsSent(FuncMetadata):
-    """Arguments as they were sent; the SDK would read JSON out of a text."""
+    """Metadata that keeps arguments as they were sent; the SDK would parse texts as JSON."""
 
     def pre_parse_json(self, data: dict[str, Any]) -> dict[str, Any]:
-        """Return the arguments."""
+        """Return the arguments unchanged."""
         return data
 
 

@@ -44,7 +44,7 @@ class Scale:
 
 
 class AnalogInput:
-    """Input of a position, and a second input that measures the drive."""
+    """Analog input for the position, with a second one for the drive voltage of the amplifier."""
 
     def __init__(
         self, daq: Daq, scale: Scale, *, drive_channel: str, average: int, rate_hz: float
@@ -84,7 +84,7 @@ class AnalogInput:
         return self._scale.position_um(voltage_V, self._daq.channel)
 
     def begin_capture(self, rate_hz: float) -> None:
-        """Sample position and drive at ``rate_hz`` from here on, into a buffer of 20 s.
+        """Start sampling position and drive voltage at ``rate_hz``, into a buffer for 20 s.
 
         Raises
         ------

@@ -1,14 +1,16 @@
 """Voltage at an analog output of NI-DAQmx: single values, and waveforms from the buffer.
 
 From the package nidaqmx 1.7.0 and its documentation. Assumed: the output holds its voltage while no
-task owns it, and a finite waveform may begin before all its samples are written, if old ones may
-not be put out again.
+task owns it, and a finite waveform can start before all its samples are written, provided that
+regeneration of old samples is disabled.
 
-A waveform is written while it plays: half a second of it before it begins, a quarter of a second at
-each ``look``. So even a long waveform begins at once, and it stops soon after its host has failed.
+A waveform is written while it plays: the first half second before the start, then a quarter of a
+second at each ``look``. So even a long waveform starts at once, and it stops soon after a failure
+of the host.
 
-The parts of a step are a short waveform with its own task, which is stopped, written and started
-again for each step. Assumed: its first sample is output when it starts.
+A step of the voltage can be output in parts, that is as a short waveform. A separate task plays it,
+and is stopped, written and started again for each step. Assumed: its first sample is output when it
+starts.
 """
 
 import logging

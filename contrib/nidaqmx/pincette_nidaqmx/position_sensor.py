@@ -1,9 +1,9 @@
 """A position sensor's monitor output on an analog input of NI-DAQmx: options, timing, opening.
 
 The position is offset_um + um_per_V · voltage. Outside captures the channel is read on demand; a
-capture samples it together with the drive at the amplifier's input, on the device's own clock. The
-url is ``ni:DEVICE/CHANNEL`` for this machine's driver, ``grpc://host:port/DEVICE/CHANNEL`` for an
-NI gRPC Device Server.
+capture samples it together with the drive voltage at the amplifier's input, on the device's own
+clock. The url is ``ni:DEVICE/CHANNEL`` for this machine's driver,
+``grpc://host:port/DEVICE/CHANNEL`` for an NI gRPC Device Server.
 """
 
 from typing import Annotated
@@ -61,7 +61,7 @@ def timing(settings: Sensor) -> Timing:
 
 
 def open_sensor(settings: Sensor, link: Link | None = None) -> BufferedSensor:
-    """Open the connection to the device, or use ``link``, and make the task of single readings.
+    """Open the connection to the device, or use ``link``, and create the task for single readings.
 
     Raises
     ------

@@ -73,7 +73,7 @@ def open_rpc_link(
 
 
 class RpcLink:
-    """An open channel to a server; calls may come from one thread at a time."""
+    """Open channel to a server; only one thread at a time may call it."""
 
     def __init__(
         self,
@@ -131,7 +131,7 @@ class RpcLink:
             self._channel.close()
 
     def _made(self, method: str) -> tuple[Callable[..., bytes], float]:
-        """Return the callable of a method, and its time limit; bytes are passed unchanged."""
+        """Return a function that calls a method with bytes, and the timeout of the method in s."""
         quick = method.rpartition("/")[2] in self._quick
         call = self._channel.unary_unary(method, None, None)
         return call, self._timeout_s if quick else self._patience_s

@@ -6,7 +6,7 @@ exchange of bytes over a link. From the package nidaqmx 1.7.0, its errors and it
 this code has never been tested with a device.
 
 A task at a device server outlives the program that made it, and keeps its channel reserved. So each
-task has a name, by which a restarted program takes it back.
+task has a name, by which a restarted program finds and clears it.
 """
 
 import logging
@@ -84,7 +84,7 @@ class Daq:
     wait_s: float
     """Time for which the device may wait for samples, in s."""
     left: set[str] = field(default_factory=set[str])
-    """Purposes whose tasks may still exist at the server, because a call for them was lost."""
+    """Purposes of tasks that may still exist at the server, because a call for them failed."""
     _closed: bool = field(default=False, init=False)
 
     def must_be_open(self) -> None:
@@ -93,7 +93,9 @@ class Daq:
             raise InstrumentError(f"{self.channel}: the port is closed; open it again", "misused")
 
     def ask(self, what: str, call: Callable[P, T], *given: P.args, **named: P.kwargs) -> T:
-        """Call the package; raises its errors as InstrumentError with ``what`` in the message."""
+        """Call the package; raises InstrumentError, with ``what`` in its message, for errors of the
+        package.
+        """
         try:
             return call(*given, **named)
         except (DaqNotFoundError, DaqNotSupportedError) as error:
@@ -136,7 +138,9 @@ class Daq:
         self.clear(purpose, found)
 
     def clear(self, purpose: str, task: Any) -> None:
-        """Clear a task; if this fails, it is cleared again before the next creation."""
+        """Clear a task; if this fails, try again before the next task of this purpose is
+        created.
+        """
         try:
             self.ask(f"clearing {purpose}", task.close)
         except TaskGoneError as error:

@@ -6,9 +6,9 @@ an NI gRPC Device Server.
 An analog output cannot be read back. If the voltage is also connected to an analog input, or the
 device measures it internally (M series: ``Dev1/_ao0_vs_aognd``), that input is ``read_channel``; it
 must be on another device than the position input, which is in use. Without it the voltage before
-the first write is *assumed* to be ``found_V``, with a warning: 0 V is right after power-on, and
-wrong if a program that crashed left another voltage, since the module holds its last one. The
-module has no known watchdog.
+the first write is *assumed* to be ``found_V``, with a warning. The default of 0 V is right after
+power-on. It is wrong after a crash of an earlier program, since the module holds its last voltage.
+The module has no known watchdog.
 """
 
 from pydantic import model_validator
@@ -71,7 +71,7 @@ def timing(settings: Output) -> Timing:
 
 
 def open_output(settings: Output, link: Link | None = None) -> WaveOutput:
-    """Open the connection to the device, or use ``link``, and make its task; moves nothing.
+    """Open the connection to the device, or use ``link``, and create its tasks; nothing moves.
 
     Raises
     ------

@@ -1,4 +1,6 @@
-"""Event loop in its own thread; it runs the requests of SiLA's threads to the supervisor."""
+"""Event loop in its own thread, which runs the requests that SiLA's threads send to the
+supervisor.
+"""
 
 import asyncio
 import threading

@@ -74,7 +74,9 @@ class Cancelling(FeatureImplementationBase):
 
 
 class Pausing(FeatureImplementationBase):
-    """Pauses at the next safe point of a motion; force and position are controlled meanwhile."""
+    """Pauses a motion at its next safe point; force and position are still controlled in a
+    pause.
+    """
 
     def __init__(
         self, parent_server: SilaServer, gripper: Gripper, callers: Callers, background: Background

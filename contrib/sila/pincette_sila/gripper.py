@@ -262,12 +262,12 @@ class Gripper(FeatureImplementationBase):
         finally:
             # A client that sees the end of a command must then read a state at least as new as that
             # end.
-            with suppress(CommandError):  # when the server ends
+            with suppress(CommandError):  # the server ends
                 self._background.call(self._refresh())
             del self.jobs[execution]
             self.keys.pop(execution, None)
             self.rigs.pop(execution, None)
-            for one in set(self.rigs) - set(self.running()):  # commands that have no job
+            for one in set(self.rigs) - set(self.running()):  # commands without a job
                 del self.rigs[one]
             for managers in self.managers().values():
                 ended = [one for one, manager in managers.items() if not manager.is_running()]

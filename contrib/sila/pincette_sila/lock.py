@@ -34,8 +34,8 @@ class _Held:
 
 
 class Lock(LockControllerBase):
-    """Lock that is open or held. The client with its identifier holds it until it is unused for the
-    timeout.
+    """Lock that is open or held by the client that knows its identifier. A lock that is not used
+    for its timeout opens.
     """
 
     def __init__(self, parent_server: SilaServer, protected: list[Command]) -> None:

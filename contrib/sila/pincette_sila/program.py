@@ -1,5 +1,5 @@
-"""SiLA 2 server of one rig. It starts even if its supervisor does not run yet, and reports that it
-waits.
+"""SiLA 2 server of one rig. It also starts before its supervisor, and then reports that it waits
+for it.
 """
 
 import logging
@@ -114,7 +114,7 @@ def identity(path: Path) -> uuid.UUID:
 def _listen(server: SilaServer, context: Context) -> None:
     settings = context.rig.sila
     where = (settings.host, settings.port)
-    require_port(*where, "[sila]")  # gRPC does not report why it cannot listen
+    require_port(*where, "[sila]")  # report why the port cannot be opened; gRPC does not
     if settings.certificate is None:
         server.start_insecure(*where, enable_discovery=settings.discovery)
         return
@@ -128,7 +128,9 @@ def _listen(server: SilaServer, context: Context) -> None:
 
 
 class _Quiet(logging.Filter):
-    """Log filter for sila2, which logs each call, and each rejection as a fault with its stack."""
+    """Log filter that drops messages of sila2, which logs each call, and each rejection with a
+    stack trace.
+    """
 
     def filter(self, record: logging.LogRecord) -> bool:
         return record.name.startswith("pincette") or not record.pathname.partition("sila2")[1]

@@ -88,7 +88,9 @@ class ErrorRecovery(FeatureImplementationBase):
         return self._decide(CommandExecutionUUID, None)
 
     async def wants_retry(self, execution: UUID, name: str, error: CommandError) -> bool:
-        """Wait for a client's decision; raises CommandError if the command is cancelled."""
+        """Wait for a client's decision, and return whether it is a retry; raises CommandError if
+        the command is cancelled.
+        """
         timeout_s = self._timeout_s
         if timeout_s is None or not error.recoverable:
             return False
@@ -115,8 +117,8 @@ class ErrorRecovery(FeatureImplementationBase):
             self._tell()
 
     def cancel(self, execution: UUID) -> bool:
-        """Cancel a command that waits here; returns False if it does not. Call it in the client's
-        loop.
+        """Cancel a command that waits for a decision; returns False if it does not wait. Call it in
+        the client's event loop.
         """
         one = self._open.get(execution)
         if one is None or one.retries.done():

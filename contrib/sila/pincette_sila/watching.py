@@ -46,7 +46,7 @@ async def watch_rig(
 
 
 async def _read(server: SilaServer, gripper: Gripper, callers: Callers, pausing: Pausing) -> None:
-    """Read the state of the rig repeatedly, and which commands are paused."""
+    """Read the state of the rig and its paused commands repeatedly."""
     while True:
         status = await gripper.watch.read()
         try:
@@ -89,7 +89,7 @@ async def resume(server: SilaServer, gripper: Gripper, callers: Callers) -> None
     for job in await callers.rig().jobs(REMEMBERED):
         name, _, text = job.job.labels.get(LABEL, "").partition(" ")
         try:
-            found.setdefault(UUID(text), (name, job))  # the newest of its jobs
+            found.setdefault(UUID(text), (name, job))  # the newest job of a command comes first
         except ValueError:
             continue
     for execution, (name, job) in reversed(found.items()):

@@ -1,4 +1,4 @@
-"""Free response as identified by the calibration ``free_response``, on a simulated rig.
+"""Identification of the free response of a simulated rig, as by the calibration ``free_response``.
 
 The voltages and the identification are those of the calibration; no supervisor runs in a study.
 """
@@ -23,11 +23,15 @@ from pincette.engine.teaching import SPEED_FACTOR, free_range_um, without_part
 from pincette_study.closed_loop import StudyError, outcome
 
 LINE_ERROR = 0.5
-"""Fraction of the travel by which the first stroke of an unpoled arm may deviate from the line."""
+"""Deviation of an unpoled arm's first stroke from a straight line that is allowed, as a fraction of
+the travel.
+"""
 
 
 def with_calibrated_response(rig: RigFile) -> RigFile:
-    """Move the arm without the part, and add the identified model; raises ValueError."""
+    """Move the arm without the part, and return the rig file with the identified model; raises
+    ValueError.
+    """
     d_p = rig.model.piezo_um_per_V
     low_V, high_V = (end_um / d_p for end_um in free_range_um(rig))
     program = free_response_program(
@@ -40,7 +44,8 @@ def with_calibrated_response(rig: RigFile) -> RigFile:
     cycle_s = _path(program, "cycles").cycle_s
     found = calibrate_free_response(motion, cycle_s / rig.rig.period_s)
     residual_um = max(found.model_residual_um, found.cycles_residual_um)
-    # The voltage range of the identification is left out: each arm of a study is new and unpoled.
+    # The voltage range of the identification is not stored, since each arm of a study is new and
+    # unpoled.
     table = IdentifiedFreeResponse.from_model(
         found.model, residual_um, found.press_gain, found.rehearsed.growth
     )
@@ -56,7 +61,9 @@ def _unknown(rig: RigFile) -> RigFile:
 
 
 def _motion(rig: RigFile, program: Program, messages: list[Message]) -> FreeMotion:
-    """Return the samples of the phases; ``voltage_V[k]`` led to ``x_um[k]``."""
+    """Return the samples of the motion by phase; ``voltage_V[k]`` is the voltage that caused
+    ``x_um[k]``.
+    """
     estimates = {m.seq: m for m in messages if isinstance(m, Estimate)}
     views = [m for m in messages if isinstance(m, Telemetry)]
     phases = [str(view.phase) for view in views]

@@ -86,8 +86,8 @@ def tracking_plan(
 ) -> ContactPlan:
     """Plan the paper's sinusoid on the contact line of the rig file's part, or on another one.
 
-    ``cycles`` is the number of cycles at full amplitude; None: as many as take the time of six
-    cycles in the paper.
+    ``cycles`` is the number of cycles at full amplitude; if it is None, they last as long as six
+    cycles of the paper.
     """
     K_e = stiffness_mN_per_um or rig.part.stiffness_mN_per_um
     force_pp_mN = K_e * x_pp_um
@@ -210,9 +210,10 @@ def _track(trial: Trial) -> tuple[Record, Errors]:
 
 
 def tracked(messages: Sequence[Message], path: Path, period_s: float, cycle: int = 0) -> Record:
-    """Return the samples of a path at full amplitude, from a cycle on; raises StudyError.
+    """Return the samples of a path at full amplitude, from the cycle with this index; raises
+    StudyError.
 
-    The references of a sample are those of the tick before it.
+    The references of a sample were set in the tick before it.
     """
     seen = record(messages, "track", period_s)
     begin_s = path.full_from_s + cycle * path.cycle_s

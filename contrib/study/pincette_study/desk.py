@@ -31,8 +31,9 @@ from pincette_supervisor.plugin.model_in_use import motion_digest, rig_file_alon
 FORCE_MAX_MN = 1e3
 REST_S = 0.5
 TRIES = 3
-"""Number of attempts at a run without the part. An operator would also repeat a run that noise
-ended as a false contact."""
+"""Number of attempts at a run without the part. Noise may end a run as a false contact, and an
+operator would then repeat it too.
+"""
 AWAY = ResidualRequest(kind="calibrate", calibration="residual", confirm=False)
 
 
@@ -68,7 +69,7 @@ class Desk:
         moves = ((turn_V, rate_V_per_s, REST_S) for turn_V in turns_V)
         back = (0.0, rate_V_per_s, rest_s)
         path = voltage_moves([(0.0, rate_V_per_s, 0.0), *moves, back])
-        # Without the history the first stroke looks like a force, so no guard may end it.
+        # As the history is unknown, the first stroke looks like a force, so no guard may end it.
         guards = replace(FREE, force_max_mN=FORCE_MAX_MN)
         strokes = Drive("strokes", path.duration_s, courses=(Follow(path),))
         ended = outcome(self._without_part(Program((strokes,), guards, 1.0)))

@@ -67,7 +67,9 @@ def fig_5(rig: RigFile) -> Section:
 
 
 def stability(rig: RigFile) -> Section:
-    """Return the spectral radius over period and gain, of the loop as it runs."""
+    """Return the section on stability: the spectral radius of the real loop over period and
+    gain.
+    """
     settings = PBSMIC.settings()
     maps = {
         law.title: radius_map(
@@ -119,7 +121,9 @@ def _observer(rig: RigFile, period_s: float) -> ForceObserver:
 
 
 def _sweep(simulation: Simulation) -> FrequencyResponse:
-    """Return a chirp that begins and ends at rest, from an output without delay or lag."""
+    """Return the frequency response to a chirp that begins and ends at rest, output without delay
+    or lag.
+    """
     bare = simulation.model_copy(
         update={
             "bead": False,

@@ -23,14 +23,14 @@ from pincette_study.rigs import loop_percent, simulation_of
 Series = NDArray[np.float64]
 
 REST_S = 1.0
-"""Rest before a signal begins, in s; its end gives the zero."""
+"""Duration of the rest before a signal, in s; the force is zeroed at its end."""
 CYCLES = 6
 PAPER_SIGNAL = "sinusoid 0.5 Hz"
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """Motion after its rest, with the estimated force."""
+    """Motion after the initial rest, with the estimated force."""
 
     motion: Motion
     force_mN: Series

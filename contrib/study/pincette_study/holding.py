@@ -1,4 +1,4 @@
-"""A hold of one minute: the drift of the estimate, and the need for a zero just before contact."""
+"""Hold of one minute: drift of the estimated force, and why it is zeroed just before contact."""
 
 import numpy as np
 from msgspec.structs import replace

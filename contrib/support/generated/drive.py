@@ -25,7 +25,9 @@ client: Any = import_module("generated.client").Client(base_url=url, timeout=WAI
 
 
 def call(method: str, path: str, *names: str, **given: Any) -> Any:
-    """Call the function of an operation by any name; return its parsed answer."""
+    """Call the generated function of a method and path, whatever its name; return the parsed
+    response.
+    """
     wanted = f'"method": "{method}"', f'"url": "{API}{path}"'
     found = [
         file

@@ -3,8 +3,8 @@
 A request is a method's name, NUL and its message; a reply ``ok`` NUL message, ``ni-error`` NUL code
 NUL text, or ``status`` NUL name NUL text. Messages are those of the package nidaqmx 1.7.0; as in
 NI's server, a refusal contains NI's code and the status UNKNOWN, and the reply to a buffered read
-contains its status. Only the calls that the drivers use are implemented. Assumed: the statuses of
-sessions that exist already, or do not exist.
+contains its status. Only the calls that the drivers use are implemented. The statuses for sessions
+that exist already, or do not exist, are assumed.
 """
 
 import threading
@@ -44,7 +44,8 @@ class _StatusError(Exception):
 class SimulatedDaq:
     """Device server with its wired instruments; calls may come from any thread.
 
-    In real time a read waits for its samples; in lockstep none can arrive while it waits.
+    In real time a read waits for its samples. In lockstep it does not wait, since no sample can
+    arrive meanwhile.
     """
 
     def __init__(self, rig: WiredRig, terminals: Terminals, *, lockstep: bool) -> None:

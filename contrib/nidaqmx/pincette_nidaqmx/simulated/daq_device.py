@@ -25,7 +25,7 @@ class NotYetError(Exception):
 
 @dataclass(slots=True)
 class Device:
-    """One device, or several in one chassis, with tasks."""
+    """One simulated device, or several in one chassis, and its tasks."""
 
     rig: WiredRig
     terminals: Terminals
@@ -34,7 +34,7 @@ class Device:
     tasks: dict[int, Task] = field(default_factory=dict[int, Task])
 
     def start(self, task: Task) -> None:
-        """Start the function of a task; in lockstep a waveform ends the tick."""
+        """Start a task; in lockstep the start of a waveform ends the tick."""
         task.must_have_channels()
         if task.started:
             return
@@ -95,7 +95,9 @@ class Device:
         task.started = False
 
     def is_done(self, task: Task) -> bool:
-        """Return whether a task has ended; in lockstep this call for a waveform ends the tick."""
+        """Return whether a task has ended; in lockstep this call ends the tick if a waveform
+        plays.
+        """
         if not task.started:
             return True
         if not task.rate_hz or task.kind == "ai":
@@ -128,7 +130,7 @@ class Device:
         return task.take(there if count < 0 else count)
 
     def write(self, task: Task, wanted_V: Samples, auto_start: bool) -> None:
-        """Write to an output: its buffer, or directly."""
+        """Write samples to the buffer of an output, or output a single value directly."""
         task.must_have_channels()
         if task.kind != "ao" or not bool(np.all(np.abs(wanted_V) <= LIMIT_V)):
             raise DaqError(

@@ -1,8 +1,8 @@
 """Simulated NI-DAQmx task: channels, timing and buffers, and its effect on the rig.
 
-Statuses are NI's. Assumed, since no source says it: the device has ±10 V and 16 bit in both
-directions, samples its inputs at one instant, and reads 0 V where nothing is connected; a buffered
-output that is stopped holds its last voltage.
+Statuses are NI's. Assumed without a source: the device has ±10 V and 16 bit in both directions,
+samples its inputs at one instant, and reads 0 V where nothing is connected; a buffered output that
+is stopped holds its last voltage.
 """
 
 from collections.abc import Sequence
@@ -102,7 +102,7 @@ class Terminals:
 
 
 def converted_V(voltages_V: Samples) -> Samples:
-    """Return voltages as a converter gives them: quantised, and limited to its range."""
+    """Return voltages as converted by the device: quantised, and limited to its range."""
     return np.clip(np.rint(voltages_V / STEP_V) * STEP_V, -LIMIT_V, LIMIT_V)
 
 
@@ -118,7 +118,7 @@ class Task:
     continuous: bool = False
     count: int = DEFAULT_BUFFER
     buffer_size: int = 0
-    """Size that was set, in samples; 0: determined by the first write, or by ``count``."""
+    """Requested buffer size, in samples; 0: determined by the first write, or by ``count``."""
     started: bool = False
     regenerates: bool = True
     """True if an output may repeat samples; otherwise samples may be added while it plays."""
@@ -205,7 +205,7 @@ class Task:
         self.waiting_V += voltages_V
 
     def begun_V(self) -> list[float]:
-        """Remove and return the samples with which the output begins."""
+        """Remove and return the waiting samples, with which the output starts."""
         if not self.written or (self.regenerates and self.written < self.count):
             raise DaqError(
                 DAQmxErrors.OUTPUT_BUFFER_EMPTY,

@@ -11,7 +11,7 @@ from pincette_nidaqmx.simulated.server import DaqServer
 
 
 class ScriptedTerminals:
-    """Rig whose readings and single voltages pass through a script."""
+    """Rig whose readings and single voltages a script of faults may change."""
 
     def __init__(self, setting: Setting) -> None:
         rig = self._rig = setting.rig

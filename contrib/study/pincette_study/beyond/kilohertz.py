@@ -118,7 +118,9 @@ def _by_rig(base: RigFile, fast: RigFile, rigs: int, workers: int) -> Iterator[B
 
 
 def on_rig(base: RigFile, fast: RigFile, drawn: tuple[str, int]) -> BeyondTrials:
-    """Run all trials on one rig, of a class and seed; the first of its class also changed."""
+    """Run all trials on one rig, given by class and seed; the first rig of a class is also tried
+    with changes.
+    """
     calibrated, draw = prepared_rig(base, drawn)
     rig = at_kilohertz(calibrated, fast)
     found = nominal(rig, drawn[0], draw)
@@ -152,8 +154,8 @@ def nominal(rig: RigFile, name: str, draw: Draw) -> BeyondTrials:
 def off_nominal(rig: RigFile, name: str, draw: Draw) -> Iterator[BeyondTrial]:
     """Track with a rig that is changed after its calibration; raises StudyError.
 
-    The guard against parts with another stiffness than planned is off, as such parts are tested
-    here.
+    The guard against parts whose stiffness differs from the plan is off, since such parts are
+    tested here.
     """
     for what, changed in OFF_NOMINAL.items():
         simulation = simulation_of(rig).model_copy(update=changed(rig))

@@ -182,7 +182,9 @@ def _of(
 
 
 def _by_class(draw: Callable[[Axis, str], None], x: str, y: str) -> bytes:
-    """Draw one axis for each class of hysteresis, starting at 0; x and y are the axis labels."""
+    """Draw one diagram for each class of hysteresis, with axes from 0; x and y are the axis
+    labels.
+    """
 
     def draw_all(axes: list[Axis]) -> None:
         for axis, name in zip(axes, CLASSES, strict=True):
@@ -208,7 +210,9 @@ def _scatter(trials: Sequence[BeyondTrial]) -> bytes:
 
 
 def _pairs(trials: Sequence[BeyondTrial]) -> bytes:
-    """Draw the force error after a residual run over that before; below the line it improved."""
+    """Draw the force error with a residual run over that without; points below the line are
+    improvements.
+    """
 
     def draw(axis: Axis, name: str) -> None:
         most = 0.0

@@ -44,8 +44,9 @@ CLASSES: Mapping[str, Callable[[RigFile, int], tuple[RigFile, Draw]]] = {
 FIRST_SEED = 201
 """First seed of the rigs. Gains and models were chosen with seeds below 121."""
 REACH_UM = (-70.0, 120.0)
-"""Limits of position in µm. The calibration's cycles go 1 V below the rest voltage, and relays
-shift the rest position."""
+"""Lower and upper limit of the position in µm. They are wide, since the calibration's cycles go 1 V
+below the rest voltage, and relays shift the rest position.
+"""
 CYCLES = {0.5: 6, 2.0: 12, 5.0: 20}
 """Number of cycles at full amplitude, by frequency in Hz."""
 LEARNED_CYCLES = 10
@@ -66,8 +67,7 @@ class BeyondTrial:
     frequency_hz: float
     errors: Errors
     prepared: str = ""
-    """Preparation in addition to the calibrations: ``dry_run`` or ``learned``; empty without
-    one."""
+    """Preparation in addition to the calibrations: ``dry_run``, ``learned``, or empty for none."""
     cycles_percent: tuple[float, ...] = ()
     """R.m.s. position error of each cycle in per cent, if the law learns from cycles."""
 
@@ -123,10 +123,10 @@ def _by_rig(base: RigFile, rigs: int, workers: int) -> Iterator[BeyondTrials]:
 
 
 def prepared_rig(base: RigFile, drawn: tuple[str, int]) -> tuple[RigFile, Draw]:
-    """Draw a rig of a class by its seed, calibrate its free response, and press its part."""
+    """Draw a rig, given by class and seed, calibrate its free response, and press its part."""
     name, seed = drawn
     rig, draw = CLASSES[name](base, seed)
-    # No set is given: the default is used after a free response is identified.
+    # No law set is given: the default set is used once a free response is identified.
     update = {
         "law": rig.law.model_copy(update={"set": None}),
         "limits": rig.limits.model_copy(
@@ -140,11 +140,11 @@ def prepared_rig(base: RigFile, drawn: tuple[str, int]) -> tuple[RigFile, Draw]:
 
 
 def on_rig(base: RigFile, drawn: tuple[str, int]) -> BeyondTrials:
-    """Run all jobs on one rig, of a class and a seed, with default gains, one after the other.
+    """Run all jobs, one after the other, with default gains, on one rig given by class and seed.
 
-    Before the first job the arm strokes over its range, since no model knows its earlier history,
-    and relays have no unpoled state in common with plays. Memory and creep are then kept between
-    jobs.
+    Before the first job the arm strokes over its range, which erases its earlier history. The model
+    does not know that history, since relays and play operators differ in their initial state.
+    Memory and creep are kept from job to job.
     """
     rig, draw = prepared_rig(base, drawn)
     desk = Desk(rig)
@@ -158,7 +158,9 @@ def on_rig(base: RigFile, drawn: tuple[str, int]) -> BeyondTrials:
 
 
 def _tracks(desk: Desk, name: str, draw: Draw, frequency_hz: float) -> Iterator[BeyondTrial]:
-    """Track without preparation, run without the part, track with its corrections, and learn."""
+    """Track without preparation, then with corrections from a run without the part, then with
+    learning.
+    """
     rig, period_s = desk.rig, desk.rig.rig.period_s
 
     def program(scheme: str, cycles: int) -> tuple[Program, Path]:
@@ -178,7 +180,7 @@ def _tracks(desk: Desk, name: str, draw: Draw, frequency_hz: float) -> Iterator[
         made, path = program(scheme, CYCLES[frequency_hz])
         record.append((made, desk.play(made)))
         yield trial(scheme, record[-1][1], path, "")
-    # One table serves both schemes, which play the same motion.
+    # Both schemes play the same motion, so one table of corrections is enough.
     known = desk.residual(*record[0])
     for scheme in SCHEMES if known is not None else ():
         made, path = program(scheme, CYCLES[frequency_hz])

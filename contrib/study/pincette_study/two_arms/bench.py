@@ -61,7 +61,7 @@ class Tick:
 
 
 class PairBench:
-    """A pair from when it is switched on; each tick measures both arms and drives both."""
+    """Pair of arms from the moment it is switched on; each tick measures and drives both arms."""
 
     def __init__(
         self,
@@ -105,7 +105,7 @@ class PairBench:
         ]
 
     def begin(self, phase: str) -> None:
-        """Begin a phase, for which model errors may be known."""
+        """Begin a phase; its name selects the known model errors, if there are any."""
         self.begun[phase] = len(self.ticks)
         self._missed, self._phase_index = self._known.get(phase, []), len(self.ticks)
 

@@ -60,7 +60,7 @@ def go(bench: PairBench, tips_um: Pair) -> None:
 
 
 def close(bench: PairBench, place_um: float) -> None:
-    """Close both arms about a position until both touch; the gap is known to a few µm."""
+    """Close both arms around a position until both touch the part; the gap is known to a few µm."""
     opening = bench.plant.gap_um - STAND_OFF_UM
     if sum(tips(bench)) < opening - 1.0:
         go(bench, (0.5 * opening + place_um, 0.5 * opening - place_um))

@@ -15,8 +15,7 @@ from pincette_study.two_arms.pairs import FIRST_SEED, SPREAD
 
 Tree = dict[str, Any]
 PLAN_UM = (30.0, 30.5)
-"""Tip positions at first contact in the rig file, in µm; the next constant is their largest
-error."""
+"""Tip positions at first contact in the rig file, in µm; ``OFF_UM`` is their largest error."""
 OFF_UM = 0.5
 FAST: Tree = {
     "rig": {"period_s": 0.001, "composed": ["loop"]},

@@ -46,8 +46,9 @@ class Case:
     """Duration in s, which contains whole cycles of both sinusoids."""
     position_percent: tuple[float, float]
     force_percent: tuple[float, float]
-    """Limits of the force error in per cent, median and worst value; the field before contains
-    those of the position."""
+    """Limits of the force error in per cent, for the median and the worst value. The limits of the
+    position error, ``position_percent``, have the same form.
+    """
 
 
 CASES = (
