@@ -15,8 +15,9 @@ MOST_PERIODS = 0.25
 """Upper bound of that interval, in periods; with a longer one a silent controller would be
 noticed late."""
 EXCUSED_PERIODS = 10.0
-"""Longest suspension of the actuator program that is not counted in a command's age, in periods
-between commands."""
+"""Longest total suspension of the actuator program between two commands that is not counted in the
+age of a command, in periods.
+"""
 
 
 def configure(rig: RigFile) -> SafetyLimits:

@@ -14,18 +14,19 @@ from pincette.core.service import CheckWave, DeviceCommand, SetVoltage, Wave, Wr
 
 
 class State(SafetyState, frozen=True):
-    """The state of the safety module, and of the service around it."""
+    """State of the safety module, extended by that of the service."""
 
     pending: Command | None = None
-    """Command that arrived before its sample; None without one."""
+    """Command that arrived before its sample; None if no command waits."""
     answered_seq: int = -1
     sweep: Sweep | None = None
     """Sweep that the instrument plays around the voltage of the first arm."""
 
     def settled(self) -> "State":
-        """Return the state; remove the sweep unless armed.
+        """Return the state, without its sweep if the actuator is not armed.
 
-        A waiting command is judged when its sample arrives, since in lockstep that ends the tick.
+        A waiting command is kept. It is judged when its sample arrives, since in lockstep the
+        judgement ends the tick.
         """
         if self.mode == Mode.ARMED or self.sweep is None:
             return self
@@ -83,7 +84,7 @@ def voltages_of(state: State) -> tuple[float, ...]:
 
 
 def step_of(limits: SafetyLimits, step: ShapedStep) -> DeviceCommand:
-    """Return the order to output a step in parts."""
+    """Return the device command to output a step in parts."""
     return WriteParts(step.parts_V(limits.arms[0].voltage.step_V), limits.shaping_s or 0.0)
 
 

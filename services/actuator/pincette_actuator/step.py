@@ -46,9 +46,8 @@ from pincette_actuator.requests import handle
 from pincette_actuator.state import State, applied_of, facts_of, order_of, step_of, voltages_of
 
 ANSWER_PERIODS = 0.75
-"""Time, in periods, after which a tick without a command ends with an unchanged voltage.
-
-At rest, where no command is accepted, it ends at once.
+"""Time, in periods, after which a tick without a command ends with an unchanged voltage. At rest no
+command is accepted, so the tick ends at once.
 """
 
 Outputs = tuple[Message | DeviceCommand, ...]
@@ -150,9 +149,10 @@ def _unconfirmed(state: State, device: Fault) -> State:
 
 
 def _heard(state: State, command: Command) -> tuple[State, Command | None, CommandFacts | None]:
-    """Return the command to be judged.
+    """Return the state, and the command to judge with its facts: the new one, or the waiting one.
 
-    A command without authority, or a repeated one, does not displace a waiting one.
+    A command without authority, or a repeated command, is rejected and leaves the waiting command
+    in place.
     """
     facts, waits = facts_of(command), state.pending
     if why := authority_fault(state, facts):
@@ -174,7 +174,8 @@ def _judge(
             after, sweep=command.sweep, answered_seq=command.seq, unconfirmed=False
         ).settled()
         if state.sweep is not None:
-            # The voltage within a sweep is not known: the step that ends the sweep has one part.
+            # The voltage within a sweep is not known, so the step that ends the sweep is output in
+            # one part.
             taken = replace(taken, shaped=None)
         parts_s = 0.0 if taken.shaped is None else limits.parts_s
         return taken, (
