@@ -45,7 +45,7 @@ class RunningLease(FrozenRecord, frozen=True):
 
 
 def stop(player: Player) -> Player:
-    """Hold a part at the present F_r; without one, bring x_r to rest and end."""
+    """Stop: hold a held part at the present F_r; without a part bring x_r to rest, and end."""
     # Nothing moves after a pause, or if the contact is not known.
     resting, open_loop = player.pause.active, player.segment.open_loop
     law, speed = player.segment.law, 0.0 if resting else player.ref.speed_um_per_s
@@ -68,10 +68,11 @@ def stop(player: Player) -> Player:
 
 
 def _rest(player: Player, speed_um_per_s: float) -> tuple[tuple[float | None, ...], float]:
-    """Return the goal and duration of a stop of a free arm, never nearer to a part.
+    """Return the goals and the duration, in s, of a stop of free arms; no goal is nearer to the
+    part.
 
     The arm slows down over v·t/2, but not beyond the goal of its segment. During a seek a contact
-    is possible at any sample, so its arm goes back to where the seek began, where it was free.
+    is possible at any sample, so the arm goes back to where the seek began and it was free.
     """
     if player.felt is not None:
         return (None, None), STOP_S
@@ -87,7 +88,7 @@ def _rest(player: Player, speed_um_per_s: float) -> tuple[tuple[float | None, ..
 
 
 def let_go(program: Program, player: Player) -> Player:
-    """Stop at the arm's position after it has unloaded a held part."""
+    """Unload a held part, then stop; the arm does not retreat."""
     if not player.held:
         return stop(player)
     return release(program, replace(player, outcome=Outcome.STOPPED, ends_after=Phase.UNLOAD))
@@ -232,7 +233,7 @@ def lease_end(running: RunningLease, outcome: Outcome, now: float) -> Action | N
 
     Returns None if there is nothing to stop.
     """
-    if outcome == Outcome.STOPPED:  # nothing is left to stop
+    if outcome == Outcome.STOPPED:  # the program has been stopped already
         return None
     silent_s, length_s = now - running.heard_s, running.lease.length_s
     if silent_s <= length_s:

@@ -1,7 +1,7 @@
 """Memory of an arm's voltages in the controller, for laws of the identified set.
 
-It is updated in the same way as the estimator's memory, by the voltage applied in every tick of an
-epoch, whether a law plays or not, and is bit-identical to it.
+It is updated by the voltage applied in every tick of an epoch, with or without a law, in the same
+way as the estimator's memory, and is bit-identical to that memory.
 """
 
 from msgspec import field
@@ -19,7 +19,7 @@ class ArmMemory(FrozenRecord, frozen=True):
     model: FreeResponse
     """Initial ``response``, unpoled."""
     past: VoltageMemory = field(default_factory=VoltageMemory)
-    """Voltages since the start; a changed model replays them."""
+    """Voltages since the start, which are replayed if the model changes."""
     followed_seq: int = -1
     """Newest sample up to which ``response`` has been updated."""
 

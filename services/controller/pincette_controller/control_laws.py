@@ -61,13 +61,13 @@ class Wanted(FrozenRecord, frozen=True):
     voltages_V: tuple[float, ...]
     """Voltage of each arm, before any limit."""
     x_d_um: float
-    """Position that the law of one arm wanted at the newest sample, in µm."""
+    """Desired position x_d of the law of one arm at the newest sample, in µm."""
     output: LawOutput
     """Output of the law, for telemetry."""
 
 
 class Handover(FrozenRecord, frozen=True):
-    """Continuation of the references at the beginning of a segment or of another law."""
+    """References from which a law continues when a segment begins or the law changes."""
 
     ref: Reference
     """References of the newest sample; if the references restart, those of the coming sample."""

@@ -36,10 +36,11 @@ from pincette_controller.touching import RETREAT_S, seek, watch_way
 STOP_S = 0.3
 """Time within which a stop brings x_r to rest, in s."""
 FREE = 2.0
-"""Bound of the force of an arm that has lost its part, as a multiple of the stated uncertainty."""
+"""Largest force that may remain on an arm that has lost its part, as a multiple of U."""
 UNGUARDED = (Outcome.CONTACT, Outcome.SENSOR_JUMP, Outcome.POSITION_STEP)
-"""Outcomes after which a free motion is not watched, because it moves back or the force is not
-known."""
+"""Outcomes after which free motion is not watched, since the arm moves back or its force is
+unknown.
+"""
 CONFIRMED_PERIODS = 0.5
 """Upper bound, in periods, of the age of a zero that confirms the newest request."""
 WATCHED = (*KEPT, Phase.SETTLE, Phase.TRACK)
@@ -148,7 +149,9 @@ def _too_much(program: Program, player: Player, arms: Arms) -> bool:
 
 
 def with_planned_line(program: Program, player: Player, estimate: ArmEstimate) -> Player:
-    """Put a line of the planned stiffness through the newest sample, for the motion back."""
+    """Put a contact line with the planned stiffness through the newest sample, for the motion
+    back.
+    """
     planned = program.contact_stiffness_mN_per_um
     return with_line(player, estimate.x_um - estimate.force_mN / planned, planned)
 
@@ -175,7 +178,7 @@ def give_up(program: Program, player: Player, x_um: float) -> Player:
 def _await_zero(
     program: Program, player: Player, arms: Arms, x_um: float, period_s: float
 ) -> Player:
-    """Continue once the zero of each arm is confirmed, or end if one is refused or too late.
+    """Continue once the zero of each arm is confirmed; end if a zero is refused or comes too late.
 
     The estimate of the sample after the command with the zero confirms it. If that estimate does
     not, the reading, the voltage or the command was lost, and the zero is requested again in the
@@ -221,9 +224,10 @@ def _follow_line(
 
 
 def _watch_frozen(program: Program, player: Player, estimate: ArmEstimate) -> Player:
-    """End as ``lost`` if the step of a frozen arm has moved it to the position of a free arm.
+    """End as ``lost`` if a step has moved a frozen arm to the position of a free arm, with F near
+    0.
 
-    A sensor error would have to equal force times compliance exactly to show no force.
+    A sensor error is an unlikely cause: it would have to equal force times compliance.
     """
     guards = program.guards
     least_mN = min(guards.contact_force_mN, FREE * estimate.force_uncertainty_mN)

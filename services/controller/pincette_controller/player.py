@@ -56,7 +56,8 @@ def begin(program: Program, arms: Arms, period_s: float) -> Player:
     ref = Reference(x_um, voltages_V=voltages_V)
     if len(arms) == 1:
         return Player(0, first, 0, Entry(ref, period_s), ref, began, voltages_V, held=held)
-    # A held part is pressed with the force that is read, which may have no zero.
+    # The force reference of a held part begins at the estimated force, which may not have been
+    # zeroed.
     presses = held and first.presses
     one_um, two_um = tips_um
     ref = ref._replace(
@@ -221,10 +222,10 @@ def _settle_contact(
 ) -> Player:
     """Adopt the contact line fitted over the load, so that x_r and F_r are consistent from here on.
 
-    K_e is judged wrong only if it is inadmissible for every force within F ± U, since it has the
-    same relative error, and if noise does not explain the deviation: over the short load of a small
-    force, the fit of a noisy sensor scatters by more than the tolerance of the part. If noise
-    explains it, the line gets the nearest permitted stiffness.
+    K_e is judged wrong only if it is inadmissible for every force within F ± U, since K_e and F
+    have the same relative error, and if noise does not explain the deviation: over the short load
+    of a small force, the fit of a noisy sensor scatters by more than the tolerance of the part. If
+    noise explains the deviation, the line gets the nearest permitted stiffness.
 
     After a stiffness that no part can have, the motion back uses the planned K_e, with a line
     through the newest sample. The same holds for a load whose highest force is not above U, where

@@ -63,7 +63,7 @@ class GuardWatch(FrozenRecord, frozen=True):
     """State of the guards from sample to sample."""
 
     count: int = 0
-    """Number of consecutive samples that a guard has seen."""
+    """Number of consecutive samples in which the guard of this segment has found its condition."""
     drift_mN: float = 0.0
     """Mean of the estimated force on an approach, in mN; a contact is a jump above it."""
     clear: bool = False
@@ -88,7 +88,7 @@ class SlipWatch(FrozenRecord, frozen=True):
     confirmed: SeenStep | None = None
     """Step that was confirmed; None without one."""
     slips: int = 0
-    """Number of times that the part has slipped while the references moved."""
+    """Number of slips of the part while the references moved."""
 
 
 class Began(FrozenRecord, frozen=True):

@@ -37,8 +37,9 @@ from pincette_controller.player_state import (
 )
 
 CONFIRMING_SHARE = 0.3
-"""Share of a step that the next sample must show to confirm it; oscillation of the mode may hide
-the rest."""
+"""Fraction of a step that the next sample must show to confirm it; oscillation of the mode may hide
+the remainder.
+"""
 AVERAGED = 8
 """Number of samples after a step over which its size is averaged while the voltage is frozen."""
 LINE_KNOWN, LINE_ERROR = 4, 0.1
@@ -78,7 +79,9 @@ def line_so_far(
 def watch_steps(
     program: Program, player: Player, estimate: ArmEstimate, limits: StepLimits | None
 ) -> Player:
-    """Judge the newest sample of a pressed part; ``suspect`` freezes the voltage for one tick."""
+    """Judge the newest sample of a pressed part; a suspected step freezes the voltage for one
+    tick.
+    """
     along_path = bool(paths_of(player.segment))
     if limits is None or not _watched(program, player, estimate, along_path=along_path):
         if player.slip.suspect is None and not player.slip.steps.x_um:
@@ -137,7 +140,7 @@ def _confirm(
     free_um: float,
     kappa: Kappa,
 ) -> Player:
-    """Act on a step that the next sample still shows; discard a step that has disappeared."""
+    """Act on a suspected step that the newest sample still shows; otherwise discard the step."""
     step = player.slip.suspect
     assert step is not None
     shown_um = unexplained_um(step, estimate.x_um, free_um, kappa)

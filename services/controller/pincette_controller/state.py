@@ -52,7 +52,7 @@ class State(FrozenRecord, frozen=True):
     program."""
     refused: int = 0
     found: Fault | None = None
-    """Reason why the program stops or has stopped without a requested action."""
+    """Reason why the program stops, or has stopped, without a request."""
 
     @property
     def findings(self) -> tuple[Fault, ...]:

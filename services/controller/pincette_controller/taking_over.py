@@ -6,7 +6,8 @@ of the hardest part. It is then fitted to the samples of the load, whether the f
 a falling force is at first above its reference, and the contact is not lost. Two arms have no
 contact line: their law controls the force itself.
 
-A force without a zero may be any force. No voltage is changed then: the part is kept as it is.
+A force that was not zeroed is unknown. In that case the voltage does not change: the part is held
+as it is.
 """
 
 from msgspec.structs import replace
@@ -35,7 +36,7 @@ def take_over(program: Program, estimate: ArmEstimate, period_s: float) -> Playe
         0,
         Entry(ref, period_s),
         ref,
-        # The force has a zero, so that its limit counts from 0.
+        # The force has a zero, so the limit of the force counts from 0.
         Began((x_um,), (applied_V,)),
         (applied_V,),
         held=True,

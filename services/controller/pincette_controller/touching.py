@@ -35,11 +35,13 @@ from pincette_controller.player_state import (
 RETREAT_S = 2.0
 """Duration of the motion back, in s, if a program has no retreat."""
 BACK_UM, BACK_SHARE = 2.0, 0.1
-"""Distance of the motion away after a contact during the motion back, in µm, or as a fraction of
-the voltage."""
+"""Motion away from an object behind an arm: distance in µm, or under open loop a fraction of the
+voltage since the segment began.
+"""
 BEND_FORCES = 10.0
-"""Multiple of the contact force above which a kink is not a bend of the arm's own response,
-however small its slope."""
+"""Multiple of the contact force above which a kink counts as a contact, not as a bend of the arm's
+own response, however small the slope of the kink.
+"""
 DRIFT_S = 0.2
 """Time over which the force of a free approach is averaged, in s."""
 
@@ -170,8 +172,9 @@ def watch_way(program: Program, player: Player, arms: Arms, x_um: float, period_
             # During motion away from the part, only an object behind the arm can be met.
             touch_mN = min(touch_mN, 0.0)
         elif segment.zeroes or estimate.zero_age_s is None:
-            # An arm at rest meets nothing behind it: what pushed it at the previous zero is gone.
-            # While the force has no zero, a pull is not known either.
+            # A force below 0 is no contact here: an arm at rest cannot meet an object behind it, so
+            # the object that pushed it at the previous zero is gone. Without a zero, a force below
+            # 0 is not known.
             touch_mN = max(touch_mN, 0.0)
         met = abs(touch_mN) > abs(strongest_mN)
         if met and not _is_own_bend(guards, player.began.tips_um[arm], estimate, touch_mN):
@@ -192,8 +195,8 @@ def _is_own_bend(guards: Guards, began_um: float, estimate: ArmEstimate, touch_m
     """Return whether an apparent contact is a bend in the free arm's response that the guards
     admit.
 
-    The response of a free arm bends near saturation, with a small slope. It never bends before the
-    position where the motion began.
+    The response of a free arm bends near saturation, with a small slope, and never at positions
+    before the one where the motion began.
     """
     touch_x_um = estimate.touch_x_um
     if not guards.bend_mN_per_um or touch_x_um is None or touch_x_um <= began_um:
@@ -212,9 +215,9 @@ def _watch_jump(
 ) -> tuple[Player, bool]:
     """Return the player, and whether the force has jumped from its earlier mean.
 
-    In its first motion the free arm's force may have an error larger than stated, but that error
-    grows gradually; a contact at the speed of an approach is a jump. A part that is met slowly,
-    near the end, is found by the zero there.
+    In the first motion of a free arm the error of the force may be larger than stated, but it grows
+    gradually, while a contact at the speed of an approach is a jump. A part that is met slowly,
+    near the end of the approach, is found by the zero at that end.
     """
     guards, jump_mN = program.guards, estimate.force_mN - player.watch.drift_mN
     if jump_mN - estimate.force_uncertainty_mN < guards.contact_force_mN:
