@@ -14,7 +14,7 @@ from pincette.control.record import FrozenRecord
 from pincette.core.messages import Estimate
 
 APART_S = 0.5
-"""Time constant of the mean, in s; long compared with an oscillation of the part."""
+"""Time constant of the mean of F̂_1 - F̂_2, in s; long compared with an oscillation of the part."""
 LEAST_S = 1.0
 """Time for which a part must have been held before the forces are compared, in s."""
 
@@ -28,7 +28,9 @@ class ForceDisagreement(FrozenRecord, frozen=True):
     """Uncertainty U of the difference of both forces, in mN."""
 
     def updated(self, both: Estimate, period_s: float, *, held: bool) -> "ForceDisagreement":
-        """Add a sample of both arms; start again if no part is held or a force is not known."""
+        """Add a sample of both arms; begin a new mean if no part is held or a force is not
+        known.
+        """
         first, second = both.arms
         known = first.zero_age_s is not None and second.zero_age_s is not None
         if not held or not both.valid or not known:

@@ -43,14 +43,14 @@ class ArmConfig:
     """Force observer of an arm at rest without a force."""
     compliance_um_per_mN: float
     noise_um: float
-    """Standard deviation of s_p times the force caused by the sensor's noise, in µm."""
+    """Standard deviation of s_p·F that the sensor's noise causes, in µm."""
     sensor_noise_um: float
     """Standard deviation of one reading, in µm."""
     creep_mN_per_decade: float
     creep_percent_per_decade: float
     """Creep per decade of time, in percent of a step; U grows by it beyond ``creep_known_s``."""
     creep_known_s: float
-    """Age of a zero, in s, up to which x_1 models the creep; infinite if x_1 models no creep."""
+    """Age of a zero, in s, up to which x_1 includes the creep; infinite if x_1 models no creep."""
     forgotten_mN: float
     forgotten_scale_V: float
     return_error_um: float

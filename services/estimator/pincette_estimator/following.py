@@ -34,8 +34,8 @@ def _ringing(
 def unfollowed(config: ArmConfig, state: ArmState, seq: int, applied: Applied | None) -> ArmState:
     """Discard the arm's history after an interval in which its voltage was not known.
 
-    The voltage may have had any value within the limits during that interval. It is assumed to go
-    straight from there to the next known voltage.
+    During that interval the voltage may have had any value within the limits. It is assumed that it
+    went from that value to the next known voltage without a reversal.
     """
     lost = (seq - state.followed_seq) * config.period_s > UNHEARD_S
     if applied is not None:

@@ -29,8 +29,9 @@ SURE = 3.0
 The zero has not removed that error yet, and U is specified for the time after a zero.
 """
 NOT_TOUCHED = 1.5
-"""Multiple of U, three standard uncertainties, that no force after a zero can exceed without a
-part."""
+"""Multiple of U that the force after a zero does not exceed without a part: 3 standard
+uncertainties.
+"""
 SAMPLES = 8
 """Number of equal readings in a row that show a stuck sensor. With the age limit of a command the
 actuator trips at the tenth."""
@@ -157,8 +158,9 @@ class ArmState(FrozenRecord, frozen=True):
     contact_detector: ContactDetector = field(default_factory=lambda: ContactDetector(0.0, 0.0))
     """Search for a contact since the zero, or since the first sample of the epoch."""
     zero_s: float | None = None
-    """Time of the zero to which the force refers, in s; negative if an earlier zero is kept for
-    a held part, None without a zero."""
+    """Time of the zero to which the force refers, in s of this epoch; negative if a zero of an
+    earlier epoch is kept for a held part, None without a zero.
+    """
     zero_kept: bool = False
     """True if x_1 still goes through a zero, or a first sample, of an earlier epoch."""
     zeroed: bool = False

@@ -30,9 +30,10 @@ from pincette_estimator.statements import degraded, estimate
 from pincette_estimator.uncertainty import creep_um, narrowed_past, past_creep_um, rested_past
 
 AHEAD_SHARE = 0.5
-"""Share of the distance within which a contact is found, by which an arm may be ahead of its
-earlier zero and keep it. If an arm were ahead by more than the whole distance, the force would
-look like a pull."""
+"""Largest distance by which an arm may be ahead of its earlier zero without losing that zero, as a
+fraction of the distance within which a contact is found. If an arm were ahead by more than that
+distance, the force would look like a pull.
+"""
 KEPT_ZERO_S = 86_400.0
 """Age, in s, for which creep is allowed when a zero is compared with one of an earlier epoch."""
 
@@ -69,7 +70,7 @@ def step(
         if told is not None:
             low_V, high_V = of_arm.voltage_V
             if not low_V <= told.arms[of_arm.arm].voltage_V <= high_V:
-                # The memory of the arm would keep an impossible voltage.
+                # An impossible voltage would stay in the memory of the arm.
                 refused, told = refused + 1, None
         arm, one = _estimated(of_arm, before, position, told)
         arms += (arm,)
@@ -222,7 +223,7 @@ def _follow_free_motion(
     modelled_um = x_um - state.missed_um
     state = _begin(config, state, modelled_um, applied) if first else state
     if first and not applied.part_held and state.zero_s is not None:
-        state = replace(state, zero_s=None)  # it was kept for a part that is gone
+        state = replace(state, zero_s=None)  # the zero was kept for a part that is gone
     response = state.response
     nominal_um = response.nominal_um_per_V * applied.arms[config.arm].voltage_V
     detector = state.contact_detector

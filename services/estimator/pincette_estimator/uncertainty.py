@@ -19,11 +19,12 @@ from pincette_estimator.state import ArmState, Ringing
 
 
 def uncertainty_mN(config: ArmConfig, state: ArmState, seq: int) -> float:
-    """Return the uncertainty of the force at a sample, in mN, by the memories updated up to it.
+    """Return the uncertainty of the force at a sample, in mN, from memories updated up to that
+    sample.
 
     A residual table contains the errors of x_1 from hysteresis, reversals and creep in the same
-    motion, so that only the error of the table remains. After the end of the recorded motion, creep
-    counts from that end.
+    motion, so that only the error of the table remains. After the recorded motion, creep counts
+    from the end of that motion.
     """
     t_s, zero_s = seq * config.period_s, state.zero_s
     missed, response = state.missed, state.response
@@ -103,10 +104,11 @@ def past_creep_um(config: ArmConfig, response: FreeResponse) -> float:
 
 
 def uncorrected_um(state: ArmState) -> float:
-    """Return the standard uncertainty of x_1, in µm, from a change of the stroke below its limit.
+    """Return the standard uncertainty of x_1, in µm, that a change of the stroke adds if it is
+    within its limit and thus not corrected.
 
-    The change was measured over the last conditioned motion. Its standard uncertainty is its limit
-    divided by ``SIGMAS``. The change is not corrected, since noise may have caused it, so the error
+    The change was measured over the last conditioned motion. The standard uncertainty of this
+    measurement is the limit divided by ``SIGMAS``. Noise may have caused the change, so the error
     is between 0 and the sum of both, in proportion to the motion since the zero.
     """
     stroke, response = state.stroke, state.response
@@ -120,8 +122,9 @@ def uncorrected_um(state: ArmState) -> float:
 def stroke_uncertainty_mN(response: FreeResponse, F_mN: float) -> float:
     """Return the standard uncertainty, in mN, from a changed stroke: |g|·F/√3.
 
-    The free response is corrected for it. If the sensor was the cause, the force still has an error
-    of g·F; position and voltage cannot distinguish a changed sensor from a changed actuator.
+    The free response is corrected for the change. If a changed sensor is the cause, the force still
+    has an error of g·F. Position and voltage cannot distinguish a changed sensor from a changed
+    actuator.
     """
     if not isinstance(response, IdentifiedResponse) or response.factor == 1.0:
         return 0.0
