@@ -30,9 +30,11 @@ class BackgroundSync:
         self._descriptor, self._interval_s, self._clock_s = descriptor, interval_s, clock_s
         self._lock = threading.Lock()
         self._written_s: float | None = None
-        """Time of the first write after the last sync began, in s; None without one."""
+        """Time of the first write since the last sync began, in s; None if nothing was written
+        since then.
+        """
         self._syncing_s: float | None = None
-        """Time of the first write that the running sync covers, in s; None without a sync."""
+        """Time of the first write that the running sync covers, in s; None while no sync runs."""
         self._behind = False
         self.error: OSError | None = None
         """Error of a sync. The operating system reports it only once, so the record has a gap."""
@@ -48,7 +50,9 @@ class BackgroundSync:
 
     @property
     def unsynced_s(self) -> float:
-        """Age of the oldest data that a power cut would lose now, in s; 0 without any."""
+        """Age of the oldest data that a power cut would lose now, in s; 0 if all data are
+        synced.
+        """
         with self._lock:
             oldest_s = self._written_s if self._syncing_s is None else self._syncing_s
             return 0.0 if oldest_s is None else self._clock_s() - oldest_s

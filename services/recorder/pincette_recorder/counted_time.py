@@ -30,7 +30,9 @@ SAVE_S = 600.0
 BEHIND_S = 3_600.0
 """Time by which the time of day may lag behind the time counted since it was last right, in s."""
 AHEAD_S = 7 * 86_400.0
-"""Time by which the time of day may be ahead, in s: a recorder may have been off for as long."""
+"""Time by which the time of day may be ahead of the counted time, in s: as long as a recorder may
+have been off.
+"""
 
 Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=1e12)]
 
@@ -112,7 +114,7 @@ class CountedTime:
                 state.stepped = False
                 self._save()
         elif not state.stepped:
-            with suppress(OSError):  # the file would belong to an earlier step
+            with suppress(OSError):  # discard the confirmation of an earlier step
                 (self._records / files.CLOCK_AGREED).unlink()
             state.stepped = True
             log.error(

@@ -64,7 +64,8 @@ class OpenRecord:
         self.refused: Counter[str] = Counter()
         """Number of messages that came after ``trouble`` or could not be stored, by topic."""
         self.over_seq: int | None = None
-        """Number of the sample with which the actuator reported the end of the arming; None before.
+        """Number of the sample with which the actuator reported the end of the arming; None before
+        that.
         """
         self.alive_at_s = self.heard_at_s = now_s
         """Time at which the loop last played; ``heard_at_s`` is the time of the last message."""
@@ -89,7 +90,7 @@ class OpenRecord:
 
     def put(self, topic: str, message: Message, arrival_ns: int, now_s: float) -> None:
         """Write a message."""
-        if isinstance(message, Timing):  # idle loops send these too
+        if isinstance(message, Timing):  # sent by idle loops too
             self._timings[message.service] = message, arrival_ns
             if now_s - self._timed_at_s >= TIMING_S:
                 self._timed_at_s = now_s
@@ -139,7 +140,9 @@ class OpenRecord:
             self._give_up(error)
 
     def _note_chunks(self) -> None:
-        """Start a sync for chunks that were passed to the operating system since the last call."""
+        """Note chunks passed to the operating system since the last call, so that they are
+        synced.
+        """
         if self.file.chunks != self._chunks:
             self._chunks = self.file.chunks
             self._sync.note_write()

@@ -33,7 +33,7 @@ def unclosed(records: Path) -> Iterator[Path]:
 def finish_record(folder: Path, why: str) -> dict[str, str]:
     """Close an interrupted record, with tables and manifest; return its end; raises OSError."""
     path, manifest = folder / NAME, files.read_manifest(folder)
-    for name in OWN:  # drafts left by a killed recorder
+    for name in OWN:  # delete drafts that a killed recorder has left
         for draft in folder.glob(f"{name}*{DRAFT}"):
             draft.unlink()
     if manifest.get("complete") is True and files.SAMPLES in _sound(folder):
@@ -42,7 +42,7 @@ def finish_record(folder: Path, why: str) -> dict[str, str]:
     else:
         try:
             written = write_tables_of_file(folder)
-        except ValueError as error:  # of another version; the file itself can still be closed
+        except ValueError as error:  # from another version; the file can still be closed
             written = Written([f"no table: {error}"], {}, {})
     why = manifest.get("detail") or why
     closing = repair(
@@ -110,7 +110,7 @@ def _restore_manifest(folder: Path) -> None:
 
 
 def _state_incomplete(folder: Path, why: str) -> None:
-    """Mark a record as damaged in its manifest; the entries of its files stay."""
+    """Mark a record as damaged in its manifest; the entries of its files do not change."""
     manifest = files.read_manifest(folder)
     if manifest.get("complete") is not True:  # otherwise the recorder's status names the files
         return
@@ -148,9 +148,10 @@ def write_manifest(
 
 
 def repair(path: Path, closing: Mapping[str, str]) -> dict[str, str]:
-    """Close an interrupted record, and return its closing; raises OSError.
+    """Close an interrupted record, and return its closing metadata; raises OSError.
 
-    The closing also has the number of messages, and the numbers of the first and the last sample.
+    They are those of ``closing``, with the number of messages and the numbers of the first and the
+    last sample added.
     """
     # The file is replaced only after its copy is complete and on the disk.
     draft = path.with_name(path.name + DRAFT)

@@ -246,9 +246,9 @@ class RecordWriter:
             reply(recorded)
 
     def _write_manifest(self, record: OpenRecord, closing: Mapping[str, str]) -> str:
-        """Write to the folder itself how the record ended; return the reason if that fails.
+        """Write the manifest, which states how the record ended; return the reason if that fails.
 
-        The supervisor may have ended, so its journal is not enough.
+        The supervisor may have ended, so its journal may not contain this.
         """
         try:
             record_repair.write_manifest(record.folder, record.about, closing)

@@ -114,7 +114,7 @@ class RecordRepairer:
         if not folders:
             checked.set_result(None)
             return
-        with suppress(RuntimeError):  # this program ends, and the next start compares them
+        with suppress(RuntimeError):  # the program is ending; the next start compares the others
             self._pool.submit(check).add_done_callback(log_failure)
 
     def close(self) -> None:

@@ -48,7 +48,8 @@ def records_to_delete(
 def ended(records: Path) -> list[Kept]:
     """Return jobs that have ended, according to a manifest, and are not pinned; raises OSError.
 
-    They are ordered by the times of their files, which count only for jobs not seen before.
+    They are sorted by the modification time of their manifests, oldest first. ``CountedTime`` uses
+    this order for records that it has not seen before.
     """
     found: list[tuple[float, Kept]] = []
     for manifest in records.glob(f"*/{files.MANIFEST}"):
