@@ -24,7 +24,7 @@ from pincette.sim.rig.rig import SimulatedRig
 log = logging.getLogger(__name__)
 SAVE_S = 0.5
 STARTING_S = 1.0
-"""Smallest simulated time that passes for the arm between two starts, in s."""
+"""Smallest time that is simulated for the arm between two starts, in s."""
 CLOSE_S = 2.0
 
 

@@ -64,7 +64,7 @@ def _measured(config: ArmSensor, reading: ArmReading, arm: int) -> ArmPosition:
     Parameters
     ----------
     arm
-        Index of the arm, from 0. The fault of any but the first has the number of its arm.
+        Index of the arm, from 0. A fault of the second arm also contains the number of the arm.
     """
     found = _fault(config, reading)
     if found is None:
@@ -93,7 +93,7 @@ def _fault(config: ArmSensor, reading: ArmReading) -> Fault | None:
 def step(
     config: SensorConfig, state: State, inputs: Inputs, now: float
 ) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
-    """Number the reading; an invalid reading is sent as invalid, with its fault."""
+    """Send a numbered sample with the reading, or with the fault of an invalid reading."""
     reading = inputs.device
     if reading is None:
         return state, ()
