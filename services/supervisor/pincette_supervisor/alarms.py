@@ -193,7 +193,8 @@ class AlarmLog:
         self._write_queue.submit(write)
 
     def expect(self, cause: Cause, by: str) -> None:
-        """Note who requests a trip, before the request is sent; the first of several counts.
+        """Note who requests a trip, before the request is sent; later callers do not replace the
+        first.
 
         A page repeats a stop without its credentials if the reply takes long.
         """
@@ -201,7 +202,7 @@ class AlarmLog:
             self._by.setdefault(cause, by)
 
     def raise_trip(self, reason: TripReason, words: str, job: str | None, detail: str = "") -> None:
-        """Raise the alarm of a trip, only once for each trip; ``detail`` says what failed."""
+        """Raise the alarm of a trip, only once for each trip; ``detail`` states what failed."""
         # Queried without the lock, since an emergency stop also needs it: the journal may hang.
         stands = self._is_raised_already(reason.cause)
         with self._lock:

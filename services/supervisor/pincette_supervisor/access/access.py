@@ -88,7 +88,7 @@ REFUSED_H = 10.0 / 3600.0
 """Time in h within which equal entries of a caller without a key are merged into one, so that
 repeated requests of an unknown client do not displace the entries of others in the log."""
 ADDRESSES, OTHERS = 100, "others"
-"""Number of addresses that are distinguished within that time, and the name of all others."""
+"""Number of addresses that are distinguished within ``REFUSED_H``, and the name of all others."""
 
 
 class AuditBuffer:
@@ -174,7 +174,7 @@ class TokenBuckets:
         """Take one token; return the time until it is available, in s.
 
         If the time exceeds ``patience_s``, no token is taken; otherwise the caller must wait for
-        it, and the tokens of later callers come later. ``clients`` is the number of clients that
+        it, and later callers get their tokens later. ``clients`` is the number of clients that
         share the bucket, which multiplies its rate and its capacity.
         """
         per_s, burst = clients * self._per_s, clients * self._burst
@@ -255,8 +255,9 @@ A person who acknowledges it accepts the present time of day.
 """
 HOUR = timedelta(hours=1)
 BEHIND = HOUR
-"""Time by which the time of day may be behind without an alarm, less than a wrong time zone would
-cause."""
+"""Time by which the time of day may lag behind the latest time seen without an alarm; shorter than
+the error of a wrong time zone.
+"""
 
 
 class KeySync:

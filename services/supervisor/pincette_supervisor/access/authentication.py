@@ -162,7 +162,7 @@ class Authenticator:
         self._had_keys = False
         """True if this data folder has, or had, keys."""
         self._had_keys_noted = False
-        """True once the journal records that there were keys."""
+        """True once the journal contains the note that there were keys."""
         self.time = LatestTime(wall, clock)
         """Time used to judge the expiry of keys; never goes back."""
         self._noted: tuple[str, frozenset[str]] | None = None
@@ -200,13 +200,14 @@ class Authenticator:
         return utc_text(self.time.now())
 
     def refresh(self, store: Store) -> None:
-        """Read keys that another program may have changed, and store uses.
+        """Read keys that another program may have changed, and store when keys and sessions were
+        used.
 
         Raises
         ------
         StoreError
             The key file cannot be read, or there is none although there were keys; or the journal
-            cannot be used. Keys that are revoked in the key file open nothing in either case.
+            cannot be used. In either case, keys that are revoked in the key file are rejected.
         """
         file, sessions = KeyFile(store.folder), SessionRepository(store)
         with self._turn:
@@ -239,7 +240,7 @@ class Authenticator:
     ) -> list[SessionRow]:
         """Return the sessions; delete those that expired and those of revoked keys."""
         rows, now, clock_s = repository.all(), self.time.now(), self._clock()
-        for row in rows:  # of an earlier program, or new
+        for row in rows:  # sessions of an earlier run, and new ones
             idle = max(timedelta(0), now - datetime.fromisoformat(row.used_at))
             self._session_used_s.setdefault(row.digest, clock_s - idle.total_seconds())
         known = {*(row.digest for row in rows), *self._unwritten}

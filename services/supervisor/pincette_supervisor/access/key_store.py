@@ -57,7 +57,7 @@ class KeyStore:
     def add_user(self, name: str, scope: Scope, password: str) -> KeyView:
         """Add a person who signs in by name and password; raises ValueError like ``add``."""
         try:
-            # The digest of a key that nobody knows.
+            # The digest of a random key that is not shown, so it cannot be used.
             digest = digest_of(new_key())
             row = self._file.add(name, digest, scope, password=hashed(password))
         except KeyNameTakenError as error:
@@ -69,7 +69,7 @@ class KeyStore:
     def _noted(self, row: KeyRow) -> KeyView:
         """Record in the journal that keys are required; return the key for display."""
         if isinstance(self._journal, Store):
-            with suppress(StoreError):  # the supervisor notes it when it reads the key
+            with suppress(StoreError):  # the supervisor writes this note when it reads the key
                 self._journal.set_note(KEYS_WANTED, "1")
         return self._view(row)
 

@@ -45,7 +45,9 @@ def hashed(password: str, salt: bytes | None = None) -> str:
 
 
 UNKNOWN_USER = hashed("", b"\0" * SALT_BYTES)
-"""Hash that is checked if the name does not exist, so that the time reveals nothing."""
+"""Hash that is checked for an unknown name, so that the duration does not reveal whether it
+exists.
+"""
 
 
 def fits(password: str, kept: str) -> bool:

@@ -67,7 +67,7 @@ class FoundRig:
     due_s: float = inf
     """Time of the next check; infinite if none is due until its programs change."""
     failures: int = 0
-    """Number of consecutive checks after which the rig could not be served."""
+    """Number of consecutive checks that found that the rig cannot be served."""
     busy: bool = False
     """True while the rig is being checked."""
     seen: threading.Event = field(default_factory=threading.Event)

@@ -204,11 +204,12 @@ class Rigs:
         jobs = self._settled.find(newest)
         missing = [name for name, _ in newest if name not in jobs]
         for row in self.store.several(missing) if missing else ():
-            # Checked before the job is built: a job that settles in between is built again.
+            # Checked before the view is built: the view of a job that settles meanwhile may be
+            # outdated, and must not be stored.
             settled = self._is_settled(row)
             job = self._view(row)
             jobs[row.id] = encoded = job.model_dump_json(by_alias=True).encode()
-            if settled and job.revision == row.revision:  # otherwise the journal is behind
+            if settled and job.revision == row.revision:  # otherwise the journal's row is older
                 self._settled.add(row.id, row.revision, encoded)
         return {name: jobs[name] for name, _ in newest if name in jobs}
 
@@ -222,7 +223,9 @@ class Rigs:
             yield [self._present_row(row) for row in page]
 
     def _present_row(self, row: TableRow) -> TableRow:
-        """Return the manager's own row if the journal may not contain its present state."""
+        """Return the row of the job's own rig if the journal may not contain the job's present
+        state.
+        """
         name, rig = row.fixed[:2]
         manager = None if rig is None else self.find(rig)
         if name is None or manager is None or not manager.index.has_job(name):
@@ -315,7 +318,7 @@ class RigFactory:
         return manager
 
     def _context(self, rig: RigFile, bus: WatchedBus) -> RigContext:
-        # A rig that joins reports where the supervisor is, too; the certificates are those of the
+        # A rig that joins also reports the supervisor's address; the certificates are those of its
         # own rig.
         home = rig.home(self.data)
         observer = Observer(bus, monotonic, self.suspend_aware_clock)

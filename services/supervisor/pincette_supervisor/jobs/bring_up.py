@@ -278,8 +278,9 @@ def ordered() -> tuple[Step, ...]:
 
 
 def _first(waiting: dict[str, CalibrationFunctions]) -> str:
-    """Return the first calibration that requires nothing from another waiting one; otherwise the
-    first."""
+    """Return the first waiting calibration that requires no quantity of another waiting one; if
+    there is none, the first.
+    """
     for name, functions in waiting.items():
         others = (other for other in waiting.values() if other is not functions)
         if not any(set(functions.assumes) & set(other.finds) for other in others):

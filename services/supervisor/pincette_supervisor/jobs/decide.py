@@ -169,7 +169,7 @@ RULES: tuple[Rule, ...] = (
     Rule(PLAYED | TERMINAL, lambda f: f.interrupted, lambda _: Interrupt()),
     Rule(ABORTING, lambda f: not f.trip_asked and f.trip is None, lambda _: AskTrip()),
     Rule(ABORTING, lambda f: f.late, lambda f: Close("fail", f.late)),
-    # Without a trip: the loop probably works, and a trip would drop the part.
+    # Fail without a trip: the loop probably works, and a trip would drop the part.
     Rule(TRIPPABLE, lambda f: f.late and f.cut_off, lambda f: Close("fail", f.late)),
     Rule(TRIPPABLE, lambda f: f.late, _late),
     Rule(RUNNING, lambda f: f.lack, lambda f: Move("stop", f.lack)),
@@ -187,7 +187,7 @@ RULES: tuple[Rule, ...] = (
         lambda _: Ask(ActionCode.RESUME),
     ),
     Rule(RESUMING, _goes_on, lambda _: Move("go_on")),
-    # Nothing moves: the latch alone ends the wait, and no trip is requested.
+    # Nothing moves while a job waits, so no trip is requested; a latched actuator ends the wait.
     Rule(AWAITING, lambda f: f.interrupted, lambda _: Move("interrupt", ENDS)),
     Rule(AWAITING, lambda f: f.unsafe, lambda f: Move("fail", f.unsafe)),
     Rule(AWAITING, lambda f: f.waited, lambda _: TakeDefault()),

@@ -85,7 +85,7 @@ class JobStatus:
     entered_at: float
     """Time at which the job entered its state, by the clock of the rig."""
     moves: int = 0
-    """Number of changes of the state."""
+    """Number of state changes so far."""
     played_s: float = 0.0
     """Time in states in which the program plays, excluding the present state."""
     cause: str = ""
@@ -167,10 +167,10 @@ class LiveJob:
             id=row.id, state=row.state, revision=row.revision, entered_at=context.clock()
         )
         self.interrupted = False
-        """Set when the supervisor shuts down."""
+        """True once the supervisor shuts down."""
         self.wake = threading.Event()
         self.done = threading.Event()
-        """Set when nothing moves any more and the rig is free."""
+        """Event that is set once nothing moves any more and the rig is free."""
         self.recorded = threading.Event()
         """Event that is cleared from the end of the job until its record is written."""
         self.recorded.set()
@@ -281,7 +281,8 @@ class LiveJob:
     ) -> bool:
         """Wait for a decision on a grip that did not succeed; return False if it has just ended.
 
-        ``held`` is True if its result has a held force. A short hold has none in its progress.
+        ``held`` is True if the result contains a held force; the progress of a short hold contains
+        none.
         """
         progress = self.status.progress
         held = held or (progress is not None and progress.force_held_mN is not None)

@@ -76,7 +76,7 @@ def fingerprint_of(request: JobRequest) -> str:
 
 
 def _ending(row: JobRow) -> Ending | None:
-    # JSON form, in which a code may be a text.
+    # Validated from JSON, in which the codes of faults are texts.
     return None if row.ending is None else Ending.model_validate_json(json.dumps(row.ending))
 
 
@@ -87,16 +87,19 @@ def job_view(
     records: Path,
     left: UnfinishedJobs = NOTHING,
 ) -> Job:
-    """Return one job, with its live state and its place in the queue if it has one."""
-    # Before the status, whose revision shows whether the row was read before the record was stored.
+    """Return one job for REST, with its live state, and its position in the queue if it is
+    queued.
+    """
+    # Read before the status: if the record was stored after the row was read, the status has a
+    # newer revision.
     recorded = live is None or live.recorded.is_set()
     status = None if live is None else live.status
     if live is not None and status is not None and status.revision > row.revision:
-        # Read before the newest change was written to the journal.
+        # The row was read before the newest change was written to the journal.
         ended = status.ending.model_dump(mode="json") if status.terminal and status.ending else None
         more = {**live.stored, "state": status.state, "cause": status.cause, "ending": ended}
         row = replace(row, **more, revision=status.revision)
-    if live is not None and len(live.row.actions) > len(row.actions):  # the same of its actions
+    if live is not None and len(live.row.actions) > len(row.actions):  # the row lacks newer actions
         row = replace(row, actions=live.row.actions)
     busy = status if live is not None and not live.done.is_set() else None
     values: dict[str, Any] = row.plan.get("values", {})
@@ -214,13 +217,13 @@ class JobIndex:
         if waits or (live := self._live(name)) is None:
             return not waits
         status = live.status
-        if status.next_job is not None:  # a caller then finds the following job
+        if status.next_job is not None:  # over only once the following job can be found
             return False
         return live.done.is_set() or (status.terminal and not status.letting_go)
 
     def is_recorded(self, name: str) -> bool:
         """Return whether a job has ended and its record is written."""
-        if not self.is_over(name):  # checked first: the event of its record comes after its end
+        if not self.is_over(name):  # checked first, since a record is written after the end
             return False
         live = self._live(name)
         written = live is None or live.recorded.is_set()

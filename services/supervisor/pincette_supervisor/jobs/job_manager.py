@@ -67,7 +67,9 @@ class KeyTurns:
         self._created: dict[str, str] = {}
 
     def note_created(self, key: str | None, job: str) -> None:
-        """Store which job a key has created, so that its stop need not read the journal."""
+        """Store which job a key has created, so that a stop by this key need not read the
+        journal.
+        """
         if key is None:
             return
         while len(self._created) >= STOPPED:
@@ -302,8 +304,7 @@ class JobManager:
     def recover(self, unfinished: list[str]) -> None:
         """Recover jobs of an earlier run of the supervisor; this causes no motion."""
         context = self.context
-        # Already marked, unless the journal could not be written, for example because of a full
-        # disk.
+        # The jobs are already marked, unless the journal could not be written, as on a full disk.
         left = [name for name in context.store.unfinished() if name in unfinished]
         mark = partial(context.store.interrupt, left, utc_now())
         marked = not left or context.write_queue.submit(mark)
@@ -611,8 +612,9 @@ class JobManager:
 
     @contextmanager
     def settled(self) -> Generator[None]:
-        """Prevent starts and ends of jobs within the ``with`` block; an end includes what
-        follows from it."""
+        """Prevent starts and ends of jobs within the ``with`` block. The start of a job that
+        continues another one belongs to the end of that job.
+        """
         with self._lock:
             yield
 

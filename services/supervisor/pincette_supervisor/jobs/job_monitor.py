@@ -117,7 +117,7 @@ def deadline_s(
     if row.beyond == "letting_go":
         return row.deadline_s + (0.0 if on_stop == "hold" else _release_s(planned))
     if state == "running" and planned.planned_s is None:
-        return None  # a program without an end, whose pause must still begin
+        return None  # the program has no end, but a pause must still begin in time
     return row.deadline_s + planned.plan.duration_s
 
 
@@ -241,14 +241,16 @@ class JobMonitor:
         self._asked_in = -1
         """Number of the job's state changes at the last command to the controller."""
         self._effective_seq: int | None = None
-        """The seq at which that command takes effect; None if it was rejected."""
+        """Number of the sample at which the last command takes effect; None if it was rejected."""
         self._recovery: Recovery | None = None
         """Recovery of the request, once the job waits for a decision."""
         self._pause_asked = self._given_up = False
         self._trip_asked = self._trip_reported = False
 
     def follow(self) -> None:
-        """Return when the actuator's sample ends the arming, or all programs are silent."""
+        """Monitor the job until a sample of the actuator ends the arming, or all programs are
+        silent.
+        """
         try:
             while True:
                 facts = self._look()

@@ -63,7 +63,7 @@ class Claims:
         self._name = f"claim {events.rig}"
         self._held: _Held | None = None
         self._ends_at = 0.0
-        """End of the claim, by a monotonic clock."""
+        """End of the claim, in s of a monotonic clock."""
         self._load()
 
     def _load(self) -> None:

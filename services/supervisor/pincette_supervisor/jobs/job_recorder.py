@@ -118,8 +118,8 @@ class JobRecorder:
         row = self._current_row()
         if row is None:
             return ""
-        # Not in the archivist's thread, which may still draw: the rig is not free before this is
-        # done.
+        # Done here and not in the archivist's thread, which may still be drawing: until the result
+        # exists, the rig is not free.
         self._gathered = record = archive.gathered(
             planned.model.rig, row, planned, self._epoch, tracker.samples, collection.dropped
         )
@@ -191,7 +191,7 @@ class JobRecorder:
     ) -> None:
         try:
             recorded = closed.result() or GOES_ON
-            if number == self._writes:  # otherwise the part was released before drawing
+            if number == self._writes:  # otherwise a later write follows
                 self._write_documents(record, recorded, over=over)
         except Exception as error:  # no thread waits for the result of this function
             log.exception("the record of job %s was not written", self._job.id)
@@ -203,7 +203,7 @@ class JobRecorder:
 
     def _write_documents(self, record: Gathered, recorded: Recorded | str, *, over: bool) -> None:
         job = self._job
-        # Annotations that were edited meanwhile belong in the documents.
+        # Read again, since the documents include annotations that were edited meanwhile.
         row = self._current_row() or record.job
         try:
             folder = self._context.records / job.id
@@ -294,8 +294,9 @@ def finish_record(bus: Bus, job: str, epoch: int, last_seq: int | None) -> Recor
 
 ASK_S = 1.0
 RECENT = CAPACITY + 4
-"""Number of newest jobs that are searched for open records, in addition to those that wait,
-which are newer."""
+"""Number of newest jobs that are searched for open records; waiting jobs are newer and are not
+counted.
+"""
 COMPARED = 10
 """Number of the newest jobs whose records are compared with their manifests at the start."""
 

@@ -32,7 +32,9 @@ STOPS: Mapping[OnStop, LeaseEnd] = {
 
 
 def lease_s(request: JobRequest, rig: RigFile) -> float:
-    """Return the time for which a program continues without its supervisor, in s; 0: to its end."""
+    """Return the time for which a program continues without its supervisor, in s; 0 if it continues
+    to its end.
+    """
     return rig.safety.lease_s * kind_of(request).lease_factor
 
 

@@ -194,7 +194,8 @@ class TrajectoryStore:
         Raises
         ------
         ProblemError
-            If something has changed since, or the start does not go with its kind.
+            If something has changed since the trajectory was planned, or the start does not fit the
+            kind.
         """
         if self.stale(row):
             raise self._stale(row)
@@ -244,7 +245,7 @@ class TrajectoryStore:
 
 
 SAME_V = 0.05
-"""Largest difference in V at which the voltage counts as unchanged since then."""
+"""Largest difference in V at which the voltage counts as unchanged since the last move."""
 NEAR_UM = 1.0
 """Distance from the last target within which the arm counts as being at the target, in µm."""
 

@@ -24,7 +24,7 @@ from pincette_supervisor.rigs.rig_context import RigContext
 from pincette_supervisor.rigs.standing import PLAYING_S, is_playing, standing
 
 STEADY_SIGMAS = 3.0
-"""Deviation from its reference up to which a force is steady, in standard uncertainties."""
+"""Largest deviation of a steady force from its reference, in standard uncertainties."""
 ABOUT_TO: tuple[JobState, ...] = ("preparing", "resuming")
 
 

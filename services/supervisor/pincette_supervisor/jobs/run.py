@@ -50,7 +50,7 @@ class Run:
             planned = self._prepare()
             if planned is None or not self._await_start():
                 return
-            if (place := planned.plan.place) is not None:  # it may have waited for the start
+            if (place := planned.plan.place) is not None:  # may be too old after the wait
                 require_fresh(place, place.seconds_until(datetime.now(UTC)))
             job.epoch = secrets.randbits(48) | 1
             recorder = JobRecorder(self._context, job, planned, job.epoch)

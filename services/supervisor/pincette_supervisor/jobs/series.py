@@ -1,4 +1,5 @@
-"""Series of a rig: starts their jobs one after the other, and stops or pauses when it must.
+"""Runs the series of a rig: starts jobs one after the other, and pauses or stops a series if
+necessary.
 
 A series holds no state that a restart could lose: its requests are in the journal, and the key of
 each job, stored together with the job, names the series and the number.
@@ -191,7 +192,7 @@ class SeriesRunner:
     ) -> tuple[float | None, str | None]:
         """Return planned duration and pinned recipe of a job; raises ProblemError."""
         if kind_of(request).begins_held or request.plays is not None:
-            return None, request.recipe  # which depends on the jobs before it
+            return None, request.recipe  # its plan depends on earlier jobs
         try:
             resolved, planned = self._manager.feasible(request)
             if predict:
@@ -204,7 +205,7 @@ class SeriesRunner:
     def find(self, name: str) -> SeriesRow:
         """Return a series of the journal; raises ProblemError if there is none of this id."""
         row = self._row
-        if row is not None and row.id == name:  # also while the journal is behind
+        if row is not None and row.id == name:  # also while the journal lags behind
             return row
         return require_series(self.repository, name)
 
@@ -306,7 +307,7 @@ class SeriesRunner:
         runs = self.repository.runs(name)
         last = runs[-1] if runs else None
         if last is not None and not self._manager.index.is_over(last.job):
-            return self._followed(name, last.job)  # created before a pause
+            return self._followed(name, last.job)  # the job was created before a pause
         number = next_number(runs)
         if number > len(row.jobs):
             if last is not None:
@@ -357,7 +358,7 @@ class SeriesRunner:
     def _followed(self, name: str, job: str) -> bool:
         """Wait for the end of a job; return whether the series goes on."""
         self._wait(None, lambda: self._manager.index.is_over(job))
-        with self._manager.settled():  # a job that continues it has been created
+        with self._manager.settled():  # wait until a job that continues this one exists
             newest = self.repository.runs(name)[-1].job
         if newest != job:
             return self._goes_on(name)

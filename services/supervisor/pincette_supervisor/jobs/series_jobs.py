@@ -87,9 +87,9 @@ def _rows(series: SeriesRequest) -> Sequence[Tree]:
 
 
 def _merged(job: Tree, row: Tree) -> Tree:
-    """Return the members of all jobs with those of one; labels are merged too."""
+    """Return the members common to all jobs, updated by those of one job; labels are merged too."""
     labels: list[Any] = [one["labels"] for one in (job, row) if "labels" in one]
-    # Labels that are no map are kept, because the request with them is refused.
+    # Labels that are no map are kept, so that the request is rejected.
     wrong = [one for one in labels if not isinstance(one, dict)]
     both = wrong[0] if wrong else {name: text for one in labels for name, text in one.items()}
     return {**job, **row, **({"labels": both} if labels else {})}
@@ -200,7 +200,7 @@ def _value(name: str, text: str, fields: Mapping[str, Any]) -> Any:
     if unit_of(name):
         return numerals.number(text)
     if name in fields:
-        with suppress(ValidationError):  # which the whole request reports
+        with suppress(ValidationError):  # validating the whole request reports it
             read: TypeAdapter[Any] = TypeAdapter(fields[name].annotation)
             return read.dump_python(read.validate_strings(text), mode="json")
     return text

@@ -29,8 +29,10 @@ CAUSE = "supervisor.deaf"
 BESIDE_THE_SUPERVISOR = ("supervisor", "recorder")
 """Programs that run on the supervisor's side if a rig has a router upstream."""
 HEARD_SHARE = 0.5
-"""Share of the limit of silence within which another program must have been received to count as
-present. One that was cut off together with the actuator was last received a little after it."""
+"""Fraction of the silence limit within which a message of another program must have arrived for
+that program to count as present. The last message of a program that was cut off together with the
+actuator may have arrived shortly after the actuator's.
+"""
 
 
 class SilenceDetector:

@@ -34,7 +34,7 @@ STALE_S, STALE_PERIODS = 1.0, 10.0
 GONE_S = 1.0
 """Lockstep: longest standstill of the loop after a program's token has vanished, in s."""
 SETTLE_S = 0.5
-"""Start of a hold that is left out of the held force, in s."""
+"""Time from the start of a hold that is excluded from the held force, in s."""
 
 BEFORE_APPROACH = ("", "open", CONDITION, "zero", Phase.RETREAT, Phase.UNLOAD, Phase.STOPPING)
 """Phases of a job that has not moved towards a part yet, and those of its way back."""
@@ -59,7 +59,7 @@ class Tracker:
         """
         self.samples = RunSamples(period_s, every_tick=lockstep, thinned=thinned)
         self.messages = 0
-        """Messages of the epoch so far."""
+        """Number of messages of the epoch so far."""
         self.trip: TripReason | None = None
         self.outcome = Outcome.NONE
         self.released = False
@@ -67,7 +67,9 @@ class Tracker:
         self.held = False
         self.phase = ""
         self.phases: list[tuple[str, int, bool]] = []
-        """Phases begun since this list was last emptied, each with its seq and whether held."""
+        """Phases that began since this list was last emptied: name, number of the first sample, and
+        True if a part was held.
+        """
         self.left_rest = False
         """True once the program has left the rest in which it zeroes the force first."""
         self.segment = -1
@@ -77,7 +79,9 @@ class Tracker:
         self.telemetry_seq = -1
         """Number of the controller's newest sample."""
         self.effects: list[tuple[Acted, int]] = []
-        """Actions that have taken effect since this list was last emptied, with their seq."""
+        """Actions that took effect since this list was last emptied, each with the number of the
+        sample.
+        """
         self._final_seq: int | None = None
         """Number of the sample that ended the arming; an idle loop in real time continues."""
         self._paused_ticks = 0
@@ -99,7 +103,8 @@ class Tracker:
         before = self.messages
         for message in messages:
             if isinstance(message, GroundTruth):
-                # In real time a truth of the idle rig may still be on its way.
+                # In real time, ground truth of the idle rig may still arrive before the first
+                # sample.
                 if self._lockstep or self._position is not None:
                     self._keep(message)
             elif cast(Sample, message).epoch == self._epoch:
@@ -264,7 +269,9 @@ class Tracker:
         )
 
     def _force(self) -> tuple[float | None, float | None]:
-        """Return the newest force and its uncertainty, once there is a zero."""
+        """Return the newest force and its uncertainty in mN; None for both before the first
+        zero.
+        """
         estimate = self._estimate
         arm = None if estimate is None or not estimate.valid else estimate.arms[0]
         if arm is None or arm.zero_age_s is None:
@@ -283,7 +290,7 @@ class Tracker:
 def outcome_words(
     outcome: Outcome, telemetry: Telemetry | None = None, estimate: Estimate | None = None
 ) -> str:
-    """Describe an outcome: its meaning, the obstacle, or why a zero was rejected."""
+    """Return an outcome in words: its meaning, the obstacle, or why a zero was rejected."""
     words = f"{outcome}: {OUTCOMES[outcome]}" if outcome else "unfinished"
     if outcome == Outcome.ZERO_REFUSED:
         return f"{words}; {_refusal_words(estimate)}"
@@ -300,7 +307,9 @@ def outcome_words(
 
 
 def _refusal_words(estimate: Estimate | None) -> str:
-    """Describe why the estimator rejected a zero; without its reason, the sample was lost."""
+    """Return why the estimator rejected a zero, in words; if it gave no reason, the sample was
+    lost.
+    """
     refusals = () if estimate is None else [arm.zero_refusal for arm in estimate.arms]
     refusal = next((one for one in refusals if one is not None), None)
     return fault_text(refusal) or (

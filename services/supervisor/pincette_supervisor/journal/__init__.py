@@ -1,6 +1,6 @@
-"""Data that outlives a restart."""
+"""Data that the supervisor keeps across restarts."""
 
 import logging
 
-# It logs its plug-ins when it is imported, which does not belong in an operator's log.
+# Alembic logs its plug-ins when it is imported, which does not belong in an operator's log.
 logging.getLogger("alembic").setLevel(logging.WARNING)

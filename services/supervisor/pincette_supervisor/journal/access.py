@@ -36,7 +36,7 @@ open REST."""
 
 
 class KeyNameTakenError(Exception):
-    """There is, or was, a key of this name."""
+    """Error raised if there is, or was, a key of this name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +51,9 @@ class KeyRow:
     revoked_at: str | None = None
     used_at: str | None = None
     password: str | None = None
-    """Password hash of a user, see ``access.passwords``; the digest is then of a key that no one
-    has."""
+    """Password hash of a user, see ``access.passwords``; None for a key. The digest of a user is
+    that of a random key that is not shown.
+    """
 
     def usable(self, now: str) -> bool:
         """Return whether the key is valid at a time."""
@@ -60,13 +61,15 @@ class KeyRow:
 
 
 class _Content(BaseModel):
-    """Content of the file; an unknown or missing member means that it is damaged."""
+    """Content of the key file; an unknown or missing member means that the file is damaged."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
     version: int
     keys: list[KeyRow]
     latest_at: AwareDatetime | None = None
-    """Latest time that a supervisor has seen; expiry of keys is also judged by it."""
+    """Latest time that a supervisor has seen; expiry of keys is judged by it if the clock is
+    behind.
+    """
 
 
 class KeyFile:
@@ -153,7 +156,9 @@ class KeyFile:
 
     @contextmanager
     def _changed(self, latest_at: datetime | None = None) -> Generator[dict[str, KeyRow]]:
-        """Yield the keys by name, and write changes and a time; for one program at a time."""
+        """Yield the keys by name for changes, then write them with the time; locks out other
+        programs.
+        """
         try:
             folder = os.open(self._path.parent, os.O_RDONLY)
         except OSError as error:
@@ -342,7 +347,9 @@ class AuditRepository:
         return self._store.rows(AuditRow, query)
 
     def newest(self, limit: int, before: int | None = None) -> list[AuditRow]:
-        """Return entries, newest first; those before a number, if it is given."""
+        """Return entries, newest first; only those with a number below ``before``, if it is
+        given.
+        """
         query = select(AUDIT).order_by(AUDIT.c.number.desc()).limit(limit)
         if before is not None:
             query = query.where(AUDIT.c.number < before)

@@ -42,18 +42,18 @@ T = TypeVar("T")
 
 
 class StoreError(OSError):
-    """The store cannot be used; the text states the file and the remedy."""
+    """Error raised if the store cannot be used; the text states the file and the remedy."""
 
 
 class _UnknownSchemaError(Exception):
-    """The file has a schema that this program does not know."""
+    """Error raised if the schema of the file is unknown to this program."""
 
 
 class Database:
     """One database; safe to use from several threads, never from the event loop.
 
-    ``path`` is the file, and its folder is that of the files next to it. With ``url``, the rows are
-    in a PostgreSQL database instead.
+    ``path`` is the file of the journal; its folder also contains other files, such as the keys.
+    With ``url``, the rows are in a PostgreSQL database instead.
     """
 
     def __init__(self, path: Path, url: str = "") -> None:
@@ -62,7 +62,7 @@ class Database:
         self._let_go: Callable[[], None] | None = None
         self._closed = False
         self.troubles: dict[str, str] = {}
-        """Problems of programs that use the database, by the cause of an alarm."""
+        """Problems that threads of the supervisor report, by the cause of the alarm to raise."""
         self.trouble = ""
         """Reason why the last write failed; empty if it succeeded."""
         # SQLite polls for its write lock; a lock of our own serves writers in order.
@@ -203,7 +203,7 @@ class Database:
 def _remedy_of(cause: BaseException | None) -> str:
     """Return the remedy for an error of the journal's file, or of its file system."""
     name = getattr(cause, "sqlite_errorname", "")
-    primary = "_".join(name.split("_")[:2])  # as SQLITE_IOERR of SQLITE_IOERR_LOCK
+    primary = "_".join(name.split("_")[:2])  # SQLITE_IOERR for SQLITE_IOERR_LOCK
     if primary in DAMAGE or isinstance(cause, ValueError):
         return MOVE_AWAY
     if primary == "SQLITE_BUSY":

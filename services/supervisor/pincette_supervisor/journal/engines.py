@@ -121,7 +121,9 @@ def writing(engine: Engine) -> Engine:
 
 
 def require_sound(connection: Connection) -> None:
-    """Raise ValueError with the first error of a damaged file, before a job needs it."""
+    """Raise ValueError with the first error found if the file is damaged, before a job needs the
+    file.
+    """
     if connection.dialect.name == SERVER:
         return
     found = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar()
@@ -200,7 +202,7 @@ def _keep_private(path: Path) -> None:
 
 
 def _prepare(connection: sqlite3.Connection, _entry: ConnectionPoolEntry) -> None:
-    # Otherwise the driver begins transactions on its own, and not before CREATE TABLE.
+    # Otherwise the driver begins transactions automatically, but not before CREATE TABLE.
     connection.isolation_level = None
     # Large sorts stay in memory: they would fail with a full temporary folder.
     pragmas = "journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON", "temp_store = MEMORY"

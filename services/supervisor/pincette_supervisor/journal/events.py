@@ -1,7 +1,7 @@
 """Events and alarms of a rig in the journal.
 
-Events are numbered, stored, and passed to all listeners. An alarm is one row for as long as it is
-open, however often it comes.
+Events are numbered, stored, and passed to all listeners. An open alarm is one row, however often
+its cause occurs.
 """
 
 import asyncio
@@ -30,7 +30,7 @@ CAPACITY = 256
 
 
 class TooManyListenersError(Exception):
-    """The number of listeners is at its limit."""
+    """Error raised if the number of listeners is at its limit."""
 
 
 class ListenerQueue:
@@ -199,7 +199,7 @@ class EventSubscription:
         self._job, self._rig = job, rig
         self._box = log.listeners.open(rig, job)
         self._given_up = 0
-        """Number of past events that the journal has deleted."""
+        """Number of requested past events that the journal has already deleted."""
         self._begun = self._reading = self._ended = False
 
     @property
@@ -208,11 +208,11 @@ class EventSubscription:
         return self._begun and not self._reading
 
     async def begin(self) -> None:
-        """Find the first number; all later events will be returned."""
+        """Determine the number of the event after which events are returned."""
         if self._begun:
             return
         oldest, newest = await asyncio.to_thread(self._store.event_span)
-        # A number beyond the newest is of an earlier journal.
+        # A number beyond the newest belongs to an earlier journal: return all events of this one.
         after = newest if self._after is None else self._after if self._after <= newest else 0
         self._given_up = max(oldest - 1 - after, 0)
         _, _, self._reading = self._box.take()
@@ -270,7 +270,7 @@ Clears = Literal["reset", "condition", "acknowledge"]
 ALARMS_KEPT = 10_000
 """Smallest number of alarms that are kept; the oldest are deleted first."""
 ALARMS_SWEEP = 100
-"""Number of alarms after which the oldest are deleted."""
+"""Number of added alarms after which the oldest are deleted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,7 +294,7 @@ class AlarmRow:
     acknowledged_by: str | None = None
     cleared_at: str | None = None
     number: int = 0
-    """Number of the alarm, rising with each; 0 until it is stored."""
+    """Number of the alarm, higher for each new alarm; 0 until it is stored."""
 
 
 class AlarmRepository:

@@ -18,7 +18,7 @@ RECIPES_MAX, VERSIONS_MAX = 500, 200
 
 
 class RecipeLimitError(Exception):
-    """There are too many recipes, or versions of one; the text states which."""
+    """Error raised for too many recipes, or too many versions of one; the text states which."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,9 @@ class RecipeRepository:
         return self._store.rows(RecipeRow, wanted)
 
     def newest(self, limit: int = RECIPES_MAX, after: str | None = None) -> list[RecipeRow]:
-        """Return the newest version of recipes, by name, after a given name."""
+        """Return recipes in their newest versions, sorted by name; only names after ``after``, if
+        given.
+        """
         last = (
             select(RECIPES.c.name, func.max(RECIPES.c.version).label("version"))
             .group_by(RECIPES.c.name)
@@ -167,7 +169,9 @@ class TrajectoryRepository:
             return _find_trajectory(connection, digest)
 
     def newest(self, limit: int, before: TrajectoryRow | None = None) -> list[TrajectoryRow]:
-        """Return trajectories, newest first; those that follow one, if it is given."""
+        """Return trajectories, newest first; only those after ``before`` in this order, if it is
+        given.
+        """
         table = TRAJECTORIES.c
         wanted = select(TRAJECTORIES).order_by(table.created_at.desc(), table.digest)
         if before is not None:
@@ -196,7 +200,7 @@ LEARNED_MAX = 32
 
 @dataclass(frozen=True, slots=True)
 class LearnedRow:
-    """Corrections of one program."""
+    """Learned corrections of one program."""
 
     program: str
     """Digest of the program, its law, and the free response."""
@@ -204,7 +208,7 @@ class LearnedRow:
     """Identifier of the job that learned last."""
     learned_at: str
     motion: dict[str, Any]
-    """Motion of the program: shape, frequency, heights."""
+    """Motion of the program: shape, frequency, mean and peak-to-peak force."""
     values_um: tuple[float, ...]
     errors_um: tuple[float, ...]
     best_um: tuple[float, ...] = ()

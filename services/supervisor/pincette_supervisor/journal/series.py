@@ -37,7 +37,7 @@ class SeriesRow:
     traceparent: str | None = None
     ended_at: str | None = None
     number: int = 0
-    """Number of the series, rising with each; 0 until it is stored."""
+    """Number of the series, higher for each new series; 0 until it is stored."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,9 +51,11 @@ PROBE, IDENTIFIER = "probe", "supervisor"
 PAGE = 250
 """Number of jobs that are read at once for a list of any length."""
 EVENTS_KEPT = 200_000
-"""Smallest number of events that are kept; some weeks of work."""
+"""Smallest number of events that are kept, enough for some weeks of work."""
 EVENTS_SWEEP = 500
-"""Number of events after which the oldest are deleted; at most twice as many at once."""
+"""Number of added events after which the oldest are deleted; at most twice as many are deleted at
+once.
+"""
 CHANGING = ("state", "cause", "ending", "plan", "result", "started_at", "ended_at", "epoch")
 EDITABLE = ("sample", "batch", "operator", "notes", "labels", "pinned", "priority", "place")
 """Fields of a job that a person may change, and their columns."""
@@ -72,7 +74,7 @@ TABLE_COLUMNS = (
 
 
 class KeyTakenError(Exception):
-    """The ``Idempotency-Key`` has already created a job."""
+    """Error raised if the ``Idempotency-Key`` has already created a job."""
 
     def __init__(self, job: str, fingerprint: str) -> None:
         super().__init__(f"the key has created job {job}")
@@ -227,12 +229,12 @@ class Store(Database):
         found = self.get_note(IDENTIFIER)
         if found is None:
             found = secrets.token_hex(8)
-            with suppress(StoreError):  # on a full disk it holds until the next start
+            with suppress(StoreError):  # on a full disk the identifier is used until the next start
                 self.set_note(IDENTIFIER, found)
         return found
 
     def probe(self) -> bool:
-        """Return whether the journal can be written; see ``trouble``."""
+        """Return whether the journal can be written; if not, ``trouble`` states the reason."""
         try:
             self.set_note(PROBE, utc_now())
         except StoreError:

@@ -57,10 +57,8 @@ JOBS = Table(
     Index("ix_jobs_listed", "number", "created_at", "rig", "kind", "state", "pinned"),
     Index("ix_jobs_counted", "rig", "kind", "state"),
 )
-"""Jobs.
-
-``number`` rises with every job, ``revision`` with every change; ``place`` is the position in the
-queue.
+"""Jobs. Each new job has a higher ``number``; each change increases the ``revision``; ``place`` is
+the position in the queue.
 """
 
 JOB_SEARCH = table("job_search", column("rowid", Integer), column("words", String))
@@ -246,9 +244,9 @@ class JobRow:
     ended_at: str | None = None
     actions: tuple[ActionRow, ...] = ()
     number: int = 0
-    """Number of the job, rising with each; 0 until it is stored."""
+    """Number of the job, higher for each new job; 0 until it is stored."""
     revision: int = 0
-    """Rises with every change of the job and of its actions."""
+    """Number of the newest revision; each change of the job or of its actions increases it."""
     epoch: int | None = None
     """Epoch of the job's arming; None before it."""
     requested_by: str | None = None

@@ -45,9 +45,9 @@ class WriteQueue:
         self._under_way: _Entry | None = None
         self._begun_s = 0.0
         self._attempts = 0
-        """Number of writes that were started."""
+        """Number of attempts to write so far."""
         self._due = False
-        """True if the first write is to be tried now."""
+        """True if the thread must try the first waiting write now."""
         self._thread: threading.Thread | None = None
 
     def __len__(self) -> int:
@@ -64,7 +64,8 @@ class WriteQueue:
             self._add(_Entry(write, waited_for=False))
 
     def submit(self, write: Write) -> bool:
-        """Write after all waiting writes; return False if it will be written later.
+        """Enqueue a write behind all others, and wait for it for a short time; return False if it
+        is still waiting.
 
         Raises the write's own error, unless it is a StoreError.
         """
@@ -95,7 +96,7 @@ class WriteQueue:
         return self._wake()
 
     def _wake(self) -> int:
-        """Have the first waiting write tried; return the number of writes started before."""
+        """Make the thread try the first waiting write; return the number of attempts so far."""
         self._due = True
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="journal", daemon=True)
