@@ -105,8 +105,8 @@ def service_endpoint(
 def program_endpoint(rig: "RigFile", name: str, *, lockstep: bool) -> SessionConfig:
     """Return the endpoint of a program outside the loop, connected to the router.
 
-    A program of an extra has no certificate of its own: like a tool, it presents the certificate of
-    ``[bus] identity``.
+    A program of an optional package has no certificate of its own. Like a tool, it presents the
+    certificate of ``[bus] identity``.
     """
     config = client_session(*rig.bus.served_by, lockstep=lockstep)
     if name == "rig":

@@ -2,8 +2,8 @@
 
 Zenoh handles failed TLS handshakes one after another, and sleeps for 0.1 s after each (zenoh issue
 2685). The guard handles many handshakes at once, each with a time limit. If there are too many, it
-ends the oldest one of the address that has most. It connects only clients with a valid certificate
-to Zenoh.
+ends the oldest handshake of the address that has the most. It connects only clients with a valid
+certificate to Zenoh.
 """
 
 import errno
@@ -165,8 +165,9 @@ class Guard:
         return list(chain.from_iterable(self._pending.values()))
 
     def _make_room(self) -> None:
-        """End the oldest connection of the address that has most; silent connections are ended
-        first.
+        """End the oldest connection of the address that has the most.
+
+        Silent connections are ended first.
         """
         if not self._many:
             return

@@ -38,7 +38,7 @@ ALERT = "ALERT"
 
 
 def diagnose_link(place: str, credentials: Credentials | None, name: str = "") -> str:
-    """Return why the certificate of ``name`` gets no link to an endpoint; empty if it gets one."""
+    """Return the reason why no link with the certificate of ``name`` is possible; "" if one is."""
     address = address_of(place)
     try:
         with socket.create_connection(address, ANSWER_S) as line:
@@ -101,7 +101,7 @@ def _shown(wrapped: ssl.SSLSocket) -> str:
 
 
 def _speaks_tls(place: str, line: socket.socket) -> str:
-    """Return why a plain link fails: the other side requires TLS; empty if it does not."""
+    """Return the reason if a plain link fails because the other side requires TLS, otherwise ""."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
     try:

@@ -32,9 +32,8 @@ MOST_PENDING = 128
 SILENT_S = 1.0
 """Time after which a connection without a byte is reset, in s."""
 BRIEF_S = 0.5
-"""Longest duration, in s, of a connection that is not counted as rejected when it ends without a
-reset: it may have been a link that was closed before its socket was noted.
-"""
+"""Time in s. A connection that ends without a reset within this time is not counted as rejected,
+since it may have been a link that was closed before its socket was noted."""
 IDLE_S, LOOK_S = 0.2, 0.01
 """Interval between two checks while no connection is pending, and the shortest interval while some
 are, in s.
@@ -203,8 +202,9 @@ class LinkSweeper:
                 self._reset(inode, f"nothing came within {SILENT_S:g} s")
 
     def _make_room(self) -> None:
-        """Reset the oldest connection of the address that has most; silent connections are reset
-        first.
+        """Reset the oldest connection of the address that has the most.
+
+        Silent connections are reset first.
         """
         surplus = len(self._pending) - MOST_PENDING
         if surplus <= 0:

@@ -49,16 +49,16 @@ def own_sockets() -> Generator[socket.socket]:
 
 
 def let_go_at_once() -> None:
-    """Make the end of a link never wait until all sent data have arrived, for all links of this
-    process.
-    """
+    """Set all links of this process to close at once, without waiting for unsent data to arrive."""
     for line in own_sockets():
         with suppress(OSError):
             let_go(line)
 
 
 def let_go(line: socket.socket) -> None:
-    """Make the end of a connection not wait for sent data; raises OSError if it has ended."""
+    """Set a connection to close at once, without waiting for unsent data; raises OSError if it has
+    ended.
+    """
     line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 0, 0))
 
 
@@ -228,9 +228,10 @@ class StallWatch:
                     shut_down([line.inode])
 
     def _mark(self, descriptor: int, line: _Line) -> int:
-        """Return a value that stays constant while a connection stalls.
+        """Return the number of acknowledged bytes, which stays constant while a connection stalls;
+        -1 if no data wait to be sent.
 
-        Raises OSError if it is closed.
+        Raises OSError if the connection is closed.
         """
         if os.fstat(descriptor).st_ino != line.inode:
             raise OSError

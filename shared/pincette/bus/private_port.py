@@ -40,7 +40,7 @@ class PrivatePort:
 
         Return False if the kernel has no such option.
 
-        Any account of this machine can then connect to the port.
+        In that case any account of this machine can connect to the port.
         """
         until_s = monotonic() + LISTENS_S
         while (signed := self.sign_listener()) is None:
@@ -66,7 +66,7 @@ class PrivatePort:
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._sign(line)
         # Connect from the listener's own address: only for this address does the kernel find the
-        # key to sign a reset. Without the key, the end of a dropped connection gets no reply, and
+        # key to sign a reset. Without the key, closing a dropped connection gets no reply, and
         # Zenoh's accepting thread waits for the whole linger time.
         line.bind((self.host, 0))
         line.connect_ex((self.host, self.port))

@@ -43,7 +43,8 @@ class Producer:
 
 
 def producer_of(topic: Topic) -> Producer | None:
-    """Return the program whose samples of a topic are accepted; None if those of every program are.
+    """Return the program whose samples of a topic are accepted; None if samples of every program
+    are accepted.
 
     Commands state an owner, which the actuator uses to detect a second controller.
     """

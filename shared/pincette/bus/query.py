@@ -32,9 +32,8 @@ MESSAGE = zenoh.Encoding(ENCODING)
 REFUSAL = zenoh.Encoding.TEXT_PLAIN
 """Encoding of a refusal. Its schema is the query's mark, in hexadecimal digits."""
 LEEWAY_S = 1.0
-"""Time from the deadline of a query until Zenoh's own timeout, in s. It has no effect, since a
-query is cancelled at its deadline.
-"""
+"""Time from the deadline of a query until Zenoh's own timeout, in s. This timeout never occurs,
+since a query is cancelled at its deadline."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +81,8 @@ class Query:
         self._cancellation = zenoh.CancellationToken()
         session.get(
             place,
-            # Both run in Zenoh's thread: a separate thread per query would cost more than they do.
+            # Both callbacks run in Zenoh's thread: a separate thread per query would cost more than
+            # they do.
             zenoh.handlers.Callback(self._take, self._finish, indirect=False),
             target=zenoh.QueryTarget.ALL,
             consolidation=zenoh.ConsolidationMode.NONE,

@@ -16,10 +16,9 @@ LOG_EVERY_S = 10.0
 SHOWN_S = 60.0
 """Time for which a rejected message is reported as a finding of its program, in s."""
 MANY, MANY_WITHIN_S = 5, 10.0
-"""Number of samples of one topic, rejected because of their numbers, from which on they are
-reported as a finding, and the time in s within which they must occur. The bus itself may repeat or
-reorder a few samples.
-"""
+"""Number of rejected samples, and period in s. A finding reports a topic if this many of its
+samples are rejected for their sequence numbers within the period. The bus itself may repeat or
+reorder a few samples."""
 
 
 class RefusedMessages:
@@ -74,13 +73,13 @@ class RefusedMessages:
 
 
 class RefusedNumbers:
-    """Reports samples that a program rejected because of their numbers, if there are many."""
+    """Reports samples that a program rejected for their sequence numbers, if there are many."""
 
     def __init__(self, refused: RefusedMessages, clock: Callable[[], float] = monotonic) -> None:
         """``refused``: object that receives the report."""
         self._refused, self._clock = refused, clock
         self._times_s: dict[str, deque[float]] = {}
-        """Times of the newest rejections, by topic."""
+        """Times of the newest rejections, in s, by topic."""
 
     def note(self, topic: str, producer: str, seq: int) -> None:
         """Note a rejected sample of a topic; programs other than ``producer`` may publish the

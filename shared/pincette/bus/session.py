@@ -30,14 +30,15 @@ log = logging.getLogger("pincette")
 CLOSE_S = 1.0
 """Time limit for closing a session while links accept no data, in s."""
 GIVEN_UP_S = 0.2
-"""Time limit for closing a session that is given up, in s."""
+"""Time limit for closing a session that no longer transmits anything, in s."""
 AskRouter = Callable[[], None]
 OWN_QUESTION = "@pincette/router"
 """Key of the query that a router sends to itself. Wildcards do not match a key segment that begins
 with @.
 """
 UNANSWERED_S = 3600.0
-"""Zenoh's timeout of this query, in s. It is so long that the query does not end before a reply."""
+"""Zenoh's timeout of the query that a router sends to itself, in s. It is so long that the query
+does not end before a reply."""
 THREADS = "ZENOH_RUNTIME", "(rx:(worker_threads:1))"
 """Environment variable of Zenoh's threads, and its value: one thread that receives.
 
@@ -126,7 +127,7 @@ class Joined:
             if self.guard is not None:
                 self.guard.close()
             self.session.close()
-        except zenoh.ZError as error:  # it has waited for 10 s
+        except zenoh.ZError as error:  # Zenoh has waited for 10 s
             log.warning("a session could not be closed and is abandoned: %s", error)
         finally:
             late.cancel()

@@ -11,11 +11,12 @@ from pincette.security.access import as_settings
 
 LEASE_MS = 500
 QUEUE = 16
-"""Number of batches in a queue for each priority; the largest that Zenoh accepts."""
+"""Number of batches in a queue for each priority; the largest number that Zenoh accepts."""
 BLOCK_US = 200_000
 """Longest time that a message may wait for a stalled link, in µs; Zenoh's default is 5 s."""
 PATIENT_MS = 20_000
-"""Value of both time limits in lockstep, in ms: an overloaded machine must not lose a sample."""
+"""Time after which a silent link ends, and longest wait for a stalled link, both for lockstep, in
+ms: an overloaded machine must not lose a sample."""
 ACCEPT_MS = 2000
 """Longest time from an accepted connection to a link, in ms; longer than the time after which a
 silent connection is reset; see ``link_sweeper``.

@@ -67,7 +67,7 @@ class StopAttempts:
     def _run(self, way: str, attempt: Callable[[], object]) -> None:
         try:
             attempt()
-        # A failure on one way, even a panic of the bus, must not end the others.
+        # A failure of one route, even a panic of the bus, must not end the others.
         except BaseException as error:  # noqa: BLE001
             with self._changed:
                 self.failed.append((way, error))

@@ -26,11 +26,12 @@ SWEEP_REST_S = 1.0
 LEAST_CAPTURE_HZ = 10_000.0
 
 FEEL_SWINGS, FEEL_UM_PER_S = 2.0, 20.0
-"""Range of the slow motion before a sweep, as a multiple of the predicted swing at resonance (for
-half the damping), and its speed in µm/s."""
+"""Range of the slow motion before a sweep, as a multiple of the swing predicted at resonance with
+half the damping, and speed of this motion in µm/s."""
 
 BURSTS, BURST_S, RINGS_OUT_S = 8, 0.4, 0.05
-"""Number of bursts for delay and lag, their duration, and the observation time after each, in s."""
+"""Number of bursts for delay and lag, duration of a burst in s, and observation time after it
+in s."""
 BURST_REST_S = 0.3
 TAPS = (14, 15)
 """Taps of the shift register that generates the signs of a burst. The signs repeat after 2¹⁵ - 1
@@ -228,7 +229,7 @@ def _signs(count: int) -> list[float]:
 
 
 def free_program(*segments: Segment, capture_hz: float = 0.0) -> Program:
-    """Return a program for a free arm, which ends at a contact, except within a sweep."""
+    """Return a program for a free arm, which ends at a contact unless a sweep is being played."""
     watched = tuple(
         replace(segment, guarded=not isinstance(segment, PlayedSweep)) for segment in segments
     )

@@ -2,12 +2,13 @@
 
 A stroke to a low voltage erases the turning points of an unknown history, as far as they lie above
 that voltage. Bouc-Wen hysteresis has no wiping-out property; its memory decays with the distance
-travelled. There one stroke to -1 V leaves an error of up to 1.5 mN at 20 mN, and three strokes
-leave 0.2 mN. Shallower strokes must be more numerous. Creep that began before the strokes remains:
-0.13 mN (95 %) after a rest of 2 s.
+travelled. With such hysteresis one stroke to -1 V leaves an error of up to 1.5 mN at 20 mN, and
+three strokes leave 0.2 mN. Shallower strokes must be more numerous. Creep that began before the
+strokes remains: 0.13 mN (95 %) after a rest of 2 s.
 
-The strokes move away from the part. Their voltage is not below the range that the free response was
-identified from, because the model is not known there and deeper strokes make a grip less accurate.
+The strokes move away from the part. Their voltage stays within the range from which the free
+response was identified, because the model is not known there and deeper strokes make a grip less
+accurate.
 """
 
 from pincette.control.planning.contact_request import MARGIN_UM
@@ -19,16 +20,17 @@ from pincette.control.response.conditioned_branch import STROKES
 REST_S = 2.0
 """Rest after the strokes, in s, in which the creep that they cause decays."""
 BOTTOM_S = 0.4
-"""Rest at the bottom of the last stroke, in s, before the motion to the position of the zero."""
+"""Rest at the lowest voltage of the last stroke, in s, before the voltage returns to 0 V."""
 WATCH_S = 0.1
 """Time for which the resting arm is observed before the strokes, in s."""
 RATE_SHARE = 0.9
 """Peak rate of a stroke, as a fraction of the slew limit."""
 LEAST_DEPTH = 0.05
-"""Depth below 0 V that strokes need, as a fraction of the highest voltage identified."""
+"""Smallest depth of the strokes below 0 V, as a fraction of the highest voltage of the
+identification."""
 WAY_SHARE = 0.3
 """Peak rate of the move to 0 V before the strokes, as a fraction of the slew limit. If the arm
-already presses a part, this move raises the force by 1 mN per period."""
+already presses a part, the force rises by 1 mN per period at this rate."""
 PHASE = "condition"
 
 
@@ -38,7 +40,7 @@ def stroke_depth_V(taught_V: tuple[float, float] | None, voltage_min_V: float) -
     Parameters
     ----------
     taught_V
-        Lowest and highest voltage that the free response was identified from; None: not known.
+        Lowest and highest voltage of the identification of the free response; None: not known.
     voltage_min_V
         Lower voltage limit of the rig. An arm with the limit 0 V, its rest voltage, cannot be
         conditioned.
@@ -55,8 +57,8 @@ def conditioning(
     """Return the segments of a conditioning: a rest, a move to 0 V, the strokes, and a rest.
 
     The strokes begin and end at 0 V, where the arm may be nearer to the part than at present. If a
-    part already presses the arm, the force relative to the last zero shows it: before the voltage
-    changes, or during the move to 0 V if the force is small.
+    part already presses the arm, the contact guard detects this by the force relative to the last
+    zero: during the first rest, or during the move to 0 V if the force is small.
 
     Parameters
     ----------

@@ -49,10 +49,11 @@ LOST_FRACTION = 0.3
 LOST_SAMPLES = 5
 ZERO_WAIT_S = 1.0
 RANGE_SHARE, UNKNOWN_SHARE, RANGE_V = 0.1, 0.5, 0.1
-"""Margin of voltage beyond the predicted range, as a fraction of that range plus a value in V. The
+"""Margin added to the predicted range of voltages: a fraction of that range plus a value in V. The
 second fraction is used if no free response has been identified."""
 DRIFT_UM = 5.0
-"""Distance beyond the rest position that the return may require because of sensor drift, in µm."""
+"""Drift of the sensor, in µm: the return may have to move the arm this far beyond its rest
+position."""
 RANGE_STEPS = 50
 
 
@@ -138,7 +139,8 @@ def plan_contact(
         True if the load begins at the contact without a stop. The approach before it then detects
         contacts too.
     free
-        Motion of the free arm before everything else, from its present position to its start.
+        First motion of the plan, without contact, from the present position of the arm to its
+        start.
 
     Raises
     ------
@@ -218,7 +220,7 @@ def _highest_mN(segment: Segment) -> float:
 def _way_out(
     request: ContactRequest, arm: PlannedArm, present_um: float | None, back_um: float
 ) -> tuple[float, tuple[Segment, ...]]:
-    """Return the state at the start, and a return home if the arm may touch the part."""
+    """Return the position at the start of a plan, and a move home if the arm may touch the part."""
     # Half of the margin is reserved for noise and creep until the zero.
     free_um = max(arm.x_start_um, request.stand_off_um + 0.5 * MARGIN_UM)
     if present_um is None or present_um <= free_um:
@@ -270,9 +272,9 @@ def _range(
 ) -> PlannedRange:
     """Return the ranges of position and voltage for the softest part at its furthest position.
 
-    The voltage range is computed by the free response or by d_p, and widened by ``RANGE_SHARE`` of
-    it plus ``RANGE_V`` for creep, hysteresis and control action. Away from the part it includes
-    ``DRIFT_UM``.
+    The voltage range is computed by the free response, or by d_p if there is none, and is widened
+    by a fraction of itself plus ``RANGE_V`` for creep, hysteresis and control action. At its lower
+    bound, ``DRIFT_UM`` is added.
     """
     force_mN = max(course.force_r_mN)
     x_um = max(request.furthest_um + force_mN / request.softest_mN_per_um, *course.x_r_um)
@@ -313,7 +315,8 @@ def _touch(
 
 
 def hasty(request: ContactRequest, rig: PlannedRig, force_mN: float) -> tuple[Violation, ...]:
-    """Return the violations of too short a load from rest, and of too fast a contact.
+    """Return the violations of a load from rest that is too short, and of a contact that is too
+    fast.
 
     Parameters
     ----------

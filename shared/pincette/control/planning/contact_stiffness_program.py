@@ -1,12 +1,13 @@
-"""The press in voltage of Fig. 8: an approach as in a grip, then four levels about a mean.
+"""Open-loop press as in Fig. 8: an approach as in a grip, then swings of four amplitudes about a
+mean.
 
 The force is zeroed, the arm seeks the part, and presses it under the law, first lightly to identify
 the contact line, then up to the force at the crest of the widest level. From there on the law is
 off. The voltage decreases by half the widest level to its mean and swings about it, the widest
-level first. So no crest exceeds the force reached under the law, except for creep and for
-hysteresis that shifts the force from cycle to cycle, whichever branch it is on; after the widest
-swing the narrower ones cause no further shift. The trough is planned so that the arm stays in
-contact with the stiffest permitted part. Figure numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
+level first. So no crest exceeds the force reached under the law, except by creep and by the shift
+of hysteresis from cycle to cycle. After the widest swing the narrower ones cause no further shift.
+The trough is planned so that the arm stays in contact with the stiffest permitted part. Figure
+numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
 
 from bisect import bisect_left
@@ -32,18 +33,20 @@ SETTLE_S = 2.0
 TROUGH_MN = 3.0
 """Force that remains at the lowest trough."""
 SHIFT = 0.15
-"""Fraction of the highest force by which creep and hysteresis may increase it."""
+"""Fraction by which creep and hysteresis may increase the highest force."""
 FIRST_LOAD = 0.25
-"""Fraction of the highest force up to which the contact line is identified."""
+"""Fraction of the crest force up to which the first load goes, in which the contact line is
+identified."""
 LEAST_LOADS = 3.0
-"""Smallest value of that force, as a multiple of the contact force."""
+"""Smallest force of the first load, as a multiple of the contact force."""
 WIDE = 4.0
 """Factor by which the stiffness, which is to be measured, may differ from the planned one."""
 LEAST_WIDEST_V = 0.5
 """Smallest peak-to-peak voltage of the widest level. Below it noise and the error of x_1 are too
 large for a line fit."""
 CREST_ROUNDS = 2
-"""Number of iterations in which the crest and the swing below it are computed from each other."""
+"""Number of iterations. Each one computes the swing from the crest force, and then the crest force
+from the swing."""
 STEP_V = 0.05
 """Step by which the widest level is reduced until it is within the limits, in V."""
 
@@ -158,7 +161,7 @@ def crest_force_mN(request: ContactRequest, rig: PlannedRig, widest_V: float) ->
 
 
 def _pressed(request: ContactRequest, rig: PlannedRig, widest_V: float) -> ContactPlan:
-    """Return the plan of a press to the crest of the widest level, and the allowed shift."""
+    """Return the plan of a press to the crest of the widest level, with a reserve of ``SHIFT``."""
     crest_mN, load_s = crest_force_mN(request, rig, widest_V), request.load_s
     first_mN = min(crest_mN, max(LEAST_LOADS * request.contact_force_mN, FIRST_LOAD * crest_mN))
     highest_mN = (1.0 + SHIFT) * crest_mN

@@ -1,9 +1,9 @@
-"""Free motion in voltage for the identification of free response, gain, loop and creep.
+"""Open-loop motion that identifies the free response, the gain, the hysteresis loop and the creep.
 
-The program consists of the course of ``teaching``, in voltage and without a law; then cycles of 2 V
-peak to peak at 0.5 Hz, the paper's largest drive, until they have settled; then a step followed by
-a rest; then grips rehearsed without a part, which give the model's error in a grip. The part must
-be removed before, so that the arm stays free.
+All voltages are planned; no law is used. The program plays, in this order: the moves of
+``teaching``; presses without a part; cycles of 2 V peak to peak at 0.5 Hz, the largest amplitude in
+the paper, until they have settled; a step and a rest; rehearsed grips without a part, which show
+the error of the model in a grip. The part must be removed before, so that the arm stays free.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,34 +27,36 @@ from pincette.control.response.conditioned_branch import strokes_needed
 from pincette.control.response.model_errors import RehearsedGrip
 
 GAIN_PP_V, GAIN_HZ = 2.0, 0.5
-"""Drive for which d_p is reported: section VI.B of the paper."""
+"""Amplitude peak to peak, and frequency, for which d_p is reported: section VI.B of the paper."""
 SETTLING_CYCLES, GAIN_CYCLES = 3, 5
 """Number of cycles before the measured ones, and number of measured cycles."""
 PRESS_LOW, PRESS_HIGH = 0.51, 0.96
-"""Range of the presses, as fractions of the full range. The error of the model is determined
-there."""
+"""Range of the presses, as fractions of the range of a grip. The error of the model is determined
+in this range."""
 PRESS_CYCLES = 4
-"""Number of measured cycles after the settling ones."""
+"""Number of measured cycles of the presses, after the settling ones."""
 CREEP_BEFORE_S, CREEP_S = 6.0, 12.0
 """Rests before and after the step, in s. The first is long, so that the remaining creep is slow."""
 REHEARSED = ((0.50, 0.62), (0.55, 0.88), (0.60, 0.75), (0.52, 0.95), (0.57, 0.70), (0.50, 0.82))
-"""Position of the contact and end of the press of each rehearsed grip, as fractions of the
-range."""
+"""Voltage at the contact and at the end of the press of each rehearsed grip, as fractions of the
+range of a grip."""
 BEFORE_S, ZERO_S, HELD_S = 0.4, 0.4, 5.0
 """Rests of a rehearsal, in s: before and after it, at the zero, and while pressing."""
 CONDITIONED = ((0.50, 0.95), (0.57, 0.82), (0.30, 0.60), (0.52, 0.70))
-"""As ``REHEARSED``, for grips that begin with conditioning strokes."""
+"""Voltage at the contact and at the end of the press of each rehearsed grip that begins with
+conditioning strokes, as fractions of the range of a grip."""
 CONDITIONED_HELD_S = 2.0
 BEYOND = 0.01
-"""Overshoot of the approach, as a fraction of the range. In a grip the law moves back by as much
-while the arm creeps at the zero, and Bouc-Wen hysteresis retains a memory of this reversal."""
+"""Overshoot of the approach in a rehearsal, as a fraction of the range. In a real grip, creep at
+the zero makes the law move the voltage back by about this much, and Bouc-Wen hysteresis retains a
+memory of this reversal."""
 STAIRCASES = 2
 STAIRS, STAIR_S = 16, 0.25
 """Number of rests on the rising branch after conditioning strokes, and duration of each rest in
 s."""
 SWINGS_EVERY = 3
-"""Number of rehearsals after which one continues its hold with small swings, as noise and a law
-cause them."""
+"""Every rehearsal whose number is a multiple of this continues its hold with small swings, like
+those that noise and a law cause."""
 SMALL_PP_V, SMALL_HZ, SMALL_S = 0.02, 12.5, 4.0
 """Peak-to-peak voltage, frequency and duration of the small swings: a total voltage travel of 1 V,
 as in a hold of about 30 s. Their width is little above that of noise, since relays respond
@@ -84,7 +86,7 @@ def free_response_program(
     Parameters
     ----------
     from_V, to_V
-        Voltages that a grip needs.
+        Range of voltages that a grip needs.
     rate_V_per_s
         Peak rate of the fastest moves of the course.
     grip_V_per_s
@@ -170,7 +172,7 @@ def free_response_program(
 
 
 def slow_on_new_ground(course: Sequence[Leg]) -> list[Leg]:
-    """Return a course that moves slowly above all earlier positions: a part may be there."""
+    """Return a course whose moves beyond all earlier positions are slow: a part may be there."""
     found, highest = list[Leg](), 0.0
     for leg in course:
         found.append(leg._replace(pace=min(leg.pace, SLOW)) if leg.to > highest else leg)
@@ -220,7 +222,7 @@ def _conditioned(
 def conditioned_ways(
     samples_of: Callable[[str], slice], program: Program
 ) -> tuple[ConditionedWay, ...]:
-    """Return the samples of a program's conditioned motions, or None if it has no such motions."""
+    """Return the samples of a program's conditioned motions; empty if it has none."""
     phases = {segment.phase for segment in program.segments}
     found: list[ConditionedWay] = []
     for number in range(1, STAIRCASES + len(CONDITIONED) + 1):
@@ -258,7 +260,7 @@ def _rehearsal(
 def rehearsed_grips(
     samples_of: Callable[[str], slice], program: Program
 ) -> tuple[RehearsedGrip, ...]:
-    """Return the samples of the rehearsals of such a program, one slice per phase."""
+    """Return the samples of the rehearsals of a free-response program, one slice per phase."""
     phases = {segment.phase for segment in program.segments}
     return tuple(
         RehearsedGrip(
@@ -272,7 +274,7 @@ def rehearsed_grips(
 
 
 def _small_swings(rig: PlannedRig, mean_V: float) -> Path:
-    """Return swings about a voltage, or as near to it as the limits allow."""
+    """Return small swings about a voltage, or about the nearest voltage that the limits allow."""
     limits, half_V = rig.limits, 0.5 * SMALL_PP_V
     about_V = min(max(mean_V, limits.voltage_min_V + half_V), limits.voltage_max_V - half_V)
     hz = min(SMALL_HZ, 1.0 / (SMALL_SAMPLES * rig.period_s))

@@ -1,10 +1,11 @@
-"""Change of the force on a held part: a load or unload to it, a hold, and the release.
+"""Plan to change the force on a held part: a load or unload to the new force, a hold, and the
+release.
 
 The references begin at the present positions and the present force. The reference of one arm moves
 along the contact line; two arms keep the position of the part. The voltage is predicted from the
-voltage applied: by the identified free response, with a memory that reached that voltage from
-below, or else by d_p. The range of voltages also covers a memory that reached it from above, as
-after a higher force.
+voltage applied: by the identified free response if there is one, assuming that the voltage was
+reached from below; otherwise by d_p. The range of voltages also covers the case that it was reached
+from above, as after a higher force.
 """
 
 from collections.abc import Mapping, Sequence
@@ -174,7 +175,7 @@ def unheld_forces(
 
 
 def held_guards(request: HeldForceRequest, limits: PlanLimits) -> Guards:
-    """Return the guards for a held part and its release."""
+    """Return the guards of a program that begins with a held part and releases it."""
     K_e, tolerance = request.stiffness_mN_per_um, request.stiffness_tolerance
     return Guards(
         contact_force_mN=request.contact_force_mN,
@@ -191,7 +192,11 @@ def held_guards(request: HeldForceRequest, limits: PlanLimits) -> Guards:
 
 
 def _voltages_V(rig: PlannedRig, from_V: float, way_um: float) -> list[list[float]]:
-    """Return the voltages for a displacement of the free arm, for both possible memories."""
+    """Return the voltages for a displacement of the free arm.
+
+    If a free response is known, two lists are returned: for a memory that reached the present
+    voltage from below, and for one that reached it from above.
+    """
     ways_um = [way_um * step / SWEPT_STEPS for step in range(SWEPT_STEPS + 1)]
     model = rig.free_response
     if model is None:
@@ -203,7 +208,8 @@ def _voltages_V(rig: PlannedRig, from_V: float, way_um: float) -> list[list[floa
         for to_V in stops_V:
             memory = swept(model, memory, to_V)[-1]
         voltages_V = free_voltages(model, ways_um, SWEPT_STEP_S, memory)
-        # With creep the model finds another voltage for its present position.
+        # Because of creep, the model computes a slightly different voltage for its present
+        # position.
         shift_V = from_V - voltages_V[0]
         found.append([one + shift_V for one in voltages_V])
     return found

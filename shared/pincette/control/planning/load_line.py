@@ -31,11 +31,11 @@ STANDARD_ERRORS = 2.0
 LEAST_SPREAD_UM = 0.02
 """Standard deviation of the position below which no stiffness is fitted, in µm."""
 LEAST_COUNT = 3
-"""Largest scatter about a straight contact line: multiple of the sensor's noise, and error of the
-free response in µm."""
+"""Smallest number of samples of a load for which a line of the softest or hardest permitted
+stiffness is accepted, if no fit is possible or within the permitted range."""
 STRAIGHT_SIGMAS, STRAIGHT_UM = 1.4, 0.05
-"""Scatter of a straight contact line: multiples of the sensor's noise, and the error of the free
-response, in µm."""
+"""Largest scatter about a contact line that counts as straight: a multiple of the sensor's noise,
+plus an error of the free response in µm."""
 fit_line, spread_um = ContactLine.fit, ContactLine.spread_um
 
 
@@ -54,7 +54,7 @@ def stiffness_bounds(planned_mN_per_um: float, guards: Guards) -> tuple[float, f
 
 
 def line_share(period_s: float) -> float:
-    """Return the fraction of its distance by which the references' line moves in a period."""
+    """Return the fraction of the remaining distance by which the line moves in a period."""
     return 1.0 - exp(-period_s / LINE_S)
 
 

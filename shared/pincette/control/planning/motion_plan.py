@@ -47,12 +47,13 @@ from pincette.control.voltage_range import VoltageRange, around
 REST_S = 0.5
 """Rest after a move, in s, in which the arm settles."""
 CHECK_S, CHECK_REST_S = 1.2, 0.3
-"""Durations, in s, of the check of whether an arm is free, forth and back, and of the rest before
-it."""
+"""Duration of the motion, forth and back, by which a check decides whether an arm is free, and of
+the rest before this motion, in s."""
 FAST_SHARE = 0.95
 """Fraction of the slew limit at which the voltage decreases in a fast return."""
 OPEN_V = 0.1
-"""Margin of voltage for an open-loop motion, which begins at a measured voltage."""
+"""Margin in V added to the voltage range of an open-loop motion, which begins at a measured
+voltage."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +85,8 @@ class Cycles:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MoveRequest:
-    """Request for a motion of the free arm: to a position by the law, or to or by a voltage.
+    """Request for a motion of the free arm: to a position under the law, or to a voltage or by a
+    change of the voltage.
 
     Raises
     ------
@@ -99,8 +101,8 @@ class MoveRequest:
     to_V: float | None = None
     by_V: float | None = None
     zero_s: float | None = None
-    """Duration of the rests before the cycles and before the move at which the force is zeroed, in
-    s; None: no zero."""
+    """Duration of each rest at which the force is zeroed, in s: one before the cycles and one
+    before the move; None: no zero."""
     cycles: Cycles | None = None
     rest_s: float = REST_S
     """Rest after the move, in s."""
@@ -158,7 +160,8 @@ def plan_hold(
     safe_V: float,
     pointers: Mapping[str, str],
 ) -> MotionPlan:
-    """Return a plan to hold a part (None: without end) and release it; phases ``hold``, ``unload``.
+    """Return a plan to hold a part and to release it after ``hold_s`` (None: never); phases
+    ``hold``, ``unload``.
 
     Raises
     ------
@@ -268,7 +271,7 @@ def _unload(release_s: float, safe_V: float) -> Drive:
 
 
 def _after(segments: Sequence[Segment], rig: PlannedRig, stand: StartPosition) -> StartPosition:
-    """Return the position of the arm after segments, by the nominal gain."""
+    """Return position and voltage of the arm after the segments, predicted by the nominal gain."""
     if not segments:
         return stand
     follow = partial(nominal, rig.piezo_um_per_V)
@@ -292,7 +295,11 @@ def _closed_loop_move(request: MoveRequest, at: StartPosition, to_um: float) -> 
 def _driven(
     request: MoveRequest, d_p: float, stand: StartPosition, at: StartPosition
 ) -> list[Segment]:
-    """Return the segments of a move to or by a voltage, in a plan that begins at ``stand``."""
+    """Return the segments of an open-loop move to a voltage, or by a change of the voltage.
+
+    A change is counted from the voltage at ``stand``, the start of the plan; ``at`` is the start of
+    the move.
+    """
     by_V, to_V = request.by_V, request.to_V
     end_V = to_V if to_V is not None else stand.voltage_V + (by_V or 0.0)
     rate = request.speed_um_per_s / d_p
@@ -395,12 +402,18 @@ def _plan(
 def _voltages(
     segments: Sequence[Segment], voltages_V: Sequence[float], rig: PlannedRig
 ) -> VoltageRange:
-    """Return the voltages of a motion: as planned, or predicted if a position is planned."""
+    """Return the range of voltages of a motion.
+
+    It is the planned range if all segments are open-loop. If a position is planned, it is the range
+    of the predicted voltages, with a wider margin.
+    """
     if all(segment.open_loop for segment in segments):
         return around(voltages_V, 0.0, OPEN_V)
     return voltage_range(voltages_V, rig)
 
 
 def named_pointer(found: Excursion, pointers: Mapping[str, str]) -> str:
-    """Return the request member that causes a violation, by ``phase quantity`` or ``phase``."""
+    """Return the request member of a violation, found by ``phase quantity`` or else by
+    ``phase``.
+    """
     return pointers.get(f"{found.phase} {found.quantity}", pointers.get(found.phase, ""))

@@ -27,11 +27,11 @@ from pincette.control.planning.segments import (
 )
 
 BACK_UM = 3.0
-"""Distance by which an arm moves back after its contact, in µm."""
+"""Distance by which an arm moves back after it has found the part, in µm."""
 SETTLE_S = 0.8
 """Time between the end of the load and the start of a path, in s."""
 CARRIED = "rest"
-"""Last phase of a motion program that moves a held part and ends with the part held."""
+"""Last phase of a program that moves a held part and ends while the part is still held."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +63,8 @@ class PairRequest:
     centred: bool = False
     """True if each arm first searches for the part from its own side."""
     compliances_um_per_mN: Pair = (0.0, 0.0)
-    """Compliances s_i, by which a contact force holds an arm back from its free motion."""
+    """Compliances s_i of the arms, in µm/mN: a contact force F moves the tip back from its free
+    position by s_i·F."""
 
     def __post_init__(self) -> None:
         for name in (
@@ -86,7 +87,7 @@ class PairRequest:
 
     @property
     def furthest_um(self) -> Pair:
-        """Return the furthest position to which each arm moves in search of the part."""
+        """Return the furthest position to which each arm moves in search of the part, in µm."""
         on_um = self.contact_tolerance_um + MARGIN_UM
         on_um += self.contact_force_mN / self.stiffness_mN_per_um
         first, second = (s * self.contact_force_mN + on_um for s in self.compliances_um_per_mN)
@@ -126,7 +127,9 @@ class PairPaths:
 
     @property
     def duration_s(self) -> float:
-        """Return the duration of the longer path; the other one rests at its end until then."""
+        """Return the duration of the longer path; after the end of a path its value stays
+        constant.
+        """
         return max(path.duration_s for path in (self.force, self.place) if path is not None)
 
 
@@ -190,8 +193,8 @@ def carry_program(
 ) -> Program:
     """Return a program that moves a held part at its present force, and keeps it held.
 
-    Without a zero that force is not known; the arms keep it unchanged. The final unload is played
-    only if an action or a guard releases the part.
+    The force need not be known: no zero is possible, and the references of the force stay
+    unchanged. The final unload is played only if an action or a guard releases the part.
     """
     segments = (
         Press("move", move_duration(by_um, speed_um_per_s), place_um=by_um, relative=True),
@@ -225,7 +228,7 @@ def _program(
     most_mN: float,
     homes_um: Pair,
 ) -> Program:
-    """Return zero, approach, zero, contact, the pressed part, and the return."""
+    """Return the program: zero, approach, zero, contact, ``pressing``, unload and return."""
     first_um, second_um = request.stand_offs_um
     back_um = max(at - start for at, start in zip(request.furthest_um, starts_um, strict=True))
     approach_s = move_duration(
@@ -284,5 +287,5 @@ def _looked_for(request: PairRequest) -> Sequence[Segment]:
 
 
 def _of(arm: int, goal_um: float) -> tuple[float | None, float | None]:
-    """Return the goals of both tips if one arm moves and the other rests."""
+    """Return the goals of both tips if only one arm moves; None for the resting arm."""
     return (goal_um, None) if arm == 0 else (None, goal_um)

@@ -6,9 +6,9 @@ With the compliance c of part and faces, and the sum g of both tip positions at 
 
 while a part is held. Each voltage is computed from X_i by the free response of the arm.
 
-Conditioning strokes come first. Both arms make them at the same time and away from the part, with
-the depth and number that their free responses allow. The arm that finishes first rests. An arm that
-cannot be conditioned keeps its voltage.
+Conditioning strokes come first. Both arms make them at the same time, away from the part, each with
+the depth and the number that its own free response allows. The arm that finishes first rests. An
+arm that cannot be conditioned keeps its voltage.
 """
 
 from collections.abc import Iterator, Sequence
@@ -77,7 +77,7 @@ class PlannedPair:
     """Compliance c of part and faces, in µm/mN."""
 
     def follow(self, segment: Segment, entry: Entry, ref: Reference) -> Reference:
-        """Return complete references of a sample, including the deflection of pressing arms."""
+        """Return the references with the opening that results from the force on a pressed part."""
         _ = entry
         if not segment.presses:
             return ref
@@ -85,7 +85,7 @@ class PlannedPair:
         return ref._replace(opening_um=opening_um)
 
     def touch(self, seek: Seek, entry: Entry) -> tuple[float, Entry]:
-        """Return the time at which the last searching arm has met the part, and the state then."""
+        """Return the time at which the last searching arm meets the part, and the state then."""
         duration_s = SHORTEST_MOVE_S if seek.duration_s is None else seek.duration_s
         begin_um, end_um = tips(entry.ref), tips(seek.reference(duration_s, entry))
         until_s, found_um = 0.0, list(entry.found_um)
@@ -104,7 +104,7 @@ class PlannedPair:
 
 
 def tips(ref: Reference) -> Pair:
-    """Return both tip positions from the references q and d: x_1 = d/2 + q, x_2 = d/2 - q."""
+    """Return both tip positions from position q and opening d: x_1 = d/2 + q, x_2 = d/2 - q."""
     half_um = 0.5 * ref.opening_um
     return half_um + ref.x_um, half_um - ref.x_um
 
@@ -117,7 +117,8 @@ class HeldPair:
     force_mN: float = 0.0
     """Force on the part, in mN; 0 if it is unknown."""
     voltages_V: Pair | None = None
-    """Applied voltages, in V; None: those of the free responses."""
+    """Voltages applied to both arms, in V; None: the voltages computed by the free responses are
+    used."""
 
     def touch_um(self, joint_um_per_mN: float) -> Pair:
         """Return both tip positions at first contact, from the compliance of part and faces."""
@@ -199,7 +200,10 @@ def after_strokes(course: PairCourse, strokes: PairStrokes) -> PairCourse:
 
 
 def _joined(before: Course, after: Course, begin_s: float) -> Course:
-    """Return both courses joined; the last sample of the first one is the first of the second."""
+    """Return both courses joined.
+
+    The first sample of the second course replaces the last one of the first.
+    """
     return Course(
         before.t_s[:-1] + [begin_s + t_s for t_s in after.t_s],
         before.phase[:-1] + after.phase,

@@ -92,7 +92,7 @@ def triangle(
 def steps(
     quantity: Quantity, levels: Sequence[float], dwell_s: float, rate: float, acceleration: float
 ) -> Path:
-    """Return rests at each level, with quintic moves as fast as rate and acceleration allow.
+    """Return a path that rests at each level and moves between levels as fast as the limits allow.
 
     Raises
     ------
@@ -117,8 +117,8 @@ def waypoints(quantity: Quantity, points: Sequence[tuple[float, float]]) -> Path
     """Return a path through values at times, smooth and without overshoot; at rest at both ends.
 
     The rate at a point is the harmonic mean of the mean rates before and after it, or 0 if they
-    differ in sign. It is at most twice either of them, so that each quintic piece stays between its
-    ends.
+    differ in sign. It is at most twice as large as either of them, so that each quintic piece stays
+    between its ends.
 
     Parameters
     ----------

@@ -86,12 +86,12 @@ class Path(FrozenRecord, frozen=True):
 
     @property
     def full_from_s(self) -> float:
-        """Return the start of the cycles at full amplitude; for knots, the start of the path."""
+        """Return the time at which the cycles at full amplitude begin, in s; 0 for knots."""
         return 0.0 if self.knots else self.blend_cycles * self.cycle_s
 
     @property
     def full_to_s(self) -> float:
-        """Return the end of the cycles at full amplitude."""
+        """Return the time at which the cycles at full amplitude end, in s."""
         return self.duration_s - self.full_from_s
 
     @property

@@ -24,11 +24,11 @@ from pincette.control.response.hysteresis import step as state_after
 from pincette.control.response.inverse import free_voltages
 
 HOME_SHARE = 0.5
-"""Fraction of the voltages below 0 V that the return may use. The rest is reserved for errors of
-the model and undetected drift."""
+"""Fraction of the voltage range below 0 V that the return may use. The rest of this range is
+reserved for errors of the model and undetected drift."""
 SWEPT_STEPS, SWEPT_STEP_S = 50, 0.04
-"""Number of steps, and duration of each in s, by which a model is moved to a position or
-voltage."""
+"""Number of steps in which a model is moved to a position or voltage, and duration of each step in
+s."""
 SHAKEN_V, SHAKES = 0.02, 25
 """Peak-to-peak voltage and number of the small swings that the law makes because of noise while the
 arm presses."""
@@ -156,7 +156,9 @@ class PlannedArm:
     def _moved(
         self, model: HysteresisModel, x_um: float, force_mN: float
     ) -> tuple[HysteresisState, HysteresisState]:
-        """Return the memory at the start of the plan, and at a position against a force."""
+        """Return the memory at the start of the plan, and after a motion to a position and
+        force.
+        """
         begins = start(model) if self.memory is None else self.memory
         way_um = x_um - self.x_start_um + self.compliance_um_per_mN * force_mN
         ways_um = [way_um * step / SWEPT_STEPS for step in range(1, SWEPT_STEPS + 1)]
@@ -166,26 +168,30 @@ class PlannedArm:
         return begins, memory
 
     def entry(self, x_um: float, period_s: float) -> Entry:
-        """Return the state for a plan that begins with the arm at rest at a position."""
+        """Return the entry state of a plan that begins with the arm at rest at a position."""
         begin_V = (x_um - self.x_start_um) / self.piezo_um_per_V
         return Entry(Reference(x_um, voltages_V=(begin_V,)), period_s)
 
     def touched(self, entry: Entry, force_mN: float, rate_mN_per_s: float = 0.0) -> Entry:
-        """Return the state at the end of a seek that has met the part with a force."""
+        """Return the state at the end of a seek in which the arm has met the part with a force."""
         ref = entry.ref._replace(
             x_um=self.pressed_um(force_mN), force_mN=force_mN, force_rate_mN_per_s=rate_mN_per_s
         )
         return entry._replace(ref=ref, line=LoadLine(self.contact_um, self.stiffness_mN_per_um))
 
     def follow(self, segment: Segment, entry: Entry, ref: Reference) -> Reference:
-        """Return complete references of a sample: force during a seek, position without a law."""
+        """Return complete references of a sample.
+
+        During a seek the force is computed from the contact line. In a segment without a law the
+        position is computed from the voltage.
+        """
         if isinstance(segment, Seek):
             pressed_um = ref.x_um - self.contact_um
             return ref._replace(force_mN=max(0.0, self.stiffness_mN_per_um * pressed_um))
         return nominal(self.piezo_um_per_V, segment, entry, ref) if segment.open_loop else ref
 
     def course(self, pieces: Sequence[Piece], period_s: float) -> Course:
-        """Return the course of a plan; raises ValueError where the period is not positive.
+        """Return the predicted course of a plan; raises ValueError if the period is not positive.
 
         While a law drives the arm, the voltages are computed by the free response.
         """
@@ -199,7 +205,10 @@ class PlannedArm:
 
 
 def _shaken(model: HysteresisModel, memory: HysteresisState) -> HysteresisState:
-    """Return the memory after small swings of the voltage about its present value."""
+    """Return both courses joined.
+
+    The first sample of the second course replaces the last one of the first.
+    """
     about_V = memory.voltage_V
     for _ in range(SHAKES):
         for off_V in (-0.5 * SHAKEN_V, 0.5 * SHAKEN_V):

@@ -20,7 +20,7 @@ LONGEST_S = 10_800.0
 Follow = Callable[[Segment, Entry, Reference], Reference]
 """Function that completes the references of a sample, from the segment and its entry state."""
 Touch = Callable[[Seek, Entry], tuple[float, Entry]]
-"""Function that returns the time until a seek meets the part, in s, and the state then."""
+"""Function that returns the time until a seek meets the part, in s, and the state at this time."""
 
 
 class Piece(NamedTuple):
@@ -88,7 +88,7 @@ def predict(
     entry
         State in which the plan begins.
     touch
-        None for segments without a seek.
+        Function for the contact in a seek; may be None if no segment is a seek.
     """
     pieces: list[Piece] = []
     start_s, pressed = 0.0, False
@@ -155,7 +155,7 @@ def planned_phases(pieces: Sequence[Piece], ends_V: Sequence[float]) -> tuple[Pl
 
 
 def near_end(pieces: Sequence[Piece], values: Sequence[float], period_s: float) -> list[float]:
-    """Return the value of a predicted course at the sample nearest to the end of each piece."""
+    """Return the value of a course at the end of each piece, taken from the nearest sample."""
     last = len(values) - 1
     return [values[min(last, int(piece.end_s / period_s + 0.5))] for piece in pieces]
 

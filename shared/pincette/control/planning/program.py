@@ -43,18 +43,18 @@ class Guards(FrozenRecord, frozen=True):
     """Longest time for which the controller waits for the estimator to confirm a zero, in s."""
     position_min_um: Micrometre | None = None
     position_max_um: Micrometre | None = None
-    """Measured position beyond which motion without a law ends with ``overtravel``; None: no
-    limit."""
+    """Upper limit of the measured position, in µm; beyond it a motion without a law ends with
+    ``overtravel``; None: no limit."""
     zero_needed: bool = True
     """True if a refused zero ends the program; False if the program continues without a zero."""
     contacts_from_um: Items[Micrometre] = ()
-    """Smallest contact position that the plan permits, one for each arm. A search that finds the
-    part before it returns if the zero of the force is not confirmed. Empty: any position is
-    permitted."""
+    """Smallest contact position that the plan permits for each arm, in µm. If a search finds the
+    part before this position, and the zero of the force is not confirmed, the arm returns. Empty:
+    any position is permitted."""
     bend_mN_per_um: MillinewtonPerMicrometre = 0.0
-    """Stiffness, in mN/µm, below which a kink beyond the start position of the program is
-    attributed to the free arm itself, up to ten times the contact force; 0: each kink counts as a
-    contact."""
+    """Stiffness, in mN/µm, below which a kink of the force beyond the start position of the program
+    is attributed to the free arm itself, not to a contact. Applies up to ten times the contact
+    force; 0: every kink counts as a contact."""
 
 
 class PlannedRange(FrozenRecord, frozen=True):
@@ -65,7 +65,8 @@ class PlannedRange(FrozenRecord, frozen=True):
     """
 
     voltages: Arms[VoltageRange]
-    """Voltage range of each arm, the first arm first; an arm that is left out has none."""
+    """Voltage range of each arm, the first arm first; an arm that is not listed has no planned
+    range."""
     position_min_um: Micrometre | None = None
     """Lowest position reference of a pressed part; None: no limit."""
     position_max_um: Micrometre | None = None
@@ -122,7 +123,7 @@ class Program(FrozenRecord, frozen=True):
 
 
 def _check_search(name: str, segment: Seek, *, last: bool) -> None:
-    """Check that a search leads to the next segment if it finds the part, else to the retreat."""
+    """Raise ValueError if a search is the last segment or belongs to a retreat."""
     if last:
         raise ValueError(f"{name} seeks a part, but nothing follows it")
     if segment.phase in RETREATS:

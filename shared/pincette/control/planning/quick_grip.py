@@ -6,8 +6,9 @@ rise, and the force rises with the stiffness K_e/S of part and arm in series:
     F = F_touch + K_e/S·v·n·T,    K_e/S = 1/(1/K_e + s_p),  S = 1 + s_p·K_e
 
 This force must be below half of the planned force for the hardest permitted part, so that the other
-half remains for the load. If a part is met earlier than planned, during the approach, it may be
-three quarters: no load follows, and the remaining quarter allows for the reversal.
+half remains for the load. If the part is met earlier than planned, during the approach, the force
+may reach three quarters of the planned force: no load follows, and the remaining quarter allows for
+the reversal.
 
 After the contact F_r is a quintic that begins with the rate K_e·v and ends at rest. For the
 remaining distance ΔF/K_e, the speed decreases smoothly from v to 0 in 2·ΔF/(K_e·v); a quintic
@@ -23,8 +24,8 @@ from pincette.control.planning.profiles import minimum_duration, move
 from pincette.control.planning.touch_force import FORCE_SHARE, LOAD_PERIODS, SafeTouch, short_load
 
 SMOOTH, LONGEST = 2.0, 2.5
-"""Durations of a load from the speed v over the distance d, in multiples of d/v: that with a smooth
-deceleration, and the longest without overshoot."""
+"""Durations of a load over the distance d that begins at the speed v, in multiples of d/v: the
+duration with a smooth deceleration, and the longest duration without overshoot."""
 EARLY_SHARE = 0.75
 """Fraction of the planned force that may act when the contact occurs earlier than planned."""
 SLEW_SHARE = 0.6
@@ -71,7 +72,7 @@ class QuickSpeeds(NamedTuple):
 
 
 def load_duration(way_um: float, speed: float, peak_speed: float) -> float:
-    """Return the shortest time in s of a load over ``way_um``, from ``speed`` to rest."""
+    """Return the shortest time in s of a load over ``way_um`` from ``speed`` to rest."""
     longest_s = SMOOTH * way_um / speed
     if peak_speed <= speed:
         return longest_s
@@ -114,7 +115,7 @@ def quick_speeds(
     seek = asked.seek_um_per_s or min(usual.seek_um_per_s, peak, limit)
     way_um = _way_um(touch, K_e, seek)
     if asked.seek_um_per_s is None:
-        # A load that takes longer, because of the request or the period, begins more slowly.
+        # A longer load, as the request or the period may require, begins at a lower speed.
         seek = min(seek, SMOOTH * way_um / max(asked.load_s or 0.0, least_s))
         way_um = _way_um(touch, K_e, seek)
     load_s = asked.load_s or max(least_s, load_duration(way_um, seek, peak))
@@ -146,7 +147,7 @@ def quick_speeds(
 
 
 def _way_um(touch: SafeTouch, K_e: float, speed: float) -> float:
-    """Return the distance from the contact to the planned force; at least a tenth of F/K_e."""
+    """Return the distance from the contact to the planned force, in µm; at least 0.1·F/K_e."""
     begun_mN = force_at_touch_mN(
         touch.contact_force_mN, K_e, touch.compliance_um_per_mN, speed, touch.period_s
     )

@@ -16,7 +16,7 @@ from pincette.control.quantities import MAX_ITEMS
 RETURN_S = 0.5
 """Duration of the move to the first voltage of the motion, in s."""
 REST_S = 1.0
-"""Duration of the rest at that voltage, in s."""
+"""Duration of the rest at the first voltage of the motion, in s."""
 SPREAD = 0.005
 """Relative amount by which the voltages of alternate runs are scaled up and down. Later jobs do not
 repeat a motion exactly: noise and the contact line change its turning points by about this amount,
@@ -29,9 +29,9 @@ class RecordedSegment:
 
     phase: str
     voltages_V: tuple[float, ...]
-    """Voltages applied at its ticks, from tick 1, in V."""
+    """Voltages applied at the ticks of the segment, from tick 1, in V."""
     zeroes: bool
-    """True if the force was zeroed at its end."""
+    """True if the force was zeroed at the end of the segment."""
 
 
 class Pressed(NamedTuple):

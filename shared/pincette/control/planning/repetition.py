@@ -31,7 +31,8 @@ GAIN = 0.5
 MOST_UM = 1.0
 """Bound of |l|, in µm. A larger correction would indicate another cause than a repeated error."""
 MOST_CYCLES = 12
-"""Number of cycles after which the sensor's noise adds more error than remains to be learned."""
+"""Largest number of cycles used for learning. After these the sensor's noise adds more error than
+remains to be learned."""
 PATIENCE = 2
 """Number of consecutive cycles without a repeated error that end the learning."""
 CHANCE = 2.0
@@ -51,11 +52,14 @@ class Corrections(FrozenRecord, frozen=True):
     """Corrections played in the cycle with the lowest error, in µm; empty before the first cycle.
     """
     quiet: Whole = 0
-    """Number of newest consecutive cycles that did not repeat an error of the previous cycle."""
+    """Number of consecutive cycles, up to the newest one, that did not repeat an error of the cycle
+    before."""
 
     @property
     def over(self) -> bool:
-        """Return True after ``MOST_CYCLES``, or once no error repeats: the learning has ended."""
+        """Return True if the learning has ended: after ``MOST_CYCLES``, or when no error
+        repeats.
+        """
         return len(self.errors_um) >= MOST_CYCLES or self.quiet >= PATIENCE
 
     def at(self, tick: int) -> float:
@@ -103,9 +107,9 @@ class HeldOut(NamedTuple):
     after_um: float
     """R.m.s. error over the cycles played with corrections from earlier cycles, in µm."""
     cycles: int
-    """Number of those cycles."""
+    """Number of cycles over which ``after_um`` is averaged."""
     helps: bool
-    """True if the error has decreased by more than chance."""
+    """True if the error has decreased by more than noise explains."""
 
 
 def held_out(
@@ -114,7 +118,7 @@ def held_out(
     """Evaluate corrections with cycles from which they were not learned.
 
     A cycle is played with corrections learned from earlier cycles, so that its error is an
-    independent test of them. The later half of such cycles is used.
+    independent test of them. The later half of these cycles is used.
 
     Parameters
     ----------
@@ -154,7 +158,8 @@ class CycleLearner(FrozenRecord, frozen=True):
     def updated(self, tick: int, error_um: float, *, limited: bool) -> "CycleLearner":
         """Add x - x_r at a tick since the start of a cycle.
 
-        A cycle in which a tick is missing or repeated, or a limit acts, is not used for learning.
+        A cycle is not used for learning if one of its ticks is missing or repeated, or if a limit
+        acts in it.
         """
         count = len(self.corrections.values_um)
         place = tick % count

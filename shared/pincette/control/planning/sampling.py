@@ -13,7 +13,7 @@ ROUNDING = 1e-6
 def unsampled(segments: Sequence[Segment], period_s: float) -> list[str]:
     """Return a text for each segment, or piece of its path, that lies between two samples.
 
-    References are evaluated only at the samples: a motion of a path within less than a period is
+    References are evaluated only at the samples: a part of a path that is shorter than a period is
     not played, and a segment shorter than a period lasts a whole period.
     """
     found: list[str] = []

@@ -52,18 +52,20 @@ class Entry(NamedTuple):
     """State in which a segment begins."""
 
     ref: Reference
-    """References of the last sample before the segment."""
+    """References of the last sample before the segment begins."""
     period_s: float
     line: LoadLine | None = None
     """Contact line of one arm; None if it is not known."""
     found_um: tuple[float | None, ...] = ()
     """Position at which each of two arms has met the part, in µm; None before its contact."""
     held_at_um: float | None = None
-    """Position of the part when two arms first held it, in µm; None before."""
+    """Position of the part when two arms first held it, in µm; None before they hold it."""
 
 
 class SegmentBase(FrozenRecord, frozen=True, tag_field="kind"):
-    """Fields and methods common to all segments; as a segment it keeps all references constant."""
+    """Fields and methods common to all segments; a plain ``SegmentBase`` keeps all references
+    constant.
+    """
 
     phase: Text
     duration_s: Second | None
@@ -71,7 +73,7 @@ class SegmentBase(FrozenRecord, frozen=True, tag_field="kind"):
     law: Whole = 0
     """Index of the law among those of the program."""
     guarded: bool = False
-    """True if a contact in free space ends the program with ``contact``."""
+    """True if an unexpected contact in this segment ends the program with ``contact``."""
     zeroes: bool = False
     """True if the force is zeroed at the end."""
 
@@ -80,7 +82,7 @@ class SegmentBase(FrozenRecord, frozen=True, tag_field="kind"):
     open_loop: ClassVar[bool] = False
     """True if the voltage is given without a law."""
     ends_moving: ClassVar[bool] = False
-    """True if the references never rest, not even at the end of the segment."""
+    """True if the references are still moving at the end of the segment."""
     hides_force: ClassVar[bool] = False
     """True if the force is unknown during the segment."""
     lets_go: ClassVar[bool] = False
@@ -88,7 +90,7 @@ class SegmentBase(FrozenRecord, frozen=True, tag_field="kind"):
 
     @property
     def arms(self) -> int | None:
-        """Return the number of arms that the segment is for; None for any number."""
+        """Return the number of arms for which the segment is defined; None for any number."""
         return None
 
     def reference(self, t_s: float, entry: Entry) -> Reference:
@@ -132,7 +134,10 @@ class Move(SegmentBase, frozen=True, tag="move"):
         return Reference(*_motion(x, t_s), *kept, opening.position(t_s), opening.speed(t_s))
 
     def _goal(self, entry: Entry, duration_s: float) -> tuple[float, float]:
-        """Return position, or position and opening, at the end; no goal: the arm decelerates."""
+        """Return the goal: the position, or with two arms position and opening.
+
+        Without a goal the arm slows down to rest.
+        """
         ref = entry.ref
         if len(self.to_um) == 1:
             to_um = self.to_um[0]
@@ -274,7 +279,8 @@ class Press(SegmentBase, frozen=True, tag="press"):
 
 
 class Track(SegmentBase, frozen=True, tag="track"):
-    """The force on a part follows a path in time; with two arms the part's position, or both.
+    """The force on a part follows a path in time. With two arms, the part's position can follow a
+    path, too.
 
     With one arm the position reference moves with the force along the contact line.
 
@@ -420,8 +426,8 @@ class Drive(SegmentBase, frozen=True, tag="drive"):
 class LetGo(Drive, frozen=True, tag="let_go", kw_only=True):
     """Voltages that release a held part, without a law.
 
-    A segment with ``checks`` moves a little, forth and back; if each arm is found to be free, the
-    program ends there.
+    A segment with ``checks`` moves each arm a little, forth and back; if each arm is found to be
+    free, the program ends after this segment.
 
     Raises
     ------

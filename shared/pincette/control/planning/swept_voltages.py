@@ -23,7 +23,7 @@ from pincette.control.planning.sweep import Sweep
 class SweptVoltages(Sequence[float]):
     """Voltages of a sweep at intervals of 1/rate; the last one is the rest voltage.
 
-    Each part is computed when it is requested, since computing the whole sweep would take too long
+    Each slice is computed when it is requested, since computing the whole sweep would take too long
     for one tick.
     """
 

@@ -10,7 +10,7 @@ from pincette.control.planning.segments import Move
 
 
 class Leg(NamedTuple):
-    """A move to a fraction of the range at a fraction of the speed, and a rest after it in s."""
+    """A move to a fraction of the range, at a fraction of the speed, followed by a rest in s."""
 
     to: float
     rest_s: float = 0.0
@@ -21,10 +21,10 @@ SLOW = 1.0 / 3.0
 COURSE = (
     # Growing swings from the unpoled state of a new rig, whose first stroke has its own branch.
     *(Leg(0.0, 2.0), Leg(0.2), Leg(0.0, 0.4), Leg(0.4), Leg(0.0, 0.4), Leg(0.7), Leg(0.0, 0.4)),
-    # The whole range, which erases the earlier memory; then swings of mixed width.
+    # The whole range, which erases the earlier memory; then swings of different widths.
     *(Leg(1.0, 0.4), Leg(0.0, 0.3), Leg(1.0), Leg(0.0, 0.3)),
     *(Leg(0.8), Leg(0.1), Leg(0.8), Leg(0.1), Leg(0.65), Leg(0.3), Leg(0.7), Leg(0.2)),
-    # A grip, loops at its top as in normal operation, and a drift with small loops.
+    # A grip, loops at its highest position as in normal operation, and a drift with small loops.
     *(Leg(0.56, 0.4, SLOW), Leg(0.66, 0.2, SLOW), Leg(0.95, 3.0, SLOW)),
     *(Leg(0.75), Leg(0.95), Leg(0.75), Leg(0.95), Leg(0.8), Leg(0.9), Leg(0.78), Leg(0.88)),
     *(Leg(0.55, 0.0, SLOW), Leg(0.05, 0.3)),
@@ -40,7 +40,7 @@ COURSE = (
 
 
 def teaching_program(from_um: float, to_um: float, speed_um_per_s: float) -> Program:
-    """Return free motion over a range of positions, at a given peak speed.
+    """Return a program that moves the free arm over a range of positions, at a given peak speed.
 
     Raises
     ------

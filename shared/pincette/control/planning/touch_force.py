@@ -15,16 +15,16 @@ from pincette.control.planning.contact_request import CONTACT_SAMPLES, force_at_
 from pincette.control.planning.feasibility import Violation
 
 FORCE_SHARE = 0.5
-"""Largest fraction of the planned force when the contact is detected."""
+"""Largest force at the moment when the contact is detected, as a fraction of the planned force."""
 SEEK_SHARE = 0.75
-"""Largest fraction of the planned force on a part when the arm stops at the contact."""
+"""Largest force on a part when the arm stops at the contact, as a fraction of the planned force."""
 SEEK = "seek_um_per_s"
 LOAD_PERIODS = 15
 """Smallest number of periods in a load during which the contact line is identified."""
 
 
 def least_force_mN(contact_force_mN: float) -> float:
-    """Return the force that a planned force must exceed, in mN."""
+    """Return the lower bound of the planned force, in mN; a planned force must exceed it."""
     return contact_force_mN / FORCE_SHARE
 
 
@@ -57,8 +57,8 @@ class SafeTouch(NamedTuple):
     """Limits of the speed at which an arm that stops at the contact may meet a part.
 
     The arm continues to move until ``CONTACT_SAMPLES`` samples show the contact, at the force
-    ``force_at_touch_mN``. At the expected position, where the arm moves at the speed of the seek,
-    this may be only a fraction of the planned force, so that the arm can still stop. If a part is
+    ``force_at_touch_mN``. At the expected position the arm moves at the speed of the seek, and this
+    force may be only a fraction of the planned force, so that the arm can still stop. If a part is
     met earlier, at the speed of the approach, the force must not exceed the planned force.
     """
 
@@ -70,14 +70,16 @@ class SafeTouch(NamedTuple):
     compliance_um_per_mN: float
     period_s: float
     seek_share: float = SEEK_SHARE
-    """Largest fraction of the planned force at a contact at the speed of the seek."""
+    """Largest force when the arm meets the part at the speed of the seek, as a fraction of the
+    planned force."""
     approach_share: float = 1.0
-    """Largest fraction of the planned force at a contact at the speed of the approach."""
+    """Largest force when the arm meets a part at the speed of the approach, as a fraction of the
+    planned force."""
 
     def limit(self, name: str) -> float:
         """Return the highest safe speed in µm/s.
 
-        The speed is infinite if the force is refused for another reason.
+        The limit is infinite if the planned force is so low that it is refused anyway.
 
         Parameters
         ----------
