@@ -1,4 +1,5 @@
-"""Rates of one Bouc-Wen play, which has no yield threshold, fitted to a recorded free motion.
+"""Fit of the two rates of one Bouc-Wen play, which has no yield threshold, to a recorded free
+motion.
 
 Weights and creep are linear or nearly so, and ``separable_fit`` finds them for given rates. The
 residual then depends on the two rates alone. Gauss-Newton iterations over the logarithms of the
@@ -22,15 +23,15 @@ from pincette.control.response.separable_fit import separable_fit
 RIDGE = 1e-6
 COEFFICIENTS = 6
 """Number of coefficients: two rates, three weights and the offset. The coefficients of the creep
-are added to it."""
+are counted in addition."""
 RETURNING = (0.5, 1.0, 2.0)
 """Start values of the search for the ratio of the unloading rate to the loading rate."""
 STARTS = 4.0
 """Start value of the search for the loading rate, as a multiple of 1/travel."""
 DIFFERENCE = 1e-2
-"""Change of a logarithm over which the finite differences are computed."""
+"""Step of the logarithm of a rate in a finite difference."""
 LONGEST, SHORTEST = 0.7, 0.05
-"""Longest step of a logarithm, and smallest fraction of a step that is tried."""
+"""Longest step of the logarithm of a rate, and smallest fraction of a step that is tried."""
 ROUNDS = 12
 WORTH_A_ROUND = 1e-3
 """Relative decrease of the residual below which the iteration ends."""
@@ -87,7 +88,7 @@ def _rates(log_fading: float, log_returning: float) -> Rates:
 
 
 def _left(record: Record, until: int, rates: Rates) -> Column:
-    """Return the residual of the best weights and creep over the known samples, minus its mean."""
+    """Return the residual over the known samples for the best weights and creep, minus its mean."""
     fading, returning = rates
     plays = play_columns((0.0, 1.0 / fading), (0.0, fading), record.u, (0.0, returning))
     columns = np.column_stack([plays, record.u**2])

@@ -30,7 +30,7 @@ SETTLED = 0.5
 LEAST_S = 0.1
 """Shortest rest that is evaluated, in s."""
 LEAST_WAY_UM = 2.0
-"""Shortest motion whose repeatability is evaluated, in µm."""
+"""Shortest motion that is used to compute the repeatability, in µm."""
 APART_V = 0.01
 """Smallest difference between two voltages of the table, in V."""
 
@@ -47,7 +47,7 @@ class ConditionedWay(NamedTuple):
 
 
 class MeasuredBranch(NamedTuple):
-    """The rising branch of a conditioned arm, and the error of the model when the arm returns."""
+    """The rising branch of a conditioned arm, and the error of the model after a return."""
 
     branch: ConditionedBranch
     return_error_um: float | None
@@ -73,8 +73,8 @@ def measured_branch(
 ) -> MeasuredBranch | None:
     """Return the rising branch, or None without staircases or without rehearsed grips.
 
-    After the strokes the plays of the model are set to those of a poled arm, whatever came before,
-    as in the estimator. The creep states continue.
+    After the strokes the plays of the model are set to those of a poled arm, whatever their states
+    were before. The estimator does the same. The creep states continue.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def measured_branch(
     spread = _way_spread(stairs, noise_um)
     strokes = _arrivals(voltage_V[grips[0][0].strokes], voltages_V[0])
     nothing_um = (0.0,) * len(added_um)
-    # The table is kept only if it improves grips that it was not made from.
+    # The table is kept only if it reduces the error in grips that were not used to make it.
     judged = [
         _judged(
             ConditionedBranch(
@@ -138,7 +138,7 @@ def measured_branch(
 
 
 def _with_rests(branch: ConditionedBranch, ways: Sequence[tuple[Rest, Rest]]) -> ConditionedBranch:
-    """Return the branch with the measured motion from the bottom to the rest after the strokes."""
+    """Return the branch with the ratio of the motion from the lowest voltage to the next rest."""
     ratios = [
         _apart_um(bottom, rest) / (rest.model_um - bottom.model_um + branch.at(rest.voltage_V))
         for bottom, rest in ways
@@ -155,7 +155,7 @@ def _judged(
     grips: Sequence[tuple[ConditionedWay, RehearsedGrip, Rest, Rest]],
     uneven_um: float,
 ) -> MeasuredBranch:
-    """Return the branch with its errors and motion ratios, determined from rehearsed grips.
+    """Return the branch with its errors and motion ratios, computed from rehearsed grips.
 
     No error is below ``uneven_um``.
     """
@@ -236,7 +236,7 @@ def _apart_um(begin: Rest, end: Rest) -> float:
 def _modelled_um(
     model: HysteresisModel, voltage_V: Column, period_s: float, ways: Sequence[ConditionedWay]
 ) -> Column:
-    """Return the model's displacement in µm, conditioned by the strokes of each motion."""
+    """Return the displacement of the model in µm, with its plays set by each motion's strokes."""
     strokes = voltage_V[ways[0].strokes]
     low_V, high_V = float(np.min(strokes)), float(np.max(voltage_V))
     nothing = ConditionedBranch(
@@ -254,7 +254,7 @@ def _modelled_um(
 
 
 def _arrivals(voltage_V: Column, low_V: float) -> int:
-    """Return how often the voltage reaches its lowest value."""
+    """Return how often the voltage comes down to ``low_V``, within 5 % of ``low_V``."""
     low = np.concatenate([[False], voltage_V <= 0.95 * low_V])
     return int(np.sum(~low[:-1] & low[1:]))
 
@@ -275,14 +275,14 @@ def _table(stairs: Sequence[Sequence[Rest]]) -> tuple[tuple[float, ...], tuple[f
 
 
 def _bottom(u: Column, left: Column, model: Column, period_s: float, way: ConditionedWay) -> Rest:
-    """Return the rest at the bottom of the last stroke."""
+    """Return the rest at the lowest voltage of the last stroke."""
     rests = _rests(u, left, model, period_s, way.strokes)
     low_V = min(rest.voltage_V for rest in rests)
     return [rest for rest in rests if rest.voltage_V <= low_V + APART_V][-1]
 
 
 def _rests(u: Column, left: Column, model: Column, period_s: float, samples: slice) -> list[Rest]:
-    """Return the mean values at the end of each rest of the voltage within some samples."""
+    """Return mean values over the end of each rest of the voltage in a range of samples."""
     still = np.concatenate([[False], np.diff(u[samples]) == 0.0])
     edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
     found: list[Rest] = []

@@ -20,26 +20,27 @@ from pincette.control.record import FrozenRecord
 from pincette.control.response.error_growth import ErrorGrowth, widening
 
 STROKES, MOST_STROKES = 3, 20
-"""Smallest and largest number of strokes of one conditioning."""
+"""Usual, and largest, number of strokes of one conditioning; the usual number is also the
+smallest."""
 WAY_SHARE = 2.0
-"""Voltage travel of all strokes, down and up, as a multiple of the range that the model was
-identified over. The memory of Bouc-Wen hysteresis decays with the distance travelled, so that more
-strokes are needed if they are shallow."""
+"""Smallest total voltage travel of all strokes, down and up, as a multiple of the voltage range of
+the identification. The memory of Bouc-Wen hysteresis decays with the distance travelled, so that
+more strokes are needed if they are shallow."""
 FRESH_V = 0.1
-"""Decrease from the highest voltage since the strokes, in V, up to which the branch still counts as
-rising."""
+"""Largest decrease of the voltage from its highest value since the strokes, in V, at which the arm
+still counts as being on the rising branch."""
 NEAR = 0.02
 NEAR_V = 0.01
-"""Distance from the bottom at which a stroke counts as complete: a fraction of its depth, plus a
-voltage in V."""
+"""Distance from the lowest voltage at which a stroke counts as complete: a fraction of the stroke
+depth, plus a value in V."""
 RISE = 0.1
-"""Fraction of the stroke depth, below 0 V, above which the voltage must rise between two
-strokes."""
+"""The voltage must rise above this fraction of the lowest voltage between two strokes."""
 AWAY_V = 0.05
 """Distance from a measured voltage, in V, beyond which the measurement does not apply to an arm
 that moves in jumps."""
 OVER = 0.05
-"""Fraction of the stroke depth, above 0 V, beyond which a motion no longer counts as a stroke."""
+"""A motion that rises above 0 V by more than this fraction of the stroke depth does not count as a
+stroke."""
 PAST_CREEP = ((2.0, 0.13), (10.0, 0.07), (60.0, 0.03))
 """Uncertainty from creep that began before the strokes: time since the strokes in s, expanded
 uncertainty (95 %) in mN."""
@@ -57,20 +58,20 @@ class ConditionedBranch(FrozenRecord, frozen=True):
     """Standard error of x_1 as a function of the voltage travel since the zero of a conditioned
     grip."""
     places_V: tuple[float, ...] = ()
-    """Rising sequence of voltages up to which the motion from the rest after the strokes was
-    measured, in V."""
+    """Rising sequence of voltages at which measured motions ended that began at the rest after the
+    strokes, in V."""
     way_ratios: tuple[float, ...] = ()
-    """Ratio of the measured motion to that of model and table, for each of ``places_V``."""
+    """Ratio of the measured motion to the motion by model and table, for each of ``places_V``."""
     way_spread: float = 0.0
-    """Standard deviation of such a ratio between conditioned motions, without noise."""
+    """Standard deviation of a ratio of ``way_ratios`` between repeated motions, without noise."""
     way_uneven: float = 0.0
-    """Standard deviation of the ratio at a voltage that is ``AWAY_V`` or further from the measured
-    ones. Arms with few large relays move in jumps."""
+    """Additional standard deviation of the ratio at voltages that differ from all measured ones by
+    ``AWAY_V`` or more. Arms with few large relays move in jumps."""
     strokes: int = STROKES
     """Number of strokes before the measurement of the branch."""
     rest_ratio: float = 1.0
-    """Ratio of the measured motion from the bottom to the rest after the strokes to that of model
-    and table."""
+    """Ratio of the measured motion to the motion by model and table, from the lowest voltage of the
+    strokes to the rest after them."""
     rest_spread: float = 0.0
     """Standard deviation of ``rest_ratio`` between conditioned motions."""
     rehearsals: int = 0
@@ -94,13 +95,13 @@ class ConditionedBranch(FrozenRecord, frozen=True):
 
     @property
     def low_V(self) -> float:
-        """Return the voltage at the bottom of the strokes, in V."""
+        """Return the lowest voltage of the strokes, in V."""
         return self.voltages_V[0]
 
     def at_least(self, error_um: float) -> "ConditionedBranch":
         """Return the branch with every error raised to a lower bound, in µm.
 
-        A bound above all errors of the few rehearsals replaces these errors.
+        If the bound exceeds all errors, which are known from few rehearsals, it replaces them.
         """
         errors, factor = self.errors, widening(self.rehearsals)
         if error_um < factor * max(errors.errors_um):
@@ -109,12 +110,12 @@ class ConditionedBranch(FrozenRecord, frozen=True):
         return replace(self, errors=widened.at_least(error_um), rehearsals=0)
 
     def way_at(self, voltage_V: float) -> tuple[float, float]:
-        """Return the ratio for the motion to a voltage, and the standard deviation of that ratio.
+        """Return the ratio of ``way_ratios`` for a motion to a voltage, and its standard deviation.
 
         Between two measured voltages the ratio is interpolated. Its standard deviation grows with
-        the distance from the nearer one, by up to half of the difference of the two ratios and up
-        to ``way_uneven``. Beyond the outermost voltages it grows by up to the full difference of
-        the ratios.
+        the distance from the nearer of the two, by up to half of the difference between their
+        ratios, and by up to ``way_uneven``. Beyond the outermost voltages it grows by up to the
+        difference between the largest and the smallest ratio.
         """
         places_V, ratios = self.places_V, self.way_ratios
         if not places_V:
@@ -136,7 +137,7 @@ class ConditionedBranch(FrozenRecord, frozen=True):
         return ratios[nearest], hypot(self.way_spread, share * (max(ratios) - min(ratios)), uneven)
 
     def at(self, voltage_V: float) -> float:
-        """Return a(u) in µm."""
+        """Return the correction a(u) of the displacement, in µm."""
         place = bisect_right(self.voltages_V, voltage_V)
         if place == 0:
             return self.added_um[0]
@@ -148,29 +149,31 @@ class ConditionedBranch(FrozenRecord, frozen=True):
 
 
 class Strokes(FrozenRecord, frozen=True):
-    """Conditioning strokes of the voltage, and its path since then."""
+    """Conditioning strokes of the voltage so far, and the voltage since the last conditioning."""
 
     count: int = 0
-    """Number of times the voltage has reached the bottom since it was last far above 0 V."""
+    """Number of strokes that have reached the lowest voltage since the voltage was last far above 0
+    V."""
     down: bool = False
-    """True from the bottom of a stroke until the voltage is near 0 V again."""
+    """True from the lowest voltage of a stroke until the voltage is near 0 V again."""
     bottom: bool = False
-    """True while the voltage is at the bottom."""
+    """True while the voltage is at the lowest voltage of a stroke."""
     top_V: float = 0.0
-    """Highest voltage since the last bottom of a conditioning, in V."""
+    """Highest voltage since the end of the last stroke of a conditioning, in V."""
     fell_V: float = 0.0
-    """Largest decrease of the voltage below ``top_V`` since then, in V."""
+    """Largest decrease of the voltage below ``top_V`` since the last conditioning, in V."""
     since_s: float = 0.0
-    """Time since that bottom, in s."""
+    """Time since the lowest voltage of the last stroke, in s."""
     added_um: float = 0.0
-    """Correction a(top_V) of the last conditioning, until the next one is complete, in µm."""
+    """Correction a(top_V) after the last conditioning, in µm; kept until the next conditioning is
+    complete."""
 
     conditioned: bool = False
     """True once a conditioning is complete, until the next one begins."""
 
     @property
     def complete(self) -> bool:
-        """Return whether this is the bottom of the last stroke of a conditioning."""
+        """Return True while the last stroke of a conditioning is at its lowest voltage."""
         return self.conditioned and self.bottom
 
     @property
@@ -223,7 +226,7 @@ def strokes_needed(low_V: float, high_V: float) -> int:
     Parameters
     ----------
     low_V, high_V
-        Range of voltage that the model was identified over. ``low_V`` is the bottom of the strokes.
+        Voltage range of the identification. ``low_V`` is also the lowest voltage of the strokes.
     """
     wanted = ceil(WAY_SHARE * (high_V - low_V) / (2.0 * abs(low_V)))
     return min(max(STROKES, wanted), MOST_STROKES)
@@ -232,7 +235,8 @@ def strokes_needed(low_V: float, high_V: float) -> int:
 def past_creep_mN(since_s: float) -> float:
     """Return the expanded uncertainty in mN (95 %) from creep that began before the strokes.
 
-    It was found on simulated arms of three classes and does not depend on the force.
+    The values were determined with simulated arms of three hysteresis classes. They do not depend
+    on the force.
     """
     (from_s, from_mN), *others = PAST_CREEP
     if since_s <= from_s:

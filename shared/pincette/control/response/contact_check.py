@@ -20,7 +20,7 @@ LEAST_SWING_MN = 2.0
 """Smallest swing of the force, in mN. A part held at a constant force does not show how the force
 depends on the position."""
 CHANCE = 2.0
-"""Increase of a mean square that chance may cause, in standard deviations."""
+"""Largest increase of a mean square that counts as chance, in standard deviations."""
 
 
 class ContactScatter(NamedTuple):
@@ -42,7 +42,7 @@ class ContactScatter(NamedTuple):
 def contact_scatter(
     x_um: ArrayLike, force_mN: ArrayLike, correction_mN: ArrayLike
 ) -> ContactScatter | None:
-    """Return the scatter of pressed samples; None if they are too few or hardly move.
+    """Return the scatter of pressed samples; None if they are too few or the force hardly changes.
 
     Parameters
     ----------

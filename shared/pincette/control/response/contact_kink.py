@@ -43,7 +43,7 @@ class ContactKink(NamedTuple):
     x_um: float
     """Position x_c of the kink, in µm."""
     voltage_V: float
-    """Mean voltage at which the arm reaches that position while it moves up, in V."""
+    """Mean voltage at which the arm reaches ``x_um`` while it moves up, in V."""
     softening: float
     """Softening c = s_p·K, without unit."""
 
@@ -63,8 +63,8 @@ def contact_kink(
     voltage_V, x_um
         N samples in V and µm, finite.
     course
-        Samples over whose travel the thresholds of the plays are spread. Once the voltage has
-        covered this travel, the plays are known.
+        Samples whose voltage range determines the thresholds of the plays. Once the voltage has
+        covered this range, the states of the plays are known.
     """
     course = course or slice(len(voltage_V))
     columns, known = _columns(voltage_V, x_um, period_s, course)
@@ -92,7 +92,9 @@ def contact_kink(
 def _columns(
     u: Column, x: Column, period_s: float, course: slice
 ) -> tuple[NDArray[np.float64], int]:
-    """Return the columns that represent f, and the first sample from which every play is known."""
+    """Return the columns whose linear combination represents f, and the first sample with known
+    plays.
+    """
     thresholds, fadings = [0.0], [0.0]
     travel_V = float(np.ptp(u[course]))
     for share in (0.0, YIELDING):
@@ -116,6 +118,6 @@ def _ridged(columns: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _projected(across: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the component of columns orthogonal to those of f; the last rows are the ridge's."""
+    """Return the components orthogonal to the columns of f; the last rows belong to the ridge."""
     padded = np.vstack([values, np.zeros((len(across) - len(values), values.shape[1]))])
     return padded - across @ (across.T @ padded)

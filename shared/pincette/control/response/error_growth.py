@@ -5,8 +5,8 @@ errors,
 
     E(w) = √⟨[r(t) - r(t_0)]²⟩,    |u(t) - u(t_0)| = w,    r = x - x_1
 
-as a mean over grips rehearsed without a part, where t_0 is the time at which they would be zeroed.
-``model_errors.rehearsed_errors`` computes it, the estimator uses it.
+as a mean over grips rehearsed without a part, where t_0 is the time at which the force would be
+zeroed. ``model_errors.rehearsed_errors`` computes it, the estimator uses it.
 """
 
 from collections.abc import Sequence
@@ -43,9 +43,9 @@ def coverage(freedom: float) -> float:
 
 
 def widening(rehearsals: int) -> float:
-    """Return the factor to multiply ``COVERAGE`` by for an error known from so few rehearsals.
+    """Return the factor by which ``COVERAGE`` is multiplied for an error known from few rehearsals.
 
-    0 stands for so many rehearsals that their number does not matter.
+    ``rehearsals`` = 0 means that no such correction is needed; the factor is then 1.
     """
     return coverage(rehearsals) / COVERAGE if rehearsals else 1.0
 
@@ -55,9 +55,9 @@ class ShownError(NamedTuple):
 
     error_um: float
     rehearsals: int = 0
-    """Number of those rehearsals; 0: so many that the number does not matter."""
+    """Number of the rehearsals; 0 if the error needs no correction for a small number of them."""
     until_s: float = 0.0
-    """Age of the zero up to which the error holds, in s; see ``ErrorGrowth``."""
+    """Age of the zero up to which the error is valid, in s; see ``ErrorGrowth``."""
 
 
 class ErrorGrowth(NamedTuple):
@@ -68,7 +68,8 @@ class ErrorGrowth(NamedTuple):
     errors_um: tuple[float, ...]
     """Standard error for each voltage travel, in µm; it never decreases."""
     until_s: float = 0.0
-    """Age of the zero up to which the errors hold, in s. Afterwards creep is added."""
+    """Age of the zero up to which the errors are valid, in s. For later times an error by creep is
+    added."""
 
     def at(self, way_V: float) -> float:
         """Return the standard error of x_1 at a voltage travel since the zero, in µm."""

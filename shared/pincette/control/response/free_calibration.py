@@ -42,14 +42,14 @@ from pincette.control.response.model_errors import (
 )
 
 CREEP_FROM_S = 0.1
-"""Time since the end of the step, in s, from which creep is fitted. Before it the arm still
+"""Time since the end of the step, in s, from which creep is fitted. Before this time the arm still
 rings."""
 BEFORE_S = 0.5
 """Time before the step, in s, over which the arm's position is averaged."""
 
 LARGEST_RESIDUAL = 0.02
-"""Largest residual of a model in addition to noise, as a fraction of the range. Typical residuals
-are 0.1 to 1 % for all classes of hysteresis."""
+"""Largest permitted residual of a model in addition to noise, as a fraction of the range. Typical
+residuals are 0.1 to 1 % for all classes of hysteresis."""
 NOISES = 3.0
 
 Column = NDArray[np.float64]
@@ -91,7 +91,7 @@ class FreeCalibration:
     press_gain: float
     """Ratio of the measured stroke of the presses to the stroke of the model."""
     cycles_residual_um: float
-    """R.m.s. deviation of the cycles from the model, without its mean, in µm."""
+    """R.m.s. residual of the model over the cycles, minus its mean, in µm."""
     line_error: Value
     """Error of a straight line used instead of the model, as a fraction of the travel."""
     forgetting: Forgetting
@@ -99,8 +99,9 @@ class FreeCalibration:
     rehearsed: Rehearsed
     """Errors of the model after a zero, from rehearsed grips."""
     return_error_um: float | None
-    """Error of the model, in µm, when the arm returns to the position of its zero: the larger one
-    of grips with and without strokes; see ``return_error``."""
+    """Error of the model, in µm, when the arm returns to the position at which the force was
+    zeroed; see ``return_error``. The larger one of the errors with and without conditioning
+    strokes."""
     turn_error_um_per_V: float | None
     """Error of the model's slope just after a turning point, in µm/V; see ``turn_error``."""
     branch: ConditionedBranch | None
@@ -112,8 +113,8 @@ class FreeCalibration:
     voltage_V: Column
     x_um: Column
     model_um: Column
-    """Positions of the model over the whole record, in µm; their mean over the course is that of
-    ``x_um``."""
+    """Positions of the model over the whole record, in µm, with an offset so that the mean over the
+    course equals that of ``x_um``."""
     kink: ContactKink | None = None
     """Kink in the motion, if an operator has confirmed that there was no part."""
 
@@ -179,8 +180,9 @@ def calibrate_free_response(
     rehearsed = rehearsed_errors(u, left, motion.period_s, motion.grips)
     branch = None if measured is None else measured.branch
     if identified.model.return_fadings_per_V:
-        # Such a model fits rehearsed grips better than any other motion. Real grips differ:
-        # noise and the law turn the voltage, and this arm remembers each turn.
+        # Such a model fits rehearsed grips better than it fits other motions. Real grips differ
+        # from rehearsed ones: noise and the law reverse the voltage, and this arm remembers each
+        # reversal.
         least_um = sqrt(max(0.0, identified.residual_um**2 - noise_um**2))
         rehearsed = rehearsed._replace(growth=rehearsed.growth.at_least(least_um))
         if branch is not None:
@@ -218,7 +220,10 @@ def kink_text(kink: ContactKink) -> str:
 
 
 def _noise_um(creep: Creep) -> float:
-    """Return the noise from differences of successive samples, without slow vibration, in µm."""
+    """Return the noise of a position in µm.
+
+    It is computed from differences of successive samples, so that slow vibration has no effect.
+    """
     return float(np.std(np.diff(creep.line.residuals))) / sqrt(2.0)
 
 
@@ -247,7 +252,10 @@ def _identified(
 
 
 def _creep(u: Column, x: Column, motion: FreeMotion) -> Creep:
-    """Return the creep since the middle of the step; each creep time counts from that moment."""
+    """Return the creep after the step.
+
+    Times are counted from the middle of the step.
+    """
     step_from, step_to = motion.before_step.stop, motion.after_step.start
     step = slice(step_from - 1, step_to + 1)
     made = np.abs(np.diff(u[step]))

@@ -17,28 +17,30 @@ from pincette.control.record import FrozenRecord
 
 TOLERANCE_UM = 5.0
 TOLERANCE_FRACTION = 0.4
-"""Largest change of the line's offset by a zero: a value in µm without travel, and a fraction of
-the travel."""
+"""Largest permitted change of the line's offset by a zero: a value in µm, plus a fraction of the
+travel."""
 MIN_TRAVEL_V = 0.1
 """Smallest travel, in V, over which the slope before a zero is measured."""
 GAIN_TOLERANCE = 0.4
-"""Largest deviation of that slope from d_p, as a fraction of d_p."""
+"""Largest deviation of a measured slope from d_p, as a fraction of d_p; a slope beyond it is not
+used."""
 GROWTH_V = 0.5
 """Travel since the zero, in V, over which the error of a model with memory grows to its full
 size."""
 LEAST_TOLERANCE_UM = 0.5
 ERRORS_TOLERATED = 5.0
-"""Largest tolerated change of such a model's offset by a zero, in addition to creep, in standard
-errors."""
+"""Largest permitted change of the offset of a model with memory by a zero, in standard errors;
+creep is permitted in addition."""
 
 
 class FreeSample(NamedTuple):
-    """A position of the arm free of contact, and the voltage that caused it (of k-1 for x_k)."""
+    """A position x_k of the arm free of contact, and the voltage u_(k-1) that caused it."""
 
     voltage_V: float
     x_um: float
     displacement_um: float = 0.0
-    """Displacement of a model with memory along the path to the voltage, without offset, in µm."""
+    """Displacement that a model with memory predicts at this voltage, without offset, in µm; 0 for
+    a model without memory."""
 
 
 class FreeResponse(Protocol):
@@ -81,7 +83,7 @@ class FreeResponse(Protocol):
 
     @property
     def remembers(self) -> bool:
-        """Return whether the model represents every branch, so that its error is known on each."""
+        """Return whether the model represents every branch, with a known error on each."""
         ...
 
     def residual_um(self, sample: FreeSample) -> float:
@@ -97,7 +99,8 @@ class FreeResponse(Protocol):
         ...
 
     def zero_tolerance_um(self, creep_um: float) -> float:
-        """Return by how much hysteresis and creep alone may change the offset in a zero here.
+        """Return the largest change of the offset by a zero that hysteresis and creep alone can
+        cause.
 
         A larger change must have another cause, such as a part in contact. ``creep_um`` is the
         largest possible motion of the arm since the last zero by creep that x_1 does not contain.
@@ -119,8 +122,7 @@ class LinearResponse(FrozenRecord, frozen=True):
     voltage_V: float = 0.0
     """Newest voltage, in V."""
     reach_V: float = 0.0
-    """Largest distance of the voltage from that of the last zero, in V; kept when the line begins
-    again."""
+    """Largest difference between the voltage and that of the last zero, in V; kept by ``begin``."""
 
     def updated(self, voltage_V: float, _dt_s: float, /) -> "LinearResponse":
         """Update the line by the voltage; the line does not depend on time."""
@@ -141,7 +143,7 @@ class LinearResponse(FrozenRecord, frozen=True):
         return 0.0
 
     def error_um(self) -> float:
-        """Return a fraction of gain·max|u - u_zero|: after a reversal the branch differs."""
+        """Return a fraction of gain·max|u - u_zero|, since the branch differs after a reversal."""
         return self.hysteresis_fraction * self.gain_um_per_V * self.reach_V
 
     def sample(self, x_um: float) -> FreeSample:
@@ -155,8 +157,8 @@ class LinearResponse(FrozenRecord, frozen=True):
     def begin(self, x_um: float) -> "LinearResponse":
         """Return the line of slope d_p through ``x_um`` at the newest voltage.
 
-        The largest travel is kept. An arm with remanence may begin far from its position before
-        that travel, and its error while it returns is as large.
+        The largest travel is kept: because of remanence, the arm may be far from the position that
+        it had before this travel, and the line is wrong by as much until the arm has returned.
         """
         return replace(
             self,
@@ -232,8 +234,8 @@ class MemoryResponse(FrozenRecord, frozen=True, kw_only=True):
     def error_um(self) -> float:
         """Return √2·residual·min(1, |u - u_zero|/GROWTH_V).
 
-        This is the error of a difference of two displacements, whose errors are independent far
-        apart and equal close together.
+        This is the error of the difference between two displacements. Their errors are independent
+        if the voltages differ much, and equal if the voltages are close together.
         """
         travel_V = abs(self._voltage_V() - self.zero_V)
         return sqrt(2.0) * self.model_error_um * min(1.0, travel_V / GROWTH_V)
@@ -251,7 +253,7 @@ class MemoryResponse(FrozenRecord, frozen=True, kw_only=True):
         return replace(self, offset_um=x_um - self.displacement_um(), zero_V=self._voltage_V())
 
     def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> Self:
-        """Set the offset so that x_1 equals the rest; raises ValueError without a rest."""
+        """Set the offset so that x_1 is the mean of the rest; raises ValueError without a rest."""
         rest = rest_mean(samples, rest_samples)
         offset_um = rest.x_um - rest.displacement_um
         return replace(self, offset_um=offset_um, zero_V=rest.voltage_V)
@@ -297,7 +299,8 @@ def _branch_gain(samples: Sequence[FreeSample], end: int, rest: FreeSample) -> f
         sample = samples[index]
         travel_V = abs(sample.voltage_V - rest.voltage_V)
         furthest_V = max(furthest_V, travel_V)
-        # Backwards in time the travel grows until the last reversal; a fifth allows for noise.
+        # Going back in time, the travel grows until the last reversal; a tolerance of one fifth
+        # allows for noise.
         if travel_V > 2.0 * MIN_TRAVEL_V or travel_V < furthest_V - 0.2 * MIN_TRAVEL_V:
             break
         if travel_V >= MIN_TRAVEL_V:

@@ -39,8 +39,8 @@ from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.record import FrozenRecord
 
 ROUNDED = 1e-2
-"""Fraction by which r·λ of a play that never yields may be below 1, for rounded numbers in a
-file."""
+"""Tolerance for rounded numbers in a file: fraction by which r·λ of a play that never yields may be
+less than 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +148,7 @@ def step(
 def _yielded(
     model: HysteresisModel, state: HysteresisState, u: float
 ) -> tuple[Sequence[float], float]:
-    """Return the plays after a monotonic change to u, and their static displacement."""
+    """Return the plays, and the static displacement, after a monotonic change of the voltage."""
     plays, before = state.plays_V, state.voltage_V
     if u == before:
         return plays, state.static_um
@@ -158,8 +158,8 @@ def _yielded(
     static_um = model.curvature_um_per_V2 * u * u
     fadings = model.fadings_per_V or repeat(0.0)
     returns = model.return_fadings_per_V or fadings
-    # Most time of a tick is spent here: few names, few calls. Not strict: without fading the zeros
-    # are an endless iterator.
+    # Most of the time of a tick is spent in this loop, so it uses few names and few calls. ``zip``
+    # is not strict, since the zeros of plays without fading are an endless iterator.
     for place, r, w, y, fading, returning in zip(
         count(), model.thresholds_V, model.weights_um_per_V, plays, fadings, returns, strict=False
     ):
@@ -190,9 +190,10 @@ def _yielded(
 
 
 def _returned(z_V: float, returning_per_V: float, back_V: float) -> tuple[float, float]:
-    """Return z after a voltage change that reduces |z|, and the rest of the change; both negative.
+    """Return z after the part of a voltage change that reduces |z|, and the remaining change.
 
-    d|z| = -(1 + μ·|z|)·|du| as far as z = 0.
+    d|z| = -(1 + μ·|z|)·|du| until z = 0. The changes of the voltage, ``back_V`` and the returned
+    one, are given as negative numbers.
     """
     height_V = abs(z_V)
     to_zero_V = log1p(returning_per_V * height_V) / returning_per_V if returning_per_V else height_V
@@ -290,9 +291,9 @@ def _require_possible(plays: list[_Play]) -> None:
     for play in ascending:
         slope += play.weight_um_per_V
         require_positive(f"slope up to {play.threshold_V} V", slope, "µm/V")
-    # At a turning point all plays are at their thresholds, and their fading acts in reverse.
-    # Plays that never yield are left out: an arm with a wide Bouc-Wen loop continues to move
-    # for a moment when its voltage turns.
+    # At a turning point all plays are at their thresholds, and fading reduces the slope. Plays that
+    # never yield are not included: an arm with a wide Bouc-Wen loop continues to move for a moment
+    # when its voltage turns.
     slope = linear.weight_um_per_V
     for threshold, fading, returning, weight in plays:
         if fading * threshold < 1.0 - ROUNDED:

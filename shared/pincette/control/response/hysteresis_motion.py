@@ -15,7 +15,7 @@ YIELDS_WITHIN = 1e-12
 
 
 def simulate(model: HysteresisModel, voltage_V: Column, period_s: float) -> Column:
-    """Return the free displacement in µm of an actuator that starts unpoled, one per sample."""
+    """Return the free displacement of an actuator that starts unpoled, in µm for each sample."""
     plays = play_columns(
         model.thresholds_V, model.fadings_per_V, voltage_V, model.return_fadings_per_V
     )
@@ -59,7 +59,8 @@ def play_columns(
     return rows
 
 
-# Plain floats, one play after the other: arrays of a few plays cost ten times as much per sample.
+# Plain floats are used, one play after the other: arrays of a few plays take ten times as long per
+# sample.
 
 
 def _play(r: float, voltage_V: Column) -> list[float]:

@@ -41,8 +41,8 @@ from pincette.control.response.play_fit import (
 )
 
 LEAST_SHARE = 0.1
-"""Smallest travel in the test samples, as a fraction of the record's travel. Samples of a rest
-would not test the model."""
+"""Smallest voltage travel in the test samples, as a fraction of the record's travel: samples of a
+rest would not test the model."""
 SHARE_OF_CHOICE = 0.25
 """Fraction of the record, before the test samples, on which families, curvature and ridge are
 chosen."""
@@ -51,11 +51,11 @@ HELD_OUT = 0.25
 PARTS = 3
 """Number of parts into which the fitted samples are divided for the choice of bends."""
 POOR = 2.0
-"""Residual, as a multiple of the noise, above which plays do not describe an arm, so that a play
-that never yields is tried. The residual contains the noise once."""
+"""Limit of the residual as a multiple of the noise; a perfect model has 1. Above it, plays alone do
+not describe the arm, and a play that never yields is tried."""
 WORTH = 0.9
-"""Ratio to the present residual that another candidate must fall below to be preferred. Two spans
-of one record differ by a few per cent anyway."""
+"""A more complex candidate is preferred only if its residual is below this fraction of the present
+residual. The residuals of two sections of one record differ by a few per cent anyway."""
 
 
 class Identification(NamedTuple):
@@ -78,13 +78,14 @@ class Candidates(NamedTuple):
     of fading."""
     curved: tuple[bool, ...] = (False, True)
     bent: tuple[bool, ...] = (False, True)
-    """Settings to try for the bends: true if plays without fading have bends, with the
-    curvature."""
+    """Settings to try for the bends. True: the plays have bends, which requires plays without
+    fading and a curvature."""
     ridges: tuple[float, ...] = (1e-6, 1e-4)
-    """Ridge as a share of the columns' mean square; 1e-6 bounds the condition number by
+    """Ridge as a fraction of the mean square of the columns; 1e-6 bounds the condition number by
     1e3·√columns."""
     beside: tuple[tuple[float, ...], ...] = ((), (0.0,))
-    """Families of plays combined with a play that never yields; empty: no such play is tried."""
+    """Combinations of families to try in addition to a play that never yields; (): no such play is
+    tried."""
 
 
 ALL = Candidates()
@@ -209,7 +210,8 @@ def _noise_um(record: Record) -> float:
 
 
 def _best(choices: Sequence[Choice], left: Callable[[Choice], float]) -> Sequence[Choice]:
-    """Return the choice with the least residual; a later one must be below ``WORTH`` of it.
+    """Return the best choice: a later choice replaces an earlier one if it has less than ``WORTH``
+    times the residual.
 
     The result is empty if there is no choice.
     """
@@ -224,7 +226,7 @@ def _best(choices: Sequence[Choice], left: Callable[[Choice], float]) -> Sequenc
 
 
 def _left_in_turn(record: Record, end: int, choice: Choice) -> float:
-    """Return the r.m.s. residual of each part of the known samples for a fit to the others."""
+    """Return the r.m.s. residual of the parts of a record, each for a fit to the others."""
     edges = np.linspace(record.known, end, PARTS + 1).astype(int)
     found: list[float] = []
     for since, until in pairwise(edges.tolist()):

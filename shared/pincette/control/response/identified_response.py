@@ -32,18 +32,19 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
     """Identified error as a function of the voltage travel since the zero; None: the error is
     derived from the residual."""
     reach_V: float = 0.0
-    """Largest distance of the voltage from that of the last zero, in V."""
+    """Largest difference between the voltage and that of the last zero, in V."""
     branch: ConditionedBranch | None = None
     """Rising branch of the conditioned arm. None if it is not known; strokes then have no
     effect."""
     stroked: HysteresisState | None = None
-    """Memory at the bottom of the last stroke, for which ``branch`` was measured."""
+    """Memory at the lowest voltage of the last stroke, for which ``branch`` was measured."""
     strokes: Strokes = Strokes()
     """Conditioning strokes of the voltage."""
     conditioned: bool = False
     """True if the last zero was on the rising branch after conditioning strokes."""
     factor: float = 1.0
-    """Ratio of the arm's stroke to that of its calibration, from the last conditioned motion."""
+    """Ratio of the stroke of the arm to its stroke during the calibration, measured by the last
+    conditioned motion."""
 
     @property
     def voltage_V(self) -> float:
@@ -57,7 +58,7 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
         if self.branch is not None:
             strokes = strokes.updated(self.branch, voltage_V, dt_s)
             if strokes.complete and not self.strokes.complete and self.stroked is not None:
-                # The strokes have erased the memory of the plays, but not that of the creep.
+                # The strokes have erased the memory of the plays, but not the creep states.
                 memory = replace(self.stroked, creep_um=memory.creep_um)
         memory = step(self.model, memory, voltage_V, dt_s)
         return replace(self, memory=memory, reach_V=reach_V, strokes=strokes)
@@ -73,7 +74,7 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
         return replace(moved, reach_V=reach_V, conditioned=self.strokes.fresh)
 
     def with_factor(self, factor: float) -> "IdentifiedResponse":
-        """Return the response of an arm whose stroke is a multiple of the calibrated one.
+        """Return the response of an arm whose stroke is ``factor`` times the calibrated one.
 
         x_1 at the present voltage does not change.
         """
@@ -92,15 +93,16 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
         return displacement_um(self.model, self.memory) + self.strokes.added_um
 
     def error_um(self) -> float:
-        """Return E(max|u - u_zero|) as identified, or else the error from the residual, in µm.
+        """Return E(max|u - u_zero|) as identified, otherwise the error by the residual, in µm.
 
-        The maximum is used because an error of the memory remains when the voltage returns.
+        The maximum is used because an error of the model's memory remains when the voltage returns
+        to that of the zero.
         """
         shown = self.rehearsed()
         return widening(shown.rehearsals) * shown.error_um
 
     def rehearsed(self) -> ShownError:
-        """Return that error as observed in rehearsals, not widened for their number."""
+        """Return the standard error of x_1 as observed, not widened for few rehearsals."""
         growth, rehearsals = self.growth, 0
         if self.conditioned and self.branch is not None:
             growth, rehearsals = self.branch.errors, self.branch.rehearsals

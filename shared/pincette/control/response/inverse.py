@@ -1,4 +1,4 @@
-"""The inverse of the free response: the voltage that leads to a displacement one period ahead.
+"""The inverse of the free response: the voltage that leads to a displacement one period later.
 
 H_{k-1}(u) is the displacement after a period at u, with creep and with the memory at k-1. The
 equation u = H_{k-1}⁻¹(x) is solved by the secant and, once two voltages enclose the solution, by
@@ -22,12 +22,13 @@ TOLERANCE_UM = 1e-4
 """Tolerance of the displacement for the resulting voltage, in µm."""
 ROUNDS = 60
 REACH_V = 100.0
-"""Bound of the voltages that are searched, in V. Displacements that need more are impossible."""
+"""Bound of the absolute value of the voltages that are searched, in V. Displacements that need more
+are treated as impossible."""
 MOST = 16
 """Number of evaluations after which the last voltage is accepted."""
 EXTRAPOLATED = 3
-"""Number of evaluations on one side after which the next step is doubled, to enclose the
-solution."""
+"""Number of evaluations on one side of the solution after which the next step is doubled, to
+enclose the solution."""
 LEAST_SLOPE = 0.25
 """Smallest slope of H that an extrapolation assumes, as a fraction of the mean slope."""
 
@@ -52,13 +53,15 @@ def voltage_for(
     other_um = displacement_at(other_V) - wanted_um
     if abs(other_um) <= TOLERANCE_UM:
         return other_V
-    # Two tried voltages, each with H minus the wanted displacement; ``other_V`` is the newer one.
+    # Two voltages that were tried, each with its error, H minus the wanted displacement;
+    # ``other_V`` is the newer one.
     one_V, one_um = other_V, other_um
     next_V = other_V - other_um / um_per_V
     for tried in range(1, MOST + 1):
         found_V, found_um = next_V, displacement_at(next_V) - wanted_um
         if one_um * other_um < 0.0 and not found_um * other_um < 0.0:
-            # The residual of an end that stays is halved, which speeds up plain false position.
+            # If an end of the interval does not change, its residual is halved, which is faster
+            # than plain false position.
             one_um *= 0.5
         else:
             one_V, one_um = other_V, other_um
@@ -87,7 +90,8 @@ def free_voltages(
 
     The displacement is continuous in the voltage, and rises over the states that a model was
     identified from. Each voltage is found by false position (Illinois) between two that enclose it,
-    to ``TOLERANCE_UM``. If the displacement does not rise there, one of several solutions is found.
+    to ``TOLERANCE_UM``. If the displacement does not rise between these two, one of several
+    solutions is found.
     """
     state, voltages = start(model) if begins is None else begins, list[float]()
     from_um = displacement_um(model, state)
@@ -100,7 +104,7 @@ def free_voltages(
 def _reach(
     model: HysteresisModel, state: HysteresisState, wanted_um: float, period_s: float
 ) -> HysteresisState:
-    """Return the state one period after applying the voltage that gives a displacement."""
+    """Return the state one period later for a voltage that gives the displacement."""
     low = high = step(model, state, state.voltage_V, period_s)
     low_um = high_um = displacement_um(model, low) - wanted_um
     if abs(low_um) <= TOLERANCE_UM:
@@ -126,7 +130,8 @@ def _reach(
         if found_um * high_um < 0.0:
             low, low_um = high, high_um
         else:
-            # The residual of an end that stays is halved, which speeds up plain false position.
+            # If an end of the interval does not change, its residual is halved, which is faster
+            # than plain false position.
             low_um *= 0.5
         high, high_um = found, found_um
     return found

@@ -22,11 +22,12 @@ from pincette.control.response.reversal_memory import ReversalMemory
 REST_S = 0.2
 """Time at the end of a rest over which the position is averaged, in s."""
 BLOCK_S = 0.4
-"""Time before small swings over which noise is averaged, in s."""
+"""Time before small swings over which the residual is averaged, in s."""
 PASSING = 3
 """Number of samples averaged before and after the moving arm passes a position."""
 SCALES_V = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
-"""Voltage changes V_s to try, in V; each is twice the one before."""
+"""Values of V_s to try, the voltage travel of ``Forgetting.scale_V``, in V; each is twice the one
+before."""
 SCALES_ALIKE = 1.05
 """Ratio of the sums of squares up to which two candidate values of V_s count as equally good
 fits."""
@@ -113,7 +114,8 @@ def unknown_forgetting(
     fits = [_fitted(ways, moved, scale_V) for scale_V in SCALES_V]
     errors_um, _ = min(fits, key=lambda fit: fit[1])
     lefts = np.array([left for _, left in fits])
-    # Values of V_s with nearly the best residual, and those between them, fit equally well.
+    # Values of V_s whose residual is nearly the smallest, and all values between them, count as
+    # equally good.
     like = np.array(SCALES_V)[lefts <= SCALES_ALIKE * lefts.min()]
     between_V = (float(like[-1]) * sqrt(2.0) - float(like[0]) / sqrt(2.0)) / sqrt(12.0)
     scale = Value(SCALES_V[int(np.argmin(lefts))], between_V)
@@ -163,7 +165,7 @@ def rehearsed_errors(
 
     The noise of one of the two rests and the noise of the slope are subtracted, because the noise
     of the force is a separate contribution to its uncertainty; the noise of the zero remains. No
-    error is smaller than the noise of all grips together allows to detect.
+    error is set below the smallest value that can be detected in the noise of all grips together.
 
     Parameters
     ----------
@@ -217,7 +219,7 @@ def rehearsed_errors(
     points = [(0.25 * way_V, 0.5 * error_um), (way_V, error_um)]
     if further_V > way_V:
         points.append((further_V, max(error_um, further_um)))
-    # The standard error of an r.m.s. value of that many draws, and of its noise.
+    # Standard error of an r.m.s. value over the grips, and the contribution of its noise.
     creep = Value(creep_um, hypot(creep_um / sqrt(2.0 * len(rows)), least_um))
     return Rehearsed(
         ErrorGrowth(
@@ -273,8 +275,8 @@ def turn_error(
 ) -> float | None:
     """Return the error of the slope of x_1 just after a turning point, r.m.s. in µm/V.
 
-    It is computed over the first ``TURN_V`` of the return from each press, without noise. It is at
-    least the noise of all grips together, below which no error can be detected.
+    It is computed over the first ``TURN_V`` of the return from each press, without noise. The
+    result is at least the noise of all grips together, below which no error can be detected.
 
     Parameters
     ----------
@@ -314,7 +316,7 @@ def passing(x_um: Column, place_um: float) -> slice | None:
 
 
 def at_end(voltage_V: Column, samples: slice) -> slice:
-    """Return the end of a range of samples, during which the voltage rests."""
+    """Return the last samples of a range, from the last change of the voltage on."""
     moved = np.flatnonzero(np.diff(voltage_V[samples]))
     return slice(samples.start + (int(moved[-1]) + 1 if len(moved) else 0), samples.stop)
 

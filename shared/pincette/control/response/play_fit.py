@@ -3,7 +3,7 @@
     x_k ≈ y_k + Σ κ_j·c_j(y)_k + offset,    y = q·u² + Σ (w_i·p_i + a_i·p_i² + b_i·p_i³)
 
 A family of plays has thresholds r_i spread over the travel, and fadings λ_i = c/r_i: each of its
-plays yields at the same fraction c of the level 1/λ_i that it would tend to without yielding. The
+plays yields at the same fraction c of 1/λ_i, the level to which it would tend without yielding. The
 family with c = 0 does not fade. In addition to the families there may be one play that never
 yields, with two given fading rates. After a reversal at its threshold a play yields again after a
 voltage travel of
@@ -33,11 +33,10 @@ PLAYS_PER_FAMILY = 9
 PLAYS = 18
 """Largest number of plays of all families together, in addition to the linear part."""
 REACH = 0.95
-"""Fraction of the voltage travel after which the widest play yields again when it is reversed at
-its threshold."""
+"""Fraction of the voltage travel of the record: after a reversal at its threshold, the widest play
+yields again once this much has been travelled."""
 YIELDING = 0.7
-"""Largest r_i·λ_i of a family. With 1 a play never yields; one such play is described by its
-rates."""
+"""Largest r_i·λ_i of a family; with 1 or more a play would never yield."""
 CREEP_STEP = 5.0
 """Ratio of successive creep times. The first one is this number of periods."""
 MIN_SAMPLES_PER_COEFFICIENT = 20
@@ -65,7 +64,7 @@ class Choice(NamedTuple):
 
     @property
     def possible(self) -> bool:
-        """Return whether the model exists: bends need curvature and plays without fading."""
+        """Return whether the settings are compatible: bends require curvature and no fading."""
         keeps = not any(self.families) and self.rates is None
         return not self.bent or (self.curved and keeps)
 
@@ -91,7 +90,8 @@ class Plays(NamedTuple):
     fadings_per_V: tuple[float, ...]
     return_fadings_per_V: tuple[float, ...]
     columns: NDArray[np.float64]
-    """Columns p_i, then u²; if no play fades, also the squares of p_i, i > 0, and all cubes."""
+    """Columns p_i, then u². If no play fades, these are followed by the squares of p_i, i > 0, and
+    by all cubes."""
     passed: NDArray[np.float64]
     """Creep states of each column."""
 
@@ -116,7 +116,7 @@ def spread_creep_times(period_s: float, duration_s: float) -> tuple[float, ...]:
 def require_travel(
     use: str, record: Record, samples: slice | NDArray[np.int_], wanted_V: float
 ) -> None:
-    """Check that the voltage moves far enough in some samples; raises ValueError."""
+    """Raise ValueError if the voltage travels less than a minimum over some samples."""
     u = record.u[samples]
     travel_V = float(np.ptp(u)) if len(u) else 0.0
     if not travel_V >= wanted_V:
@@ -128,7 +128,7 @@ def require_travel(
 
 
 def require_enough(samples: int, coefficients: int) -> None:
-    """Check that there are enough samples for some coefficients; raises ValueError."""
+    """Raise ValueError if there are too few samples for a number of coefficients."""
     wanted = MIN_SAMPLES_PER_COEFFICIENT * coefficients
     if samples < wanted:
         raise ValueError(
@@ -137,13 +137,13 @@ def require_enough(samples: int, coefficients: int) -> None:
 
 
 def first_known(u: Column, threshold_V: float) -> int:
-    """Return the first sample from which the voltage determines plays up to a threshold."""
+    """Return the first sample from which on the voltage determines all plays up to a threshold."""
     swing = np.maximum.accumulate(u) - np.minimum.accumulate(u)
     return int(np.argmax(swing >= min(2.0 * threshold_V, float(swing[-1]))))
 
 
 def missed_um(record: Record, model: HysteresisModel, choice: Choice, part: slice) -> float:
-    """Return the r.m.s. residual of a model over some samples, without its mean, in µm."""
+    """Return the r.m.s. residual of a model over some samples, minus its mean, in µm."""
     plays = _plays(record, choice)
     motion = moved_um(model, plays.columns[:, : len(plays.thresholds_V)], record.u, record.period_s)
     return float(np.std((record.x - motion)[part]))
@@ -189,10 +189,10 @@ def fitted_to(record: Record, known: NDArray[np.int_], choice: Choice) -> Hyster
         bent_V=_range_V(record) if choice.bent else (0.0, 0.0),
         return_fadings_per_V=plays.return_fadings_per_V,
     )
-    # The model's own check covers neither its curvature nor the families in combination.
+    # The check in the model itself covers neither the curvature nor combinations of families.
     slopes = slopes_um_per_V(model, plays.columns[:, :count], record.u)
     if choice.rates is not None:
-        # With a wide loop of this class the arm continues to move when its voltage turns.
+        # An arm with a wide Bouc-Wen loop continues to move for a moment when its voltage turns.
         z = record.u - plays.columns[:, count - 1]
         goes_on = float(found.weights[count - 1]) * choice.rates.return_fading_per_V * np.abs(z)
         slopes[:, 0] += np.where(z < 0.0, goes_on, 0.0)

@@ -32,9 +32,10 @@ def poled(
     taught_V
         Lowest and highest voltage of the motion that the model was identified from.
     from_above
-        True if the arm came to its rest from above, as after a grip. Conditioning strokes erase the
-        memory of the plays, but creep continues. Remanence raises the displacement at such a rest.
-        It is not known how much of it the creep follows, so the memory uses the mean of both rests.
+        True if the voltage came down to 0 V before the rest, as after a grip. Remanence raises the
+        displacement at such a rest. Conditioning strokes later erase this memory of the plays, but
+        not the creep that follows the displacement. It is not known how far the creep has followed,
+        so the creep states are the means of a rest from above and one from below.
     """
     low_V, high_V = taught_V
     state = _moved(model, start(model), (high_V, low_V, 0.0))
@@ -47,7 +48,7 @@ def poled(
 
 
 def stroked(model: HysteresisModel, branch: ConditionedBranch) -> HysteresisState:
-    """Return the memory of a poled arm at the bottom of the last of its conditioning strokes."""
+    """Return the memory of a poled arm at the lowest voltage of its last conditioning stroke."""
     low_V, high_V = branch.voltages_V[0], branch.voltages_V[-1]
     stops_V = (*(low_V, 0.0) * (branch.strokes - 1), low_V)
     return _moved(model, poled(model, (low_V, high_V)), stops_V)

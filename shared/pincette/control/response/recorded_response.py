@@ -68,7 +68,7 @@ class RecordedResponse(MemoryResponse, frozen=True):
     """Turning points, oldest first, at least two. The arm moves from the last one towards the one
     before it."""
     furthest_V: float
-    """Furthest voltage since the last turn, in V."""
+    """Voltage furthest from the last turning point since then, in V."""
     voltage_V: float
     """Newest voltage, in V."""
 
@@ -121,7 +121,8 @@ def _turned(branches: RecordedBranches, turns: tuple[Turn, ...], at_V: float) ->
     turns = (*turns, here)
     if len(turns) <= MOST_TURNS:
         return turns
-    # The loop between two successive turns, neither outermost nor on the branch in use.
+    # Find the smallest loop between two successive turns, except the outermost loop and the branch
+    # in use.
     smallest = min(
         range(1, len(turns) - 3),
         key=lambda index: abs(turns[index + 1].voltage_V - turns[index].voltage_V),
@@ -130,7 +131,7 @@ def _turned(branches: RecordedBranches, turns: tuple[Turn, ...], at_V: float) ->
 
 
 def _passed(branches: RecordedBranches, turns: tuple[Turn, ...], at_V: float) -> tuple[Turn, ...]:
-    """Return the turning points after the voltage reached ``at_V`` on its branch."""
+    """Return the turning points after the voltage has moved to ``at_V`` on its branch."""
     while True:
         origin, target = turns[-1], turns[-2]
         rising = target.voltage_V > origin.voltage_V
@@ -143,7 +144,7 @@ def _passed(branches: RecordedBranches, turns: tuple[Turn, ...], at_V: float) ->
 
 
 def _on_line(branches: RecordedBranches, end: Turn, at_V: float) -> Turn:
-    """Return a point on the line through a loop's end that has the loop's mean slope."""
+    """Return a point on the line through a loop's end with the mean slope of the loop."""
     bottom, top = branches.bottom, branches.top
     slope = (top.x_um - bottom.x_um) / (top.voltage_V - bottom.voltage_V)
     return Turn(at_V, end.x_um + slope * (at_V - end.voltage_V))

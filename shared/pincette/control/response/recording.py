@@ -12,11 +12,11 @@ from pincette.control.response.recorded_response import RecordedBranches, Turn, 
 
 CELLS = 24
 HELD_OUT = 0.25
-"""Fraction of the samples, at the end, from which the residual is computed; its mean is
-subtracted."""
+"""Fraction of the samples, at the end of the record, over which the residual is computed. The mean
+of the residual is subtracted."""
 END = 0.03
-"""Fraction of the voltage range within which a stroke counts as complete, and by which it may
-reverse."""
+"""Fraction of the voltage range: a stroke is complete if it ends this near to the end of the range,
+and the voltage may reverse by this much within a stroke."""
 MIN_SAMPLES_PER_CELL = 2
 LEAST_RISE = 1e-3
 """Smallest rise of a cell, as a fraction of its width; otherwise noise could make it fall."""
@@ -85,7 +85,7 @@ def recorded_branches(voltage_V: Column, x_um: Column) -> RecordedBranches:
 
 
 def _strokes(u: Column) -> list[tuple[int, int]]:
-    """Return the first and last sample of each rise from the lowest to the highest values."""
+    """Return the first and last sample of each rise from a low end to a high end of the range."""
     low, high = float(u.min()), float(u.max())
     margin = END * (high - low)
     strokes: list[tuple[int, int]] = []
@@ -94,7 +94,7 @@ def _strokes(u: Column) -> list[tuple[int, int]]:
     furthest = low
     for index, value in enumerate(u.tolist()):
         if value <= low + margin:
-            # The lowest sample of a rest at the bottom; the last one of several.
+            # A stroke begins at the last of the lowest samples of a rest.
             if begun is None or ended is not None or value <= u[begun]:
                 begun, ended = index, None
             furthest = value
@@ -130,7 +130,7 @@ def _knots(way: Column, x: Column) -> Column:
 
 
 def _rising(shape: Column) -> tuple[float, ...]:
-    """Return a strictly rising shape from 0 to 1."""
+    """Return a shape that rises strictly from 0 to 1, changed as little as needed."""
     rises = np.maximum(np.diff(shape), LEAST_RISE / CELLS)
     values = np.concatenate([[0.0], np.cumsum(rises)]) / np.sum(rises)
     return (0.0, *values[1:-1].tolist(), 1.0)

@@ -39,8 +39,9 @@ class IdentifiedResidual(NamedTuple):
     residual_um: Column
     """Smoothed mean of the runs, in µm."""
     error_um: float
-    """Standard error in a later run, in µm: the r.m.s. prediction error for a run, without the
-    sensor's noise; its square is multiplied by (n + 1)/(n - 1) for n runs."""
+    """Standard error of the table in a later run, in µm: the r.m.s. error with which other runs
+    predict a run, without the sensor's noise. For n runs its square is multiplied by (n + 1)/(n -
+    1)."""
 
 
 def identify_residual(
@@ -69,8 +70,9 @@ def identify_residual(
         ((width, _missed_um(runs, width)) for width in WIDTHS), key=lambda pair: pair[1]
     )
     mean_um = smoothed(np.mean(runs, axis=0), width)
-    # A later run has the error of the table and its own deviation. The prediction above used
-    # one run fewer. A small number of runs determines the deviation poorly.
+    # The error in a later run consists of the error of the table and the deviation of that run. The
+    # prediction above used one run fewer than the table, and the deviation is uncertain if it is
+    # computed from few runs.
     few = (len(runs) + 1) / (len(runs) - 1)
     error_um = sqrt(few * max(0.0, missed_um**2 - noise_um**2))
     stride = _stride(width, places)
@@ -88,7 +90,7 @@ def _missed_um(runs: Column, width: float) -> float:
 
 
 def smoothed(values: Column, width_ticks: float) -> Column:
-    """Return values smoothed by a Gaussian of this standard deviation; truncated at the ends."""
+    """Return values smoothed by a Gaussian, which is truncated at the ends of the values."""
     if width_ticks <= 0.0:
         return values
     reach = max(1, round(REACH * width_ticks))
@@ -98,7 +100,7 @@ def smoothed(values: Column, width_ticks: float) -> Column:
 
 
 def _stride(width: float, places: Sequence[Place]) -> int:
-    """Return a stride of half the width; a larger one if the table would be too long to send."""
+    """Return a stride of half the width; more if the table would be too long to send."""
     segments = 2 * len({place.segment for place in places})
     least = -(-len(places) // max(1, MOST_KNOTS - segments))
     return max(1, int(0.5 * width), least)
@@ -123,6 +125,6 @@ def _knots(
         means = np.bincount(index, residual_um[here]) / np.bincount(index)
         last = -(-int(played[-1]) // stride) * stride
         at = np.arange(0, last + 1, stride)
-        # Rounded to 0.1 nm: a short text, and far below the sensor's noise.
+        # Round to 0.1 nm, far below the sensor's noise, to make the text of the table short.
         found.append(tuple(np.round(np.interp(at, played, means), 4).tolist()))
     return tuple(found)

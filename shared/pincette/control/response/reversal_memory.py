@@ -10,23 +10,23 @@ from math import exp
 from pincette.control.record import FrozenRecord
 
 SMALL_V = 0.05
-"""Width of the alternating motion that counts, in V: what sensor noise and a control law cause in a
-hold, with a margin. Wider loops are contained in the motion that a model is identified and tested
-with."""
+"""Largest width of a motion that counts as small, in V: the motion caused by sensor noise and a
+control law in a hold, with a margin. The motion for identifying and testing a model contains wider
+loops."""
 
 
 class ReversalMemory(FrozenRecord, frozen=True):
     """Newest voltage, and its travel in reversals within ``SMALL_V``.
 
-    The voltage drives a play operator of half that width. Travel within the play counts, travel
-    that drags the play does not. The result does not depend on the sampling of the motion.
+    The voltage drives a play operator of half that width. Travel within the play is counted, travel
+    that drags the play is not. The result does not depend on the sampling of the motion.
     """
 
     voltage_V: float
     from_middle_V: float = 0.0
     """Voltage relative to the middle of the play, in V."""
     total_V: float = 0.0
-    """Half of the travel within the play, that is the travel in one direction, in V."""
+    """Half of the travel within the play, in V: the travel in one direction."""
 
     def updated(self, voltage_V: float) -> "ReversalMemory":
         """Update by a voltage; half of its travel within the play is added."""

@@ -113,7 +113,8 @@ def _mixed(problem: _Problem, shares: Vector) -> Matrix:
 def _solve(problem: _Problem, shares: Vector) -> _Solved:
     mixed, penalty = _mixed(problem, shares), problem.penalty
     scaled = mixed / penalty
-    # In units of the penalty its matrix is the identity, so the sum is never singular.
+    # In units of the penalty, the matrix of the penalty is the identity, so that the sum is never
+    # singular.
     normal = scaled.T @ scaled + np.eye(len(penalty))
     weights = np.linalg.solve(normal, scaled.T @ problem.target) / penalty
     left = np.concatenate([problem.target - mixed @ weights, -penalty * weights])
@@ -121,7 +122,7 @@ def _solve(problem: _Problem, shares: Vector) -> _Solved:
 
 
 def _step(problem: _Problem, shares: Vector, now: _Solved) -> Vector:
-    """Return the change of the fractions to the minimum of the linearised problem, none below 0."""
+    """Return the step to the minimum of the linearised problem; no fraction becomes negative."""
     mixed = np.vstack([_mixed(problem, shares), np.diag(problem.penalty)])
     moved = np.zeros((len(mixed), len(shares)))
     moved[: len(problem.target)] = ((problem.passed - problem.static) @ now.weights).T
@@ -142,7 +143,7 @@ def _step(problem: _Problem, shares: Vector, now: _Solved) -> Vector:
 def _shortened(
     problem: _Problem, shares: Vector, step: Vector, now: _Solved
 ) -> tuple[Vector, _Solved] | None:
-    """Return the fractions after the longest allowed step that lowers the cost, or None."""
+    """Return the fractions after the longest step that lowers the cost; None without one."""
     rise, room = float(np.sum(step)), MOST_CREEP - float(np.sum(shares))
     length = min(1.0, room / rise) if rise > room else 1.0
     while length >= SHORTEST_STEP:

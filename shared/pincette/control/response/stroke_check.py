@@ -1,19 +1,19 @@
 """Comparison of the stroke of a conditioned arm with its calibration.
 
-Two motions are compared. The first one, from the bottom of the last conditioning stroke to the rest
-after the strokes, is short and most affected by earlier creep, so that it shows only large changes.
-The second one, from this rest to the position of the next zero, repeats to 0.13 % if the stroke of
-the arm has not changed. A gain change of the sensor or amplifier and a change of temperature affect
-both motions; position and voltage alone do not show which of them occurred. A change is attributed
-to measurement error up to
+Two motions are compared. The first one leads from the lowest voltage of the last conditioning
+stroke to the rest after the strokes. It is short and most affected by earlier creep, so that it
+shows only large changes. The second one, from this rest to the position of the next zero, repeats
+to 0.13 % if the stroke of the arm has not changed. A gain change of the sensor or amplifier and a
+change of temperature affect both motions; position and voltage alone do not show which of them
+occurred. A change is attributed to measurement error up to
 
     3·sqrt(s^2 + (4·sigma^2/n + c^2)/L^2) + (drift + p)/L,    s = 0.13 %, or what was calibrated
 
 with the noise sigma of a sample, the number n of samples in the shorter rest, the length L of the
 motion in um, the standard uncertainty c of creep from before the strokes, and the largest drift of
 the sensor during the motion. The creep of an unknown history may differ from the model's by up to
-p, which is used for the motion from the bottom. If the limit exceeds ``LARGEST_CHANGE``, nothing is
-compared.
+p, which is included for the motion from the lowest voltage. If the limit exceeds
+``LARGEST_CHANGE``, nothing is compared.
 """
 
 from math import hypot, sqrt
@@ -27,17 +27,19 @@ REPEATS = 0.0013
 """Smallest standard deviation of the ratio of two conditioned motions, without noise."""
 SIGMAS = 3.0
 SETTLE_SAMPLES = 3
-"""Number of first samples at the bottom that are omitted, since the arm still moves."""
+"""Number of samples that are omitted at the start of the rest at the lowest voltage, since the arm
+still moves."""
 LEAST_WAY_UM = 2.0
-"""Shortest motion from the bottom that is compared, in µm."""
+"""Shortest motion from the lowest voltage that is compared, in µm."""
 LEAST_RISE_UM = 10.0
 """Shortest motion from the rest after the strokes that is compared, in µm."""
 LARGEST_CHANGE = 0.05
-"""Largest relative change of the stroke for which the force may be zeroed."""
+"""Largest relative change of the stroke with which the force may still be zeroed."""
 
 
 REST_V = 0.1
-"""Largest distance from 0 V, in V, of the rest that ended the calibrated motion from the bottom."""
+"""Largest absolute voltage, in V, of the rest that ended the calibrated motion from the lowest
+voltage."""
 
 
 class Base(FrozenRecord, frozen=True):
@@ -48,23 +50,24 @@ class Base(FrozenRecord, frozen=True):
     """Displacement of the model with the stroke of the calibration, in µm."""
     samples: int
     since_s: float
-    """Time from the bottom of the last stroke to this rest, in s."""
+    """Time from the lowest voltage of the last stroke to this rest, in s."""
     rested: bool = True
-    """True for the rest after the strokes; False for the bottom of the last stroke."""
+    """True for the rest after the strokes; False for the rest at the lowest voltage of the last
+    stroke."""
 
 
 class Bottom(FrozenRecord, frozen=True):
-    """Mean values over the rest at the bottom of the last conditioning stroke."""
+    """Mean values over the rest at the lowest voltage of the last conditioning stroke."""
 
     seen: int = 0
-    """Number of samples at the bottom, including the omitted ones."""
+    """Number of samples at the lowest voltage, including the omitted ones."""
     voltage_V: float = 0.0
     x_um: float = 0.0
     calibrated_um: float = 0.0
     """Displacement of the model with the stroke of the calibration, in µm."""
     apart_um: tuple[float, float] = (0.0, 0.0)
-    """Displacements for the two extreme unknown histories minus that of the model, at the newest
-    sample, in µm."""
+    """Displacement for each of the two extreme histories minus that of the model, at the newest
+    sample, in µm; see ``unknown_past``."""
 
     @property
     def samples(self) -> int:
@@ -73,7 +76,7 @@ class Bottom(FrozenRecord, frozen=True):
 
     @property
     def base(self) -> Base:
-        """Return the bottom as the start of a motion."""
+        """Return the rest at the lowest voltage as the start of a motion."""
         return Base(self.x_um, self.calibrated_um, self.samples, 0.0, rested=False)
 
     def updated(
@@ -116,8 +119,8 @@ class MeasurementErrors(NamedTuple):
     past_um: float = 0.0
     """Standard uncertainty from creep that began before the strokes, in µm."""
     unknown_um: float = 0.0
-    """Largest difference in creep between an unknown history and the model since the bottom, in
-    µm."""
+    """Largest difference between the creep for an unknown history and that of the model, since the
+    lowest voltage, in µm."""
 
 
 class StrokeChange(FrozenRecord, frozen=True):
@@ -126,11 +129,12 @@ class StrokeChange(FrozenRecord, frozen=True):
     change: float
     """Relative change of the stroke: its factor minus 1."""
     limit: float
-    """Largest change that noise and limited repeatability may cause."""
+    """Largest absolute change that noise and limited repeatability may cause."""
     way_um: float = 0.0
-    """Length of the motion in the calibration, in µm."""
+    """Length of the same motion during the calibration, in µm."""
     rested: bool = True
-    """True if the motion starts after the pause; False if it starts from the lowest voltage."""
+    """True if the motion starts at the rest after the strokes; False if it starts at the lowest
+    voltage."""
 
     @property
     def significant(self) -> bool:
@@ -144,7 +148,7 @@ class StrokeChange(FrozenRecord, frozen=True):
 
 
 def rest_base(response: IdentifiedResponse, rest: FreeSample, samples: int) -> Base | None:
-    """Return a rest as the start of a motion; None if the arm is not on its rising branch."""
+    """Return a rest as the start of a motion; None if the arm is not on the rising branch."""
     if response.branch is None or not response.strokes.fresh:
         return None
     calibrated_um = rest.displacement_um / response.factor
@@ -168,7 +172,7 @@ def stroke_change(
     rest
         Mean values of the rest, evaluated with this response.
     samples
-        Number of samples of that mean.
+        Number of samples over which the mean values of the rest were computed.
     """
     branch = response.branch
     if branch is None or not response.strokes.fresh or not base.samples:

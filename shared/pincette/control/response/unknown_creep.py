@@ -31,7 +31,7 @@ class Spread(FrozenRecord, frozen=True):
     high_um: tuple[float, ...] = ()
 
     def since(self, before: "Spread") -> "Spread":
-        """Return how far each D_j has decayed; its two bounds decay by the same factor."""
+        """Return by how much the bounds of each D_j have decayed since ``before``."""
         return Spread(
             tuple([b - a for a, b in zip(self.low_um, before.low_um, strict=True)]),
             tuple([b - a for a, b in zip(self.high_um, before.high_um, strict=True)]),
@@ -51,11 +51,11 @@ class Fallen(FrozenRecord, frozen=True):
 
     each: Spread = Spread()
     least_um: float = 0.0
-    """Lower bound of the sum, in µm."""
+    """Lower bound of the decay of the sum, in µm."""
     most_um: float = 0.0
 
     def extremes_um(self, since_zero: Spread) -> tuple[float, float]:
-        """Return the smallest and largest sum by which the same D_j have decayed since a zero."""
+        """Return the smallest and largest decay of the sum of the same D_j since a zero."""
         rows = [
             (min(a, b), abs(b - a), min(c, d), abs(d - c))
             for a, b, c, d in zip(
@@ -90,7 +90,7 @@ def _ratio(span: tuple[float, float]) -> float:
 
 
 def spread_of(response: FreeResponse, lowest: FreeResponse, highest: FreeResponse) -> Spread:
-    """Return the bounds of D_j by the two extreme histories; empty if their plays still differ."""
+    """Return the bounds of D_j by the extreme histories; empty if their plays still differ."""
     if not (
         isinstance(response, IdentifiedResponse)
         and isinstance(lowest, IdentifiedResponse)

@@ -5,13 +5,14 @@ only knows a range that the voltage cannot have left. Play operators with one in
 order of their states (M. Brokate and J. Sprekels, Hysteresis and Phase Transitions, Springer 1996,
 chapter 2), so the two histories that come directly from either end of the range enclose all others,
 provided that the weights are not negative. Both are updated with the same voltages as the model in
-use. The change of their differences from the model after a zero bounds the error of x_1. A stroke
-that erases the memory ends it.
+use. The change of their differences from the model after a zero bounds the error of x_1. After a
+stroke that erases the memory, this error is 0.
 
-The motion of a free arm between two zeros narrows the range. An extreme history would have moved
-the arm away from x_1 by a known amount, and the actual amount is measured. Their ratio is the
-fraction of the distance to the extreme history up to which histories remain possible. Once the
-turning points are erased, only creep remains; ``unknown_creep`` bounds it for each creep time.
+The motion of a free arm between two zeros narrows the range. With an extreme history the arm would
+have moved away from x_1 by a known distance, and the actual distance is measured. The ratio of the
+measured to the known distance limits which histories remain possible: those up to this fraction of
+the way to the extreme history. Once the turning points are erased, only creep remains;
+``unknown_creep`` bounds it for each creep time.
 """
 
 from math import sqrt
@@ -30,15 +31,15 @@ from pincette.control.response.unknown_creep import (
 from pincette.control.response.voltage_memory import VoltageMemory
 
 RESTED_S = 86400.0
-"""Duration of a rest after which creep has ended, in s. Creep then differs most from the
-model's."""
+"""Duration of a rest after which creep has ended, in s. With the creep ended, it differs most from
+the creep of the model."""
 ROOT_3 = sqrt(3.0)
 SURE = 2.0
-"""Tolerance of a comparison, as a multiple of the standard uncertainty."""
+"""Tolerance of a comparison with a measurement, as a multiple of the standard uncertainty."""
 
 
 class UnknownPast(FrozenRecord, frozen=True):
-    """Free responses of the two extreme histories, updated while they matter."""
+    """Free responses for the two extreme histories, updated as long as they matter."""
 
     lowest: FreeResponse
     """Free response for a history that rested at the lowest voltage."""
@@ -52,11 +53,11 @@ class UnknownPast(FrozenRecord, frozen=True):
     at_zero_um: tuple[float, float] = (0.0, 0.0)
     """Displacement for each extreme history minus that of the model, at the last zero, in µm."""
     shares: tuple[float, float] = (1.0, 1.0)
-    """Bounds of the true history, as fractions of the distance from the model's history to each
-    extreme history."""
+    """Upper bounds of the distance between the true history and the model's, as fractions of the
+    distance from the model's history to each extreme history."""
     agreed_V: float | None = None
     """Voltage at which the free arm first rested with equal plays for all histories, in V; None
-    before."""
+    before this rest."""
     met: FreePlace = FreePlace()
     """First rest after ``agreed_V`` with all plays reversed. From then on only creep remains of the
     unknown history."""
@@ -66,7 +67,7 @@ class UnknownPast(FrozenRecord, frozen=True):
 
     @property
     def awaits_rest(self) -> bool:
-        """Return whether a rest of the free arm may still determine its state, except for creep."""
+        """Return whether a rest is still needed until only the creep is unknown."""
         return not self.known and not self.met.spread.low_um
 
     def updated(self, voltage_V: float, dt_s: float) -> "UnknownPast":
@@ -85,7 +86,7 @@ class UnknownPast(FrozenRecord, frozen=True):
         return replace(self, lowest=lowest, highest=highest)
 
     def rezero(self, response: FreeResponse) -> "UnknownPast":
-        """Begin to count errors from a zero here, at which x_1 of the model equals the position."""
+        """Count errors from a zero at the present voltage, at which x_1 equals the position."""
         if self.known:
             return self
         at_um, spread = self.apart_um(response), self._spread(response)
@@ -97,7 +98,7 @@ class UnknownPast(FrozenRecord, frozen=True):
         The first such rest is kept, and each later one is compared with it, with a tolerance of
         ``SURE`` standard uncertainties ``standard_um`` of x_1 between the two. The plays may agree
         before an arm with another class of hysteresis has lost its turning points. Therefore the
-        voltage must first travel far enough to reverse the widest play, which takes the arm round
+        voltage must first travel far enough to reverse the widest play, which takes the arm around
         its whole loop.
         """
         spread = Spread() if self.known else self._spread(response)
@@ -117,7 +118,8 @@ class UnknownPast(FrozenRecord, frozen=True):
     def compared(
         self, response: FreeResponse, residual_um: float, standard_um: float
     ) -> "UnknownPast":
-        """Return the histories that agree with a resting free arm's deviation from x_1.
+        """Return the histories that agree with the measured deviation of a resting free arm from
+        x_1.
 
         Parameters
         ----------
@@ -156,7 +158,7 @@ class UnknownPast(FrozenRecord, frozen=True):
         return min(error_um, max(abs(least_um), abs(most_um)))
 
     def worst_um(self, response: FreeResponse) -> float:
-        """Return the largest error in µm after a zero here and a motion to an end or a rest."""
+        """Return the largest error after a zero now and a motion to any end of the range, in µm."""
         if self.known:
             return 0.0
         here, worst_um = self.updated(response.voltage_V, 0.0).rezero(response), 0.0
@@ -168,7 +170,7 @@ class UnknownPast(FrozenRecord, frozen=True):
         return worst_um
 
     def matters(self, response: FreeResponse) -> bool:
-        """Return whether the history may exceed the stated error of x_1 over a whole stroke."""
+        """Return whether the unknown history may cause more than the stated error over a stroke."""
         low_V, high_V = self.ends_V
         stroke = response.updated(low_V, 0.0).begin(0.0).updated(high_V, 0.0)
         return not self.known and self.worst_um(response) > stroke.error_um()
@@ -181,7 +183,7 @@ class UnknownPast(FrozenRecord, frozen=True):
         return spread_of(response, self.lowest, self.highest)
 
     def _parted_um(self, response: FreeResponse) -> tuple[float, float]:
-        """Return how far each extreme history has departed from the model since the zero, in µm."""
+        """Return by how much each difference of ``apart_um`` has changed since the zero, in µm."""
         lowest_um, highest_um = self.apart_um(response)
         return lowest_um - self.at_zero_um[0], highest_um - self.at_zero_um[1]
 
@@ -192,9 +194,9 @@ class UnknownPast(FrozenRecord, frozen=True):
 
 
 def unknown_past(response: FreeResponse, ends_V: tuple[float, float]) -> UnknownPast:
-    """Return the histories that rested at either end of a range.
+    """Return the histories of arms that rested at either end of a range.
 
-    The next voltage is approached directly.
+    In both histories the next voltage is approached directly from that end.
     """
     lowest, highest = [response.updated(end_V, RESTED_S) for end_V in ends_V]
     return UnknownPast(lowest, highest, ends_V)

@@ -17,8 +17,8 @@ noise."""
 STRIDE_V = 0.05
 """Largest voltage step with which a model follows the pieces, in V."""
 MOST_PIECES = 512
-"""Largest number of pieces. Beyond it the oldest are discarded, whose effect later and wider swings
-have mostly erased."""
+"""Largest number of pieces. If there are more, the oldest are discarded; later and wider swings
+have mostly erased their effect."""
 
 
 class Piece(NamedTuple):
