@@ -2,6 +2,5 @@
 
 __version__ = "0.1.0"
 is_command = False
-"""True in a command-line process. It uses few models of the REST interface, so each is built at its
-first use.
-"""
+"""True in a process of the command line. Such a process uses few models of the REST interface, so
+that each model is built only when it is first used."""

@@ -1,7 +1,7 @@
 """The command ``pincette``, also ``python -m pincette``.
 
-``run`` loads only what a program of the loop needs. So a program starts fast, and also where only
-the packages of the loop are installed. ``estop`` loads only what a stop needs.
+``run`` loads only what a program of the loop needs, so that the program starts fast, and also runs
+where only the packages of the loop are installed. ``estop`` loads only what a stop needs.
 """
 
 import gc

@@ -20,7 +20,9 @@ def picture(
     *,
     sharex: bool = False,
 ) -> bytes:
-    """Draw into rows × columns of axes, which ``draw`` gets row by row; return a PNG."""
+    """Return a PNG with rows × columns of axes, into which ``draw`` draws; it gets the axes row by
+    row.
+    """
     # Imported for the first picture: it takes half a second, which a help text does not need.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -47,7 +49,7 @@ def label(axis: Axis, x: str, y: str, title: str = "") -> None:
 
 
 def legend(axis: Axis, place: str = "best") -> None:
-    """Add a legend among the lines."""
+    """Add a legend inside the axes, among the lines."""
     axis.legend(loc=place, fontsize=8.5, frameon=False, labelcolor=INK)
 
 

@@ -26,7 +26,7 @@ class Mode:
     ramp_x: float
     """Change of x over a period from rest at 0, while q changes linearly from 0 to 1."""
     ramp_v: float
-    """Speed at the end of that period, in 1/s."""
+    """Speed at the end of the period for which ``ramp_x`` is given, in 1/s."""
 
 
 def sample_mode(natural_frequency_rad_per_s: float, damping_ratio: float, period_s: float) -> Mode:

@@ -135,8 +135,9 @@ def perturbation(
 
         p_{k-1} = -d̄ u_{k-1} + m̄ x_{k-3} + b̄ x_{k-2} + k̄ x_{k-1} + F_{k-1}               (6)
 
-    ``x_um`` is the position of that sample, ``x_1_um`` and ``x_2_um`` are those one and two samples
-    earlier; ``voltage_V`` is the voltage that led to it, and ``force_mN`` the force at that sample.
+    ``x_um`` is the position of the sample k-1, ``x_1_um`` and ``x_2_um`` are the positions one and
+    two samples earlier; ``voltage_V`` is the voltage that led to ``x_um``, and ``force_mN`` the
+    force at the same sample.
     """
     return (
         -plant.d_bar * voltage_V

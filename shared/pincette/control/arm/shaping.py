@@ -5,8 +5,8 @@ If a quarter, a half and a quarter of a step follow each other at intervals h, t
 
     |¼ + ½·e^(-iωh) + ¼·e^(-2iωh)| = cos²(ω·h/2)
 
-times that of the whole step. It is 0 at h = π/ω and flat there, so that one h is suitable for the
-free arm at ω_n and the pressed one at ω_n·√(1 + s_p·K_e). Units: V, s, rad/s.
+times that of the whole step. This factor is 0 at h = π/ω and flat there, so that one h is suitable
+for the free arm at ω_n and the pressed one at ω_n·√(1 + s_p·K_e). Units: V, s, rad/s.
 """
 
 from math import cos, floor, pi, sqrt
@@ -34,8 +34,8 @@ class ShapedStep(FrozenRecord, frozen=True):
         Parameters
         ----------
         step_V
-            Smallest step of the output, to whose multiples the first parts are rounded; 0: none.
-            No part lies beyond either end.
+            Smallest step of the output, to whose multiples the first parts are rounded; 0: none. No
+            voltage lies outside the range of the step.
         """
         low_V, high_V = min(self.from_V, self.to_V), max(self.from_V, self.to_V)
         way_V = self.to_V - self.from_V

@@ -111,7 +111,7 @@ def _answers(some: Sequence[PreparedBurst], period_s: float, at: Column) -> NDAr
 
 
 def solved(some: Sequence[PreparedBurst], period_s: float, at: Column) -> tuple[Column, Column]:
-    """Return gains g and gρ of the best fit, and its residuals for all bursts."""
+    """Return the gains g and gρ of the best fit, and the residuals of the fit for all bursts."""
     columns = _answers(some, period_s, at)
     target = np.concatenate([one.x_um for one in some])
     gains = np.linalg.lstsq(columns, target, rcond=None)[0]

@@ -23,9 +23,10 @@ STEP_BAND = 0.05
 """Half width of the band within which a step response counts as settled, as a fraction of the
 step."""
 COVERED = 3.0
-"""Smallest half width of that band, in standard deviations of the noise."""
+"""Smallest half width of the settling band, in standard deviations of the noise."""
 END_SHARE = 1e-4
-"""Fraction of a drive's range within which the drive counts as being at its end."""
+"""Distance from an end of the range of the drive within which the drive counts as being at this
+end, as a fraction of the range."""
 GRID = 64
 """Number of drive values at which the two branches of a loop are compared."""
 
@@ -90,10 +91,11 @@ def _held(values: Series, ticks: int) -> Series:
 
 
 def reach(drive: Series, x: Series, noise: float, creep: float = 0.0) -> Found:
-    """Return the change of x from the lowest to the highest drive, while the drive rises.
+    """Return the change of x while the drive rises from its lowest to its highest value.
 
-    The change for falling drive differs by remanence and creep. Samples within ``END_SHARE`` of the
-    drive's range from each end are averaged. While the drive dwells there, x creeps by up to
+    The change for a falling drive differs by remanence and creep. Samples within ``END_SHARE`` of
+    the drive's range from each end are averaged. While the drive dwells at an end, x creeps by up
+    to
 
         c·log10(1 + t_d/(t_r/2)),
 
@@ -121,7 +123,7 @@ def reach(drive: Series, x: Series, noise: float, creep: float = 0.0) -> Found:
     rise = top - int(starts[-1])
     crept = [creep * log10(1.0 + 2.0 * len(end) / rise) for end in (high, low)]
     spread = noise * sqrt(1.0 / len(high) + 1.0 / len(low))
-    # The creep of each end lies anywhere within its bound: a rectangular distribution.
+    # The creep at each end may have any value within its bound: a rectangular distribution.
     return Found(found, hypot(spread, found * hypot(END_SHARE, hypot(*crept) / sqrt(3.0))))
 
 
@@ -216,7 +218,7 @@ class CutOff:
 
     frequency_hz: Found
     phase_deg: float
-    """Phase at that frequency."""
+    """Phase of the response at the -3 dB frequency, in degrees."""
     reached: bool
 
 

@@ -84,7 +84,7 @@ class ContactStiffness:
 def with_press_gain(
     x_um: NDArray[np.float64], force_mN: NDArray[np.float64], s_p: float, press_gain: float
 ) -> NDArray[np.float64]:
-    """Return the force for swings of x_1 scaled to the measured size, where x_1 = x + s_p·F̂."""
+    """Return the force for an x_1 = x + s_p·F̂ whose swings are scaled to the measured size."""
     x_1_um = x_um + s_p * force_mN
     more_um = (press_gain - 1.0) * (x_1_um - np.mean(x_1_um))
     return force_mN + more_um / s_p

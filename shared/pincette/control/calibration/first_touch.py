@@ -32,7 +32,7 @@ Column = NDArray[np.float64]
 
 
 class NoTouchError(ValueError):
-    """No kink in an approach is certain enough to be a contact."""
+    """Error if no kink in an approach is certain enough to be a contact."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ EDGE = 0.05
 """Fraction of the travel at both ends that is excluded from this comparison."""
 LEAST_CREEP_SAMPLES = 20
 LEAST_DECADE = 1.0
-"""Least range of times from which creep is determined, in decades."""
+"""Smallest range of times from which creep is determined, in decades."""
 
 Column = NDArray[np.float64]
 

@@ -66,7 +66,7 @@ def straight_line(x: Sequence[float], y: Sequence[float]) -> Line:
 
 
 def correlated_samples(residuals: Sequence[float] | NDArray[np.float64]) -> float:
-    """Return the number of successive residuals that count as one independent one, at least 1.
+    """Return the number of successive residuals that count as one independent residual, at least 1.
 
     τ = 1 + 2·Σ ρ_i, ρ_i = Σ r_k·r_{k+i}/Σ r_k², i = 1, 2, ... while ρ_i > 0
 

@@ -21,8 +21,8 @@ from pincette.control.calibration.resonance import SecondOrder, fit_second_order
 from pincette.control.checks import require_positive
 
 LINES_PER_BAND = 20
-"""Number of spectral lines in a band: enough for the coherence, and a narrow band compared with the
-resonance."""
+"""Number of spectral lines in a band: enough to compute the coherence, and few enough that the band
+is narrow compared with the resonance."""
 FEWEST_BANDS = 100
 LEAST_DRIVE = 1e-5
 """Smallest power of the drive relative to the strongest. The drive is measured, and an output with

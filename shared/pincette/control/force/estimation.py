@@ -62,9 +62,9 @@ def uncertainty(
     Parameters
     ----------
     few_um
-        Portion of ``free_error_um`` that was determined by ``rehearsals``.
+        Contribution to ``free_error_um`` that was determined from rehearsals.
     rehearsals
-        Number n of those rehearsals; 0: so many that the number does not matter.
+        Number n of these rehearsals; 0: the result is not corrected for their number.
     """
     s_p = compliance_um_per_mN
     creep_mN = creep_mN_per_decade * log10(1.0 + max(0.0, zero_age_s))

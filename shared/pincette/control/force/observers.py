@@ -95,7 +95,8 @@ class QuasiStaticParameters:
     """Weight of each new reading in the low-pass of the force; 1 without a low-pass. See
     ``smoothing``."""
     newest_voltage: bool = False
-    """Whether x_k is paired with x_1 of the voltage output at k instead of that applied at k-1."""
+    """True if x_k is paired with x_1 of the voltage output at k; False for the voltage applied at
+    k-1."""
     printed_um_per_V: float = 0.0
     """Coefficient d_p of the printed term, in µm/V; 0 omits the term."""
     older: float = 0.0

@@ -21,15 +21,16 @@ from numpy.typing import NDArray
 Column = NDArray[np.float64]
 
 FREQUENCY_ERROR = 0.02
-"""Relative error of the frequency of the pressed mode that the search covers."""
+"""Largest relative error of the frequency of the pressed mode that the search allows for."""
 TRIED = 9
-"""Number of frequencies that are tried in this range."""
+"""Number of frequencies that are tried within ``FREQUENCY_ERROR``."""
 DECAYS = 4.0
 """Number of decay time constants during which ringing is searched for."""
 SAMPLES = (4, 48)
 """Smallest and largest number of samples in which ringing is searched for."""
 RESTED = 8
-"""Number of subsequent samples whose mean is the rest position."""
+"""Number of samples, following those that are searched for ringing, whose mean is the rest
+position."""
 SURE = 18.0
 """Smallest ratio of the explained sum of squares to the variance of the noise that counts as
 ringing. With two amplitudes and several frequencies, noise alone exceeds it after less than one

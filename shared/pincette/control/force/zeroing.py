@@ -102,9 +102,9 @@ def zero_refusal(
         True if the force was zeroed since the arming. Otherwise the offset is compared with the
         position in which the arm was found, and the refusal has a separate code.
     kept
-        True if the zero in use is from an earlier arming. An arm ahead of its zero position is then
-        no reason to refuse: no part in front can pull it forwards, so a part that pressed it at
-        that zero is gone.
+        True if the zero in use is from an earlier arming. In that case an arm beyond its zero
+        position is no reason to refuse: no part in front of it can pull it forwards, so a part that
+        pressed it at that zero is gone.
     memory_known
         As for ``ZeroLimits.change_um``.
     """

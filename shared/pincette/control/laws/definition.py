@@ -33,7 +33,7 @@ class BuildLaw(Protocol):
 
 
 class StartLaw(Protocol):
-    """Function that returns the state for a bumpless start, before the step with the same ``x_um``.
+    """Function that returns the state for a bumpless start; the first step gets the same ``x_um``.
 
     The returned state is a frozen dataclass of floats and of such dataclasses; the field
     ``history`` contains the given ``History``.
@@ -102,8 +102,8 @@ class LawDefinition:
     """Name of the gain of the switching term, which the value 0 switches off; "" without such a
     term."""
     remedies: Callable[[Mapping[str, float]], Sequence[tuple[str, Sequence[float]]]] | None = None
-    """Function that returns other gains for a refusal to propose, each with its values, the
-    smallest change first."""
+    """Function that returns gains which a refusal may propose to change, each with the values to
+    try, the smallest change first."""
     previews: bool = False
     """True if ``step`` receives the planned motion and the contact. Such a law receives the force
     error as estimated, without the rig's low-pass, and keeps its state at the start of a segment,

@@ -19,10 +19,10 @@ noise. Samples at which a limit acted, and those just after, are attributed to t
 
 No instrument measures the true force. The causes of its error are
 
-    noise         K_e·√(n² - σ²): what the arm moves; the sensor's own noise σ moves nothing
-    response      u: by how much F̂ may be off, as the estimator states it
-    contact line  F̂ - F_r - K_e·d, what comes back of it and does not go with ẋ_r
-    lag           K_e times that of the position
+    noise         K_e·√(n² - σ²), the motion of the arm; the sensor's own noise σ moves nothing
+    response      u, the standard uncertainty of F̂ that the estimator states
+    contact line  the repeating component of F̂ - F_r - K_e·d that is not proportional to ẋ_r
+    lag           K_e times the lag of the position
 
 Each cause is an r.m.s. over all N samples, so that the squares can be added. Each repeating cause c
 of the position contributes N⁻¹·Σ c·(r + g + lag), at least 0, to the square of their sum: a wrong
@@ -166,7 +166,9 @@ def _product(one: Series, other: Series, there: NDArray[np.bool_]) -> float:
 
 
 def _rms(values: Series, there: NDArray[np.bool_]) -> float:
-    """Return the r.m.s. value over selected samples, for the number of all samples."""
+    """Return the root of the sum of squares over selected samples, divided by the number of all
+    samples.
+    """
     return sqrt(_product(values, values, there))
 
 
@@ -183,7 +185,7 @@ def _with_speed(
     """Return the component of an error proportional to speed and acceleration of the reference."""
     speed = np.gradient(x_r_um)
     moving = np.column_stack((speed, np.gradient(speed))[:derivatives])
-    # A reference at rest, or with almost no second derivative, has no such component.
+    # A derivative of the reference that is almost constant has no such component.
     moving = moving[:, np.ptp(moving, axis=0) > 1e-6]
     if not moving.shape[1] or there.sum() <= moving.shape[1]:
         return np.zeros_like(error)
@@ -193,7 +195,7 @@ def _with_speed(
 
 
 def _repeating(error: Series, there: NDArray[np.bool_], cycle_ticks: int) -> tuple[Series, float]:
-    """Return the slow component, or that repeated in n cycles, and the factor √(n/(n - 1))."""
+    """Return the component that repeats in n cycles or is slow, and the factor √(n/(n - 1))."""
     masked = np.where(there, error, np.nan)
     cycles = len(error) // cycle_ticks if cycle_ticks else 0
     if cycles > 1:

@@ -18,12 +18,8 @@ IMPEDANCE_GAINS = (
     LawParameter("K_f", "mN/mN", "gain of the force error in (10)", 5000.0, identified=2000.0),
 )
 """Gains of a law that realises (10), with the paper's values of section VI.C.2. If the law uses the
-free response, K_f need not counteract hysteresis, and with a smaller K_f less of the force
-estimate's error enters the position.
-
-If the law knows the free response, K_f need not counteract hysteresis, and a smaller K_f passes
-less of the force estimate's error to the position.
-"""
+free response, K_f need not counteract hysteresis, and a smaller K_f passes less of the error of the
+force estimate to the position."""
 
 
 @dataclass(frozen=True, slots=True)

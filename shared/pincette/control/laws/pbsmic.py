@@ -49,8 +49,8 @@ def start(
 
     x_d starts at ``x_um``, and ε at 0. The next step does not change the voltage of a resting arm
     if x_{r,k} = x and F_k = F_{r,k} = F_{k-1}. A difference x_r - x or a force error at this moment
-    decays with the impedance (14). With x_d(0) = x_r(0), as in (15), it would be an error e
-    instead. Both are equal if the reference starts at the arm's position.
+    decays with the impedance (14). With x_d(0) = x_r(0), as in (15), this difference would be an
+    error e instead. Both starts are equal if the reference starts at the position of the arm.
     """
     deviation_um = x_um - x_r_um
     return PbsmicState(

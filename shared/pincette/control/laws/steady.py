@@ -22,8 +22,8 @@ def steady_state_errors(
         E_x = [F_r + K_e (x_e - x_r)] / (K_e + K/K_f)                                    (51)
         E_f = -(K/K_f) E_x                                                               (52)
 
-    K_e and K in mN/µm, K > 0. The implementation is multiplied by K_f, so that K_f = 0 gives the
-    position loop. Both errors vanish for F_r = K_e·(x_r - x_e).
+    K_e and K in mN/µm, K > 0. The implementation multiplies numerator and denominator of (51) by
+    K_f, so that K_f = 0 gives the position loop. Both errors vanish for F_r = K_e·(x_r - x_e).
     """
     mismatch_mN = force_r_mN + K_e * (x_e_um - x_r_um)
     scale = mismatch_mN / (K_f * K_e + K)

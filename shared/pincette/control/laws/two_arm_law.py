@@ -9,7 +9,7 @@ from pincette.control.laws.two_arms import PARAMETERS, default_gains
 
 @dataclass(frozen=True, slots=True)
 class TwoArmLaw:
-    """Law of rigs with ``[second]``, the only one, because its step is ``two_arms.step``."""
+    """The only law of rigs with ``[second]``; its step is ``two_arms.step``."""
 
     name: str
     title: str

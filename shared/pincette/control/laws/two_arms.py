@@ -51,7 +51,8 @@ PARAMETERS = (
 """Gains, with defaults for periods that are short compared with that of the mode; see
 ``default_gains``."""
 LONG = {"n": 1.0, "f_q": 5.5, "f_F": 3.0}
-"""Defaults for long periods: with 20 ms, each sample corrects 0.5 and 0.31 of the errors."""
+"""Defaults for long periods. With a period of 20 ms each sample corrects the fraction 0.5 of the
+position error, and 0.31 of the force error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +119,7 @@ class TwoArmState(FrozenRecord, frozen=True):
 
 
 class TwoArmOutput(FrozenRecord, frozen=True):
-    """Voltages of the law, and the errors relative to its last target."""
+    """Free displacements that the law requests, and the errors relative to its last target."""
 
     free_um: Pair
     """Free displacements X_i one period ahead, in µm: u_i = H_i⁻¹[X_i]."""

@@ -2,7 +2,7 @@
 
 A command is considered only if it comes from the owner and belongs to the epoch of the arming. The
 force and target that it reports for its sample are compared with the hard limits, whether it is
-valid or not. Then it is accepted or refused.
+valid or not. After this comparison the command is accepted or refused.
 """
 
 from itertools import chain, repeat
@@ -137,7 +137,8 @@ def is_future(state: SafetyState, command: CommandFacts) -> bool:
 
 
 def judged(limits: SafetyLimits, state: S, command: CommandFacts, now: float) -> S:
-    """Accept or refuse a command with authority, or trip by the values it reports for its sample.
+    """Accept or refuse a command with authority, or trip if the values that it reports exceed
+    limits.
 
     An invalid command is never accepted; its reason is stored for a trip that may follow.
     """
@@ -149,7 +150,7 @@ def judged(limits: SafetyLimits, state: S, command: CommandFacts, now: float) ->
         state = _monitored(limits, state, command, sample, now)
     if not command.valid:
         return replace(state, blind=command.fault)
-    # The age of a lost sample is at most that of the sample before it.
+    # If a sample was lost, use the age of the sample before it, which is an upper bound of its age.
     oldest = sample or arrival_of(state.arrivals, command.seq - 1)
     why = objection(limits, state, command, oldest, now)
     if why or oldest is None:
@@ -235,7 +236,7 @@ def objection(
 
 
 def parts_s(limits: SafetyLimits, sample: Arrival, now: float) -> float:
-    """Return the duration of a step in parts that is written at ``now``; 0 for a single part.
+    """Return the duration of a step if it is written in parts at ``now``; 0 if it is not.
 
     If the last part would be written a period after the sample of the command or later, and so
     after the next sample, the step is written in one part. Otherwise the estimate for the next
@@ -245,7 +246,7 @@ def parts_s(limits: SafetyLimits, sample: Arrival, now: float) -> float:
 
 
 def _taken(limits: SafetyLimits, state: S, command: CommandFacts, sample: Arrival, now: float) -> S:
-    """Apply an accepted command; ``final`` ends the arming and keeps the voltage."""
+    """Apply an accepted command; a ``final`` command ends the arming and keeps the voltage."""
     if state.shaped is not None:
         state = broken_off(limits, state, now)
     had_s, share = None, 1.0

@@ -25,7 +25,8 @@ class Cause(StrEnum):
     NONE = ""
     """Not tripped."""
     BOOT = "boot"
-    """The actuator has just started, and the previous one has not died."""
+    """The actuator has just started, and the previous one did not die: it ended cleanly, or there
+    was none."""
     COMMAND_AGE = "command_age"
     """No command arrived in time."""
     FORCE = "force"
@@ -58,7 +59,8 @@ class Predecessor(StrEnum):
     CLEAN = "clean"
     """It ended on request, with the arm free and without a latch unknown to an operator."""
     DIED = "died"
-    """It was killed, failed, or left a latch unknown to an operator; or the note is damaged."""
+    """It was killed, failed, or left a latch unknown to an operator; or the note about its end is
+    damaged."""
 
 
 CAUSES = tuple(cause for cause in Cause if cause != Cause.NONE)

@@ -27,7 +27,7 @@ READ_BACK_V = 0.01
 def waits_for_read_back(limits: SafetyLimits, state: SafetyState) -> bool:
     """Return whether the output must be read back before it is written again.
 
-    In lockstep it need not be: there a write ends the tick, and a failure ends the run.
+    In lockstep no read-back is needed: a write ends the tick, and a failure ends the run.
     """
     return not_located(limits, state) and state.mode in TRIPPED
 
@@ -89,7 +89,7 @@ def found(limits: SafetyLimits, state: S, found_V: tuple[float, ...], now: float
 
 
 def suspended(limits: SafetyLimits, state: S, slept_s: float, now: float) -> S:
-    """Trip an armed actuator after a suspension, which no age shows and no allowance covers.
+    """Trip an armed actuator after a suspension of the machine, during which the clock stood still.
 
     The watchdog of the output may have acted in the meantime, so the output is read back first.
     """

@@ -48,7 +48,7 @@ def newest_seq(arrivals: Arrivals) -> int:
 
 
 def skipped_seq(arrivals: Arrivals, seq: int) -> int:
-    """Return the number before that of a new sample if the sample with it did not arrive.
+    """Return the number before that of a new sample if no sample with that number has arrived.
 
     Returns -1 if no sample is missing.
     """
@@ -87,10 +87,11 @@ def too_old(limits: AgeLimits, arrivals: Arrivals, sample: Arrival, now: float) 
 
 
 def standstill_s(limits: AgeLimits, slept_s: float, excused_s: float) -> float | None:
-    """Return the time to subtract from ages for a stall before this run, in s, or None.
+    """Return the time to subtract from ages for a stall before this run, in s; None without a
+    stall.
 
-    During a stall of the machine a command that was sent could not arrive, and without the
-    subtraction a ramp would jump after the stall.
+    During a stall of the machine no command can arrive, and without the subtraction a ramp would
+    jump after the stall.
     """
     stood_s = slept_s - limits.wake_s
     if stood_s <= limits.wake_s:

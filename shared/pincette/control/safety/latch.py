@@ -35,7 +35,7 @@ def booted(state: S, predecessor: Predecessor) -> S:
 
 
 def ending(state: SafetyState) -> Predecessor:
-    """Return how an actuator that ends in this state is reported to its successor.
+    """Return how the end of the actuator in this state is reported to its successor.
 
     If the latch of its own start has not been reset, the report about its predecessor is passed on.
     """
@@ -113,7 +113,8 @@ def trip(
     """Enter the safe state, unless already in it; the first cause is kept.
 
     A part is released only on request, or if the cause requires it; a freeze then becomes a ramp
-    immediately. If no more ticks will come to play a ramp, the safe voltage is set immediately.
+    immediately. In lockstep, an actuator that is not armed gets no more ticks to play a ramp: it
+    keeps its voltage, or sets the safe voltage immediately if a release is required.
     """
     let_go = let_go or cause in LETS_GO
     if state.mode == Mode.FROZEN and let_go:
@@ -131,7 +132,7 @@ def trip(
 
 
 def standing_V(limits: SafetyLimits, state: SafetyState, now: float) -> float:
-    """Return the first arm's voltage, in V; during a step in parts, that of the newest part."""
+    """Return the voltage of the first arm, in V; in a step in parts, that of the newest part."""
     step, interval_s = state.shaped, limits.shaping_s
     if step is None or interval_s is None or limits.lockstep:
         return state.arms[0].voltage_V
@@ -139,7 +140,7 @@ def standing_V(limits: SafetyLimits, state: SafetyState, now: float) -> float:
 
 
 def broken_off(limits: SafetyLimits, state: S, now: float) -> S:
-    """End a step in parts at the part that has been output."""
+    """Stop a step in parts after the part that has been output."""
     if state.shaped is None:
         return state
     voltage_V, (first, *others) = standing_V(limits, state, now), state.arms
@@ -174,7 +175,7 @@ def at_safe(limits: SafetyLimits, state: S) -> S:
 
 
 def released(state: S, pressed: Fault, now: float) -> S:
-    """End a freeze because the part seems to be pressed too hard, and add that to the faults.
+    """End a freeze because the part seems to be pressed too hard, and add a fault with the force.
 
     The force is estimated from the voltage. If the output has not confirmed the voltage, the force
     is unknown and the fault contains no number.
@@ -203,8 +204,8 @@ def reset_objection(limits: SafetyLimits, state: SafetyState, *, acknowledged: b
 def reset(limits: SafetyLimits, state: S) -> S:
     """Reset the latch; a held part stays held, at the same voltage.
 
-    In real time a ramp must have ended. In lockstep it need not: if a program has died, no tick
-    will come to end it.
+    In real time a ramp must have ended. In lockstep a ramp may be unfinished: if a program has
+    died, no tick will come to finish it.
     """
     if state.mode == Mode.RAMPING:
         state = at_safe(limits, state)
@@ -245,14 +246,14 @@ def not_located(limits: SafetyLimits, state: SafetyState) -> bool:
 
 
 def pass_time(limits: SafetyLimits, state: S, now: float) -> S:
-    """Apply the passage of time: the age limit, the end of a freeze, the ramp."""
+    """Apply the rules that depend on time: the age limit, the end of a freeze, the ramp."""
     if state.mode == Mode.ARMED and now - state.fresh_s > limits.age.limit_s:
         state = trip(limits, state, Cause.COMMAND_AGE, now, faults=_silence(limits, state, now))
     if state.mode == Mode.FROZEN and now - state.since_s >= limits.freeze_s:
         state = ramped(state, now)
     if state.mode != Mode.RAMPING:
         return state
-    # The ramp is one step ahead of its clock, since its first step is made at the trip.
+    # Add one step, since the first step of the ramp is made at the trip.
     share = (now - state.since_s + limits.age.wake_s) / limits.ramp_s
     if not_located(limits, state):
         # Nothing is written until the output is read back: see ``confirmation``.

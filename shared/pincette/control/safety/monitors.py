@@ -27,7 +27,7 @@ class MonitorLimits:
     following_um: float
     """Largest |x - x_d| while x_d is constant, in µm."""
     following_s: float
-    """Increase of that bound per speed of x_d, in µm per µm/s."""
+    """Increase of the bound of |x - x_d| per speed of x_d, in µm per µm/s."""
     following_samples: int
     position_min_um: float
     position_max_um: float
@@ -73,14 +73,15 @@ class Watches(FrozenRecord, frozen=True):
     position: Watch = QUIET
     aim_seq: int = -1
     aim_um: float | None = None
-    """Target position x_d of that sample, in µm; None before the first command."""
+    """Target position x_d in the newest command that stated one, in µm; None before the first
+    one."""
 
 
 UNSEEN = Watches()
 
 
 class Finding(NamedTuple):
-    """Reason why the actuator's own monitors trip it, with the numbers."""
+    """Cause and fault for which the actuator's own monitors trip it."""
 
     cause: Cause
     fault: Fault

@@ -87,7 +87,7 @@ class SafetyState(FrozenRecord, frozen=True):
     ran_s: float | None = None
     """Time at which the actuator last ran, in s; None before its first run."""
     excused_s: float = 0.0
-    """Time of stalls subtracted from ages since the last accepted command, in s."""
+    """Total time of stalls that was subtracted from ages since the last accepted command, in s."""
     standstills: int = 0
     refused: int = 0
     refusal: Fault | None = None

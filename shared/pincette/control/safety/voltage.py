@@ -9,8 +9,8 @@ from pincette.control.voltage_range import VoltageRange
 VOLTAGE_MAX, VOLTAGE_MIN, SLEW_UP, SLEW_DOWN = 1, 2, 4, 8
 """Bits of the voltage limits, set if the limit has acted."""
 ABSURD_SPANS = 10.0
-"""Distance beyond the ends of the range, as a multiple of the range, from which a voltage counts as
-an error."""
+"""Distance of a voltage from the range of the output, as a multiple of the range. A voltage that is
+further away is refused as an error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class VoltageLimits:
     sweep_V: float
     """Largest amplitude of a sweep, in V, to which the slew limit does not apply."""
     step_V: float = 0.0
-    """Voltage step of the output, in V, which can output only its multiples; 0 if not known."""
+    """Voltage step of the output, in V; only its multiples can be output; 0 if not known."""
 
 
 def within(limits: VoltageLimits, planned: VoltageRange | None, present_V: float) -> VoltageLimits:
@@ -40,10 +40,11 @@ def within(limits: VoltageLimits, planned: VoltageRange | None, present_V: float
 
 
 def slewing_s(period_s: float, since_s: float) -> float:
-    """Return the time since the output's last change that the slew limit applies to, in s.
+    """Return the time since the last change of the output for which the slew limit allows motion,
+    in s.
 
-    It is at most one period: after a pause, a command may move the output no further than a command
-    in time. It is rounded to 1 µs, so that records contain the exact value.
+    It is at most one period, so that a command after a pause may change the voltage no more than
+    any other command. It is rounded to 1 µs, so that records contain the exact value.
     """
     return round(min(max(since_s, 0.0), period_s), 6)
 
@@ -122,7 +123,7 @@ def too_wide(limits: VoltageLimits, about_V: float, amplitude_V: float) -> Fault
 def ramp(from_V: float, safe_V: float, share: float) -> float:
     """Return the voltage of a ramp, in V, at the fraction ``share`` of its duration.
 
-    u = u_0 + clip(share, 0, 1)·(u_safe - u_0): it is never beyond either end, even if the clock
-    jumps.
+    u = u_0 + clip(share, 0, 1)·(u_safe - u_0): the voltage is never outside the range from u_0 to
+    u_safe, even if the clock jumps.
     """
     return from_V + min(max(share, 0.0), 1.0) * (safe_V - from_V)

@@ -13,8 +13,8 @@ from pincette.control.safety.causes import Mode
 from pincette.control.safety.state import SafetyLimits, SafetyState
 
 OVERDUE = 2.0
-"""Age of commands, as a multiple of the age limit, from which an armed actuator that has not
-tripped counts as hung."""
+"""Age of commands, as a multiple of the age limit. If an armed actuator has not tripped at this
+age, it counts as hung."""
 
 
 def may_kick_watchdog(limits: SafetyLimits, state: SafetyState, now: float) -> bool:

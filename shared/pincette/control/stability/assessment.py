@@ -52,8 +52,8 @@ def assess(loop: Loop, intervals: Intervals, limit_radius: float | None = None) 
     ``limit_radius`` None selects the limit for the period.
 
     The search for the worst case is a grid and a climb from its highest points (``worst_case``):
-    the result is a radius that occurs, and a dense search finds at most about 0.01 more. M_s is
-    computed at the ends and in the middle of each interval.
+    the resulting radius does occur, and a dense search finds a radius that is larger by at most
+    about 0.01. M_s is computed at the ends and in the middle of each interval.
 
     Raises
     ------

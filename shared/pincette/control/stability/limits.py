@@ -12,9 +12,9 @@ from pincette.control.stability.loop_matrix import Loop
 from pincette.control.stability.worst_case import Intervals
 
 LIMIT_RADIUS, LIMIT_PERIOD_S = 0.97, 0.02
-"""Limit of the spectral radius at that period. At other periods the limit has the same time
-constant, 0.66 s: a disturbance decays to 2 % in 2.6 s, the duration of a typical load. A slower
-loop would not settle within the plan. See ``limit_radius_at``."""
+"""Limit of the spectral radius, and the period in s for which it is given. At other periods the
+limit has the same time constant, 0.66 s: a disturbance decays to 2 % in 2.6 s, the duration of a
+typical load. A slower loop would not settle within the plan. See ``limit_radius_at``."""
 LIMIT_PEAK = 2.0
 """Largest M_s at periods that are short compared with that of the mode, where a radius near 1 says
 little about the distance from instability."""

@@ -38,7 +38,8 @@ ARM_STATES = 4
 X, VOLTAGE = 0, 3
 """Indices of x and u_{k-1} among the states."""
 SMALL = 2.0**-200
-"""Size of an input: inside any boundary layer, and a power of two for exact scaling."""
+"""Size of the input for which a response is computed: inside any boundary layer, and a power of two
+for exact scaling."""
 
 
 @dataclass(frozen=True, slots=True)

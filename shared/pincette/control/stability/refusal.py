@@ -89,7 +89,7 @@ def _advice(loop: Loop, intervals: Intervals, case: LoopCase, *, by_radius: bool
     def reached(other: Loop) -> float:
         """Return the radius, or infinity if the radius or M_s exceeds its limit."""
         limit = limit_radius_at(other.period_s)
-        # Most changes already fail in the refused case, which saves the search.
+        # Check the refused case first: most changes fail there, so that no search is needed.
         try:
             if by_radius and here(other) >= limit and short(other) == short(loop):
                 return inf

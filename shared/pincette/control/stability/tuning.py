@@ -52,7 +52,9 @@ class TuningRig:
 
 @dataclass(frozen=True, slots=True)
 class TuningPath:
-    """Force references from the first contact, one per period, and the first evaluated sample."""
+    """Force references from the first contact, one per period, and index of the first evaluated
+    one.
+    """
 
     force_r_mN: tuple[float, ...]
     settled: int
@@ -72,7 +74,7 @@ class Tuning:
     """All candidates, those that no other one beats in both errors, and the balanced one."""
 
     candidates: tuple[Candidate, ...]
-    """All candidates except those of the front whose radius exceeds the limit."""
+    """All candidates, except those of the Pareto front whose radius exceeds the limit."""
     front: tuple[Candidate, ...]
     chosen: Candidate
     radius: float

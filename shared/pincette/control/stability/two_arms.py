@@ -94,7 +94,7 @@ class TwoArmAssessment:
     limit_radius: float
     case: TwoArmCase
     uninformed_radius: float
-    """Spectral radius while the law is not informed of the contact; 1 is a steady motion."""
+    """Spectral radius while the law is not informed of the contact; 1 means a steady motion."""
     limit_uninformed_radius: float
     sensitivity_peak: float
     limit_peak: float
