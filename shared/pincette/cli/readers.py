@@ -204,13 +204,26 @@ def _from_file(path: str, names: Sequence[str]) -> list[dict[str, float]]:
     from pincette.core.number_tables import FileError, read_table
 
     try:
-        if not path.endswith(".parquet"):
+        if not _is_parquet(path):
             return read_table(path, names)
         from pincette.records import number_file
 
         return number_file.parquet_rows(Path(path), names, path)
     except FileError as error:
         raise BadParameter(str(error)) from error
+
+
+def _is_parquet(path: str) -> bool:
+    """Return whether a file is Parquet by its name or its first bytes."""
+    from pincette.records.parquet import MAGIC
+
+    if path.lower().endswith(".parquet"):
+        return True
+    try:
+        with Path(path).open("rb") as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except OSError:
+        return False
 
 
 def literal(name: str, text: str) -> Any:

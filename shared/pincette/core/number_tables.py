@@ -2,40 +2,34 @@
 
 The separator is ``;``, a tab, a comma or white space. A comma is read as a decimal sign if another
 separator is used. Blank lines and lines that begin with ``#`` are skipped, and one line of names
-may come first. An ambiguous file is refused with the number of its line.
+may come first, also as a comment. A name that is not known, or states another unit, is refused. An
+ambiguous file is refused with the number of its line.
 """
 
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pincette.core import numerals
-from pincette.core.units import bare, unit_of
+from pincette.core.units import UNITS, bare, unit_of
 
 MOST_BYTES = 4_000_000
 """Size of the largest file that is read."""
 MARK = "\ufeff"
-UNIT_IN_NAME = re.compile(r"[\[(/]\s*([^\])]+?)\s*[\])]?\s*$")
 NUMBER_WORDS = ("nan", "inf", "infinity", "none", "null", "true", "false")
-UNITS_ALONE = (
-    "N",
-    "kN",
-    "uN",
-    "µN",
-    "g",
-    "gf",
-    "V",
-    "ms",
-    "us",
-    "µs",
-    "min",
-    "h",
-    "mm",
-    "um",
-    "µm",
-)
-"""Column titles that consist of a unit only."""
+TITLE = re.compile(r"([^\W_]+)[\s_.,:\-\[({/]*(?:in\s+)?(.*?)\s*[\])}]?")
+"""Title of a column: a word, then perhaps a unit, such as ``t_s``, ``time [s]`` or ``t in s``."""
+WORDS: Mapping[str, Sequence[str]] = {
+    "t": ("time", "zeit"),
+    "force": ("f", "kraft"),
+    "x": ("position",),
+    "place": ("q",),
+}
+"""Other words for a quantity in the title of a column."""
+UNIT = re.compile("[kmunµ]?[smNV]|min|h|gf?")
+"""A unit that shows that a comment contains column titles."""
+COMMENT_SEPARATORS = (";", "\t", ",", r"\s+(?![\[({])")
 Row = tuple[int, list[str]]
 """Number of a line and its fields."""
 
@@ -85,11 +79,14 @@ def encoded_table(content: bytes, names: Sequence[str]) -> list[dict[str, float]
 
 def table(text: str, names: Sequence[str]) -> list[dict[str, float]]:
     """Return the records of a text; raises FileError as ``read_table`` does."""
-    lines = [
-        (at, line)
-        for at, line in enumerate(text.removeprefix(MARK).splitlines(), start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
+    lines: list[tuple[int, str]] = []
+    comment: tuple[int, str] | None = None
+    for at, line in enumerate(text.removeprefix(MARK).splitlines(), start=1):
+        stripped = line.strip()
+        if stripped.startswith("#"):
+            comment = comment if lines else (at, stripped.lstrip("# "))
+        elif stripped:
+            lines.append((at, line))
     rows = _fields(lines)
     if not rows:
         raise FileError("line 1: no numbers found")
@@ -97,6 +94,8 @@ def table(text: str, names: Sequence[str]) -> list[dict[str, float]]:
     places = list(range(len(names)))
     if _is_header(first):
         places, rows = _places(at, first, names), rows[1:]
+    elif comment and (titles := _titles_in(comment[1], len(first), names)):
+        places = _places(comment[0], titles, names)
     elif len(first) != len(names):
         raise FileError(
             f"line {at}: {len(first)} fields, must be {len(names)}, {_wanted(names)}: name "
@@ -162,29 +161,43 @@ def _places(at: int, header: Sequence[str], names: Sequence[str]) -> list[int]:
             f"{_wanted(names)}: name each of these once, or keep only these columns"
         )
     for title, name in zip(header, names, strict=True):
-        stated = _stated_unit(title)
-        if stated not in ("", unit_of(name)):
+        word, unit = _word_and_unit(title)
+        if not _names(word, name) or unit not in ("", unit_of(name)):
             raise FileError(
-                f"line {at}: column {title!r} states {stated!r}, expected {unit_of(name)}: "
-                f"give {_wanted(names)} in this order, in {' and '.join(map(unit_of, names))}"
+                f"line {at}: column {title!r} is not {name}: name the columns {_wanted(names)}, "
+                "or remove this line if the columns are these in this order"
             )
-        if any(bare(other) == _word(title) for other in names if other != name):
-            raise FileError(f"line {at}: column {title!r} is in the position of {name}")
     return list(range(len(names)))
 
 
-def _stated_unit(title: str) -> str:
-    """Return the unit stated in a column title; empty if the title is one word without a unit."""
-    found = UNIT_IN_NAME.search(title)
-    if found:
-        return found.group(1)
-    words = re.split(r"[\s_]+", title)
-    return unit_of(title) or (words[-1] if len(words) > 1 or title in UNITS_ALONE else "")
+def _titles_in(comment: str, width: int, names: Sequence[str]) -> list[str]:
+    """Return the column titles in a comment; an empty list if it contains none.
+
+    Programs such as ``numpy.savetxt`` write the titles as a comment.
+    """
+    for separator in COMMENT_SEPARATORS:
+        titles = [title.strip(' ",;') for title in re.split(separator, comment)]
+        if len(titles) != width or not _is_header(titles):
+            continue
+        for word, unit in map(_word_and_unit, titles):
+            if UNIT.fullmatch(unit) or any(_names(word, name) for name in names):
+                return titles
+    return []
 
 
-def _word(title: str) -> str:
-    """Return the quantity that a column title names."""
-    return bare(re.split(r"[\[(/]", title)[0].strip().lower())
+def _word_and_unit(title: str) -> tuple[str, str]:
+    """Return the word and the unit of a column title, each empty if there is none."""
+    found = TITLE.fullmatch(title.replace("\u03bc", "µ"))
+    if found is None:
+        return "", ""
+    word, unit = found.groups()
+    return word.lower(), UNITS.get(f"_{unit}", unit)
+
+
+def _names(word: str, name: str) -> bool:
+    """Return whether a word is one for the quantity of a column."""
+    quantity = bare(name)
+    return word in (quantity, *WORDS.get(quantity, ()))
 
 
 def _decimal_commas(rows: Sequence[Row]) -> bool:

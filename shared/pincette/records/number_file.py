@@ -11,6 +11,8 @@ from pincette.records import parquet
 
 MOST_ROWS = 100_000
 """Largest number of rows of a Parquet file that is read; no path is as long."""
+MOST_NAMES = 10
+"""Number of column names in the text of an error."""
 
 
 def rows(content: bytes, names: Sequence[str], file: str) -> list[dict[str, float]]:
@@ -34,9 +36,14 @@ def parquet_rows(source: Path | BytesIO, names: Sequence[str], file: str) -> lis
     wanted = " and ".join(names)
     found: list[dict[str, float]] = []
     try:
+        columns = parquet.names_of(source)
+        if any(columns.count(name) != 1 for name in names):
+            shown = [*columns[:MOST_NAMES], *(["…"] if len(columns) > MOST_NAMES else [])]
+            raise FileError(
+                f"{file} has the columns {', '.join(shown)}, must have {wanted}, "
+                "each once: rename the columns that are meant"
+            )
         for part in parquet.parts(source, names):
-            if set(part) != set(names):
-                raise FileError(f"{file} has no columns {wanted}")
             for values in zip(*(part[name] for name in names), strict=True):
                 if not all(map(_is_number, values)):
                     raise FileError(f"{file}, row {len(found) + 1}: not numbers in {wanted}")

@@ -161,6 +161,15 @@ def read_about(path: Path) -> dict[str, str]:
         source.close()
 
 
+def names_of(source: Path | IO[bytes]) -> list[str]:
+    """Return the names of a table's columns; raises as ``parts`` does."""
+    file = opened(source)
+    try:
+        return file.schema_arrow.names
+    finally:
+        file.close()
+
+
 def about_of(schema: Any) -> dict[str, str]:
     """Return the metadata with which a table was written, without the metadata of its columns."""
     return {name: text for name, text in texts(schema.metadata).items() if name != COLUMNS}

@@ -98,13 +98,15 @@ def test_points_are_read_from_a_parquet_file(
     parquet.write(file, fields, columns, {})
     points = request_of("job", "track", "--points", f"@{file}")["points"]
     assert points == [{"t_s": time, "force_mN": time} for time in times]
+    renamed = file.rename(tmp_path / "path.pq")
+    assert request_of("job", "track", "--points", f"@{renamed}")["points"] == points
     columns["force_mN"][7] = None
     parquet.write(file, fields, columns, {})
     assert main(["job", "track", "--points", f"@{file}"]) == Exit.USAGE
     assert "row 8: not numbers in t_s and force_mN" in capsys.readouterr().err
     parquet.write(file, fields[:2], {name: columns[name] for name in names[:2]}, {})
     assert main(["job", "track", "--points", f"@{file}"]) == Exit.USAGE
-    assert "has no columns t_s and force_mN" in capsys.readouterr().err
+    assert "has the columns t_s, x_um, must have t_s and force_mN" in capsys.readouterr().err
     file.write_text("t_s", encoding="utf-8")
     assert main(["job", "track", "--points", f"@{file}"]) == Exit.USAGE
     assert "cannot be read" in capsys.readouterr().err

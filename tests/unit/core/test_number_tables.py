@@ -8,6 +8,7 @@ import pytest
 from pincette.core.number_tables import FileError, read_table, table
 
 NAMES = ("t_s", "force_mN")
+POSITIONS = ("t_s", "x_um")
 WANTED = [{"t_s": 0.0, "force_mN": 5.0}, {"t_s": 0.5, "force_mN": 7.25}]
 
 
@@ -33,6 +34,78 @@ WANTED = [{"t_s": 0.0, "force_mN": 5.0}, {"t_s": 0.5, "force_mN": 7.25}]
 )
 def test_common_number_formats_are_read(text: str) -> None:
     assert table(text, NAMES) == WANTED
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "t_s;x_um",
+        " t_s ; x_um ",
+        "\ufefft_s;x_um",
+        '"t_s";"x_um"',
+        "t;x",
+        "Time;Position",
+        "Zeit [s];x [um]",
+        "t (s);x (µm)",
+        "t/s;x/\u03bcm",
+        "time in s;position in µm",
+        "T_s;X_um",
+        "# t_s;x_um",
+        "# sample A; second run",
+        "# t_ms;x_mm\n# made by hand",
+        "# t_ms;x_mm\nt_s;x_um",
+    ],
+)
+def test_known_names_of_columns_are_read(header: str) -> None:
+    wanted = [{"t_s": 0.0, "x_um": 34.5}, {"t_s": 1.0, "x_um": 35.0}]
+    assert table(f"{header}\n0;34,5\n1;35\n", POSITIONS) == wanted
+
+
+@pytest.mark.parametrize(
+    ("header", "column"),
+    [
+        ("t_s;place_um", "place_um"),
+        ("t_s;second_x_um", "second_x_um"),
+        ("t_s;x_r_um", "x_r_um"),
+        ("t_s;z_um", "z_um"),
+        ("t_s;force_mN", "force_mN"),
+        ("dwell_s;x_um", "dwell_s"),
+        ("x_um;x_um", "x_um"),
+        ("t;t", "t"),
+        ("t;u", "u"),
+        ("τ;ξ", "τ"),
+        ("t_s;x_mm", "x_mm"),
+        ("t_ms;x_um", "t_ms"),
+        ("T_S;X_UM", "T_S"),
+        ("t_s;x_uM", "x_uM"),
+        ("t;xmm", "xmm"),
+        ("t;x.mm", "x.mm"),
+        ("t;x-mm", "x-mm"),
+        ("t;x{mm}", "x{mm}"),
+        ("t;x in mm", "x in mm"),
+        ("t;x, mm", "x, mm"),
+        ("tMs;xMm", "tMs"),
+        ("# t_ms;x_mm", "t_ms"),
+        ("#t [s]; x [mm]", "x [mm]"),
+        ("# t_s;place_um", "place_um"),
+        ("# made by hand\n\n# t;u\n", "u"),
+    ],
+)
+def test_unknown_names_of_columns_are_refused(header: str, column: str) -> None:
+    with pytest.raises(FileError) as refused:
+        table(f"{header}\n0;34\n1;35\n", POSITIONS)
+    assert repr(column) in str(refused.value)
+    assert "t_s and x_um" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "comment", ["# t_ms x_mm", "# t [ms]  x [mm]", "# time (s) place (um)", "# t_s,x_mm"]
+)
+def test_names_in_a_comment_are_read_where_white_space_separates(comment: str) -> None:
+    with pytest.raises(FileError, match="line 1"):
+        table(f"{comment}\n0 34\n1 35\n", POSITIONS)
+    right = "# time [s] position [µm]\n0 34\n1 35\n"
+    assert table(right, POSITIONS) == table("0 34\n1 35\n", POSITIONS)
 
 
 @pytest.mark.parametrize(

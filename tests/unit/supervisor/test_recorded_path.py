@@ -119,23 +119,40 @@ def test_a_parquet_file_with_other_values_is_refused(t_s: list[Any], x_um: list[
         number_file.rows(parquet_file(t_s, x_um), ["t_s", "x_um"], "F")
 
 
-@pytest.mark.parametrize("names", [("t_ms", "x_um"), ("t_s", "x_nm"), ("t_s", "force_mN")])
-def test_a_parquet_file_in_other_units_is_refused(names: tuple[str, str]) -> None:
+@pytest.mark.parametrize(
+    ("names", "named"),
+    [
+        (("t_ms", "x_um"), "t_ms, x_um"),
+        (("t_s", "x_nm"), "t_s, x_nm"),
+        (("t_s", "force_mN"), "t_s, force_mN"),
+        (("t_s", "place_um"), "t_s, place_um"),
+        (("T_S", "X_um"), "T_S, X_um"),
+        (("t_s", "x_um", "x_um"), "x_um, x_um"),
+        (("t_s", *(f"c{number}" for number in range(200))), "c8, …"),
+    ],
+)
+def test_a_parquet_file_with_other_columns_is_refused(names: tuple[str, ...], named: str) -> None:
     file = BytesIO()
-    files.write_table(arrow.table({name: [0.0, 1.0] for name in names}), file)
-    with pytest.raises(FileError):
+    files.write_table(arrow.table([arrow.array([0.0, 1.0])] * len(names), names=names), file)
+    with pytest.raises(FileError) as refused:
         number_file.rows(file.getvalue(), ["t_s", "x_um"], "F")
+    assert named in str(refused.value)
+    assert "must have t_s and x_um" in str(refused.value)
 
 
 @pytest.mark.parametrize("t_s", [[0.0, 2.0, 1.0], [1.0, 0.5, 0.0], [0.0, 1.0, 1.0]])
-def test_a_file_whose_times_do_not_rise_is_no_path(harness: Harness, t_s: list[float]) -> None:
-    columns = ["t_s", "force_mN"]
-    table = "".join(f"{at};{10.0 + 0.1 * row}\n" for row, at in enumerate(t_s))
-    points = number_file.rows(table.encode(), columns, "F")
-    wish = {"kind": "track", "shape": "waypoints", "points": points}
+@pytest.mark.parametrize(
+    ("member", "name", "low"), [("points", "force_mN", 10.0), ("x_points", "x_um", 34.0)]
+)
+def test_a_file_whose_times_do_not_rise_is_no_path(
+    harness: Harness, t_s: list[float], member: str, name: str, low: float
+) -> None:
+    table = "".join(f"{at};{low + 0.1 * row}\n" for row, at in enumerate(t_s))
+    points = number_file.rows(table.encode(), ["t_s", name], "F")
+    wish = {"kind": "track", "shape": "waypoints", member: points}
     answer = harness.post("/jobs", wish, dry_run="true", predict="false")
     assert answer.status_code == 422, answer.text
-    assert [error["pointer"] for error in answer.json()["errors"]] == ["/points"]
+    assert [error["pointer"] for error in answer.json()["errors"]] == [f"/{member}"]
     assert harness.post("/trajectories", wish).status_code == 422
 
 
