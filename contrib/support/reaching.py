@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, Protocol
 from pincette.client import Supervisor
 from tests.support.adapters import WAIT_S, until
 from tests.support.rigs import Tree
-from tests.support.running import Json, RunningRig
+from tests.support.running import RunningRig
 
 FORCE_MN = 10.0
 STAIRCASE_MN = (5.0, 10.0, 15.0, 10.0, 5.0)
@@ -162,20 +162,23 @@ def stop(rig: RunningRig, job: str) -> None:
 
 @contextmanager
 def stopping(rig: RunningRig, phase: str) -> Generator[list[str]]:
-    """Stop the job that reaches a phase within the block; its id is added to the list."""
+    """Stop the job that begins a phase within the block; its id is added to the list.
+
+    The events are read, since a phase may begin and end between two looks at the job.
+    """
     seen: list[str] = []
     wanted = "hold" if phase == "settle" else phase
+    path = f"/rigs/{rig.rig.rig.name}/events/list"
+    newest: int = rig.get(path, limit=1)["newest"]
 
     def watch() -> None:
         deadline = monotonic() + WAIT_S
         while monotonic() < deadline:
-            view = rig.view()
-            job: str | None = view["active_job"]
-            now: Json | None = None if job is None else rig.job(job)["progress"]
-            if job is not None and now is not None and now["phase"] == wanted:
-                rig.post(f"/jobs/{job}/actions", {"type": "stop"})
-                seen.append(job)
-                return
+            for event in rig.get(path, after=newest)["events"]:
+                if event["kind"] == "phase" and event["body"]["phase"] == wanted:
+                    rig.post(f"/jobs/{event['job']}/actions", {"type": "stop"})
+                    seen.append(event["job"])
+                    return
             sleep(0.01)
 
     thread = threading.Thread(target=watch)
