@@ -198,7 +198,7 @@ def needs(program: str) -> pytest.MarkDecorator:
 @pytest.mark.parametrize(
     "tool", [pytest.param(tool, marks=needs(program)) for tool, (program, _) in PROGRAMS.items()]
 )
-def test_tables_of_numbers_open_in_other_languages(records: dict[str, Path], tool: str) -> None:
+def test_numeric_tables_open_in_other_languages(records: dict[str, Path], tool: str) -> None:
     program, words = PROGRAMS[tool]
     for name in CLOSED:
         found = ran([program, *words(recipe(tool))], records[name]).split()

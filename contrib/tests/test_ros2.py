@@ -83,7 +83,7 @@ def heard_of_a_grip(rig: RunningRig, router: str, python: Path) -> tuple[Any, An
     return json.loads(output), held
 
 
-def test_a_node_receives_a_grip_and_ros_reads_it(
+def test_a_node_publishes_the_samples_of_a_grip_and_ros_reads_them(
     rig: RunningRig, router: str, tmp_path: Path
 ) -> None:
     begun_s = time.time()

@@ -68,7 +68,9 @@ def test_node_wot_grips_with_the_thing_description(rig: RunningRig, client: Path
     assert output["latched"] is not None
 
 
-def test_the_program_shown_on_the_documentation_page_grips(rig: RunningRig, client: Path) -> None:
+def test_the_example_program_of_the_documentation_page_completes_a_grip(
+    rig: RunningRig, client: Path
+) -> None:
     make_ready(rig)
     found = {block.language: block.text for block in blocks_of(PAGE)}
     program = found["js"]

@@ -102,7 +102,7 @@ def test_a_bluesky_device_moves_only_the_rig_that_it_names(
         closed(engine, one)
 
 
-def test_a_viewer_receives_only_the_rig_of_its_server(lab: SecuredLaboratory) -> None:
+def test_a_viewer_receives_only_messages_of_the_rig_of_its_server(lab: SecuredLaboratory) -> None:
     assert lab.rigs.fleet is not None
     lab.rigs.fleet.start(["foxglove"])
     with viewing(lab.rigs.right) as viewer:

@@ -123,7 +123,7 @@ def site(folder: Folder) -> Generator[Site]:
         yield made
 
 
-def test_a_command_of_the_controller_arrives_directly(site: Site) -> None:
+def test_a_command_of_the_controller_arrives_once_over_the_direct_link(site: Site) -> None:
     before = len(site.got)
     site.controller.publish(TRUE)
     site.heard(before + 1)

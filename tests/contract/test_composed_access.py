@@ -137,20 +137,22 @@ def test_a_certificate_of_one_of_its_services_cannot_publish_commands(site: Site
     assert len(site.commands) == before
 
 
-def test_a_rig_file_that_composes_needs_the_certificate_for_it(site: Site) -> None:
+def test_a_composed_program_does_not_start_without_its_certificate(site: Site) -> None:
     rig = composing(site.rig, "loop")
     with pytest.raises(SecurityError, match=r"loop\.crt: No such file"):
         service_endpoint(rig, "loop", loop_programs(rig))
 
 
-def test_an_emergency_stop_reaches_an_actuator_beside_a_composed_program_directly(
+def test_an_emergency_stop_reaches_an_actuator_directly_if_the_other_services_are_composed(
     site: Site,
 ) -> None:
     assert EmergencyStop("demo").past_supervisor(site.rig).missing() == []
     assert site.asked[-1] == Trip(Cause.ESTOP)
 
 
-def test_an_emergency_stop_reaches_a_program_of_all_services_directly(site: Site) -> None:
+def test_an_emergency_stop_reaches_a_program_that_contains_all_services_directly(
+    site: Site,
+) -> None:
     enrol(site.folder, "demo", (), NOW, composed=["loop"])
     rig = composing(demo_rig(), "loop").secured(site.folder.path)
     whole = ZenohBus(service_endpoint(rig, "loop", loop_programs(rig)), "demo", "loop")

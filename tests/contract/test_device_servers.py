@@ -87,7 +87,9 @@ def test_a_missing_device_is_named(tmp_path: Path) -> None:
         assert "Device open failure" in str(error)
 
 
-def test_a_local_port_and_a_server_lock_each_other_out(laser: Wire, tmp_path: Path) -> None:
+def test_a_port_opened_locally_and_over_a_server_cannot_be_used_at_the_same_time(
+    laser: Wire, tmp_path: Path
+) -> None:
     with ser2net(laser.url, tmp_path) as server:
         with closing(open_sensor(laser.url)):
             assert refusal(server.url).code == "cannot_open"
@@ -144,7 +146,7 @@ def test_an_answer_to_an_earlier_client_is_not_accepted(laser: Wire) -> None:
 @pytest.mark.parametrize(
     ("banner", "at_once", "timeout_s"), [(b"\r\n", False, 1.0), (b"login: ", True, 0.2)]
 )
-def test_a_banner_of_a_reopened_port_costs_no_further_exchange(
+def test_a_banner_at_a_reopened_port_does_not_cause_an_additional_failed_exchange(
     banner: bytes, timeout_s: float, *, at_once: bool, laser: Wire
 ) -> None:
     """``at_once``: it is sent before the first request, otherwise together with its answer."""

@@ -40,5 +40,5 @@ def test_the_recording_replays_the_answers_of_the_instrument(name: str, tmp_path
     assert live == SAID[name]
 
 
-def test_every_dialogue_is_in_this_list() -> None:
+def test_every_recorded_dialogue_is_tested() -> None:
     assert {path.stem for path in FOLDER.iterdir()} == set(DIALOGUES)

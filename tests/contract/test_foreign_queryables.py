@@ -157,7 +157,7 @@ def _reaches(probe: zenoh.Session, store: Store) -> bool:
 
 @pytest.mark.parametrize(("kind", "where"), [*zip(KINDS, (*PLACES, "client", "peer"), strict=True)])
 class TestBesideAForeignQueryable:
-    def test_stops_and_refusals_come_from_the_actuator(
+    def test_replies_to_stops_and_resets_come_from_the_actuator(
         self, plain: Site, kind: str, where: str
     ) -> None:
         with beside(plain, kind, where):
@@ -171,7 +171,7 @@ class TestBesideAForeignQueryable:
             assert monotonic() - begun_s < ANSWER_S
             assert plain.asked == [Trip(Cause.ESTOP), Reset(), Trip(Cause.ESTOP)]
 
-    def test_the_newest_message_comes_from_its_producer(
+    def test_a_query_for_the_newest_message_is_answered_by_its_producer(
         self, plain: Site, kind: str, where: str
     ) -> None:
         plain.actuator.publish(EARLIER)
@@ -212,7 +212,7 @@ def test_an_unanswered_request_ends_at_its_own_deadline(plain: Site, kind: str) 
     bus.close()
 
 
-def test_an_invalid_reply_with_the_mark_is_counted_and_the_next_one_is_used(
+def test_an_invalid_reply_with_the_right_attachment_is_counted_and_the_next_reply_is_used(
     plain: Site,
 ) -> None:
     def rubbish(query: zenoh.Query) -> None:
@@ -377,7 +377,7 @@ def test_a_certificate_can_hold_only_its_own_token(secure: Site, folder: Folder,
 
 
 @pytest.mark.parametrize("kind", ["stamping store", "silent"])
-def test_with_certificates_a_store_inside_the_router_answers_nothing(
+def test_with_certificates_replies_of_a_store_inside_the_router_are_not_used(
     secure: Site, kind: str
 ) -> None:
     """No access list applies to a plugin of the router."""
@@ -390,7 +390,7 @@ def test_with_certificates_a_store_inside_the_router_answers_nothing(
         until(lambda: secure.supervisor.latest(APPLIED, PATIENCE_S) == NEWEST)
 
 
-def test_a_second_router_with_a_store_answers_nothing(plain: Site) -> None:
+def test_replies_of_a_store_in_a_second_router_are_not_used(plain: Site) -> None:
     bus, port = plain.rig.bus, free_ports(1)
     with (
         outsider(
@@ -579,7 +579,7 @@ def test_doctor_does_not_query_a_router_shared_with_a_rig_in_use(
     other.close()
 
 
-def test_doctor_reports_nothing_about_a_bus_that_is_down_and_trusts_access_lists(
+def test_doctor_reports_no_foreign_sessions_if_the_bus_is_down_or_protected_by_access_lists(
     secure: Site,
 ) -> None:
     assert [*foreign_sessions(demo_rig())] == []

@@ -90,7 +90,9 @@ def test_idle_unknown_connections_do_not_block_others(
         sleep(0.05)
 
 
-def test_existing_links_continue_and_end_with_their_own_peer(door: Door) -> None:
+def test_existing_links_continue_during_a_flood_of_connections_and_close_when_their_own_peer_closes(
+    door: Door,
+) -> None:
     heard: list[bytes] = []
     with open_session(door.client, "tool") as tool:
         tool.declare_subscriber(

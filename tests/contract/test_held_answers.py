@@ -54,7 +54,7 @@ def test_an_answer_in_pieces_is_not_reported_as_delayed(baud: int, thinks_s: flo
 
 
 @pytest.mark.parametrize("line_baud", [9600, 19200, 57600])
-def test_a_line_slower_than_stated_is_estimated(line_baud: int) -> None:
+def test_the_speed_of_a_line_that_is_slower_than_stated_is_estimated(line_baud: int) -> None:
     assert arrivals(115200, line_baud, 0.0, in_pieces=True).hop() == Hop(line_baud=line_baud)
 
 

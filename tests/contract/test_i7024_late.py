@@ -23,7 +23,7 @@ class LateLink:
         self._link.close()
 
 
-def test_a_late_answer_to_a_write_lets_a_reset_succeed() -> None:
+def test_a_reset_succeeds_despite_a_late_answer_to_an_earlier_write() -> None:
     now_s = 0.0
     voltages_V: list[float] = []
     module = SimulatedI7024(voltages_V.append, lambda: now_s)

@@ -225,7 +225,7 @@ def test_a_checksum_is_added_to_every_line() -> None:
     assert bench.voltages_V == [1.0]
 
 
-def test_a_watchdog_trip_during_a_lost_line_is_found_and_kept(
+def test_a_watchdog_trip_while_the_line_was_lost_is_found_and_stays_latched(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench = Bench()

@@ -67,7 +67,7 @@ def test_a_partial_answer_is_an_error_and_the_next_exchange_is_clean(script: Scr
 @pytest.mark.parametrize(
     ("timeout_s", "quiet_s"), [(0.1, 0.001), (0.0003, 30 / 115200), (0.001, 0.0005)]
 )
-def test_waiting_for_silence_leaves_time_for_an_exchange(
+def test_the_wait_for_a_quiet_line_leaves_time_for_an_exchange(
     script: Script, timeout_s: float, quiet_s: float
 ) -> None:
     with opened(script([]), timeout_s) as link:
@@ -161,7 +161,7 @@ def test_a_port_without_a_descriptor_works_too() -> None:
             link.exchange(b"again")
 
 
-def test_a_command_without_an_answer_is_sent_before_the_request(script: Script) -> None:
+def test_a_command_that_has_no_answer_is_sent_before_the_next_request(script: Script) -> None:
     with opened(script([b"", b"!01+00.000\r"])) as link:
         link.tell(b"~**")
         assert link.exchange(b"$0180") == b"!01+00.000"
@@ -230,7 +230,7 @@ def test_every_exchange_is_logged_with_its_bytes_escaped(
     assert ": R0 -> hung_up: " in second
 
 
-def test_a_vanished_peer_is_replaced_by_the_present_one() -> None:
+def test_after_a_peer_has_vanished_the_link_reconnects_to_its_successor() -> None:
     """As after a network failure: the connection remains open, but no program replies over it."""
     passed_s = 0.0
     with socket.create_server(("127.0.0.1", 0)) as server:

@@ -231,7 +231,7 @@ def test_a_missing_name_server_does_not_delay_a_reopened_line(
         assert time.monotonic() - began_s < RECOVERS_S
 
 
-def test_a_replaced_client_reconnects_and_suspects_a_second_program(
+def test_a_client_that_a_server_replaces_reconnects_and_suspects_a_second_program(
     laser: Wire, tmp_path: Path
 ) -> None:
     with (
@@ -336,7 +336,7 @@ def second_client(port: int) -> Generator[None]:
 
 
 @pytest.mark.usefixtures("stalls")
-def test_readings_beside_a_second_client_are_new_and_doctor_suspects_it(
+def test_with_a_second_client_readings_stay_current_and_doctor_suspects_that_client(
     tmp_path: Path,
 ) -> None:
     """The server passes every reply on to both clients; each reply is larger than the last."""

@@ -47,7 +47,7 @@ def test_a_second_supervisor_of_a_rig_is_refused_until_the_first_has_ended(
         until(lambda: second.alive() == {"supervisor"}, "its token is seen")
 
 
-def test_a_router_that_does_not_reply_is_not_an_empty_list_of_programs(
+def test_a_router_that_does_not_reply_is_an_error_and_not_an_empty_list_of_programs(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(program, "GONE_S", 0.3)

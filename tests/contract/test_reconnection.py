@@ -162,7 +162,7 @@ def test_reopening_takes_no_longer_than_an_exchange() -> None:
     assert rig.said == [b"R0\r"]
 
 
-def test_an_unanswered_line_reopens_the_port_too() -> None:
+def test_a_command_without_an_answer_reopens_the_port_too() -> None:
     rig = Rig()
     rig.there = False
     with pytest.raises(InstrumentError, match="connection was closed"):

@@ -83,7 +83,7 @@ def test_the_reader_of_the_format_finds_every_message_and_the_end(mcap: Path) ->
         assert closing["sample_0_at"] <= closing["end_at"]
 
 
-def test_a_snapshot_of_a_closed_record_is_the_record(record: Path) -> None:
+def test_a_snapshot_of_a_closed_record_equals_the_file(record: Path) -> None:
     path = record / "job.mcap"
     assert b"".join(snapshot(path)) == path.read_bytes()
 

@@ -55,7 +55,9 @@ def test_a_router_answers_its_own_query(tmp_path: Path, *, secure: bool, patient
 
 
 @pytest.mark.parametrize("kind", ["store", "silent", "rubbish"])
-def test_a_tool_that_answers_every_query_neither_sees_nor_delays_it(kind: str) -> None:
+def test_a_tool_that_answers_every_query_does_not_delay_the_query_of_the_router_to_itself(
+    kind: str,
+) -> None:
     rig = demo_rig()
     place = f"tcp/{rig.bus.host}:{rig.bus.port}"
     with (

@@ -44,7 +44,9 @@ def start_again(fleet: Fleet) -> None:
     assert fleet.revive("rig").ready.wait(PATIENCE_S)
 
 
-def test_the_simulated_arm_survives_a_kill_and_new_arm_resets_it(tmp_path: Path) -> None:
+def test_the_simulated_arm_keeps_its_state_after_a_kill_and_option_new_arm_discards_the_state(
+    tmp_path: Path,
+) -> None:
     rig = demo_rig({"simulation": {"bead": False}})
     path, data = tmp_path / "rig.toml", tmp_path / "data"
     path.write_text(rig_toml(rig), encoding="utf-8")

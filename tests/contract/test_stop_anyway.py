@@ -383,7 +383,7 @@ def test_a_program_of_another_user_confirms_nothing(
 
 
 @pytest.mark.parametrize("words", [("stop",), ("job", "list")], ids=" ".join)
-def test_other_commands_do_not_need_a_home_folder_either(words: tuple[str, ...]) -> None:
+def test_other_commands_than_stop_do_not_need_a_home_folder_either(words: tuple[str, ...]) -> None:
     account = ["unshare", "--user", f"--map-user={NOBODY}"] if has_namespaces() else []
     url = {"PATH": os.environ["PATH"], "PINCETTE_URL": "http://127.0.0.1:1"}
     done = subprocess.run(

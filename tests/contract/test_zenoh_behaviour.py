@@ -179,7 +179,7 @@ def test_a_liveliness_token_with_wildcards_is_found_among_those_it_intersects(ne
         token.undeclare()
 
 
-def test_a_sample_states_a_session_only_if_the_sender_does_and_may_state_a_false_one(
+def test_a_sample_states_a_session_only_if_its_sender_states_one_which_may_be_false(
     net: Net,
 ) -> None:
     program, tool, listener = (net.join("client") for _ in range(3))

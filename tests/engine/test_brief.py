@@ -85,7 +85,7 @@ def test_every_container_is_confined(project: Project) -> None:
         assert "Read-only file system" in refused.stdout, name
 
 
-def test_only_rest_is_published_on_loopback(project: Project) -> None:
+def test_containers_publish_only_the_port_of_rest_and_only_on_loopback(project: Project) -> None:
     found = [told("port", project.container(name)) for name in [*contained(), "loopback"]]
     assert "".join(found) == "8000/tcp -> 127.0.0.1:8000"
 
@@ -143,7 +143,7 @@ def test_a_program_that_hangs_is_not_healthy(project: Project) -> None:
 
 
 @pytest.mark.usefixtures("project")
-def test_an_external_subscriber_receives_the_rig(tmp_path: Path) -> None:
+def test_a_subscriber_outside_the_containers_receives_messages_of_the_rig(tmp_path: Path) -> None:
     Project(NAME, "listen").up()
     log = tmp_path / "subscribe.log"
     command = [str(ROOT / ".venv/bin/python"), str(ROOT / "docs/examples/subscribe.py")]

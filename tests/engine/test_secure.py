@@ -60,7 +60,7 @@ def test_clients_without_a_certificate_receive_nothing(rig: ContainerRig, tmp_pa
         await_text(log, " V\n", process, QUIET_S)
 
 
-def test_a_viewer_receives_the_rig(rig: ContainerRig, tmp_path: Path) -> None:
+def test_a_viewer_receives_messages_of_the_rig(rig: ContainerRig, tmp_path: Path) -> None:
     project = rig.containers.project
     issue = f"pincette security issue {MADE} anna --role viewer"
     done = project.compose("run", "--rm", "-T", "certificates", issue)

@@ -193,7 +193,9 @@ def test_an_emergency_stop_reads_no_body(desk: Harness) -> None:
     assert desk.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
 
 
-def test_labels_never_enter_a_header_and_are_escaped_on_the_page(desk: Harness, job: str) -> None:
+def test_labels_appear_in_no_response_header_and_are_escaped_in_the_report(
+    desk: Harness, job: str
+) -> None:
     attached = send(desk.app, "GET", f"/api/v1/jobs/{job}/artifacts/samples.csv")
     assert attached.headers["content-disposition"] == f'attachment; filename="{job}.csv"'
     report = send(desk.app, "GET", f"/api/v1/jobs/{job}/artifacts/report.html")

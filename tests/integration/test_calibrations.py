@@ -132,7 +132,7 @@ def test_a_buffered_sweep_with_the_fast_instruments_finds_the_mode(bench: list[B
     swept(bench, {})
 
 
-def test_a_sweep_finds_the_interval_of_steps_in_parts(bench: list[Bench]) -> None:
+def test_a_sweep_determines_the_shaping_interval(bench: list[Bench]) -> None:
     """The sweep itself has no parts."""
     rig, record = swept(bench, {"output": {"shaping": True}})
     omega_n = value(record, "model.natural_frequency_rad_per_s")

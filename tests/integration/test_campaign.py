@@ -41,7 +41,7 @@ def test_no_drawn_arm_moves_against_its_voltage(seed: int) -> None:
     assert np.all(np.diff(falling) < 0.0)
 
 
-def test_a_pressed_arm_of_the_campaign_is_in_equilibrium_and_yields() -> None:
+def test_a_pressed_arm_of_the_campaign_is_in_equilibrium_and_its_part_can_slip() -> None:
     arm = draw(FIRST).arm
     for _ in range(200):
         arm.put_out(1.5)

@@ -127,7 +127,7 @@ def test_the_force_error_is_within_its_uncertainty_and_the_noise_equals_that_of_
     assert run.rig.sensor.noise_um <= noise <= 2.0 * run.rig.sensor.noise_um
 
 
-def test_measured_responses_start_at_the_reference_and_bounds_are_marked() -> None:
+def test_measured_responses_have_a_gain_of_1_at_low_frequency_and_lower_bounds_are_marked() -> None:
     _, result = sheet_of("demo")
     assert result.position_response[0].frequency_hz == 0.5
     assert result.position_response[0].gain == pytest.approx(1.0, abs=0.02)

@@ -106,7 +106,9 @@ def desk(tmp_path: Path) -> Generator[Harness]:
     desk.close()
 
 
-def test_each_start_creates_one_job_whatever_the_line_does(desk: Harness) -> None:
+def test_each_start_creates_one_job_over_a_proxy_that_loses_and_repeats_requests(
+    desk: Harness,
+) -> None:
     print(f"seed {SEED}")
     with served(desk.app) as address, lossy(address, random.Random(SEED)) as proxy:
         url = f"http://127.0.0.1:{proxy.server_address[1]}"

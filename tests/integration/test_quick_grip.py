@@ -73,7 +73,7 @@ def test_a_gentle_grip_has_a_different_plan() -> None:
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.25, 2.0])
-def test_another_stiffness_than_planned_does_not_press_harder(factor: float) -> None:
+def test_a_part_of_another_stiffness_than_planned_is_not_pressed_much_harder(factor: float) -> None:
     grip = gripped({"environment_stiffness_mN_per_um": 2.17 * factor}, hold_s=0.5)
     assert grip.outcome == ("gripped" if 0.7 < factor < 1.3 else "wrong_stiffness")
     assert grip.at_touch_mN < 0.5 * FORCE_MN

@@ -174,7 +174,7 @@ def test_a_held_part_is_held_by_another_job_and_released_by_a_third(before: Watc
 
 
 @BEFORE
-def test_a_hold_ends_with_its_release_by_time_or_by_the_action(before: Watch) -> None:
+def test_a_hold_ends_with_a_release_after_its_time_or_on_the_release_action(before: Watch) -> None:
     for request, watch, least_s in (
         (HoldJobRequest(kind="hold", hold_s=2.0, release_s=1.0), None, 2.0),
         (HoldJobRequest(kind="hold", until_released=True, release_s=1.0), release_after(50), 1.0),
@@ -189,7 +189,7 @@ def test_a_hold_ends_with_its_release_by_time_or_by_the_action(before: Watch) ->
         assert desk.force_mN == 0.0
 
 
-def test_a_trip_of_the_hold_freezes_again_and_a_grip_follows_the_release() -> None:
+def test_a_trip_during_a_hold_keeps_the_part_again_and_after_a_release_a_grip_succeeds() -> None:
     desk = held_desk(trip_and_reset)
     kept_V = desk.voltage_V
     result, applied = desk.job(HoldJobRequest(kind="hold"), 2, trip_and_reset)

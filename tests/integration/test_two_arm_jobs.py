@@ -155,7 +155,7 @@ def test_a_part_that_sticks_to_one_arm_is_released_on_the_other_first(
 
 
 @pytest.mark.parametrize(("density_kg_per_m3", "outcome"), [(2500.0, "tracked"), (2.5e5, "lost")])
-def test_a_part_too_heavy_for_the_friction_of_the_arms_is_lost_to_both(
+def test_a_part_too_heavy_for_the_friction_of_the_arms_is_lost(
     density_kg_per_m3: float, outcome: str
 ) -> None:
     """At µ = 0.3 the heavy part needs 6 mN from both arms, and the path goes down to 4 mN."""

@@ -98,7 +98,7 @@ def test_every_description_is_referenced() -> None:
         assert {name for name in things if f"#/components/{room}/{name}" not in wanted} == set()
 
 
-def test_every_field_is_one_of_asyncapi() -> None:
+def test_the_document_contains_only_fields_defined_by_asyncapi() -> None:
     whole = tree()
     for part, known in ((whole, FIELDS), (whole["components"], COMPONENT_FIELDS)):
         for room, names in known.items():
@@ -112,7 +112,7 @@ def test_every_field_is_one_of_asyncapi() -> None:
     }
 
 
-def test_channels_name_their_parameters_and_things_their_names() -> None:
+def test_channels_list_their_parameters_and_all_names_are_valid() -> None:
     whole = tree()
     for name, channel in whole["channels"].items():
         assert NAME.fullmatch(name)

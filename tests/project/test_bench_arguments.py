@@ -19,7 +19,7 @@ def test_a_block_shorter_than_its_warm_up_is_refused_with_limit_and_remedy(
     assert "Traceback" not in output
 
 
-def test_zero_blocks_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_number_of_blocks_below_1_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["--blocks", "0"])
     assert "--blocks = 0: the limit is 1" in capsys.readouterr().err

@@ -19,7 +19,7 @@ def changelog(root: Path) -> str:
     return (root / "CHANGELOG.md").read_text(encoding="utf-8")
 
 
-def test_the_newest_part_states_the_version_of_each_interface(changelog: str) -> None:
+def test_the_newest_section_states_the_version_of_each_interface(changelog: str) -> None:
     newest = re.split(r"^## ", changelog, flags=re.MULTILINE)[1]
     assert dict(ROW.findall(newest)) == {
         "REST": SERVED.rpartition("/")[2],

@@ -135,7 +135,7 @@ def test_all_data_goes_into_one_volume(compose: Tree, services: dict[str, Tree])
 
 
 @pytest.mark.parametrize("name", ["real-time", "real-rig"])
-def test_periodic_programs_may_get_their_fixed_priority(root: Path, name: str) -> None:
+def test_containers_of_periodic_programs_may_use_a_fixed_priority(root: Path, name: str) -> None:
     over = overlay(root, name)
     given = {one for one, service in over.items() if "ulimits" in service}
     assert given == {*OF_THE_LOOP} - ({"rig"} if name == "real-rig" else set())

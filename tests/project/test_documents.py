@@ -43,7 +43,7 @@ def lines_outside_fences(path: Path) -> Iterator[tuple[str, str]]:
     yield from zip(["", *lines], lines, strict=False)
 
 
-def test_every_fence_is_of_a_known_language() -> None:
+def test_every_code_block_has_a_known_language() -> None:
     assert {block.language for block in every_block()} <= KNOWN
 
 
@@ -81,7 +81,7 @@ def test_a_rig_file_within_a_command_is_valid(root: Path) -> None:
         rig_of(tomllib.loads(text), root)
 
 
-def test_json_is_json_and_python_compiles() -> None:
+def test_json_blocks_are_valid_and_python_blocks_compile() -> None:
     blocks = every_block()
     for block in blocks:
         if block.language == "json":

@@ -28,7 +28,7 @@ def test_every_test_that_is_named_exists(root: Path) -> None:
     assert not missing, "renamed or gone: tests/support/fault_table.toml says what shows it"
 
 
-def test_every_row_is_tested_and_has_a_counterpart() -> None:
+def test_every_row_names_a_test_and_a_counterpart() -> None:
     for row in ROWS:
         assert row.virtual or row.real, row.number
         assert row.twin, row.number

@@ -192,7 +192,9 @@ def opened(place: Path) -> Path:
     return place
 
 
-def test_serves_checks_the_listener_and_the_link(root: Path, own: Path) -> None:
+def test_the_health_check_tests_the_listening_port_and_the_link_to_the_router(
+    root: Path, own: Path
+) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = str(server.getsockname()[1])
         assert serves(root, opened(own), port).returncode == 0

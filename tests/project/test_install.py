@@ -27,7 +27,7 @@ def checkout(place: Path) -> Path:
     return place
 
 
-def test_a_changed_or_moved_checkout_is_filled_again(
+def test_packages_are_installed_again_after_a_change_or_move_of_the_checkout(
     install: dict[str, Any], tmp_path: Path
 ) -> None:
     one, other = checkout(tmp_path / "one"), checkout(tmp_path / "other")
@@ -113,7 +113,7 @@ def python_of(root: Path, version: str, **environment: str) -> "subprocess.Compl
     )
 
 
-def test_a_python_of_a_version_is_found(root: Path, tmp_path: Path) -> None:
+def test_a_python_of_the_requested_version_is_found(root: Path, tmp_path: Path) -> None:
     this = "{}.{}".format(*sys.version_info)
     tools = f"{tmp_path}{os.pathsep}{Path(shutil.which('sh') or '/bin/sh').parent}"
     variable = f"PYTHON_{this.replace('.', '_')}"

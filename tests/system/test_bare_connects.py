@@ -111,7 +111,7 @@ def seen_again(rig: RunningRig) -> None:
 
 
 @pytest.mark.parametrize("rounds", [1, pytest.param(10, marks=pytest.mark.slow)])
-def test_a_stop_succeeds_and_peers_reconnect(
+def test_a_stop_succeeds_during_a_flood_of_connections_and_peers_reconnect(
     rig: RunningRig, rounds: int, figures: list[str]
 ) -> None:
     processes = [member.process.pid for member in rig.fleet.members.values()]

@@ -66,7 +66,7 @@ def done(words: list[str], folder: Path) -> str:
 
 
 @pytest.mark.parametrize("name", FREE_OF_US)
-def test_an_example_is_short_and_needs_nothing_of_pincette(name: str) -> None:
+def test_an_example_is_short_and_does_not_import_pincette(name: str) -> None:
     text = (EXAMPLES / f"{name}.py").read_text(encoding="utf-8")
     assert len(text.splitlines()) < LONGEST
     needed = set(re.findall(r"^(?:import|from) (\w+)", text, re.MULTILINE))
@@ -80,7 +80,7 @@ def test_every_example_is_tested() -> None:
 
 
 @pytest.mark.parametrize("kind", ["", "store"])
-def test_the_latest_example_prints_every_topic_once(
+def test_the_example_named_latest_prints_every_topic_once(
     played: Played, tmp_path: Path, kind: str
 ) -> None:
     with ExitStack() as stack:

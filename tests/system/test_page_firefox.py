@@ -63,7 +63,7 @@ def test_a_press_of_the_stop_button_stops_the_rig(page: Firefox, desk: Harness) 
     stop(desk, page)
 
 
-def test_a_typed_number_is_the_number_of_the_plan(page: Firefox) -> None:
+def test_a_plan_uses_the_typed_number(page: Firefox) -> None:
     page.type_into("#field-force_mN", "2,5")
     assert page.text("#field-force_mN-read") == "= 2.5 mN"
     page.click("#dry-run")

@@ -215,7 +215,7 @@ REQUESTS: list[dict[str, Any]] = [
 ]
 
 
-def test_run_again_fills_the_form_with_the_request_of_the_job(
+def test_the_button_run_again_fills_the_form_with_the_request_of_the_job(
     browser: Browser, desk: Harness
 ) -> None:
     context = browser.new_context(viewport=ViewportSize(**DESK))

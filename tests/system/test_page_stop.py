@@ -218,7 +218,9 @@ def proxy(app: ASGIApp, *, prefix: str = "", host: str = "") -> ASGIApp:
 
 
 @pytest.mark.parametrize("place", ["/gripper", "/gripper?rig=demo"])
-def test_the_page_works_below_a_prefix(context: BrowserContext, desk: Harness, place: str) -> None:
+def test_the_page_works_under_a_path_prefix(
+    context: BrowserContext, desk: Harness, place: str
+) -> None:
     with served(proxy(desk.app, prefix="/gripper")) as address:
         page = context.new_page()
         page.goto(address + place)

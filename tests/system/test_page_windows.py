@@ -99,7 +99,7 @@ def test_a_browser_window_stops_the_rig_while_the_others_occupy_every_connection
     assert taken_s <= STOP_S
 
 
-def test_another_window_takes_over_if_the_streaming_one_is_closed_or_hangs(
+def test_the_other_windows_stay_live_if_the_window_with_the_stream_is_closed_or_hangs(
     rig: RunningRig, context: BrowserContext
 ) -> None:
     first, second, third = open_windows(context, rig, 3)

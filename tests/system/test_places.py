@@ -23,7 +23,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
         yield up
 
 
-def test_a_grip_takes_the_place_that_the_example_publishes(rig: RunningRig) -> None:
+def test_a_grip_uses_the_place_that_the_example_publishes(rig: RunningRig) -> None:
     bus = rig.rig.bus
     words = ["--router", f"tcp/{bus.host}:{bus.port}", "--x-um", "6.0", "--u-um", "0.8"]
     words += ["--seconds", "600"]

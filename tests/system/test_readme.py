@@ -121,7 +121,7 @@ def test_another_tool_can_subscribe(folder: Path) -> None:
     assert re.search(r"^ *-?\d+\.\d{4} V\n", output, re.MULTILINE)
 
 
-def test_the_subscriber_needs_nothing_of_pincette() -> None:
+def test_the_subscriber_does_not_import_pincette() -> None:
     text = (ROOT / "docs/examples/subscribe.py").read_text(encoding="utf-8")
     imported = set(re.findall(r"^(?:import|from) (\w+)", text, re.MULTILINE))
     assert imported - sys.stdlib_module_names == {"msgpack", "zenoh"}

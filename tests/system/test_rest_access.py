@@ -68,7 +68,7 @@ def revoke(data: Path, name: str) -> None:
         assert keys.revoke(name)
 
 
-def test_keys_are_in_force_as_soon_as_one_exists_and_appear_nowhere(tmp_path: Path) -> None:
+def test_keys_are_required_as_soon_as_one_exists_and_no_file_contains_them(tmp_path: Path) -> None:
     """The journal's thread, the HTTP server and the command line are real; the rig is simulated."""
     desk, access = Harness(demo_rig(time="lockstep"), tmp_path), Access()
     desk.app = create_app(desk.rigs, access)

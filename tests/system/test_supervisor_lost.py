@@ -62,7 +62,7 @@ def acknowledged(rig: RunningRig) -> None:
         rig.post(f"/alarms/{row['id']}/actions", {"type": "acknowledge"}).raise_for_status()
 
 
-def test_if_killed_with_a_free_arm_the_motion_comes_to_rest_and_the_job_is_interrupted(
+def test_a_motion_comes_to_rest_after_the_supervisor_is_killed_and_the_job_is_interrupted(
     rig: RunningRig, seen: Witness, figures: list[str]
 ) -> None:
     acknowledged(rig)
@@ -83,7 +83,7 @@ def test_if_killed_with_a_free_arm_the_motion_comes_to_rest_and_the_job_is_inter
     whole_grip(rig, seen)
 
 
-def test_if_killed_with_a_held_part_the_next_supervisor_can_release_it(
+def test_a_part_held_when_the_supervisor_is_killed_can_be_released_by_the_next_supervisor(
     rig: RunningRig, seen: Witness
 ) -> None:
     job = hold(rig, seen)

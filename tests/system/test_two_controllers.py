@@ -132,7 +132,7 @@ def test_commands_of_another_owner_never_mix_with_those_of_the_first(
     release(rig, job)
 
 
-def test_a_program_with_another_rig_file_is_not_armed_and_named(
+def test_a_program_with_another_rig_file_is_named_and_not_armed(
     rig: RunningRig, seen: Witness, tmp_path: Path
 ) -> None:
     other: Tree = {"limits": {"force_max_mN": 35.0}}

@@ -186,7 +186,7 @@ def test_a_force_that_a_stopped_job_holds_is_reached_at_once(
         ({"state": "stopped", "ended_at": "then"}, {"held": False}, math.nan),
     ],
 )
-def test_the_setpoint_is_the_force_of_the_job_that_has_the_rig(
+def test_the_setpoint_is_the_requested_force_of_the_active_job(
     changes: dict[str, Any], progress: dict[str, Any], setpoint: float
 ) -> None:
     newest = {**example(Progress), **progress}
@@ -254,7 +254,7 @@ def test_requests_that_break_a_limit_are_refused_with_value_unit_and_limit(
 
 
 @pytest.mark.parametrize("odd", [math.nan, math.inf, -1.0, "20", None, True])
-def test_a_force_that_is_invalid_is_refused_by_name(
+def test_the_refusal_of_an_invalid_force_names_the_parameter(
     engine: Any, gripper: Gripper, rig: RunningRig, odd: Any
 ) -> None:
     error = failure(engine, bps.mv(gripper, odd))

@@ -186,7 +186,7 @@ def code_of(action: dict[str, Any], status: str = "failed") -> str:
     return action["errors"][0][0]
 
 
-def test_the_program_shown_on_the_documentation_page_grips(
+def test_the_example_program_of_the_documentation_page_completes_a_grip(
     rig: RunningRig, python: Path, tmp_path: Path
 ) -> None:
     page = block("docs/how-to/madsci.md", "RestNodeClient").text

@@ -43,7 +43,7 @@ def test_a_stop_reports_the_held_part() -> None:
 
 
 @pytest.mark.parametrize("name", ["demo", None])
-def test_status_names_the_code_of_a_missing_key(name: str | None) -> None:
+def test_status_without_a_key_fails_with_the_code_no_key(name: str | None) -> None:
     desk = Desk(problem(401, "no-key"))
     with pytest.raises(ToolError, match=r"^no-key: "):
         asyncio.run(Tools(desk.async_supervisor(), name).status())

@@ -93,7 +93,7 @@ def test_an_agent_proposes_a_grip_and_learns_what_a_person_has_decided(rig: Runn
     asyncio.run(drive())
 
 
-def test_a_grip_with_a_hold_ends_with_its_job(rig: RunningRig) -> None:
+def test_a_grip_with_a_hold_time_returns_when_its_job_ends(rig: RunningRig) -> None:
     async def drive() -> dict[str, Any]:
         async with agent(rig.rig.supervisor.url, "--move") as client:
             return await said(client, "grip", token=await planned(client, hold_s=0.6))
@@ -124,7 +124,7 @@ def test_a_stop_in_a_timed_hold_ends_the_call_with_the_part_held(rig: RunningRig
     asyncio.run(drive())
 
 
-def test_a_token_states_its_plan_and_is_valid_once_after_a_restart_of_the_server(
+def test_a_token_states_its_plan_and_can_be_used_once_even_after_a_restart_of_the_server(
     rig: RunningRig,
 ) -> None:
     async def drive() -> None:

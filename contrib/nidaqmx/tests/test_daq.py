@@ -99,7 +99,7 @@ def test_impossible_ranges_rates_and_tasks_are_refused() -> None:
     assert call.refused("CreateAIVoltageChan", task=input_task, **again) == -200489
 
 
-def test_a_side_of_a_device_is_owned_by_one_task_at_a_time() -> None:
+def test_the_inputs_or_outputs_of_a_device_belong_to_one_task_at_a_time() -> None:
     call = Caller()
     first, second = call.task(POSITION), call.task(DRIVE)
     call("StartTask", task=first)
@@ -196,14 +196,14 @@ def test_a_capture_delivers_one_sample_immediately_and_then_one_per_period() -> 
 
 
 @pytest.mark.parametrize("lockstep", [True, False])
-def test_missing_samples_are_a_status_in_the_reply(lockstep: bool) -> None:
+def test_a_reply_with_missing_samples_has_an_error_status(lockstep: bool) -> None:
     call = Caller(lockstep=lockstep)
     reply = read(call, capture(call), 2, FillMode.GROUP_BY_CHANNEL)
     assert reply.status == -200284
     assert not reply.read_array
 
 
-def test_an_overflowing_buffer_is_a_status_until_the_task_is_cleared() -> None:
+def test_replies_have_an_error_status_from_a_buffer_overflow_until_the_task_is_cleared() -> None:
     call = Caller()
     task = capture(call)
     call.rig.now_s = 0.06
@@ -233,7 +233,7 @@ def test_a_session_is_found_by_its_name() -> None:
     assert name == "a"
 
 
-def test_each_side_of_the_device_accepts_its_own_calls() -> None:
+def test_each_call_is_assigned_to_the_inputs_or_to_the_outputs_of_the_device() -> None:
     call = Caller()
     sides = {call.task(POSITION).id: "sensor", call.task(OUTPUT).id: "output", 99: ""}
     for number, side in sides.items():

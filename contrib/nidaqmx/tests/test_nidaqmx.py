@@ -229,7 +229,7 @@ class TestWave:
         assert rig.went_on == 2
         output.close()
 
-    def test_a_write_or_another_wave_ends_a_wave(self, reach: Reach) -> None:
+    def test_a_single_write_or_a_new_wave_ends_a_running_wave(self, reach: Reach) -> None:
         rig, output = self.opened(reach)
         for last_V in (1.25, 2.5):
             output.begin_wave([0.0, last_V], 10_000.0)
@@ -290,7 +290,7 @@ class TestParts:
         assert isinstance(output, PartsOutput)
         return rig, output
 
-    def test_each_step_is_played_and_its_end_is_read_back(self, reach: Reach) -> None:
+    def test_each_step_is_played_and_its_last_voltage_is_read_back(self, reach: Reach) -> None:
         rig, output = self.opened(reach)
         for end_V in (2.5, 0.0, 5.0):
             parts_V = [0.25 * end_V, 0.75 * end_V, end_V]

@@ -83,7 +83,7 @@ def test_in_lockstep_a_capture_records_the_wave_that_is_played() -> None:
 @pytest.mark.parametrize(
     ("after_s", "held_V"), [(0.0005, 0.25), (0.0015, 0.75), (0.0025, 1.0), (0.5, 1.0)]
 )
-def test_the_output_holds_the_current_part_of_a_step_and_a_write_cancels_the_rest(
+def test_the_output_follows_the_voltages_of_a_step_and_a_write_cancels_the_remaining_ones(
     after_s: float, held_V: float
 ) -> None:
     rig, now_s = fast_rig("real"), [5.0]
@@ -100,7 +100,7 @@ def test_the_output_holds_the_current_part_of_a_step_and_a_write_cancels_the_res
     output.close()
 
 
-def test_a_script_separates_orders_for_the_sensor_from_those_for_the_output() -> None:
+def test_a_simulated_sensor_fault_on_a_shared_device_does_not_affect_the_output() -> None:
     rig = fast_rig("lockstep")
     script = Script(timeouts_s={"sensor": 0.1, "output": 0.1})
     bench = open_bench(rig, lambda: 0.0, None, script)

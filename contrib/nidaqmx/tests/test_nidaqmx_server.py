@@ -129,7 +129,7 @@ def test_a_task_whose_end_was_not_confirmed_is_cleared() -> None:
     assert rig.voltages_V == [1.25]
 
 
-def test_the_present_voltage_is_measured_or_configured(
+def test_the_voltage_at_opening_is_measured_or_taken_from_the_options(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     daq = device(HandRig(), Terminals(output=OUTPUT, drives=(LOOP_BACK,)))
@@ -203,7 +203,7 @@ def test_calls_are_recorded_logged_and_played_back(
     replayed.close()
 
 
-def test_a_link_does_not_support_streams() -> None:
+def test_a_channel_over_a_link_refuses_streams() -> None:
     channel = LinkChannel(MemoryLink(lambda _request: None, None))
     with pytest.raises(InstrumentError, match="does not support streams"):
         channel.unary_stream("/service/Events")(b"")

@@ -79,7 +79,7 @@ def test_a_sample_has_the_members_of_its_definition() -> None:
     assert node["Grip"].intermediate_responses.to_native_type(message).Sample == tuple(sent)
 
 
-def test_every_refusal_of_the_client_has_an_error_of_the_feature() -> None:
+def test_every_refusal_that_the_client_can_raise_has_an_error_defined_in_the_feature() -> None:
     there = feature(MICROGRIPPER).defined_execution_errors
     assert set(NAMES.values()) <= there.keys()
     for code, raised in RAISED.items():
@@ -90,7 +90,7 @@ def test_every_refusal_of_the_client_has_an_error_of_the_feature() -> None:
         assert DETAIL in str(error)
 
 
-def test_the_changelog_states_their_version() -> None:
+def test_the_changelog_states_the_version_of_the_sila_features() -> None:
     (feature,) = (path for path in FILES if path.name.startswith("Microgripper-"))
     version = ElementTree.parse(feature).getroot().attrib["FeatureVersion"].partition(".")[0]
     newest = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").split("\n## ")[1]

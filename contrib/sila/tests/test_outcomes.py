@@ -15,7 +15,9 @@ BAD = [code for code in get_args(OutcomeCode) if code not in (*GOOD_OUTCOMES, "t
 
 
 @pytest.mark.parametrize("outcome", BAD)
-def test_a_job_that_failed_by_its_outcome_names_the_outcome_code(outcome: str) -> None:
+def test_the_error_of_a_job_that_failed_by_its_outcome_contains_the_outcome_code(
+    outcome: str,
+) -> None:
     job = Job.model_validate(example(Job, state="failed", result={"outcome": outcome}, ending=None))
     error = command_error(JobEndedError(f"job {job.id} failed: {outcome}", job))
     assert error.identifier == "JobFailed"

@@ -107,7 +107,7 @@ def test_a_failed_listing_is_reported_as_the_reason_and_repeated() -> None:
     assert any("the disk is full" in reason for row in reasons for reason in row)
 
 
-def test_a_call_after_the_end_is_refused_and_does_not_wait() -> None:
+def test_a_call_after_the_background_thread_has_closed_is_refused_at_once() -> None:
     background = Background()
     background.close()
     with pytest.raises(CommandError) as caught:

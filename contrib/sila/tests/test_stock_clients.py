@@ -214,7 +214,7 @@ def test_after_a_killed_server_the_part_stays_held_and_the_next_server_finds_the
 
 
 @pytest.mark.usefixtures("cleared")
-def test_the_waiting_loop_of_the_documentation_page_ends_after_the_server_was_killed(
+def test_the_waiting_loop_of_the_documentation_page_returns_although_the_server_was_killed(
     rig: RunningRig,
 ) -> None:
     found: dict[str, Any] = {}

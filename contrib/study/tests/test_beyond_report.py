@@ -58,7 +58,7 @@ def trials() -> BeyondTrials:
     return BeyondTrials(tracks, grips)
 
 
-def test_a_summary_has_the_median_under_its_name_and_the_worst_value() -> None:
+def test_a_summary_has_the_median_and_the_worst_value_of_each_figure() -> None:
     found = summary(trials().tracks)
     assert list(found) == list(CLASSES)
     for by_scheme in found.values():

@@ -45,7 +45,7 @@ def test_position_and_voltage_of_a_sample_have_the_same_age() -> None:
     assert motion.period_s == PERIOD_S
 
 
-def test_a_part_is_pressed_with_the_force_of_a_spring_in_series() -> None:
+def test_a_pressed_part_has_the_force_of_two_springs_in_series() -> None:
     motion = drive(LINEAR, [0.1, 0.1, 0.6, 0.6, 0.6], PERIOD_S)
     free_um = GAIN * 0.6
     pressed_um = (K * free_um + STIFFNESS * TOUCH_UM) / (K + STIFFNESS)
@@ -54,7 +54,7 @@ def test_a_part_is_pressed_with_the_force_of_a_spring_in_series() -> None:
     assert motion.true_force_mN[-1] == pytest.approx(STIFFNESS * (pressed_um - TOUCH_UM), abs=1e-2)
 
 
-def test_the_tail_of_a_motion_has_the_last_samples_of_each_series() -> None:
+def test_the_last_part_of_a_motion_has_the_last_samples_of_each_quantity() -> None:
     motion = drive(LINEAR, [0.1 * tick for tick in range(12)], PERIOD_S)
     tail = motion.tail(4)
     for name in ("voltage_V", "x_um", "true_x_um", "true_force_mN"):

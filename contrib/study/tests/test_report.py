@@ -83,7 +83,7 @@ def test_results_are_compared_with_those_of_the_paper(tmp_path: Path) -> None:
     ("paper", "ours", "deviation"),
     [(2.0, 1.0, -50.0), (-4.0, -5.0, -25.0), (-4.0, 4.0, 200.0), (0.0, 1.0, None)],
 )
-def test_a_deviation_is_signed_and_of_the_paper_s_magnitude(
+def test_a_deviation_is_signed_and_relative_to_the_magnitude_in_the_paper(
     paper: float, ours: float, deviation: float | None
 ) -> None:
     assert Comparison("force", "mN", paper, ours).deviation_percent == deviation

@@ -70,7 +70,7 @@ def test_values_that_the_paper_does_not_print_come_from_the_base_rig() -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_drawn_rig_has_the_drawn_values(seed: int) -> None:
+def test_a_randomly_drawn_rig_has_the_drawn_values(seed: int) -> None:
     rig, draw = drawn(seed)
     simulation = simulation_of(rig)
     assert draw.seed == simulation.seed == seed

@@ -149,7 +149,7 @@ def test_a_trend_that_is_not_reproduced_states_why(study: Study) -> None:
                 assert len(trend["found"]) > 60, trend
 
 
-def test_the_random_rigs_are_tracked_by_both_laws(study: Study) -> None:
+def test_both_laws_track_paths_on_the_random_rigs(study: Study) -> None:
     assert study.summary["random_rigs"] == 1
     trials = study.section("precision")["data"]["trials"]
     assert {trial["scheme"] for trial in trials} == set(SCHEMES)
@@ -168,7 +168,7 @@ def test_the_random_rigs_are_tracked_by_both_laws(study: Study) -> None:
         assert 0.0 < median["force_percent"] < 10.0
 
 
-def test_results_beyond_the_paper_are_stated_for_every_class_law_and_frequency(
+def test_results_beyond_the_paper_are_stated_for_every_hysteresis_class_law_and_frequency(
     study: Study,
 ) -> None:
     assert study.summary["beyond_rigs"] == 1

@@ -48,7 +48,7 @@ def test_place_and_force_follow_independent_paths(pair: TaughtPair, case: Case) 
     assert found.force_percent < case.force_percent[1]
 
 
-def test_a_dry_run_removes_the_error_of_the_models_from_the_force(pair: TaughtPair) -> None:
+def test_a_dry_run_removes_the_force_error_caused_by_the_model(pair: TaughtPair) -> None:
     """The model in the demo rig's file has an error of 0.4 mN on such a path; identified pairs
     have half of it."""
     plain, known = (track(pair, CASES[0], dry_run=dry) for dry in (False, True))
@@ -71,7 +71,7 @@ def test_a_loose_part_is_pushed_by_the_first_arm(pair: TaughtPair) -> None:
         centre(pair, 0.0, slip_mN=0.0)
 
 
-def test_a_loop_without_permission_to_move_does_not_move(pair: TaughtPair) -> None:
+def test_a_loop_too_near_to_instability_does_not_move(pair: TaughtPair) -> None:
     bench = PairBench(pair, FAST, lambda plant: plant)
     bench.loop = replace(bench.loop, gains=(("n", 3.0), ("f_q", 100.0), ("f_F", 10.0)))
     with pytest.raises(StudyError, match="too near to instability"):

@@ -73,7 +73,7 @@ def test_the_stock_client_of_madsci_grips(ready: Project) -> None:
     assert done.stdout.count("SUCCEEDED") == 3, done.stdout
 
 
-def test_an_agent_of_the_host_grips(ready: Project) -> None:
+def test_an_agent_on_the_host_completes_a_grip(ready: Project) -> None:
     line = ["compose", "run", "--rm", "-T", "agents", "--move"]
     own = {**environment(), **ready.variables}
     server = StdioServerParameters(command="docker", args=line, cwd=ROOT, env=own)
@@ -93,7 +93,7 @@ def test_an_agent_of_the_host_grips(ready: Project) -> None:
     assert part == "none"
 
 
-def test_only_the_adapters_ports_are_published_on_loopback(project: Project) -> None:
+def test_adapters_publish_their_ports_on_loopback_only(project: Project) -> None:
     found = {name: told("port", project.container(f"{name}-port")) for name in PROFILES}
     assert found == {name: f"{port}/tcp -> 127.0.0.1:{port}" for name, port in PROFILES.items()}
 

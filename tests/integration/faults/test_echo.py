@@ -84,20 +84,20 @@ def trips_after_lost_echoes(state: str, seed: int) -> bool:
     return False
 
 
-def test_a_permanent_loss_of_the_echo_trips_in_time_in_any_pattern() -> None:
+def test_a_permanent_loss_of_applied_voltage_messages_trips_in_time() -> None:
     for state in MOVING:
         for seed in range(FEW):
             check_cut(state, seed)
 
 
-def test_one_lost_echo_does_not_trip() -> None:
+def test_a_single_lost_applied_voltage_message_does_not_trip() -> None:
     for state in MOVING:
         for seed in range(FEW):
             assert not trips_after_lost_echoes(state, seed), f"{state}, pattern {seed}"
 
 
 @pytest.mark.full
-def test_in_many_patterns_a_permanent_loss_of_the_echo_trips_and_a_single_loss_does_not() -> None:
+def test_in_many_patterns_only_a_permanent_loss_of_applied_voltage_messages_trips() -> None:
     longest_s = max(check_cut(state, seed) for state in MOVING for seed in range(MANY))
     patterns = [(state, seed) for state in MOVING for seed in range(MANY)]
     tripped = [one for one in patterns if trips_after_lost_echoes(*one)]

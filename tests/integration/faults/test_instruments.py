@@ -236,7 +236,7 @@ def test_old_readings_never_lead_to_too_much_force(target: str, periods: int, se
 
 
 @pytest.mark.parametrize("value", [5.0, -5.0])
-def test_a_sensor_that_jumps_stays_bounded(value: float) -> None:
+def test_a_jump_of_the_sensor_does_not_let_the_true_force_exceed_its_limit(value: float) -> None:
     played = play(at(HOLD, "sensor", "wrong", value=value))
     assert max(truth.arms[0].force_mN for truth in played.truths) < FORCE_MAX_MN
     assert played.applied[-1].final

@@ -73,7 +73,7 @@ def test_the_first_of_two_controllers_keeps_the_rig_and_the_second_is_refused() 
         assert str(rival) in status_text(reported), "the alarm names the stranger"
 
 
-def test_a_second_controller_is_refused_the_arming() -> None:
+def test_a_second_controller_cannot_arm_the_rig() -> None:
     loop = place("idle").loop.fork(3)
     loop.add_rival(PROGRAM, EPOCH)
     loop.arm(PROGRAM, EPOCH + 1)
@@ -110,7 +110,7 @@ def stranger_says(loop: VirtualLoop, payload: bytes, to: str = "actuator") -> No
     ("kind", "listener"),
     [(Position, "estimator"), (Estimate, "controller"), (Applied, "estimator")],
 )
-def test_a_flood_of_other_epochs_displaces_no_valid_message(
+def test_a_flood_of_messages_of_other_epochs_displaces_no_valid_message(
     kind: type[Position | Estimate | Applied], listener: str
 ) -> None:
     """Forty times the rate, on every topic but that of the commands."""

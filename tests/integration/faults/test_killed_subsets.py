@@ -90,7 +90,7 @@ def tries(
 
 
 @pytest.mark.parametrize("state", STATES)
-def test_after_a_death_only_a_person_can_make_the_rig_idle(state: str) -> None:
+def test_after_programs_were_killed_only_a_person_can_make_the_rig_idle(state: str) -> None:
     for killed in drawn(state, DRAWN):
         check(state, killed, AWAY_S[len(killed) % 2])
 
@@ -102,7 +102,9 @@ def test_a_restart_of_killed_actuator_and_supervisor_clears_no_latch() -> None:
 
 @pytest.mark.full
 @pytest.mark.parametrize("state", STATES)
-def test_after_many_deaths_only_a_person_can_make_the_rig_idle(state: str) -> None:
+def test_after_many_sets_of_programs_were_killed_only_a_person_can_make_the_rig_idle(
+    state: str,
+) -> None:
     for killed in drawn(state, DRAWN_IN_FULL):
         check(state, killed, AWAY_S[len(killed) % 2])
 

@@ -40,7 +40,9 @@ def check_right_or_tripped(came: Grip) -> None:
 
 @pytest.mark.parametrize("composed", [False, True])
 @pytest.mark.parametrize("delay_s", [0.0056, 0.0060, 0.0158, 0.017, 0.13])
-def test_a_grip_with_late_readings_is_right_or_trips(delay_s: float, composed: bool) -> None:
+def test_a_grip_with_late_readings_has_the_right_force_or_trips(
+    delay_s: float, composed: bool
+) -> None:
     came = grip(constant(delay_s), composed=composed)
     check_right_or_tripped(came)
     in_time = delay_s < IN_TIME_S[composed]
@@ -96,7 +98,9 @@ def test_if_a_reading_is_lost_the_zero_is_taken_at_a_later_one(composed: bool) -
 
 @pytest.mark.parametrize("composed", [False, True])
 @pytest.mark.parametrize("seed", range(SEED, SEED + 1))
-def test_a_grip_with_randomly_late_readings_is_right_or_trips(seed: int, composed: bool) -> None:
+def test_a_grip_with_randomly_late_readings_has_the_right_force_or_trips(
+    seed: int, composed: bool
+) -> None:
     for most_s, lost, doubled in ((0.2 * T, 0.0, 0.05), (T, 0.0, 0.0), (3.0 * T, 0.05, 0.05)):
         print(f"seed {seed}, up to {most_s} s, lost {lost}, doubled {doubled}")
         delays = drawn(most_s, seed, lost=lost, doubled=doubled)

@@ -139,7 +139,7 @@ def voltages(seqs: Sequence[int]) -> list[float]:
 
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(Orders)
-def test_of_reordered_messages_the_estimator_uses_only_those_in_order(
+def test_the_estimator_ignores_messages_that_arrive_out_of_order(
     orders: list[tuple[int, int]],
 ) -> None:
     seqs = shuffled(orders)
@@ -148,7 +148,7 @@ def test_of_reordered_messages_the_estimator_uses_only_those_in_order(
 
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(Orders)
-def test_of_reordered_messages_the_controller_uses_only_those_in_order(
+def test_the_controller_ignores_messages_that_arrive_out_of_order(
     orders: list[tuple[int, int]],
 ) -> None:
     seqs = shuffled(orders)
@@ -157,7 +157,7 @@ def test_of_reordered_messages_the_controller_uses_only_those_in_order(
 
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(Orders)
-def test_of_reordered_messages_the_actuator_uses_only_those_in_order(
+def test_the_actuator_ignores_messages_that_arrive_out_of_order(
     orders: list[tuple[int, int]],
 ) -> None:
     seqs = shuffled(orders)

@@ -85,7 +85,9 @@ def test_a_step_of_the_wall_clock_does_not_change_a_bit(monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize("periods", [1.2, 3.4])
-def test_a_starved_sensor_skips_ticks_and_never_bursts(periods: float) -> None:
+def test_a_sensor_slower_than_the_period_skips_ticks_and_never_catches_up_in_a_burst(
+    periods: float,
+) -> None:
     """Each of its steps takes longer than the period: the grid is kept, with gaps."""
     loop = place("approach").loop.fork(1)
     sensor = loop.runner("sensor")
@@ -184,11 +186,11 @@ def slews_within_the_limit(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(RATE_FORKS))
-def test_the_instrument_slews_no_faster_in_any_pattern_of_commands(seed: int) -> None:
+def test_the_instrument_keeps_its_slew_limit_in_any_pattern_of_commands(seed: int) -> None:
     slews_within_the_limit(seed)
 
 
 @pytest.mark.full
-def test_the_instrument_slews_no_faster_in_many_patterns_of_commands() -> None:
+def test_the_instrument_keeps_its_slew_limit_in_many_patterns_of_commands() -> None:
     for seed in range(RATE_FORKS, RATE_FORKS_IN_FULL):
         slews_within_the_limit(seed)

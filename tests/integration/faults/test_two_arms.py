@@ -184,5 +184,5 @@ def test_both_outputs_release_by_their_watchdogs_if_the_actuator_is_dead(
     assert loop.pair.true.forces_mN == (0.0, 0.0)
 
 
-def test_a_permanent_loss_of_the_echo_trips_both_arms() -> None:
+def test_a_permanent_loss_of_applied_voltage_messages_trips_both_arms() -> None:
     assert {fault.late_s for fault in OF_PROGRAMS} <= {0.0, ECHO_LATE_S}

@@ -251,7 +251,9 @@ def test_an_output_with_an_unconfirmed_voltage_never_jumps_in_many_cases(
 
 
 @pytest.mark.parametrize("name", DRIVERS)
-def test_an_idle_output_that_has_lost_its_voltage_is_not_stepped_by_the_next_job(name: str) -> None:
+def test_the_next_job_causes_no_voltage_step_at_an_idle_output_that_has_lost_its_voltage(
+    name: str,
+) -> None:
     """The voltage that it reports at the arming counts, not earlier commands."""
     chance = random.Random(21)
     stage = Stage(name)

@@ -108,7 +108,7 @@ def test_after_the_fault_the_next_force_is_within_its_stated_uncertainty(
         assert abs(error_mN) <= u_mN
 
 
-def test_an_idle_output_that_was_moved_makes_the_past_unknown() -> None:
+def test_if_an_idle_output_was_moved_the_history_of_the_arm_is_unknown() -> None:
     """No program has written meanwhile; the arming finds the output at another voltage."""
     loop = a_known_arm()
     ends(loop)
@@ -120,7 +120,7 @@ def test_an_idle_output_that_was_moved_makes_the_past_unknown() -> None:
     assert doubts(loop) == {FaultCode.MEMORY_UNKNOWN}
 
 
-def test_a_trip_without_a_move_of_the_output_keeps_the_past_known() -> None:
+def test_after_a_trip_that_did_not_move_the_output_the_history_of_the_arm_is_known() -> None:
     loop = a_known_arm()
     reach(loop, "hold", 16)
     loop.stop("controller", AWAY_S)

@@ -74,7 +74,7 @@ def test_a_reported_voltage_belongs_to_the_newest_tick() -> None:
     assert [one.seq for one in echoes([*outputs])] == [0, 0]
 
 
-def test_a_suspension_is_reported_from_now_on() -> None:
+def test_a_suspension_is_reported_from_the_time_at_which_it_is_noticed() -> None:
     state, _ = play(holding(held=True), (Inputs(Slept(3600.0), None, None), 0.01))
     assert state.since_s == 0.01
 

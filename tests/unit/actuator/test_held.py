@@ -120,7 +120,7 @@ def test_a_release_ramps_with_a_part_and_ends_a_freeze() -> None:
     assert (state.mode, state.arms[0].voltage_V, state.part_held) == ("latched", 0.0, False)
 
 
-def test_a_release_during_a_freeze_does_nothing_more_once_latched() -> None:
+def test_a_release_request_after_a_freeze_has_been_latched_changes_nothing() -> None:
     state = waking(frozen(), 0.01, 0.6)
     after, _, _ = handle(CONFIG, state, Trip(Cause.ABORT, release_now=True), 0.7)
     assert after == state
@@ -134,7 +134,7 @@ def test_a_trip_states_the_reason_of_the_requester(words: str, faults: tuple[Fau
     assert state.faults == faults
 
 
-def test_in_lockstep_without_ticks_a_part_is_kept_or_released_immediately() -> None:
+def test_in_lockstep_a_trip_without_ticks_keeps_or_releases_a_part_immediately() -> None:
     state, _, _ = handle(LOCKSTEP, frozen(), Reset(acknowledge=True), 0.1)
     kept, _, outputs = handle(LOCKSTEP, state, Trip(Cause.ESTOP), 0.1)
     assert (kept.mode, kept.arms[0].voltage_V, kept.part_held) == ("latched", 1.0, True)
@@ -154,7 +154,7 @@ def test_in_lockstep_the_reset_ends_a_ramp_that_no_tick_will_end() -> None:
     assert outputs[0] == SetVoltage((0.0,))
 
 
-def test_a_part_handed_over_by_the_last_command_is_kept() -> None:
+def test_a_part_held_at_the_final_command_is_kept_afterwards() -> None:
     given = command(1, held=True)
     assert given.command is not None
     final = replace(given, command=replace(given.command, final=True))

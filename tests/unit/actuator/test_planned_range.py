@@ -48,7 +48,7 @@ def test_without_a_plan_the_limits_of_the_rig_apply() -> None:
     assert asked(armed(), 2.0, 3.9) == [(2.0, 0), (3.9, 0)]
 
 
-def test_a_plan_widens_no_limit_of_the_rig() -> None:
+def test_a_planned_range_does_not_widen_the_limits_of_the_rig() -> None:
     assert asked(armed(VoltageRange(-9.0, 9.0)), 2.0, 3.9, 5.0)[-1] == (4.0, VOLTAGE_MAX)
 
 

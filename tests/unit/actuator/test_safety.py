@@ -46,7 +46,7 @@ def test_only_a_clean_boot_is_reset_without_an_acknowledgement() -> None:
             handle(CONFIG, state, Reset(), 0.0)
 
 
-def test_a_good_command_is_put_out_before_it_is_published() -> None:
+def test_a_valid_command_reaches_the_output_before_it_is_published() -> None:
     _, outputs = play(armed(), (position(0), 0.0), (command(0), 0.004))
     assert outputs[0] == SetVoltage((1.0,))
     applied = outputs[1]
@@ -146,7 +146,7 @@ def test_a_restarted_actuator_ramps_from_the_voltage_it_finds() -> None:
     assert 2.0 - drive.voltages_V[0] <= 2.0 * (T / 4) / CONFIG.ramp_s + 1e-9
 
 
-def test_an_instrument_that_fails_trips() -> None:
+def test_a_failing_instrument_causes_a_trip() -> None:
     state, _ = play(holding(held=True), (Inputs(OFF, None, None), 0.01))
     assert (state.mode, cause_words(state)) == ("frozen", "device: laser off")
 
@@ -185,7 +185,7 @@ def test_the_voltage_stays_within_its_limits_for_any_command(
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 0.045), st.floats(-1.0, 4.0)), max_size=60))
-def test_the_voltage_slews_no_faster_in_any_pattern_of_commands(
+def test_the_voltage_keeps_its_slew_limit_in_any_pattern_of_commands(
     arrivals: list[tuple[float, float]],
 ) -> None:
     """Two consecutive ones move no further than the time between them allows."""
@@ -207,7 +207,7 @@ def test_the_voltage_slews_no_faster_in_any_pattern_of_commands(
 
 
 @given(st.lists(st.integers(0, 12), min_size=1, max_size=60))
-def test_reordered_and_repeated_commands_have_the_effect_of_the_increasing_ones(
+def test_of_reordered_and_repeated_commands_only_those_with_increasing_numbers_are_applied(
     seqs: list[int],
 ) -> None:
     seen = play(armed(), *[(position(seq), 0.0) for seq in range(8)])[0]

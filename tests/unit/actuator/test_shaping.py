@@ -50,7 +50,7 @@ def stepped(voltage_V: float = 1.0, *, held: bool = True) -> State:
     return state
 
 
-def test_each_step_is_written_in_parts_from_the_end_of_the_last_one() -> None:
+def test_each_shaped_step_starts_at_the_end_voltage_of_the_previous_step() -> None:
     state, outputs = play(stepped(), (position(1), T), (command(1, 0.0), T + 0.004))
     assert orders(outputs) == [WriteParts((0.75, 0.25, 0.0), H)]
     applied = outputs[-1]
@@ -58,14 +58,14 @@ def test_each_step_is_written_in_parts_from_the_end_of_the_last_one() -> None:
     assert (applied.arms[0].voltage_V, state.arms[0].voltage_V) == (0.0, 0.0)
 
 
-def test_the_age_of_a_command_counts_its_last_part() -> None:
+def test_the_age_of_a_command_is_measured_at_the_last_part_of_its_step() -> None:
     _, outputs = play(armed(), (position(0), 0.0), (command(0), 0.004))
     applied = outputs[-1]
     assert isinstance(applied, Applied)
     assert applied.command_age_s == pytest.approx(0.004 + 2 * H)
 
 
-def test_a_step_whose_parts_would_reach_the_next_sample_is_written_at_once() -> None:
+def test_a_step_whose_parts_would_last_until_the_next_sample_is_written_as_one() -> None:
     """The voltage at the sample is then the one that is published for it."""
     _, outputs = play(stepped(), (position(1), T), (command(1, 0.5), 2 * T - H))
     assert orders(outputs) == [SetVoltage((0.5,))]
@@ -109,7 +109,7 @@ def test_a_limit_that_trips_between_two_parts_ends_the_step_too() -> None:
     assert orders(outputs) == [SetVoltage((0.75,))]
 
 
-def test_a_fault_of_the_output_reads_it_back_before_anything_is_written() -> None:
+def test_after_a_fault_the_output_is_read_back_before_anything_is_written() -> None:
     state, outputs = play(stepped(), (Inputs(OFF, None, None), 0.0045))
     assert orders(outputs) == [ReadBack()]
     state, outputs = play(state, (Inputs(PutOut((0.75,)), None, None), 0.005), (WAKE, 0.008))

@@ -39,7 +39,7 @@ def test_a_stall_causes_no_jump_in_the_ramp() -> None:
     assert before_V - state.arms[0].voltage_V <= 2 * 2.0 * (T / 4) / CONFIG.ramp_s + 1e-9
 
 
-def test_computing_time_of_its_own_program_is_not_a_stall() -> None:
+def test_computing_time_of_the_own_program_is_not_a_stall() -> None:
     """Time is subtracted from an age only if the machine caused the delay."""
     state, _ = play(holding(held=False), *wakes(0.005, 0.02))
     kept = (Inputs(Busy(0.04), None, None), 0.061)
@@ -57,13 +57,13 @@ def test_a_ramp_continues_by_its_clock_while_its_program_waits_for_its_sensor() 
     assert (state.mode, state.arms[0].voltage_V, state.standstills) == ("latched", CONFIG.safe_V, 0)
 
 
-def test_a_simultaneous_stall_of_the_machine_is_subtracted() -> None:
+def test_a_stall_of_the_machine_beyond_the_own_computing_time_is_subtracted_from_ages() -> None:
     state, _ = play(holding(held=False), *wakes(0.005, 0.02))
     state, _ = play(state, (Inputs(Busy(0.006), None, None), 0.065))
     assert (state.mode, state.standstills) == ("armed", 1)
 
 
-def test_rare_checks_at_rest_are_not_stalls() -> None:
+def test_the_long_interval_between_checks_at_rest_is_not_a_stall() -> None:
     """None of them lengthens the first age after an arming."""
     state, _, _ = handle(CONFIG, start(CONFIG), Reset(acknowledge=True), 0.0)
     state, _ = play(state, *((WAKE, 0.05 * look) for look in range(1, 20)))

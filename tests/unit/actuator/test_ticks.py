@@ -48,7 +48,7 @@ def stood(mode: str) -> State:
 @pytest.mark.parametrize(
     ("mode", "ordered"), [("idle", False), ("frozen", False), ("latched", True)]
 )
-def test_a_tick_is_answered_once_and_written_where_a_voltage_must_be_held(
+def test_a_tick_without_a_command_is_answered_once_and_writes_the_voltage_only_in_the_latch(
     mode: str, ordered: bool
 ) -> None:
     state, outputs = play(stood(mode), (position(1), 0.02), (WAKE, UNASKED_S))
@@ -150,7 +150,7 @@ def test_an_interrupted_sweep_leaves_the_output_unconfirmed() -> None:
     assert cause_words(state) == "device: laser off"
 
 
-def test_a_final_command_starts_no_sweep() -> None:
+def test_a_final_command_with_a_sweep_does_not_start_the_sweep() -> None:
     last = swept(1).command
     assert last is not None
     final = Inputs(None, replace(last, final=True), None)

@@ -11,7 +11,7 @@ from .bench import OFF, WAKE, Inputs, cause_words, command, holding, play, posit
 LATE = Fault(FaultCode.INSTRUMENT_LATE)
 
 
-def test_a_trip_by_age_names_what_the_controller_could_not_see() -> None:
+def test_a_trip_by_age_names_the_sensor_fault_that_the_controller_has_reported() -> None:
     plain = command(1).command
     assert plain is not None
     blind = replace(plain, valid=False, fault=OFF)
@@ -26,7 +26,9 @@ def test_a_trip_by_age_names_what_the_controller_could_not_see() -> None:
 @pytest.mark.parametrize(
     ("found", "named"), [(LATE, 1), (OFF, 0)], ids=["late answers", "another fault"]
 )
-def test_a_trip_by_age_names_late_answers_that_arrive_after_it(found: Fault, named: int) -> None:
+def test_late_answers_found_after_a_trip_by_age_are_added_to_its_faults(
+    found: Fault, named: int
+) -> None:
     wakes = [(WAKE, 0.005 * count) for count in range(5, 21)]
     tripped, _ = play(holding(held=False), (position(1), 0.02), *wakes)
     assert tripped.cause == Cause.COMMAND_AGE

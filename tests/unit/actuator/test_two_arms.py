@@ -64,7 +64,7 @@ def at(first_V: float, second_V: float, *, held: bool = False) -> State:
     return state
 
 
-def test_both_voltages_are_put_out_and_reported_together() -> None:
+def test_both_voltages_are_written_and_reported_together() -> None:
     _, outputs = play(armed(), (position(0), 0.0), (command(0, 1.0, ArmCommand(3.0)), T + 0.001))
     assert outputs[0] == SetVoltage((1.0, 2.0))
     applied = outputs[1]
@@ -133,7 +133,7 @@ def test_the_second_arm_beyond_its_position_limits_trips_both(held: bool) -> Non
     assert (state.mode, state.arms[0].voltage_V, state.arms[1].voltage_V) == ("latched", 0.0, 0.0)
 
 
-def test_an_invalid_sample_of_either_arm_does_not_trip_it() -> None:
+def test_an_invalid_sample_of_either_arm_causes_no_trip() -> None:
     state = at(1.0, 2.0)
     state, _ = play(state, (position(1, second=None), T), (position(2, second=90.0), 2 * T))
     assert state.arms[1].watches.position.count == 1
@@ -187,7 +187,7 @@ def test_a_freeze_that_ends_with_a_silent_output_reports_no_force() -> None:
     assert "unknown" in fault_text(released)
 
 
-def test_a_freeze_that_the_first_arm_has_ended_is_not_ended_again() -> None:
+def test_a_freeze_is_ended_only_once_if_both_arms_exceed_the_force_limit() -> None:
     state = at(1.0, 2.0, held=True)
     state, _, _ = handle(BOTH, state, Trip(Cause.ESTOP), 0.01)
     for seq in (1, 2, 3):
@@ -268,7 +268,7 @@ def test_a_ramp_of_only_the_second_arm_is_reported() -> None:
     assert 0.0 < second_V < 2.0
 
 
-def test_motion_starts_from_the_present_voltages_of_both_outputs() -> None:
+def test_the_state_after_a_read_back_has_the_present_voltages_of_both_outputs() -> None:
     state = initialize_from_output(BOTH, at(1.0, 2.0, held=True), (1.0, 2.0))
     assert state.part_held
     state = initialize_from_output(BOTH, state, (1.0, 0.4))

@@ -53,7 +53,7 @@ def test_a_part_counts_as_released_if_either_output_has_released(
     assert begun(limits, at(1.0, 2.0, held=True), (found_V, second_V)).part_held == held
 
 
-def test_a_nan_of_the_first_arm_is_refused_whatever_the_second_is() -> None:
+def test_an_impossible_voltage_of_the_first_arm_is_refused_despite_a_valid_second_one() -> None:
     state = armed()
     for inputs, now in ((position(0), 0.0), (command(0, 1e6, ArmCommand(1.0)), 0.004)):
         state, _ = step(BOTH, state, inputs, now)

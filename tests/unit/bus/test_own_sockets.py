@@ -43,6 +43,6 @@ def test_a_sweeper_starts_without_the_socket_option() -> None:
         sweeper.close()
 
 
-def test_a_private_port_is_signed_without_the_socket_option() -> None:
+def test_the_listener_of_a_private_port_is_signed_without_the_socket_option() -> None:
     with listener() as port:
         assert PrivatePort("127.0.0.1", port, b"key").sign_listener() is not None

@@ -31,7 +31,7 @@ def test_listing_the_sockets_releases_no_file_lock(tmp_path: Path) -> None:
         assert done.returncode == 3
 
 
-def test_each_socket_is_borrowed_and_stays_open() -> None:
+def test_listing_the_own_sockets_leaves_each_socket_open() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         with socket.create_connection(server.getsockname()) as line:
             numbers = {found.fileno() for found in own_sockets()}

@@ -79,7 +79,7 @@ def all_places(rig: RigFile) -> dict[str, SessionConfig]:
     }
 
 
-def test_every_port_of_a_rig_is_closed_if_its_file_names_certificates(tmp_path: Path) -> None:
+def test_every_port_of_a_rig_uses_tls_if_its_file_names_certificates(tmp_path: Path) -> None:
     rig = demo_rig()
     assert all(ends.tls is None for ends in all_places(rig).values())
     closed = all_places(rig.secured(folder_for(tmp_path / "pki", "demo").path))

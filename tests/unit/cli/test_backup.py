@@ -72,7 +72,7 @@ def test_a_restore_overwrites_nothing(
     assert "is not empty" in capsys.readouterr().err
 
 
-def test_a_modified_backup_is_refused_without_a_trace(
+def test_a_modified_backup_is_refused_and_leaves_no_files(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     open_store(data / "supervisor.sqlite").close()
@@ -144,7 +144,7 @@ def other_keys(content: bytes) -> Callable[[bytes], bytes]:
         ("keys.json", other_keys(b'{"version": 9, "keys": []}')),
     ],
 )
-def test_a_backup_of_damaged_files_is_refused_without_a_trace(
+def test_a_backup_of_damaged_files_is_refused_and_leaves_no_files(
     data: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -244,7 +244,7 @@ class Zeros(io.RawIOBase):
         (long_attribute, "a header of"),
     ],
 )
-def test_a_crafted_backup_is_refused_without_a_trace(
+def test_a_crafted_backup_is_refused_and_leaves_no_files(
     data: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -262,7 +262,7 @@ def test_a_crafted_backup_is_refused_without_a_trace(
 
 
 @pytest.mark.parametrize("part", [0.0, 0.001, 0.5, 0.99])
-def test_a_truncated_backup_is_refused_without_a_trace(
+def test_a_truncated_backup_is_refused_and_leaves_no_files(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], part: float
 ) -> None:
     file, after = tmp_path / "bench.tar.gz", tmp_path / "after"

@@ -16,7 +16,7 @@ from .conftest import At
 AT = ("--rig-name", "demo")
 
 
-def test_a_shell_claims_a_rig_and_every_command_sends_its_secret(
+def test_after_a_claim_from_the_shell_every_command_sends_the_secret_of_the_claim(
     at: At, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PINCETTE_CLAIM", "")  # restored at the end, whatever the command sets

@@ -92,7 +92,7 @@ def test_doctor_needs_the_certificates_of_the_existing_programs(tmp_path: Path) 
     assert "loop.crt: No such file" in missing[0]
 
 
-def test_doctor_states_the_disadvantages_of_a_composition_and_what_is_impossible() -> None:
+def test_doctor_states_the_disadvantages_of_a_composition_and_refuses_an_impossible_one() -> None:
     def found(rig: RigFile) -> list[Finding]:
         return list(composed(rig))
 

@@ -149,7 +149,7 @@ def test_an_unknown_driver_is_refused_with_the_known_ones(group: str) -> None:
     )
 
 
-def test_another_kind_of_plug_in_is_not_looked_for_among_the_drivers() -> None:
+def test_a_missing_plug_in_of_another_kind_is_not_reported_as_a_missing_driver() -> None:
     with pytest.raises(plugins.PluginError) as raised:
         plugins.load(plugins.PROGRAMS, "none_such")
     assert "pincette.programs 'none_such'" in str(raised.value)

@@ -59,7 +59,7 @@ def test_a_file_is_never_overwritten(bench: Path, capsys: pytest.CaptureFixture[
     assert "exists already" in capsys.readouterr().err
 
 
-def test_options_answer_single_questions(bench: Path) -> None:
+def test_each_option_replaces_one_question(bench: Path) -> None:
     words = ["--name", "left", "--force-max-mN", "12", "--grip-force-mN", "5", "--period-s", "0.05"]
     words += ["--amplifier-gain", "10", "--arm-min-V", "0", "--arm-max-V", "60"]
     words += ["--free-stroke-um", "90", "--sensor-url", "socket://127.0.0.1:7461"]
@@ -105,7 +105,7 @@ SWING: dict[str, Any] = {
 }
 
 
-def test_init_asks_for_every_limit_that_would_refuse_the_default_jobs(
+def test_init_asks_for_every_limit_that_default_jobs_would_exceed(
     bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     requested = typing(monkeypatch, iter(()))

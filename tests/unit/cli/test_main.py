@@ -97,7 +97,9 @@ def test_run_without_a_rig_file_ends_like_every_command(
     ],
     ids=["the loop", "the supervisor", "the help", "a command", "doctor"],
 )
-def test_a_start_does_not_import_what_is_needed_later(script: str, never: tuple[str, ...]) -> None:
+def test_a_command_imports_only_modules_that_it_needs_at_its_start(
+    script: str, never: tuple[str, ...]
+) -> None:
     case = f"import sys\n{script}\nprint('loaded:', *sorted({set(never)!r} & sys.modules.keys()))"
     line = [sys.executable, "-c", case]
     last = subprocess.check_output(line, text=True, timeout=60.0).splitlines()[-1]

@@ -132,7 +132,7 @@ def test_a_verdict_states_what_is_uncertain(members: dict[str, Any], doubt: str)
     assert results.verdict_words(RESULT | members) == ["gripped", doubt]
 
 
-def test_every_figure_of_a_short_result_is_a_figure_of_its_kind() -> None:
+def test_every_figure_of_a_short_result_is_defined_by_its_kind() -> None:
     for kind in job_kinds().values():
         assert set(kind.brief) <= {figure.name for figure in kind.figures}
         for arms in kind.arms:
@@ -245,7 +245,7 @@ def test_a_result_of_another_kind_has_the_figures_that_the_kind_names(
 
 
 @pytest.mark.parametrize("name", ["grip.png", "track.png"])
-def test_the_plot_is_named_with_its_location(tmp_path: Path, name: str) -> None:
+def test_a_result_states_the_path_of_the_plot(tmp_path: Path, name: str) -> None:
     (tmp_path / name).touch()
     console, out = screen(terminal=False)
     job = job_of(id="j", state="succeeded", result=RESULT, record=str(tmp_path))
@@ -253,7 +253,7 @@ def test_the_plot_is_named_with_its_location(tmp_path: Path, name: str) -> None:
     assert f"plot {tmp_path}/{name}" in spaced(out.getvalue())
 
 
-def test_an_infeasible_plan_states_why() -> None:
+def test_an_infeasible_plan_states_the_reason() -> None:
     console, out = screen(terminal=False)
     violation = desk.example(Violation, message="force 500 mN too much")
     show_plan(planned(feasible=False, violations=[violation]), console)

@@ -20,7 +20,7 @@ def test_a_named_file_takes_precedence_over_the_environment(
     assert chosen(None) == Path("of/the/environment.toml")
 
 
-def test_a_checkout_has_the_demo(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_in_a_checkout_the_demo_rig_file_is_the_default(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("PINCETTE_RIG", raising=False)
     monkeypatch.chdir(ROOT)
     assert chosen(None).resolve() == DEMO

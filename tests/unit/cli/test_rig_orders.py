@@ -33,11 +33,13 @@ PAGE = ROOT / "docs/how-to/scripted-faults.md"
         ("arm hysteresis 2", SimCommand("arm", "hysteresis", 2.0)),
     ],
 )
-def test_command_line_words_are_read_as_an_order(words: str, order: SimCommand) -> None:
+def test_arguments_of_the_command_line_are_parsed_as_a_command_to_the_simulated_rig(
+    words: str, order: SimCommand
+) -> None:
     assert read(words.split(), 0.0, None) == order
 
 
-def test_times_of_a_command_are_passed_on() -> None:
+def test_start_and_duration_of_a_command_are_passed_on() -> None:
     assert read(["sensor", "stuck"], 2.0, 1.0) == SimCommand("sensor", "stuck", None, 2.0, 1.0)
 
 

@@ -28,7 +28,7 @@ from pincette.cli.main import main
         ("job grip --on-stop hodl", "hold"),
     ],
 )
-def test_an_unknown_word_is_refused_with_the_existing_one(
+def test_an_unknown_subcommand_or_option_is_refused_and_the_right_one_is_named(
     words: str, meant: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(words.split()) == 2

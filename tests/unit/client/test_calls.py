@@ -74,7 +74,7 @@ def test_requests_that_could_act_twice_are_not_repeated(action: str) -> None:
     assert len(supervisor.asked) == 3
 
 
-def test_a_decision_is_sent_with_its_place_and_not_repeated() -> None:
+def test_a_decision_is_sent_with_its_place_and_is_not_retried() -> None:
     place = {"x_um": 6.2, "u_um": 0.5, "measured_at": "2026-03-01T12:00:00Z", "source": "camera-1"}
     supervisor = Desk(desk.job(), LOST)
     with pytest.raises(NoAnswerError):
@@ -83,7 +83,7 @@ def test_a_decision_is_sent_with_its_place_and_not_repeated() -> None:
     assert len(supervisor.asked) == 2
 
 
-def test_retries_end_when_the_patience_is_used_up() -> None:
+def test_retries_end_when_the_time_limit_of_the_client_is_reached() -> None:
     supervisor = Desk(*[REFUSED] * 50)
     with pytest.raises(NoAnswerError, match=r"GET http://supervisor/api/v1/rigs: no answer"):
         supervisor.supervisor(patience_s=5.0).rigs()
@@ -132,7 +132,7 @@ def test_a_reply_from_another_server_is_reported() -> None:
 
 
 @pytest.mark.parametrize("status", [502, 503, 504])
-def test_a_proxy_without_a_connection_is_retried(status: int) -> None:
+def test_an_error_of_a_proxy_that_cannot_reach_the_supervisor_is_retried(status: int) -> None:
     supervisor = Desk(httpx.Response(status, text="<html>"), desk.job(state="running"))
     assert supervisor.supervisor().rig("demo").start("grip").state == "running"
     assert len({request.headers["Idempotency-Key"] for request in supervisor.asked}) == 1
@@ -165,7 +165,7 @@ def test_a_plan_is_requested_without_a_job() -> None:
     assert "Idempotency-Key" not in supervisor.asked[0].headers
 
 
-def test_bring_up_shows_the_warnings_of_the_rigs_own_path() -> None:
+def test_bring_up_shows_the_warnings_for_the_path_in_the_rig_file() -> None:
     warned = {**desk.example(Plan), "warnings": ["fit an RC of 3.3 ms"]}
     supervisor = Desk(httpx.Response(200, json=warned))
     assert path_warnings(supervisor.supervisor().rig("demo")) == ["fit an RC of 3.3 ms"]
@@ -222,7 +222,7 @@ def test_the_asynchronous_client_sends_the_same_requests() -> None:
     assert len({request.headers["Idempotency-Key"] for request in supervisor.asked[:2]}) == 1
 
 
-def test_a_refusal_is_raised_by_its_code() -> None:
+def test_each_refusal_code_raises_its_own_exception_type() -> None:
     assert RAISED.keys() <= REMEDIES.keys()
     for code, raised in RAISED.items():
         supervisor = Desk(desk.problem(409, code))
@@ -235,7 +235,7 @@ def test_a_refusal_is_raised_by_its_code() -> None:
     assert type(caught.value) is ProblemError
 
 
-def test_a_start_is_stopped_by_its_key() -> None:
+def test_a_job_is_stopped_by_the_key_of_its_start_request() -> None:
     stopped = {**desk.example(Job, state="stopping")}
     supervisor = Desk(
         httpx.Response(200, json={"job": None}), LOST, httpx.Response(200, json={"job": stopped})

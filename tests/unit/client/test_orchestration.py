@@ -169,7 +169,7 @@ def in_state(state: str, **changes: Any) -> Rig:
     return rig(latch=latch, **changes)
 
 
-def test_a_rig_is_ready_according_to_the_state_table() -> None:
+def test_the_readiness_of_a_rig_follows_the_state_table() -> None:
     for state, entry in RIG_STATES.items():
         startable = ["grip"] if entry.may_start else []
         taken = in_state(state, active_job="j", startable=[], can_start=False)

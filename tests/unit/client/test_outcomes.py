@@ -35,7 +35,7 @@ def test_a_job_without_a_result_has_no_outcome() -> None:
 
 
 @pytest.mark.parametrize("outcome", get_args(OutcomeCode))
-def test_the_table_of_jobs_has_the_outcome_code_and_both_explanations_of_a_step(
+def test_the_table_of_jobs_has_the_outcome_code_and_the_figures_of_a_position_step(
     outcome: str,
 ) -> None:
     content = b"".join(csv_of(lambda: iter([[row_of(ended(outcome))]])))

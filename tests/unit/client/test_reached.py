@@ -109,12 +109,12 @@ def test_a_force_is_reached_within_its_tolerance(
     assert caught.value.codes["force_mN"] == held_mN
 
 
-def test_a_force_that_settles_late_is_reached() -> None:
+def test_waiting_for_the_hold_continues_until_the_force_is_within_its_tolerance() -> None:
     job = following(holding(14.0, 9.0), holding(14.95, 10.0)).supervisor().job("j")
     assert [now.elapsed_s for now in job.to_hold()] == [9.0, 10.0]
 
 
-def test_whether_a_job_without_a_requested_force_holds_follows_from_its_phase() -> None:
+def test_a_job_without_a_requested_force_holds_when_its_phase_is_hold() -> None:
     moments = (progress("approach"), progress("hold", force_mN=None))
     job = following(*moments, kind="hold", values={"hold_s": None}).supervisor().job("j")
     assert [now.phase for now in job.to_hold()] == ["approach", "hold"]
@@ -226,7 +226,7 @@ HOLDS_5: dict[str, Any] = {"phase": "hold", "force_mN": 5.0, "force_r_mN": 5.0}
         ({**OWN, "state": "stopped", "labels": {"cell": "8"}}, HOLDS_5, None, "grip"),
     ],
 )
-def test_a_force_is_reached_from_the_part_that_an_own_job_holds(
+def test_a_new_force_is_reached_from_a_part_that_the_same_client_holds(
     active: dict[str, Any] | None, now: dict[str, Any], hold_s: float | None, started: str
 ) -> None:
     newest = {"held": True, "force_mN": 15.0, "force_uncertainty_mN": 0.1, **now}
@@ -247,7 +247,7 @@ def test_a_force_is_reached_from_the_part_that_an_own_job_holds(
     assert expected.items() <= body.items()
 
 
-def test_an_own_job_paused_without_a_part_is_stopped_before_the_grip() -> None:
+def test_a_paused_job_of_the_same_client_without_a_part_is_stopped_before_the_grip() -> None:
     free: dict[str, Any] = {"progress": None, "allowed_actions": ["resume", "stop", "abort"]}
     paused = {**OWN, **free, "id": "j", "state": "paused", "values": VALUES}
     ended = desk.job(**{**paused, "state": "stopped"}, ended_at="now")

@@ -104,7 +104,7 @@ def batch(epoch: int, *seqs: int, now_s: float = 100.0, **changes: Any) -> dict[
     return {"kind": "live", "number": None, **data}
 
 
-def test_samples_arrive_one_by_one_and_once_over_a_breaking_connection() -> None:
+def test_each_sample_arrives_once_although_the_connection_breaks() -> None:
     supervisor = Desk(
         desk.stream(batch(7, 5, 6), batch(7), batch(7, 7, force_mN=[None]), broken=True),
         httpx.ConnectError("refused"),

@@ -151,7 +151,7 @@ def test_received_texts_are_bounded_and_own_texts_are_truncated() -> None:
     assert long.words == "µ" * MAX_TEXT
 
 
-def test_a_document_is_refused_rather_than_truncated() -> None:
+def test_a_document_that_is_too_long_is_refused_and_not_truncated() -> None:
     whole = Arm(1, 1, "d", Document("x" * MAX_DOCUMENT))
     assert decode(Arm, encode(whole)) == whole
     longer = replace(whole, calibration=Document("x" * (MAX_DOCUMENT + 1)))
@@ -169,7 +169,7 @@ def test_lists_are_limited_before_they_are_read() -> None:
 
 
 @given(st.floats(allow_nan=True, allow_infinity=True))
-def test_a_position_is_either_the_sent_value_or_refused(x_um: float) -> None:
+def test_a_position_beyond_its_bound_is_refused_and_never_changed(x_um: float) -> None:
     payload = encode(with_arm(POSITION, x_um=x_um))
     if abs(x_um) <= LARGEST["µm"]:
         assert decode(Position, payload).arms[0].x_um == x_um

@@ -77,7 +77,7 @@ def test_a_message_without_lists_reserves_no_space_for_them() -> None:
     assert peak < 2**20
 
 
-def test_deep_nesting_in_a_field_is_refused_without_being_shown() -> None:
+def test_the_refusal_of_deep_nesting_in_a_field_does_not_print_the_value() -> None:
     deep: object = 1.0
     for _ in range(800):
         deep = [deep]

@@ -38,7 +38,7 @@ def test_fields_of_another_version_are_recognized(wire: int) -> None:
     assert message.endswith(update_which("sensor", wire))
 
 
-def test_other_fields_of_the_same_version_are_another_build() -> None:
+def test_other_fields_of_the_same_wire_version_are_reported_as_another_build() -> None:
     message = refused(OTHER_FIELDS, ENCODING)
     assert "sensor states wire version 2, as this program does" in message
     assert "the same version of pincette" in message

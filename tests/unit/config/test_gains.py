@@ -131,7 +131,7 @@ def test_an_uncertain_force_reduces_the_weight_of_the_force(rig: RigFile) -> Non
 
 
 @pytest.mark.parametrize("name", TAUGHT)
-def test_the_error_of_an_identified_response_is_its_own_residual(name: str) -> None:
+def test_the_model_error_of_an_identified_response_is_its_residual(name: str) -> None:
     """The hysteresis of a line is not used: with it no force would be fed back at all."""
     table = {**TAUGHT[name], "residual_um": 0.001}
     model: Tree = {"free_response": None, "hysteresis_fraction": 0.2, name: table}

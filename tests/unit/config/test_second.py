@@ -57,7 +57,7 @@ def test_each_arm_is_a_rig_of_one_arm() -> None:
     assert second.simulation.second is None
 
 
-def test_without_its_own_table_the_second_arm_is_a_copy_and_relays_replace_a_shape() -> None:
+def test_without_its_own_table_the_second_simulated_arm_equals_the_first() -> None:
     simulation = RIG.simulation
     assert simulation is not None
     one, two = simulation.model_copy(update={"second": None}).arms

@@ -32,7 +32,7 @@ MOVES = Program(
 )
 
 
-def test_a_release_unloads_and_ends_at_the_present_position() -> None:
+def test_a_release_unloads_the_part_without_a_retreat() -> None:
     arm = Arm()
     arm.until("hold")
     arm.player = let_go(PROGRAM, arm.player)
@@ -42,7 +42,7 @@ def test_a_release_unloads_and_ends_at_the_present_position() -> None:
     assert arm.player.ref.x_um == pytest.approx(12.0)
 
 
-def test_retract_goes_back_with_and_without_a_part() -> None:
+def test_retract_returns_to_the_start_with_and_without_a_part() -> None:
     arm = Arm()
     arm.until("hold")
     arm.player = retract(PROGRAM, let_go(PROGRAM, arm.player))
@@ -57,7 +57,7 @@ def test_retract_goes_back_with_and_without_a_part() -> None:
     assert arm.player.ref.x_um == pytest.approx(0.0)
 
 
-def test_retract_without_a_retreat_is_a_stop() -> None:
+def test_retract_of_a_program_without_a_retreat_is_a_stop() -> None:
     arm = Arm(program=replace(PROGRAM, segments=PROGRAM.segments[:2]))
     arm.until("approach")
     arm.player = retract(arm.program, arm.player)
@@ -75,7 +75,7 @@ def test_a_part_is_kept_only_at_rest_and_stays_held() -> None:
     assert (player.ended, player.held, player.outcome) == (True, True, "stopped")
 
 
-def test_a_part_held_from_the_start_stays_at_its_voltage_until_released() -> None:
+def test_a_part_held_from_the_start_of_a_program_stays_at_its_voltage_until_released() -> None:
     at_V = replace(BLANK, applied_V=2.5)
     player = begin(KEEPS, (replace(BLANK, applied_V=2.5),), T)
     assert not waits(player)
@@ -106,7 +106,7 @@ def test_a_stop_of_a_continued_hold_keeps_its_voltage_too() -> None:
     assert player.ref.voltages_V[0] == pytest.approx(0.0)
 
 
-def test_beyond_a_position_limit_a_continued_hold_plays_its_own_release() -> None:
+def test_a_continued_hold_beyond_a_position_limit_releases_the_part() -> None:
     program = replace(KEEPS, guards=replace(GUARDS, position_max_um=40.0))
     player = Arm(program=program).player
     player = advance(program, player, (replace(BLANK, x_um=41.0, applied_V=2.5),), T)
@@ -175,7 +175,7 @@ def test_an_arm_that_a_light_touch_meets_on_the_way_to_its_strokes_goes_back() -
     assert player.ref.voltages_V == pytest.approx((-0.4,))
 
 
-def test_an_arm_that_goes_back_cannot_meet_the_part_again() -> None:
+def test_a_touch_during_the_retreat_is_ignored() -> None:
     arm = Arm()
     arm.until("retreat")
     arm.tick()
@@ -185,7 +185,7 @@ def test_an_arm_that_goes_back_cannot_meet_the_part_again() -> None:
     assert (arm.player.outcome, arm.player.segment.phase) == ("gripped", "retreat")
 
 
-def test_a_part_that_holds_the_arm_from_behind_is_released() -> None:
+def test_an_arm_held_back_by_something_behind_it_moves_forward() -> None:
     arm = Arm(contact_um=99.0, program=MOVES)
     arm.until("move")
     arm.tick()
@@ -207,7 +207,7 @@ def test_a_press_that_still_lasts_at_the_start_of_the_return_is_not_a_touch() ->
     assert arm.player.outcome == "gripped"
 
 
-def test_a_force_larger_than_its_uncertainty_ends_a_program_before_the_zero() -> None:
+def test_before_the_zero_a_force_that_certainly_exceeds_its_limit_ends_the_program() -> None:
     arm = Arm(contact_um=99.0)
     arm.tick()
     unsure = replace(arm.estimate(), force_mN=45.0, force_uncertainty_mN=6.0)
@@ -238,7 +238,7 @@ def test_a_voltage_move_into_something_returns_to_its_start() -> None:
     assert player.ref.voltages_V[0] == pytest.approx(0.0)
 
 
-def test_a_touch_below_the_contact_force_is_not_a_touch() -> None:
+def test_a_touch_below_the_contact_force_is_ignored() -> None:
     arm = Arm(contact_um=99.0, program=MOVES)
     arm.until("move")
     for _ in range(10):
@@ -252,7 +252,7 @@ def test_a_touch_below_the_contact_force_is_not_a_touch() -> None:
     [(15.0, 6.0, ""), (12.0, 6.0, "contact"), (40.0, 21.0, "contact"), (15.0, -6.0, "contact")],
     ids=["soft", "as hard as a part", "beyond ten contact forces", "pulled"],
 )
-def test_a_soft_kink_is_a_bend_if_the_guards_permit_bends(
+def test_a_soft_kink_is_ignored_if_the_guards_permit_bends(
     x_um: float, touch_mN: float, outcome: str
 ) -> None:
     bends = replace(MOVES, guards=replace(MOVES.guards, bend_mN_per_um=1.0))
@@ -265,7 +265,9 @@ def test_a_soft_kink_is_a_bend_if_the_guards_permit_bends(
     assert arm.player.outcome == outcome
 
 
-def test_no_kink_before_the_start_of_a_program_is_a_bend() -> None:
+def test_a_kink_before_the_start_of_a_program_is_a_contact_even_if_the_guards_permit_bends() -> (
+    None
+):
     bends = replace(MOVES, guards=replace(MOVES.guards, bend_mN_per_um=1.0))
     arm = Arm(contact_um=99.0, program=bends)
     arm.until("move")

@@ -108,7 +108,7 @@ def test_the_job_decides_about_a_held_part(then: str, last: str) -> None:
     assert (received[-1].phase, received[-1].outcome, received[-1].held) == (last, "stopped", False)
 
 
-def test_nothing_moves_after_a_pause_without_a_lease() -> None:
+def test_after_a_pause_nothing_moves_when_the_lease_has_ended() -> None:
     bench = Leased()
     bench.reach("hold")
     bench.state = handle(bench.config, bench.state, Action(ActionCode.PAUSE), bench.now_s)[0]
@@ -182,7 +182,7 @@ def test_an_impossible_lease_is_refused_with_its_value() -> None:
     assert "-1 s" in lease_objection(replace(good, length_s=-1.0), 7, playing=True, ended=False)
 
 
-def test_the_limit_itself_is_within_the_lease() -> None:
+def test_a_lease_ends_only_after_its_limit_is_exceeded() -> None:
     running = RunningLease(Lease(1, 10.0), 5.0)
     assert lease_end(running, Outcome.NONE, 15.0) is None
     assert lease_end(running, Outcome.STOPPED, 99.0) is None

@@ -26,7 +26,7 @@ def plays(*segments: Segment) -> Bench:
     return Bench(Program(segments, GUARDS, 2.0))
 
 
-def test_a_voltage_path_is_put_out_unchanged() -> None:
+def test_a_voltage_path_is_sent_to_the_output_unchanged() -> None:
     bench = plays(Drive("rise", 0.4, courses=(Follow(ramp(0.3)),)))
     last = bench.until()
     requests = [tick.command.arms[0].voltage_V for tick in bench.ticks[:-1]]
@@ -37,7 +37,7 @@ def test_a_voltage_path_is_put_out_unchanged() -> None:
     assert last.command.arms[0].voltage_V == requests[-1] == pytest.approx(0.3)
 
 
-def test_a_relative_path_counts_from_where_the_voltage_is() -> None:
+def test_a_relative_path_starts_at_the_present_voltage() -> None:
     bench = plays(
         Drive("rise", 0.4, courses=(Follow(ramp(0.3)),)),
         Drive("more", 0.4, courses=(Follow(ramp(0.2, relative=True)),)),
@@ -73,7 +73,7 @@ def test_a_sweep_is_sent_with_every_command_of_its_segment_only() -> None:
     assert not any(tick.command.arms[0].voltage_V for tick in bench.ticks)
 
 
-def test_a_law_takes_over_without_a_jump() -> None:
+def test_a_law_that_follows_a_voltage_path_starts_without_a_jump() -> None:
     bench = plays(
         Drive("rise", 0.4, courses=(Follow(ramp(0.3)),)),
         Move("retreat", 0.6, to_um=(0.0,)),

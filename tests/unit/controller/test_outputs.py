@@ -30,7 +30,9 @@ def test_a_command_within_the_limits_is_sent_unchanged() -> None:
     assert watches.seq == 0
 
 
-def test_a_force_beyond_the_hard_limit_leaves_only_known_values_in_the_command() -> None:
+def test_a_command_after_a_force_beyond_the_hard_limit_is_invalid_and_has_no_unknown_values() -> (
+    None
+):
     watches, command = UNSEEN, COMMAND
     for seq in range(3):
         pressing = with_arm(COMMAND, seq=seq, force_mN=60.0)
@@ -45,7 +47,7 @@ def test_a_force_beyond_the_hard_limit_leaves_only_known_values_in_the_command()
     assert (command.final, command.zero, command.sweep) == (False, False, None)
 
 
-def test_a_position_beyond_the_hard_limits_leaves_no_command() -> None:
+def test_a_position_beyond_the_hard_limits_makes_the_command_invalid() -> None:
     watches, command = UNSEEN, COMMAND
     for seq in range(3):
         far = with_arm(SEEN, seq=seq, x_um=80.0)
@@ -94,7 +96,7 @@ def test_a_failed_controller_states_why_and_sends_no_more_commands() -> None:
     assert not state.playing
 
 
-def test_a_command_states_the_least_force_of_its_sample() -> None:
+def test_a_command_states_the_lowest_force_that_its_sample_may_have() -> None:
     bench = Bench(program())
     state, outputs = step(CONFIG, bench.state, Inputs(QUIET), 0.0)
     first = outputs[0]
@@ -114,7 +116,7 @@ def test_a_command_states_the_least_force_of_its_sample() -> None:
     assert (blind.valid, blind.arms[0].force_mN, blind.arms[0].x_d_um) == (False, 7.0, None)
 
 
-def test_a_number_that_no_program_accepts_is_not_sent_and_ends_the_commands() -> None:
+def test_a_number_that_other_programs_would_reject_is_not_sent_and_ends_the_commands() -> None:
     segments = (
         Seek("contact", 1.0, to_um=(14.0,)),
         Drive("hold", 0.6, courses=(Ramp(0.0),)),

@@ -103,7 +103,7 @@ def test_place_and_force_follow_independent_paths() -> None:
     assert max(errors) < 0.1
 
 
-def test_a_part_is_found_from_each_side_before_both_close() -> None:
+def test_each_arm_touches_the_part_before_both_load_it() -> None:
     telemetry = IdealPair(grip(centred=True)).play()
     assert telemetry[-1].outcome == Outcome.GRIPPED
     met = next(each.contact_x_um for each in telemetry if each.phase == "load")
@@ -111,7 +111,7 @@ def test_a_part_is_found_from_each_side_before_both_close() -> None:
 
 
 @pytest.mark.parametrize("drift_mN_per_s", [-0.1, 0.0, 0.1])
-def test_a_seeking_arm_presses_little_more_than_its_touch(
+def test_an_arm_that_seeks_the_part_presses_little_more_than_the_contact_force(
     drift_mN_per_s: float,
 ) -> None:
     """The estimated force of a free arm drifts along its path, by the error of its model."""
@@ -202,7 +202,7 @@ def test_a_kept_part_stays_pressed_by_both_arms() -> None:
     assert min(pair.forces()) == pytest.approx(8.0, abs=0.1)
 
 
-def test_a_pause_rests_where_the_place_turns_and_a_resume_continues() -> None:
+def test_a_pause_along_a_path_begins_where_the_place_reverses_and_a_resume_continues() -> None:
     pair = IdealPair(track())
     while pair.tick()[1].phase != "track":
         pass
@@ -216,7 +216,7 @@ def test_a_pause_rests_where_the_place_turns_and_a_resume_continues() -> None:
     assert pair.play()[-1].outcome == Outcome.TRACKED
 
 
-def test_a_part_without_a_force_at_one_arm_is_lost_to_both() -> None:
+def test_a_part_without_force_at_one_of_two_arms_counts_as_lost() -> None:
     pair = IdealPair(grip(None))
     while pair.tick()[1].phase != "hold":
         pass
@@ -283,7 +283,7 @@ def test_if_one_of_two_arms_is_pressed_before_its_strokes_neither_makes_strokes(
 
 
 @pytest.mark.parametrize("arm", [0, 1])
-def test_an_arm_with_something_behind_it_moves_out_without_a_law(arm: int) -> None:
+def test_an_arm_held_back_by_something_behind_it_moves_forward_again(arm: int) -> None:
     back = Drive("retreat", 1.0, guarded=True, courses=(Ramp(0.0), Ramp(0.0)))
     pair = IdealPair(replace(grip(), segments=(back,)))
     pair.part, pair.voltages_V = False, (1.0, 1.0)
@@ -392,7 +392,7 @@ def test_an_invalid_number_of_the_second_arm_is_a_fault(number: str, value: floa
     assert [item.name for item in found.values] == [f"second.{number}"]
 
 
-def test_a_zero_that_one_arm_has_missed_is_requested_again_for_both() -> None:
+def test_a_zero_that_one_arm_has_missed_is_requested_for_both_again() -> None:
     pair = IdealPair(grip())
     while pair.zeroed_at is None:
         pair.tick()

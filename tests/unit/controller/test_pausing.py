@@ -61,7 +61,7 @@ def whole(arm: Arm, at: tuple[tuple[int, int], ...] = ()) -> list[Reference]:
         ("retreat", ("retreat", 0.4)),
     ],
 )
-def test_in_every_phase_a_pause_begins_at_the_next_rest(
+def test_in_every_phase_a_pause_begins_when_the_references_next_come_to_rest(
     asked: str, begins: tuple[str, float]
 ) -> None:
     # The contact line differs from the planned one, so the hold begins with a motion.
@@ -91,7 +91,7 @@ def test_along_a_path_a_pause_begins_at_a_turning_point() -> None:
     assert SWING.point(t_s - 0.5 * T).rate * SWING.point(t_s + 0.5 * T).rate <= 0.0
 
 
-def test_steps_pause_in_their_dwell_and_a_voltage_where_it_rests() -> None:
+def test_a_path_of_steps_pauses_between_steps_and_a_voltage_path_where_it_rests() -> None:
     levels = steps("force", (10.0, 15.0), 0.3, 20.0, 400.0)
     program = replace(
         TRACK,
@@ -171,7 +171,7 @@ def test_a_part_lost_in_a_pause_ends_it(phase: str) -> None:
     assert (arm.player.held, arm.player.pause.active) == (False, False)
 
 
-def test_a_cancelled_pause_leaves_no_trace() -> None:
+def test_a_cancelled_pause_has_no_effect() -> None:
     arm = Arm()
     arm.until("load")
     arm.player = pause(arm.player)

@@ -96,7 +96,9 @@ def test_a_stop_during_a_pause_keeps_the_voltage() -> None:
 @pytest.mark.parametrize(
     ("action", "phases"), [("let_go", ["unload"]), ("retract", ["unload", "retreat"])]
 )
-def test_stops_that_release_are_reported_as_stops(action: str, phases: list[str]) -> None:
+def test_actions_that_stop_and_release_are_reported_as_stops(
+    action: str, phases: list[str]
+) -> None:
     bench = Bench(program())
     bench.until("hold")
     seq = ask(bench, action)

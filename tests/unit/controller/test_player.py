@@ -66,7 +66,9 @@ def test_without_a_part_the_outcome_is_no_contact() -> None:
 
 
 @pytest.mark.parametrize("stiffness", [1.2, 3.0])
-def test_a_stiffness_that_may_be_right_within_the_uncertainty_is_held(stiffness: float) -> None:
+def test_a_part_whose_stiffness_may_be_right_within_the_uncertainty_is_held(
+    stiffness: float,
+) -> None:
     arm = Arm(stiffness=stiffness)
     arm.uncertainty_mN = 8.0
     arm.until()
@@ -90,7 +92,7 @@ def test_a_held_part_is_not_dropped_because_its_force_has_become_uncertain() -> 
     assert (arm.player.segment.phase, arm.player.outcome) == ("hold", "")
 
 
-def test_no_part_is_sought_with_an_uncertainty_as_large_as_the_force_of_the_load() -> None:
+def test_a_grip_ends_before_contact_if_its_uncertainty_equals_the_requested_force() -> None:
     arm = Arm()
     arm.until("contact")
     arm.uncertainty_mN = 20.0
@@ -100,7 +102,7 @@ def test_no_part_is_sought_with_an_uncertainty_as_large_as_the_force_of_the_load
     assert not arm.player.held
 
 
-def test_a_load_ends_when_its_uncertainty_equals_its_force() -> None:
+def test_a_load_ends_when_the_force_uncertainty_equals_the_requested_force() -> None:
     arm = Arm()
     arm.until("load")
     arm.uncertainty_mN = 20.0
@@ -163,7 +165,7 @@ def awaiting_zero() -> Arm:
     return arm
 
 
-def test_an_unanswered_zero_is_requested_again() -> None:
+def test_a_zero_that_was_not_taken_is_requested_again() -> None:
     arm = awaiting_zero()
     waiting = advance(PROGRAM, arm.player, (replace(arm.estimate(), zero_age_s=None),), T)
     assert (waiting.zero, waiting.segment.phase) == (True, "zero")

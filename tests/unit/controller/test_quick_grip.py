@@ -65,7 +65,7 @@ def test_the_load_starts_no_faster_than_the_seek_and_ends_at_rest() -> None:
 
 @pytest.mark.parametrize("program", [PROGRAM, QUICK, TRACK], ids=["gentle", "quick", "track"])
 @pytest.mark.parametrize("share", [0.5, 0.8, 1.0, 1.2, 2.0, 3.0])
-def test_the_references_of_a_load_stay_on_the_stiff_side_of_the_line(
+def test_the_references_of_a_load_assume_at_least_the_stiffness_of_the_part(
     program: Program, share: float
 ) -> None:
     stiffness = share * K_E
@@ -148,7 +148,7 @@ def test_a_part_nearer_than_planned_is_detected_on_the_approach(contact_um: floa
     assert forces_mN[-1] == 0.0
 
 
-def test_a_slowly_growing_force_on_the_approach_is_not_a_part() -> None:
+def test_a_slowly_growing_force_on_the_approach_is_not_detected_as_a_part() -> None:
     """The free response may be wrong by more than stated, but not suddenly."""
     arm = Arm(program=QUICK)
     arm.until("approach")
@@ -166,7 +166,7 @@ def test_a_slowly_growing_force_on_the_approach_is_not_a_part() -> None:
     assert arm.player.outcome == ""
 
 
-def test_the_voltage_of_the_law_has_no_bump_at_a_touch() -> None:
+def test_the_voltage_of_the_law_has_no_jump_at_a_touch() -> None:
     """The controller's step with an arm that satisfies (4): the voltage continues to rise as
     before."""
     bench = Bench(quick(program()))

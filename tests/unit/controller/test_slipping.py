@@ -84,7 +84,9 @@ def test_a_healthy_grip_has_no_step(program: Program) -> None:
 
 
 @pytest.mark.parametrize("program", [PROGRAM, QUICK], ids=["gentle", "quick"])
-def test_after_a_slip_in_a_load_the_unload_uses_a_corrected_line(program: Program) -> None:
+def test_after_a_slip_during_the_load_the_unload_uses_a_corrected_contact_line(
+    program: Program,
+) -> None:
     arm = loaded(program, 8)
     arm.slip(3.0)
     arm.until("unload")
@@ -205,7 +207,9 @@ def small_load(force_mN: float) -> Program:
 
 
 @pytest.mark.parametrize(("force_mN", "noise_um"), [(6.6, 0.128), (5.0, 0.15), (10.0, 0.15)])
-def test_noise_over_a_small_load_is_not_a_wrong_stiffness(force_mN: float, noise_um: float) -> None:
+def test_noise_over_a_small_load_is_not_reported_as_a_wrong_stiffness(
+    force_mN: float, noise_um: float
+) -> None:
     program, lines = small_load(force_mN), list[float]()
     for seed in range(40):
         arm = Sensed(program, noise_um=noise_um, seed=seed)

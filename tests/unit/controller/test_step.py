@@ -29,12 +29,12 @@ BOTH_LAWS = (PBSMIC, DSMIFC)
 DEMO = read_rig(Path(__file__).parents[3] / "deploy/rigs/demo.toml")
 
 
-def test_a_program_without_laws_runs_with_the_rig_files() -> None:
+def test_a_program_without_a_law_uses_the_law_of_the_rig_file() -> None:
     bench = Bench(program())
     assert bench.state.laws == (OneArmLaw(build(CONFIG.law, ARM, T, 0.03)),)
 
 
-def test_a_program_contains_its_laws() -> None:
+def test_the_laws_of_a_program_are_built_when_it_is_loaded() -> None:
     bench = Bench(program(BOTH_LAWS, load=1))
     assert bench.state.laws == tuple(OneArmLaw(build(law, ARM, T, 0.03)) for law in BOTH_LAWS)
 
@@ -176,7 +176,7 @@ def test_a_change_of_law_during_motion_is_invisible(other: LawSettings) -> None:
     assert steps[0] == pytest.approx(steps[1], abs=1e-6)
 
 
-def test_references_of_the_telemetry_are_those_set_for_its_sample() -> None:
+def test_telemetry_contains_the_references_set_for_its_sample() -> None:
     bench = Bench(program(BOTH_LAWS, load=1))
     bench.until("load")
     telemetry = bench.tick().telemetry
@@ -234,7 +234,7 @@ def test_an_active_limit_stops_the_integral_only_in_its_own_direction(
     assert (after.law.integral_um == before.law.integral_um) is frozen
 
 
-def test_without_samples_or_arming_nothing_is_requested() -> None:
+def test_without_valid_samples_or_an_arming_no_voltage_is_requested() -> None:
     bench = Bench(program())
     bench.tick()
     before = bench.state.player
@@ -250,7 +250,7 @@ def test_without_samples_or_arming_nothing_is_requested() -> None:
     assert step(CONFIG, state, Inputs(None), 0.0) == (state, ())
 
 
-def test_the_memory_of_the_response_follows_the_applied_voltage_and_survives_an_arming() -> None:
+def test_the_hysteresis_memory_follows_the_applied_voltage_and_outlives_an_arming() -> None:
     """A missing voltage is left out, and counts for two periods later, as in the estimator."""
     config = configure(DEMO)
     state, _, _ = handle(config, start(config), Load(program()), 0.0)
@@ -289,7 +289,7 @@ def test_a_new_model_is_initialized_with_the_past_voltages() -> None:
     assert again.memories[0].response.position_um() != state.memories[0].response.position_um()
 
 
-def test_a_law_that_needs_a_model_is_built_at_the_arming_with_it() -> None:
+def test_a_law_that_needs_a_model_is_built_when_an_arming_supplies_the_model() -> None:
     line = free_response(DEMO.model.model_copy(update={"free_response": None}))
     before = configure(DEMO)
     arm = dataclasses.replace(before.arms[0], response=line)

@@ -28,7 +28,9 @@ def refused(host: str, port: int, number: int) -> str:
     return listening.why_not(host, port, OSError(number, "refused"))
 
 
-def test_each_refusal_has_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_error_of_a_listening_socket_states_its_remedy(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     assert "stop the other program" in refused("127.0.0.1", 8000, errno.EADDRINUSE)
     assert "127.0.0.1" in refused("::1", 8000, errno.EAFNOSUPPORT)
     assert "from 1024 on" in refused("127.0.0.1", 80, errno.EACCES)
@@ -63,7 +65,7 @@ def test_every_listener_names_the_remedy_if_ipv6_is_off(
         assert "\n" not in str(raised.value)
 
 
-def test_a_name_without_an_address_is_named() -> None:
+def test_a_host_name_without_an_address_is_refused() -> None:
     with pytest.raises(OSError, match="no address is known"):
         listening.bound("no-such-host.invalid", 0)
 
@@ -78,7 +80,7 @@ def test_a_name_without_an_address_is_named() -> None:
         ("::", "127.0.0.1"),
     ],
 )
-def test_the_account_of_a_listener_is_found(listens: str, asked: str) -> None:
+def test_the_user_id_of_a_listening_program_is_found(listens: str, asked: str) -> None:
     if ":" in listens and not listening.has_ipv6():
         pytest.skip("this machine has no IPv6")
     with listening.bound(listens, 0) as listener:
@@ -134,7 +136,7 @@ def test_a_supervisor_does_not_wait_for_an_address_that_the_machine_does_not_hav
         program.await_port("192.0.2.7", 8000, Event())
 
 
-def test_a_port_taken_by_another_program_before_serving_ends_the_supervisor(
+def test_a_supervisor_ends_if_another_program_takes_its_port_before_it_serves(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """``up`` and systemd restart it then, and it waits for the port."""

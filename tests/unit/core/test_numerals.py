@@ -79,7 +79,7 @@ def test_a_number_is_read_as_it_is_shown(text: str, value: float) -> None:
         "9" * 401,
     ],
 )
-def test_a_text_with_no_number_or_two_is_refused(text: str) -> None:
+def test_a_text_without_a_number_or_with_two_numbers_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"\w"):
         numerals.number(text)
 

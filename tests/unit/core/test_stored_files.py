@@ -74,7 +74,7 @@ def test_keys_of_the_supervisor_survive_a_power_cut(disk: Disk) -> None:
     assert [row.name for row in KeyFile(disk.cut()).read()] == ["ann"]
 
 
-def test_the_note_of_a_running_program_survives_a_power_cut(disk: Disk) -> None:
+def test_the_boot_note_of_a_program_survives_a_power_cut(disk: Disk) -> None:
     note = BootNote(disk.root / "data" / "actuator-demo.json")
     note.begin()
     note.end(Predecessor.CLEAN, 7)

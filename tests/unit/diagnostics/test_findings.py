@@ -111,7 +111,7 @@ def test_a_port_conflict_names_both_users() -> None:
     assert "the router and the supervisor" in what
 
 
-def test_lines_that_are_too_slow_together_are_refused_with_their_sum() -> None:
+def test_two_lines_that_together_exceed_the_period_are_reported_with_their_sum() -> None:
     slow = changed(sensor={"options": {"baud": 38400}}, output={"options": {"baud": 38400}})
     finding = timing(slow)
     assert not finding.ok
@@ -121,7 +121,7 @@ def test_lines_that_are_too_slow_together_are_refused_with_their_sum() -> None:
     assert timing(RIG).ok
 
 
-def test_the_behaviour_of_the_output_without_its_host_must_be_stated() -> None:
+def test_the_rig_file_must_state_what_the_output_does_without_messages() -> None:
     assert "0.5 s after the last message from its host" in watchdog(RIG).what
     without: dict[str, object] = {"driver": "srs_dc205", "options": {}}
     off: dict[str, object] = {"options": {"watchdog_s": 0.0}}
@@ -198,7 +198,7 @@ def test_an_instrument_that_cannot_be_opened_is_named(monkeypatch: pytest.Monkey
     ]
 
 
-def test_a_wrong_unit_a_coarse_display_and_noise_are_found() -> None:
+def test_a_wrong_unit_a_coarse_resolution_and_noise_are_found() -> None:
     settings: Sensor = RIG.sensor
     with pytest.raises(InstrumentError, match="steps of 10 µm"):
         Bench(unit="mm")

@@ -70,6 +70,6 @@ def test_in_lockstep_no_scheduling_is_requested_from_the_system() -> None:
     assert list(os_requests(asking(RealTime(cores=(1023,)), "lockstep"))) == []
 
 
-def test_the_named_page_exists() -> None:
+def test_the_document_named_in_remedies_exists() -> None:
     page = Path(__file__).parents[3] / "docs/how-to/real-time.md"
     assert "LimitRTPRIO=10" in page.read_text(encoding="utf-8")

@@ -47,7 +47,7 @@ class Bus(MemoryBus):
         sink(topic, message)
 
 
-def test_from_a_backlog_the_newest_sample_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_newest_sample_of_a_backlog_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     """Queued samples are left to the program's own thread; a thread that delivers a single one
     steps with it at once."""
     monkeypatch.setattr(engine, "monotonic", lambda: 10.0)

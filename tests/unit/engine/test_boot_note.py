@@ -15,11 +15,11 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "data" / "actuator-demo.json"
 
 
-def test_a_missing_note_is_recognized(path: Path) -> None:
+def test_a_missing_boot_note_means_a_first_start(path: Path) -> None:
     assert BootNote(path).found() == FIRST
 
 
-def test_a_program_that_started_without_an_end_has_died(path: Path) -> None:
+def test_a_boot_note_without_an_end_means_that_the_program_has_died(path: Path) -> None:
     BootNote(path).begin()
     assert BootNote(path).found() == Before(Predecessor.DIED)
     BootNote(path).end(Predecessor.DIED, 7)
@@ -27,7 +27,7 @@ def test_a_program_that_started_without_an_end_has_died(path: Path) -> None:
 
 
 @pytest.mark.parametrize("ending", [Predecessor.CLEAN, Predecessor.NONE])
-def test_the_noted_end_is_found(path: Path, ending: Predecessor) -> None:
+def test_the_stored_end_of_a_program_is_read_back(path: Path, ending: Predecessor) -> None:
     note = BootNote(path)
     note.begin()
     note.end(ending, 7)

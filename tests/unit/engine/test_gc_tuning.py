@@ -45,7 +45,7 @@ def settled() -> Generator[None]:
 
 
 @pytest.mark.usefixtures("settled")
-def test_garbage_is_not_collected_within_a_turn() -> None:
+def test_garbage_is_not_collected_while_the_loop_runs() -> None:
     assert not gc.isenabled()
     assert gc.get_freeze_count() > 0
     assert sys.getswitchinterval() == pytest.approx(SWITCH_S)
@@ -62,6 +62,6 @@ def test_cycles_are_freed_after_a_number_of_turns() -> None:
     assert left() is None
 
 
-def test_every_program_beside_the_loop_tunes_its_collector_before_it_serves() -> None:
+def test_every_program_outside_the_loop_tunes_its_garbage_collector_before_it_serves() -> None:
     output = subprocess.check_output([sys.executable, "-c", A_PROGRAM], text=True, timeout=60.0)
     assert output.splitlines() == ["ready: here", f"{SWITCH_S} True True"]

@@ -105,7 +105,7 @@ def test_a_wave_is_never_played_by_the_second_arm() -> None:
     assert two.value == 2.0
 
 
-def test_neither_watchdog_is_fed_if_the_first_does_not_answer() -> None:
+def test_neither_watchdog_is_fed_if_the_first_output_does_not_reply() -> None:
     both, one, two = pair()
     assert both.keep_alive(1.0) is None
     assert (one.fed, two.fed) == (1, 1)
@@ -114,7 +114,7 @@ def test_neither_watchdog_is_fed_if_the_first_does_not_answer() -> None:
     assert two.fed == 1
 
 
-def test_an_acquisition_is_refused_and_both_instruments_are_released() -> None:
+def test_two_arms_refuse_an_acquisition_and_close_both_instruments() -> None:
     both, one, two = pair()
     both.capture(0.0)
     with pytest.raises(RefusedError, match="a rig of two arms has none"):

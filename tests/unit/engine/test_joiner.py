@@ -48,7 +48,7 @@ def test_each_topic_has_its_own_numbers() -> None:
     assert not joiner.admits(numbered(ESTIMATE, 3), 101.0)
 
 
-def test_an_older_command_is_left_to_the_actuator() -> None:
+def test_an_older_command_is_passed_on_to_the_actuator() -> None:
     joiner = begun()
     for seq in (5, 5, 4, -1):
         assert joiner.admits(numbered(COMMAND, seq), 101.0)
@@ -64,7 +64,7 @@ def test_a_sample_newer_than_the_time_grid_allows_is_not_used() -> None:
         assert joiner.admits(numbered(sample, 12), 101.0), "one that errs shuts nobody out"
 
 
-def test_a_slower_clock_than_the_sensors_is_tolerated_forever() -> None:
+def test_a_clock_that_is_slower_than_that_of_the_sensor_is_tolerated_for_a_year() -> None:
     joiner = begun(now=0.0)
     for day in range(1, 400):
         now = 86_400.0 * day

@@ -119,7 +119,7 @@ def kinds(messages: list[Message]) -> list[type]:
     return [type(one) for one in messages]
 
 
-def test_a_tick_passes_through_one_program_in_its_order() -> None:
+def test_a_tick_of_a_composed_program_runs_its_services_in_order() -> None:
     loop, outside = in_lockstep(*LOOP)
     armed(loop, outside)
     for _ in range(3):
@@ -129,7 +129,7 @@ def test_a_tick_passes_through_one_program_in_its_order() -> None:
     assert outside.sinks == {}, "nothing is taken from outside"
 
 
-def test_one_turn_makes_one_tick_so_that_requests_are_received_between() -> None:
+def test_the_loop_computes_one_tick_at_a_time_so_that_requests_are_handled_between_ticks() -> None:
     loop, outside = in_lockstep(*LOOP)
     armed(loop, outside)
     outside.told.clear()
@@ -139,7 +139,7 @@ def test_one_turn_makes_one_tick_so_that_requests_are_received_between() -> None
     assert kinds(outside.told) == TICK
 
 
-def test_every_service_answers_for_itself() -> None:
+def test_each_service_of_a_composed_program_replies_to_its_own_requests() -> None:
     loop, outside = in_lockstep(*LOOP)
     for name in LOOP:
         reply, _ = asked(loop, outside, STATUS[name], StatusRequest())
@@ -156,7 +156,9 @@ def test_the_outputs_of_a_request_are_sent_before_its_reply() -> None:
     assert kinds(before) == [Applied, RequestLog]
 
 
-def test_outputs_awaited_by_other_programs_are_sent_at_once_and_the_rest_at_the_end() -> None:
+def test_outputs_that_other_programs_need_are_sent_at_once_and_others_at_the_end_of_the_tick() -> (
+    None
+):
     left: list[type] = []
 
     class Watched(Runner):
@@ -178,7 +180,7 @@ def test_outputs_awaited_by_other_programs_are_sent_at_once_and_the_rest_at_the_
     assert kinds(outside.told) == [Command, Estimate]
 
 
-def test_the_actuator_notes_a_sample_before_anything_is_computed() -> None:
+def test_the_actuator_receives_a_sample_before_the_other_services_compute() -> None:
     loop = Loop(
         [
             Runner(SERVICES[name], RIG, device)
@@ -214,7 +216,7 @@ def test_the_loop_waits_for_the_next_deadline() -> None:
     assert loop.wait_s(10.0 + 0.9 * wake_s) == pytest.approx(0.1 * wake_s)
 
 
-def test_no_turn_publishes_the_timing_of_two_services() -> None:
+def test_the_timing_of_one_service_is_published_at_a_time() -> None:
     devices: dict[str, Laser | Output] = {"sensor": Laser(), "actuator": Output()}
     outside = Outside()
     loop = Loop([Runner(SERVICES[name], RIG, devices.get(name)) for name in LOOP], outside)

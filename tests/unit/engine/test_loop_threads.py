@@ -94,14 +94,14 @@ def waiting(program: Program) -> None:
         pass
 
 
-def test_before_the_start_submitted_work_waits(program: Program) -> None:
+def test_work_submitted_before_the_start_waits(program: Program) -> None:
     program.submit(item(1))
     assert program.turns == 0
     program.start()
     assert program.taken == [(program.thread.ident, 1)]
 
 
-def test_the_submitting_thread_runs_the_turn(program: Program) -> None:
+def test_the_submitting_thread_runs_the_work_itself(program: Program) -> None:
     program.start()
     waiting(program)
     program.submit(item(1))
@@ -117,7 +117,7 @@ def test_deferred_work_is_run_by_the_program(program: Program) -> None:
     assert program.taken == [(program.thread.ident, 1), (program.thread.ident, 2)]
 
 
-def test_the_running_thread_also_takes_new_work(program: Program) -> None:
+def test_the_thread_that_runs_the_loop_also_runs_newly_submitted_work(program: Program) -> None:
     def submit_more(number: int) -> None:
         if number < 3:
             other = threading.Thread(target=program.submit, args=(item(number + 1),))
@@ -132,7 +132,7 @@ def test_the_running_thread_also_takes_new_work(program: Program) -> None:
     assert program.taken == [(threading.get_ident(), number) for number in (1, 2, 3)]
 
 
-def test_a_timer_that_a_turn_elsewhere_has_set_wakes_the_program(program: Program) -> None:
+def test_a_timer_set_by_another_thread_wakes_the_program(program: Program) -> None:
     program.start()
     waiting(program)
     program.idle_s = 0.001
@@ -161,7 +161,7 @@ def test_a_stop_ends_even_a_long_wait(program: Program) -> None:
     assert program.raised == []
 
 
-def test_nothing_is_lost_or_run_twice_and_never_by_two_threads_at_once(program: Program) -> None:
+def test_each_item_is_run_once_and_by_one_thread_at_a_time(program: Program) -> None:
     seed, count, threads = 23, 2000, 4
     print(f"seed {seed}")
     at_it = threading.Lock()

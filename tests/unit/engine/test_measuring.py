@@ -35,7 +35,7 @@ def measured(clock: Clock, for_s: float) -> tuple[int, float, int]:
     return found.lateness.count, found.lateness.max_s, found.missed
 
 
-def test_the_grid_is_absolute() -> None:
+def test_measured_wake_ups_follow_an_absolute_time_grid() -> None:
     clock = Clock(*[0.004] * 60)
     count, max_s, missed = measured(clock, 50.5 * T)
     assert (count, missed) == (50 - SETTLED, 0)
@@ -63,7 +63,7 @@ def test_a_wait_that_ends_early_is_continued() -> None:
     assert clock.waits > 50
 
 
-def test_a_load_has_a_program_per_processor_and_one_for_the_disk_and_ends(
+def test_the_artificial_load_has_a_program_per_processor_and_one_for_the_disk_and_ends(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     started: list[subprocess.Popen[bytes]] = []

@@ -63,7 +63,7 @@ def test_an_instrument_that_does_not_answer_at_once_is_retried(
 
 
 @pytest.mark.parametrize(("failures", "opened"), [(0, True), (17, True), (18, False)])
-def test_a_sensor_with_a_short_wait_is_retried_as_long_as_any_other(
+def test_a_sensor_with_a_short_timeout_is_retried_for_as_long_as_any_other(
     monkeypatch: pytest.MonkeyPatch, failures: int, opened: bool
 ) -> None:
     assert RIG.sensor.timeout_s == 0.1
@@ -83,7 +83,9 @@ def test_the_sensor_is_opened_with_the_shorter_patience(
 
 
 @pytest.mark.parametrize("name", ["sensor", "actuator"])
-def test_a_noisy_line_gets_more_time(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def test_opening_over_a_noisy_line_is_retried_with_pauses(
+    monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
     slept: list[float] = []
     monkeypatch.setattr("pincette.engine.instrument.sleep", slept.append)
     driver, counts = Late(monkeypatch, 2, "garbled"), LineCounts()
@@ -126,7 +128,9 @@ def test_an_exception_of_a_driver_is_a_fault_that_names_it() -> None:
         driven.read_back()
 
 
-def test_an_exception_at_opening_is_an_instrument_s_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_exception_at_opening_is_raised_as_an_error_of_the_instrument(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def load(_group: str, _name: str) -> Any:
         def open_sensor(_settings: Any) -> Any:
             raise AttributeError("vendor library")

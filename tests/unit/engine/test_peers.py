@@ -7,13 +7,13 @@ def test_every_missing_program_is_named() -> None:
     assert absent({"sensor", "actuator"}, {}, {}) == "actuator, sensor"
 
 
-def test_a_known_cause_is_reported() -> None:
+def test_a_missing_program_is_reported_with_its_known_cause() -> None:
     causes = {"actuator": "no program listens at tcp/127.0.0.1:7451", "sensor": ""}
     missing = absent({"sensor", "actuator"}, {}, causes)
     assert missing == "actuator (no program listens at tcp/127.0.0.1:7451), sensor"
 
 
-def test_another_wire_version_is_the_reported_cause() -> None:
+def test_another_wire_version_is_reported_as_the_cause() -> None:
     missing = absent({"actuator"}, {"actuator": 7}, {"actuator": "no program listens"})
     assert "wire version 7" in missing
     assert "no program listens" not in missing

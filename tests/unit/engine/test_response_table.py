@@ -26,7 +26,7 @@ TOLERANCE_UM = 0.02
 """Of displacement, over two strokes: rounding of the table and of the linear algebra."""
 
 
-def test_teaching_reproduces_the_committed_response_table() -> None:
+def test_identification_of_the_demo_rig_reproduces_the_committed_response_table() -> None:
     rig = read_rig(DEMO)
     committed = rig.model.free_response
     assert committed is not None, f"{DEMO} has no [model.free_response]"
@@ -111,7 +111,7 @@ def test_impossible_tables_are_refused(change: dict[str, object], text: str) -> 
         parse_rig(tables)
 
 
-def test_a_motion_that_ends_early_teaches_nothing() -> None:
+def test_a_motion_that_ends_early_is_refused_for_identification() -> None:
     rig = read_rig(DEMO)
     tight = rig.model_copy(update={"limits": rig.limits.model_copy(update={"force_max_mN": 1.0})})
     with pytest.raises(ValueError, match=r"ended as 'overforce' after \d+ samples"):

@@ -33,7 +33,7 @@ def router() -> Router:
     return Router()
 
 
-def test_a_router_that_answers_continues(router: Router) -> None:
+def test_a_router_that_replies_to_its_queries_continues(router: Router) -> None:
     for _ in range(50):
         router.watch.ask()
         router.look_for(LIMIT_S)
@@ -48,7 +48,7 @@ def test_a_query_that_does_not_return_ends_the_router_after_the_limit(router: Ro
     assert router.ends == [pytest.approx(LIMIT_S + LOOK_S)]
 
 
-def test_a_failing_query_is_not_an_answer(router: Router) -> None:
+def test_a_router_whose_queries_fail_is_ended(router: Router) -> None:
     router.error = RuntimeError("the session is closed")
     for _ in range(round(LIMIT_S / LOOK_S) + 1):
         with pytest.raises(RuntimeError):

@@ -87,7 +87,9 @@ def position(seq: int, epoch: int = 1) -> Position:
 
 @pytest.mark.parametrize("rig", [RIG, LOCKSTEP])
 @pytest.mark.parametrize("applied_first", [True, False])
-def test_sample_k_is_joined_with_applied_k_minus_one(rig: RigFile, applied_first: bool) -> None:
+def test_sample_k_is_processed_together_with_the_applied_voltage_of_tick_k_minus_one(
+    rig: RigFile, applied_first: bool
+) -> None:
     runner = joining(rig)
     messages: list[Message] = [APPLIED_0, position(1)]
     for message in messages if applied_first else reversed(messages):
@@ -126,7 +128,7 @@ def test_in_real_time_a_backlog_is_skipped() -> None:
     assert runner.missed == 299
 
 
-def test_a_repeated_sample_displaces_no_waiting_one() -> None:
+def test_a_repeated_sample_does_not_displace_a_waiting_sample() -> None:
     runner = joining(RIG)
     for seq in (5, 0, 5):
         runner.take(position(seq), 10.0)
@@ -228,7 +230,7 @@ class Buffered:
         """Do nothing: there is no port to close."""
 
 
-def test_an_acquisition_lasts_as_long_as_the_arming_that_requested_it() -> None:
+def test_an_acquisition_ends_with_the_arming_that_requested_it() -> None:
     sensor = Buffered()
     runner = Runner(SENSOR, RIG, sensor)
     runner.call(Arm(1, 1, RIG.digest(), capture_hz=150.0), 0.0)

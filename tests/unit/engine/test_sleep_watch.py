@@ -54,7 +54,7 @@ def test_a_suspension_is_reported_once_with_its_length() -> None:
     assert watch.slept_s() == 0.0
 
 
-def test_a_program_preempted_between_the_readings_was_not_suspended() -> None:
+def test_a_preemption_between_the_two_clock_readings_is_not_mistaken_for_a_suspension() -> None:
     hand = Hand()
     watch = SleepWatch(hand)
     watch.slept_s()
@@ -65,7 +65,7 @@ def test_a_program_preempted_between_the_readings_was_not_suspended() -> None:
     assert watch.slept_s() == pytest.approx(1.0), "and the sleep is not lost by that"
 
 
-def test_the_loop_informs_its_actuator_which_trips_though_its_own_clock_has_not_moved() -> None:
+def test_the_loop_reports_a_suspension_to_its_actuator_which_trips() -> None:
     rig, hand = read_rig(DEMO), Hand()
     runner = Runner(SERVICE, rig, Tape())
     loop = Loop([runner], MemoryBus(), sleep_watch=SleepWatch(hand))

@@ -68,7 +68,7 @@ def test_the_memory_of_an_estimator_is_restored(kind: type) -> None:
     assert back.arms[0].response.updated(0.9, 0.02) == state.arms[0].response.updated(0.9, 0.02)
 
 
-def test_the_compared_change_of_a_stroke_is_restored() -> None:
+def test_the_measured_change_of_a_stroke_is_restored() -> None:
     """A start has no table: the second arming after a comparison failed with a TypeError."""
     config = ESTIMATOR.configure(RIGS[IdentifiedResponse])
     state = moved(config, stroke=StrokeChange(0.1 + 0.2, 0.004))

@@ -113,7 +113,7 @@ def test_an_actuator_at_rest_checks_its_clock_seldom_until_it_is_armed(
     assert 0.0 < runner.wait_s(now) <= EARLY * runner.config.age.wake_s
 
 
-def test_an_arming_with_another_model_shifts_the_wake_ups() -> None:
+def test_an_arming_with_another_model_changes_the_wake_up_interval() -> None:
     runner = Runner(ACTUATOR, RIG, Output())
     slower = Calibration(values={"model.natural_frequency_rad_per_s": 2000.0})
     runner.call(Reset(acknowledge=True), 10.0)
@@ -166,7 +166,7 @@ def test_messages_of_another_epoch_displace_no_valid_message() -> None:
     assert [message.seq for message in received if isinstance(message, Estimate)] == [0]
 
 
-def test_streams_that_wait_are_bounded() -> None:
+def test_the_number_of_waiting_epochs_is_limited() -> None:
     runner = estimator()
     for epoch in range(2, 1000):
         runner.take(replace(POSITION, epoch=epoch), 10.0)

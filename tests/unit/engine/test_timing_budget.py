@@ -48,7 +48,7 @@ def test_the_timing_budget_is_the_sum_of_transmissions_and_response(
     assert found.fits == (sum(parts_ms) + 1e3 * found.computing_s <= 20.0)
 
 
-def test_a_rig_whose_instruments_fit_is_armed_and_another_is_not() -> None:
+def test_a_rig_is_armed_only_if_its_instruments_fit_into_the_period() -> None:
     for baud, refused in ((115200, False), (38400, True), (9600, True)):
         slow = rig(baud, i7024(baud))
         runner = Runner(ACTUATOR, slow, Still())
@@ -78,7 +78,7 @@ def test_measured_exchanges_must_leave_time_for_the_loop(
     assert found.fits == fits
 
 
-def test_the_timing_budget_names_every_part() -> None:
+def test_the_timing_budget_lists_every_contribution() -> None:
     words = budget(rig(38400, i7024(38400))).words()
     assert words == (
         "sensor exchange 5.5 + command exchange 3.6 + output response 10.0 + computing 2.0 = "

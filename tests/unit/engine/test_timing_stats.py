@@ -87,7 +87,9 @@ def test_missed_grid_points_of_a_sensor_are_counted_since_the_arming() -> None:
     assert timing(runner).lateness.max_s == pytest.approx(2 * T)
 
 
-def test_an_estimator_is_as_late_as_its_samples_and_their_wait_is_their_age() -> None:
+def test_the_lateness_of_an_estimator_is_that_of_its_samples_and_their_age_includes_the_wait() -> (
+    None
+):
     runner = armed(Runner(ESTIMATOR, RIG))
     for seq, wait_s in enumerate((0.0, 0.002, 0.001)):
         came_s = 10.0 + seq * T + (0.003 if seq == 1 else 0.0)
@@ -102,14 +104,14 @@ def test_an_estimator_is_as_late_as_its_samples_and_their_wait_is_their_age() ->
     assert reported.execution.max_s == pytest.approx(0.001)
 
 
-def test_a_controller_counts_estimates() -> None:
+def test_the_timing_of_a_controller_counts_estimates() -> None:
     runner = Runner(CONTROLLER, RIG)
     runner.take(replace(ESTIMATE, epoch=0), 10.004, 10.003)
     assert fire_all(runner, 10.004)
     assert timing(runner).age.max_s == pytest.approx(0.001)
 
 
-def test_the_age_at_an_actuator_is_that_of_the_command_s_sample() -> None:
+def test_the_age_at_an_actuator_is_measured_from_the_sample_of_the_command() -> None:
     runner = armed(Runner(ACTUATOR, RIG, Output()))
     command = replace(COMMAND, owner=runner.instance)
     runner.take(POSITION, 10.001, 10.0005)
@@ -138,7 +140,7 @@ def test_messages_of_other_epochs_are_not_counted() -> None:
     assert reported.lateness.count == reported.age.count == 0
 
 
-def test_an_arrival_that_is_long_past_is_not_mistaken_for_that_of_another_number() -> None:
+def test_an_old_arrival_time_is_not_used_for_a_later_sequence_number() -> None:
     meter = TimingStats(ESTIMATOR, T, own_grid=False)
     meter.begin(1, 0)
     meter.came(POSITION, 10.0)

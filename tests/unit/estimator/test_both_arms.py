@@ -50,7 +50,7 @@ def course(seq: int) -> tuple[tuple[float, float], tuple[float, float]]:
     return (19.0 * voltages[0], 18.5 * voltages[1]), voltages
 
 
-def test_each_arm_has_the_same_estimate_as_alone() -> None:
+def test_each_of_two_arms_has_the_same_estimate_as_a_single_arm() -> None:
     both = PairBench(configure(RIG))
     alone = [Bench(configure(arm)) for arm in RIG.arms]
     for seq in range(120):
@@ -140,7 +140,7 @@ def test_an_arming_keeps_the_memory_of_both() -> None:
 
 
 @pytest.mark.parametrize("arm", [0, 1])
-def test_tips_that_rest_while_both_arms_press_harder_are_not_stuck(arm: int) -> None:
+def test_sensors_at_rest_while_both_arms_press_harder_are_not_reported_as_stuck(arm: int) -> None:
     bench = PairBench(configure(RIG))
     at = 29.9, 30.4
     bench.feed_both(at, (1.5, 1.5), held=True)

@@ -36,7 +36,9 @@ def test_a_position_beyond_the_sensors_range_is_invalid(
 
 @BOTH
 @pytest.mark.parametrize("voltage_V", NONE_V)
-def test_an_impossible_voltage_is_not_followed(config: EstimatorConfig, voltage_V: float) -> None:
+def test_an_impossible_voltage_does_not_change_the_model(
+    config: EstimatorConfig, voltage_V: float
+) -> None:
     bench = Bench(config)
     bench.rest(0.0, 0.2)
     before = bench.state
@@ -50,11 +52,11 @@ def test_an_impossible_voltage_is_not_followed(config: EstimatorConfig, voltage_
 
 
 @pytest.mark.parametrize(("x_um", "voltage_V"), [(9999.0, 0.0), (-9999.0, 9.0), (0.0, -6.0)])
-def test_barely_possible_values_are_accepted(x_um: float, voltage_V: float) -> None:
+def test_values_at_the_limits_are_accepted(x_um: float, voltage_V: float) -> None:
     assert Bench(LINEAR).feed(x_um, voltage_V).valid
 
 
-def test_the_range_is_that_of_the_arm_if_the_sensor_faces_the_other_side() -> None:
+def test_the_position_range_is_mirrored_if_the_sensor_faces_the_other_side() -> None:
     sensor = DEMO.sensor.model_copy(
         update={"minimum_um": -100.0, "maximum_um": 300.0, "offset_um": 50.0, "direction": -1}
     )

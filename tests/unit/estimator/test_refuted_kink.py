@@ -58,7 +58,7 @@ def touched_with_mN(
 
 
 @pytest.mark.parametrize("seed", BENT)
-def test_noise_that_bends_the_path_of_a_free_arm_is_not_a_touch(seed: int) -> None:
+def test_a_kink_caused_by_noise_on_a_free_arm_is_not_reported_as_a_touch(seed: int) -> None:
     assert touched_with_mN(seed) is None
 
 
@@ -75,7 +75,7 @@ def test_a_part_is_still_detected_by_its_kink(seed: int, K_e: float, gain: float
 
 
 @pytest.mark.parametrize(("force_mN", "multiple"), [(6.0, NOT_TOUCHED), (-6.0, SURE)])
-def test_after_a_zero_a_force_that_no_free_arm_has_is_a_touch(
+def test_after_a_zero_a_force_beyond_its_uncertainty_is_reported_as_a_touch(
     force_mN: float, multiple: float
 ) -> None:
     """A part that pressed at rest causes no kink, and is found only by its force."""

@@ -113,14 +113,16 @@ def test_without_a_restart_the_same_stroke_has_a_smaller_error(free: PlantParame
     assert worst[True] > 2.0 * worst[False]
 
 
-def test_the_approach_shows_that_an_arm_is_not_the_one_of_the_model(free: PlantParameters) -> None:
+def test_a_stroke_without_an_earlier_zero_keeps_a_large_uncertainty_of_an_unknown_arm(
+    free: PlantParameters,
+) -> None:
     held = {known: FreeArm(free).stroke(1, from_zero=known)[-1] for known in (False, True)}
     assert held[False].arms[0].force_uncertainty_mN > 3.0
     assert abs(held[True].arms[0].force_mN) < held[True].arms[0].force_uncertainty_mN < 1.0
 
 
 @pytest.mark.parametrize("low_V", [0.0, -1.0])
-def test_the_approach_shows_nothing_if_strokes_are_impossible_or_come_first(
+def test_an_approach_before_the_zero_does_not_reduce_the_unknown_history(
     free: PlantParameters, low_V: float
 ) -> None:
     """With zeros before and after the approach, a quarter of the unknown history was left in U."""
@@ -165,11 +167,11 @@ def test_in_lockstep_the_past_of_a_new_arm_is_unknown() -> None:
     assert [finding.code for finding in bench.state.findings] == [FaultCode.MEMORY_UNKNOWN]
 
 
-def test_a_straight_line_has_no_memory_to_lose() -> None:
+def test_a_linear_response_has_no_unknown_history() -> None:
     assert Bench(configure(a_rig(None))).state.arms[0].unknown.known
 
 
-def test_another_model_does_not_make_the_past_known() -> None:
+def test_an_arming_with_another_model_leaves_the_history_unknown() -> None:
     bench = Bench(configure(DEMO))
     bench.rest(0.0, 0.0)
     for to_V in (0.5, 0.2):

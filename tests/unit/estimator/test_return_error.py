@@ -39,7 +39,7 @@ def stated_mN(
     return {"top": rising[-1], "below": falling[1], "crept": crept, "back": falling[-1]}
 
 
-def test_U_on_the_return_is_at_least_the_error_of_rehearsed_returns() -> None:
+def test_the_force_uncertainty_on_the_return_includes_the_error_of_rehearsed_returns() -> None:
     without, stated = stated_mN(None), stated_mN(RETURN_UM)
     assert stated["top"] == pytest.approx(without["top"])
     assert stated["below"] == pytest.approx(without["below"])
@@ -58,7 +58,7 @@ def test_creep_during_a_hold_does_not_cause_the_error_of_the_whole_return() -> N
     assert 0.0 < more_mN2 < 0.03 * (by_um * RETURN_UM) ** 2
 
 
-def test_the_slope_error_after_a_turn_counts_by_the_fall_and_ends_on_the_return() -> None:
+def test_the_slope_error_after_a_reversal_grows_with_the_fall_and_ends_on_the_return() -> None:
     """A hold of 11.1 mN was off by 0.51 mN, where 0.33 mN were stated, after a fall of 0.09 V."""
     without, stated = stated_mN(RETURN_UM), stated_mN(RETURN_UM, TURN_UM_PER_V)
     by_um = COVERAGE / a_rig(TAUGHT).model.compliance_um_per_mN

@@ -21,7 +21,7 @@ IDENTIFIED = configure(a_rig(TAUGHT))
 BOTH = pytest.mark.parametrize("config", [LINEAR, IDENTIFIED], ids=["linear", "identified"])
 
 
-def test_position_and_voltage_of_matched_ages_read_no_force() -> None:
+def test_position_and_voltage_of_the_same_age_give_no_force() -> None:
     bench = Bench(LINEAR)
     for tick in range(50):
         voltage_V = 0.03 * tick
@@ -31,7 +31,7 @@ def test_position_and_voltage_of_matched_ages_read_no_force() -> None:
 
 
 @BOTH
-def test_pressing_reads_a_compressive_force(config: EstimatorConfig) -> None:
+def test_a_pressed_arm_has_a_positive_force(config: EstimatorConfig) -> None:
     bench = Bench(config)
     bench.rest(0.0, 0.0)
     free_um = bench.state.arms[0].response.position_um()
@@ -39,7 +39,7 @@ def test_pressing_reads_a_compressive_force(config: EstimatorConfig) -> None:
 
 
 @BOTH
-def test_without_its_partner_an_estimate_is_degraded(config: EstimatorConfig) -> None:
+def test_an_estimate_without_an_applied_voltage_is_degraded(config: EstimatorConfig) -> None:
     bench = Bench(config)
     bench.rest(0.0, 0.0)
     estimate = bench.feed(1.0, None)
@@ -68,7 +68,7 @@ def test_a_zero_removes_the_offset_and_starts_its_age(config: EstimatorConfig) -
     assert bench.feed(0.4, 0.0).arms[0].zero_age_s == pytest.approx(0.02)
 
 
-def test_memory_and_offset_outlive_an_arming() -> None:
+def test_hysteresis_memory_and_offset_outlive_an_arming() -> None:
     bench = Bench(IDENTIFIED)
     bench.rest(0.0, 0.0)
     bench.feed(0.0, 0.0, zero=True)
@@ -115,7 +115,7 @@ def test_a_part_that_presses_at_rest_is_never_zeroed(config: EstimatorConfig) ->
     assert bench.feed(-pushed_um, 0.0, zero=True).arms[0].zero_age_s == 0.0
 
 
-def test_a_zero_is_accepted_after_a_part_that_was_zeroed_away_is_removed() -> None:
+def test_a_zero_is_accepted_after_removal_of_a_part_that_pressed_during_the_previous_zero() -> None:
     """A zero was taken while a part pressed, which was then removed: the reading is not a force."""
     bench = Bench(IDENTIFIED)
     bench.rest(-9.0, 0.0)
@@ -176,7 +176,7 @@ def test_an_invalid_estimate_states_why() -> None:
     assert named_text(estimate.fault) == "sensor: laser off"
 
 
-def test_the_memory_advances_over_samples_without_a_position() -> None:
+def test_the_hysteresis_memory_advances_at_samples_without_a_position() -> None:
     bench, other = Bench(IDENTIFIED), Bench(IDENTIFIED)
     bench.feed(0.0, 0.0)
     other.feed(0.0, 0.0)

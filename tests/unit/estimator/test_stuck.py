@@ -24,13 +24,13 @@ def alarm(readings: list[float], voltages: list[float]) -> int | None:
     return None
 
 
-def test_a_free_arm_must_move_by_ten_times_the_noise() -> None:
+def test_a_stuck_sensor_is_detected_once_the_voltage_moves_the_arm_by_ten_times_the_noise() -> None:
     assert moved_V(0.03, 19.0) == pytest.approx(NOISES * 0.03 / 19.0)
     assert moved_V(0.0, 19.0) == inf
 
 
 @pytest.mark.parametrize("step_V", [0.004, 0.02, -0.1])
-def test_the_same_reading_under_a_moving_voltage_is_stuck(step_V: float) -> None:
+def test_the_same_reading_while_the_voltage_moves_is_reported_as_stuck(step_V: float) -> None:
     voltages = [step_V * sample for sample in range(20)]
     assert alarm([5.0] * 20, voltages) == SAMPLES - 1
 
@@ -45,7 +45,7 @@ def test_a_position_held_against_creep_is_not_reported_as_stuck() -> None:
     assert alarm([5.0] * 5000, voltages) is None
 
 
-def test_a_step_that_is_not_visible_yet_raises_no_alarm() -> None:
+def test_a_sensor_that_shows_a_step_a_few_samples_late_is_not_reported_as_stuck() -> None:
     voltages = [1.0] * 20 + [1.5] * 20
     for late in range(1, 3):
         readings = [5.0] * (20 + late) + [14.5] * (20 - late)

@@ -82,7 +82,7 @@ def test_before_the_first_zero_the_refusal_states_what_to_do() -> None:
     assert estimate.arms[0].zero_age_s is None
 
 
-def test_the_first_grip_of_an_estimator_allows_for_a_memory_it_does_not_know() -> None:
+def test_the_first_zero_of_an_estimator_allows_an_offset_from_its_unknown_history() -> None:
     approach = Approach(TAUGHT)
     assert approach.zero().arms[0].zero_refusal is None
 
@@ -140,7 +140,9 @@ def test_a_zero_whose_sample_is_lost_may_be_refused_at_the_next_measured_one() -
 
 
 @pytest.mark.parametrize("rise_V", [0.0, 0.02])
-def test_a_zero_is_not_taken_after_another_command(rise_V: float) -> None:
+def test_a_zero_requested_for_a_lost_sample_is_not_taken_after_the_voltage_has_changed(
+    rise_V: float,
+) -> None:
     approach = with_a_zero_due()
     approach.voltage_V += rise_V
     later = approach.feed(1e9)
@@ -161,7 +163,7 @@ def test_a_zero_is_not_taken_after_a_trip(state: Mode) -> None:
     assert later.arms[0].zero_age_s != 0.0
 
 
-def test_a_zero_that_is_due_ends_with_its_epoch() -> None:
+def test_a_zero_requested_for_a_lost_sample_is_dropped_at_the_end_of_its_epoch() -> None:
     approach = with_a_zero_due()
     approach.bench.arm(2)
     later = approach.bench.feed(approach.place(1e9), approach.voltage_V, answered=False)

@@ -33,7 +33,7 @@ def armed(bench: Bench, *, zero_kept: bool, held: bool = True) -> Estimate:
     return bench.feed(HELD_UM, AT_V, held=held)
 
 
-def test_force_and_age_continue() -> None:
+def test_force_and_zero_age_continue_after_an_arming_that_keeps_the_zero() -> None:
     bench = held_bench()
     before = bench.feed(HELD_UM, AT_V, held=True).arms[0]
     arm = armed(bench, zero_kept=True).arms[0]
@@ -56,7 +56,9 @@ def test_the_zero_is_carried_into_a_third_epoch_too() -> None:
 
 
 @pytest.mark.parametrize(("zero_kept", "held"), [(False, True), (True, False)])
-def test_without_the_request_or_the_part_no_zero_is_carried(zero_kept: bool, held: bool) -> None:
+def test_a_zero_is_kept_over_an_arming_only_on_request_and_with_a_held_part(
+    zero_kept: bool, held: bool
+) -> None:
     assert armed(held_bench(), zero_kept=zero_kept, held=held).arms[0].zero_age_s is None
 
 

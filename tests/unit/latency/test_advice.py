@@ -55,7 +55,7 @@ def test_a_refused_or_unrequested_priority_is_proposed_first() -> None:
     assert changes(RIG._replace(priority=0), measured(1e-4), HOP, "") == []
 
 
-def test_hops_of_half_a_period_need_one_process_for_two_services() -> None:
+def test_slow_transfer_between_programs_leads_to_the_proposal_to_compose_two_services() -> None:
     slow = counted([0.003] * 1000)
     (change,) = changes(RIG, measured(1e-4), slow, "")
     assert (change.key, change.value) == ("[rig] composed", '["estimator+controller"]')
@@ -65,7 +65,7 @@ def test_hops_of_half_a_period_need_one_process_for_two_services() -> None:
 @given(
     st.floats(1e-3, 0.1), st.floats(0.0, 1.0), st.floats(0.0, 0.01), st.floats(1.5, MOST_PERIODS)
 )
-def test_the_proposal_leaves_room_for_twice_the_latest_wake_up(
+def test_the_proposed_age_limit_leaves_room_for_twice_the_latest_wake_up(
     period_s: float, late_s: float, transit_s: float, age: float
 ) -> None:
     change = age_change(Asked(period_s, age, 0.0, 10, ()), late_s, transit_s)
@@ -79,7 +79,7 @@ def test_the_proposal_leaves_room_for_twice_the_latest_wake_up(
 
 
 @pytest.mark.parametrize("silent_s", [0.0501, 0.051, 0.08])
-def test_a_trip_always_proposes_a_longer_limit(silent_s: float) -> None:
+def test_after_a_trip_a_longer_age_limit_is_proposed(silent_s: float) -> None:
     assert age_change(RIG, silent_s - T, 0.002) is not None
 
 

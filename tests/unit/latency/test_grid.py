@@ -33,7 +33,7 @@ def test_lost_samples_leave_the_grid_unchanged() -> None:
     assert grid.lateness_s(7, 7 * T + 0.002) == pytest.approx(0.002)
 
 
-def test_points_missed_by_the_sensor_are_late_once() -> None:
+def test_grid_points_that_the_sensor_missed_count_once_as_lateness() -> None:
     grid = SeenGrid(T)
     grid.lateness_s(0, 0.0)
     assert grid.lateness_s(1, 4 * T + 0.001) == pytest.approx(3 * T + 0.001)

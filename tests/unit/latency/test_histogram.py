@@ -37,7 +37,7 @@ def test_a_duration_is_within_its_bucket(duration_ns: int) -> None:
     assert 0 <= bucket < BUCKETS
 
 
-def test_a_bucket_is_no_wider_than_its_share() -> None:
+def test_a_bucket_is_no_wider_than_the_stated_relative_error() -> None:
     for bucket in range(BUCKETS):
         width_ns = first_ns(bucket + 1) - first_ns(bucket)
         assert width_ns == 1 or width_ns <= RELATIVE_ERROR * first_ns(bucket)
@@ -70,7 +70,7 @@ def test_the_longest_duration_is_exact(durations_s: list[float]) -> None:
 
 
 @given(some.lists(MANY, max_size=4))
-def test_a_merge_equals_a_count_of_everything(parts: list[list[float]]) -> None:
+def test_merged_histograms_equal_a_single_histogram_of_all_values(parts: list[list[float]]) -> None:
     assert merged(map(counted, parts)) == counted([one for part in parts for one in part])
 
 
@@ -80,7 +80,7 @@ def test_an_empty_histogram_has_no_quantile() -> None:
 
 
 @pytest.mark.parametrize("share", [-0.1, 1.1, float("nan")])
-def test_a_share_outside_0_to_1_is_refused(share: float) -> None:
+def test_a_quantile_outside_0_to_1_is_refused(share: float) -> None:
     with pytest.raises(ValueError, match="not within 0 to 1"):
         counted([1.0]).quantile_s(share)
 

@@ -22,18 +22,18 @@ def test_a_punctual_machine_supports_the_period() -> None:
     assert objections(measured(*[0.09 * T] * 100)) == ()
 
 
-def test_a_late_p99_9_prevents_the_period() -> None:
+def test_a_late_p99_9_rules_out_the_period() -> None:
     (why,) = objections(measured(*[0.11 * T] * 11))
     assert why.startswith("p99.9 of the lateness: 2.2")
     assert why.endswith("limit 0.1 T = 2 ms")
 
 
-def test_a_single_very_late_wake_up_prevents_the_period() -> None:
+def test_a_single_very_late_wake_up_rules_out_the_period() -> None:
     (why,) = objections(measured(0.51 * T))
     assert why == "the latest wake-up: 10.2 ms, limit 0.5 T = 10 ms"
 
 
-def test_hops_of_half_the_period_prevent_the_period() -> None:
+def test_slow_transfer_between_programs_rules_out_the_period() -> None:
     assert objections(measured(), counted([0.12 * T] * 1000)) == ()
     (why,) = objections(measured(), counted([0.13 * T] * 1000))
     assert why.startswith("4 hops at their p99.9: 10.")

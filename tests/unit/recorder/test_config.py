@@ -25,7 +25,7 @@ def test_records_are_kept_forever_by_default() -> None:
     assert config.records == Path("data/jobs")
 
 
-def test_limits_in_days_and_gigabytes_are_converted() -> None:
+def test_limits_in_days_and_gigabytes_are_converted_to_seconds_and_bytes() -> None:
     changes = {"recorder": {"keep_days": 2.0, "keep_GB": 1.5}}
     config = configure(parse_rig(_tables(changes)), Path("data"))
     assert (config.keep_s, config.keep_bytes) == (172_800.0, 1_500_000_000)

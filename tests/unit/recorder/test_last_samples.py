@@ -9,7 +9,7 @@ from .conftest import Bench
 
 
 @pytest.mark.parametrize("late", [Position, Estimate, Command, Telemetry, Applied])
-def test_a_topic_that_lags_behind_the_others_is_waited_for(bench: Bench, late: type) -> None:
+def test_the_end_of_a_record_waits_for_a_late_topic(bench: Bench, late: type) -> None:
     messages = loop(10)
     bench.begin()
     bench.feed([item for item in messages if not isinstance(item, late)])
@@ -21,7 +21,7 @@ def test_a_topic_that_lags_behind_the_others_is_waited_for(bench: Bench, late: t
     assert recorded.complete
 
 
-def test_an_ended_arming_has_a_last_sample_even_if_its_number_is_unknown(bench: Bench) -> None:
+def test_a_record_of_an_ended_arming_is_complete_without_a_stated_last_sample(bench: Bench) -> None:
     bench.begin()
     bench.feed(loop(10))
     recorded = bench.finish(None)

@@ -59,7 +59,7 @@ def test_a_record_missing_from_its_folder_at_its_end_is_not_complete(
     assert bench.begin("j-2", EPOCH + 1) == Ack(0)
 
 
-def test_a_start_notices_lost_messages_of_a_record(bench: Bench) -> None:
+def test_a_start_of_the_recorder_notices_lost_messages_of_a_record(bench: Bench) -> None:
     bench.begin()
     bench.feed(loop(30))
     bench.finish(29)

@@ -153,7 +153,7 @@ def test_remains_of_a_record_are_repaired(disk: Durable, recording: Bench, tmp_p
 
 @pytest.mark.parametrize("garbage", [b"", bytes(10_000), b"\x06\xff\xff", bytes(range(256)) * 64])
 @pytest.mark.parametrize("share", [0.01, 0.5, 0.9])
-def test_a_torn_last_chunk_costs_at_most_that_chunk(
+def test_a_damaged_last_chunk_loses_no_earlier_chunk(
     tmp_path: Path, share: float, garbage: bytes
 ) -> None:
     folder, messages = tmp_path / "j-1", loop(20)[:70]
@@ -183,7 +183,7 @@ def test_a_torn_last_chunk_costs_at_most_that_chunk(
 
 @pytest.mark.parametrize("damage", ["empty", "cut", "missing", "changed"])
 @pytest.mark.parametrize("name", [*TABLES, "manifest.json"])
-def test_tables_and_manifest_are_made_again_from_the_messages(
+def test_damaged_tables_and_manifests_are_rebuilt_from_the_messages(
     bench: Bench, name: str, damage: str
 ) -> None:
     bench.begin()
@@ -274,7 +274,7 @@ def test_a_disk_that_lags_behind_is_reported(monkeypatch: pytest.MonkeyPatch) ->
     syncing.stop()
 
 
-def test_an_error_of_the_disk_is_not_forgotten(
+def test_a_disk_error_marks_the_record_as_incomplete(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     failed = Event()
@@ -295,7 +295,7 @@ def test_an_error_of_the_disk_is_not_forgotten(
     assert "Input/output error" in recorded.detail
 
 
-def test_after_a_cut_off_file_system_a_finished_record_is_complete(tmp_path: Path) -> None:
+def test_a_finished_record_is_complete_after_the_file_system_was_cut_off(tmp_path: Path) -> None:
     with loop_disk(tmp_path) as disk:
         bench = Bench(disk.root)
         bench.begin()
@@ -325,7 +325,7 @@ def finished(bench: Bench, job: str) -> None:
     assert isinstance(bench.finish(29), Recorded)
 
 
-def test_the_end_of_a_record_is_answered_after_any_exception(
+def test_the_supervisor_gets_a_reply_even_if_finishing_a_record_raises_an_exception(
     recording: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The supervisor waits for the reply, and shows the record as being written meanwhile."""
@@ -345,7 +345,7 @@ def test_the_end_of_a_record_is_answered_after_any_exception(
     assert isinstance(replies[0], str)
 
 
-def test_a_supervisor_waits_for_at_most_one_of_the_records_compared_at_a_start(
+def test_a_supervisor_waits_for_at_most_one_of_the_records_checked_at_a_start(
     recording: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     names = ["j-1", "j-2", "j-3", "j-4"]

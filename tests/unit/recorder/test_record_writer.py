@@ -61,7 +61,7 @@ def test_tables_agree_with_the_messages_bit_for_bit(bench: Bench) -> None:
     assert float(burst.schema.metadata[b"rate_hz"]) == 1e4
 
 
-def test_request_and_model_are_written_to_the_file(bench: Bench) -> None:
+def test_request_and_model_are_attached_to_the_record(bench: Bench) -> None:
     bench.config.models.mkdir()
     (bench.config.models / "0003-abc123.json").write_text('{"version": 3}', encoding="utf-8")
     bench.begin(request='{"kind": "grip"}', model_digest="abc123")
@@ -170,7 +170,7 @@ def test_idle_samples_after_the_end_are_in_no_table(bench: Bench) -> None:
     assert repr(table.to_pydict()) == repr(columns(messages, PERIOD_S))
 
 
-def test_a_silent_loop_is_given_up(bench: Bench) -> None:
+def test_the_record_ends_if_the_loop_sends_nothing_for_ten_seconds(bench: Bench) -> None:
     bench.begin()
     bench.feed(loop(20)[:60])
     bench.wait(9.0)
@@ -236,7 +236,9 @@ def test_a_record_is_finished_after_a_restart_of_the_recorder(bench: Bench) -> N
     assert "the recorder ended" in recorded.detail
 
 
-def test_starting_again_writes_the_tables_of_the_present_messages(bench: Bench) -> None:
+def test_a_repeated_start_of_a_record_writes_the_tables_of_its_messages_so_far(
+    bench: Bench,
+) -> None:
     messages = loop(30)
     cut = 120
     bench.begin()
@@ -282,7 +284,7 @@ def test_a_message_too_large_for_the_file_is_counted(bench: Bench) -> None:
     assert "1 messages of position could not be stored" in recorded.detail
 
 
-def test_the_end_of_the_recorder_closes_open_records(bench: Bench) -> None:
+def test_the_recorder_closes_open_records_when_it_ends(bench: Bench) -> None:
     messages = loop(20)[:60]
     bench.begin()
     bench.feed(messages)

@@ -13,7 +13,7 @@ from tests.support.recorded import EPOCH, loop
 from .conftest import Bench
 
 
-def test_another_job_is_refused_while_the_loop_plays(bench: Bench) -> None:
+def test_another_job_is_refused_while_the_motion_of_the_recorded_job_runs(bench: Bench) -> None:
     bench.begin()
     bench.feed(loop(20)[:60])
     bench.writer.take()
@@ -54,7 +54,7 @@ def test_a_waiting_job_lets_the_previous_one_finish_completely(bench: Bench) -> 
     assert (bench.reply.complete, bench.answer) == (True, Ack(0))
 
 
-def test_another_job_takes_over_from_an_unfinished_one(bench: Bench) -> None:
+def test_the_record_of_another_job_closes_one_whose_motion_has_ended(bench: Bench) -> None:
     bench.begin()
     bench.feed(loop(20))
     bench.writer.take()
@@ -92,7 +92,7 @@ def test_a_job_name_that_is_not_a_folder_name_is_refused(bench: Bench, job: str)
 
 
 @pytest.mark.parametrize("about", ["[]", "{", '{"a": 1}', '{"period_s": "x"}', '{"period_s": "0"}'])
-def test_the_field_about_must_be_a_map_of_strings(bench: Bench, about: str) -> None:
+def test_the_metadata_of_a_record_must_be_a_map_of_strings(bench: Bench, about: str) -> None:
     answers: list[Message | str] = []
     bench.writer.begin(Record("j-1", EPOCH, Document(about)), answers.append)
     (answer,) = answers

@@ -44,7 +44,7 @@ def test_the_newest_ten_are_kept_whatever_their_age() -> None:
     assert records_to_delete(_kept(10), _ages(10), 1.0, 1) == []
 
 
-def test_the_oldest_are_deleted_until_the_rest_fits() -> None:
+def test_the_oldest_records_are_deleted_until_the_others_fit() -> None:
     assert records_to_delete(_kept(20), _ages(20), None, 1750) == ["j-00", "j-01", "j-02"]
 
 
@@ -177,7 +177,7 @@ def test_after_a_clock_step_nothing_is_deleted_until_a_person_confirms(
     assert not (machine.records / files.CLOCK_AGREED).exists()
 
 
-def test_a_corrected_clock_needs_no_person(machine: Machine) -> None:
+def test_after_the_clock_was_corrected_no_person_has_to_confirm(machine: Machine) -> None:
     machine.run(89.0)
     machine.boot(off_s=TO_1970)  # a board without a battery
     machine.run(0.1)
@@ -189,14 +189,16 @@ def test_a_corrected_clock_needs_no_person(machine: Machine) -> None:
     assert machine.left() == 10
 
 
-def test_an_acknowledged_step_does_not_acknowledge_the_next_one(machine: Machine) -> None:
+def test_acknowledging_a_clock_step_does_not_acknowledge_the_next_one(machine: Machine) -> None:
     files.agree_to_clock(machine.records)
     _step(machine, 200 * DAY_S)
     assert machine.stepped
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b'{"counted_s": -1}', b'{"counted_s": 1e999}'])
-def test_a_damaged_counter_deletes_nothing_early(machine: Machine, content: bytes) -> None:
+def test_a_damaged_counter_of_running_time_does_not_delete_records_early(
+    machine: Machine, content: bytes
+) -> None:
     machine.run(89.0)
     machine.repairer.close()
     (machine.records / STATE).write_bytes(content)

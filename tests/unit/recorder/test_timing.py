@@ -44,7 +44,7 @@ def test_timing_messages_do_not_keep_a_record_open(bench: Bench) -> None:
     assert isinstance(bench.reply, Recorded)
 
 
-def test_only_timing_with_new_information_is_written(bench: Bench) -> None:
+def test_timing_messages_are_written_only_if_they_contain_new_counts(bench: Bench) -> None:
     assert bench.begin() == Ack(0)
     bench.feed(loop(30)[:-1])
     for second in range(25):

@@ -40,7 +40,7 @@ def test_a_step_of_the_wall_clock_is_noted_once_and_does_not_change_the_time(ste
     assert clock.words() == f"the wall clock was set by {step_s:+.1f} s, 12.3 s after the start"
 
 
-def test_a_clock_that_is_steered_slowly_is_not_set() -> None:
+def test_a_clock_that_is_adjusted_slowly_is_not_reported_as_set() -> None:
     hands = Hands()
     clock = WallClock(hands.wall_ns, hands.steady_ns)
     for _ in range(1000):

@@ -25,7 +25,7 @@ def samples(tmp_path: Path) -> Path:
     return path
 
 
-def test_numbers_read_back_bit_for_bit(samples: Path) -> None:
+def test_numbers_in_csv_are_read_back_bit_for_bit(samples: Path) -> None:
     table = columns(loop(30), PERIOD_S)
     rows = list(csv.reader(line for line in csv_rows(samples) if not line.startswith("#")))
     names, first = rows[0], rows[1:]

@@ -22,7 +22,7 @@ def test_missing_sources_of_derived_messages_are_counted() -> None:
     assert lost(_without(Applied, 2)) == {"applied": 1}
 
 
-def test_a_tick_without_any_message_is_not_missing() -> None:
+def test_a_tick_without_any_message_is_not_counted_as_lost() -> None:
     def seen(message: Message) -> bool:
         return getattr(message, "seq", 0) < 6
 

@@ -63,7 +63,7 @@ def test_metadata_of_each_file_has_the_texts_unchanged(record: Path) -> None:
         assert texts_in(stated) == TEXTS
 
 
-def test_each_text_is_one_comment_and_no_sample(record: Path) -> None:
+def test_each_metadata_text_is_one_comment_line_and_adds_no_sample(record: Path) -> None:
     content = "".join(csv_rows(record / "samples.parquet"))
     frame = pandas.read_csv(io.StringIO(content), comment="#")
     assert frame["seq"].tolist() == list(range(ROWS))

@@ -58,7 +58,7 @@ def times_in(path: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("finish", [True, False], ids=["closed", "killed"])
-def test_the_tables_of_a_file_state_unit_and_meaning_of_each_column(
+def test_the_tables_of_a_record_state_unit_and_meaning_of_each_column(
     tmp_path: Path, *, finish: bool
 ) -> None:
     """As one key of the file, for readers that do not have Arrow's metadata of columns."""
@@ -76,7 +76,7 @@ def test_the_tables_of_a_file_state_unit_and_meaning_of_each_column(
 
 
 @pytest.mark.parametrize("finish", [True, False], ids=["closed", "killed"])
-def test_the_tables_of_a_file_state_the_times(tmp_path: Path, *, finish: bool) -> None:
+def test_the_tables_of_a_record_state_its_times(tmp_path: Path, *, finish: bool) -> None:
     record(tmp_path / "job.mcap", arrivals(loop(40)), finish=finish)
     assert write_tables_of_file(tmp_path).times == TIMES
     assert times_in(tmp_path / "samples.parquet") == TIMES
@@ -164,7 +164,7 @@ def test_a_record_of_an_earlier_version_states_no_start() -> None:
     }
 
 
-def test_a_late_first_sample_makes_its_time_less_certain() -> None:
+def test_a_late_first_sample_increases_the_uncertainty_of_its_time() -> None:
     times = RecordTimes(ABOUT, PERIOD_S)
     for message, arrival_ns in arrivals(loop(40)):
         late_ns = 30_000_000 if isinstance(message, Sample) and message.seq < 2 else 0

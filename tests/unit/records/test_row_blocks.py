@@ -62,7 +62,7 @@ def test_joined_row_blocks_equal_the_whole_table() -> None:
 
 
 @pytest.mark.parametrize("lockstep", [True, False])
-def test_true_values_belong_to_their_ticks(lockstep: bool) -> None:
+def test_true_values_are_in_the_row_of_their_tick(lockstep: bool) -> None:
     messages = unanswered(loop(TICKS), lockstep=lockstep)
     assert joined(messages, every_tick=lockstep) == columns(messages, PERIOD_S)
 

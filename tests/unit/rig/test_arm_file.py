@@ -62,7 +62,7 @@ def test_hysteresis_and_creep_outlive_the_program(tmp_path: Path, hysteresis: Tr
     assert resumed == pytest.approx(as_it_went_on, abs=0.01)
 
 
-def test_time_passes_for_the_arm_while_no_program_runs(tmp_path: Path) -> None:
+def test_the_stored_arm_creeps_while_no_program_runs(tmp_path: Path) -> None:
     clock, bench_s = Clock(), [0.0]
     rig = demo_rig({"simulation": {"creep_per_decade": 0.02}}, time="real")
     first = open_bench(rig, lambda: bench_s[0])
@@ -101,7 +101,9 @@ def test_both_arms_of_a_pair_are_saved(tmp_path: Path) -> None:
     assert all(0.1 < x_um < 5.0 for x_um in places_um(second))
 
 
-def test_another_hysteresis_or_a_damaged_file_means_a_new_arm(tmp_path: Path) -> None:
+def test_a_stored_arm_of_another_hysteresis_or_in_a_damaged_file_is_replaced_by_a_new_arm(
+    tmp_path: Path,
+) -> None:
     rig, clock = demo_rig(time="lockstep"), Clock()
     bench = bench_of(rig)
     file = ArmFile(rig, tmp_path, bench.rig, clock)

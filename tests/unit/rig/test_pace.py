@@ -27,7 +27,7 @@ def test_simulated_time_passes_at_the_configured_pace(pace: float, took_s: float
     assert clock.now_s - 100.0 == pytest.approx(took_s)
 
 
-def test_a_short_delay_is_caught_up_and_a_long_one_is_not() -> None:
+def test_a_short_delay_of_the_pace_is_caught_up_and_a_long_one_is_not() -> None:
     clock = Clock()
     paced = Pace(1.0, clock, clock.wait)
     clock.now_s += BEHIND_S / 2.0

@@ -124,7 +124,7 @@ def test_a_service_receives_from_its_peers_what_its_step_needs(lockstep: bool) -
             assert say == ({f"left/{topic.producer}"} if taken and direct else set())
 
 
-def test_egress_of_one_program_matches_ingress_of_the_other() -> None:
+def test_messages_that_one_program_may_send_are_those_that_the_other_may_receive() -> None:
     for one, other in combinations(LOOP, 2):
         here, there = list_of(one, lockstep=True), list_of(other, lockstep=True)
         ours, theirs = program(one, "left"), program(other, "left")
@@ -135,7 +135,7 @@ def test_egress_of_one_program_matches_ingress_of_the_other() -> None:
             )
 
 
-def test_the_router_and_a_service_agree_on_their_traffic() -> None:
+def test_the_access_lists_of_router_and_service_permit_the_same_messages() -> None:
     for name in LOOP:
         access, who = list_of(name), program(name, "left")
         for wanted in PLACES:
@@ -186,5 +186,5 @@ def test_settings_deny_by_default_and_name_every_rule_once() -> None:
     assert {rule["permission"] for rule in whole["rules"]} == {"allow"}
 
 
-def test_a_router_publishes_nothing_of_its_own() -> None:
+def test_a_router_has_no_rights_to_publish_or_request() -> None:
     assert rights(ROUTER) == Rights()

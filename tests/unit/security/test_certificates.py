@@ -35,7 +35,7 @@ def test_the_certificate_of_a_person_has_no_host(authority: Pair) -> None:
     assert facts.hosts == ()
 
 
-def test_two_authorities_sign_two_kinds_of_certificates(authority: Pair) -> None:
+def test_a_certificate_is_valid_for_its_own_authority_only(authority: Pair) -> None:
     other = new_authority(NOW, 100.0)
     pair = issue(authority, CONTROLLER, HOSTS, NOW, 10.0)
     assert signed_by(pair.certificate, authority.certificate)
@@ -68,7 +68,7 @@ def test_an_unknown_role_is_refused() -> None:
         person("anna", "king")
 
 
-def test_programs_shared_by_rigs_belong_to_none() -> None:
+def test_programs_shared_by_several_rigs_have_no_rig_in_their_identity() -> None:
     assert program("router", "demo") == Identity("router", "router")
     assert program("supervisor", "demo").rig == ""
     assert CONTROLLER.rig == "demo"

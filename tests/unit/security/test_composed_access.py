@@ -83,7 +83,9 @@ def test_a_program_receives_from_its_peers_what_its_steps_need(
 
 
 @pytest.mark.parametrize("composed", COMPOSED, ids=" and ".join)
-def test_egress_of_one_program_matches_ingress_of_the_other(composed: Programs) -> None:
+def test_messages_that_one_program_may_send_are_those_that_the_other_may_receive(
+    composed: Programs,
+) -> None:
     programs = composing(RIG, *composed).programs
     for one, other in combinations(programs, 2):
         here, there = (list_of(name, composed, lockstep=True) for name in (one, other))

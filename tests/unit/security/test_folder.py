@@ -87,20 +87,20 @@ def test_a_renewed_certificate_has_another_key_and_the_same_hosts(folder: Folder
     assert after.hosts == before.hosts
 
 
-def test_expiring_certificates_are_due(folder: Folder) -> None:
+def test_certificates_that_expire_soon_are_listed_for_renewal(folder: Folder) -> None:
     end = folder.facts(CONTROLLER).ends
     assert list(due(folder, end - SOON)) == []
     assert CONTROLLER in due(folder, end - SOON + timedelta(seconds=1))
 
 
-def test_certificates_of_another_folder_do_not_count(folder: Folder, tmp_path: Path) -> None:
+def test_certificates_of_another_authority_are_ignored(folder: Folder, tmp_path: Path) -> None:
     other = Folder(tmp_path / "other")
     establish(other, ["right"], [], NOW)
     (other.path / "right").rename(folder.path / "right")
     assert folder.rigs() == ("demo",)
 
 
-def test_a_certificate_does_not_count_for_another_name(folder: Folder) -> None:
+def test_a_certificate_stored_under_another_name_is_ignored(folder: Folder) -> None:
     place = folder.path / "viewer.crt"
     place.rename(folder.path / "operator.crt")
     assert not any(facts.identity.role == "operator" for facts in folder.all())

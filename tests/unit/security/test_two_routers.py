@@ -50,7 +50,9 @@ def test_each_program_is_behind_one_router_and_people_are_behind_both(
 
 
 @pytest.mark.parametrize("served_upstream", [True, False])
-def test_from_upstream_only_permitted_messages_reach_the_loop(served_upstream: bool) -> None:
+def test_only_permitted_messages_from_an_upstream_router_reach_the_loop(
+    served_upstream: bool,
+) -> None:
     _, server = sides(served_upstream=served_upstream)
     at_rig = neighbour_access(UPSTREAM, server)
     for topic, rig in product(TOPICS, ("left", "right")):
@@ -82,7 +84,7 @@ def test_a_rigs_router_may_publish_for_its_own_rig_only() -> None:
         assert not lets(at_server, ROUTER, "ingress", "put", wildcard)
 
 
-def test_egress_of_one_router_matches_ingress_of_the_other() -> None:
+def test_messages_that_one_router_may_send_are_those_that_the_other_may_receive() -> None:
     rig, server = sides(served_upstream=True)
     at_rig, at_server = neighbour_access(UPSTREAM, server), neighbour_access(ROUTER, rig)
     for topic, wanted in [

@@ -44,7 +44,7 @@ def test_the_lag_is_exact_for_a_constant_input() -> None:
     assert out_V == pytest.approx(1.0 - math.exp(-5e-4 / lag_s), rel=1e-12)
 
 
-def test_slew_and_lag_are_exact_together_for_any_step() -> None:
+def test_slew_limit_and_lag_together_are_exact_for_any_time_step() -> None:
     amplifier = AmplifierParameters(slew_V_per_s=500.0, lag_s=4e-4)
     whole = _followed(amplifier, 1.3, 5e-3, 1)[-1]
     assert _followed(amplifier, 1.3, 5e-5, 100)[-1] == pytest.approx(whole, rel=1e-12)

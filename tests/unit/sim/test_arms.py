@@ -58,7 +58,7 @@ def test_the_second_mode_is_visible_in_the_ring_down(simulation: Simulation) -> 
 
 
 @pytest.mark.parametrize("share", [0.0, SHARE])
-def test_joined_arms_ring_with_the_eigenvalues_of_both(
+def test_joined_arms_ring_with_the_eigenfrequencies_of_the_coupled_system(
     simulation: Simulation, share: float
 ) -> None:
     p = bare_arms(simulation, substep_s=FINE_S, second_share=share)
@@ -107,7 +107,7 @@ def test_a_passive_arm_rings_after_the_part_is_removed(simulation: Simulation) -
     assert min(deflections_um) == pytest.approx(-at_rest(p, 2.4).passive_um, rel=0.04)
 
 
-def test_at_rest_the_free_arm_is_at_the_position_of_the_hysteresis(simulation: Simulation) -> None:
+def test_the_free_arm_rests_at_the_position_of_its_hysteresis_model(simulation: Simulation) -> None:
     p = replace(
         plant.plant_parameters(simulation),
         second_share=SHARE,

@@ -29,7 +29,9 @@ def test_weight_and_adhesion_of_the_papers_bead_are_as_calculated() -> None:
 
 
 @given(st.floats(1e-9, 60.0), st.floats(0.1, 3.0), st.floats(0.0, 1.0))
-def test_the_static_force_balances(overlap_um: float, s: float, b: float) -> None:
+def test_the_static_force_satisfies_the_equilibrium_equation(
+    overlap_um: float, s: float, b: float
+) -> None:
     force_mN = static_force_mN(overlap_um, s, b)
     assert s * force_mN + b * force_mN ** (2.0 / 3.0) == pytest.approx(overlap_um, rel=1e-9)
 

@@ -82,7 +82,7 @@ def test_an_error_is_stored_until_it_is_read(line: bytes, execution: int, comman
     assert source.answer(b"LEXE?;LCME?") == b"0;0"
 
 
-def test_voltages_reach_the_plant_only_while_the_output_is_on() -> None:
+def test_voltages_reach_the_simulated_arm_only_while_the_output_is_on() -> None:
     stage = Stage()
     for line in (b"VOLT 0.5", b"SOUT 1", b"SOUT 1", b"VOLT 0.75", b"VOLT 0.75", b"VOLT 3"):
         stage.source.answer(line)

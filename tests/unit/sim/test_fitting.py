@@ -15,7 +15,7 @@ OPEN = {"output_step_V": None, "output_lag_s": None}
         ("nidaqmx", 0.00030517578125, 3e-6),
     ],
 )
-def test_the_instrument_has_its_own_step_and_lag(
+def test_each_simulated_output_has_its_own_step_size_and_lag(
     simulation: Simulation, driver: str, step_V: float, lag_s: float
 ) -> None:
     known = resolved(simulation.model_copy(update=OPEN), driver)
@@ -36,6 +36,8 @@ def test_an_unknown_driver_is_named(simulation: Simulation) -> None:
         resolved(simulation.model_copy(update=OPEN), "other")
 
 
-def test_a_plant_requires_the_values_left_to_the_driver(simulation: Simulation) -> None:
+def test_the_simulated_arm_cannot_be_built_without_values_left_to_the_driver(
+    simulation: Simulation,
+) -> None:
     with pytest.raises(ValueError, match=r"output_step_V, output_lag_s: left to the driver"):
         plant_parameters(simulation.model_copy(update=OPEN))

@@ -52,7 +52,7 @@ def test_a_short_motion_is_as_exact_as_a_long_one(way_V: float) -> None:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_many_motions_equal_one_after_the_other(seed: int) -> None:
+def test_many_motions_computed_together_equal_single_ones(seed: int) -> None:
     chance = np.random.default_rng(seed)
     # Short and long motions, reversals and rests, more than are computed ahead.
     sizes = chance.choice([0.0, 1e-6, 1e-3, 0.02, 0.5, 2.0], 300) * chance.choice([-1.0, 1.0], 300)
@@ -78,7 +78,7 @@ def test_a_repeated_voltage_cycle_gives_a_closed_hysteresis_loop() -> None:
 
 @pytest.mark.parametrize("asymmetry", [-0.15, 0.3])
 @pytest.mark.parametrize("du_V", [-2.0, 2.0])
-def test_each_direction_of_the_voltage_has_its_own_parameter_b(
+def test_b_of_an_asymmetric_hysteresis_depends_on_the_direction_of_the_voltage(
     asymmetry: float, du_V: float
 ) -> None:
     shape = BoucWen(9.0, 1.04, 0.26, asymmetry)
@@ -101,7 +101,7 @@ def test_an_asymmetric_cycle_closes_off_centre() -> None:
     assert symmetric == advance_hysteresis(BoucWen(9.0, 1.04, 0.26, 0.0), 0.0, 2.0)
 
 
-def test_without_a_shape_it_is_a_straight_line() -> None:
+def test_hysteresis_without_shape_parameters_is_a_straight_line() -> None:
     assert advance_hysteresis(BoucWen(9.0, 0.0, 0.0), -1.0, 0.5) == pytest.approx(3.5)
 
 

@@ -113,7 +113,7 @@ def test_a_change_of_mode_takes_time() -> None:
     assert instrument.answer(b"MS,01") == b"MS,01,+0001.50"
 
 
-def test_sampling_and_averaging_reach_the_plant() -> None:
+def test_settings_of_sampling_and_averaging_are_applied_to_the_simulated_sensor() -> None:
     told_s = list[float]()
     instrument = SimulatedKeyence(lambda: 1.5, set_averaging=told_s.append)
     assert instrument.averaging_s == 20e-6
@@ -136,7 +136,7 @@ def test_sampling_and_averaging_reach_the_plant() -> None:
     assert len(told_s) == 3
 
 
-def test_a_zero_holds_until_it_is_reset_and_a_locked_panel_sets_none() -> None:
+def test_a_zero_lasts_until_it_is_reset_and_cannot_be_set_while_the_panel_is_locked() -> None:
     x_um = 1.5
     instrument = SimulatedKeyence(lambda: x_um)
     instrument.answer(b"KL,1")

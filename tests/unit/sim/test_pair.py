@@ -134,7 +134,7 @@ def test_a_lifted_part_with_a_weight_falls_when_the_arms_open() -> None:
     assert [event.what for event in state.events] == ["lost"]
 
 
-def test_a_part_that_lands_stays_where_it_was_carried_and_can_be_gripped_again() -> None:
+def test_a_carried_part_that_lands_keeps_its_position_and_can_be_gripped_again() -> None:
     part = PartParameters(hold_mN=0.05, lift_after_s=0.1)
     p = _pair(part=part, lands=True, ground_slip_mN=1.5)
     state = _pressed(p, start_pair(p), (36.0, 36.0))
@@ -152,7 +152,7 @@ def test_a_part_that_lands_stays_where_it_was_carried_and_can_be_gripped_again()
 @pytest.mark.parametrize("aside_s", [0.0, 0.1])
 @pytest.mark.parametrize("shares", [(0.0,), (0.9, 0.3, 0.0)])
 @pytest.mark.parametrize("carried", [True, False])
-def test_a_part_that_stays_where_it_is_released_is_not_struck_again(
+def test_a_part_at_rest_after_its_release_is_not_hit_again_by_the_arms(
     carried: bool, shares: tuple[float, ...], aside_s: float
 ) -> None:
     """By one step, as from a watchdog, or by one step per tick; one arm before the other."""
@@ -223,7 +223,7 @@ def test_arms_that_leave_a_loose_part_for_an_instant_close_on_it_again(
     assert pair_forces_mN(p, state) == pytest.approx((held_mN, held_mN), abs=0.05)
 
 
-def test_touching_and_leaving_add_no_energy() -> None:
+def test_contact_and_separation_add_no_energy() -> None:
     p = _pair(ground_slip_mN=0.5)
     state = replace(start_pair(p), first=replace(plant.start(), speed_um_per_s=1.2e5))
     highest, before = 0.0, math.inf

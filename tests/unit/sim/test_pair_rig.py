@@ -101,7 +101,7 @@ def test_unsupported_features_of_a_pair_are_refused(change: Tree, words: str) ->
         made({"simulation": change})
 
 
-def test_an_arm_of_a_pair_plays_no_waves_and_does_not_average() -> None:
+def test_an_arm_of_a_pair_refuses_waves_and_averaging() -> None:
     pair, _, _ = made()
     arm = ArmOfPair(pair, 1)
     arm.set_averaging(0.0)
@@ -135,7 +135,7 @@ def test_a_rig_of_one_arm_accepts_no_commands_for_a_second() -> None:
     assert Script().order(SimCommand("part", "lose")) == "there is no rig to operate"
 
 
-def test_simulations_of_two_arms_are_complete() -> None:
+def test_a_simulation_of_two_arms_has_default_values_for_the_pair() -> None:
     simulation = two_arm_rig().simulation
     assert isinstance(simulation, Simulation)
     assert simulation.pair_of_arms.ground_slip_mN == 1.5

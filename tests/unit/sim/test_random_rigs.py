@@ -61,7 +61,7 @@ def test_a_seed_determines_a_rig(simulation: Simulation, drawn: dict[int, Simula
     assert len({_drawn(simulation, seed, drawn).piezo_um_per_V for seed in SEEDS}) == len(SEEDS)
 
 
-def test_a_requested_loop_is_produced(simulation: Simulation) -> None:
+def test_a_requested_loop_width_and_gain_are_produced(simulation: Simulation) -> None:
     for percent in (10.0, 23.0):
         loop = free_loop(with_loop(simulation, 18.0, percent))
         assert loop.width_percent == pytest.approx(percent, abs=0.01)
@@ -70,7 +70,9 @@ def test_a_requested_loop_is_produced(simulation: Simulation) -> None:
         with_loop(simulation, 18.0, 90.0)
 
 
-def test_the_stated_contact_stiffness_is_the_plants(simulation: Simulation) -> None:
+def test_the_stated_contact_stiffness_equals_that_of_the_simulated_part(
+    simulation: Simulation,
+) -> None:
     bead = simulation.model_copy(update={"part": Bead(modulus_GPa=37.95)})
     p = replace(plant.plant_parameters(bead), creep_per_decade=0.0)
     held = list[tuple[float, float]]()

@@ -24,7 +24,7 @@ def followed(path_V: Sequence[float], shape: Relays = SHAPE) -> tuple[list[float
     return levels_um, follow_relays(shape, 0.0, (), path_V, levels_um)
 
 
-def test_the_everett_function_counts_the_relays_between() -> None:
+def test_the_everett_function_equals_the_number_of_relays_between_two_voltages() -> None:
     cells = 400
     for upper_V, lower_V in ((1.5, -1.2), (0.3, 0.1), (3.0, -3.0), (-1.0, -2.0)):
         size_V = (upper_V - lower_V) / cells
@@ -38,7 +38,7 @@ def test_the_everett_function_counts_the_relays_between() -> None:
     assert everett(SHAPE, 0.7, 0.7) == 0.0
 
 
-def test_a_lattice_of_single_relays_moves_in_the_same_way() -> None:
+def test_the_model_moves_like_a_lattice_of_single_relays() -> None:
     """Each relay is computed separately, starting with those up where α + β < 0."""
     shape = Relays(gain_um_per_V=10.0, full_drive_V=2.0, coercive_V=0.6, spread_V=0.8)
     cell_V = 0.02
@@ -98,7 +98,7 @@ def test_the_response_saturates() -> None:
     assert len(turns) <= 2
 
 
-def test_only_relevant_turning_points_are_stored() -> None:
+def test_only_turning_points_that_still_have_an_effect_are_stored() -> None:
     """A decaying swing is stored turn by turn; the first one beyond them all erases them."""
     decaying = [2.0 * (-0.8) ** index for index in range(30)]
     _, turns = followed(decaying)

@@ -56,7 +56,7 @@ def test_the_time_at_which_the_plant_is_computed_changes_nothing(simulation: Sim
     assert seen[0] == seen[1]
 
 
-def test_the_old_voltage_holds_for_the_delay(simulation: Simulation) -> None:
+def test_the_previous_voltage_acts_until_the_delay_has_passed(simulation: Simulation) -> None:
     quiet = simulation.model_copy(update={"sensor_noise_um": 0.0, "sensor_step_um": 1e-6})
     at_um = list[float]()
     for delay_s in (0.0, 0.01, PERIOD_S):
@@ -68,7 +68,9 @@ def test_the_old_voltage_holds_for_the_delay(simulation: Simulation) -> None:
     assert at_um[2] == 0.0
 
 
-def test_the_true_values_pair_the_sample_with_the_write(simulation: Simulation) -> None:
+def test_the_true_values_belong_to_the_sample_and_the_voltage_written_for_it(
+    simulation: Simulation,
+) -> None:
     received = list[GroundTruth]()
     rig = _lockstep(
         simulation.model_copy(update={"sensor_noise_um": 0.0}),
@@ -87,7 +89,7 @@ def test_the_true_values_pair_the_sample_with_the_write(simulation: Simulation) 
     assert arms[3].force_mN > 0.0
 
 
-def test_a_reading_is_a_whole_number_of_steps_and_noisy(simulation: Simulation) -> None:
+def test_a_reading_is_noisy_and_rounded_to_the_resolution(simulation: Simulation) -> None:
     counts = [x_um / 0.025 for x_um in _run(_lockstep(simulation), 1)]
     assert counts == pytest.approx([round(count) for count in counts], abs=1e-9)
     resting = _lockstep(simulation)

@@ -58,7 +58,9 @@ def test_a_weight_pushes_the_arm_back(simulation: Simulation) -> None:
 
 
 @pytest.mark.parametrize("omega", [None, 2437.8])
-def test_the_passive_arm_can_stiffen(simulation: Simulation, omega: float | None) -> None:
+def test_the_stiffness_of_the_passive_arm_can_be_changed(
+    simulation: Simulation, omega: float | None
+) -> None:
     rig = _rig(simulation, creep_per_decade=0.0, passive_natural_frequency_rad_per_s=omega)
     _held(rig, 2.2)
     before = rig.snapshot()
@@ -70,7 +72,7 @@ def test_the_passive_arm_can_stiffen(simulation: Simulation, omega: float | None
     assert after.force_mN > 1.1 * before.force_mN
 
 
-def test_the_hysteresis_can_grow(simulation: Simulation) -> None:
+def test_the_hysteresis_can_be_scaled(simulation: Simulation) -> None:
     ends = list[float]()
     for factor in (None, 1.0, 2.0):
         rig = _rig(simulation, creep_per_decade=0.0, bead=False)

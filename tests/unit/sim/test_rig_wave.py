@@ -64,7 +64,7 @@ def test_the_last_voltage_is_kept_and_a_single_one_ends_the_wave(fast: Simulatio
     assert rig.snapshot().voltage_V == pytest.approx(-0.25)
 
 
-def test_the_old_voltage_holds_for_the_delay(fast: Simulation) -> None:
+def test_the_previous_voltage_acts_until_the_delay_has_passed(fast: Simulation) -> None:
     late = _lockstep(fast.model_copy(update={"actuation_delay_s": 0.005}))
     late.begin_capture(1000.0)
     late.put_out_wave([0.1, 0.2], 200.0)

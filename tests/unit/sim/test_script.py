@@ -29,7 +29,7 @@ def test_a_sensor_stays_stuck_for_longer_than_the_past_is_stored() -> None:
     assert set(bench.run(1000)[3:]) == {2.0}
 
 
-def test_readings_are_wrong_old_or_out_of_range() -> None:
+def test_simulated_sensor_faults_give_wrong_old_or_out_of_range_readings() -> None:
     assert stand(entry(2 * T, "sensor", "wrong", value=-5.0)).run(4) == [0.0, 1.0, -3.0, -2.0]
     delayed = stand(entry(4 * T, "sensor", "delayed", value=3 * T)).run(7)
     assert delayed == [0.0, 1.0, 2.0, 3.0, 1.0, 2.0, 3.0]
@@ -40,7 +40,7 @@ def test_readings_are_wrong_old_or_out_of_range() -> None:
     assert keyence.answer(b"MS,01") == b"MS,01,-FFFFFFF"
 
 
-def test_an_output_is_frozen_off_or_late() -> None:
+def test_simulated_output_faults_freeze_switch_off_or_delay_the_output() -> None:
     def put(what: str, **value: float) -> list[float]:
         bench = stand(entry(2 * T, "output", what, **value))
         bench.run(5)
@@ -51,7 +51,9 @@ def test_an_output_is_frozen_off_or_late() -> None:
     assert put("delayed", value=2 * T) == pytest.approx([0.0, 0.1, 0.0, 0.1, 0.2])
 
 
-def test_an_output_with_parts_is_frozen_off_or_late() -> None:
+def test_simulated_output_faults_freeze_switch_off_or_delay_an_output_that_plays_shaped_steps() -> (
+    None
+):
     def put(what: str, **value: float) -> list[tuple[float, ...]]:
         bench, played = stand(entry(2 * T, "output", what, **value)), list[tuple[float, ...]]()
 
@@ -103,7 +105,7 @@ def test_each_operation_acts_on_the_rig() -> None:
     ]
 
 
-def test_heal_ends_earlier_faults_only() -> None:
+def test_the_command_heal_ends_only_faults_that_started_before_it() -> None:
     bench = stand()
     bench.order("sensor", "wrong", 5.0)
     bench.order("output", "stuck")

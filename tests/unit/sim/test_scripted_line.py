@@ -32,7 +32,7 @@ def test_a_pulled_cable_closes_a_connection() -> None:
     assert on_a_line("off", 1.0, lockstep=True)[2].answer(b"MS,01") is None
 
 
-def test_garbage_is_keyed_by_seed_target_and_exchange() -> None:
+def test_simulated_garbage_depends_on_seed_target_and_exchange_only() -> None:
     def said(seed: int, name: str) -> list[bytes | None]:
         script, rig = Script(seed=seed), Rig()
         script.operate(rig)

@@ -7,14 +7,14 @@ from pincette.config.simulation import Drift
 from pincette.sim.rig.sensor_view import KEPT, Average, drift_um, reading_um
 
 
-def test_the_mean_of_a_ramp_is_half_a_window_old() -> None:
+def test_the_average_of_a_ramp_lags_by_half_a_window() -> None:
     average = Average(0.02)
     for index in range(101):
         average.add(0.001 * index, 5.0 * index)
     assert average.mean_um() == pytest.approx(500.0 - 5.0 * 10.0)
 
 
-def test_before_the_first_position_the_arm_was_at_rest_there() -> None:
+def test_the_average_assumes_that_the_arm_was_at_rest_before_its_first_position() -> None:
     average = Average(0.02)
     average.add(1.0, 4.0)
     assert average.mean_um() == pytest.approx(4.0)
@@ -22,7 +22,7 @@ def test_before_the_first_position_the_arm_was_at_rest_there() -> None:
     assert average.mean_um() == pytest.approx((4.0 * 0.015 + 6.0 * 0.005) / 0.02)
 
 
-def test_a_window_may_begin_between_two_places() -> None:
+def test_an_averaging_window_may_begin_between_two_positions() -> None:
     average = Average(0.015)
     for index in range(4):
         average.add(0.01 * index, float(index**2))

@@ -36,7 +36,7 @@ def played_in_pieces(simulation: Simulation, ahead: int) -> Played:
 
 
 @pytest.mark.parametrize("ahead", [PER_TICK, 3 * PER_TICK])
-def test_a_wave_in_pieces_is_the_same_to_the_bit(simulation: Simulation, ahead: int) -> None:
+def test_a_wave_written_in_pieces_gives_the_same_bits(simulation: Simulation, ahead: int) -> None:
     whole, pieces = played_whole(simulation), played_in_pieces(simulation, ahead)
     assert len(whole[0]) == 9 * PER_TICK
     assert pieces == whole

@@ -205,7 +205,9 @@ def test_adhesion_grows_with_the_logarithm_of_the_contact_time(simulation: Simul
     assert pulls_mN[1] == pytest.approx(0.2 * 1.6, abs=0.015)
 
 
-def test_a_bridge_pulls_less_with_the_gap_and_ruptures(simulation: Simulation) -> None:
+def test_the_pull_of_a_liquid_bridge_decreases_with_the_gap_until_it_ruptures(
+    simulation: Simulation,
+) -> None:
     part = PartParameters(bridge_mN=0.4, bridge_um=2.0, rupture_um=8.0)
     p = bare_arms(simulation, part=part, output_lag_s=0.01)
     pulls_mN: list[float] = []

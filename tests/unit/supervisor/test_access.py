@@ -154,7 +154,7 @@ def test_a_revoked_key_is_refused_and_keys_stay_required(
     assert not book.revoke("bob")
 
 
-def test_a_key_expires(
+def test_a_key_is_refused_after_its_expiry(
     book: KeyFile, authenticator: Authenticator, clock: Clock, store: Store
 ) -> None:
     key = made(book, "ann", expires_at="2126-03-01T12:00:01.000Z")
@@ -164,7 +164,7 @@ def test_a_key_expires(
     assert authenticator.identify(HERE, key, None).scope is None
 
 
-def test_a_session_ends_when_its_page_is_silent_for_long(
+def test_a_session_ends_after_a_long_time_without_requests(
     book: KeyFile, authenticator: Authenticator, clock: Clock, store: Store
 ) -> None:
     key, cookie = made(book, "ann"), new_cookie()
@@ -181,7 +181,7 @@ def test_a_session_ends_when_its_page_is_silent_for_long(
     assert SessionRepository(store).all() == []
 
 
-def test_a_wrong_key_is_not_replaced_by_a_cookie(
+def test_a_wrong_key_is_refused_even_with_a_valid_cookie(
     book: KeyFile, authenticator: Authenticator, store: Store
 ) -> None:
     key, cookie = made(book, "ann"), new_cookie()
@@ -258,7 +258,9 @@ def test_beyond_loopback_keys_are_required_even_before_the_first_one() -> None:
         (Caller("10.0.0.9"), "cell-7", "10.0.0.9"),
     ],
 )
-def test_with_keys_a_label_is_not_an_identity(caller: Caller, label: str, signed: str) -> None:
+def test_if_keys_are_required_the_identity_is_that_of_the_key_and_not_of_the_label(
+    caller: Caller, label: str, signed: str
+) -> None:
     assert caller.signed(label) == signed
 
 

@@ -151,7 +151,9 @@ def test_a_key_revoked_while_keys_cannot_be_read_stays_refused(desk: Desk) -> No
     desk.assert_that_a_stop_acts()
 
 
-def test_a_clock_that_is_behind_is_an_alarm_that_only_an_admin_may_end(desk: Desk) -> None:
+def test_a_clock_that_has_stepped_back_raises_an_alarm_that_only_an_admin_may_acknowledge(
+    desk: Desk,
+) -> None:
     desk.wall -= 26 * HOUR
     desk.harness.until(lambda: "key-clock" in desk.alarms())
     alarm = desk.alarms()["key-clock"]
@@ -165,7 +167,7 @@ def test_a_clock_that_is_behind_is_an_alarm_that_only_an_admin_may_end(desk: Des
 
 
 @pytest.mark.parametrize("step", [200 * DAY, -200 * DAY])
-def test_a_clock_that_has_stepped_is_an_alarm_and_nothing_is_deleted(
+def test_a_clock_that_has_stepped_forward_raises_an_alarm_and_nothing_is_deleted(
     desk: Desk, step: timedelta
 ) -> None:
     records = desk.harness.manager.context.records

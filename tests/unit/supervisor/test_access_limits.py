@@ -36,7 +36,7 @@ ESTOP = "/api/v1/rigs/demo/estop"
 NOT_HELD = {"short": 0.0, "long": 0.0}
 
 
-def test_a_bucket_allows_a_burst_and_then_its_rate() -> None:
+def test_a_token_bucket_permits_a_burst_and_then_its_rate() -> None:
     buckets = TokenBuckets(per_s=10.0, burst=5.0)
     assert [buckets.wait_s("a", 0.0) for _ in range(5)] == [0.0] * 5
     assert buckets.wait_s("a", 0.0) == pytest.approx(0.1)
@@ -156,7 +156,7 @@ LONG = ["/rigs/demo/live", "/events", "/jobs/a?wait=change", "/jobs/a?timeout_s=
 
 
 @pytest.mark.parametrize(("path", "other"), [("/jobs", LONG[0]), *((one, "/jobs") for one in LONG)])
-def test_one_client_has_a_share_of_each_kind_of_request(
+def test_the_number_of_concurrent_requests_of_one_client_is_limited_for_each_kind(
     monkeypatch: pytest.MonkeyPatch, path: str, other: str
 ) -> None:
     async def test(call: Call, go: asyncio.Event) -> None:
@@ -176,7 +176,9 @@ def test_one_client_has_a_share_of_each_kind_of_request(
 
 
 @pytest.mark.parametrize("path", ["/jobs", LONG[0]])
-def test_all_clients_together_have_a_limit(monkeypatch: pytest.MonkeyPatch, path: str) -> None:
+def test_the_number_of_concurrent_requests_of_all_clients_is_limited(
+    monkeypatch: pytest.MonkeyPatch, path: str
+) -> None:
     async def test(call: Call, go: asyncio.Event) -> None:
         most, of_one = AT_ONCE[kind_of(path)], OF_ONE[kind_of(path)]
         keys = [f"key{number // of_one}" for number in range(most)]
@@ -212,7 +214,7 @@ def test_actions_without_a_key_are_limited_too(monkeypatch: pytest.MonkeyPatch) 
     held(monkeypatch, test)
 
 
-def test_an_address_without_keys_counts_as_a_configured_number_of_clients(
+def test_without_keys_the_limits_of_one_address_are_a_configured_multiple_of_those_of_a_client(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """50 honest clients behind one proxy, each with its streams."""
@@ -353,7 +355,9 @@ def test_a_body_of_the_maximum_size_is_read(harness: Harness) -> None:
     ],
     ids=["members", "items", "depth"],
 )
-def test_a_body_of_too_many_parts_is_refused_unparsed(harness: Harness, body: str) -> None:
+def test_a_body_with_too_many_elements_is_refused_before_it_is_parsed(
+    harness: Harness, body: str
+) -> None:
     headers = {"Content-Type": "application/json"}
     answer = harness.call("POST", "/api/v1/jobs", content=body.encode(), headers=headers)
     assert (answer.status_code, answer.json()["type"]) == (
@@ -362,7 +366,7 @@ def test_a_body_of_too_many_parts_is_refused_unparsed(harness: Harness, body: st
     )
 
 
-def test_the_errors_that_are_listed_are_bounded(harness: Harness) -> None:
+def test_the_number_of_listed_errors_is_limited(harness: Harness) -> None:
     long = "x" * 5_000
     body = {"kind": "grip", **{f"{long}{n}": 1 for n in range(40)}}
     answer = harness.post("/jobs", body)

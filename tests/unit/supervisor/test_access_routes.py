@@ -99,7 +99,7 @@ def test_every_route_refuses_what_it_does_not_know(harness: Harness) -> None:
     assert {one.path for one in routes if not isinstance(one, StrictRoute)} == set()
 
 
-def test_the_description_names_how_a_key_is_shown() -> None:
+def test_the_api_description_states_how_a_key_is_sent() -> None:
     tree = openapi()
     schemes = tree["components"]["securitySchemes"]
     assert (schemes["key"]["type"], schemes["key"]["scheme"]) == ("http", "bearer")
@@ -203,7 +203,7 @@ def test_no_page_signs_in_with_a_wrong_key_or_from_another_origin(
     assert harness.call("POST", "/api/v1/session", headers=foreign).status_code == 403
 
 
-def test_without_keys_a_page_needs_none(harness: Harness) -> None:
+def test_without_keys_a_page_needs_no_sign_in(harness: Harness) -> None:
     assert harness.get("/session") == {
         "keys": False,
         "name": None,

@@ -28,7 +28,7 @@ def book(store: Store) -> AlarmRepository:
     return AlarmRepository(store)
 
 
-def test_an_alarm_is_counted_in_one_row(book: AlarmRepository) -> None:
+def test_repeated_alarms_are_counted_in_one_row(book: AlarmRepository) -> None:
     first = book.add(DISK)
     later = replace(DISK, words="disk: 4 MB free, limit 200 MB", raised_at=LATER)
     again = [book.add(later) for _ in range(99)]
@@ -144,7 +144,7 @@ def test_a_reset_ends_the_trip_and_a_person_acknowledges_it(harness: Harness) ->
     assert again.json() == acted.json()
 
 
-def test_an_acknowledgement_resets_nothing(harness: Harness) -> None:
+def test_acknowledging_an_alarm_does_not_reset_the_rig(harness: Harness) -> None:
     harness.bus.trip("estop")
     harness.manager.alarm_monitor.poll()
     (row,) = alarms(harness)
@@ -192,7 +192,9 @@ def test_the_alarm_of_a_dead_program_lasts_until_it_returns(harness: Harness) ->
     assert [one.body["did"] for one in harness.told("alarm")] == ["raised", "cleared"]
 
 
-def test_a_second_controller_is_one_alarm_however_many_commands_it_sends(harness: Harness) -> None:
+def test_a_second_controller_raises_a_single_alarm_however_many_commands_it_sends(
+    harness: Harness,
+) -> None:
     watch = harness.manager.alarm_monitor
     stranger = fault(FaultCode.OTHER_OWNER, owner=9, armed_owner=5)
     harness.bus.mode, harness.bus.findings["actuator"] = Mode.ARMED, (stranger,)

@@ -42,7 +42,7 @@ def test_actions_are_stored(harness: Harness, ring: ScopeKeys) -> None:
     assert [one["number"] for one in rest] == [2, 1]
 
 
-def test_an_insistent_unknown_client_does_not_fill_the_log(
+def test_many_refused_requests_of_an_unknown_client_fill_one_row_of_the_audit_log(
     harness: Harness, ring: ScopeKeys
 ) -> None:
     for number in range(50):
@@ -52,7 +52,7 @@ def test_an_insistent_unknown_client_does_not_fill_the_log(
     assert (entry["who"], entry["status"], entry["count"]) == ("127.0.0.1", 401, 50)
 
 
-def test_the_log_is_append_only(harness: Harness, ring: ScopeKeys, tmp_path: Path) -> None:
+def test_the_audit_log_is_append_only(harness: Harness, ring: ScopeKeys, tmp_path: Path) -> None:
     harness.call("POST", "/api/v1/estop", headers=ring.headers("observe"))
     assert len(audit(harness, ring)) == 1
     with closing(sqlite3.connect(tmp_path / "supervisor.sqlite")) as base:
@@ -116,7 +116,7 @@ def test_a_changed_entry_of_the_file_is_found(
     assert chain(harness, ring)["broken"] == broken
 
 
-def test_a_log_that_is_rewritten_lacks_the_link_that_was_noted(
+def test_a_rewritten_audit_log_lacks_the_hash_that_was_noted_before(
     harness: Harness, ring: ScopeKeys
 ) -> None:
     harness.call("POST", "/api/v1/estop", headers=ring.headers("observe"))

@@ -79,7 +79,7 @@ def test_a_job_that_found_no_part_waits_and_lists_the_possible_decisions(harness
     assert ended["record_complete"]
 
 
-def test_the_ending_of_a_retried_job_names_the_new_job(harness: Harness) -> None:
+def test_the_ending_of_a_retried_job_contains_the_id_of_the_new_job(harness: Harness) -> None:
     job = waiting(harness, sample="B7")
     assert decided(harness, job, "retry").status_code == 202
     ended = harness.get(f"/jobs/{job}", wait="terminal", timeout_s=30)
@@ -101,7 +101,7 @@ def test_a_retry_at_a_place_beyond_the_limits_is_refused_and_the_job_still_waits
     assert harness.get(f"/jobs/{job}")["state"] == STATE
 
 
-def test_the_first_of_two_decisions_counts(harness: Harness) -> None:
+def test_a_second_decision_about_the_same_job_is_refused(harness: Harness) -> None:
     job = waiting(harness)
     assert decided(harness, job, "give_up").status_code == 202
     refused = decided(harness, job, "retry")
@@ -118,7 +118,7 @@ def test_a_stop_or_an_abort_ends_the_wait(harness: Harness, action: str, state: 
     assert harness.bus.trips == []
 
 
-def test_if_nothing_was_held_the_default_accept_gives_up(harness: Harness) -> None:
+def test_the_default_decision_accept_gives_up_if_nothing_was_held(harness: Harness) -> None:
     harness.bus.edit = failing(1)
     job = str(harness.grip(recovery={"wait_s": 0.05, "default": "accept"})["id"])
     ended = harness.ended(job)
@@ -127,7 +127,7 @@ def test_if_nothing_was_held_the_default_accept_gives_up(harness: Harness) -> No
     assert decided(harness, job, "give_up").status_code == 409
 
 
-def test_a_force_held_can_be_accepted_before_the_progress_has_it(
+def test_a_held_force_can_be_accepted_before_the_progress_contains_it(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tracker, "SETTLE_S", 1e3)
@@ -159,7 +159,7 @@ def test_the_default_repeats_the_job_as_often_as_requested(harness: Harness) -> 
 
 
 @pytest.mark.parametrize(("tries", "safe"), [(1, False), (0, True)])
-def test_the_arm_is_safe_to_approach_unless_the_default_repeats_the_job(
+def test_a_rig_that_waits_for_a_decision_is_safe_to_approach_unless_the_default_repeats_the_job(
     harness: Harness, tries: int, safe: bool
 ) -> None:
     job = waiting(harness, recovery={**RECOVERY, "default": "retry", "tries": tries})

@@ -44,7 +44,7 @@ def test_a_fault_is_reported_with_its_location(
     assert words in error["message"]
 
 
-def test_both_addresses_accept_the_same_calibration(harness: Harness) -> None:
+def test_jobs_and_calibrations_accept_the_same_calibration_request(harness: Harness) -> None:
     as_job = harness.post("/jobs", body("noise", duration_s=4.0), dry_run="true")
     alone = harness.post(
         "/calibrations", {"calibration": "noise", "duration_s": 4.0, "dry_run": True}
@@ -76,7 +76,9 @@ def test_a_motion_beyond_a_limit_is_refused_before_it_begins(
     assert harness.get("/jobs")["jobs"] == []
 
 
-def test_weights_are_requested_up_and_down(harness: Harness) -> None:
+def test_a_weighing_requests_weights_first_in_increasing_and_then_in_decreasing_order(
+    harness: Harness,
+) -> None:
     plan = harness.post(
         "/jobs", body("compliance", weights_mN=[0.0, 5.0, 10.0]), dry_run="1"
     ).json()
@@ -126,7 +128,7 @@ def test_a_period_that_does_not_show_the_mode_is_reported_with_the_remedy(harnes
     assert "Choose a shorter period" in problem["detail"]
 
 
-def test_the_loop_of_an_unknown_arm_is_not_mistaken_for_too_much_force() -> None:
+def test_the_hysteresis_of_an_unknown_arm_is_not_mistaken_for_too_much_force() -> None:
     """An arm of a 39 % loop, begun at its remanence, read 46 mN of a straight line and was ended.
 
     Where a free response is identified, the limit is that of the rig.
@@ -143,7 +145,7 @@ def test_the_loop_of_an_unknown_arm_is_not_mistaken_for_too_much_force() -> None
     assert most_mN(unknown) > unknown.limits.force_max_mN + 60.0
 
 
-def test_a_confirmation_that_there_is_no_part_allows_a_bending_arm() -> None:
+def test_if_a_person_has_confirmed_that_there_is_no_part_an_arm_that_bends_is_accepted() -> None:
     """A free arm of wide relays read 3 mN of its own bend and could not be brought up.
 
     Without that confirmation every kink above the contact force is a touch; with it, one that is
@@ -163,7 +165,7 @@ def test_a_confirmation_that_there_is_no_part_allows_a_bending_arm() -> None:
     assert 0.5 * softest < confirmed.bend_mN_per_um < softest
 
 
-def test_a_part_is_sought_as_far_as_the_sensor_may_have_drifted() -> None:
+def test_the_search_range_for_a_part_includes_the_possible_drift_of_the_sensor() -> None:
     """A drift of 0.74 µm/min carried the reading beyond the tolerance: no part was met."""
 
     def furthest_um(drift_um_per_min: float) -> float:

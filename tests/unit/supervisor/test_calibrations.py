@@ -89,7 +89,7 @@ def test_later_jobs_use_the_accepted_values(harness: Harness) -> None:
 
 
 @pytest.mark.parametrize("action", ["accept", "discard"])
-def test_a_proposal_is_decided_once(harness: Harness, action: str) -> None:
+def test_a_proposal_can_be_decided_only_once(harness: Harness, action: str) -> None:
     name = proposal(harness)
     decided = decide(harness, name, action).json()
     assert decided["allowed_actions"] == []
@@ -219,7 +219,7 @@ def test_a_job_that_does_not_wait_cannot_be_continued(harness: Harness) -> None:
     assert stopped["result"]["values"] == []
 
 
-def test_a_service_using_another_model_than_armed_is_named(
+def test_a_service_that_uses_another_model_than_the_armed_one_is_named(
     harness: Harness,
 ) -> None:
     decide(harness, proposal(harness), "accept")
@@ -244,7 +244,7 @@ def heard_idle(harness: Harness) -> None:
     harness.bus.idle()
 
 
-def test_the_model_survives_a_restart_but_not_another_instrument(
+def test_the_model_in_use_is_kept_after_a_restart_but_not_after_a_change_of_the_instrument(
     harness: Harness, rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     decide(harness, proposal(harness), "accept")
@@ -286,7 +286,7 @@ def test_limits_jobs_and_the_part_do_not_change_the_model_in_use(
     assert other.get("/rigs/demo")["can_start"] is True
 
 
-def test_a_value_changed_in_the_rig_file_overrides_only_itself(
+def test_a_value_changed_in_the_rig_file_replaces_only_the_same_value_of_the_model(
     harness: Harness, rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     decide(harness, proposal(harness), "accept")

@@ -9,7 +9,9 @@ from pincette_supervisor.rest import routes_jobs
 from .harness import Harness
 
 
-def test_kinds_are_described_once(harness: Harness, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_descriptions_of_job_kinds_are_computed_once(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
     described: list[str] = []
     describe = routes_jobs.described
 

@@ -39,7 +39,7 @@ def test_assumed_values_are_identified_before_they_are_needed() -> None:
     assert [step.variant.name for step in ordered()] == listed
 
 
-def test_the_order_follows_the_requirements_not_the_positions(
+def test_the_order_of_checklist_steps_follows_their_requirements(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     named = bring_up.functions_of
@@ -75,7 +75,7 @@ def test_an_uncalibrated_rig_starts_with_the_noise(harness: Harness) -> None:
     assert codes(by_name["output_timing"]) == ["not_calibrated", "unsupported"]
 
 
-def test_each_step_is_planned_once_for_a_model_in_use(
+def test_each_step_of_the_checklist_is_planned_once_for_each_model(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     planned: list[str] = []
@@ -126,14 +126,14 @@ def test_at_1_khz_bursts_replace_the_sweep() -> None:
     assert (needed["frequency_response"], needed["output_timing"]) == (False, True)
 
 
-def test_each_step_is_an_acceptable_request(harness: Harness) -> None:
+def test_the_request_of_each_checklist_step_is_accepted(harness: Harness) -> None:
     for step in steps(harness).values():
         if step["state"] != "unsupported":
             answer = harness.post("/jobs", step["request"], dry_run="true")
             assert (answer.status_code, answer.json()["feasible"]) == (200, True)
 
 
-def test_the_model_in_use_is_found_behind_any_number_of_proposals(
+def test_the_calibration_of_the_model_in_use_is_found_behind_any_number_of_proposals(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     name = proposal(harness)
@@ -143,7 +143,7 @@ def test_the_model_in_use_is_found_behind_any_number_of_proposals(
     assert (noise["state"], noise["accepted"]) == ("done", name)
 
 
-def test_a_proposal_is_decided_and_then_the_next_step_follows(harness: Harness) -> None:
+def test_the_next_checklist_step_follows_once_a_proposal_is_accepted(harness: Harness) -> None:
     name = proposal(harness)
     noise = steps(harness)["noise"]
     assert (noise["state"], noise["proposal"], noise["gained"]) == ("next", name, [])
@@ -169,7 +169,7 @@ def test_a_discarded_step_must_be_repeated(harness: Harness) -> None:
     assert (noise["state"], noise["proposal"]) == ("next", None)
 
 
-def test_a_step_made_with_another_value_must_be_repeated(harness: Harness) -> None:
+def test_a_checklist_step_that_assumed_another_value_must_be_repeated(harness: Harness) -> None:
     """The press rests on the compliance, which is measured afterwards here."""
     name = proposal(harness)
     row = harness.store.get(name)
@@ -225,7 +225,7 @@ def test_a_sweep_is_needed_if_the_estimator_uses_the_mode() -> None:
         ({"model": {"compliance_um_per_mN": 4.6}}, [0.0, 0.5, 1.0, 2.0]),
     ],
 )
-def test_omitted_weights_are_within_the_limits(changes: Tree, weights_mN: list[float]) -> None:
+def test_default_weights_are_within_the_limits(changes: Tree, weights_mN: list[float]) -> None:
     rig = demo_rig(changes)
     assert weights_within(rig) == pytest.approx(weights_mN)
     request = REQUEST.validate_python({"kind": "calibrate", "calibration": "compliance"})

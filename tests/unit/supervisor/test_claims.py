@@ -88,7 +88,7 @@ def test_every_client_may_send_an_emergency_stop(harness: Harness) -> None:
     assert len(harness.bus.trips) == 1
 
 
-def test_a_claim_is_renewed_returned_and_broken(harness: Harness) -> None:
+def test_a_claim_can_be_renewed_returned_and_taken_away(harness: Harness) -> None:
     since = claim(harness, lease_s=10.0).json()["since"]
     renewed = claim(harness, lease_s=100.0).json()
     assert renewed["since"] == since
@@ -107,7 +107,9 @@ def test_a_claim_is_renewed_returned_and_broken(harness: Harness) -> None:
     assert grip(harness).status_code == 201
 
 
-def test_a_key_that_created_a_job_returns_it_whatever_client_has_the_rig(harness: Harness) -> None:
+def test_a_repeated_request_returns_its_job_even_if_another_client_has_claimed_the_rig(
+    harness: Harness,
+) -> None:
     headers = {"Idempotency-Key": "once"}
     body = {"kind": "grip", "autostart": True}
     first = harness.call("POST", "/api/v1/jobs", json=body, headers=headers)

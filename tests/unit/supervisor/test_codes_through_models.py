@@ -84,6 +84,6 @@ def test_every_exceeded_limit_is_converted(quantity: LimitedQuantity) -> None:
     assert ProblemError(422, problem).codes["violations"][0]["quantity"] == quantity
 
 
-def test_the_outcomes_of_telemetry_are_the_controllers() -> None:
+def test_telemetry_has_the_outcome_type_of_the_controller() -> None:
     hints = msgspec.structs.fields(Telemetry)
     assert next(one.type for one in hints if one.name == "outcome") is Outcome

@@ -77,7 +77,7 @@ def _answers(port: int) -> bool:
     return True
 
 
-def test_a_collector_takes_the_spans_of_a_job_and_passes_them_on(
+def test_a_collector_receives_the_spans_of_a_job_and_forwards_them(
     harness: Harness, python: Path, tmp_path: Path
 ) -> None:
     with http_receiver([200] * 9) as beyond, collector(python, beyond.port) as port:

@@ -46,14 +46,14 @@ def test_a_trip_counts_once_however_long_it_lasts() -> None:
     assert trips(counters) == {"command_age": 1, "estop": 1}
 
 
-def test_every_existing_cause_has_a_counter() -> None:
+def test_trips_have_a_counter_for_each_known_cause_only() -> None:
     requests = [applied("latched", f"asked: invented {number}") for number in range(50)]
     counters = fed([state for one in requests for state in (one, applied("idle"))])
     assert set(counters.trips()) == set(CAUSES)
     assert trips(counters) == {"asked": 50}
 
 
-def test_an_earlier_latch_is_not_a_trip_but_the_next_one_is() -> None:
+def test_a_latch_from_before_the_start_is_not_counted_as_a_trip_but_the_next_one_is() -> None:
     counters = fed([applied("latched", "boot")] * 3, RigCounters(applied("latched", "boot")))
     assert trips(counters) == {}
     fed([applied("idle"), applied("latched", "boot")], counters)
@@ -89,7 +89,7 @@ def test_the_peak_of_an_arming_is_its_highest_valid_force() -> None:
     assert counters.peaks().counts[-1] == 2
 
 
-def test_an_estimate_without_an_arming_is_not_a_peak() -> None:
+def test_an_estimate_outside_an_arming_is_not_counted_as_a_peak() -> None:
     held = max((tick.estimate for tick in samples.grip()), key=lambda one: one.arms[0].force_mN)
     counters = fed([replace(held, epoch=0), replace(held, epoch=3)])
     assert counters.peaks().newest_mN is None
@@ -99,7 +99,9 @@ def test_an_estimate_without_an_arming_is_not_a_peak() -> None:
     assert counters.peaks().newest_mN == pytest.approx(held.arms[0].force_mN)
 
 
-def test_an_arming_without_a_received_end_counts_when_the_next_one_has_a_force() -> None:
+def test_the_peak_of_an_arming_whose_end_was_lost_is_counted_when_the_next_arming_has_a_force() -> (
+    None
+):
     cut = [message for tick in samples.grip(7)[:300] for message in tick.messages()]
     counters = fed(cut)
     assert counters.peaks().counts[-1] == 0
@@ -107,7 +109,7 @@ def test_an_arming_without_a_received_end_counts_when_the_next_one_has_a_force()
     assert counters.peaks().counts[-1] == 2
 
 
-def test_a_complete_grip_has_no_gaps_and_an_incomplete_one_has() -> None:
+def test_lost_messages_of_a_grip_are_counted_as_gaps() -> None:
     assert set(fed(of_grip()).gaps().values()) == {0}
     ticks = samples.grip()
     holed = [tick for tick in ticks if not 50 <= tick.position.seq < 53]
@@ -163,7 +165,7 @@ def test_refused_and_lost_counts_continue_over_a_restart() -> None:
     assert refused == {"recorder": 5, "actuator": 9}
 
 
-def test_an_estimate_without_a_zero_is_not_a_peak() -> None:
+def test_an_estimate_without_a_zero_is_not_counted_as_a_peak() -> None:
     held = max((tick.estimate for tick in samples.grip()), key=lambda one: one.arms[0].force_mN)
     unzeroed = with_arm(held, force_mN=99.0, zero_age_s=None)
     counters = RigCounters()

@@ -37,7 +37,7 @@ def test_the_same_key_and_request_create_one_job(harness: Harness) -> None:
     assert len(harness.get("/jobs")["jobs"]) == 1
 
 
-def test_a_key_is_for_one_request(harness: Harness) -> None:
+def test_a_key_cannot_be_used_for_another_request(harness: Harness) -> None:
     job = create(harness, "k").json()["id"]
     other = create(harness, "k", {**GRIP, "force_mN": 12.0})
     assert other.status_code == 422
@@ -61,7 +61,7 @@ def test_a_key_of_wrong_length_or_unprintable_characters_is_refused(
     assert harness.get("/jobs")["jobs"] == []
 
 
-def test_an_etag_shows_whether_a_job_has_changed(harness: Harness) -> None:
+def test_the_etag_of_a_job_changes_when_the_job_changes(harness: Harness) -> None:
     job = harness.playing_to(IN_APPROACH)
     response = harness.call("GET", f"/api/v1/jobs/{job}")
     tag = response.headers["etag"]
@@ -181,7 +181,7 @@ def test_a_repeated_key_is_recognized_while_its_first_request_is_planned(
     assert len(harness.get("/jobs")["jobs"]) == 1
 
 
-def test_a_refused_first_request_leaves_its_key_to_the_next(harness: Harness) -> None:
+def test_a_key_of_a_refused_request_can_be_used_again(harness: Harness) -> None:
     answers = together(harness, {**GRIP, "force_mN": 99.0}, {"kind": "grip"}, key="k")
     assert sorted(answer.status_code for answer in answers) == [201, 422]
 
@@ -233,7 +233,7 @@ def test_a_caller_that_has_disconnected_starts_no_job(harness: Harness) -> None:
     assert entry["detail"] == "grip: the client closed the connection, nothing was started"
 
 
-def test_without_a_known_revision_a_wait_is_for_the_next_change(harness: Harness) -> None:
+def test_a_long_poll_without_a_known_revision_waits_for_the_next_change(harness: Harness) -> None:
     ready = harness.post("/jobs", {"kind": "grip"}).json()
     harness.reach(ready["id"], "ready")
     still = harness.get(f"/jobs/{ready['id']}", wait="change", timeout_s=0.3)
@@ -281,7 +281,7 @@ def test_jobs_of_an_unknown_rig_are_not_found(harness: Harness) -> None:
     assert harness.get("/jobs", rig="demo")["jobs"] == []
 
 
-def test_a_missing_file_is_not_offered(harness: Harness) -> None:
+def test_a_missing_file_of_a_job_is_reported_with_the_reason(harness: Harness) -> None:
     job = harness.post("/jobs", {"kind": "grip"}).json()["id"]
     harness.reach(job, "ready")
     harness.acted(job, "stop")

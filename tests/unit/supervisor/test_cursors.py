@@ -49,7 +49,7 @@ class Pages:
         return AuditList.model_construct(entries=entries, next=last if last > 1 else None)
 
 
-def test_the_client_reads_page_after_page() -> None:
+def test_the_client_reads_as_many_pages_as_it_needs() -> None:
     for limit, wanted in ((600, 600), (1200, 1200), (5000, 1200), (1, 1)):
         supervisor = AsyncSupervisor.__new__(AsyncSupervisor)
         supervisor.transport = Pages()  # pyright: ignore[reportAttributeAccessIssue]

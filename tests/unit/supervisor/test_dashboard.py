@@ -41,7 +41,7 @@ def test_every_metric_and_label_is_served() -> None:
             assert {one.strip() for by in grouped for one in by.split(",")} <= known, expression
 
 
-def test_legends_name_existing_labels() -> None:
+def test_legends_of_the_dashboard_use_existing_labels() -> None:
     for panel in TREE["panels"]:
         for one in panel["targets"]:
             names = set(re.findall(r"{{(\w+)}}", one["legendFormat"]))
@@ -52,7 +52,7 @@ def _label(expression: str, name: str) -> bool:
     return all(name in BY_NAME[match[1]].labels for match in NAMED.finditer(expression))
 
 
-def test_prometheus_understands_every_expression(tmp_path: Path) -> None:
+def test_prometheus_accepts_every_expression_of_the_dashboard(tmp_path: Path) -> None:
     promtool = shutil.which("promtool")
     if promtool is None:
         pytest.skip("promtool is not installed (Debian: prometheus)")

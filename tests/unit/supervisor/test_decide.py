@@ -97,7 +97,7 @@ def decide_wait(facts: Facts) -> Command | None:
 
 
 @pytest.mark.parametrize("state", sorted(PLAYED | TERMINAL | AWAITING))
-def test_every_combination_of_facts_gives_a_suitable_command(state: JobState) -> None:
+def test_every_combination_of_facts_gives_a_valid_command(state: JobState) -> None:
     flags = product(BOTH, BOTH, BOTH, BOTH, BOTH, BOTH, BOTH, BOTH)
     reasons = product(LATENESS, (None, LEASE), (None, LACK))
     stops = STOPS if state == "stopping" else STOPS[:1]  # no other state gives that order
@@ -137,7 +137,7 @@ def test_every_combination_of_facts_gives_a_suitable_command(state: JobState) ->
     assert not found
 
 
-def test_the_states_of_the_table_follow_from_the_states_of_a_job() -> None:
+def test_the_states_in_which_a_job_can_trip_or_be_stopped_are_derived_correctly() -> None:
     assert {"running", "pausing", "paused", "resuming", "stopping"} == TRIPPABLE
     assert {"running", "pausing", "paused", "resuming"} == STOPPABLE
 
@@ -194,5 +194,7 @@ def test_the_states_of_the_table_follow_from_the_states_of_a_job() -> None:
         (Facts(state="paused", paused=True), None),
     ],
 )  # fmt: skip
-def test_one_evaluation_gives_one_command(facts: Facts, command: Command | None) -> None:
+def test_each_set_of_facts_gives_the_expected_command(
+    facts: Facts, command: Command | None
+) -> None:
     assert decide(facts) == command

@@ -16,7 +16,7 @@ from .harness import Harness
 PATIENCE_S = 60.0
 
 
-def test_lists_and_jobs_are_answered_during_long_predictions(harness: Harness) -> None:
+def test_requests_for_lists_and_jobs_are_answered_during_long_predictions(harness: Harness) -> None:
     begun, over = threading.Event(), threading.Event()
 
     def play(planned: Planned) -> DryRun:

@@ -95,7 +95,7 @@ def test_another_instrument_is_a_warning_but_no_refusal(
     assert unknown.warnings(after(0.0)) == []
 
 
-def test_a_calibration_belongs_to_the_instruments_it_was_made_with(
+def test_a_calibration_is_stored_with_the_serial_numbers_of_its_instruments(
     rig_file: RigFile, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = ["2026-02-01T00:00:00.000Z"]
@@ -123,7 +123,9 @@ def test_changes_of_instruments_are_stored_up_to_a_limit(
     assert known.at("2026-03-09T00:00:00.000Z") == {"sensor": "S3"}
 
 
-def test_settings_for_maintenance_are_not_part_of_the_digest(rig_file: RigFile) -> None:
+def test_settings_for_maintenance_do_not_change_the_digest_of_the_rig_file(
+    rig_file: RigFile,
+) -> None:
     assert kept_up(rig_file, "S1", "O1", 180.0).digest() == rig_file.digest()
     part = rig_file.part.model_copy(update={"contact_um": 31.0})
     assert rig_file.model_copy(update={"part": part}).digest() != rig_file.digest()

@@ -87,7 +87,7 @@ def test_an_event_is_stored_and_received_as_published(log: EventLog, store: Stor
     assert heard.at == kept.at
 
 
-def test_a_listener_without_a_number_receives_no_past_events(log: EventLog) -> None:
+def test_a_listener_without_an_event_number_receives_no_past_events(log: EventLog) -> None:
     told(log, 3)
 
     async def scene() -> list[Event]:
@@ -109,7 +109,7 @@ def test_past_events_are_sent_page_by_page(log: EventLog, monkeypatch: pytest.Mo
     assert numbers(played(lambda: first(log, count - 5, 5))) == list(range(6, count + 1))
 
 
-def test_nothing_is_missed_or_received_twice_during_concurrent_events(
+def test_a_listener_receives_concurrent_events_exactly_once(
     log: EventLog, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(events, "PAGE", 10)
@@ -130,7 +130,7 @@ def test_nothing_is_missed_or_received_twice_during_concurrent_events(
     assert numbers(played(scene)) == list(range(1, count + 1))
 
 
-def test_a_slow_listener_reads_the_journal_again(
+def test_a_slow_listener_gets_missed_events_from_the_journal(
     log: EventLog, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(events, "CAPACITY", 10)
@@ -208,7 +208,9 @@ def test_a_listener_learns_that_events_were_deleted(
     assert heard.number == 20
 
 
-def test_a_number_of_another_journal_starts_over(log: EventLog) -> None:
+def test_an_event_number_of_another_journal_starts_the_stream_from_the_beginning(
+    log: EventLog,
+) -> None:
     told(log, 2)
     assert numbers(played(lambda: first(log, 2, 300))) == [1, 2]
 

@@ -50,7 +50,7 @@ def frozen_disk(monkeypatch: pytest.MonkeyPatch) -> Generator[Callable[[], None]
             thawed.set()
 
 
-def test_a_hanging_disk_delays_only_one_caller_and_only_briefly() -> None:
+def test_a_hanging_disk_delays_only_one_caller_and_for_a_short_time() -> None:
     queue, thawed, written = WriteQueue(wait_s=0.1), threading.Event(), list[int]()
 
     def write(number: int) -> None:
@@ -189,7 +189,7 @@ def test_a_stop_by_the_key_of_a_request_is_answered(
 
 
 @pytest.mark.parametrize("signs_out", [False, True])
-def test_a_session_counts_at_once_and_not_after_its_end(
+def test_a_session_is_valid_at_once_and_no_longer_after_its_end_although_the_disk_is_frozen(
     harness: Harness, monkeypatch: pytest.MonkeyPatch, signs_out: bool
 ) -> None:
     store, authenticator = harness.store, Authenticator()

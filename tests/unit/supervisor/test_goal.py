@@ -93,7 +93,7 @@ def test_a_job_states_the_verdict_and_its_event_too(harness: Harness) -> None:
         ({"kind": "move", "to_um": 1.0, "force_tolerance_mN": 0.1}, "force_tolerance_mN"),
     ],
 )
-def test_a_goal_that_cannot_be_judged_is_refused(
+def test_a_goal_without_a_criterion_that_can_be_checked_is_refused(
     harness: Harness, body: dict[str, Any], member: str
 ) -> None:
     response = harness.post("/jobs", body)

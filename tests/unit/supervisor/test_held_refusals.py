@@ -85,7 +85,7 @@ def test_a_delayed_refusal_is_answered(monkeypatch: pytest.MonkeyPatch) -> None:
     held(test)
 
 
-def test_a_delayed_request_is_marked_so_that_it_makes_room_for_others(
+def test_a_request_with_a_delayed_refusal_is_marked_as_the_first_to_be_closed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(limits, "REFUSAL_HELD_S", 3600.0)

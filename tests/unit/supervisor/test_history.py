@@ -45,7 +45,7 @@ def test_a_force_without_a_zero_is_omitted() -> None:
     assert low[history.NAMES.index("force_error_mN")][1] == 1.0
 
 
-def test_samples_of_lockstep_are_spread_over_the_duration_of_the_job() -> None:
+def test_times_of_samples_in_lockstep_are_spread_over_the_duration_of_the_job() -> None:
     at_s, _, _ = history.reduce(record(4), 1000.0, 7.9)
     assert at_s[-1] == 1007.5
 

@@ -101,7 +101,7 @@ def test_no_path_is_redirected(harness: Harness) -> None:
                     assert answer.headers["content-type"] == "application/problem+json"
 
 
-def test_options_of_an_unknown_path_is_a_problem(harness: Harness) -> None:
+def test_an_options_request_for_an_unknown_path_is_refused(harness: Harness) -> None:
     assert harness.call("OPTIONS", "/none").status_code == 404
 
 

@@ -114,7 +114,7 @@ def rows_of(*results: dict[str, Any]) -> list[TableRow]:
     ]
 
 
-def test_results_of_any_shape_have_columns() -> None:
+def test_results_of_any_structure_are_exported_as_columns() -> None:
     rows = rows_of(
         {"a": 1, "of": {"x_um": 0.1, "deep": {"yes": True}}, "list": [1, {"a": 2}]},
         {"a": 2.5, "of": None, "list": None, "new": "=1+1"},

@@ -27,7 +27,7 @@ def ended_jobs(harness: Harness, count: int) -> list[str]:
     return names
 
 
-def test_a_list_request_repeated_later_contains_every_change(harness: Harness) -> None:
+def test_a_repeated_list_request_contains_every_change(harness: Harness) -> None:
     first, second = ended_jobs(harness, 2)
     before = listed(harness)
     assert [job["id"] for job in before] == [second, first]

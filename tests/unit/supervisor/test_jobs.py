@@ -56,7 +56,9 @@ def test_the_record_is_complete_when_the_job_has_ended(harness: Harness) -> None
         assert response.status_code == 404
 
 
-def test_a_row_read_before_the_end_of_its_job_gives_a_result_with_the_end(harness: Harness) -> None:
+def test_a_job_whose_row_was_read_before_its_end_is_reported_with_its_result(
+    harness: Harness,
+) -> None:
     job = harness.playing_to(IN_APPROACH)
     row = harness.store.get(job)
     assert row is not None

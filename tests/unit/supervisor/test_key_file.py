@@ -160,7 +160,7 @@ def test_a_new_password_ends_the_sessions_while_the_journal_cannot_be_used(tmp_p
 # Third property: identifying a caller, and so a stop, waits for no disk.
 
 
-def test_a_caller_is_identified_without_files(
+def test_a_caller_is_identified_without_access_to_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     key, cookie = made(tmp_path), new_cookie()

@@ -143,7 +143,7 @@ def test_a_failed_lock_reports_path_and_remedy_and_changes_nothing(
         ("SQLITE_NOTADB", "move it away"),
     ],
 )
-def test_only_a_damaged_journal_should_be_moved_away(
+def test_the_remedy_to_move_the_journal_away_is_given_only_if_it_is_damaged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, wanted: str
 ) -> None:
     cause = sqlite3.OperationalError("disk I/O error")

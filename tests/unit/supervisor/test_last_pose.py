@@ -20,7 +20,7 @@ def move(result: dict[str, Any], epoch: int | None = 7, **more: Any) -> JobRow:
     return replace(row, **more)
 
 
-def test_steps_forward_and_back_end_at_the_start() -> None:
+def test_steps_forward_and_back_end_at_the_starting_position() -> None:
     at_um = 10.0
     for step, reading_error_um in enumerate((-0.03, 0.02, 0.05, -0.04, 0.01, -0.05)):
         rows = [move({**RESULT, "target_um": at_um})]
@@ -54,7 +54,7 @@ def test_a_job_that_was_never_armed_leaves_no_pose() -> None:
         ([move(RESULT)], replace(STANDS, voltage_V=None)),
     ],
 )
-def test_an_arm_at_another_position_steps_from_its_reading(
+def test_relative_steps_of_an_arm_that_was_moved_otherwise_start_at_its_reading(
     rows: list[JobRow], stands: Present
 ) -> None:
     assert last_pose_um(rows, stands) is None

@@ -58,7 +58,7 @@ def test_the_true_perturbation_error_is_that_of_the_arm() -> None:
     assert found[3:] == pytest.approx(wanted, abs=1e-9)
 
 
-def test_a_kind_finds_a_value_for_each_member_of_every_result() -> None:
+def test_the_common_result_has_a_value_for_each_of_its_fields() -> None:
     """The example of a job kind builds its result from them."""
     found = common(run_of("grip", table_of(samples.grip())))
     assert set(JobResult.model_fields) <= set(found)

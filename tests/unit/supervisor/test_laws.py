@@ -74,7 +74,7 @@ def test_the_default_law_is_that_of_the_rig_file(harness: Harness, rig_file: Rig
         ({"scheme": "dsmifc", "set": "printed"}, "dsmifc", "printed", "paper"),
     ],
 )
-def test_a_law_missing_in_the_rig_file_is_that_of_the_paper_or_the_default(
+def test_gains_of_a_law_that_the_rig_file_lacks_are_those_of_the_paper_or_the_defaults(
     harness: Harness, wishes: dict[str, Any], scheme: str, name: ParameterSet, origin: str
 ) -> None:
     law = dry_run(harness, **wishes)["law"]
@@ -93,7 +93,7 @@ def test_a_rig_file_without_a_law_states_the_default(
     assert (other["gains"]["K_P"], other["gains_from"]) == (1.0, "default")
 
 
-def test_gains_of_a_request_replace_those_it_names(harness: Harness, rig_file: RigFile) -> None:
+def test_gains_of_a_request_replace_only_those_gains(harness: Harness, rig_file: RigFile) -> None:
     law = dry_run(harness, gains={"K_P": 0.5, "K_f": 4000.0})["law"]
     own = rig_file.law_settings
     assert law["gains_from"] == "request"
@@ -226,7 +226,7 @@ def test_the_law_is_stored_with_the_job_and_its_record(
     assert record["request"] == {"kind": "grip", "autostart": True, **wishes}
 
 
-def test_the_program_carries_the_law(rig_file: RigFile) -> None:
+def test_the_planned_program_contains_the_law(rig_file: RigFile) -> None:
     law = default_settings("dsmifc", "printed")
     wishes = {"scheme": "dsmifc", "set": "printed"}
     for request in (
@@ -236,7 +236,7 @@ def test_the_program_carries_the_law(rig_file: RigFile) -> None:
         assert plan_job(request, rig_file).program.laws == (law.spec(),)
 
 
-def test_the_steady_errors_are_those_of_the_law(harness: Harness) -> None:
+def test_the_stated_steady_errors_are_those_of_the_law(harness: Harness) -> None:
     softest, offset_um = 2.17 * 0.7, 3.0
     mismatch_mN = 20.0 - softest * (20.0 / 2.17 - offset_um)
     for gain in (1000.0, 10000.0):

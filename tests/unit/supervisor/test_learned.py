@@ -68,14 +68,16 @@ def test_each_rig_has_its_own_corrections(store: Store) -> None:
     assert [one.program for one in other.all()] == ["a"]
 
 
-def test_a_program_that_learns_again_replaces_its_row(repository: LearnedRepository) -> None:
+def test_new_corrections_of_a_program_replace_its_earlier_ones(
+    repository: LearnedRepository,
+) -> None:
     repository.keep(row("a"))
     later = replace(row("a", "2026-03-02T12:00:00.000Z"), best_um=(0.5,), quiet=3)
     repository.keep(later)
     assert repository.all() == [later]
 
 
-def test_a_table_replaces_that_of_its_own_program_only() -> None:
+def test_a_residual_table_replaces_only_the_earlier_table_of_the_same_program() -> None:
     def table(program: str, job: str) -> dict[str, str]:
         return {"program": program, "job": job}
 

@@ -138,7 +138,7 @@ def test_a_supervisor_that_was_away_finds_the_job_stopped_with_the_cause(
     assert harness.freed(job)["state"] == "stopped"
 
 
-def test_events_without_a_supervisor_are_reported_by_the_next_one(
+def test_a_program_that_ended_while_no_supervisor_ran_is_reported_by_the_next_supervisor(
     rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     before = open_harness(rig_file, guard_s=1e6)

@@ -152,7 +152,7 @@ def test_the_order_of_messages_within_a_tick_does_not_matter(scene: Scene) -> No
     assert None not in batches[0].x_r_um
 
 
-def test_the_force_has_no_gap_if_the_messages_of_a_stall_arrive_program_by_program(
+def test_live_samples_have_no_gap_if_messages_after_a_stall_arrive_grouped_by_program(
     scene: Scene,
 ) -> None:
     listener = scene.live.open()
@@ -171,7 +171,7 @@ def test_the_force_has_no_gap_if_the_messages_of_a_stall_arrive_program_by_progr
 
 
 @pytest.mark.parametrize("ahead", [1, 3])
-def test_the_force_has_no_gap_if_other_messages_arrive_before_the_position(
+def test_live_samples_have_no_gap_if_other_messages_arrive_before_the_position(
     scene: Scene, ahead: int
 ) -> None:
     listener = scene.live.open()
@@ -282,7 +282,7 @@ def test_a_new_epoch_starts_a_new_batch(scene: Scene) -> None:
     assert batches[1].at_s[0] > batches[0].at_s[-1]
 
 
-def test_a_new_listener_receives_the_past_samples_thinned(scene: Scene) -> None:
+def test_a_new_listener_receives_the_past_samples_with_reduced_density(scene: Scene) -> None:
     scene.idle(0, KEPT)
     batches = heard(scene.live.open())
     found = seqs(batches)
@@ -305,7 +305,7 @@ def test_a_slow_listener_gets_fewer_points_and_the_number_of_missed_ones(
     assert sum(batch.dropped for batch in batches[1:]) == 0
 
 
-def test_late_samples_are_not_gaps_but_missing_ones_are(scene: Scene) -> None:
+def test_missing_samples_are_marked_as_a_gap_and_late_ones_are_not(scene: Scene) -> None:
     listener = scene.live.open()
     ticks = samples.grip()[:60]
     scene.play(ticks[:20])
@@ -317,7 +317,7 @@ def test_late_samples_are_not_gaps_but_missing_ones_are(scene: Scene) -> None:
     assert [seq for seq, gap in gaps.items() if gap] == [ticks[45].position.seq]
 
 
-def test_a_gap_survives_thinning(scene: Scene) -> None:
+def test_a_gap_is_kept_when_samples_are_reduced(scene: Scene) -> None:
     listener = scene.live.open()
     heard(listener)
     scene.idle(0, 200)

@@ -151,7 +151,7 @@ def test_the_number_of_time_series_is_bounded(harness: Harness) -> None:
     assert len(before) < 300
 
 
-def test_each_rig_has_its_own_metrics_and_surplus_rigs_are_counted(
+def test_each_rig_has_its_own_metrics_and_rigs_beyond_the_limit_are_counted(
     rig_file: RigFile, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rigs_harness = RigsHarness(rig_file, tmp_path_factory.mktemp("rigs"))

@@ -59,7 +59,7 @@ def test_epochs_are_added_and_a_longer_histogram_replaces_its_shorter_one(
 
 
 @given(st.floats(0.0, 3.0))
-def test_a_duration_exceeds_its_bound_by_at_most_one_thirty_second(
+def test_each_duration_is_in_a_bucket_whose_bounds_differ_by_at_most_a_thirty_second(
     duration_s: float,
 ) -> None:
     durations = MonotonicHistogram()
@@ -72,7 +72,7 @@ def test_a_duration_exceeds_its_bound_by_at_most_one_thirty_second(
         assert exact_ns * 33 / 32 + 1 >= BOUNDS_NS[place - 1]
 
 
-def test_bounds_rise_and_every_bucket_has_a_place() -> None:
+def test_bounds_increase_and_every_bucket_of_the_histogram_belongs_to_one_of_them() -> None:
     assert list(BOUNDS_S) == sorted(set(BOUNDS_S))
     places = [bound_index(bucket) for bucket in range(BUCKETS)]
     assert places == sorted(places)

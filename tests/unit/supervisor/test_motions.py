@@ -54,7 +54,7 @@ def test_an_inconsistent_move_is_refused(wish: dict[str, Any], words: str) -> No
         REQUEST.validate_python({"kind": "move", **wish})
 
 
-def test_a_hold_has_exactly_one_end() -> None:
+def test_a_hold_ends_either_after_a_time_or_by_a_release_and_not_both() -> None:
     with pytest.raises(ValidationError, match="exclude each other"):
         REQUEST.validate_python({"kind": "hold", "hold_s": 2.0, "until_released": True})
 
@@ -103,7 +103,7 @@ def test_a_move_to_a_voltage_needs_no_law() -> None:
     assert planned.program.laws
 
 
-def test_cycles_keep_away_from_the_part_by_default() -> None:
+def test_conditioning_cycles_do_not_touch_the_part_by_default() -> None:
     body = {"kind": "move", "to_um": 5.0, "conditioning_cycles": 2}
     _, view = plan(body)
     assert max(view.curves.x_r_um) < RIG.part.contact_um - RIG.part.contact_tolerance_um

@@ -64,7 +64,7 @@ def test_an_ended_job_does_not_occupy_the_rig(harness: Harness) -> None:
         ({"kind": "move", "force_mN": 1.0}, "force_mN", ""),
     ],
 )
-def test_a_hint_names_another_field_of_the_same_kind(
+def test_the_hint_for_an_unknown_field_names_a_field_of_the_same_kind(
     harness: Harness, body: dict[str, Any], named: str, hint: str
 ) -> None:
     (error,) = harness.post("/jobs", body).json()["errors"]

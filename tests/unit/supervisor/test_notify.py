@@ -88,7 +88,7 @@ def test_the_end_of_a_job_is_posted_and_its_signature_holds(harness: Harness) ->
     assert headers["content-type"] == "application/json"
 
 
-def test_a_refused_notice_is_sent_again_under_the_same_id(harness: Harness) -> None:
+def test_a_rejected_notice_is_sent_again_with_the_same_id(harness: Harness) -> None:
     with http_receiver([500, 503]) as received:
         delivery, clock = deliver(harness.store, webhook(received))
         ended(harness)
@@ -130,7 +130,7 @@ def test_a_removed_receiver_gets_no_more_notices(harness: Harness) -> None:
     assert len(received.posts) == 1
 
 
-def test_an_alarm_is_notified_once_and_its_end_if_required(harness: Harness) -> None:
+def test_an_alarm_is_notified_once_and_its_end_only_on_request(harness: Harness) -> None:
     alarms = harness.manager.context.alarms
     with http_receiver() as received, http_receiver() as all_of_it:
         usual, _ = deliver(harness.store, webhook(received))

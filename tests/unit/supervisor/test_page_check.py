@@ -53,7 +53,7 @@ def code_of(answer: Any) -> str | None:
 
 
 @pytest.mark.parametrize(("headers", "stop", "order"), CASES)
-def test_the_page_check_predicts_the_outcome_of_real_requests(
+def test_the_page_check_predicts_which_requests_are_accepted(
     named: Harness, headers: dict[str, str], stop: str | None, order: str | None
 ) -> None:
     found = named.call("POST", PLACE, headers=headers)

@@ -61,7 +61,7 @@ def test_a_carry_is_predicted_from_the_position_of_the_held_part() -> None:
     assert (places_um[0], places_um[-1]) == pytest.approx((0.5, 3.5))
 
 
-def test_a_new_force_is_predicted_from_the_force_and_the_voltages_that_act() -> None:
+def test_the_prediction_of_a_new_force_starts_at_the_present_force_and_voltages() -> None:
     made = plan({"kind": "hold", "force_mN": 15.0, "hold_s": 1.0, "release_s": 2.0}, HELD).plan
     assert isinstance(made, PairPlan)
     curves = made.curves
@@ -152,7 +152,7 @@ def test_impossible_jobs_are_refused(body: dict[str, Any], said: str) -> None:
         {"kind": "grip", "centre": True, "hold_s": 1.0, "until_released": True},
     ],
 )
-def test_members_that_exclude_each_other_are_refused(body: dict[str, Any]) -> None:
+def test_fields_that_exclude_each_other_are_refused(body: dict[str, Any]) -> None:
     with pytest.raises(ValidationError):
         REQUEST.validate_python(body)
 
@@ -178,7 +178,7 @@ MEMBERS = [
 
 
 @pytest.mark.parametrize(("kind", "arms", "names"), MEMBERS)
-def test_a_member_of_the_other_number_of_arms_is_refused_by_its_name(
+def test_a_field_for_another_number_of_arms_is_refused_by_name(
     kind: JobKind, arms: int, names: frozenset[str]
 ) -> None:
     rig, has = (demo_rig(), 1) if arms == 2 else (RIG, 2)
@@ -259,7 +259,7 @@ def test_both_arms_make_strokes_before_they_touch_a_part(body: dict[str, Any]) -
     assert second.min_V < -0.5
 
 
-def test_an_arm_that_cannot_be_conditioned_rests_meanwhile_and_the_plan_warns() -> None:
+def test_an_arm_that_cannot_be_conditioned_rests_during_the_strokes_of_the_other() -> None:
     rig = taught(RIG, -0.8, 0.0)
     planned = plan({"kind": "grip"}, UNKNOWN_PAST, rig)
     for segment in planned.program.segments[:3]:

@@ -65,7 +65,7 @@ def test_a_pause_acts_only_at_a_safe_point_and_can_be_cancelled(harness: Harness
 
 
 @pytest.mark.parametrize("action", ["pause", "stop", "resume"])
-def test_a_controller_that_does_nothing_is_tripped_after_the_deadline(
+def test_a_controller_that_ignores_an_action_is_tripped_after_the_deadline(
     rig_file: RigFile, open_harness: Callable[..., Harness], action: str
 ) -> None:
     clock = Clock()
@@ -81,7 +81,7 @@ def test_a_controller_that_does_nothing_is_tripped_after_the_deadline(
     assert (harness.bus.trips[0].cause, bool(harness.bus.trips[0].words)) == ("supervisor", True)
 
 
-def test_no_deadline_runs_while_a_job_is_paused(
+def test_a_paused_job_has_no_deadline(
     rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     clock = Clock()

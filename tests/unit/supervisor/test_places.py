@@ -73,7 +73,7 @@ def test_an_invalid_place_is_refused(place: dict[str, Any], words: str) -> None:
         PartPlace(**place)
 
 
-def test_a_place_sets_where_the_part_is_searched_for(rig_file: RigFile) -> None:
+def test_a_measured_place_sets_the_search_range_for_the_part(rig_file: RigFile) -> None:
     usual = plan_job(REQUEST.validate_python({"kind": "grip"}), rig_file)
     found = planned_at(rig_file, x_um=32.0, u_um=0.5)
     place = found.plan.place
@@ -166,7 +166,7 @@ def test_a_job_uses_the_newest_place_from_the_bus(harness: Harness) -> None:
     assert refused(harness, given_by="bus")["sources"] == ["camera-1", "camera-2"]
 
 
-def test_a_place_is_fresh_when_the_job_starts_to_move(harness: Harness) -> None:
+def test_a_job_fails_if_its_place_is_too_old_when_it_starts_to_move(harness: Harness) -> None:
     place = stated(measured_at=ago(4.8), max_age_s=5.0)
     response = harness.post("/jobs", {"kind": "grip", "place": place})
     if response.status_code == 409:
@@ -211,7 +211,7 @@ def test_an_invalid_place_message_is_refused_and_its_reason_is_shown(
         places.given(PartPlace(given_by="bus"))
 
 
-def test_the_sources_of_a_flood_are_bounded(places: Places) -> None:
+def test_the_number_of_stored_sources_of_places_is_limited(places: Places) -> None:
     for number in range(100):
         places.take(PLACE, sent(source=f"camera-{number}"))
     assert len(places.view().newest) == 16
@@ -221,7 +221,7 @@ def test_the_sources_of_a_flood_are_bounded(places: Places) -> None:
     assert clock
 
 
-def test_the_bias_of_a_source_is_stored_and_includes_each_job_once(
+def test_the_bias_of_a_source_is_stored_and_counts_each_job_once(
     places: Places, store: Store, rig_file: RigFile
 ) -> None:
     def found(difference_um: float) -> PlaceFound:

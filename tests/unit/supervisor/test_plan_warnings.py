@@ -110,7 +110,7 @@ def test_a_tolerance_within_the_noise_is_named(name: str, value: float) -> None:
         ({"kind": "move", "to_um": 5.0, "warm_up_s": 0.1}, "warm_up_s"),
     ],
 )
-def test_a_value_overridden_by_the_output_or_whole_cycles_is_named(
+def test_a_plan_warns_of_requested_values_that_it_has_changed(
     wish: dict[str, Any], name: str
 ) -> None:
     stepped = RIG.model_copy(update={"output": RIG.output.model_copy(update={"step_V": 0.00122})})

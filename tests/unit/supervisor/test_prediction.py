@@ -122,7 +122,7 @@ def test_hysteresis_and_creep_are_predicted_where_they_were_identified() -> None
     assert "straight line" in straight_one.assumptions[1]
 
 
-def test_curves_peaks_and_margins_agree() -> None:
+def test_curves_peaks_and_margins_of_a_prediction_agree() -> None:
     planned = plan(demo(), kind="track")
     found = played(planned)
     samples, limits = found.samples, demo().limits
@@ -149,7 +149,7 @@ def margin(margins: list[Margin], quantity: str, limit: float) -> Margin:
     return next(item for item in margins if (item.quantity, item.limit) == (quantity, limit))
 
 
-def test_the_band_is_reported_if_the_law_has_one() -> None:
+def test_the_sliding_band_is_reported_if_the_law_has_one() -> None:
     without = predicted(straight(), kind="grip").plan.prediction
     within = predicted(straight(), kind="grip", gains={"K_S": 1.0}).plan.prediction
     assert without is not None
@@ -160,7 +160,7 @@ def test_the_band_is_reported_if_the_law_has_one() -> None:
     assert band.distance == pytest.approx(band.limit - band.nearest)
 
 
-def test_a_limit_broken_only_by_the_loop_makes_the_plan_infeasible() -> None:
+def test_a_limit_that_is_exceeded_only_in_the_predicted_motion_makes_the_plan_infeasible() -> None:
     rig = at_own_ports(straight(), {"limits": {"force_max_mN": 20.1}})
     assert plan(rig, kind="grip", force_mN=20.0).plan.feasible
     after = predicted(rig, kind="grip", force_mN=20.0).plan
@@ -203,7 +203,7 @@ def test_a_long_plan_is_predicted_up_to_a_limit(monkeypatch: pytest.MonkeyPatch)
     assert "8 s" in prediction.cut
 
 
-def test_a_short_period_does_not_take_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_number_of_predicted_samples_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dry_run, "LONGEST_SAMPLES", 150)
     prediction = predicted(straight(), kind="grip").plan.prediction
     assert prediction is not None

@@ -45,7 +45,7 @@ def test_a_plan_is_checked_before_its_job_is_created() -> None:
     assert [item.quantity for item in checked.violations] == ["force"]
 
 
-def test_a_release_and_a_calibration_are_accepted_whatever_is_predicted() -> None:
+def test_a_release_and_a_calibration_are_accepted_without_a_prediction() -> None:
     def play(_planned: Planned) -> DryRun:
         raise AssertionError("must not be played")
 

@@ -66,7 +66,7 @@ def test_a_stop_or_an_abort_withdraws_a_proposal(harness: Harness, action: str, 
     assert harness.bus.trips == []
 
 
-def test_an_action_that_a_proposed_job_has_not_is_refused(harness: Harness) -> None:
+def test_an_action_that_a_proposed_job_does_not_allow_is_refused(harness: Harness) -> None:
     job = proposed(harness)
     assert act(harness, job, "start").status_code == 409
     assert harness.get(f"/jobs/{job}")["actions"] == []
@@ -132,7 +132,9 @@ def test_proposals_survive_a_restart(
     assert after.ended(kept)["state"] == "succeeded"
 
 
-def test_one_key_creates_one_proposal_and_there_are_at_most_so_many(harness: Harness) -> None:
+def test_a_key_creates_one_proposal_and_the_number_of_proposals_is_limited(
+    harness: Harness,
+) -> None:
     key = {"Idempotency-Key": "one"}
     jobs = [
         harness.call("POST", "/api/v1/jobs", json=PROPOSED, headers=key).json()["id"]
@@ -151,7 +153,7 @@ def test_a_job_that_breaks_a_limit_cannot_be_proposed(harness: Harness) -> None:
     )
 
 
-def test_a_series_takes_no_approval_for_its_jobs(harness: Harness) -> None:
+def test_a_series_of_proposed_jobs_is_refused(harness: Harness) -> None:
     body = {"job": PROPOSED, "repeats": 2}
     assert harness.post("/rigs/demo/series", body).status_code in (404, 405, 422)
     assert harness.post("/series", body).status_code == 422

@@ -35,7 +35,7 @@ def test_a_complete_rig_is_ready(harness: Harness) -> None:
     assert checks(harness).keys() == names
 
 
-def test_liveness_reports_the_duration_of_a_turn(harness: Harness) -> None:
+def test_liveness_reports_the_lag_of_the_event_loop(harness: Harness) -> None:
     found = harness.call("GET", "/livez").json()
     assert found["status"] == "alive"
     (check,) = found["checks"]

@@ -72,7 +72,7 @@ def test_a_recipe_supplies_omitted_values_of_a_request() -> None:
     assert complete(values, kind="track")["frequency_hz"] == 1.0
 
 
-def test_of_members_that_exclude_each_other_those_of_the_request_are_used() -> None:
+def test_a_request_overrides_fields_of_a_recipe_that_exclude_its_own() -> None:
     held = complete({"hold_s": 2.0, "force_mN": 8.0}, until_released=True)
     assert "hold_s" not in held
     assert held["force_mN"] == 8.0
@@ -142,7 +142,7 @@ def test_a_grip_of_an_object_farther_away_than_the_rig_files_part_is_predicted(
     assert words in "; ".join(predicted.assumptions)
 
 
-def test_the_rig_is_armed_with_what_the_recipe_expects(rig_file: RigFile) -> None:
+def test_the_rig_is_armed_with_the_part_of_the_recipe(rig_file: RigFile) -> None:
     part = {"contact_um": 40.0, "contact_tolerance_um": 1.0, "stiffness_tolerance": 0.1}
     noise = Calibration(values={"sensor.noise_um": 0.02}, sources={"sensor.noise_um": "job"})
     in_use = replace(rig_file_alone(rig_file), version=4, calibration=noise)
@@ -241,7 +241,7 @@ def test_a_job_uses_the_version_it_was_accepted_with(harness: Harness) -> None:
     assert newest["values"]["force_mN"] == 18.0
 
 
-def test_the_part_of_a_recipe_is_armed_for_its_job_only(harness: Harness) -> None:
+def test_the_part_of_a_recipe_is_used_for_its_own_job_only(harness: Harness) -> None:
     keep(harness, values={"part": {"contact_um": 29.0}})
     model = harness.manager.context.model.in_use
     job = harness.grip(recipe="bead")

@@ -53,7 +53,9 @@ def test_a_part_kept_by_a_stop_is_handed_over_to_a_job(harness: Harness) -> None
 @pytest.mark.parametrize(
     ("policy", "act"), [("hold", "stop"), ("release", "let_go"), ("retract", "retract")]
 )
-def test_a_stop_treats_the_part_as_requested(harness: Harness, policy: str, act: str) -> None:
+def test_a_stop_holds_or_releases_the_part_as_requested(
+    harness: Harness, policy: str, act: str
+) -> None:
     job = harness.playing_to(IN_HOLD, on_stop=policy)
     harness.acted(job, "stop")
     stopped = harness.ended(job)
@@ -63,7 +65,9 @@ def test_a_stop_treats_the_part_as_requested(harness: Harness, policy: str, act:
 
 
 @pytest.mark.parametrize(("policy", "let_go"), [("freeze", False), ("ramp", True)])
-def test_an_abort_treats_the_part_as_requested(harness: Harness, policy: str, let_go: bool) -> None:
+def test_an_abort_holds_or_releases_the_part_as_requested(
+    harness: Harness, policy: str, let_go: bool
+) -> None:
     job = harness.playing_to(IN_HOLD, on_abort=policy)
     harness.acted(job, "abort")
     assert harness.ended(job)["state"] == "aborted"

@@ -87,7 +87,7 @@ def test_digits_are_those_of_the_instrument() -> None:
     assert any("sliding function is within its band" in text for text in page.text)
 
 
-def test_requested_values_are_shown_as_requested() -> None:
+def test_a_report_shows_requested_values_with_all_their_digits() -> None:
     page = _page(_example(GripResult), values={"force_mN": 20.125})
     assert "20.125 mN" in page.text
 
@@ -127,7 +127,7 @@ def test_a_missing_figure_is_shown_as_a_dash() -> None:
     assert page.text[page.text.index("force held") + 1] == "–"
 
 
-def test_a_calibration_returns_its_values_and_its_statements() -> None:
+def test_the_report_of_a_calibration_contains_its_values_and_statements() -> None:
     result = {
         "outcome": "moved",
         "statement": "the arm follows",

@@ -36,7 +36,7 @@ def refused(harness: Harness, body: dict[str, Any]) -> dict[str, Any]:
         ({"hold_s": 1.0, "until_released": True}, "", "exclude each other"),
     ],
 )
-def test_a_fault_is_reported_with_its_location_and_value(
+def test_an_invalid_field_is_reported_with_its_location_and_value(
     harness: Harness, wish: dict[str, Any], pointer: str, words: str
 ) -> None:
     problem = refused(harness, {"kind": "grip", **wish})
@@ -199,7 +199,7 @@ def test_a_fault_of_a_track_is_reported_with_its_location(
         ),
     ],
 )
-def test_a_path_beyond_a_limit_names_it(
+def test_the_refusal_of_a_path_beyond_a_limit_names_the_limit(
     harness: Harness, wish: dict[str, Any], quantity: str, pointer: str
 ) -> None:
     problem = refused(harness, {"kind": "track", **wish})

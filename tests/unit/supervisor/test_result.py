@@ -71,7 +71,9 @@ def test_a_grip_states_the_figures_of_its_request() -> None:
 @pytest.mark.parametrize(
     ("change", "mismatch"), [(None, False), (0.003, False), (0.03, True), (-0.03, True)]
 )
-def test_a_changed_stroke_marks_the_result(change: float | None, *, mismatch: bool) -> None:
+def test_a_result_states_that_the_stroke_has_changed(
+    change: float | None, *, mismatch: bool
+) -> None:
     messages = [
         with_arm(message, stroke_change=change, stroke_limit=None if change is None else 0.004)
         if isinstance(message, Estimate)
@@ -154,7 +156,7 @@ def test_a_missing_sample_leaves_a_gap_in_its_columns_only() -> None:
     assert missed(table) == 0
 
 
-def test_true_values_are_numbered_by_their_order() -> None:
+def test_true_values_are_assigned_to_samples_in_their_order() -> None:
     ticks = samples.grip()[:10]
     # The rig's tick count continues from an earlier job, and tick 4 wrote nothing.
     applied = [replace(t.applied, answered=t.applied.seq != 4) for t in ticks]

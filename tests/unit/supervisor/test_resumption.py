@@ -88,7 +88,7 @@ def test_a_calibration_restarts_no_more_often_than_requested(real: Harness) -> N
 
 
 @pytest.mark.parametrize("why", ["device: no answer", "estop"])
-def test_another_trip_waits_for_a_person(real: Harness, why: str) -> None:
+def test_after_any_other_trip_a_calibration_waits_for_a_person(real: Harness, why: str) -> None:
     real.bus.edit, real.bus.pause_at = noisy, TICKS
     job = begun(real, "noise")
     real.bus.trip(why)

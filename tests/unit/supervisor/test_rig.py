@@ -152,7 +152,7 @@ def test_an_unconfirmed_emergency_stop_states_a_remedy(harness: Harness) -> None
     assert "switch the amplifier off" in response.json()["detail"]
 
 
-def test_a_silent_program_is_a_reason(harness: Harness) -> None:
+def test_a_missing_program_is_a_reason_not_to_start(harness: Harness) -> None:
     harness.bus.kill("estimator")
     response = harness.post("/jobs", {"kind": "grip"})
     assert response.status_code == 503

@@ -86,7 +86,9 @@ def test_a_file_that_was_changed_is_not_used(
     assert words in again.trouble
 
 
-def test_numbers_continue_where_versions_ended(model: RigModel) -> None:
+def test_version_numbers_of_the_model_continue_after_a_return_to_an_earlier_version(
+    model: RigModel,
+) -> None:
     model.add({NOISE: 0.02}, {}, "a")
     model.use(0)
     assert model.rig == model.file
@@ -95,7 +97,9 @@ def test_numbers_continue_where_versions_ended(model: RigModel) -> None:
     assert model.files.read(2).previous == ""
 
 
-def test_assumptions_of_the_force_are_values_without_a_calibration(model: RigModel) -> None:
+def test_values_that_the_force_assumes_are_listed_until_they_are_calibrated(
+    model: RigModel,
+) -> None:
     drifts = {f"model.{name}" for name in ("creep_mN_per_decade", "forgotten_mN")}
     alone = model.in_use
     assert {NOISE, COMPLIANCE, "model.forgotten_scale_V", *drifts} < set(

@@ -30,7 +30,7 @@ def told(harness: Harness) -> dict[str, Any]:
     return rig
 
 
-def test_every_state_is_in_the_table() -> None:
+def test_every_rig_state_is_in_the_state_table() -> None:
     assert set(get_args(RigState)) == set(RIG_STATES)
 
 

@@ -43,7 +43,9 @@ def test_a_tolerance_that_the_ring_exceeds_is_refused_with_both_numbers(
 
 @pytest.mark.parametrize("kind", ["three writes", "RC"])
 @pytest.mark.parametrize("frequency_hz", [2.0, 5.0])
-def test_with_parts_or_an_rc_the_same_plan_is_accepted(frequency_hz: float, kind: Kind) -> None:
+def test_with_shaping_or_an_rc_filter_the_same_plan_is_accepted(
+    frequency_hz: float, kind: Kind
+) -> None:
     plan = planned(fast_rig(kind), frequency_hz, force_tolerance_mN=1.0)
     assert plan.feasible
     assert not plan.warnings
@@ -58,7 +60,7 @@ def test_without_a_tolerance_a_large_ring_is_a_warning_with_its_remedy() -> None
     assert not planned(fast_rig("one write"), 0.5).warnings
 
 
-def test_a_line_too_slow_for_parts_is_advised_to_use_an_rc() -> None:
+def test_on_a_line_too_slow_for_shaping_an_rc_filter_is_recommended() -> None:
     lagless = {"model": {"output_delay_s": 0.005}, "limits": {"slew_V_per_s": 40.0}}
     rig = demo_rig(lagless, time="lockstep")
     (warning,) = planned(rig, 2.0).warnings
@@ -74,7 +76,7 @@ def test_an_output_with_a_lag_causes_no_warning() -> None:
     assert not planned(rig, 2.0).warnings
 
 
-def test_doctor_recommends_parts_if_the_output_can_time_them() -> None:
+def test_doctor_recommends_shaping_if_the_output_can_time_it() -> None:
     fast = {"track": {"frequency_hz": 2.0}}
     (found,) = ring(fast_rig("one write", fast))
     assert (found.mark, "shaping = true" in found.remedy) == ("note", True)
@@ -82,7 +84,9 @@ def test_doctor_recommends_parts_if_the_output_can_time_them() -> None:
         assert [one.mark for one in ring(fast_rig(kind, fast))] == ["ok"]
 
 
-def test_doctor_reports_that_u_does_not_include_an_unstated_ring() -> None:
+def test_doctor_reports_that_the_uncertainty_excludes_the_ring_if_the_output_delay_is_missing() -> (
+    None
+):
     tree = fast_rig("one write", {"track": {"frequency_hz": 2.0}})
     model = tree.model.model_copy(update={"output_delay_s": None})
     first, _ = ring(tree.model_copy(update={"model": model}))
@@ -90,7 +94,7 @@ def test_doctor_reports_that_u_does_not_include_an_unstated_ring() -> None:
     assert "output_delay_s = 0.0" in first.remedy
 
 
-def test_doctor_refuses_parts_if_the_output_cannot_time_them() -> None:
+def test_doctor_refuses_shaping_if_the_output_cannot_time_it() -> None:
     rig = demo_rig({"output": {"shaping": True}})
     (found,) = ring(rig)
     assert found.mark == "missing"

@@ -92,7 +92,7 @@ def planned(harness: Harness, **members: Any) -> list[dict[str, Any]]:
     return [one["request"] for one in plan["jobs"]]
 
 
-def test_a_grid_has_a_job_for_each_combination(harness: Harness) -> None:
+def test_a_series_over_a_grid_has_a_job_for_each_combination(harness: Harness) -> None:
     grid = {"force_mN": [8.0, 12.0], "sample": ["B1", "B2", "B3"]}
     found = [(one["force_mN"], one["sample"]) for one in planned(harness, grid=grid)]
     assert found == [(force, sample) for force in grid["force_mN"] for sample in grid["sample"]]
@@ -200,7 +200,7 @@ def test_nothing_moves_if_one_job_would_break_a_limit(harness: Harness) -> None:
     ("most", "state", "ran"), [(1, "stopped", 2), (2, "stopped", 3), (3, "completed", 4),
                                (None, "completed", 4)]
 )  # fmt: skip
-def test_failures_stop_a_series_by_its_rule(
+def test_a_series_stops_after_the_configured_number_of_failures(
     harness: Harness, most: int | None, state: str, ran: int
 ) -> None:
     harness.bus.edit = failing(2, 3)
@@ -305,7 +305,7 @@ def test_a_restarted_supervisor_repeats_the_interrupted_job(
     assert [one["job"] for one in found["jobs"]][: len(done)] == done
 
 
-def test_a_key_creates_one_series_and_one_series_runs_at_once(harness: Harness) -> None:
+def test_a_key_creates_one_series_and_only_one_series_runs_at_a_time(harness: Harness) -> None:
     harness.bus.pause_at = IN_APPROACH
     body = {"job": GRIP, "repeats": 2}
 

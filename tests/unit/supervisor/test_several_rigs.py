@@ -286,7 +286,7 @@ class TestTokensWithoutPrograms:
                 for program in LOOP:
                     sink(name, program, alive)
 
-    def test_unusable_rigs_cost_one_session_and_few_threads_and_are_queried_less_often(
+    def test_unusable_rigs_share_one_session_and_few_threads_and_are_queried_less_and_less_often(
         self, rigs_harness: RigsHarness, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(rig_finder, "AGAIN_MOST_S", 1000.0)

@@ -60,7 +60,9 @@ def test_a_supervisor_continues_while_no_router_accepts_links(bus: Bus) -> None:
     assert len(bus.restarts) == 1
 
 
-def test_each_useless_restart_doubles_the_time(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_restart_without_success_doubles_the_time_until_the_next(
+    bus: Bus, monkeypatch: pytest.MonkeyPatch
+) -> None:
     bus.carries = False
     for before in range(MOST_DOUBLED + 3):
         monkeypatch.setenv(RESTARTS, str(before))
@@ -73,7 +75,7 @@ def test_each_useless_restart_doubles_the_time(bus: Bus, monkeypatch: pytest.Mon
         assert later.restarts == [limit_s + 1.0]
 
 
-def test_after_a_received_message_the_shortest_time_applies(
+def test_after_a_received_message_the_shortest_time_until_a_restart_applies(
     bus: Bus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(RESTARTS, "3")

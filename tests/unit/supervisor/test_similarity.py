@@ -19,13 +19,13 @@ def in_use(source: str | None) -> ModelInUse:
     return ModelInUse(rig, rig.digest(), version=1, calibration=calibration)
 
 
-def test_a_gain_unlike_the_calibrated_one_is_refused() -> None:
+def test_a_gain_that_differs_much_from_the_calibrated_one_is_refused() -> None:
     with pytest.raises(ValueError, match=r"16\.6 µm/V, which is -13 % .* 19 µm/V .* c-7; .*part"):
         require_like_in_use(in_use("c-7"), GAIN, 16.6)
 
 
 @pytest.mark.parametrize("gain_um_per_V", [17.2, 19.0, 20.8])
-def test_an_aged_arm_is_accepted_as_the_same(gain_um_per_V: float) -> None:
+def test_a_slightly_changed_gain_of_an_aged_arm_is_accepted(gain_um_per_V: float) -> None:
     require_like_in_use(in_use("c-7"), GAIN, gain_um_per_V)
 
 

@@ -88,7 +88,7 @@ def test_the_state_of_a_hanging_program_is_trusted_briefly_and_then_unknown(rig:
     assert state_of(rig.told(LETS_GO_S + 0.01)) == ("unknown", "unknown")
 
 
-def test_a_part_at_an_output_that_holds_its_voltage_is_trusted_without_time_limit(
+def test_a_part_is_believed_to_be_held_without_time_limit_if_the_output_holds_its_voltage(
     real_time: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     output = real_time.output.model_copy(
@@ -101,7 +101,7 @@ def test_a_part_at_an_output_that_holds_its_voltage_is_trusted_without_time_limi
     assert (state_of(view), part_of(view)) == (("unknown", "unknown"), ("held", "believed"))
 
 
-def test_a_missing_part_never_becomes_present(rig: Rig) -> None:
+def test_a_part_known_to_be_absent_is_not_reported_as_held_later(rig: Rig) -> None:
     rig.say(IN_APPROACH)
     rig.harness.bus.kill("actuator")
     view = rig.told(60.0)
@@ -134,7 +134,7 @@ def test_a_freeze_with_a_silent_output_does_not_count_as_holding(
     assert view["standing"]["part_age_s"] == pytest.approx(LETS_GO_S + 0.01)
 
 
-def test_a_freeze_with_an_output_that_answers_is_trusted_with_the_age_of_its_voltage(
+def test_during_a_freeze_a_part_is_believed_to_be_held_with_the_age_of_the_confirmed_voltage(
     rig: Rig,
 ) -> None:
     rig.say()

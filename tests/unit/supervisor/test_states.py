@@ -36,17 +36,19 @@ def reachable(start: JobState) -> set[JobState]:
     return seen
 
 
-def test_every_state_is_declared_and_reached() -> None:
+def test_every_job_state_is_declared_and_reachable() -> None:
     assert set(STATES) == set(get_args(JobState)) == reachable("proposed")
 
 
 @pytest.mark.parametrize("state", [s for s in STATES if s.endswith("ing")])
-def test_a_state_that_ends_in_ing_has_a_deadline_that_leads_to_an_end(state: JobState) -> None:
+def test_a_transitional_state_has_a_deadline_that_leads_to_aborting_or_failed(
+    state: JobState,
+) -> None:
     assert STATES[state].deadline_s is not None
     assert next_state(state, "overdue") == ("failed" if state == "aborting" else "aborting")
 
 
-def test_only_states_whose_names_end_in_ing_have_deadlines() -> None:
+def test_only_transitional_states_have_deadlines() -> None:
     late = {state for state, row in STATES.items() if row.deadline_s is not None}
     assert late == {state for state in STATES if state.endswith("ing")}
 
@@ -99,7 +101,7 @@ def test_stop_and_abort_lead_to_states_in_which_they_hold() -> None:
         assert next_state(state, "abort") in HOLDS["abort"]
 
 
-def test_a_stop_of_a_pause_does_not_go_through_running() -> None:
+def test_a_stop_of_a_paused_job_does_not_go_through_the_state_running() -> None:
     assert next_state("paused", "stop") == "stopping"
     assert "running" not in reachable("stopping")
 
@@ -127,7 +129,7 @@ def test_a_job_can_be_aborted_or_stopped_wherever_it_moves(state: JobState) -> N
         assert ("stop" in offered) == (state != "stopping")
 
 
-def test_every_event_and_every_addition_to_a_deadline_has_words() -> None:
+def test_every_event_and_every_reason_for_a_longer_deadline_has_a_description() -> None:
     assert set(EVENTS) == set(EVENT_NAMES)
     assert all(EVENTS.values())
     assert {row.beyond for row in STATES.values()} == set(BEYOND)

@@ -118,7 +118,7 @@ def test_memory_is_updated_after_the_write_and_before_listeners(
     assert order == ["event 0 was the last", "event 1 is kept", "told"]
 
 
-def test_a_write_within_another_is_part_of_it(store: Store) -> None:
+def test_a_nested_write_is_rolled_back_with_the_outer_one(store: Store) -> None:
     def fail() -> None:
         with store.writing():
             store.add(ROW)

@@ -148,7 +148,9 @@ def test_a_stop_acts_with_any_request_headers(exchange: Exchange, path: str, hea
 
 
 @pytest.mark.parametrize("path", NO_STOPS)
-def test_no_other_path_is_a_stop_or_a_redirect(exchange: Exchange, path: str) -> None:
+def test_other_paths_than_that_of_the_stop_give_an_error_and_no_redirect(
+    exchange: Exchange, path: str
+) -> None:
     status, headers, body = exchange(f"POST {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
     assert status in (404, 405)
     assert headers["content-type"] == "application/problem+json"
@@ -169,7 +171,7 @@ def test_no_other_http_method_stops_the_rig(exchange: Exchange, method: str) -> 
     assert set(headers["allow"].split(", ")) == {"POST", "OPTIONS"}
 
 
-def test_post_in_lower_case_stops(exchange: Exchange) -> None:
+def test_the_method_post_in_lower_case_stops_the_rig(exchange: Exchange) -> None:
     assert exchange(b"post /api/v1/estop HTTP/1.1\r\nHost: a\r\n\r\n")[0] == 200
 
 
@@ -199,7 +201,7 @@ def test_other_requests_without_host_are_refused(exchange: Exchange) -> None:
             assert (status, headers["content-type"]) == (421, "application/problem+json")
 
 
-def test_a_name_of_the_rig_file_in_an_absolute_target_is_a_host(exchange: Exchange) -> None:
+def test_the_host_in_an_absolute_request_target_is_checked(exchange: Exchange) -> None:
     own = b"GET http://127.0.0.1:8000/api/v1/rigs HTTP/1.1\r\nHost: evil.example\r\n\r\n"
     other = b"GET http://evil.example/api/v1/rigs HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
     assert exchange(own)[0] == 200

@@ -198,7 +198,7 @@ def test_storing_an_event_deletes_the_oldest_ones_beyond_the_limit(
     assert store.event_span() == (50, 70)
 
 
-def test_a_number_is_never_used_twice(store: Store) -> None:
+def test_an_event_number_is_never_used_twice(store: Store) -> None:
     store.add_event(AT, "demo", None, "state", {})
     store.add_event(AT, "demo", None, "state", {})
     with store.writing() as base:
@@ -240,7 +240,7 @@ def test_a_failing_database_is_named(store: Store) -> None:
         store.set_note("a", "b")
 
 
-def test_a_file_without_a_store_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_database_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "jobs.sqlite"
     path.write_text("this is a text, and longer than the header of a data base would be\n" * 20)
     with pytest.raises(StoreError, match="move it away"):

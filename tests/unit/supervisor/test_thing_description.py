@@ -16,7 +16,7 @@ def document() -> Any:
     return openapi()
 
 
-def test_each_affordance_is_a_rest_path(document: Any) -> None:
+def test_each_affordance_of_the_thing_description_is_a_rest_path(document: Any) -> None:
     for table, method in ((PROPERTIES, "get"), (ACTIONS, "post"), (EVENTS, "get")):
         assert {path for path in table.values() if method not in document["paths"][path]} == set()
 
@@ -46,7 +46,7 @@ def test_a_key_is_required_for_all_but_an_emergency_stop(document: Any) -> None:
     assert list(thing(document, "a", BASE)["securityDefinitions"]) == ["none"]
 
 
-def test_other_rigs_are_linked(document: Any) -> None:
+def test_a_thing_description_links_to_the_other_rigs(document: Any) -> None:
     left = thing(document, "left", BASE, others=["right"])
     right = thing(document, "right", BASE, others=["left"])
     assert left["links"][0]["href"] == f"{BASE}/.well-known/wot?rig=right"

@@ -147,7 +147,7 @@ def test_a_job_that_never_moved_has_a_trace_too(harness: Harness) -> None:
     assert spans(body)[0]["status"]["code"] == 2
 
 
-def test_the_address_is_that_of_opentelemetry(harness: Harness) -> None:
+def test_the_address_for_traces_is_set_by_the_variables_of_opentelemetry(harness: Harness) -> None:
     assert trace_senders({}, harness.store) == []
     (sender,) = trace_senders({ENDPOINT: "http://a:4318"}, harness.store)
     assert sender.name == "traces http://a:4318/v1/traces"

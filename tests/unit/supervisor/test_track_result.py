@@ -60,7 +60,7 @@ def test_full_amplitude_starts_and_ends_with_whole_cycles() -> None:
     assert sum(forces) / len(forces) == pytest.approx(12.0)
 
 
-def test_an_error_in_the_blend_does_not_count() -> None:
+def test_an_error_in_the_transitions_of_a_path_does_not_count() -> None:
     ticks = samples.track()
     far = with_arm(ticks[60].position, x_um=99.0)
     position = result_of([*ticks[:60], replace(ticks[60], position=far), *ticks[61:]]).position_um

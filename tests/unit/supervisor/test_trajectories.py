@@ -219,7 +219,7 @@ def test_a_dry_run_predicts_unless_disabled(harness: Harness) -> None:
     assert flat["prediction"]["peaks"] == with_it["prediction"]["peaks"]
 
 
-def test_the_digest_is_of_request_rig_file_and_model() -> None:
+def test_the_digest_of_a_trajectory_depends_on_request_rig_file_and_model() -> None:
     same = replace(ROW, request=dict(reversed(ROW.request.items())), created_at="later")
     assert same.digest == ROW.digest
     assert len(ROW.digest) >= 16

@@ -109,7 +109,7 @@ def test_five_wrong_passwords_delay_a_user_without_locking_the_account(
     asyncio.run(run())
 
 
-def test_many_attempts_from_one_address_delay_another_by_one_attempt(
+def test_many_sign_in_attempts_from_one_address_delay_another_address_by_one_attempt(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     order: list[str] = []

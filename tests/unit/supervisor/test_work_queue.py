@@ -217,7 +217,7 @@ def test_a_connection_whose_data_have_arrived_outlives_newer_ones() -> None:
     run(test)
 
 
-def test_connections_waiting_for_their_refusal_make_room_for_others(
+def test_connections_that_wait_for_a_delayed_refusal_are_closed_first(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Refusals that are held back do not let the number of connections grow."""
@@ -236,7 +236,7 @@ def test_connections_waiting_for_their_refusal_make_room_for_others(
     run(test)
 
 
-def test_a_turn_of_the_loop_handles_a_bounded_number_of_sockets_and_each_has_its_turn() -> None:
+def test_the_event_loop_handles_a_limited_number_of_sockets_at_a_time_and_none_is_starved() -> None:
     selector, lines = BoundedSelector(), [socket.socketpair() for _ in range(3 * EVENTS)]
     try:
         for reader, writer in lines:
@@ -255,7 +255,7 @@ def test_a_turn_of_the_loop_handles_a_bounded_number_of_sockets_and_each_has_its
             writer.close()
 
 
-def test_the_queue_yields_to_other_work_of_the_loop() -> None:
+def test_the_work_queue_yields_to_other_tasks_of_the_event_loop() -> None:
     """A stop that needs several turns of the event loop has most of them between two of these."""
 
     async def test(lines: Lines) -> None:
@@ -270,7 +270,7 @@ def test_the_queue_yields_to_other_work_of_the_loop() -> None:
 
 
 @pytest.mark.parametrize(("alternates", "order"), [(False, [0, 1, 2, 3]), (True, [3, 0, 2, 1])])
-def test_handshakes_are_started_at_both_ends_of_their_queue(
+def test_handshakes_are_started_with_the_oldest_and_the_newest_connection_in_turn(
     alternates: bool, order: list[int]
 ) -> None:
     begun: list[int] = []

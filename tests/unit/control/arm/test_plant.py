@@ -21,7 +21,7 @@ def test_the_consistent_parameter_set_has_units_of_mN_and_um() -> None:
     assert pytest.approx(41.30, rel=2e-4) == PAPER_ARM.d
 
 
-def test_both_sets_share_the_static_gain_but_the_printed_one_lacks_the_force() -> None:
+def test_both_parameter_sets_have_the_same_static_gain_but_different_force_gains() -> None:
     printed = printed_arm()
     assert printed.d / printed.k == pytest.approx(19.0, rel=2e-4)
     assert PAPER_ARM.d / PAPER_ARM.k == pytest.approx(19.0)
@@ -46,7 +46,7 @@ def test_the_difference_equation_has_the_static_gain_of_the_arm(
     assert plant.k_bar / plant.d_bar * 19.0 - 1.0 == pytest.approx(excess, rel=0.05)
 
 
-def test_prediction_with_the_last_perturbation_solves_the_difference_equation() -> None:
+def test_the_prediction_with_the_previous_perturbation_solves_the_difference_equation() -> None:
     plant = discretize(PAPER_ARM, 0.002)
     x_3, x_2, x_1, x = 0.3, 1.1, 2.5, 4.2
     u_1, u, F_1, F = 0.11, 0.17, 1.5, 2.5

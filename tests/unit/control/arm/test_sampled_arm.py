@@ -62,7 +62,7 @@ def test_one_period_is_integrated_exactly(case: LoopCase, lag_s: float) -> None:
 
 
 @pytest.mark.parametrize("lag_s", [0.0, 0.0033])
-def test_at_rest_the_contact_takes_its_share_of_the_displacement(lag_s: float) -> None:
+def test_at_rest_the_contact_reduces_the_displacement_of_the_arm(lag_s: float) -> None:
     case = LoopCase(K_e_mN_per_um=2.0, delay_periods=0.4, gain_factor=1.1)
     transition, drive = sampled_arms(ARM, PERIOD_S, lag_s, (case,))
     rest = np.zeros(4)

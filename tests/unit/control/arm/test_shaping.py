@@ -17,7 +17,9 @@ def test_the_interval_is_half_a_period_between_the_free_and_the_pressed_mode() -
 
 
 @pytest.mark.parametrize("omega", [OMEGA, OMEGA * sqrt(1.0 + KAPPA)])
-def test_the_ring_equals_the_amplitude_of_an_integrated_mode(omega: float) -> None:
+def test_the_computed_ring_equals_the_amplitude_of_a_numerically_integrated_mode(
+    omega: float,
+) -> None:
     zeta, dt_s = 1e-6, 1e-6
     steps = ShapedStep(0.0, 1.0, 0.0).parts_V()
     x, v, seen = 0.0, 0.0, list[float]()
@@ -33,7 +35,7 @@ def test_the_ring_equals_the_amplitude_of_an_integrated_mode(omega: float) -> No
 
 @pytest.mark.parametrize(("from_V", "to_V"), [(0.0, 1.0), (1.0, -0.5), (0.3, 0.3), (0.0, 1e-4)])
 @pytest.mark.parametrize("step_V", [0.0, 20.0 / 2**16, 0.01])
-def test_steps_in_parts_stay_between_both_voltages(
+def test_the_parts_of_a_shaped_step_stay_between_its_first_and_last_voltage(
     from_V: float, to_V: float, step_V: float
 ) -> None:
     parts_V = ShapedStep(from_V, to_V, 0.0).parts_V(step_V)

@@ -23,7 +23,7 @@ PERIOD_S = 0.001
 TAU_S = 0.02
 
 
-def test_white_noise_has_its_rms_within_the_stated_uncertainty() -> None:
+def test_the_rms_of_white_noise_is_found_within_the_stated_uncertainty() -> None:
     inside = 0
     for seed in range(40):
         noise = np.random.default_rng(seed).normal(0.0, 0.03, 3000)
@@ -39,7 +39,7 @@ def test_noise_needs_a_whole_window() -> None:
         rms_noise(np.zeros(10), 11)
 
 
-def test_an_elliptic_loop_has_its_width_and_a_line_has_none() -> None:
+def test_the_width_of_an_elliptic_loop_is_found_and_that_of_a_line_is_zero() -> None:
     angle = np.linspace(-pi, pi, 4001)
     drive = np.cos(angle) + 1.0
     lag = 0.15
@@ -58,7 +58,7 @@ def test_a_voltage_acts_on_the_first_sample_after_its_delay(delay: float, ticks:
     assert acting_V.tolist() == [1.0] * (5 + ticks) + [3.0] * (5 - ticks)
 
 
-def test_behind_a_lag_a_step_acts_exponentially_and_a_ramp_later() -> None:
+def test_an_output_with_a_lag_approaches_a_step_exponentially_and_delays_a_ramp() -> None:
     delay_s, lag_s, ticks = 0.3 * PERIOD_S, 1.5 * PERIOD_S, np.arange(60.0)
     timing = OutputTiming(delay_s, lag_s)
     acting_V = acting_voltage(np.repeat([0.0, 1.0], 30), timing, PERIOD_S)
@@ -69,7 +69,7 @@ def test_behind_a_lag_a_step_acts_exponentially_and_a_ramp_later() -> None:
     assert behind[-1] == pytest.approx(1.0 + exp(-0.7 / 1.5) / (1.0 - exp(-1.0 / 1.5)))
 
 
-def test_the_reach_is_as_uncertain_as_its_creep_during_the_dwell() -> None:
+def test_creep_during_the_dwell_is_part_of_the_uncertainty_of_the_stroke() -> None:
     rise = np.arange(101.0)
     drive = np.concatenate([np.zeros(10), rise, np.full(24, 100.0)])
     plain, crept = (reach(drive, 0.1 * drive, 0.0, creep) for creep in (0.0, 0.02))
@@ -79,12 +79,12 @@ def test_the_reach_is_as_uncertain_as_its_creep_during_the_dwell() -> None:
     assert more == pytest.approx((ends[0] ** 2 + ends[1] ** 2) / 3.0)
 
 
-def test_a_drive_that_only_rises_has_no_loop() -> None:
+def test_the_loop_width_of_a_voltage_that_only_rises_is_refused() -> None:
     with pytest.raises(ValueError, match="rise and fall"):
         loop_width(np.arange(10.0), np.arange(10.0), 0.0)
 
 
-def test_logarithmic_creep_has_its_slope() -> None:
+def test_the_slope_of_logarithmic_creep_is_found() -> None:
     t_s = 0.01 * np.arange(1, 2001, dtype=np.float64)
     noise = np.random.default_rng(1).normal(0.0, 0.01, len(t_s))
     found = creep_per_decade(t_s, np.asarray(5.0 + 0.2 * np.log10(t_s) + noise, dtype=np.float64))
@@ -119,14 +119,14 @@ def test_a_first_order_lag_falls_by_3_db_at_1_over_2_pi_tau() -> None:
     assert found.phase_deg == pytest.approx(-45.0, abs=2.0)
 
 
-def test_the_uncertainty_of_a_gain_is_that_of_its_noise() -> None:
+def test_the_error_of_a_noisy_gain_is_within_its_stated_uncertainty() -> None:
     gains = [first_order(f, noise=0.1) for f in (4.0, 5.0, 8.0, 10.0, 12.5, 20.0)]
     for found in gains:
         exact = first_order(found.frequency_hz)
         assert abs(found.gain - exact.gain) <= 4.0 * found.gain_uncertainty
 
 
-def test_a_second_order_resonance_falls_by_3_db_where_its_formula_says() -> None:
+def test_the_3_db_frequency_of_a_second_order_resonance_follows_its_formula() -> None:
     mode_hz, damping = 20.0, 0.5
 
     def point(frequency_hz: float) -> Response:
@@ -141,12 +141,12 @@ def test_a_second_order_resonance_falls_by_3_db_where_its_formula_says() -> None
     )
 
 
-def test_a_gain_that_never_falls_gives_a_lower_bound() -> None:
+def test_a_gain_that_never_falls_by_3_db_gives_a_lower_bound_of_the_bandwidth() -> None:
     found = cut_off([Response(1.0, 1.0, 0.01, 0.0), Response(4.0, 0.9, 0.01, -9.0)])
     assert (found.reached, found.frequency_hz.value, found.phase_deg) == (False, 4.0, -9.0)
 
 
-def test_the_step_of_a_first_order_lag_has_its_times() -> None:
+def test_rise_and_settling_time_of_a_first_order_lag_are_found() -> None:
     t_s = np.arange(400) * PERIOD_S
     found = step_response(4.0 - 2.0 * np.exp(-t_s / TAU_S), 2.0, 4.0, PERIOD_S, 0.0)
     assert found.rise_s == pytest.approx(TAU_S * log(9.0), abs=1e-4)
@@ -154,14 +154,14 @@ def test_the_step_of_a_first_order_lag_has_its_times() -> None:
     assert found.overshoot == 0.0
 
 
-def test_a_step_down_that_overshoots_and_never_settles() -> None:
+def test_a_downward_step_may_overshoot_and_never_settle() -> None:
     t_s = np.arange(200) * PERIOD_S
     found = step_response(-1.0 - 0.2 * np.sin(60.0 * t_s), 0.0, -1.0, PERIOD_S, 0.0)
     assert found.settling_s is None
     assert found.overshoot == pytest.approx(0.2, rel=0.01)
 
 
-def test_cycle_lengths_are_even_and_fall() -> None:
+def test_cycle_lengths_are_even_and_decrease() -> None:
     lengths = cycle_lengths(0.5, 48.0, 4, PERIOD_S)
     assert (lengths[0], lengths[-1]) == (2000, 22)
     assert all(length % 2 == 0 for length in lengths)

@@ -111,7 +111,7 @@ def test_an_error_of_the_compliance_is_stated_as_an_error_of_the_stiffness() -> 
     assert wrong.scatter_mN_per_um < 1e-6
 
 
-def test_errors_of_the_free_response_are_shared_by_the_levels() -> None:
+def test_an_error_of_the_free_response_common_to_all_levels_is_part_of_the_uncertainty() -> None:
     """If x_1 swings 1 % too far, each level's force is too large by 1 % of x_1 over s_p."""
     made = [
         replace(swing, force_mN=swing.force_mN + 0.01 * (1.0 / S_P + K_E) * np.asarray(swing.x_um))

@@ -21,14 +21,14 @@ def approach(
     return x, (free - x) / S_P + zero_mN
 
 
-def test_an_approach_without_noise_is_exact_whatever_the_residual_of_the_zero() -> None:
+def test_an_approach_without_noise_is_exact_whatever_the_zero_error() -> None:
     for zero_mN in (0.0, -0.7):
         found = first_touch(*approach(0.0, zero_mN), S_P)
         assert found.contact_um == pytest.approx(X_E, abs=1e-6)
         assert found.stiffness_mN_per_um == pytest.approx(K_E, rel=1e-6)
 
 
-def test_the_uncertainty_is_that_of_many_approaches() -> None:
+def test_the_stated_uncertainty_equals_the_spread_of_many_approaches() -> None:
     found = [first_touch(*approach(0.05, seed=seed), S_P) for seed in range(200)]
     values = [each.contact_um for each in found]
     stated = float(np.mean([each.uncertainty_um for each in found]))
@@ -54,7 +54,7 @@ def test_the_uncertainty_includes_correlated_errors() -> None:
     assert float(np.median(2.0 * np.array(stated_um) / np.abs(errors_um))) < 4.0
 
 
-def test_a_noisy_touch_is_certain_in_a_longer_press() -> None:
+def test_a_noisy_touch_is_found_if_the_press_is_longer() -> None:
     with pytest.raises(NoTouchError):
         first_touch(*approach(0.6, to_um=33.5), S_P)
     found = first_touch(*approach(0.6, to_um=50.0), S_P)

@@ -21,7 +21,7 @@ def test_a_line_without_scatter_is_exact() -> None:
     assert line.residuals == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
 
 
-def test_the_stated_uncertainties_are_those_of_many_lines() -> None:
+def test_the_stated_uncertainties_equal_the_spread_of_many_lines() -> None:
     random = np.random.default_rng(1)
     x = np.linspace(2.0, 9.0, 12)
     lines = [
@@ -45,7 +45,9 @@ def test_the_line_of_figure_8_gives_the_position_and_force_of_the_paper() -> Non
     assert line.at(8.45) == pytest.approx(20.0, abs=0.01)
 
 
-def test_one_weight_gives_the_quotient_and_the_noise_its_uncertainty() -> None:
+def test_one_weight_gives_the_compliance_as_a_quotient_with_the_uncertainty_from_the_noise() -> (
+    None
+):
     found = compliance([0.0, 10.0], [0.0, 4.6], noise_um=0.025)
     assert found.compliance_um_per_mN == pytest.approx(S_P)
     assert found.uncertainty_um_per_mN == pytest.approx(2**0.5 * 0.025 / 10.0)
@@ -58,7 +60,7 @@ def test_several_weights_show_their_scatter() -> None:
     assert 0.0 < found.uncertainty_um_per_mN < 0.01
 
 
-def test_two_points_leave_no_residual_to_judge_a_line() -> None:
+def test_the_uncertainty_of_a_line_through_two_points_is_infinite() -> None:
     line = straight_line([0.0, 1.0], [0.0, 2.0])
     assert line.slope_uncertainty == inf
 
@@ -83,7 +85,7 @@ def test_an_arm_that_bends_in_the_wrong_direction_is_refused() -> None:
         compliance([0.0, 10.0], [0.0, -4.6])
 
 
-def test_the_mean_of_correlated_errors_scatters_by_their_effective_number() -> None:
+def test_the_spread_of_a_mean_of_correlated_errors_follows_from_their_effective_number() -> None:
     """First-order autoregression: τ = (1 + a)/(1 - a), and the variance of a mean is τ·σ²/N."""
     random, a, count = np.random.default_rng(3), 0.8, 4000
     rows: list[np.ndarray] = []

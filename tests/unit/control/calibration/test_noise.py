@@ -19,7 +19,7 @@ def readings(seed: int, sigma_um: float, step_um: float = 1e-5) -> NDArray[np.fl
     return np.round((x + chance.normal(0.0, sigma_um, COUNT)) / step_um) * step_um
 
 
-def test_the_white_part_is_separated_from_drift_and_swing() -> None:
+def test_white_noise_is_separated_from_drift_and_oscillation() -> None:
     found = [sensor_noise(readings(seed, 0.03), PERIOD_S, 0.03) for seed in range(200)]
     values = np.array([each.noise_um for each in found])
     stated = float(np.mean([each.noise_uncertainty_um for each in found]))
@@ -31,7 +31,7 @@ def test_the_white_part_is_separated_from_drift_and_swing() -> None:
     assert not found[0].quantised
 
 
-def test_the_laws_filter_averages_white_noise() -> None:
+def test_the_low_pass_of_the_law_averages_white_noise() -> None:
     chance = np.random.default_rng(3)
     found = sensor_noise(chance.normal(0.0, 0.03, 20_000), PERIOD_S, 0.03)
     share = 1.0 - np.exp(-PERIOD_S / 0.03)
@@ -40,7 +40,7 @@ def test_the_laws_filter_averages_white_noise() -> None:
     assert plain.filtered_noise_um == pytest.approx(0.03, rel=0.02)
 
 
-def test_a_step_wider_than_the_noise_is_the_resolution() -> None:
+def test_a_quantization_step_wider_than_the_noise_is_the_resolution() -> None:
     fine = readings(4, 0.002) - 0.02 * PERIOD_S * np.arange(COUNT)
     found = sensor_noise(np.round(fine / 0.1) * 0.1, PERIOD_S, 0.03)
     assert found.step_um == pytest.approx(0.1)

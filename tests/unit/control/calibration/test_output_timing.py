@@ -95,7 +95,7 @@ def test_lost_samples_change_little() -> None:
     assert found.delay_s == pytest.approx(simulation.actuation_delay_s, abs=0.02 * T)
 
 
-def test_noise_alone_is_not_explained_by_a_fit() -> None:
+def test_a_fit_to_noise_alone_explains_little_of_it() -> None:
     rng = np.random.default_rng(1)
     some = [
         Burst(rng.choice([-0.03, 0.03], size=TICKS), 0.03 * rng.standard_normal(TICKS))
@@ -111,7 +111,9 @@ def test_too_few_bursts_are_refused() -> None:
 
 
 @pytest.mark.parametrize(("period_s", "shown"), [(0.00025, True), (0.001, True), (0.002, False)])
-def test_a_period_shows_the_mode_or_is_refused_with_a_remedy(period_s: float, shown: bool) -> None:
+def test_a_period_at_which_the_mode_is_aliased_is_refused_with_a_remedy(
+    period_s: float, shown: bool
+) -> None:
     assert shows_mode(2437.8, period_s) == shown
     if shown:
         require_visible(2437.8, period_s)

@@ -19,7 +19,7 @@ def true_peak_to_peak() -> float:
     return float(np.ptp(bent(100_000, 100_000.0)))
 
 
-def test_a_cycle_without_noise_is_exact_for_any_drift() -> None:
+def test_the_amplitude_of_a_cycle_without_noise_is_exact_despite_drift() -> None:
     values = bent(437) + 12.0 + 0.004 * np.arange(437)
     found = periodic(values, 100.0)
     assert found.peak_to_peak == pytest.approx(true_peak_to_peak(), rel=1e-5)

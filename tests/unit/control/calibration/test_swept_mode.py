@@ -104,7 +104,7 @@ def test_without_the_higher_modes_the_damping_is_wrong() -> None:
     assert with_them < 0.2 * without
 
 
-def test_a_bode_plot_has_both_curves() -> None:
+def test_the_measured_frequency_response_matches_that_of_the_fitted_model() -> None:
     record = recorded(1, SWEEP)
     found = mode_of(record)
     assert found.coherence > 0.99
@@ -126,7 +126,7 @@ def test_a_sweep_too_short_for_its_resonance_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("place_um", "side"), [(6.0, "above"), (2.0, "above"), (-2.0, "below")])
-def test_a_swing_against_an_obstacle_is_refused(place_um: float, side: str) -> None:
+def test_a_sweep_in_which_the_arm_hits_an_obstacle_is_refused(place_um: float, side: str) -> None:
     """Half of the values beyond a limit are missing."""
     rate_hz = 10_000.0
     t_s = np.arange(round(4.0 * rate_hz)) / rate_hz

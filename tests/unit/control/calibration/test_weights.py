@@ -43,7 +43,7 @@ def test_weights_that_only_increase_mistake_slow_drift_for_compliance() -> None:
     assert float(np.std(both)) < 0.5 * float(np.std(one))
 
 
-def test_the_uncertainty_is_that_of_many_weighings() -> None:
+def test_the_stated_uncertainty_equals_the_spread_of_many_weighings() -> None:
     chance = np.random.default_rng(2)
     steps = there_and_back(WEIGHTS_MN)
     t = np.arange(len(steps)) * 10.0
@@ -84,7 +84,7 @@ def test_the_uncertainty_of_the_weights_is_added() -> None:
         ((0.0, float("nan")), "must be larger"),
     ],
 )
-def test_weights_that_do_not_rise_from_nothing_are_refused(
+def test_weights_that_do_not_increase_from_zero_are_refused(
     weights: tuple[float, ...], text: str
 ) -> None:
     with pytest.raises(ValueError, match=text):

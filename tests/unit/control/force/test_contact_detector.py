@@ -49,7 +49,7 @@ def test_a_contact_is_detected_where_it_begins(contact_um: float, K_e: float) ->
 
 
 @pytest.mark.parametrize("bend", [0.0, 0.3, -0.3])
-def test_a_noisy_free_branch_has_no_touch(bend: float) -> None:
+def test_noise_on_a_free_branch_is_not_detected_as_a_touch(bend: float) -> None:
     assert all(closed(60.0, bend=bend, seed=seed).touch is None for seed in range(40))
 
 
@@ -86,7 +86,7 @@ def test_a_reversal_by_less_than_a_step_keeps_the_branch_and_its_touch() -> None
 @pytest.mark.parametrize("noise_um", [0.02, 0.05, 0.1, 0.15])
 @pytest.mark.parametrize("gain", [0.5, 0.85, 1.1])
 @pytest.mark.parametrize("K_e", [0.75 * K_E, 1.25 * K_E])
-def test_a_part_is_found_below_six_millinewtons_by_a_noisy_sensor_too(
+def test_a_part_is_found_below_six_millinewtons_also_with_a_noisy_sensor(
     K_e: float, gain: float, noise_um: float
 ) -> None:
     """This also holds for an arm that moves by half of d_p, as in a wide loop after a reversal."""
@@ -108,7 +108,7 @@ def test_a_part_is_found_below_six_millinewtons_by_a_noisy_sensor_too(
 
 
 @pytest.mark.parametrize("noise_um", [0.02, 0.034])
-def test_a_free_arm_that_saturates_has_no_touch(noise_um: float) -> None:
+def test_the_saturation_of_a_free_arm_is_not_detected_as_a_touch(noise_um: float) -> None:
     """Like relays of a loop of 39 % above 2 V: the slope falls from 1.65 to 1.15 in 12 µm."""
     limits, watch, arm_um = kink_limits(0.7 * K_E, S_P, noise_um), ContactDetector(0.0, 0.0), 0.0
     chance = Random(3)
@@ -119,7 +119,7 @@ def test_a_free_arm_that_saturates_has_no_touch(noise_um: float) -> None:
         assert watch.touch is None, nominal_um
 
 
-def test_a_bend_that_is_compensated_is_no_longer_a_touch() -> None:
+def test_a_touch_is_cleared_when_a_later_bend_compensates_it() -> None:
     watch = closed(14.0, contact_um=12.0)
     assert watch.touch is not None
     slope = watch.touch.slope
@@ -132,7 +132,7 @@ def test_a_bend_that_is_compensated_is_no_longer_a_touch() -> None:
     assert watch.touch is None
 
 
-def test_a_noisy_sensor_and_a_soft_part_need_a_longer_step() -> None:
+def test_a_noisy_sensor_or_a_soft_part_needs_a_longer_step() -> None:
     assert kink_limits(2.0, S_P, 0.0) == KinkLimits(1.0, 0.5 * 0.92 / 1.92, 0.0)
     assert kink_limits(2.0, S_P, 0.1).step_um > 3.0
     assert kink_limits(0.2, S_P, 0.03).step_um > 5.0
@@ -140,13 +140,13 @@ def test_a_noisy_sensor_and_a_soft_part_need_a_longer_step() -> None:
         kink_limits(0.0, S_P, 0.03)
 
 
-def test_an_arm_that_still_moves_back_after_a_turn_has_no_touch() -> None:
+def test_an_arm_that_still_moves_back_after_a_reversal_is_not_detected_as_a_touch() -> None:
     watch = ContactDetector(0.0, 0.0, free_to_um=0.0)
     watch = watch.updated(LIMITS, -2.0, 2.0)
     assert watch.touch is None
 
 
-def test_a_kink_where_the_arm_has_been_does_not_hide_a_touch_beyond() -> None:
+def test_a_kink_at_positions_reached_before_does_not_hide_a_touch_further_on() -> None:
     """A bend far behind the furthest position hid a part, which the arm then pressed with 54 mN."""
     step_um = 1.01 * LIMITS.step_um
     watch = ContactDetector(0.0, 0.0, free_to_um=20.0)

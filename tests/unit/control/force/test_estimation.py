@@ -37,7 +37,7 @@ def the_uncertainty(
     )
 
 
-def test_the_uncertainty_combines_four_parts_with_coverage_factor_two() -> None:
+def test_the_uncertainty_combines_four_contributions_with_coverage_factor_two() -> None:
     noise, free, age = (
         the_uncertainty(noise_um=0.03),
         the_uncertainty(free_error_um=0.1),
@@ -80,7 +80,7 @@ def test_the_low_pass_follows_a_step_by_its_time_constant() -> None:
     assert smoothing(0.02, 0.0) == 1.0
 
 
-def test_a_mean_reduces_noise_but_no_other_part_of_the_uncertainty() -> None:
+def test_a_mean_reduces_noise_but_no_other_contribution_to_the_uncertainty() -> None:
     stated = uncertainty(
         noise_um=0.03,
         free_error_um=0.04,
@@ -96,7 +96,7 @@ def test_a_mean_reduces_noise_but_no_other_part_of_the_uncertainty() -> None:
     assert one_mN == pytest.approx(stated)
 
 
-def test_a_mean_of_filtered_noise_is_as_uncertain_as_one_of_readings() -> None:
+def test_a_mean_of_filtered_readings_is_as_uncertain_as_a_mean_of_raw_readings() -> None:
     """2000 means over a hold, whose force is low-passed and has an error of 0.05 mN in addition
     to noise."""
     rng, share, count = np.random.default_rng(6), 0.5, 100

@@ -39,20 +39,20 @@ def test_the_freedom_of_the_part_is_found_despite_noise_and_drift(share: float) 
         (1.2, 0.05, "unknown"),
     ],
 )
-def test_a_verdict_is_given_only_if_the_other_one_is_excluded(
+def test_free_or_held_is_reported_only_if_the_other_is_excluded(
     share: float, uncertainty: float, verdict: str
 ) -> None:
     assert Freedom(share, uncertainty).verdict(ARM) == verdict
 
 
-def test_the_stated_stiffness_is_bounded() -> None:
+def test_the_stated_stiffness_of_the_part_is_bounded() -> None:
     stiffness, uncertainty = Freedom(0.5, 0.05).stiffness(ARM)
     assert stiffness == pytest.approx(1.0 / 0.46)
     assert uncertainty == pytest.approx(0.2 / 0.46)
     assert Freedom(-0.1, 0.05).stiffness(ARM)[0] == pytest.approx(49.0 / 0.46)
 
 
-def test_too_few_samples_or_no_motion_determine_nothing() -> None:
+def test_too_few_samples_or_no_motion_give_no_result() -> None:
     fit = FreedomFit()
     for tick in range(20):
         fit = fit.add(ARM, 0.02 * tick, 5.0, 0.0)

@@ -96,17 +96,17 @@ def rms_of_free_arm(*, newest_voltage: bool, printed_term: bool) -> float:
     return sqrt(squares / 100)
 
 
-def test_matched_ages_read_no_force_on_a_free_arm() -> None:
+def test_position_and_voltage_of_the_same_age_give_no_force_on_a_free_arm() -> None:
     assert rms_of_free_arm(newest_voltage=False, printed_term=False) == 0.0
 
 
-def test_unmatched_ages_and_the_printed_term_read_motion_as_force() -> None:
+def test_different_ages_or_the_printed_term_turn_motion_into_an_apparent_force() -> None:
     assert rms_of_free_arm(newest_voltage=True, printed_term=False) == pytest.approx(1.83, abs=0.01)
     assert rms_of_free_arm(newest_voltage=False, printed_term=True) == pytest.approx(1.83, abs=0.01)
     assert rms_of_free_arm(newest_voltage=True, printed_term=True) == pytest.approx(3.67, abs=0.01)
 
 
-def test_the_printed_term_fits_an_x_1_that_is_a_sample_older_than_x() -> None:
+def test_the_printed_term_is_right_if_x_1_is_a_sample_older_than_x() -> None:
     observer = QuasiStatic(QuasiStaticParameters(S_P, printed_um_per_V=D_P))
     voltages = [sin(0.3 * tick) for tick in range(20)]
     observer = observer.restart(0.0, 0.0, 0.0)
@@ -126,7 +126,7 @@ def test_the_low_pass_filter_has_the_configured_smoothing_factor() -> None:
     assert observer.noise_gain == pytest.approx(sqrt(share / (2.0 - share)))
 
 
-def test_a_period_is_long_from_two_periods_of_the_mode_on() -> None:
+def test_the_quasi_static_observer_needs_at_least_two_periods_of_the_mode() -> None:
     assert least_period_s(OMEGA_N) == pytest.approx(2.0 / 388.0, rel=1e-4)
 
 
@@ -140,7 +140,7 @@ def test_impossible_parameters_are_refused() -> None:
             QuasiStaticParameters(S_P, share)
 
 
-def test_x_has_the_age_of_the_voltages_that_act_on_it() -> None:
+def test_the_estimate_uses_the_voltages_that_act_on_x_despite_the_output_delay() -> None:
     """A free arm that follows the mean of its steps has an estimated force of 0, however late
     they come."""
     assert [held_age(delay) for delay in (0.0, 0.5, 0.65, 1.0, 3.0)] == pytest.approx(
@@ -157,6 +157,6 @@ def test_x_has_the_age_of_the_voltages_that_act_on_it() -> None:
                 assert F_mN == pytest.approx(0.0, abs=1e-12)
 
 
-def test_an_x_1_without_an_age_is_refused() -> None:
+def test_an_impossible_age_of_x_1_is_refused() -> None:
     with pytest.raises(ValueError, match="share of the x_1 before"):
         QuasiStaticParameters(S_P, older=1.1)

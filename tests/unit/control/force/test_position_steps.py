@@ -108,7 +108,7 @@ def test_a_press_with_an_uncertain_stiffness_raises_no_alarm(noise_um: float, wr
     assert alarms == 0
 
 
-def test_a_backward_step_is_not_judged_before_the_line_is_known() -> None:
+def test_a_backward_step_is_not_reported_before_the_contact_line_is_known() -> None:
     rule, watch = limits(0.03), StepWatch()
     for x_um in (30.0, 30.1, 30.2):
         watch = watch.updated(rule, x_um, x_um)
@@ -148,6 +148,6 @@ def test_impossible_numbers_are_refused(wrong: dict[str, float]) -> None:
         StepLimits(**values)
 
 
-def test_a_slip_needs_a_part_that_resists() -> None:
+def test_the_slip_of_a_part_without_stiffness_is_refused() -> None:
     with pytest.raises(ValueError, match="s_p·K_e"):
         slip_um(1.0, 0.0)

@@ -32,7 +32,7 @@ def ring(after_s: float, omega: float, lag_s: float, kappa: float = 0.0) -> floa
 
 @pytest.mark.parametrize("kappa", [0.0, 1.0])
 @pytest.mark.parametrize("lag_s", [0.0, 0.001, 0.0033])
-def test_the_ring_is_computed_over_all_phases(lag_s: float, kappa: float) -> None:
+def test_the_computed_ring_is_the_rms_value_over_all_phases(lag_s: float, kappa: float) -> None:
     """Estimated minus true force, times s_p, if x lacks (1 + kappa) times the ring."""
     delay_s = 0.005
     omegas = np.linspace(0.97, 1.03, 400) * OMEGA
@@ -54,7 +54,7 @@ def test_an_rc_of_3_3_ms_reduces_the_ring_to_an_eighth() -> None:
     )
 
 
-def test_the_ring_of_a_voltage_that_acts_after_the_sample_has_not_decayed() -> None:
+def test_a_voltage_that_acts_after_the_sample_has_its_full_ring() -> None:
     assert ring_share(OMEGA, ZETA, OutputTiming(0.03), T) == pytest.approx(0.5**0.5)
 
 
@@ -63,7 +63,7 @@ def test_a_period_that_is_invalid_is_refused() -> None:
         ring_share(OMEGA, ZETA, OutputTiming(), 0.0)
 
 
-def test_an_rc_lacks_a_share_of_the_step_if_the_voltage_acts_late() -> None:
+def test_an_rc_filter_has_not_reached_the_full_step_at_the_next_sample() -> None:
     for delay_s, share in ((0.002, 0.0043), (0.012, 0.0885)):
         assert lag_share(OutputTiming(delay_s, 0.0033), T) == pytest.approx(share, rel=0.01)
     assert lag_share(OutputTiming(0.012), T) == 0.0

@@ -76,13 +76,15 @@ def test_zero_is_refused_if_the_offset_is_implausible() -> None:
     assert "-13.000 µm, limit 12.600 µm after 19.0 µm" in refusal([19.0 - 13.0] * 5, voltage_V=1.0)
 
 
-def test_possible_creep_is_allowed_for() -> None:
+def test_possible_creep_widens_the_limit_of_the_offset() -> None:
     assert refusal([-6.0] * 5, creep_um=1.1) == ""
     assert "limit 6.100 µm" in refusal([-6.2] * 5, creep_um=1.1)
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_a_better_model_tolerates_less_unless_the_memory_is_unknown(known: bool) -> None:
+def test_a_better_model_tolerates_a_smaller_offset_unless_its_memory_is_unknown(
+    known: bool,
+) -> None:
     model = identified_response(HysteresisModel((0.0,), (D_P,)), D_P, 0.1).updated(1.0, 0.02)
     samples = [model.sample(D_P - 3.0)] * 5
     assert model.zero_tolerance_um(0.0) < 1.0
@@ -97,7 +99,7 @@ def test_before_the_first_zero_the_refusal_states_what_to_do() -> None:
     assert "arm again" not in refusal([6.0] * 5, zeroed=True)
 
 
-def test_zero_is_refused_if_the_arm_may_touch_the_part() -> None:
+def test_zero_is_refused_if_the_arm_rests_so_near_to_the_part_that_it_may_touch_it() -> None:
     assert refusal([26.9] * 5, voltage_V=1.42) == ""
     text = refusal([27.1] * 5, voltage_V=1.42)
     assert "rests at 27.100 µm" in text
@@ -118,7 +120,7 @@ def test_a_reading_that_is_not_a_number_is_refused() -> None:
 
 
 @pytest.mark.parametrize("spread_um", [0.4, 0.6])
-def test_only_the_spread_of_the_readings_decides_about_their_limit(spread_um: float) -> None:
+def test_readings_are_refused_only_by_their_spread(spread_um: float) -> None:
     assert (refusal([0.0, 0.0, spread_um, 0.0, 0.0]) == "") == (spread_um < 0.5)
 
 

@@ -135,12 +135,12 @@ def test_the_consistent_set_is_unstable_with_the_printed_term_at_low_gains() -> 
     assert found == pytest.approx((0.86, 0.98, 1.08, 1.18), abs=0.01)
 
 
-def test_with_the_sign_of_the_plots_the_printed_term_is_tolerated() -> None:
+def test_with_the_force_sign_of_the_plots_the_loop_is_stable_despite_the_printed_term() -> None:
     for K_P in GAINS:
         assert swell(Bench(as_fed(K_P), printed_term=True, sign=-1.0)) < 0.95
 
 
-def test_without_the_printed_term_the_same_loop_is_quiet() -> None:
+def test_without_the_printed_term_the_same_loop_is_stable() -> None:
     found = [growth(Bench(as_fed(K_P))) for K_P in GAINS[:3]]
     assert found == pytest.approx((0.90, 0.78, 0.65), abs=0.01)
 
@@ -171,7 +171,7 @@ def test_the_opposite_sign_of_the_force_increases_the_errors() -> None:
 
 
 @pytest.mark.parametrize("set_", ["consistent", "printed"])
-def test_without_switching_s_is_the_change_of_p(set_: ParameterSet) -> None:
+def test_without_the_switching_term_s_equals_the_change_of_p(set_: ParameterSet) -> None:
     """The p̃_k of (28) add up to p_0 - p_k: s_k = s_0 + (G_a/k̄)(p_k - p_0)."""
     bench = Bench(as_fed(1.0, set_))
     a = 2.0 / bench.law.parameters.plant.k_bar
@@ -182,7 +182,7 @@ def test_without_switching_s_is_the_change_of_p(set_: ParameterSet) -> None:
         assert abs(output.sliding_um) < 20.0
 
 
-def test_the_printed_K_S_is_below_any_p() -> None:
+def test_the_printed_K_S_is_far_below_the_perturbation_error_from_sensor_noise() -> None:
     """For a law with the printed k, 12 nm of noise are a p̃ of 1e5; its K_S is 0.003."""
     bench, square = Bench(as_fed(1.0), noise_um=0.012), 0.0
     for _ in range(1000):

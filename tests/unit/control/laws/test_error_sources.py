@@ -54,7 +54,7 @@ def test_without_an_error_there_are_no_error_sources() -> None:
 
 
 @pytest.mark.parametrize("cycle_ticks", [TICKS, 0])
-def test_errors_that_do_not_repeat_are_noise(cycle_ticks: int) -> None:
+def test_errors_that_do_not_repeat_are_attributed_to_noise(cycle_ticks: int) -> None:
     noise_um = np.random.default_rng(1).normal(0.0, 0.05, N)
     seen = replace(moved(perfect(), noise_um), cycle_ticks=cycle_ticks)
     position, force = error_sources(seen)
@@ -75,7 +75,7 @@ def test_the_sensors_own_noise_moves_nothing() -> None:
     assert force.by_cause["noise"] < 0.4 * K_E * SIGMA_UM
 
 
-def test_errors_proportional_to_the_speed_are_lag() -> None:
+def test_errors_proportional_to_the_speed_are_attributed_to_lag() -> None:
     seen = perfect()
     by_um = -0.4 * np.gradient(seen.x_r_um)
     position, force = error_sources(moved(seen, by_um))
@@ -86,7 +86,7 @@ def test_errors_proportional_to_the_speed_are_lag() -> None:
     assert others(position, "lag") < 0.01 * rms(by_um)
 
 
-def test_errors_that_repeat_independent_of_the_speed_are_the_response() -> None:
+def test_repeating_errors_that_do_not_depend_on_speed_are_attributed_to_the_response() -> None:
     noise_um = np.random.default_rng(3).normal(0.0, SIGMA_UM, N)
     by_um = 0.1 * np.sin(6.0 * pi * np.arange(N) / TICKS)
     position, _ = error_sources(moved(perfect(), by_um + noise_um))
@@ -96,7 +96,7 @@ def test_errors_that_repeat_independent_of_the_speed_are_the_response() -> None:
     assert others(position, "response", "noise") < 0.005
 
 
-def test_the_noise_in_a_mean_over_cycles_is_not_the_response() -> None:
+def test_noise_left_in_a_mean_over_cycles_is_not_attributed_to_the_response() -> None:
     noise_um = np.random.default_rng(4).normal(0.0, 0.1, 2 * TICKS)
     whole = perfect()
     names = [name for name in Tracked.__slots__ if np.ndim(getattr(whole, name))]
@@ -124,7 +124,7 @@ def test_a_force_off_the_line_is_attributed_to_the_contact_line() -> None:
     assert others(position, "contact_line") < 1e-6
 
 
-def test_a_late_estimate_is_not_the_contact_line_and_cancelling_errors_are_none() -> None:
+def test_a_late_estimate_is_not_attributed_to_the_contact_line() -> None:
     seen = perfect()
     # F̂ is late: the impedance yields by that error, and the law misses its target by the same.
     late_mN = -0.1 * K_E * np.gradient(seen.x_r_um)
@@ -146,7 +146,7 @@ def test_learned_corrections_are_not_attributed_to_the_impedance() -> None:
         assert max(found.by_cause.values()) < 1e-9
 
 
-def test_the_stated_uncertainty_is_the_response_s_share_of_the_force() -> None:
+def test_the_stated_uncertainty_of_the_force_is_attributed_to_the_response() -> None:
     seen = replace(perfect(), standard_uncertainty_mN=np.full(N, 0.3))
     position, force = error_sources(seen)
     assert position.total == 0.0

@@ -139,7 +139,7 @@ def _but_first(state: Any) -> list[float]:
 
 
 @pytest.mark.parametrize("contact", [PlannedMotion(), PlannedMotion(K_e_mN_per_um=2.1, x_e_um=26)])
-def test_the_law_starts_without_a_bump(contact: PlannedMotion) -> None:
+def test_the_law_starts_without_a_voltage_jump(contact: PlannedMotion) -> None:
     law = law_of(CASES[0])
     at: dict[str, Any] = {"x_um": 31.0, "x_r_um": 31.0}
     state = control_law.start(law, **at, force_mN=10.5, applied_V=1.9)
@@ -178,7 +178,7 @@ def test_a_touch_and_its_loss_do_not_change_the_voltage(pressed_mN: float) -> No
     assert max(abs(step - 1.0) for step in steps) < S_P * 2.1 * 1.15 + 0.01
 
 
-def test_a_cascade_settles_at_its_input() -> None:
+def test_a_cascade_of_low_passes_settles_at_its_input() -> None:
     p = exp(-2.0 * pi * 60.0 * 0.001)
     state, gone = Cascade(0.0, 0.0, 0.0, 0.0), list[float]()
     for _ in range(200):
@@ -199,7 +199,7 @@ def test_impossible_filters_are_refused() -> None:
         LAW.settings("consistent", f_w=0.0)
 
 
-def test_a_law_without_preview_is_given_no_contact() -> None:
+def test_a_law_without_preview_ignores_the_planned_contact() -> None:
     law = control_law.build(law_settings(), ARM, 0.02, 0.03)
     at: dict[str, Any] = {"x_um": 30.0, "x_r_um": 30.5, "force_mN": 0.0, "applied_V": 1.5}
     state = control_law.start(law, **at)

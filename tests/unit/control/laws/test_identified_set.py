@@ -103,7 +103,7 @@ def test_the_stored_voltages_equal_the_transcription_and_the_law() -> None:
             assert outputs[tick].voltage_V == pytest.approx(value, abs=TOLERANCE_UM / LEAST_SLOPE)
 
 
-def test_the_law_differs_from_the_straight_line_by_the_hysteresis() -> None:
+def test_the_hysteresis_makes_the_law_differ_from_that_of_the_straight_line() -> None:
     """Conditions of the comparison: H is not linear, and the voltages reach both of its
     branches."""
     columns = signals()
@@ -169,7 +169,7 @@ def test_with_a_straight_line_the_law_equals_the_linear_law(
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_the_laws_of_other_sets_use_no_response(scheme: str) -> None:
+def test_laws_of_other_parameter_sets_do_not_use_the_identified_response(scheme: str) -> None:
     for name in ("consistent", "printed"):
         law = build(law_settings(scheme, name), ARM, PERIOD_S, 0.03, MODEL)
         assert law == build(law_settings(scheme, name), ARM, PERIOD_S, 0.03)
@@ -186,7 +186,7 @@ def test_without_the_memory_of_the_response_the_law_cannot_start() -> None:
         start(law, x_um=0.0, x_r_um=0.0, force_mN=0.0, applied_V=0.0)
 
 
-def test_changing_from_the_line_to_the_response_causes_no_jump() -> None:
+def test_changing_from_the_straight_line_to_the_identified_response_causes_no_jump() -> None:
     """u and v differ; confusing them would give a residual of 0.2 µm."""
     line = law_of(law_settings("pbsmic"))
     law = build(law_settings("pbsmic", "identified"), ARM, PERIOD_S, 0.0, MODEL)

@@ -26,7 +26,7 @@ def test_the_desired_position_satisfies_the_target_impedance(period_s: float) ->
     assert missed_mN == pytest.approx(0.0, abs=1e-8)
 
 
-def test_the_impedance_trades_four_mN_of_excess_force_for_one_um() -> None:
+def test_the_impedance_yields_one_um_for_four_mN_of_excess_force() -> None:
     impedance = discretize_impedance(PAPER, 0.02)
     d_1 = d_2 = 0.0
     for _ in range(50):

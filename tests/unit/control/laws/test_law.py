@@ -35,7 +35,7 @@ def test_impossible_settings_are_refused(name: str, value: float, text: str) -> 
         law_settings(**values)
 
 
-def test_the_boundary_layer_of_dsmifc_is_a_force() -> None:
+def test_the_boundary_layer_of_dsmifc_is_stated_as_a_force() -> None:
     with pytest.raises(ValueError, match=r"delta = -1\.0 mN, must be"):
         law_settings("dsmifc", delta=-1.0)
 
@@ -80,7 +80,7 @@ def test_the_default_gains_are_those_of_the_set(
 
 
 @BOTH
-def test_the_set_decides_which_arm_model_is_used(scheme: str) -> None:
+def test_the_parameter_set_determines_the_arm_model(scheme: str) -> None:
     own = law_of(law_settings(scheme, "consistent")).parameters
     printed = law_of(law_settings(scheme, "printed")).parameters
     assert type(own) is type(printed) is SlidingParameters
@@ -100,7 +100,7 @@ def test_the_smoothing_factor_of_the_low_pass_filter_is_correct(
 
 
 @BOTH
-def test_the_low_pass_follows_the_error_and_not_the_force(scheme: str) -> None:
+def test_the_low_pass_filters_the_force_error_and_not_the_force(scheme: str) -> None:
     """F_r moves and F̂ is 1 mN above it: δ = 1 - (1 - share)^n, and F_k = F_{r,k} + δ."""
     law = law_of(law_settings(scheme, K_P=3.0), 0.02, 0.05)
     share = 1.0 - exp(-0.02 / 0.05)
@@ -126,7 +126,7 @@ def test_the_low_pass_starts_at_the_present_error(scheme: str) -> None:
 
 
 @BOTH
-def test_the_newest_value_enters_the_estimate_unchanged(scheme: str) -> None:
+def test_the_newest_force_is_used_unfiltered(scheme: str) -> None:
     law = law_of(law_settings(scheme, force_age="newest"), 0.02, 0.05)
     state = start(law, x_um=10.0, x_r_um=10.0, force_mN=5.0, applied_V=1.0)
     state, _ = step_at(law, state, (10.0, 6.5, 1.0), (10.0, 9.0))
@@ -134,7 +134,9 @@ def test_the_newest_value_enters_the_estimate_unchanged(scheme: str) -> None:
 
 
 @BOTH
-def test_at_a_steady_reference_without_low_pass_both_ages_agree(scheme: str) -> None:
+def test_with_a_constant_reference_and_no_low_pass_both_force_ages_give_the_same_voltages(
+    scheme: str,
+) -> None:
     """F_r constant: F_{r,k} + F̂ - F_{r,k-1} is F̂."""
     runs: list[list[float]] = []
     for settings in (law_settings(scheme), law_settings(scheme, force_age="newest")):

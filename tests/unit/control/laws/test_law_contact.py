@@ -71,7 +71,9 @@ def test_with_the_planned_force_a_consistent_moving_plan_has_no_error(
 
 @BOTH
 @pytest.mark.parametrize("K_f", [2000.0, 5000.0])
-def test_with_the_newest_force_a_ramp_has_a_known_error(scheme: str, K_f: float) -> None:
+def test_with_the_newest_force_the_error_on_a_ramp_is_as_calculated(
+    scheme: str, K_f: float
+) -> None:
     """F̂ is one period old, so that the law sees K_e·v·T too little: E = K_f K_e v T/(K + K_f K_e)
     ahead of the plan, where (14), or ε = 0, holds with that force."""
     loop = in_contact(law_settings(scheme, K_f=K_f, force_age="newest"))
@@ -93,7 +95,7 @@ def test_the_planned_force_removes_the_known_error(scheme: str) -> None:
 
 
 @BOTH
-def test_without_the_force_term_a_step_in_contact_is_half_completed(scheme: str) -> None:
+def test_without_the_force_term_the_arm_moves_only_half_of_a_step_in_contact(scheme: str) -> None:
     """The printed set's d̄ makes ΔF/d̄ nothing: the incremental gain is 1/(1 + s_p K_e) of d_p.
 
     The true set, told of ΔF, makes the whole step.
@@ -116,7 +118,7 @@ def test_without_the_force_term_a_step_in_contact_is_half_completed(scheme: str)
 
 
 @BOTH
-def test_the_printed_set_lags_a_moving_plan_in_contact(scheme: str) -> None:
+def test_the_printed_set_lags_behind_a_moving_plan_in_contact(scheme: str) -> None:
     printed = track(in_contact(law_settings(scheme, "printed", force_age="planned")))[0]
     assert printed > 0.05
 

@@ -21,7 +21,7 @@ PERIODS = pytest.mark.parametrize("period_s", [0.02, 0.001])
 @pytest.mark.parametrize(
     ("K_P", "K_I", "share"), [(5.0, 1.0, 1 / 6), (0.5, 1.0, 2 / 3), (1.0, 1.0, 1 / 2)]
 )
-def test_each_sample_removes_its_share_of_the_error(
+def test_each_sample_reduces_the_error_by_the_same_share(
     scheme: str, period_s: float, K_P: float, K_I: float, share: float
 ) -> None:
     """A step of p at a steady reference: e (ε) = -p̃/k̄, and from there (1 - share) a sample."""
@@ -41,7 +41,9 @@ def test_each_sample_removes_its_share_of_the_error(
 @BOTH
 @pytest.mark.parametrize("set_", ["consistent", "printed"])
 @pytest.mark.parametrize("factor", [0.8, 1.25])
-def test_a_steady_reference_is_held_with_zero_error(scheme: str, set_: str, factor: float) -> None:
+def test_a_constant_reference_is_reached_with_zero_error_despite_a_wrong_model(
+    scheme: str, set_: str, factor: float
+) -> None:
     """The arm's d_p is 20 % below or 25 % above the law's, and p is 4 mN; the law knows neither."""
     own = ArmParameters(ARM.m, ARM.b, ARM.k, factor * ARM.d)
     settings = law_settings(scheme, "printed" if set_ == "printed" else "consistent", K_P=2.0)
@@ -81,7 +83,7 @@ def test_the_residual_is_computed_with_the_applied_voltage(scheme: str) -> None:
 
 
 @BOTH
-def test_a_step_of_p_is_seen_one_sample_later(scheme: str) -> None:
+def test_a_step_of_p_appears_in_its_estimate_one_sample_later(scheme: str) -> None:
     """p steps by 1.5 mN: p̂ has it one sample later, p̃ = p_{k-1} - p_k is -1.5 mN once."""
     loop = Loop(law_of(law_settings(scheme, force_age="newest")), resting_arm(10.0))
     outputs = [loop.tick(10.0, p_mN=1.5 * (tick >= 3)) for tick in range(8)]
@@ -116,7 +118,7 @@ def test_a_limit_causes_no_windup(scheme: str) -> None:
 
 
 @pytest.mark.parametrize("K_S", [0.0, 0.5])
-def test_without_impedance_and_force_both_laws_are_equal(K_S: float) -> None:
+def test_without_impedance_and_force_gain_both_laws_are_equal(K_S: float) -> None:
     """M = B = K_f = 0: x_d = x_r and ε = K̄ e, so that with δ̃ = K̄ δ DSMIFC is PBSMIC."""
     pbsmic = law_settings("pbsmic", K_P=2.0, K_S=K_S, delta=0.4, M=0.0, B=0.0, K_f=0.0)
     gains = {**pbsmic.gains, "delta": 0.4 * pbsmic.gains["K"]}

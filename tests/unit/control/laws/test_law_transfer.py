@@ -17,7 +17,7 @@ ORDER: tuple[str, ...] = ("pbsmic", "dsmifc", "pbsmic")
 
 @BOTH
 @PERIODS
-def test_rebase_into_contact_keeps_the_voltage(scheme: str, period_s: float) -> None:
+def test_a_rebase_in_contact_keeps_the_voltage(scheme: str, period_s: float) -> None:
     """The law received no force while it pressed with 2.3 mN; from here on it does."""
     law = law_of(law_settings(scheme, K_S=0.5, delta=0.5), period_s)
     state = start(law, x_um=30.0, x_r_um=30.7, force_mN=0.0, applied_V=1.0)
@@ -38,7 +38,7 @@ def test_rebase_into_contact_keeps_the_voltage(scheme: str, period_s: float) -> 
 
 
 @BOTH
-def test_rebase_keeps_measured_and_applied_values(scheme: str) -> None:
+def test_a_rebase_keeps_measured_and_applied_values(scheme: str) -> None:
     """The residual right after it still belongs to the samples before."""
     law = law_of(law_settings(scheme), 0.001)
     loop = Loop(law, resting_arm(5.0, 0.001))
@@ -80,7 +80,7 @@ def steps(of: list[float]) -> list[float]:
 
 @PERIODS
 @pytest.mark.parametrize("K_e", [0.0, K_E])
-def test_a_change_during_motion_is_invisible_if_the_model_is_exact(
+def test_a_change_of_law_during_motion_does_not_change_the_voltages_if_the_model_is_exact(
     period_s: float, K_e: float
 ) -> None:
     changed, unchanged = (voltages(period_s, K_e, 1.0, change=change) for change in (True, False))
@@ -91,7 +91,7 @@ def test_a_change_during_motion_is_invisible_if_the_model_is_exact(
 @PERIODS
 @pytest.mark.parametrize("K_e", [0.0, K_E])
 @pytest.mark.parametrize("d_share", [0.85, 1.15])
-def test_a_change_during_motion_is_smaller_than_the_plans_own_step(
+def test_a_change_of_law_during_motion_changes_the_voltage_by_less_than_a_step_of_the_plan(
     period_s: float, K_e: float, d_share: float
 ) -> None:
     """The arm's d_p is 15 % off, so that there is an error when the law changes."""
@@ -103,7 +103,7 @@ def test_a_change_during_motion_is_smaller_than_the_plans_own_step(
 
 
 @BOTH
-def test_in_contact_at_the_steady_state_of_an_inconsistent_plan_nothing_moves(
+def test_a_change_of_law_at_the_steady_errors_of_an_inconsistent_plan_moves_nothing(
     scheme: str,
 ) -> None:
     """E_x and E_f of (51), (52) remain, and no other law changes them."""

@@ -94,7 +94,7 @@ def test_the_matrix_of_an_observer_reproduces_its_steps(observer: ForceObserver)
         assert np.all(np.abs(matrix @ fed - found) <= 1e-12 * scale)
 
 
-def test_a_state_is_decomposed_and_rebuilt() -> None:
+def test_a_state_is_flattened_and_rebuilt() -> None:
     law = control_law.build(law_settings(), ARM, PERIOD_S, 0.03)
     state = control_law.start(law, x_um=1.5, x_r_um=1.0, force_mN=2.0, applied_V=0.1)
     values = flatten(state)

@@ -14,14 +14,16 @@ def test_saturation_is_a_line_within_the_layer_and_a_sign_beyond() -> None:
 
 @settings(derandomize=True)
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6))
-def test_saturation_is_odd_bounded_and_never_steeper_than_the_layer(s: float, delta: float) -> None:
+def test_saturation_is_odd_and_bounded_with_a_slope_of_at_most_one_over_the_boundary_layer(
+    s: float, delta: float
+) -> None:
     value = saturation(s, delta)
     assert value == -saturation(-s, delta)
     assert abs(value) <= min(1.0, abs(s) / delta)
 
 
 @pytest.mark.parametrize(("K_S", "p"), [(0.5, 0.3), (0.5, -0.3), (0.0, 0.3), (0.5, 0.0)])
-def test_the_band_is_where_a_step_may_not_cross_zero(K_S: float, p: float) -> None:
+def test_outside_the_band_a_step_reduces_the_sliding_variable(K_S: float, p: float) -> None:
     """From the edge of the band the worst p̃ of this size lands on -s exactly; nearer, beyond."""
     a = 0.9
     edge = sliding_band(a, K_S, p)

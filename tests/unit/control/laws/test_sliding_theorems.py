@@ -155,7 +155,7 @@ def test_with_the_sign_function_s_reaches_its_band(
 
 @SOME
 @given(cases(st.floats(0.01, 0.5), SIGN_UM), start_um, shares)
-def test_the_law_outputs_the_band_of_the_last_step(
+def test_the_law_outputs_the_sliding_band_of_the_previous_step(
     case: Case, x_um: float, shares: list[float]
 ) -> None:
     """Told with the sample that shows p̃: band_k judges the step from s_{k-2} to s_{k-1}."""
@@ -193,7 +193,9 @@ def test_equation_45_in_mN_has_the_factor_that_is_missing_in_print(scheme: str) 
 
 @SOME
 @given(cases(st.floats(0.05, 0.5), 0.5), start_um, shares)
-def test_the_law_works_with_a_boundary_layer(case: Case, x_um: float, shares: list[float]) -> None:
+def test_with_a_boundary_layer_s_does_not_grow_while_switching_exceeds_the_perturbation_error(
+    case: Case, x_um: float, shares: list[float]
+) -> None:
     """Slope a·K_S/δ ≤ 1: |s| does not grow wherever K_S |sat(s/δ)| ≥ |p̃|."""
     slope = case.a_K_S_um / case.delta_um
     errors_mN = [0.3 * case.K_S * share for share in shares]

@@ -30,7 +30,7 @@ def test_the_arm_rests_where_impedance_and_contact_meet(
     assert ranges.force_min_mN - slack <= E_f <= ranges.force_max_mN + slack
 
 
-def test_extreme_parts_cause_the_extreme_steady_errors() -> None:
+def test_the_softest_and_furthest_part_gives_the_extreme_steady_errors() -> None:
     ranges = steady_error_ranges(forces_r_mN=(0.0, 20.0), K=K, K_f=K_F, **PART)
     # The softest part, 3 µm further away, at the full force.
     E_x, E_f = steady_state_errors(
@@ -39,7 +39,7 @@ def test_extreme_parts_cause_the_extreme_steady_errors() -> None:
     assert (E_x, E_f) == pytest.approx((ranges.position_max_um, ranges.force_min_mN))
 
 
-def test_without_tolerances_no_error_remains() -> None:
+def test_without_tolerances_of_the_part_there_is_no_steady_error() -> None:
     ranges = steady_error_ranges(
         forces_r_mN=(2.0, 20.0),
         x_e_um=30.0,
@@ -53,7 +53,7 @@ def test_without_tolerances_no_error_remains() -> None:
     assert found == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
 
 
-def test_without_the_force_only_the_force_has_an_error() -> None:
+def test_without_force_gain_only_the_force_has_a_steady_error() -> None:
     ranges = steady_error_ranges(forces_r_mN=(0.0, 20.0), K=K, K_f=0.0, **PART)
     assert (ranges.position_min_um, ranges.position_max_um) == (0.0, 0.0)
     assert ranges.force_max_mN > 5.0

@@ -128,7 +128,7 @@ def test_neither_reference_moves_the_other_quantity() -> None:
     assert arms.force_mN() == pytest.approx(20.0, abs=1e-9)
 
 
-def test_errors_of_slope_and_offset_are_corrected_in_both() -> None:
+def test_errors_of_slope_and_offset_are_corrected_in_place_and_force() -> None:
     arms = Ideal(slopes=(1.1, 0.85), offsets_um=(-3.0, 5.0))
     wanted = TwoArmReferences(place_um=1.0, force_mN=10.0)
     for _ in range(150):
@@ -153,7 +153,7 @@ def test_an_error_of_the_place_decays_with_the_pole_of_the_law() -> None:
 
 
 @pytest.mark.parametrize("seeks", [True, False])
-def test_errors_of_arms_that_seek_the_part_are_not_corrected(seeks: bool) -> None:
+def test_position_errors_of_arms_that_seek_the_part_are_not_corrected(seeks: bool) -> None:
     arms = Ideal()
     arms.pressed = False
     rest = TwoArmReferences(place_um=0.0, opening_um=50.0, pressed=False)
@@ -200,7 +200,7 @@ def test_the_first_step_and_a_change_of_contact_cause_no_jump_at_the_references(
     assert abs(output.free_um[0] - before[0]) <= 2.0 * abs(S[0] - S[1]) * force + abs(uneven_um)
 
 
-def test_a_swing_of_the_held_part_hardly_reads_as_a_force() -> None:
+def test_a_swing_of_the_held_part_is_hardly_mistaken_for_a_force() -> None:
     alike = (ARMS[0], ARMS[0])
     made, state = two_arms.build(alike, LONG, 0.02, C), two_arms.start()
     swing_um = 0.2 * sin(0.25 * pi)

@@ -56,7 +56,7 @@ def test_noise_is_read_at_rest() -> None:
     assert segment == Drive("noise", 8.0, guarded=True)
 
 
-def test_each_weight_is_awaited_settled_and_measured() -> None:
+def test_each_weight_has_a_wait_a_settling_time_and_a_measurement() -> None:
     program = compliance_program(RIG, (0.0, 5.0, 10.0))
     assert [segment.phase for segment in program.segments[:4]] == [
         "hang 1",
@@ -151,7 +151,7 @@ def test_a_free_motion_beyond_the_limits_is_refused(
         free_response_program(RIG, from_V=from_V, to_V=to_V, rate_V_per_s=rate)
 
 
-def test_full_cycles_are_whole_and_before_the_fading() -> None:
+def test_the_evaluated_cycles_are_whole_and_have_full_amplitude() -> None:
     program = contact_stiffness_program(REQUEST, ROOMY)
     (path,) = paths_of(next(each for each in program.segments if each.phase == "level 4"))
     found = full_cycles(path, PERIOD_S, 4)
@@ -163,7 +163,7 @@ def test_full_cycles_are_whole_and_before_the_fading() -> None:
         full_cycles(path, PERIOD_S, 7)
 
 
-def test_the_widest_level_is_first_and_has_the_crest_of_the_law() -> None:
+def test_the_widest_level_is_first_and_peaks_at_the_voltage_found_by_the_law() -> None:
     program = contact_stiffness_program(REQUEST, ROOMY)
     phases = [segment.phase for segment in program.segments]
     assert phases == [
@@ -191,7 +191,7 @@ def test_the_force_of_a_press_includes_the_swings_of_the_identified_arm() -> Non
     assert crest_force_mN(REQUEST, replace(ROOMY, free_response=narrow), 2.0) == line_mN
 
 
-def test_levels_beyond_the_limits_are_refused_or_lowered() -> None:
+def test_levels_beyond_the_limits_are_refused_and_lower_ones_are_proposed() -> None:
     with pytest.raises(ValueError, match=r"2 V peak to peak: force 57\.\d+ mN above the limit 40"):
         contact_stiffness_program(REQUEST, RIG)
     levels = levels_within(REQUEST, RIG)

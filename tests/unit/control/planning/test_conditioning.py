@@ -29,7 +29,7 @@ SLEW_V_PER_S = 10.0
         ((-0.1, 3.0), -1.0, None),
     ],
 )
-def test_strokes_go_no_lower_than_identified_and_allowed(
+def test_strokes_go_no_lower_than_the_identified_range_and_the_voltage_limit(
     taught_V: tuple[float, float] | None, voltage_min_V: float, depth_V: float | None
 ) -> None:
     assert stroke_depth_V(taught_V, voltage_min_V) == depth_V
@@ -74,7 +74,9 @@ def test_a_plan_starts_with_strokes_if_they_are_required(
     assert plan.phases[-1].voltage_V == pytest.approx(usual.phases[-1].voltage_V, abs=1e-12)
 
 
-def test_strokes_that_the_model_does_not_allow_are_refused_by_the_member() -> None:
+def test_the_refusal_of_strokes_that_the_model_does_not_allow_points_to_the_field_condition() -> (
+    None
+):
     with pytest.raises(FaultyRequestError) as refused:
         plan_job(GripJobRequest(kind="grip", condition="always"), demo_rig())
     assert refused.value.pointer == "/condition"
@@ -116,7 +118,7 @@ def test_a_plan_without_strokes_states_the_uncertainty_from_an_unknown_past() ->
     assert any(f"±{stated_mN:.2g} mN" in one for one in planned(15.0, False, "never").warnings)
 
 
-def test_a_rig_without_voltages_below_rest_cannot_be_conditioned_and_reports_it() -> None:
+def test_a_plan_for_a_rig_without_negative_voltages_has_no_strokes_and_a_warning() -> None:
     """Its force has the uncertainty of an unknown history, but no force is refused for it."""
     rig = demo_rig({**TAUGHT, "limits": {"voltage_min_V": 0.0}})
     assert conditioning_V(rig) is None
@@ -147,7 +149,7 @@ def test_a_rig_file_may_omit_strokes() -> None:
     assert plan.phases[0].phase == "zero"
 
 
-def test_strokes_bring_models_with_different_pasts_to_one_position() -> None:
+def test_strokes_bring_arms_with_different_histories_to_the_same_position() -> None:
     rig = demo_rig(TAUGHT)
     model, low_V = planned_rig(rig).free_response, -0.8
     assert model is not None

@@ -73,7 +73,7 @@ def test_standard_errors_equal_the_spread_of_repeated_fits() -> None:
     assert fits[0].K_e_error_mN_per_um < 0.01 * K_E
 
 
-def test_over_a_forward_and_backward_motion_a_lagging_force_causes_no_bias() -> None:
+def test_a_lagging_force_causes_no_bias_over_a_forward_and_backward_motion() -> None:
     there_and_back = np.concatenate([PLAN, PLAN[::-1]])
     x_um = X_E + there_and_back / K_E
     lagging = np.concatenate([there_and_back[:1], there_and_back[:-1]])
@@ -84,7 +84,7 @@ def test_over_a_forward_and_backward_motion_a_lagging_force_causes_no_bias() -> 
     assert one_way.x_e_um > X_E + 0.05
 
 
-def test_without_spread_points_or_slope_there_is_no_fit() -> None:
+def test_too_few_points_or_too_little_spread_or_slope_give_no_fit() -> None:
     ramp = np.arange(9.0)
     assert ContactLine().fit() is None
     assert line(ramp[:2], ramp[:2], ramp[:2]).fit() is None
@@ -94,7 +94,7 @@ def test_without_spread_points_or_slope_there_is_no_fit() -> None:
     assert line(0.1 * ramp, 0.2 * ramp, ramp).fit(minimum_spread_um=0.2) is not None
 
 
-def test_adding_a_point_does_not_change_the_earlier_line() -> None:
+def test_adding_a_point_returns_a_new_line_and_leaves_the_earlier_one_unchanged() -> None:
     before = line(np.arange(3.0), 2.0 * np.arange(3.0), np.arange(3.0))
     before.add(3.0, 100.0, 3.0)
     fit = before.fit()

@@ -28,7 +28,7 @@ def course(values: list[float]) -> Course:
 SWING = course([-2.0 * cos(2.0 * pi * k / 50.0) for k in range(400)])
 
 
-def test_a_course_within_all_limits_violates_none() -> None:
+def test_a_course_within_all_limits_has_no_violations() -> None:
     assert excursions(SWING, WIDE) == ()
 
 
@@ -63,5 +63,5 @@ def test_the_acceleration_of_the_reference_is_its_second_difference() -> None:
     assert excursions(SWING, replace(WIDE, acceleration_um_per_s2=1.01 * peak)) == ()
 
 
-def test_under_the_acceleration_limit_the_mode_rings_as_stated() -> None:
+def test_at_the_acceleration_limit_the_ring_equals_the_stated_value() -> None:
     assert ring_um(acceleration_limit(2437.8), 2437.8) == pytest.approx(RING_UM)

@@ -85,14 +85,16 @@ def test_an_arm_that_cannot_go_below_0_V_does_not_return_below_its_remanence() -
 
 
 @pytest.mark.parametrize("rest_um", [-8.0, 0.0, 12.0, 60.0])
-def test_the_return_follows_a_drifting_reading(rest_um: float) -> None:
+def test_the_return_ends_at_the_drifted_reading_but_not_closer_to_the_part_than_planned(
+    rest_um: float,
+) -> None:
     rested_um, _ = back(WIDE)
     to_um, _ = back(WIDE, rest_um=rest_um)
     # The arm never comes nearer to the part than the stand-off.
     assert to_um == pytest.approx(min(26.0, max(rested_um, rest_um)))
 
 
-def test_strokes_of_an_arm_at_0_V_break_no_limit_whatever_its_reading() -> None:
+def test_strokes_of_an_arm_at_0_V_break_no_position_limit_whatever_its_reading() -> None:
     rig = replace(
         RIG,
         present_um=60.0,
@@ -107,7 +109,7 @@ def test_strokes_of_an_arm_at_0_V_break_no_limit_whatever_its_reading() -> None:
     assert plan.course.voltage_V[0] == 0.0
 
 
-def test_an_arm_that_starts_in_front_of_the_part_opens_to_the_same_position() -> None:
+def test_an_arm_that_starts_too_close_to_the_part_first_opens_to_its_final_position() -> None:
     rig = replace(RIG, present_um=35.0, free_response=WIDE)
     first, *_, last = plan_grip(REQUEST, rig).program.segments
     assert isinstance(first, Move)
@@ -116,14 +118,14 @@ def test_an_arm_that_starts_in_front_of_the_part_opens_to_the_same_position() ->
     assert first.to_um == last.to_um
 
 
-def test_the_guards_of_a_plan_are_correct() -> None:
+def test_a_plan_contains_the_guards_computed_from_part_and_limits() -> None:
     guards = planned().program.guards
     assert (guards.contact_force_mN, guards.contact_samples, guards.force_max_mN) == (2.0, 3, 40.0)
     assert guards.stiffness_min_mN_per_um == pytest.approx(1.4)
     assert guards.stiffness_max_mN_per_um == pytest.approx(2.6)
 
 
-def test_course_is_consistent_in_position_and_force() -> None:
+def test_position_force_and_voltage_of_a_planned_course_agree() -> None:
     plan = planned()
     assert plan.violations == ()
     course = plan.course
@@ -150,7 +152,7 @@ def test_a_course_has_no_jump() -> None:
         assert max(jumps) < most
 
 
-def test_phases_join_and_end_at_their_targets() -> None:
+def test_phases_follow_one_another_without_gaps_and_end_at_their_targets() -> None:
     plan = planned()
     t_s = 0.0
     for phase in plan.phases:
@@ -171,12 +173,12 @@ def test_a_hold_may_have_no_end() -> None:
     assert plan.phases[5].duration_s == 0.3
 
 
-def test_a_short_approach_takes_its_minimum_time() -> None:
+def test_a_short_approach_has_the_minimum_duration() -> None:
     plan = planned(x_start_um=25.9)
     assert plan.program.segments[1].duration_s == 0.3
 
 
-def test_every_broken_limit_is_named_with_place_and_time() -> None:
+def test_every_broken_limit_is_named_with_field_phase_and_time() -> None:
     limits = PlanLimits(-0.5, 2.0, -20.0, 35.0, 15.0, 10.0, 1e5)
     violations = planned(limits=limits).violations
     found = {violation.quantity: violation for violation in violations}
@@ -194,7 +196,7 @@ def test_every_broken_limit_is_named_with_place_and_time() -> None:
     assert "force 20.000 mN above the limit 15 mN, from " in force.message
 
 
-def test_each_limit_points_to_the_member_that_breaks_it() -> None:
+def test_each_violation_points_to_the_field_that_causes_it() -> None:
     def pointers(limits: PlanLimits) -> list[tuple[str, str]]:
         return [(v.quantity, v.pointer) for v in planned(limits=limits).violations]
 

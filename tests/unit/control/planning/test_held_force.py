@@ -43,7 +43,7 @@ def test_a_force_change_starts_at_the_present_force_and_ends_at_the_new_one(
     assert unload.voltage_V == 0.0
 
 
-def test_the_program_takes_over_the_force_within_its_range() -> None:
+def test_the_program_of_a_force_change_takes_over_the_force_and_has_a_planned_range() -> None:
     program = planned().program
     assert program.takes_force_over
     assert program.planned_range is not None

@@ -28,7 +28,7 @@ def loaded(K_e: float, noise_um: float, count: int, seed: int = 0) -> ContactLin
     return line
 
 
-def test_one_sample_gives_the_line_of_the_stiffest_part_through_it() -> None:
+def test_the_line_through_one_sample_has_the_stiffness_of_the_stiffest_part() -> None:
     line = ContactLine().add(31.0, 2.2, 2.2)
     found = stiffest_line(line, HARDEST, 0.03, S_P)
     assert found.K_e_mN_per_um == HARDEST
@@ -44,7 +44,7 @@ def test_without_noise_the_fitted_line_is_used(K_e: float) -> None:
 
 @pytest.mark.parametrize("noise_um", [0.03, 0.05, 0.15])
 @pytest.mark.parametrize("count", [5, 15, 100])
-def test_the_line_is_softer_than_the_part_in_few_loads_and_ends_near_it(
+def test_the_assumed_line_is_rarely_softer_than_the_part_and_approaches_its_stiffness(
     noise_um: float, count: int
 ) -> None:
     K_e = 2.2
@@ -60,7 +60,7 @@ def test_the_line_is_softer_than_the_part_in_few_loads_and_ends_near_it(
     assert np.median(found) <= min(HARDEST, K_e * (1.0 + 4.0 * wide))
 
 
-def test_a_line_across_a_slip_is_not_followed() -> None:
+def test_a_contact_line_fitted_across_a_slip_is_not_used() -> None:
     line = ContactLine()
     for number, force_mN in enumerate((2.0, 5.0, 8.0, 11.0, 9.0, 12.0, 15.0)):
         slip_um = 3.0 if number >= 4 else 0.0
@@ -74,10 +74,10 @@ def test_the_bounds_of_usable_stiffnesses_are_correct() -> None:
     assert stiffness_bounds(0.5, GUARDS) == pytest.approx((0.15, 2.9))
 
 
-def test_the_line_changes_with_the_same_time_constant_at_every_period() -> None:
+def test_the_contact_line_changes_with_the_same_time_constant_at_every_period() -> None:
     assert line_share(0.02) == pytest.approx(1.0 - (1.0 - line_share(0.001)) ** 20)
 
 
-def test_guards_without_an_upper_bound_keep_a_finite_stiffness() -> None:
+def test_guards_without_an_upper_bound_still_limit_the_stiffness() -> None:
     guards = replace(GUARDS, stiffness_min_mN_per_um=0.0, stiffness_max_mN_per_um=inf)
     assert stiffness_bounds(2.0, guards) == (0.0, 6.0)

@@ -62,7 +62,7 @@ def test_a_move_to_a_voltage_uses_no_law(wish: dict[str, float]) -> None:
     assert any(path.relative for path in paths_of(move)) == ("by_V" in wish)
 
 
-def test_cycles_come_first_and_end_at_their_lowest_voltage() -> None:
+def test_cycles_precede_the_move_and_end_at_their_lowest_voltage() -> None:
     cycles = Cycles(low_V=-0.5, high_V=2.0, rate_V_per_s=3.0, count=2, warm_up_s=20.0)
     plan = moved(AWAY, to_um=5.0, zero_s=0.4, cycles=cycles)
     names = [phase.phase for phase in plan.phases]

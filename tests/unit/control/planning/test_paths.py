@@ -32,7 +32,7 @@ PATHS = pytest.mark.parametrize(
 
 
 @PATHS
-def test_a_path_rests_at_both_ends_and_outside(path: Path) -> None:
+def test_a_path_is_at_rest_at_both_ends_and_outside_its_duration(path: Path) -> None:
     end_s = path.duration_s
     for t_s in (-1.0, 0.0, end_s, end_s + 1.0):
         point = path.point(t_s)
@@ -108,14 +108,14 @@ def test_a_triangle_keeps_its_acceleration_in_the_blend_too(acceleration: float)
     assert 0.74 * acceleration < peaks(path).acceleration <= acceleration
 
 
-def test_a_triangle_that_cannot_reverse_fast_enough_consists_of_rounded_corners_only() -> None:
+def test_a_triangle_whose_corners_need_the_whole_cycle_consists_of_rounded_corners_only() -> None:
     path = triangle("force", 0.0, 2.0, 1.0, 1, 1.0)
     assert path.corner == 0.25
     assert path.at(path.full_from_s + 0.25) == pytest.approx(1.0)
     assert peaks(path).acceleration > 1.0
 
 
-def test_steps_are_as_fast_as_permitted() -> None:
+def test_steps_of_a_path_are_as_fast_as_permitted() -> None:
     found = peaks(STEPS)
     assert found.rate <= 40.0 * (1.0 + 1e-9)
     assert found.acceleration <= 900.0 * (1.0 + 1e-9)
@@ -150,7 +150,7 @@ def test_waypoints_never_overshoot(moves: list[tuple[float, float]], first: floa
 
 
 @PATHS
-def test_a_path_is_sent_inside_its_program(path: Path) -> None:
+def test_an_encoded_program_contains_its_path(path: Path) -> None:
     segment = Track("track", path.duration_s, force=path)
     guards = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.9, 1.0)
     load = Load(Program((segment,), guards, 2.17))

@@ -74,7 +74,7 @@ def contact_pieces() -> list[tuple[float, Segment, Reference]]:
     return list(sample(predict(CONTACT, ARM.entry(0.0, T), ARM.follow, touch), 0.001))
 
 
-def test_each_piece_starts_at_the_end_of_the_previous_one() -> None:
+def test_predicted_position_and_force_have_no_jumps_between_segments() -> None:
     samples = contact_pieces()
     assert max(abs(b[2].x_um - a[2].x_um) for a, b in pairwise(samples)) < 0.02
     assert max(abs(b[2].force_mN - a[2].force_mN) for a, b in pairwise(samples)) < 0.02
@@ -106,7 +106,7 @@ def test_the_tips_of_two_arms_stay_on_the_part_while_it_is_pressed() -> None:
     assert (course.phases[-1].x_um, two.x_r_um[-1]) == pytest.approx((0.0, 0.0), abs=1e-3)
 
 
-def test_both_tips_follow_from_place_and_opening() -> None:
+def test_the_positions_of_both_tips_are_computed_from_place_and_opening() -> None:
     assert tips(Reference(1.5, opening_um=10.0)) == (6.5, 3.5)
 
 

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from pincette.control.planning.profiles import minimum_duration, move, quintic
 
 
-def test_quintic_rests_outside_and_is_symmetric() -> None:
+def test_the_quintic_is_constant_outside_0_to_1_and_symmetric() -> None:
     assert [quintic(s) for s in (-1.0, 0.0, 0.5, 1.0, 2.0)] == [0.0, 0.0, 0.5, 1.0, 1.0]
     assert quintic(0.3) + quintic(0.7) == pytest.approx(1.0)
 
 
-def test_move_from_rest_to_rest_is_the_quintic() -> None:
+def test_a_move_from_rest_to_rest_is_a_scaled_quintic() -> None:
     profile = move(3.0, 0.0, 11.0, 0.0, 2.0)
     for t_s in (0.1, 0.7, 1.0, 1.9):
         assert profile.position(t_s) == pytest.approx(3.0 + 8.0 * quintic(t_s / 2.0))
@@ -43,7 +43,7 @@ def test_a_move_satisfies_its_boundary_conditions(
     assert profile.speed(middle) == pytest.approx(slope, abs=100.0 * scale + 1e-6)
 
 
-def test_the_minimum_duration_satisfies_the_peaks() -> None:
+def test_at_the_minimum_duration_speed_or_acceleration_reaches_its_limit() -> None:
     by_speed = minimum_duration(-30.0, 20.0)
     profile = move(0.0, 0.0, -30.0, 0.0, by_speed)
     times = [by_speed * index / 1000 for index in range(1001)]

@@ -40,7 +40,7 @@ def test_a_program_that_cannot_be_played_is_refused(
         Program(segments, GUARDS, 2.0)
 
 
-def test_a_program_that_can_be_built_is_not_refused() -> None:
+def test_a_valid_program_is_accepted() -> None:
     open_end = Press("hold", None, to_mN=20.0)
     at_once = Move("retreat", 0.0, to_um=(0.0,))
     program = Program((SEEK, LOAD, open_end, at_once), GUARDS, 2.0)

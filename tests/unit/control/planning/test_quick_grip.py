@@ -41,7 +41,7 @@ def speeds(
 
 @pytest.mark.parametrize("force_mN", [4.5, 5.0, 8.0, 20.0, 35.0])
 @pytest.mark.parametrize("period_s", [0.001, 0.02])
-def test_a_touch_is_detected_below_its_share_of_the_planned_force(
+def test_a_touch_is_detected_below_the_permitted_share_of_the_planned_force(
     force_mN: float, period_s: float
 ) -> None:
     touch = TOUCH._replace(force_mN=force_mN, period_s=period_s)
@@ -52,7 +52,7 @@ def test_a_touch_is_detected_below_its_share_of_the_planned_force(
     assert not found.violations
 
 
-def test_a_force_below_twice_the_contact_force_allows_no_speed() -> None:
+def test_a_force_below_twice_the_contact_force_allows_no_quick_grip() -> None:
     assert quick_speeds(NOTHING, USUAL, TOUCH._replace(force_mN=4.0), 2.17, RIG) is None
 
 
@@ -78,14 +78,14 @@ def test_a_shorter_period_allows_more_speed() -> None:
     assert fast.limit("seek_um_per_s") == pytest.approx(20.0 * slow.limit("seek_um_per_s"))
 
 
-def test_a_long_load_starts_slowly() -> None:
+def test_a_long_load_lowers_the_speed_of_the_seek_before_it() -> None:
     found = speeds(NOTHING._replace(load_s=2.0))
     assert found.load_s == 2.0
     assert found.seek_um_per_s < 10.0
     assert not found.violations
 
 
-def test_a_long_load_from_a_fast_seek_is_refused() -> None:
+def test_a_long_load_after_a_fast_seek_is_refused() -> None:
     found = speeds(NOTHING._replace(load_s=2.0, seek_um_per_s=40.0))
     (violation,) = found.violations
     assert (violation.pointer, violation.value) == ("/load_s", 2.0)
@@ -99,7 +99,7 @@ def test_a_load_too_short_for_the_contact_line_is_refused() -> None:
     assert violation.limit == pytest.approx(LOAD_PERIODS * 0.02)
 
 
-def test_a_load_slower_than_its_seek_is_refused() -> None:
+def test_a_load_that_is_slower_than_the_seek_before_it_is_refused() -> None:
     (violation,) = speeds(NOTHING._replace(seek_um_per_s=40.0, load_um_per_s=10.0)).violations
     assert (violation.pointer, violation.value, violation.limit) == ("/load_um_per_s", 10.0, 40.0)
 

@@ -23,7 +23,7 @@ N = 20
 DISTURBED = tuple(0.3 * sin(2.0 * pi * i / N) + 0.1 * cos(4.0 * pi * i / N) for i in range(N))
 
 
-def test_a_cycle_is_corrected_by_the_weighted_errors_about_each_tick() -> None:
+def test_the_correction_of_a_tick_is_a_weighted_sum_of_the_errors_around_it() -> None:
     begun, errors = no_corrections(4), (0.4, 0.0, -0.2, 0.0)
     learned = begun.improved(errors)
     expected = [-GAIN * value for value in (0.2, 0.05, -0.1, 0.05)]
@@ -31,7 +31,7 @@ def test_a_cycle_is_corrected_by_the_weighted_errors_about_each_tick() -> None:
     assert learned.errors_um == pytest.approx((0.05**0.5,))
 
 
-def test_repeating_errors_are_learned_even_with_a_response_one_tick_late() -> None:
+def test_repeating_errors_are_learned_even_if_the_response_is_one_tick_late() -> None:
     learner = CycleLearner(no_corrections(N))
     for tick in range(MOST_CYCLES * N):
         late = learner.corrections.at(tick - 1)
@@ -105,7 +105,7 @@ def test_a_gap_between_cycles_does_not_end_learning() -> None:
 
 
 @pytest.mark.parametrize("fault", ["limited", "missing", "repeated"])
-def test_an_incomplete_cycle_teaches_nothing(fault: str) -> None:
+def test_an_incomplete_cycle_is_not_used_for_learning(fault: str) -> None:
     learner = CycleLearner(no_corrections(4))
     ticks = {"limited": [0, 1, 2, 3], "missing": [0, 1, 3], "repeated": [0, 1, 1, 2, 3]}[fault]
     for tick in ticks:

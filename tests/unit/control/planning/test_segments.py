@@ -78,7 +78,7 @@ def test_derivatives_are_those_of_the_references(name: str) -> None:
 
 
 @EACH
-def test_a_segment_starts_at_the_references_of_its_entry(name: str) -> None:
+def test_a_segment_starts_at_the_references_before_it(name: str) -> None:
     segment, entry = MOVING[name]
     begin, ref = segment.reference(0.0, entry), entry.ref
     if name == "press at the rate of the seek":
@@ -90,7 +90,7 @@ def test_a_segment_starts_at_the_references_of_its_entry(name: str) -> None:
 
 
 @EACH
-def test_a_segment_ends_at_rest_unless_it_seeks(name: str) -> None:
+def test_a_segment_ends_at_rest_unless_it_is_one_that_ends_in_motion(name: str) -> None:
     segment, entry = MOVING[name]
     assert segment.duration_s is not None
     end = segment.reference(segment.duration_s + 1.0, entry)
@@ -152,7 +152,7 @@ def test_a_segment_that_cannot_be_played_is_refused(make: object) -> None:
         make()
 
 
-def test_segments_state_how_many_arms_they_are_for() -> None:
+def test_each_segment_states_for_how_many_arms_it_is() -> None:
     found = {name: segment.arms for name, (segment, _) in MOVING.items()}
     assert {name for name, arms in found.items() if arms == 2} == {
         name for name in MOVING if "two arms" in name and name != "press of two arms without a goal"

@@ -30,13 +30,13 @@ def test_the_frequency_rises_by_a_constant_factor(t_s: float) -> None:
     assert 2.0 / period_s == pytest.approx(wanted_hz, rel=0.01)
 
 
-def test_every_octave_gets_the_same_time() -> None:
+def test_a_sweep_spends_the_same_time_in_every_octave() -> None:
     wave = np.array(SweptVoltages(SWEEP, 0.0)[:])
     turns = np.count_nonzero((wave[:-1] < 0.0) & (wave[1:] >= 0.0))
     assert turns == pytest.approx(795.0 * 4.0 / log(160.0), abs=2)
 
 
-def test_the_slew_is_that_of_the_highest_frequency() -> None:
+def test_the_slew_of_a_sweep_is_that_at_its_highest_frequency() -> None:
     steps = np.abs(np.diff(SweptVoltages(replace(SWEEP, taper_s=0.01), 0.0)[:])) * SWEEP.rate_hz
     assert SWEEP.slew_V_per_s == 2.0 * pi * 800.0 * 0.05
     assert np.max(steps) == pytest.approx(SWEEP.slew_V_per_s, rel=0.02)

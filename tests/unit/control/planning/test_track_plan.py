@@ -47,7 +47,7 @@ def test_segments_are_in_order() -> None:
     assert segments[7] == Track("track", 8.0, force=PATH)
 
 
-def test_position_and_force_agree_all_along_the_path() -> None:
+def test_position_force_and_voltage_agree_at_every_point_of_the_path() -> None:
     plan = planned()
     assert plan.violations == ()
     course = plan.course
@@ -98,7 +98,7 @@ def test_a_part_is_not_pulled() -> None:
     assert plan.violations[0].value == pytest.approx(-1.0)
 
 
-def test_the_refusal_of_a_path_beyond_its_rate_limits_names_the_frequency() -> None:
+def test_the_refusal_of_a_path_beyond_its_rate_limits_points_to_the_frequency() -> None:
     fast = replace(REQUEST, path=sinusoid("force", 12.0, 20.0, 2.5, 2))
     assert found(planned(fast)) == [("rate", "/frequency_hz")]
     slow = replace(REQUEST, acceleration_um_per_s2=50.0)

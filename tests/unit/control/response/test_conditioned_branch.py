@@ -80,7 +80,7 @@ def test_consecutive_full_strokes_condition_the_arm(
     assert followed(voltages(*stops_V)).conditioned is conditioned
 
 
-def test_a_grip_ends_the_conditioned_branch_and_one_stroke_does_not_begin_it_again() -> None:
+def test_after_a_grip_a_single_stroke_does_not_restore_the_conditioned_branch() -> None:
     rising = followed(STROKED, voltages(0.0, 1.5)[15:])
     assert rising.fresh
     assert rising.added_um == pytest.approx(BRANCH.at(1.5))
@@ -98,7 +98,7 @@ def test_shallow_strokes_are_repeated_more_often() -> None:
     assert strokes_needed(-0.5, 2.5) > strokes_needed(-1.0, 2.5) > STROKES
 
 
-def test_the_ratio_of_a_motion_is_most_accurate_at_measured_positions() -> None:
+def test_the_corrected_ratio_of_a_motion_is_most_accurate_at_the_measured_voltages() -> None:
     branch = replace(
         BRANCH, places_V=(1.0, 1.4), way_ratios=(1.0, 1.02), way_spread=0.001, way_uneven=0.005
     )
@@ -202,7 +202,7 @@ def test_the_limit_allows_for_noise_drift_and_creep_of_the_past() -> None:
         assert plain.limit < found.limit < 0.03
 
 
-def test_an_unjudgeable_motion_is_not_compared() -> None:
+def test_a_motion_is_not_compared_if_drift_history_or_shortness_make_it_inaccurate() -> None:
     assert change_of(conditioned_way(1.03), drift_um_per_s=2.0) is None
     assert change_of(conditioned_way(1.03), past_um=1.0) is None
     assert change_of(conditioned_way(1.03, to_V=0.2)) is None
@@ -237,7 +237,7 @@ def test_an_arm_without_strokes_is_not_compared() -> None:
     )
 
 
-def test_the_error_of_the_return_is_that_of_grips_after_strokes() -> None:
+def test_the_error_of_the_return_is_taken_from_rehearsed_grips_after_strokes() -> None:
     """The rehearsals without strokes left 0.12 µm on a relay arm, those after them 0.27 µm."""
     voltages_V, wrong_um = [0.0], [0.0]
     ways: list[ConditionedWay] = []

@@ -17,7 +17,7 @@ def noise_mN(seed: int) -> np.ndarray:
     return np.random.default_rng(seed).normal(0.0, NOISE_MN, len(PHASE))
 
 
-def test_a_valid_table_reduces_the_scatter_to_the_noise() -> None:
+def test_a_correct_residual_table_reduces_the_force_scatter_to_the_noise() -> None:
     found = contact_scatter(X_UM, TRUE_MN + MISSED_MN + noise_mN(1), -MISSED_MN)
     assert found is not None
     assert not found.worse
@@ -31,7 +31,7 @@ def test_a_table_of_another_motion_is_found() -> None:
     assert found.worse
 
 
-def test_a_table_that_changes_little_is_not_refused_by_chance() -> None:
+def test_a_residual_table_that_changes_little_is_not_refused_by_chance() -> None:
     worse = 0
     for seed in range(200):
         drawn = np.random.default_rng(1000 + seed).normal(0.0, 0.1 * NOISE_MN, len(PHASE))

@@ -107,7 +107,7 @@ def test_an_unexplained_motion_is_refused() -> None:
         calibrate_free_response(replace(motion, x_um=shaken), SAMPLES_PER_CYCLE, unpoled=True)
 
 
-def test_a_break_is_a_finding_if_a_person_has_confirmed_that_there_is_no_part(
+def test_a_kink_is_reported_instead_of_refused_if_a_person_has_confirmed_that_there_is_no_part(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     try_few_models(monkeypatch)

@@ -34,7 +34,7 @@ def grips(*ways_V: float, hold: int = REST) -> tuple[Column, list[RehearsedGrip]
     return np.concatenate(voltages), found
 
 
-def test_an_error_of_the_gain_is_found_at_the_lengths_of_press_and_approach() -> None:
+def test_an_error_of_the_gain_is_found_at_the_travel_of_press_and_approach() -> None:
     u, rehearsed = grips(0.5, 0.5)
     growth = rehearsed_errors(u, 0.1 * u + 4.0, PERIOD_S, rehearsed).growth
     assert growth.at(0.0) == 0.0
@@ -42,14 +42,14 @@ def test_an_error_of_the_gain_is_found_at_the_lengths_of_press_and_approach() ->
     assert growth.at(1.0) == growth.at(99.0) == pytest.approx(0.1)
 
 
-def test_presses_of_several_lengths_are_represented_by_their_mean() -> None:
+def test_errors_of_presses_of_different_travel_are_combined_to_their_rms_value() -> None:
     u, rehearsed = grips(0.3, 0.7)
     growth = rehearsed_errors(u, 0.1 * u, PERIOD_S, rehearsed).growth
     assert growth.at(0.5) == pytest.approx(0.1 * sqrt((0.3**2 + 0.7**2) / 2.0))
     assert growth.at(0.125) == pytest.approx(0.5 * growth.at(0.5))
 
 
-def test_creep_is_the_growth_of_the_error_during_the_holds() -> None:
+def test_growth_of_the_error_during_the_holds_is_attributed_to_creep() -> None:
     u, rehearsed = grips(0.3, 0.5, hold=500)
     left_um = 0.1 * u
     for grip, sign in zip(rehearsed, (1.0, -1.0), strict=True):
@@ -68,7 +68,7 @@ def test_creep_is_the_growth_of_the_error_during_the_holds() -> None:
     assert rehearsed_errors(u, 0.1 * u, PERIOD_S, rehearsed).creep_um.value < 1e-9
 
 
-def test_noise_has_little_effect_and_no_grip_is_refused() -> None:
+def test_noise_has_little_effect_and_a_record_without_a_grip_is_refused() -> None:
     u, rehearsed = grips(0.3, 0.5, 0.7, 0.4, hold=500)
     noise_um = np.random.default_rng(5).normal(0.0, 0.03, len(u))
     found = rehearsed_errors(u, noise_um, PERIOD_S, rehearsed)
@@ -82,7 +82,7 @@ def test_noise_has_little_effect_and_no_grip_is_refused() -> None:
 
 
 @pytest.mark.parametrize("noise_um", [0.0, 0.03])
-def test_the_slope_error_after_a_turn_is_that_of_the_start_of_the_return(
+def test_the_slope_error_after_a_reversal_is_measured_at_the_start_of_the_return(
     noise_um: float,
 ) -> None:
     fall_V: Column = np.linspace(0.0, 1.0, 51)
@@ -108,7 +108,9 @@ def test_the_slope_error_after_a_turn_is_that_of_the_start_of_the_return(
 @pytest.mark.parametrize(
     ("freedom", "factor"), [(3, 3.18), (4, 2.776), (6, 2.447), (20, 2.086), (1e9, 2.0)]
 )
-def test_few_rehearsals_are_covered_by_student_s_t(freedom: float, factor: float) -> None:
+def test_the_coverage_factor_for_few_rehearsals_follows_student_s_t(
+    freedom: float, factor: float
+) -> None:
     assert coverage(freedom) == pytest.approx(factor, rel=0.01)
     assert coverage(freedom) >= COVERAGE
 
@@ -121,7 +123,7 @@ def test_the_error_of_x_1_is_stated_since_its_zero() -> None:
     assert errors == pytest.approx([0.0, 0.05, 0.125, 0.2])
 
 
-def test_after_the_first_motion_every_error_is_at_least_a_minimum() -> None:
+def test_the_error_is_at_least_its_minimum_except_before_the_first_motion() -> None:
     growth = checked_growth([0.1, 1.0], [0.05, 0.2]).at_least(0.1)
     errors_um = [growth.at(way_V) for way_V in (0.0, 0.05, 0.1, 1.0)]
     assert errors_um == pytest.approx([0.0, 0.05, 0.1, 0.2])

@@ -70,7 +70,7 @@ def test_an_arm_that_was_moved_before_is_recognized() -> None:
     assert moved.model_residual_um < 0.15
 
 
-def test_a_record_without_its_step_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_record_without_a_voltage_step_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     try_few_models(monkeypatch)
     motion = freed_demo()
     rest = slice(motion.after_step.start, motion.after_step.start + 100)

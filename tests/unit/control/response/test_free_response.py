@@ -26,7 +26,7 @@ def test_the_free_position_follows_the_nominal_line() -> None:
     assert free_position(MODEL, 1.5) == pytest.approx(2.0 + 28.5)
 
 
-def test_the_line_passes_through_the_rest_with_the_slope_of_the_branch() -> None:
+def test_a_zero_sets_the_line_through_the_rest_position_with_the_slope_of_the_branch() -> None:
     model = MODEL.rezero(rest(ramp(0.0, 1.2, 2.0, 22.0)), 8)
     assert model.gain_um_per_V == pytest.approx(22.0)
     assert free_position(model, 1.2) == pytest.approx(2.0 + 26.4)
@@ -34,7 +34,7 @@ def test_the_line_passes_through_the_rest_with_the_slope_of_the_branch() -> None
     assert model.nominal_um_per_V == 19.0
 
 
-def test_slope_is_that_of_the_end_of_a_bent_branch() -> None:
+def test_the_slope_of_the_line_is_that_at_the_end_of_a_bent_branch() -> None:
     bent = ramp(0.0, 0.9, 0.0, 16.0)
     bent += ramp(0.9, 1.2, bent[-1].x_um, 21.0)
     assert MODEL.rezero(rest(bent), 8).gain_um_per_V == pytest.approx(21.0)
@@ -49,7 +49,7 @@ def test_sensor_noise_averages_out() -> None:
     assert MODEL.rezero(noisy, 20).gain_um_per_V == pytest.approx(20.0, rel=0.01)
 
 
-def test_the_branch_before_a_turn_is_omitted() -> None:
+def test_only_the_branch_after_a_reversal_determines_the_slope() -> None:
     up = ramp(0.0, 1.0, 0.0, 20.0)
     down = ramp(1.0, 0.85, up[-1].x_um, 14.0)
     model = MODEL.rezero(rest([*up, *down]), 8)
@@ -71,7 +71,7 @@ def test_with_too_little_travel_the_nominal_slope_is_kept() -> None:
 
 
 @pytest.mark.parametrize("rest_samples", [0, 3])
-def test_a_missing_rest_is_refused(rest_samples: int) -> None:
+def test_a_zero_with_too_few_samples_at_rest_is_refused(rest_samples: int) -> None:
     with pytest.raises(ValueError, match=f"2 samples, must be at least {rest_samples} at rest"):
         MODEL.rezero([FreeSample(0.0, 0.0)] * 2, rest_samples)
 
@@ -83,7 +83,7 @@ def test_the_tolerance_of_a_zero_grows_with_travel_and_creep() -> None:
     assert moved.zero_tolerance_um(0.3) == pytest.approx(5.0 + 0.4 * 19.0 * 0.5 + 0.3)
 
 
-def test_a_new_start_keeps_the_uncertainty_of_the_furthest_travel() -> None:
+def test_a_new_arming_keeps_the_uncertainty_from_the_furthest_travel() -> None:
     line = nominal_response(19.0, FreeSample(0.0, 0.0), hysteresis_fraction=0.2)
     returned = line.updated(2.5, 0.02).updated(0.0, 0.02).begin(25.7)
     assert returned.position_um() == 25.7

@@ -32,7 +32,7 @@ def test_holding_a_position_against_creep_needs_a_falling_voltage() -> None:
     assert voltages[0] > voltages[100] > voltages[-1]
 
 
-def test_forward_and_backward_are_two_branches() -> None:
+def test_forward_and_backward_voltages_differ_by_the_hysteresis() -> None:
     up = [0.3 * k for k in range(100)]
     voltages = free_voltages(MODEL, [*up, *reversed(up)], PERIOD_S)
     assert voltages[50] - voltages[-51] > 0.05

@@ -106,7 +106,7 @@ def test_fading_decreases_the_displacement_of_small_loops() -> None:
     assert displacement_um(PLAYS, unfaded) == pytest.approx(position(2.0, 1.15, 1.2))
 
 
-def test_fading_is_the_solution_of_its_equation() -> None:
+def test_a_fading_play_solves_its_differential_equation() -> None:
     end_V, steps = 0.45, 20000
     state = driven(FADING, end_V)
     for play, fading in ((1, 0.8), (3, 1.4)):
@@ -117,7 +117,7 @@ def test_fading_is_the_solution_of_its_equation() -> None:
 
 
 @given(voltages=VOLTAGES, b=st.floats(0.1, 3.0), share=st.floats(-1.0, 1.0))
-def test_a_play_that_never_yields_is_the_bouc_wen_operator(
+def test_a_play_that_never_yields_equals_the_bouc_wen_operator(
     voltages: list[float], b: float, share: float
 ) -> None:
     shape = BoucWen(A_um_per_V=1.0, b_per_V=b, g_per_V=share * b)
@@ -138,7 +138,9 @@ def test_a_play_that_never_yields_is_the_bouc_wen_operator(
 
 
 @given(voltages=VOLTAGES)
-def test_without_fading_the_play_is_the_plain_one_to_the_bit(voltages: list[float]) -> None:
+def test_without_fading_a_play_equals_the_plain_play_operator_to_the_bit(
+    voltages: list[float],
+) -> None:
     play, thresholds = [0.0, 0.0, 0.0], PLAYS.thresholds_V
     for u in voltages:
         play = [max(u - r, min(u + r, y)) for r, y in zip(thresholds, play, strict=True)]
@@ -160,7 +162,9 @@ def bent_plays(model: HysteresisModel) -> HysteresisModel:
 
 @pytest.mark.parametrize("bends", [False, True])
 @EACH
-def test_slopes_are_those_of_small_steps(model: HysteresisModel, bends: bool) -> None:
+def test_computed_slopes_equal_those_of_small_voltage_steps(
+    model: HysteresisModel, bends: bool
+) -> None:
     bent = replace(model, curvature_um_per_V2=0.4)
     if bends:
         bent = bent_plays(bent)
@@ -186,7 +190,7 @@ def test_curvature_adds_to_the_static_displacement() -> None:
     )
 
 
-def test_a_bend_is_a_cubic_between_two_voltages_and_straight_beyond() -> None:
+def test_the_bend_of_a_play_is_cubic_between_two_voltages_and_linear_beyond() -> None:
     def g(y: float) -> float:
         return bend_um(0.3, -0.1, -1.0, 2.0, y)
 
@@ -252,7 +256,7 @@ def test_one_large_motion_equals_many_small_steps(model: HysteresisModel, bends:
     assert simulate(bent, voltage_V, 0.02) == pytest.approx(np.array(steps_um), abs=1e-12)
 
 
-def test_creep_is_exact_however_the_time_is_cut() -> None:
+def test_creep_does_not_depend_on_the_time_steps() -> None:
     once = step(CREEPING, start(CREEPING), 1.0, 4.0)
     cut = driven(CREEPING, *[1.0] * 200, dt_s=0.02)
     static = position(1.0)

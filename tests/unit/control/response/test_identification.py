@@ -40,7 +40,7 @@ def noise(count: int, seed: int = 1) -> Column:
     return np.random.default_rng(seed).normal(0.0, NOISE_UM, count)
 
 
-def test_the_model_that_made_the_motion_is_found() -> None:
+def test_the_model_that_generated_the_motion_is_identified() -> None:
     voltage_V = drive(2000)
     x_um = simulate(MODEL, np.array(voltage_V), PERIOD_S) + noise(2000) + 70.0
     found = identify_free_response(
@@ -173,7 +173,7 @@ def teaching(laps: int) -> Column:
     return np.array([path.at(k * PERIOD_S) for k in range(count)])
 
 
-def test_bends_are_found_where_loops_differ_with_the_voltage() -> None:
+def test_bends_are_identified_if_the_loop_width_depends_on_the_voltage() -> None:
     """Preisach relays, as in the simulated rig: the model removes three quarters of the error."""
     relays = loop_of_relays(19.0, 0.2, 2.5, 2.0, 4.0, 1.4)
     voltage_V = teaching(1)
@@ -211,7 +211,7 @@ def test_collinear_plays_stay_bounded() -> None:
     assert max(abs(weight) for weight in found.model.weights_um_per_V) < 20.0
 
 
-def test_the_ridge_is_chosen_by_motion_it_was_not_fitted_to() -> None:
+def test_the_ridge_parameter_is_chosen_by_validation_on_other_motion() -> None:
     voltage_V = drive(1600)
     x_um = simulate(MODEL, np.array(voltage_V), PERIOD_S) + noise(1600)
     arguments = (voltage_V, x_um.tolist(), PERIOD_S)
@@ -221,7 +221,7 @@ def test_the_ridge_is_chosen_by_motion_it_was_not_fitted_to() -> None:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.35, 0.7])
-def test_the_widest_play_of_a_family_yields_within_the_travel(share: float) -> None:
+def test_the_widest_play_of_a_family_yields_within_the_travelled_range(share: float) -> None:
     thresholds = spread_thresholds(3.0, share, 9)
     assert thresholds == pytest.approx([thresholds[0] * (k + 1) for k in range(9)])
     widest_V = thresholds[-1]
@@ -232,7 +232,7 @@ def test_the_widest_play_of_a_family_yields_within_the_travel(share: float) -> N
     assert yields * 0.01 == pytest.approx(REACH * 3.0, abs=0.01)
 
 
-def test_time_constants_are_spread_over_the_taught_duration() -> None:
+def test_creep_time_constants_are_spread_over_the_duration_of_the_motion() -> None:
     assert spread_creep_times(0.02, 60.0) == pytest.approx((0.1, 0.5, 2.5, 12.5))
     assert spread_creep_times(0.02, 63.0)[-1] == pytest.approx(62.5)
 
@@ -263,7 +263,7 @@ def test_a_displacement_that_would_decrease_after_a_reversal_is_refused() -> Non
         (drive(400), [-19.0 * u for u in drive(400)], "slope up to .* V = -"),
     ],
 )
-def test_a_motion_that_teaches_nothing_is_refused(
+def test_an_uninformative_motion_is_refused(
     voltage_V: list[float], x_um: list[float], text: str
 ) -> None:
     with pytest.raises(ValueError, match=text):

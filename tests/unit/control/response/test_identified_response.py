@@ -20,14 +20,14 @@ def test_a_zero_changes_only_the_offset() -> None:
     assert rise_um == pytest.approx(arm.updated(1.5, 0.02).position_um() - arm.position_um())
 
 
-def test_samples_from_before_a_zero_are_judged_by_the_zero_in_force() -> None:
+def test_residuals_of_earlier_samples_are_computed_with_the_present_offset() -> None:
     arm = FRESH.updated(1.0, 0.02)
     sample = arm.sample(3.0)
     later = arm.begin(7.0).updated(2.0, 0.02)
     assert later.residual_um(sample) == pytest.approx(-4.0)
 
 
-def test_a_new_start_keeps_the_memory() -> None:
+def test_a_new_arming_keeps_the_memory() -> None:
     pressed = FRESH.updated(2.0, 0.02).updated(1.0, 0.02)
     begun = pressed.begin(5.0)
     assert begun.position_um() == pytest.approx(5.0)
@@ -41,7 +41,7 @@ def test_the_error_grows_with_travel_up_to_a_limit() -> None:
     assert errors == pytest.approx([0.0, 0.2 * 2**0.5 / 2, 0.2 * 2**0.5, 0.2 * 2**0.5])
 
 
-def test_a_missing_rest_is_refused() -> None:
+def test_a_zero_with_too_few_samples_at_rest_is_refused() -> None:
     with pytest.raises(ValueError, match="1 samples, must be at least 10 at rest"):
         FRESH.rezero([FreeSample(0.0, 0.0)], 10)
 

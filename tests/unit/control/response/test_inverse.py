@@ -79,7 +79,7 @@ def test_the_voltage_applied_for_a_period_gives_the_displacement(
 
 @SOME
 @given(models(), histories, st.floats(-2.0, 5.0))
-def test_the_displacement_afterwards_is_that_of_a_step(
+def test_the_displacement_after_a_period_equals_that_of_a_model_step(
     model: HysteresisModel, voltages_V: list[float], voltage_V: float
 ) -> None:
     memory = led(model, voltages_V)
@@ -119,7 +119,7 @@ def evaluations(memory: HysteresisState, wanted_um: float) -> int:
     return len(tried_V) - 1
 
 
-def test_few_evaluations_are_enough() -> None:
+def test_the_inversion_needs_few_evaluations() -> None:
     """A sinusoid of 2 Hz and 17 µm, whose steps between samples reach 2 µm."""
     memory, counts = start(TAUGHT_MODEL), list[int]()
     for tick in range(400):

@@ -13,7 +13,7 @@ from pincette.control.response.model_errors import (
 PERIOD_S = 0.02
 
 
-def test_an_ellipse_deviates_from_its_chord_by_its_width() -> None:
+def test_the_line_error_of_an_ellipse_is_proportional_to_its_width() -> None:
     """x lags by a phase: about the zero at the bottom the line is wrong on both branches."""
     phase = 2.0 * np.pi * np.arange(1000) / 100.0
     errors: list[float] = []
@@ -35,7 +35,7 @@ def small_swings(full_um: float, scale_V: float, seed: int) -> tuple[Column, Col
     return voltage_V, full_um * -np.expm1(-way_V / scale_V) + noise_um
 
 
-def test_the_forgotten_displacement_is_that_of_all_swings_together() -> None:
+def test_the_forgotten_displacement_is_computed_from_all_swings() -> None:
     (u, up_um), (_, down_um) = small_swings(0.3, 0.2, 1), small_swings(-0.1, 0.2, 2)
     found = unknown_forgetting(
         np.concatenate([u, u]),
@@ -49,7 +49,7 @@ def test_the_forgotten_displacement_is_that_of_all_swings_together() -> None:
     assert found.scale_V.uncertainty > 0.0
 
 
-def test_an_actuator_without_forgetting_is_within_noise() -> None:
+def test_the_forgotten_displacement_of_an_actuator_without_forgetting_is_within_noise() -> None:
     u, left_um = small_swings(0.0, 0.2, 3)
     assert unknown_forgetting(u, left_um, PERIOD_S, (slice(50, 250),)).full_um.value < 0.02
     with pytest.raises(ValueError, match="small swings = 0"):

@@ -54,7 +54,7 @@ def test_the_recorded_branches_are_followed() -> None:
     assert down.displacement_um() == pytest.approx(52.0 - 60.0 * 0.5**1.5, rel=0.02)
 
 
-def test_after_a_turn_the_arm_moves_towards_the_previous_turn() -> None:
+def test_after_a_reversal_the_arm_moves_towards_the_previous_reversal_point() -> None:
     inner = driven(FRESH, 2.5, 1.0)
     turned = inner.updated(1.3, 0.02)
     low_um = inner.displacement_um()
@@ -85,7 +85,7 @@ def test_the_memory_is_bounded_and_the_arm_stays_on_its_branch(voltages: list[fl
 
 
 @given(st.lists(st.floats(-1.0, 3.5), min_size=1, max_size=20), st.floats(-1.0, 3.5))
-def test_the_displacement_is_continuous_but_for_what_is_ignored(
+def test_the_displacement_is_continuous_except_for_ignored_small_reversals(
     voltages: list[float], end: float
 ) -> None:
     response = driven(FRESH, *voltages)

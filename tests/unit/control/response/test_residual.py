@@ -10,7 +10,7 @@ from pincette.control.response.residual_table import MOST_KNOTS, Residual, Resid
 NOISE_UM = 0.03
 
 
-def test_the_table_is_linear_between_knots_and_constant_after_the_last() -> None:
+def test_a_residual_table_is_linear_between_knots_and_constant_after_the_last_knot() -> None:
     table = ResidualTable(4, ((0.0, 0.4), (), (0.1,)), 0.02)
     early = table.at(0, 1)
     assert early is not None
@@ -38,11 +38,11 @@ def test_an_impossible_table_is_refused(
         ResidualTable(stride, knots, error_um)
 
 
-def test_smoothing_keeps_a_constant_up_to_both_ends() -> None:
+def test_smoothing_keeps_a_constant_series_unchanged_up_to_both_ends() -> None:
     assert smoothed(np.full(50, 0.7), 5.0) == pytest.approx(np.full(50, 0.7))
 
 
-def test_two_noisy_runs_give_their_common_and_their_random_part() -> None:
+def test_the_residual_and_its_error_are_identified_from_two_noisy_runs() -> None:
     chance, count = np.random.default_rng(3), 800
     places = [Place(place // 200, 1 + place % 200) for place in range(count)]
     true_um = 0.1 * np.sin(np.arange(count) / 60.0)
@@ -67,12 +67,12 @@ def test_a_fast_residual_is_not_smoothed_away() -> None:
     assert float(np.sqrt(np.mean((found.residual_um - true_um) ** 2))) < 0.04
 
 
-def test_one_run_gives_no_error() -> None:
+def test_a_residual_from_a_single_run_is_refused() -> None:
     with pytest.raises(ValueError, match="two runs at least"):
         identify_residual([Place(0, 1)], [np.zeros(1)], NOISE_UM)
 
 
-def test_residuals_count_from_the_last_zero() -> None:
+def test_residuals_are_relative_to_the_last_zero() -> None:
     """The zero at position 6 moves the offset by 0.3; earlier values are moved by the same
     amount."""
     before, after = [0.1, 0.2, 0.3, 0.3, 0.3, 0.3], [0.0, 0.05, 0.1]

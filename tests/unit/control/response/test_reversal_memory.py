@@ -14,7 +14,7 @@ def total_V(*voltages_V: float) -> float:
     return way.total_V
 
 
-def test_a_single_direction_is_not_counted_as_back_and_forth() -> None:
+def test_travel_in_a_single_direction_is_not_counted_as_back_and_forth() -> None:
     assert total_V(0.5, 1.0, 1.0, 2.0) == pytest.approx(0.25 * SMALL_V)
 
 
@@ -37,7 +37,7 @@ def test_the_count_does_not_depend_on_the_sampling(samples: int) -> None:
     assert total_V(*swings) == pytest.approx(20 * 0.01, rel=0.1)
 
 
-def test_forgetting_grows_at_once_and_is_bounded() -> None:
+def test_the_forgotten_share_grows_from_zero_and_is_bounded_by_one() -> None:
     assert forgotten_share(0.0, 0.4) == 0.0
     assert forgotten_share(0.01, 0.4) == pytest.approx(0.01 / 0.4, rel=0.02)
     assert forgotten_share(0.1, 0.4) < forgotten_share(0.2, 0.4) < forgotten_share(50.0, 0.4) == 1.0

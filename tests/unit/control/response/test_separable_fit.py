@@ -45,7 +45,7 @@ def test_creep_in_the_wrong_direction_is_set_to_zero() -> None:
     assert fractions == [0.0, 0.0]
 
 
-def test_part_of_the_displacement_is_immediate() -> None:
+def test_at_least_part_of_the_displacement_is_immediate_and_not_creep() -> None:
     """A completely low-passed displacement allows no static term."""
     voltage_V = drive(3000)
     x_um = low_passed((0.5,), 19.0 * voltage_V[:, np.newaxis], PERIOD_S)[0, :, 0]

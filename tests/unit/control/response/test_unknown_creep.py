@@ -51,7 +51,7 @@ def stroked(
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_creep_is_bounded_by_its_remainder(seed: int) -> None:
+def test_the_error_from_unknown_creep_stays_within_its_bound(seed: int) -> None:
     """Arms that rested at several positions, the last of them shortly before the start."""
     draw, arm = random.Random(seed), MODEL
     for _ in range(draw.randint(1, 3)):
@@ -74,7 +74,7 @@ def test_an_arm_that_agrees_with_the_model_narrows_a_short_hold() -> None:
     assert told_um < 0.5 * uninformed.updated(2.0, 2.0).error_um(response)
 
 
-def test_plays_that_were_not_turned_over_give_no_information() -> None:
+def test_plays_that_were_not_reversed_give_no_information() -> None:
     """All histories agree at 3.5 V, but 3.4 V and 3.3 V lie on the same branch."""
     _, _, past = stroked(MODEL, (3.5, 3.4, 3.3, 1.9))
     assert past.awaits_rest
@@ -91,7 +91,7 @@ def test_a_fast_creep_gives_no_information_about_a_slow_one() -> None:
     assert Fallen(each, 0.6, 1.1).extremes_um(since_zero) == pytest.approx((0.12, 0.7))
 
 
-def test_creep_of_the_other_sign_increases_the_range() -> None:
+def test_creep_of_opposite_sign_increases_the_range() -> None:
     """The first may have risen by 0.3 µm meanwhile, so that the second fell by as much more."""
     each, since_zero = Spread((-0.3, 0.0), (0.0, 0.4)), Spread((-0.1, 0.0), (0.0, 0.4))
     least_um, most_um = Fallen(each, 0.0, 0.0).extremes_um(since_zero)

@@ -31,7 +31,9 @@ def led(
 
 @pytest.mark.parametrize("model", [PLAYS, CREEPS], ids=["plays", "creep"])
 @pytest.mark.parametrize("seed", range(20))
-def test_no_past_between_the_ends_has_a_larger_error(model: IdentifiedResponse, seed: int) -> None:
+def test_no_history_within_the_voltage_range_has_a_larger_error_than_stated(
+    model: IdentifiedResponse, seed: int
+) -> None:
     draw = random.Random(seed)
     arm = model
     for _ in range(draw.randint(1, 6)):
@@ -61,7 +63,7 @@ def test_an_unknown_past_is_bounded_by_the_ranges_of_the_plays() -> None:
     assert past.error_um(response) == pytest.approx(0.5 * 5.0 + 1.0 * 3.0)
 
 
-def test_a_stroke_to_both_ends_erases_the_memory() -> None:
+def test_a_stroke_to_both_ends_of_the_voltage_range_erases_the_memory() -> None:
     response, past = led(PLAYS, unknown_past(PLAYS, ENDS_V), 0.0)
     assert past.matters(response)
     assert past.judged(response) == past
@@ -73,7 +75,7 @@ def test_a_stroke_to_both_ends_erases_the_memory() -> None:
     assert known.error_um(response) == known.worst_um(response) == 0.0
 
 
-def test_creep_from_the_past_takes_its_time() -> None:
+def test_the_effect_of_earlier_creep_ends_only_after_some_time() -> None:
     response, past = led(CREEPS, unknown_past(CREEPS, ENDS_V), 0.0, *ENDS_V, 0.0)
     assert past.matters(response)
     response, past = response.updated(0.0, 600.0), past.updated(0.0, 600.0)
@@ -148,7 +150,7 @@ def test_pasts_with_one_reversal_stay_within_the_remaining_range(seed: int) -> N
         assert abs(error_um) <= past.error_um(response) + 1e-9, f"seed {seed}"
 
 
-def test_slow_creep_from_the_past_is_stated_with_its_full_range() -> None:
+def test_the_stated_range_includes_slow_creep_from_the_unknown_history() -> None:
     """A hold of a minute by arms that rested for minutes or hours until just before the start."""
     draw = random.Random(20)
     errors_um: list[float] = []

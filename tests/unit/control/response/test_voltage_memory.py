@@ -38,7 +38,7 @@ def ramp(*to_V: float, rest: int = 0) -> list[float]:
     return path
 
 
-def test_a_ramp_and_a_rest_are_one_piece() -> None:
+def test_a_ramp_and_the_rest_after_it_are_stored_as_one_piece() -> None:
     (piece,) = remembered([0.5, 1.0, 1.5, 1.5, 1.5]).path
     assert piece == pytest.approx(Piece(1.5, 3 * T, 2 * T))
 

@@ -45,7 +45,7 @@ def after(state: SafetyState, **changes: Any) -> SafetyState:
     return ticked(state, 1, **changes)
 
 
-def test_a_good_command_is_followed() -> None:
+def test_a_valid_command_sets_the_new_state() -> None:
     state = after(replace(FREE, blind=OFF, excused_s=0.1), voltage_V=0.75, part_held=True)
     assert (state.mode, state.arms[0].voltage_V, state.part_held) == ("armed", 0.75, True)
     assert (state.taken_seq, state.fresh_s) == (1, T)
@@ -53,7 +53,7 @@ def test_a_good_command_is_followed() -> None:
     assert (state.refused, state.refusal) == (0, None)
 
 
-def test_the_limits_that_act_are_reported() -> None:
+def test_active_limits_are_reported() -> None:
     state = after(FREE, voltage_V=9.0)
     assert (state.arms[0].voltage_V, state.arms[0].limits_active) == (1.0, VOLTAGE_MAX | SLEW_UP)
 
@@ -83,7 +83,9 @@ def test_commands_without_authority_are_ignored(changes: dict[str, Any], words: 
     assert (refused.unauthorized.count, refused.unauthorized.newest) == (1, refused.refusal)
 
 
-def test_the_owner_may_be_ahead_by_as_many_samples_as_are_stored() -> None:
+def test_a_command_may_be_ahead_of_the_newest_sample_by_as_many_numbers_as_samples_are_stored() -> (
+    None
+):
     assert authority_fault(FREE, command(seq=8)) is None
     assert authority_fault(FREE, command(seq=9)) is not None
 
@@ -127,14 +129,14 @@ def test_impossible_numbers_are_refused_in_the_same_cycle(
     assert state.blind == OFF
 
 
-def test_three_missing_answers_in_a_row_count_as_silence() -> None:
+def test_commands_without_a_voltage_for_three_samples_trip_like_missing_commands() -> None:
     state = FREE
     for seq in (1, 2, 3):
         state = pass_time(LIMITS, ticked(state, seq, voltage_V=nan), seq * T + 0.004)
     assert state.mode == "ramping"
 
 
-def test_an_unknown_number_is_not_accepted() -> None:
+def test_a_command_with_nan_is_invalid_but_optional_values_may_be_missing() -> None:
     assert nonsense(LIMITS.arms[0].voltage, 0.5, None, None) is None
     assert nonsense(LIMITS.arms[0].voltage, 0.5, 1.0, 2.0) is None
 
@@ -166,7 +168,7 @@ def test_a_command_whose_sample_was_not_received_is_refused() -> None:
     assert state.taken_seq == 0
 
 
-def test_a_sample_lost_in_transit_is_as_old_as_the_previous_one() -> None:
+def test_a_command_for_a_lost_sample_has_the_age_of_the_previous_sample() -> None:
     state = sampled(LIMITS, FREE, 2, (1.0,), 2 * T)
     state = offered(state, command(seq=1), 2 * T)
     assert (state.refusal, state.taken_seq) == (None, 1)
@@ -191,7 +193,7 @@ def test_a_command_from_a_queue_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("mode", "cause"), [("idle", ""), ("latched", "estop")])
-def test_nothing_is_accepted_outside_an_arming(mode: str, cause: str) -> None:
+def test_no_command_is_accepted_unless_the_actuator_is_armed(mode: str, cause: str) -> None:
     state = after(replace(FREE, mode=mode, cause=cause), voltage_V=0.9, force_mN=90.0)
     assert (state.arms[0].voltage_V, fault_text(state.refusal), state.mode) == (
         0.5,
@@ -283,7 +285,7 @@ def test_an_unauthorized_command_cannot_release_a_part(changes: dict[str, Any]) 
     assert forced(frozen, range(1, 9), force_mN=99.0, **changes).mode == "frozen"
 
 
-def test_a_command_may_have_no_sample() -> None:
+def test_force_and_target_of_a_command_are_optional() -> None:
     arm = ArmFacts(0.5)
     bare = CommandFacts(EPOCH, OWNER, 1, (arm,), part_held=False, final=False, valid=True)
     assert (bare.fault, bare.sweep_V, arm.force_mN, arm.x_d_um) == (None, None, None, None)

@@ -13,7 +13,9 @@ FRESH = SafetyState()
 
 
 @pytest.mark.parametrize("before", Predecessor)
-def test_a_boot_is_a_restart_only_after_a_death(before: Predecessor) -> None:
+def test_a_boot_counts_as_a_restart_only_if_the_previous_program_has_died(
+    before: Predecessor,
+) -> None:
     state = booted(FRESH, before)
     assert state.mode == Mode.LATCHED
     assert state.predecessor == before
@@ -24,7 +26,7 @@ def test_a_boot_is_a_restart_only_after_a_death(before: Predecessor) -> None:
 
 
 @pytest.mark.parametrize("before", Predecessor)
-def test_ending_in_the_latch_of_the_boot_keeps_the_state_of_the_previous_program(
+def test_a_program_that_ends_before_it_was_reset_passes_on_how_its_predecessor_ended(
     before: Predecessor,
 ) -> None:
     assert ending(booted(FRESH, before)) == before

@@ -28,5 +28,5 @@ def test_the_actuator_reports_every_cause() -> None:
     assert set(CAUSES) == set(Cause) - {Cause.NONE}
 
 
-def test_only_idle_and_armed_are_not_tripped() -> None:
+def test_every_mode_except_idle_and_armed_is_a_trip() -> None:
     assert set(Mode) - TRIPPED == {Mode.IDLE, Mode.ARMED}

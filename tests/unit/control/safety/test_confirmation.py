@@ -82,7 +82,7 @@ def test_an_output_at_the_safe_voltage_is_safe(found_V: float) -> None:
     assert not state.unconfirmed
 
 
-def test_a_freeze_keeps_the_present_voltage_and_the_part_unless_released() -> None:
+def test_a_read_back_in_a_freeze_keeps_voltage_and_part_unless_the_output_has_released() -> None:
     frozen = replace(LOST, mode=Mode.FROZEN, part_held=True)
     kept = found(LIMITS, frozen, (2.9,), 7.0)
     assert (kept.mode, kept.arms[0].voltage_V, kept.part_held, kept.unconfirmed) == (
@@ -96,7 +96,7 @@ def test_a_freeze_keeps_the_present_voltage_and_the_part_unless_released() -> No
 
 
 @pytest.mark.parametrize("cause", [Cause.BOOT, Cause.RESTART])
-def test_the_latch_of_a_boot_keeps_the_voltage(cause: Cause) -> None:
+def test_a_read_back_after_a_boot_keeps_the_voltage_that_was_found(cause: Cause) -> None:
     state = found(LIMITS, replace(LOST, mode=Mode.LATCHED, cause=cause), (2.5,), 7.0)
     assert (state.mode, state.arms[0].voltage_V, state.unconfirmed) == (Mode.LATCHED, 2.5, False)
 
@@ -120,7 +120,7 @@ def test_an_output_that_needs_no_write_is_not_written() -> None:
     assert not reset(LIMITS, safe).located
 
 
-def test_a_suspension_trips_an_armed_actuator_whatever_its_clock_says() -> None:
+def test_a_suspension_of_the_machine_trips_an_armed_actuator() -> None:
     for held, mode in ((True, Mode.FROZEN), (False, Mode.RAMPING)):
         armed = replace(LOST, mode=Mode.ARMED, part_held=held, unconfirmed=False)
         state = suspended(LIMITS, armed, 3600.0, 7.0)

@@ -80,7 +80,7 @@ def test_a_stall_is_excused_up_to_a_limit(
     assert found == (None if standstill is None else pytest.approx(standstill))
 
 
-def test_a_skipped_number_is_reported() -> None:
+def test_a_skipped_sequence_number_is_reported() -> None:
     seen = with_sample((), 3, 0.06, (1.0,))
     assert [skipped_seq(seen, seq) for seq in (2, 3, 4, 5, 9)] == [-1, -1, -1, 4, 8]
     assert skipped_seq((), 7) == -1

@@ -115,7 +115,7 @@ def test_an_arming_resets_everything_but_voltage_part_and_counters() -> None:
 
 
 @pytest.mark.parametrize(("state", "mode"), [(FREE, "ramping"), (HELD, "frozen")])
-def test_a_trip_reacts_as_decided_before(state: SafetyState, mode: str) -> None:
+def test_the_mode_after_a_trip_follows_from_part_and_voltage(state: SafetyState, mode: str) -> None:
     tripped = trip(LIMITS, with_arm(state, limits_active=3), Cause.ESTOP, 0.01)
     assert (tripped.mode, tripped.cause, tripped.since_s) == (mode, "estop", 0.01)
     assert tripped.arms[0].limits_active == 0
@@ -134,20 +134,20 @@ def test_a_release_ramps_with_a_part(cause: Cause, asked: bool) -> None:
 
 
 @pytest.mark.parametrize("mode", ["frozen", "ramping", "latched"])
-def test_the_first_cause_is_kept(mode: str) -> None:
+def test_a_later_trip_does_not_replace_the_cause_of_the_first(mode: str) -> None:
     before = replace(HELD, mode=mode, cause=Cause.ESTOP, since_s=1.0)
     assert trip(LIMITS, before, Cause.ABORT, 2.0) is before
 
 
 @pytest.mark.parametrize("cause", ["boot", "estop"])
-def test_a_release_moves_a_latched_arm_only_after_a_boot(cause: str) -> None:
+def test_a_release_request_moves_a_latched_arm_only_after_a_boot(cause: str) -> None:
     before = replace(HELD, mode=Mode.LATCHED, cause=cause)
     after = trip(LIMITS, before, Cause.ABORT, 2.0, let_go=True)
     assert after.mode == ("ramping" if cause == "boot" else "latched")
 
 
 @pytest.mark.parametrize("mode", ["idle", "latched"])
-def test_in_lockstep_without_an_arming_no_tick_runs_a_ramp(mode: str) -> None:
+def test_in_lockstep_a_trip_outside_an_arming_sets_the_final_voltage_at_once(mode: str) -> None:
     before = replace(HELD, mode=mode, cause=Cause.BOOT)
     kept = trip(LOCKSTEP, before, Cause.ESTOP, 1.0)
     assert (kept.mode, kept.arms[0].voltage_V, kept.part_held) == ("latched", 0.5, True)
@@ -160,7 +160,7 @@ def test_in_lockstep_without_an_arming_no_tick_runs_a_ramp(mode: str) -> None:
     )
 
 
-def test_in_lockstep_an_arming_ends_as_in_real_time() -> None:
+def test_in_lockstep_a_trip_during_an_arming_freezes_or_ramps_as_in_real_time() -> None:
     assert trip(LOCKSTEP, HELD, Cause.ESTOP, 1.0).mode == "frozen"
     assert trip(LOCKSTEP, FREE, Cause.ESTOP, 1.0).mode == "ramping"
 
@@ -194,7 +194,7 @@ def test_a_reset_clears_the_latch_and_keeps_part_and_voltage(mode: str) -> None:
 
 
 @pytest.mark.parametrize("mode", ["idle", "armed"])
-def test_there_is_nothing_to_reset_without_a_trip(mode: str) -> None:
+def test_a_reset_without_a_trip_changes_nothing(mode: str) -> None:
     state = replace(HELD, mode=mode)
     assert reset(LIMITS, state) is state
 
@@ -204,7 +204,7 @@ def test_a_ramp_that_no_tick_will_end_is_ended_by_the_reset() -> None:
     assert (state.mode, state.arms[0].voltage_V, state.part_held) == ("idle", 0.0, False)
 
 
-def test_a_program_that_runs_on_time_changes_no_age() -> None:
+def test_without_a_stall_no_age_is_changed() -> None:
     state = account_for_stall(LIMITS, replace(FREE, ran_s=None), 5.0)
     assert state == replace(FREE, ran_s=5.0)
     assert account_for_stall(LIMITS, state, 5.01) == replace(FREE, ran_s=5.01)
@@ -269,7 +269,7 @@ def test_the_ramp_starts_with_the_trip_and_ends_at_the_safe_voltage() -> None:
     assert (state.mode, state.arms[0].voltage_V, state.part_held) == ("latched", -0.5, False)
 
 
-def test_the_last_step_of_the_ramp_is_the_safe_voltage_itself() -> None:
+def test_the_ramp_ends_in_the_latch_when_it_reaches_the_safe_voltage() -> None:
     limits = replace(LIMITS, ramp_s=0.03 + LIMITS.age.wake_s)
     ramping = trip(limits, FREE, Cause.ESTOP, 0.0)
     assert pass_time(limits, ramping, 0.029).mode == "ramping"
@@ -313,7 +313,7 @@ def test_the_detail_starts_with_what_a_person_needs_first() -> None:
 LATE = fault(FaultCode.INSTRUMENT_LATE, "answers come late", took_s=0.04)
 
 
-def test_late_answers_are_named_once_with_missing_commands() -> None:
+def test_a_trip_by_missing_commands_names_late_answers_once() -> None:
     tripped = trip(LIMITS, FREE, Cause.COMMAND_AGE, 1.0, faults=(OFF,))
     named = explained(tripped, LATE)
     assert named.faults == (OFF, LATE)
@@ -321,7 +321,7 @@ def test_late_answers_are_named_once_with_missing_commands() -> None:
     assert explained(tripped, OFF) is tripped
 
 
-def test_late_answers_explain_no_other_trip() -> None:
+def test_late_answers_are_not_named_as_the_cause_of_another_trip() -> None:
     assert explained(FREE, LATE) is FREE
     stopped = trip(LIMITS, FREE, Cause.ESTOP, 1.0)
     assert explained(stopped, LATE) is stopped

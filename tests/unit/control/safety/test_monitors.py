@@ -83,7 +83,7 @@ def test_a_position_is_reported_with_its_limits() -> None:
     assert fault_text(position_excess(MONITORS, nan)) == "nan µm, limits -29.00 µm and 79.00 µm"
 
 
-def test_a_force_acts_at_its_third_sample_in_a_row() -> None:
+def test_the_force_monitor_trips_at_the_third_sample_in_a_row() -> None:
     watches = UNSEEN
     for seq, force_mN in enumerate((51.0, 52.0, 49.0, 53.0, 54.0)):
         watches = commanded(watches, seq, force_mN=force_mN)
@@ -92,14 +92,14 @@ def test_a_force_acts_at_its_third_sample_in_a_row() -> None:
     assert found(MONITORS, watches) == "force: 55.5 mN, limit 50.0 mN, 3 samples in a row"
 
 
-def test_a_sample_of_unknown_force_neither_counts_nor_clears() -> None:
+def test_a_sample_of_unknown_force_neither_raises_nor_lowers_the_count() -> None:
     watches = commanded(commanded(UNSEEN, 0, force_mN=60.0), 1, force_mN=60.0)
     watches = commanded(watches, 2)
     assert watches.force.count == 2
     assert found(MONITORS, commanded(watches, 3, force_mN=60.0)).startswith("force: ")
 
 
-def test_a_following_error_acts_at_its_sixth_sample_in_a_row() -> None:
+def test_the_following_error_monitor_trips_at_the_sixth_sample_in_a_row() -> None:
     watches = UNSEEN
     for seq in range(5):
         watches = commanded(watches, seq, x_um=0.0, x_d_um=4.0)
@@ -112,7 +112,7 @@ def test_a_following_error_acts_at_its_sixth_sample_in_a_row() -> None:
 
 
 @pytest.mark.parametrize("unknown", [{"x_um": None, "x_d_um": 4.0}, {"x_um": 0.0, "x_d_um": None}])
-def test_a_sample_without_target_or_position_neither_counts_nor_clears(
+def test_a_sample_without_target_or_position_neither_raises_nor_lowers_the_count(
     unknown: dict[str, float | None],
 ) -> None:
     watches = commanded(UNSEEN, 0, x_um=0.0, x_d_um=4.0)
@@ -131,18 +131,18 @@ def test_the_speed_of_the_reference_is_averaged_over_the_samples_between() -> No
     assert pytest.approx(0.04) == 2 * T
 
 
-def test_the_first_reference_has_no_speed() -> None:
+def test_the_bound_of_the_first_reference_assumes_no_speed() -> None:
     assert commanded(UNSEEN, 0, x_um=0.0, x_d_um=3.1).following.count == 1
     assert commanded(UNSEEN, 0, x_um=0.0, x_d_um=3.0).following.count == 0
 
 
-def test_each_command_counts_once() -> None:
+def test_each_command_is_counted_once() -> None:
     watches = commanded(UNSEEN, 4, force_mN=60.0, x_um=0.0, x_d_um=9.0)
     for seq in (4, 3, -1):
         assert commanded(watches, seq, force_mN=60.0, x_um=0.0, x_d_um=9.0) is watches
 
 
-def test_a_position_acts_at_its_third_sample_in_a_row() -> None:
+def test_the_position_monitor_trips_at_the_third_sample_in_a_row() -> None:
     watches = UNSEEN
     for x_um in (80.0, 80.0, 79.0, 80.0, 80.0):
         watches = watch_position(MONITORS, watches, x_um)
@@ -152,7 +152,7 @@ def test_a_position_acts_at_its_third_sample_in_a_row() -> None:
     assert words == expected
 
 
-def test_a_position_within_its_limits_costs_nothing() -> None:
+def test_a_position_within_its_limits_leaves_the_monitors_unchanged() -> None:
     assert watch_position(MONITORS, UNSEEN, 1.0) is UNSEEN
 
 
@@ -171,7 +171,7 @@ def test_of_several_faults_the_force_limit_takes_precedence() -> None:
 FASTEST = replace(MONITORS, fastest_um_per_s=40.0)
 
 
-def test_an_oscillating_reference_widens_its_bound_no_more_than_the_arm_can_move() -> None:
+def test_an_oscillating_reference_does_not_widen_the_bound_beyond_what_the_arm_can_move() -> None:
     """By 20 µm each sample, 1000 µm/s: it would be credited 50 µm, and the arm stands still."""
     watches = UNSEEN
     for seq in range(6):

@@ -50,9 +50,7 @@ def test_an_output_that_does_not_answer_ends_its_ramp_at_its_end_exactly() -> No
 
 
 @pytest.mark.parametrize(("found_V", "held"), [(1.2, False), (2.9, True), (2.0, True)])
-def test_a_part_counts_as_released_near_the_safe_voltage_wherever_that_is(
-    found_V: float, held: bool
-) -> None:
+def test_a_part_counts_as_released_near_any_safe_voltage(found_V: float, held: bool) -> None:
     frozen = failed(replace(HIGH, mode=Mode.FROZEN))
     assert found(SAFE_1_V, frozen, (found_V,), 7.0).part_held == held
 
@@ -65,7 +63,7 @@ def test_the_output_is_read_back_again_after_exactly_a_period() -> None:
     assert read_back_due(LIMITS, replace(failed(HIGH), asked_s=0.0), T)
 
 
-def test_a_suspension_trips_from_now_on() -> None:
+def test_a_trip_by_a_suspension_begins_when_the_suspension_is_noticed() -> None:
     slept = suspended(LIMITS, ticked(ready(), 0, part_held=True), 3600.0, 7.0)
     assert (slept.mode, slept.since_s) == (Mode.FROZEN, 7.0)
 
@@ -75,6 +73,6 @@ def test_a_reset_clears_a_read_back() -> None:
     assert (state.unconfirmed, state.located) == (False, False)
 
 
-def test_one_sample_within_the_limit_cancels_one_beyond() -> None:
+def test_one_sample_within_the_limit_lowers_the_count_by_one() -> None:
     assert Watch(2, EXCESS).leak(None) == Watch(1, EXCESS)
     assert Watch(1, EXCESS).leak(None) == QUIET

@@ -99,7 +99,7 @@ def interleaved(count: int, seed: int) -> Iterator[int]:
         yield came
 
 
-def test_the_first_controller_sends_various_commands() -> None:
+def test_the_commands_of_the_first_controller_lead_to_several_modes_and_voltages() -> None:
     chance = random.Random(1)
     ends: set[tuple[str, float]] = set()
     for _ in range(WORLDS):

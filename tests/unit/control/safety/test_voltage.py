@@ -40,13 +40,13 @@ LIMITS = VoltageLimits(min_V=-1.0, max_V=4.0, slew_V=0.5, sweep_V=0.1)
         (1.0, -9.0, 0.5, VOLTAGE_MIN | SLEW_DOWN),
     ],
 )
-def test_each_limit_acts_beyond_its_value_and_is_reported(
+def test_a_voltage_beyond_a_limit_is_clamped_and_the_limit_is_reported(
     present_V: float, wanted_V: float, voltage_V: float, flags: int
 ) -> None:
     assert limited(LIMITS, present_V, wanted_V) == (voltage_V, flags)
 
 
-def test_the_bits_of_the_limits_equal_those_of_the_messages() -> None:
+def test_each_voltage_limit_has_the_bit_documented_for_messages() -> None:
     assert (VOLTAGE_MAX, VOLTAGE_MIN, SLEW_UP, SLEW_DOWN) == (1, 2, 4, 8)
 
 
@@ -62,7 +62,7 @@ STEPPED = replace(LIMITS, step_V=20.0 / 2**14)
 
 
 @given(st.integers(-819, 3276), st.floats(allow_nan=False), st.floats(0.01, 1.0))
-def test_an_output_with_a_step_gets_a_multiple_within_every_limit(
+def test_an_output_with_a_step_size_gets_a_multiple_of_it_within_every_limit(
     steps: int, wanted_V: float, share: float
 ) -> None:
     present_V = steps * STEPPED.step_V
@@ -75,7 +75,7 @@ def test_an_output_with_a_step_gets_a_multiple_within_every_limit(
     assert abs(voltage_V - plain_V) <= STEPPED.step_V * (0.5 if flags == 0 else 1.0) + 1e-12
 
 
-def test_a_slew_below_a_step_still_moves() -> None:
+def test_a_slew_limit_below_the_step_size_still_lets_the_output_move() -> None:
     slow = replace(STEPPED, slew_V=0.0004)
     assert limited(slow, 0.0, 1.0) == (0.0004, SLEW_UP)
     as_fast = replace(LIMITS, step_V=0.25, slew_V=0.25)
@@ -93,7 +93,9 @@ def test_the_nearest_multiple_is_used_and_the_next_one_inwards_at_a_limit(
 
 
 @pytest.mark.parametrize(("wanted_V", "voltage_V"), [(1.0, 5), (-1.0, -5)])
-def test_a_slew_between_two_multiples_uses_the_nearer_end(wanted_V: float, voltage_V: int) -> None:
+def test_a_slew_limit_between_two_multiples_of_the_step_size_is_rounded_down(
+    wanted_V: float, voltage_V: int
+) -> None:
     between = replace(STEPPED, slew_V=5.7 * STEPPED.step_V)
     assert limited(between, 0.0, wanted_V)[0] == voltage_V * STEPPED.step_V
 
@@ -146,7 +148,9 @@ def test_a_sweep_keeps_amplitude_and_range(about_V: float, amplitude_V: float, w
 @pytest.mark.parametrize(
     ("share", "voltage_V"), [(-0.5, 2.0), (0.0, 2.0), (0.25, 1.75), (1.0, 1.0), (1.5, 1.0)]
 )
-def test_the_ramp_is_straight_and_ends_at_both_ends(share: float, voltage_V: float) -> None:
+def test_the_ramp_is_linear_and_constant_outside_its_duration(
+    share: float, voltage_V: float
+) -> None:
     assert ramp(2.0, 1.0, share) == voltage_V
 
 

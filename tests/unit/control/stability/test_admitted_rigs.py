@@ -143,7 +143,7 @@ def replace_set(loop: Loop) -> Any:
 
 
 @pytest.mark.parametrize("name", LOOPS)
-def test_no_rig_of_an_admitted_loop_diverges(name: str) -> None:
+def test_no_random_rig_diverges_with_an_admitted_loop(name: str) -> None:
     assert assess(LOOPS[name], PART).stable
     for number, rig in enumerate(drawn(RIGS, SEED)):
         assert furthest_um(LOOPS[name], rig, number) < 2.0, (SEED, number, rig)

@@ -32,7 +32,7 @@ DEFAULT = Loop(law_settings(), ARM, 0.02, force_filter_s=0.03)
         default_settings("dsmifc", "printed"),
     ],
 )
-def test_the_laws_may_run_at_the_period_of_the_paper(law: LawSettings) -> None:
+def test_the_laws_are_admitted_at_the_period_of_the_paper(law: LawSettings) -> None:
     found = assess(replace(DEFAULT, law=law), PART)
     assert found.stable
     assert found.reason == ""
@@ -41,7 +41,7 @@ def test_the_laws_may_run_at_the_period_of_the_paper(law: LawSettings) -> None:
     assert found.radius ** (found.settling_s / 0.02) == pytest.approx(0.02)
 
 
-def test_a_refusal_names_radius_limit_case_and_change() -> None:
+def test_a_refusal_names_spectral_radius_limit_worst_case_and_remedy() -> None:
     found = assess(replace(DEFAULT, period_s=0.005), PART)
     assert not found.stable
     assert found.radius > found.limit_radius
@@ -114,13 +114,13 @@ def test_an_observer_is_not_reused_for_another_period() -> None:
     assert "a period of 5 ms" not in assess(loop, PART).reason
 
 
-def test_a_slow_loop_is_refused_for_being_slow() -> None:
+def test_the_refusal_of_a_slow_loop_states_that_it_settles_too_slowly() -> None:
     found = assess(replace(DEFAULT, law=law_settings(K_P=50.0)), PART)
     assert found.reason.startswith("the loop settles too slowly: spectral radius 0.98")
     assert 2.6 < found.settling_s < 10.0
 
 
-def test_the_limit_is_an_argument() -> None:
+def test_the_limit_of_the_spectral_radius_can_be_given() -> None:
     radius = assess(DEFAULT, PART).radius
     assert assess(DEFAULT, PART, limit_radius=radius + 1e-6).stable
     assert not assess(DEFAULT, PART, limit_radius=radius - 1e-6).stable

@@ -60,7 +60,7 @@ def radii(make: Callable[[float, float], Loop], period_s: float, case: LoopCase)
         (0.0005, (1.31, 1.46, 1.53), (1.09, 1.20, 1.26)),
     ],
 )
-def test_the_most_favourable_loop_has_the_known_radii(
+def test_the_most_favourable_loop_has_the_published_spectral_radii(
     period_s: float, free: tuple[float, ...], contact: tuple[float, ...]
 ) -> None:
     assert radii(friendliest, period_s, FREE) == pytest.approx(free, abs=ROUNDED_TWICE)
@@ -80,7 +80,7 @@ def test_the_most_favourable_loop_has_the_known_radii(
         (0.001, CONTACT, (1.57, 1.83, 1.95)),
     ],
 )
-def test_loop_with_filter_and_estimated_force(
+def test_the_loop_with_filter_and_estimated_force_has_the_listed_spectral_radii(
     period_s: float, case: LoopCase, listed: tuple[float, ...]
 ) -> None:
     found = radii(as_run_by_the_list, period_s, case)
@@ -88,12 +88,14 @@ def test_loop_with_filter_and_estimated_force(
 
 
 @pytest.mark.parametrize(("period_s", "radius"), [(0.008, 0.89), (0.006, 1.12), (0.005, 0.92)])
-def test_a_shorter_period_is_not_simply_worse(period_s: float, radius: float) -> None:
+def test_the_spectral_radius_does_not_always_grow_with_a_shorter_period(
+    period_s: float, radius: float
+) -> None:
     assert radii(as_run_by_the_list, period_s, FREE)[1] == pytest.approx(radius, abs=ROUNDED)
 
 
 @pytest.mark.parametrize("period_s", [0.02, 0.008, 0.005, 0.002])
-def test_without_a_force_the_free_loop_is_the_position_loop(period_s: float) -> None:
+def test_a_free_loop_without_force_equals_the_position_loop(period_s: float) -> None:
     """If the law is fed no force without contact, neither filter nor estimate acts."""
     law = law_settings(M=0.0, B=0.0, force_age="newest")
     alone = replace(friendliest(period_s, 1.0), law=law.with_gains(K_f=0.0))
@@ -104,7 +106,7 @@ def test_without_a_force_the_free_loop_is_the_position_loop(period_s: float) -> 
     assert abs(float(spectral_radii(fed, (FREE,))[0] - expected[0])) > 0.01
 
 
-def test_with_a_stiff_arm_the_radius_is_that_of_the_law() -> None:
+def test_with_a_stiff_arm_the_spectral_radius_follows_from_the_gains_of_the_law() -> None:
     """Where G ≈ 1, each sample takes K_I/(K_P + K_I) off the error, in units of the real d_p."""
     stiff = consistent_arm(1e6, 0.5, D_P, S_P)
     for K_P in (5.0, 1.0, 0.5):
@@ -114,7 +116,7 @@ def test_with_a_stiff_arm_the_radius_is_that_of_the_law() -> None:
             assert found == pytest.approx(abs(1.0 - gain / (K_P + 1.0)), abs=1e-3)
 
 
-def test_the_switching_slope_sets_the_decay_of_s() -> None:
+def test_the_switching_slope_determines_the_decay_of_s() -> None:
     """s_k = (1 - slope)·s_{k-1} on an arm that equals the law's model."""
     stiff = consistent_arm(1e6, 0.5, D_P, S_P)
     for slope in (0.3, 1.5, 2.5):
@@ -124,7 +126,7 @@ def test_the_switching_slope_sets_the_decay_of_s() -> None:
         assert found == pytest.approx(max(abs(1.0 - slope), 0.5), abs=1e-3)
 
 
-def test_an_unused_integral_is_omitted() -> None:
+def test_an_integral_without_effect_is_omitted_from_the_loop_matrix() -> None:
     """ε acts through K_S only; otherwise its eigenvalue 1 does not belong to the loop."""
     cases = (FREE, CONTACT)
     off = loop_matrices(Loop(law_settings(), ARM, 0.02), cases)
@@ -229,7 +231,7 @@ def test_a_change_of_gain_keeps_the_other_values() -> None:
     assert replace(other, law=loop.law) == loop
 
 
-def test_another_arm_gives_another_loop() -> None:
+def test_the_frequency_factor_of_a_case_applies_to_the_arm_and_not_to_the_law() -> None:
     """An error of 5 % in ω_n is decisive: the factor of a case applies to the arm, and not to
     the law."""
     loop = as_controlled(0.004, 1.0)

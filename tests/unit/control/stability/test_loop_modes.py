@@ -24,13 +24,13 @@ def sloped(slope: float, period_s: float = 0.02) -> Loop:
     return Loop(law.with_gains(K_S=K_S), ARM, period_s, force_filter_s=0.03)
 
 
-def test_settling_is_to_two_percent() -> None:
+def test_the_settling_time_is_that_to_two_percent() -> None:
     assert 0.97 ** settling_ticks(0.97) == pytest.approx(0.02)
     assert settling_ticks(0.97) == pytest.approx(128.4, abs=0.1)
 
 
 @pytest.mark.parametrize("scheme", ["pbsmic", "dsmifc"])
-def test_the_printed_switching_creeps_and_does_not_count(scheme: str) -> None:
+def test_the_slow_mode_of_the_printed_switching_term_is_ignored(scheme: str) -> None:
     """The printed K_S/d̄ has hardly any effect: s decays at 1e-11 or 1e-5 a tick."""
     law = default_settings("pbsmic" if scheme == "pbsmic" else "dsmifc", "printed")
     loop = Loop(law, ARM, 0.02)
@@ -48,7 +48,7 @@ def test_the_printed_switching_creeps_and_does_not_count(scheme: str) -> None:
         (0.025, 0.85, [True, False]),
     ],
 )
-def test_a_slow_mode_counts_by_its_remaining_amplitude(
+def test_a_slow_mode_is_ignored_if_its_remaining_amplitude_is_small(
     slope: float, limit: float, counts: list[bool]
 ) -> None:
     """Determined here from the position itself, after the ticks that the limit takes to 2 %."""
@@ -72,7 +72,7 @@ def test_ringing_or_growing_modes_always_count() -> None:
         assert np.all(found > 0.9)
 
 
-def test_one_switching_mode_does_not_hide_another() -> None:
+def test_a_slow_switching_mode_does_not_hide_a_ringing_mode() -> None:
     """A printed law whose arm rings at 5 ms has the ring's radius, not that of ε."""
     loop = Loop(default_settings("pbsmic", "printed"), ARM, 0.004)
     found = counted_radii(loop, CASES[:1], LIMIT)

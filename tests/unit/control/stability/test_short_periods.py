@@ -59,20 +59,20 @@ def from_the_closed_loop(loop: Loop, case: LoopCase) -> float:
     ],
     ids=["pbsmic", "dsmifc", "true force", "fpbsmic", "with a lag"],
 )
-def test_the_peak_is_that_of_the_closed_loop(loop: Loop, K_e: float) -> None:
+def test_the_sensitivity_peak_equals_that_of_the_closed_loop(loop: Loop, K_e: float) -> None:
     case = LoopCase(K_e, 1.03, 0.4, 0.9, 0.8, 2.17 if K_e else 0.0)
     peaks = sensitivity_peaks(loop, (case, replace(case, delay_periods=0.1)))
     assert peaks[0] == pytest.approx(from_the_closed_loop(loop, case), rel=1e-6)
     assert peaks[0] != peaks[1]
 
 
-def test_the_limit_of_the_radius_is_a_time() -> None:
+def test_the_limit_of_the_spectral_radius_corresponds_to_a_time_constant() -> None:
     assert limit_radius_at(0.02) == 0.97
     for period_s in (0.00025, 0.001, 0.05):
         assert limit_radius_at(period_s) == pytest.approx(exp(-period_s / 0.6566), abs=2e-6)
 
 
-def test_at_long_periods_the_intervals_are_unchanged() -> None:
+def test_the_intervals_of_the_arm_are_widened_at_short_periods_only() -> None:
     loop = Loop(law_settings(), ARM, 0.02, 0.03)
     assert not short(loop)
     assert widened(loop, PART) is PART
@@ -92,7 +92,9 @@ def test_at_long_periods_the_intervals_are_unchanged() -> None:
         (0.001, 4.0, 100.0, 1.77),
     ],
 )
-def test_the_law_has_its_design_margins(period_s: float, n: float, f_w: float, peak: float) -> None:
+def test_the_law_has_the_sensitivity_peak_of_its_design(
+    period_s: float, n: float, f_w: float, peak: float
+) -> None:
     loop = loop_of(period_s, n=n, f_w=f_w)
     found = assess(loop, PART)
     assert found.stable, found.reason
@@ -101,7 +103,7 @@ def test_the_law_has_its_design_margins(period_s: float, n: float, f_w: float, p
     assert found.radius < exp(-2.0 * pi * 2.7 * period_s)
 
 
-def test_faster_filters_are_refused_by_their_peak_and_then_by_their_radius() -> None:
+def test_faster_filters_exceed_first_the_peak_of_sensitivity_and_then_the_spectral_radius() -> None:
     near = assess(loop_of(0.001, f_w=85.0), PART)
     assert near.radius < near.limit_radius
     assert not near.stable
@@ -125,13 +127,13 @@ def test_a_shorter_period_is_among_the_remedies() -> None:
     assert "a period of 1 ms gives 0.98" in assess(loop_of(0.002), PART).reason
 
 
-def test_the_observed_frequency_of_the_mode_is_correct() -> None:
+def test_the_aliased_frequency_of_the_mode_is_correct() -> None:
     assert aliased_hz(388.0, 0.002) == pytest.approx(112.0)
     assert aliased_hz(388.0, 0.005) == pytest.approx(12.0)
     assert aliased_hz(388.0, 0.001) == pytest.approx(388.0)
 
 
-def test_a_law_for_long_periods_recommends_the_other_one() -> None:
+def test_the_refusal_of_a_law_at_a_short_period_recommends_the_law_for_short_periods() -> None:
     reason = assess(replace(loop_of(0.001), law=law_settings()), PART).reason
     assert "the law fpbsmic is designed for such periods" in reason
 

@@ -70,7 +70,7 @@ def test_the_front_consists_of_points_that_no_other_equals_or_beats(
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_the_balanced_candidate_minimizes_the_larger_of_both_errors(scheme: str) -> None:
+def test_the_chosen_gains_minimize_the_larger_of_both_errors(scheme: str) -> None:
     found = tune(RIG, SWING, LAWS[scheme], lambda _: 0.5, radius_limit=0.97, grid=GRID)
     tried = {(item.settings.gains["K_P"], item.settings.gains["K_f"]) for item in found.candidates}
     assert tried == {(proportional, gain) for proportional in K_P for gain in K_F}
@@ -96,7 +96,7 @@ class Radius:
         return self.of[law.gains["K_P"]]
 
 
-def test_gains_at_the_stability_limit_are_excluded_and_checked_once() -> None:
+def test_gains_at_the_stability_limit_are_excluded_and_each_is_checked_once() -> None:
     free = tune(RIG, SWING, PBSMIC, lambda _: 0.5, radius_limit=0.97, grid=GRID)
     best = free.chosen.settings.gains["K_P"]
     radius = Radius({gain: 0.97 if gain == best else 0.9 for gain in K_P})
@@ -134,7 +134,7 @@ def test_a_path_with_too_few_samples_to_evaluate_is_refused(
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_a_perfect_plan_leaves_the_error_of_k_p(scheme: str) -> None:
+def test_with_a_perfect_plan_the_error_grows_with_k_p(scheme: str) -> None:
     law = default_settings(scheme, "consistent")
     found = [track(RIG, SWING, law.with_gains(K_P=gain), K_E, 0.0) for gain in (0.0, 0.5, 2.0, 5.0)]
     position = [x_um for x_um, _ in found]
@@ -150,7 +150,7 @@ def test_a_perfect_plan_leaves_the_error_of_k_p(scheme: str) -> None:
 @pytest.mark.parametrize("gain", [0.0, 1000.0, 10000.0])
 @pytest.mark.parametrize("error_mN", [-0.5, 0.0, 0.5])
 @pytest.mark.parametrize("planned", [K_E, 2.4])
-def test_a_resting_law_errs_by_equation_51_with_its_force(
+def test_the_errors_of_a_law_at_rest_satisfy_equation_51_with_its_force(
     scheme: str, gain: float, error_mN: float, planned: float
 ) -> None:
     law = default_settings(scheme, "consistent").with_gains(K_f=gain)
@@ -163,7 +163,9 @@ def test_a_resting_law_errs_by_equation_51_with_its_force(
     assert force_mN == pytest.approx(abs(K_E * moved_um - mismatch_mN), abs=1e-9)
 
 
-def test_the_error_of_a_candidate_is_the_mean_square_over_errors_of_both_signs() -> None:
+def test_the_error_of_a_candidate_is_the_rms_value_over_model_and_force_errors_of_both_signs() -> (
+    None
+):
     found = tune(
         RIG, SWING, PBSMIC, lambda _: 0.5, radius_limit=0.97, grid={"K_P": (0.5,), "K_f": (5000.0,)}
     )
@@ -180,7 +182,7 @@ def test_the_error_of_a_candidate_is_the_mean_square_over_errors_of_both_signs()
     assert len({x_um for x_um, _ in runs}) == 4
 
 
-def test_sensor_noise_affects_the_law_but_not_the_counted_error() -> None:
+def test_sensor_noise_moves_the_arm_but_is_not_itself_part_of_the_error() -> None:
     noise = tuple(0.03 if tick % 2 else -0.03 for tick in range(400))
     x_um, _ = track(replace(RIG, noise_um=noise), REST, law_settings(K_f=0.0), K_E, 0.0)
     quiet_um, _ = track(RIG, REST, law_settings(K_f=0.0), K_E, 0.0)

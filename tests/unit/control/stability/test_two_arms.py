@@ -36,7 +36,7 @@ SLOW_LOOP, FAST_LOOP = _loop(0.02, SLOW), _loop(0.001, FAST)
 
 
 @pytest.mark.parametrize("loop", [SLOW_LOOP, FAST_LOOP], ids=["20 ms", "1 ms"])
-def test_the_default_gains_may_move(loop: TwoArmLoop) -> None:
+def test_the_default_gains_are_admitted(loop: TwoArmLoop) -> None:
     found = assess_two_arms(loop)
     assert found.reason == ""
     assert found.radius < found.limit_radius
@@ -53,7 +53,7 @@ def test_the_default_gains_may_move(loop: TwoArmLoop) -> None:
     ],
     ids=["near", "unstable", "uninformed", "slow"],
 )
-def test_gains_that_may_not_move_are_refused_with_value_limit_and_remedy(
+def test_unstable_gains_are_refused_with_value_limit_and_remedy(
     loop: TwoArmLoop, said: str
 ) -> None:
     reason = assess_two_arms(loop).reason
@@ -101,7 +101,7 @@ def test_the_matrix_of_the_law_agrees_with_law_and_estimators(
         before = found[2:]
 
 
-def test_a_held_pair_swings_together_and_a_free_arm_alone() -> None:
+def test_held_arms_oscillate_together_and_free_arms_each_alone() -> None:
     cases = tuple(TwoArmCase(contact, False) for contact in ("held", "free"))
     transition, _ = sampled_pair(FAST_LOOP, cases)
     rates = np.log(np.linalg.eigvals(transition[:, :4, :4]).astype(np.complex128))
@@ -113,7 +113,7 @@ def test_a_held_pair_swings_together_and_a_free_arm_alone() -> None:
     assert free[::2] == pytest.approx([0.97 * OMEGA_N, OMEGA_N], rel=2e-3)
 
 
-def test_a_slope_above_the_identified_one_closes_arms_that_have_lost_their_part() -> None:
+def test_two_arms_without_their_part_diverge_if_their_slope_is_above_the_identified_one() -> None:
     right = TwoArmCase("free", True)
     steep = replace(right, gain_factors=(1.2, 1.2))
     matrices = loop_matrices(SLOW_LOOP, (right, steep))

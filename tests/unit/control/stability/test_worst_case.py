@@ -52,7 +52,7 @@ def test_a_random_search_finds_no_worse_case(law: LawSettings, period_s: float) 
     assert radius == pytest.approx(counted_radii(loop, (case,), LIMIT)[0], rel=1e-12)
 
 
-def test_the_worst_case_is_within_the_intervals() -> None:
+def test_the_worst_case_found_is_within_the_intervals() -> None:
     case, _ = worst_case(Loop(law_settings(), ARM, 0.005, force_filter_s=0.03), PART, LIMIT)
     assert case.K_e_mN_per_um == 0.0 or 0.7 * 2.17 <= case.K_e_mN_per_um <= 1.3 * 2.17
     assert 0.95 <= case.frequency_factor <= 1.05
@@ -80,7 +80,7 @@ def test_a_shortened_search_refuses_the_same_loops(force_gain: float) -> None:
         assert (case, radius) == (whole, worst)
 
 
-def test_intervals_without_width_are_one_case() -> None:
+def test_intervals_without_width_contain_a_single_case() -> None:
     loop = Loop(law_settings(), ARM, 0.01, force_filter_s=0.03)
     point = Intervals((2.0, 2.0), False, (1.01, 1.01), (0.2, 0.2))
     case = LoopCase(2.0, 1.01, 0.2)
@@ -88,14 +88,14 @@ def test_intervals_without_width_are_one_case() -> None:
     assert worst_case(loop, point, LIMIT) == (case, spectral_radii(loop, (case,))[0])
 
 
-def test_a_wider_interval_does_not_improve_the_result() -> None:
+def test_a_wider_interval_does_not_lower_the_worst_radius() -> None:
     loop = Loop(law_settings(), ARM, 0.005, force_filter_s=0.03)
     radii = [worst_case(loop, around(2.17, share), LIMIT)[1] for share in (0.0, 0.1, 0.3)]
     assert radii[0] <= radii[1] + 0.01
     assert radii[1] <= radii[2] + 0.01
 
 
-def test_free_motion_needs_no_contact() -> None:
+def test_a_worst_case_is_found_without_any_contact() -> None:
     loop = Loop(law_settings(), ARM, 0.004, force_filter_s=0.03)
     case, radius = worst_case(loop, Intervals(None), LIMIT)
     assert case.K_e_mN_per_um == 0.0
@@ -119,7 +119,7 @@ def test_impossible_intervals_are_refused(
         Intervals(*values)
 
 
-def test_a_response_steeper_than_its_model_is_judged_at_its_steepest_point() -> None:
+def test_a_response_steeper_than_its_model_is_assessed_at_its_greatest_slope() -> None:
     """Without contact the law's gain is the slope: the free arm is the faster to ring by it."""
     loop = Loop(law_settings(K_P=0.1, K_f=2000.0), ARM, 0.02, force_filter_s=0.03)
     known = Intervals((2.0, 2.4))
@@ -137,7 +137,7 @@ def test_without_uncertainty_there_is_one_case() -> None:
     assert (case.K_e_mN_per_um, case.delay_periods, case.gain_factor) == (0.0, 0.3, 1.0)
 
 
-def test_a_law_of_the_identified_set_is_judged_as_that_of_the_line() -> None:
+def test_a_law_of_the_identified_set_has_the_spectral_radius_of_the_consistent_set() -> None:
     case = LoopCase(2.0, gain_factor=0.8)
     radii = [
         counted_radii(Loop(law_settings(set=name, K_f=2000.0), ARM, 0.02), (case,), LIMIT)[0]
