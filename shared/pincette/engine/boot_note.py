@@ -55,8 +55,7 @@ class BootNote:
     def found(self) -> Before:
         """Return how the previous program has ended.
 
-        If the note cannot be read, or could not be replaced, the program counts as not cleanly
-        ended.
+        If the note cannot be read or replaced, the program counts as not cleanly ended.
         """
         found = self._read()
         if found.ended is Predecessor.CLEAN and not self._write(*found):
@@ -83,7 +82,7 @@ class BootNote:
             ) from error
 
     def end(self, ending: Predecessor, instance: int) -> None:
-        """Note, after the program has come to rest, how it ended and the number of its start."""
+        """Note how the program ended, and the number of its start; call this once it is at rest."""
         if ending is not Predecessor.DIED:
             self._write(ending, instance)
 

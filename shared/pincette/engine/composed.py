@@ -19,7 +19,8 @@ from pincette.engine.simulated import devices_on, simulated_devices
 from pincette.sim.bench import Bench
 
 Benches = Callable[[Callable[[GroundTruth], None]], Bench]
-"""Function that is called with the true state of a simulated rig."""
+"""Function that sets up the simulated rig. Its argument is called with the true state of the rig in
+each tick."""
 
 
 class ComposedLoop:

@@ -60,7 +60,7 @@ LEAST_READING_S = 0.005
 this, a reading does not count as too old.
 """
 WAITED_SHARE = 0.8
-"""Fraction of that limit for which the service waits for a sensor."""
+"""Fraction of the longest reading time for which the service waits for a sensor."""
 NO_PARTS = (
     "this voltage output cannot write steps in parts, since it has no clock of its own: "
     "omit [output] shaping, and fit an RC of 3.3 ms before the amplifier"
@@ -68,17 +68,15 @@ NO_PARTS = (
 TRIES = 3
 """Number of attempts to open an instrument, or to read back its voltage."""
 PAUSE_S = 0.05
-"""Pause before another attempt after bytes that were not a valid reply, in s, since noise may
-continue.
-"""
+"""Pause in s before another attempt if the reply was not valid, since noise on the line may
+continue."""
 QUESTIONS = 5
 """Number of queries to the output that are measured at each arming."""
 REOPEN_PERIODS = 1.5
-"""Time, in control periods, within which a lost line to an output may be reopened without a
-fault.
-"""
+"""Longest time, in control periods, in which a lost line to an output may be reopened without a
+fault."""
 SAME_V = 0.01
-"""Difference of two voltages, in V, below which they differ only by rounding."""
+"""Largest difference between two voltages, in V, that is attributed to rounding."""
 PASSING = ("silent", "late", "garbled")
 """Failures of an exchange that may succeed when it is repeated."""
 
@@ -87,8 +85,8 @@ PASSING = ("silent", "late", "garbled")
 class ReadingWatch:
     """Refuses readings that took too long.
 
-    The instrument may have measured at the beginning of the exchange. If the position is older than
-    a control period, the arm may continue to press for that time.
+    The instrument may have measured at the beginning of the exchange. With a position that is older
+    than a control period, the arm may press a part for longer before the loop reacts.
     """
 
     oldest_s: float
@@ -137,7 +135,8 @@ class Instrument:
         self._period_s = period_s
         self._kicked_at_s = 0.0
         self._confirmed_V: float | None = None
-        """Last voltage that the output confirmed; None before the first, and after a fault."""
+        """Last voltage that the output confirmed, in V; None before the first one and after a
+        fault."""
         self._capture_hz = 0.0
         self._later = Block((), ())
 
@@ -325,9 +324,7 @@ class Instrument:
 
 
 def published(outputs: tuple[Any, ...]) -> tuple[Message, ...]:
-    """Return the outputs of a step without the first one, if that is a command to the
-    instrument.
-    """
+    """Return the outputs of a step, without a first one that is a command to the instrument."""
     return outputs[1:] if outputs and isinstance(outputs[0], ORDERS) else outputs
 
 
@@ -353,7 +350,7 @@ def fault_of(error: Exception) -> Fault:
 MEASUREMENT_TIMEOUT_S = 1.0
 """Timeout of an exchange that is measured while no loop runs, in s."""
 LOCKSTEP_TIMEOUT_S = 2.0
-"""Timeout in lockstep, by the wall clock: it ends a run that hangs, but never a tick."""
+"""Timeout in lockstep, in s of the wall clock: it ends a run that hangs, but never a tick."""
 
 D = TypeVar("D", PositionSensor, VoltageOutput)
 
@@ -366,7 +363,7 @@ def open_for_measurement(service: AnyService, rig: RigFile) -> Device:
 
 
 def open_device(service: AnyService, rig: RigFile, at_most_s: float = inf) -> Device:
-    """Open a service's instrument, a sensor within ``at_most_s``; None if it has none.
+    """Open a service's instrument, a sensor within ``at_most_s``; None if the service has none.
 
     The instruments of all arms are opened, or none stays open; at one url they share a line.
     """
@@ -420,7 +417,7 @@ def longest_reading_s(period_s: float) -> float:
 def reading_timeout_s(rig: RigFile, at_most_s: float = inf) -> float:
     """Return the timeout of one arm's sensor, in s.
 
-    Time is left after it before the next tick, which would otherwise be skipped.
+    The timeout ends before the next tick, which would otherwise be skipped.
     """
     tick_s = WAITED_SHARE * longest_reading_s(rig.rig.period_s)
     return min(rig.sensor.timeout_s, at_most_s, tick_s)

@@ -18,11 +18,10 @@ from pincette.core.service import AnyService, Role
 
 KEPT = 16
 """Largest number of samples of a topic that wait for a join, and of streams that wait for a step.
-If more samples wait, the partner of the oldest has been lost.
-"""
+If there are more, the partner of the oldest sample has been lost."""
 AHEAD = 250
-"""Largest number by which a sample may be ahead of the time since its epoch began: 5 s at
-T = 20 ms, more than a link keeps before it is given up."""
+"""Largest excess of a sample number over the number of periods since the epoch began. It is 5 s at
+T = 20 ms, more than a link stores before it is given up."""
 CLOCKS_APART = 1e-3
 """Relative difference in speed that is allowed between two monotonic clocks; a bad quartz deviates
 by a tenth of that.
@@ -123,13 +122,13 @@ class Joiner:
     def admits(self, sample: Sample, now: float) -> bool:
         """Return whether a sample may be the next one of its topic, and note its number.
 
-        A sample that is not newer than an accepted one is refused. Nor can there be more samples of
-        an epoch than periods since it began: a larger number cannot come from the sensor's grid; if
-        it were accepted, all correct samples would be refused.
+        A sample that is not newer than an accepted one is refused. So is a sample whose number
+        exceeds the number of periods since the epoch began by more than ``AHEAD``: it cannot come
+        from the sensor's grid, and if it were accepted, all correct samples would be refused.
 
-        Commands with older numbers are admitted: the actuator checks their owner and age too.
-        Samples of other epochs are not checked. Nor are those of epoch 0, the idle loop before the
-        first arming, in which the numbers of a restarted sensor begin again at 0.
+        Commands with older numbers are admitted: the actuator checks their owner and age too. Not
+        checked are samples of other epochs, and samples of epoch 0, the idle loop before the first
+        arming, in which the numbers of a restarted sensor begin again at 0.
         """
         if sample.epoch != self._epoch or self._epoch == 0:
             return True
@@ -216,8 +215,8 @@ class Joiner:
         """Return the time that a step waits for its partners in real time, in s.
 
         While the sensor idles, the actuator publishes the partner only after it has received the
-        sample, so the step waits longer, in proportion to the idle interval. A lost sample does not
-        extend the wait, since an armed loop has no time for it.
+        sample, so that the step waits longer, in proportion to the idle interval. A lost sample
+        does not extend the wait, since an armed loop has no time for it.
         """
         newest = self.newest
         if newest is None or newest.epoch != sample.epoch:

@@ -58,7 +58,9 @@ class LogQueue(QueueHandler):
 
 
 class _Writer(logging.Handler):
-    """Write each record to a file descriptor, without a lock that the program's end would need."""
+    """Handler that writes to a file descriptor without a lock, which could block the end of the
+    program.
+    """
 
     def __init__(self, lines: LogQueue, formatter: logging.Formatter, descriptor: int) -> None:
         super().__init__()

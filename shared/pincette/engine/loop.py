@@ -38,7 +38,8 @@ A request also has the name of the service and a function for the reply.
 """
 
 BACKLOG = 0.25
-"""Time between samples of a topic, in periods, below which the samples count as a backlog."""
+"""Time between samples of a topic, in periods. If samples arrive at shorter intervals, they count
+as a backlog."""
 SHUTDOWN_S = 3.0
 """Time limit for an instrument to come to rest when its program ends, in s."""
 MAX_BATCH = 1000
@@ -109,7 +110,8 @@ class Loop:
         self.looking = looks[0] if looks and len(self.runners) > 1 else None
         """Runner of the actuator, if it must check its clock between steps of other services."""
         self._look_s = (self.looking and self.looking.interval_s) or inf
-        """Duration above which a step of another service is reported to it."""
+        """Duration in s above which a step of another service is reported to the actuator's runner;
+        infinite without such a runner."""
         self._watches = self._look_s < inf
 
         self._bus = bus
@@ -334,7 +336,8 @@ class Loop:
     def kept_busy(self, runner: Runner, took_s: float, computed_s: float, now: float) -> Outputs:
         """Report to the actuator for how long a step of another service has occupied the program.
 
-        This time does not count as a stall; neither does the longest wait for an instrument.
+        The actuator does not count this time as a stall. A wait for an instrument is included up to
+        its limit.
         """
         looking = self.looking
         look_s = None if looking is None else looking.interval_s

@@ -1,8 +1,8 @@
 """Data that a replay needs besides samples: the requests that a service accepted, and its state.
 
-Each request is noted with its position among the steps. Only those parts of the state are noted, as
-JSON, that differ from a start; the coefficients of a model, which follow from the rig file and the
-calibration, are left out. Floats are stored exactly.
+Each request is noted with its position among the steps. Only those parts of the state that differ
+from the state at a start are noted, as JSON. The coefficients of a model are omitted, since they
+follow from the rig file and the calibration. Floats are stored exactly.
 """
 
 import json
@@ -19,7 +19,9 @@ from pincette.core.topics import TOPIC_OF
 
 
 def snapshot(service: AnyService, config: Any, state: Any) -> Document:
-    """Return JSON of the snapshot fields that differ from a start; empty if none does."""
+    """Return JSON of the snapshot fields that differ from the state at a start; empty if none
+    does.
+    """
     changes = _changes(state, service.start(config), service.state_snapshot)
     return Document(json.dumps(changes, separators=(",", ":")) if changes else "")
 

@@ -11,7 +11,8 @@ held part stays held. A program of the loop is not restarted before a person has
 """
 FIRST_S, LONGEST_S = 0.5, 10.0
 WELL_S = 60.0
-"""Running time of a program after which its restart intervals begin again with the shortest."""
+"""Time in s for which a restarted program must run before its restart intervals begin again with
+the shortest."""
 
 
 class Revival:

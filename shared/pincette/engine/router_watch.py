@@ -21,10 +21,9 @@ ENDED_STATUS = 75
 """Exit status of a router that has ended itself: EX_TEMPFAIL, a failure that a restart resolves."""
 ASK_S, LOOK_S = 1.0, 0.5
 LEASES = 10
-"""Longest time without a reply of the watched router, in leases of a link: 5 s in real time. With
-this value, a restarted router is ready before the supervisor's lease on a job ends, which is 10 s
-by default.
-"""
+"""Longest time without a reply of the watched router, as a multiple of the lease of a link: 5 s in
+real time. With this value, a restarted router is ready before the supervisor's lease on a job ends,
+which is 10 s by default."""
 
 
 class RouterWatch:

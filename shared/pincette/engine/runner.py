@@ -32,7 +32,8 @@ from pincette.instruments.line.counts import LineCounts
 IDLE_S = 0.5
 """Longest time that a program waits before it checks whether it is to stop."""
 EARLY = 1.5
-"""Number of intervals. If the next timer step is due later than this, it is brought forward."""
+"""Number of intervals. If the next timer step is due later than after this many timer intervals, it
+is brought forward."""
 NO_CLOCK = "in lockstep there is no clock, so nothing is late"
 
 Outputs = tuple[Message, ...]
@@ -329,7 +330,7 @@ class Runner:
         return reply, outputs
 
     def _handle(self, request: Message, now: float) -> tuple[Message | str, Outputs]:
-        # In lockstep it is the time of the last tick, whatever the wall clock states.
+        # In lockstep the time is that of the last tick, whatever the wall clock states.
         if self.lockstep:
             now = 0.0 if isinstance(request, Arm) else self._now
         if isinstance(request, StatusRequest):

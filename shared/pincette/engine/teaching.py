@@ -22,7 +22,8 @@ LARGEST_RESIDUAL = 0.005
 If relays with wide loops are set when the arm is switched on, the residual is 1 to 3 %.
 """
 BELOW_REST = 0.1
-"""Distance of the motion beyond the rest position, relative to its height above it."""
+"""Distance by which the motion goes below the rest position, relative to the distance by which it
+goes above."""
 
 
 def teach(rig: RigFile, *, to_limits: bool = False) -> Identification:

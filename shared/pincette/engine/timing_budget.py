@@ -21,7 +21,8 @@ PATIENCE_WAKES = 1.5
 missed check the actuator concludes that it did not run, and excludes the time from every age.
 """
 RESPONSE_TIME_CONSTANTS = 3.0
-"""Time constants within the response that the driver of an output states: it settles to 5 %."""
+"""Number of time constants in the response time that the driver of an output states: after this
+time it has settled to 5 %."""
 EXCHANGE_RESERVE = 1.25
 """Factor by which an exchange may exceed its time on the line, since an instrument needs time
 before it replies. With a smaller factor, every reply would be too late.
@@ -169,7 +170,7 @@ def shared_timeout_s(rig: RigFile, services: Iterable[AnyService]) -> float:
     reads = any(one.instrument == "position_sensor" for one in together)
     if rig.lockstep or not (looks_s and reads):
         return inf
-    # Of two arms both sensors may be silent, one after the other.
+    # If both sensors of two arms are silent, the waits follow one another.
     limit_s = PATIENCE_WAKES * min(looks_s) / len(rig.arms)
     needed_s = max(stated(plugins.POSITION_SENSORS, arm.sensor).exchange_s for arm in rig.arms)
     if EXCHANGE_RESERVE * needed_s > limit_s:

@@ -21,10 +21,10 @@ Outputs = tuple[Any, ...]
 class SeenGrid:
     """Lateness of samples against the grid of the earliest among them, ``period_s`` apart.
 
-    A sample is due one period after the one before it, for each number between them. A sample that
-    comes before it is due shows that the grid lies earlier. If a sample is late by whole periods,
-    the grid is assumed to have moved, since missed points have no number. If that is wrong, the
-    next sample arrives early and corrects it.
+    A sample is due n periods after an earlier sample if their numbers differ by n. A sample that
+    arrives before it is due shows that the grid is earlier than assumed. If a sample is late by
+    whole periods, the grid is assumed to have moved, since missed points have no number. If that is
+    wrong, the next sample arrives early and corrects it.
     """
 
     __slots__ = ("_due_s", "_number", "_period_s")

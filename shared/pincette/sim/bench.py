@@ -105,7 +105,7 @@ def open_bench(
 
 
 def _shared(beside: Mapping[str, Fitted], found: Mapping[str, Fitted]) -> dict[str, Fitted]:
-    """Return the first arm's instruments that the second arm shares, with the script's effect."""
+    """Return the first arm's instruments that the second arm shares, with effects of the script."""
     modules = {id(one.module): one for one in found.values() if one.module is not None}
     return {
         table: modules[id(one.module)]
@@ -165,7 +165,7 @@ def _setting(
             pace(rig.now_s())
         return rig.measure_um()
 
-    # The first arm, which is measured first in each tick, waits for the pace.
+    # The first arm is measured first in each tick, so only its measurement waits for the pace.
     measure_um = rig.measure_um if pace is None or prefix else paced_um
     if script is None:
         return Setting(

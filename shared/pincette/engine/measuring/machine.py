@@ -83,8 +83,9 @@ def measure(
 
 
 def _shares(periods_s: Sequence[float]) -> list[float]:
-    """Return the fraction of the time for each period: a long period gets more, and still has fewer
-    wake-ups.
+    """Return the fraction of the time for each period.
+
+    A long period gets more time, but still fewer wake-ups, than a short one.
     """
     weights = [sqrt(period_s) for period_s in periods_s]
     whole = fsum(weights)

@@ -18,7 +18,8 @@ COLLECT_EVERY = 2000
 
 def freeze_gc() -> None:
     """Exclude all present objects from collections, and switch between threads sooner."""
-    # For a program that serves requests: an emergency stop must not wait while a picture is drawn.
+    # This is for programs that serve requests: an emergency stop must not wait while a picture is
+    # drawn.
     gc.collect()
     gc.freeze()
     return_free_memory()

@@ -1,8 +1,8 @@
 """Detection of a suspended machine, by a clock that counts sleep and one that does not.
 
 CLOCK_BOOTTIME advances while the machine sleeps; CLOCK_MONOTONIC stops, and with it every age. In a
-paused virtual machine both stop. If its clock is corrected afterwards, the jump looks to the
-actuator like a stall of its own, which it excludes only in part.
+paused virtual machine both stop. If its clock is corrected afterwards, the actuator cannot
+distinguish the jump from a stall of its own program, which it excludes from ages only in part.
 """
 
 from collections.abc import Callable

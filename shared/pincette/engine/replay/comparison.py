@@ -17,7 +17,7 @@ CLOCKED = ("command_age_s", "refused")
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """A field that differs from the record; an empty field means an output that was not
+    """A field that differs from the record; an empty ``field`` means that a whole output was not
     repeated.
     """
 

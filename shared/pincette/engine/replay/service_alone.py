@@ -34,7 +34,8 @@ class Tape:
 
     fault: Fault | None = None
     found_V: float = 0.0
-    """Voltage at rest; that at the beginning of the epoch comes from the record."""
+    """Voltage of the output at rest, in V; at the beginning of an epoch it comes from the
+    record."""
 
     def write_V(self, voltage_V: float) -> None:  # noqa: ARG002  it goes nowhere
         """Accept a voltage without effect."""
@@ -121,7 +122,7 @@ def _tape_that_fails(tapes: tuple[Tape, ...], failure: Fault | None) -> Tape:
 
 
 def _now(runner: Runner, step: Step) -> float:
-    """Return a time at which the slew limit gives a command the recorded time.
+    """Return a time at which the next command gets its recorded time for slewing.
 
     Without a recorded time the result is always the same.
     """

@@ -84,9 +84,7 @@ def steps(service: str, samples: Samples) -> Iterator[Step | Gap]:
 
 
 def estimator_steps(samples: Samples) -> Iterator[Step | Gap]:
-    """Return a step for each estimate, including those known only from the command computed from
-    them.
-    """
+    """Return a step for each estimate, including estimates that only their commands show."""
     for seq in samples.seqs(Estimate, Command):
         position = samples.newest(Position, seq)
         if position is None:
@@ -129,7 +127,7 @@ def controller_steps(samples: Samples) -> Iterator[Step | Gap]:
 def actuator_steps(samples: Samples) -> Iterator[Step | Gap]:
     """Return all steps in lockstep.
 
-    In real time it returns only those with an accepted command, since no clock is recorded.
+    In real time it returns only steps with an accepted command, since no clock is recorded.
     """
     last = max(samples.seqs(Applied), default=-1)
     for seq in samples.seqs(Position, Command):

@@ -31,9 +31,9 @@ TERMINATOR = b"\r"
 class SimulatedKeyence:
     """Controller whose outputs all show ``measure()``, in µm; None is an invalid reading.
 
-    ``clock`` is used for the duration of mode changes, and must advance by itself.
-    ``set_averaging`` is called with the averaging time of output 1 whenever it changes. Before each
-    n-th answer (``unsolicited_every``, 0: never) TG,01 is sent.
+    ``clock`` is used for the duration of mode changes, and must advance without calls to this
+    object. ``set_averaging`` is called with the averaging time of output 1 whenever it changes.
+    Before each n-th answer (``unsolicited_every``, 0: never) TG,01 is sent.
     """
 
     def __init__(

@@ -20,7 +20,7 @@ INVALID = b"XXXXXXXX"
 LONGEST_COMMAND = 32
 SAMPLING_S = (2.55e-6, 5e-6, 10e-6, 20e-6, 50e-6, 100e-6, 200e-6, 500e-6, 1000e-6)
 MOST_FOURS = 9
-"""Largest i of 4^i averaged samples; assumed."""
+"""Largest exponent i for an average over 4^i samples; assumed."""
 
 FAULTS: tuple[Fault, ...] = ("unknown", "mode", "length", "count", "parameter", "timeout", "other")
 CODES: dict[Dialect, dict[Fault, bytes]] = {

@@ -9,7 +9,10 @@ class Instrument(Protocol):
     """An instrument: it receives a line and returns a line or None, both without terminator."""
 
     def answer(self, line: bytes) -> bytes | None:
-        """Answer one line; None is no answer. The terminator separates the lines of an answer."""
+        """Return the answer to one line; None for no answer.
+
+        An answer of several lines contains the terminator between them.
+        """
         ...
 
     def idle(self) -> None:

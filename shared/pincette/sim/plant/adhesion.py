@@ -1,14 +1,12 @@
 """Adhesion that keeps a part on the driven arm after it is no longer pressed; pure functions.
 
-    dry       3/2·π·w·R, times the roughness: Johnson, Kendall and Roberts, Proc. R. Soc. A 324
-              (1971); it ends with the contact
-    liquid    4·π·R·γ·cos θ·(1 - H/√(H² + V/(π·R))) across a gap H: Rabinovich, Esayanur and
-              Moudgil, Langmuir 21 (2005); the bridge ruptures at V^(1/3): Lian, Thornton and
-              Adams, J. Colloid Interface Sci. 161 (1993)
-    ageing    both grow by a share with each decade of contact time: Bocquet, Charlaix, Ciliberto
-              and Crassous, Nature 396 (1998)
-    bond      residue or glue lasts 1 s·e^((B - P)/b) under a pull P: Bell, Science 200 (1978); so
-              its strength grows with the logarithm of the rate of the pull, and waiting parts it
+dry 3/2·π·w·R, times the roughness: Johnson, Kendall and Roberts, Proc. R. Soc. A 324 (1971); it
+ends with the contact liquid 4·π·R·γ·cos θ·(1 - H/√(H² + V/(π·R))) across a gap H: Rabinovich,
+Esayanur and Moudgil, Langmuir 21 (2005); the bridge ruptures at V^(1/3): Lian, Thornton and Adams,
+J. Colloid Interface Sci. 161 (1993) ageing both grow by a share with each decade of contact time:
+Bocquet, Charlaix, Ciliberto and Crassous, Nature 396 (1998) bond residue or glue lasts 1 s·e^((B -
+P)/b) under a pull P: Bell, Science 200 (1978); so its strength grows with the logarithm of the rate
+of the pull, and under any constant pull it breaks after a time
 
 The bridge pulls the driven arm; the passive arm is assumed to be at rest.
 """

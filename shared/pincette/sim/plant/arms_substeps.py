@@ -15,7 +15,7 @@ def pass_substeps(
     dents_um: MutableSequence[float],
     positions_um: MutableSequence[float],
 ) -> Motion:
-    """Change x_f to each value within one substep.
+    """Change x_f to each of ``rests_um`` in turn, each within one substep.
 
     ``dents_um`` is scratch memory, as long as ``rests_um`` if the faces of a part can be pressed
     in. ``positions_um`` receives the position of the tip after each substep, unless it is empty.
@@ -24,7 +24,8 @@ def pass_substeps(
     while done < count:
         if m.joined and _presses(k):
             _press(k, m, rests_um, dents_um, done)
-        # A dent that recovers changes from substep to substep with the arms.
+        # A dent that recovers depends on the motion of the arms, so it is updated after every
+        # substep.
         springs = not m.joined and m.dent_um != 0.0
         last = done + 1 if springs else count
         m, done = _pass_undisturbed(k, m, rests_um, dents_um, positions_um, done, last)
@@ -49,7 +50,8 @@ def _pass_undisturbed(
 ) -> tuple[Motion, int]:
     """Compute whole substeps from ``first`` to ``last``, or until the contact may change.
 
-    Returns the index of that substep, for which the dents have been updated.
+    Also returns the index of the first substep that was not computed; the dents have been updated
+    for it.
     """
     (a, b, c), rest_um, joined, there, dent_um = m
     three, with_positions, presses = k.passive_moves, len(positions_um) > 0, joined and _presses(k)

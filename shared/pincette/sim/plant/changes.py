@@ -41,7 +41,7 @@ def _pass_piece(k: MotionConstants, m: Motion, dt_s: float, goal_um: float) -> M
 def _change_within(
     k: MotionConstants, start: Motion, dt_s: float, goal_um: float, before: float, after: float
 ) -> tuple[Motion, float]:
-    """Return the motion after the change, and the time of the change within the piece, in s."""
+    """Return the motion after the first change within a piece, and the time of the change, in s."""
     m, moment_s = start, 0.0
     times, margins = (0.0, dt_s), (before, after)
     for _ in range(SECANTS if before > 0.0 else 1):
@@ -100,7 +100,7 @@ def _over(k: MotionConstants, m: Motion, dt_s: float) -> Transition:
 
 
 def sprung_back(k: MotionConstants, m: Motion) -> float:
-    """Return the dent of the faces: apart, they recover with the opening of the arms, in µm."""
+    """Return the dent of the faces in µm; while the arms are apart, it recovers as they open."""
     if m.joined or m.dent_um == 0.0:
         return m.dent_um
     reach_um = m.rest_um + deviation(k.apart.watched, m.w)

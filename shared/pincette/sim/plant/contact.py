@@ -76,5 +76,7 @@ def ball_weight_mN(radius_um: float, density_kg_per_m3: float) -> float:
 
 
 def holding_force_mN(weight_mN: float, friction: float) -> float:
-    """Return the least force in mN at which friction carries the ball: weight/(2·µ), two arms."""
+    """Return the smallest force in mN at which friction at two arms carries a ball:
+    weight/(2·µ).
+    """
     return weight_mN / (2.0 * friction)

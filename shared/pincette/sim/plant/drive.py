@@ -137,7 +137,7 @@ def drive_substeps(
     any; then ``voltages_V`` receives the voltage after each substep. ``scratch`` must be as long as
     ``rests_um``.
     """
-    # The same element holds w, then y, then x_f of a substep.
+    # Each element of ``rests_um`` first contains w, then y, then x_f of a substep.
     put_out = _put_out(k, before, target_V, targets_V, rests_um, voltages_V)
     h = follow_voltages(k.hysteresis, before.drive_V, before.hysteresis_um, rests_um, scratch)
     return _bent(k, before, put_out, h, rests_um, scratch)
@@ -181,7 +181,9 @@ def _bent(
     ways: MutableSequence[float],
     levels_um: Sequence[float],
 ) -> Electrical:
-    """Replace each w by y, then x_f, and write h after each; return the last h."""
+    """Replace each w by y, then x_f; return the electrical part at the end, with ``h`` as its
+    hysteresis.
+    """
     d, kappa, scale = k.d, k.kappa, k.scale
     for index in range(len(ways)):
         w = ways[index]

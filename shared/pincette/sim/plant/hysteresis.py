@@ -7,8 +7,8 @@ from dataclasses import dataclass
 SERIES_UP_TO = 1.0 / 8.0
 """Largest z for the series of (1 - e^(-z))/z; the first omitted term, z¹⁰/11!, is 2e-17 there."""
 AHEAD = 64
-"""Number of voltage segments whose factors are computed before it is known whether they are
-valid."""
+"""Number of voltage segments whose factors are computed in advance; later it may turn out that some
+are not valid."""
 NOT_SHORT = -1.0
 """Marker instead of a factor, which is never negative."""
 
@@ -96,7 +96,7 @@ def advance_hysteresis(shape: BoucWen, h_um: float, du_V: float) -> float:
     after = h_um + (A * share - rate * share * h_um)
     if against and (after > 0.0 if rises else after < 0.0):
         w -= math.log1p(-rate * h_um / A) / rate if rate > 0.0 else -h_um / A
-        # Relaxation at b + g from there on, at b - g before.
+        # From here on h relaxes at b + g, before at b - g.
         return A * _relaxing(rate + 2.0 * shape.g_per_V, w)
     return after
 

@@ -40,18 +40,19 @@ class ModalSystem:
     """Right vectors R, by component of the state."""
     rest_by_input: tuple[float, ...]
     rest_by_offset: tuple[float, ...]
-    """Rest positions (r; 0) per input (previous field) and (t; 0) per offset."""
+    """Rest positions (t; 0) per unit of offset; ``rest_by_input`` contains (r; 0) per unit of
+    input."""
     pushed_by_input: Weights
     pushed_by_offset: Weights
-    """Products L_i·(r; 0) for the input (previous field) and L_i·(t; 0) for the offset."""
+    """Products L_i·(t; 0) for the offset; ``pushed_by_input`` contains L_i·(r; 0) for the input."""
     tip: Weights
     """Weights of the tip position x in the modes."""
     watched: Weights
     """Weights of the quantity that determines whether the arms touch or separate."""
     most_watched: tuple[float, ...]
     most_by_input: float
-    """Factor of |Δ| in the bound 2·Σ |watched_i|·(|w_i| + |L_i·(r; 0)·Δ|); the previous field holds
-    the factors of |w_i|."""
+    """Factor of |Δ| in the bound 2·Σ |watched_i|·(|w_i| + |L_i·(r; 0)·Δ|); ``most_watched``
+    contains the factors of |w_i|."""
 
 
 def modal_system(

@@ -182,7 +182,7 @@ def _changed(p: PairParameters, state: PairState, before_um: float) -> PairState
             anchor_um = z - ground * p.ground_slip_mN / p.ground_mN_per_um
             ground = Ground.HOLDS
         if ground == Ground.HOLDS:
-            # Without mass it recovers at once.
+            # A part without mass recovers at once.
             z = anchor_um
     return replace(state, contact=Contact(first, second, ground), part_um=z, anchor_um=anchor_um)
 

@@ -69,7 +69,8 @@ class PairModes:
     place_by_x: Pair
     """Derivatives ∂z/∂x by x_1 and x_2."""
     joint_mN_per_um: float
-    """Divisor of z in mN/µm: touching faces, and the ground if it holds; 0 if z is free."""
+    """Stiffness in mN/µm by which a force is divided to obtain z: that of the touching faces, plus
+    that of the ground if it holds the part; 0 if nothing determines z."""
 
 
 @lru_cache(maxsize=256)
@@ -104,7 +105,8 @@ def pair_modes(numbers: PairNumbers, contact: Contact, dt_s: float) -> PairModes
 
 
 def place_um(modes: PairModes, tips_um: Pair, load_mN: float, kept_um: float) -> float:
-    """Return the part's position z in µm; ``load_mN`` are the other terms of its balance.
+    """Return the position z of the part in µm; ``load_mN`` is the sum of the other terms in its
+    balance.
 
     See ``PairMotion``.
     """

@@ -49,7 +49,7 @@ class PlantState(FrozenRecord, frozen=True):
     """Deflection of the passive arm's tip away from the driven arm, in µm."""
     passive_speed_um_per_s: float = 0.0
     joined: bool = False
-    """True if part and both arms touch; used for elaborate arms only."""
+    """True if both arms touch the part; used only for arms that are ``elaborate``."""
     dent_um: float = 0.0
     """Compression of the part's faces, in µm."""
     part: Literal["there", "lost", "broken", "removed"] = "there"

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from pincette.config import Simulation
 
 KEPT = 4096
-"""Number of old positions that are removed together, to keep the cost of removal small."""
+"""Number of old positions that are removed at once, since removing them one by one would take
+longer."""
 
 
 class Average:

@@ -21,8 +21,8 @@ CAPTURED = 1
 class Timeline:
     """State and time of the plant, with scheduled instants.
 
-    While a waveform plays, a capture runs or the sensor averages, the substeps end at each of their
-    instants, on a grid of nanoseconds; otherwise time passes in the requested steps.
+    While a waveform plays, a capture runs or the sensor averages, a substep ends at each of their
+    sample times, which are whole nanoseconds. Otherwise time passes in the requested steps.
     """
 
     def __init__(self, simulation: Simulation) -> None:

@@ -1,7 +1,7 @@
 """Faults of a simulated instrument and its line, on the rig's clock; pure except for the reading.
 
-The active faults are a function only of the time and the orders, and randomness is a function of
-seed, target and number of the exchange: a run in lockstep is reproducible bit by bit.
+The active faults depend only on the time and the orders. Random values depend only on the seed, the
+target and the number of the exchange. Therefore a run in lockstep is reproducible bit by bit.
 """
 
 from bisect import bisect_right
@@ -108,7 +108,8 @@ class Past:
         """Add the newest value."""
         self._known.append((now_s, value))
         old_s = now_s - self._kept_s
-        # The newest value that is too old was still valid at the edge of the duration.
+        # Keep the newest value that is too old: it was still valid at the beginning of the
+        # duration.
         while self._known[1][0] <= old_s:
             del self._known[0]
 
@@ -124,7 +125,11 @@ class Past:
 
 
 def misread_um(faults: Faults, past: Past, now_s: float) -> float:
-    """Return the position that the sensor reports, given its true readings while not stuck."""
+    """Return the position that the sensor reports.
+
+    ``past`` contains the true readings up to the time at which the sensor got stuck, if it is
+    stuck.
+    """
     delay_s = faults.value("delayed")
     x_um = past.newest if delay_s is None else past.at(now_s - delay_s)
     x_um += faults.value("wrong") or 0.0
@@ -133,7 +138,11 @@ def misread_um(faults: Faults, past: Past, now_s: float) -> float:
 
 
 def misput_V(faults: Faults, past: Past, now_s: float) -> float:
-    """Return the voltage that the output applies, given the requested ones while not stuck."""
+    """Return the voltage that the output applies.
+
+    ``past`` contains the requested voltages up to the time at which the output got stuck, if it is
+    stuck.
+    """
     delay_s = faults.value("delayed")
     asked_V = past.newest if delay_s is None else past.at(now_s - delay_s)
     return asked_V + (faults.value("wrong") or 0.0)

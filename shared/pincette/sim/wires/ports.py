@@ -86,7 +86,7 @@ class TcpPort:
 
 
 class _PtyLine:
-    """Near end of a pseudo-terminal, which remains open between connections."""
+    """End of a pseudo-terminal in this process, which remains open between connections."""
 
     def __init__(self, near: int) -> None:
         self._near = near
@@ -107,7 +107,7 @@ class _PtyLine:
 class PtyPort:
     """Pseudo-terminal under a path.
 
-    Its far end is open in this process too, so that clients can connect and disconnect.
+    The end for clients is open in this process, too, so that clients can connect and disconnect.
     """
 
     def __init__(self, path: Path) -> None:

@@ -77,7 +77,8 @@ class Wire:
 
     def _run(self) -> None:
         while (line := self._port.next_line(self._wait)) is not None:
-            # A client may disconnect, or stop reading, within an answer; the next starts afresh.
+            # A client may disconnect, or stop reading, within an answer; the next client starts a
+            # new conversation.
             with suppress(OSError):
                 self._converse(line)
             line.close()
