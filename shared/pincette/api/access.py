@@ -67,7 +67,7 @@ class Verdict(Model):
 
 
 class PageCheck(Model):
-    """What the supervisor received from a page: origin and request path; and the page's
+    """What the supervisor received from a page (origin and request path), and the page's
     permissions.
     """
 

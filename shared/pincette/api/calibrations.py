@@ -125,8 +125,9 @@ ProposalState = Literal["proposed", "accepted", "discarded", "superseded"]
 
 
 class ProposedValue(Identified):
-    """Proposed value and the value in use. After the decision, the second is the value that was in
-    use before.
+    """Proposed value and the value in use.
+
+    After the decision, the value in use is the one that was in use before it.
     """
 
     model_config = example(

@@ -47,7 +47,7 @@ class Check(Model):
     age_s: float | None
     """Time since the check was made; null if it is not known."""
     words: str
-    """Time since the check was made; null if it is unknown."""
+    """Result of the check, as text for people."""
 
 
 class Alive(Model):

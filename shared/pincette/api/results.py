@@ -399,7 +399,8 @@ class ClosedLoopResult(JobResult):
     influence the voltage.
     """
     sliding_in_band: float | None
-    """Fraction of samples with |s| within its band. Outside of the band |s| cannot have grown."""
+    """Fraction of samples with |s| within its band. Outside of the band a step of the law does not
+    increase |s|."""
     residual_um: Percentiles | None
     """Magnitude of x minus its prediction (17), computed with the force that the law uses."""
     law_perturbation_mN: Percentiles | None

@@ -87,9 +87,8 @@ class State:
     beyond: Beyond = ""
     """Name of a duration that is added to the deadline; see ``BEYOND``."""
     actions: tuple[ActionType, ...] = ()
-    """Actions that are offered. An action with a condition in ``NEEDS`` is offered only while that
-    is fulfilled.
-    """
+    """Actions that are offered. An action with a condition in ``NEEDS`` is offered only while the
+    condition is fulfilled."""
 
     @property
     def terminal(self) -> bool:

@@ -111,9 +111,7 @@ class EmergencyStop:
         self.attempts = StopAttempts()
         self.file: RigFile | StopFile | None = None
         self.file_given = self.url_given = False
-        """True if the caller has named a rig file. The next variable is true if the caller has
-        named an address.
-        """
+        """True if the caller has named a rig file, and an address, respectively."""
         self.notes: list[str] = []
         """Inputs that could not be used, each with the reason."""
         self.found: set[str] = set()
@@ -189,7 +187,7 @@ class EmergencyStop:
         doubts = [f"{rig} not confirmed" for rig in reply.unconfirmed]
         self._file_read.wait(FOUND_S)
         own = None if self.file is None else self.file.rig.name
-        for rig in sorted(reply.stopped, key=lambda rig: rig == own):  # for its own it may wait
+        for rig in sorted(reply.stopped, key=lambda rig: rig == own):  # its own rig is the last
             if doubt := "" if reply.proven else self._doubt(rig, url, reply):
                 doubts.append(doubt)
             else:

@@ -159,7 +159,7 @@ def progress(for_s: float) -> "Generator[Report]":
         yield lambda what, part_s: console.print(f"{what}: {part_s:.1f} s")
         return
     name, share = TextColumn("{task.description:<24}"), TextColumn("{task.percentage:>3.0f} %")
-    # It is redrawn rarely, since drawing takes time from the measurement.
+    # The bar is redrawn rarely, since drawing takes time from the measurement.
     with Progress(
         name, BarColumn(), share, console=console, auto_refresh=False, transient=True
     ) as bar:

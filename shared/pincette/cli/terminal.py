@@ -113,7 +113,7 @@ def lasting_screen(*, machine: bool = False) -> "Generator[Console]":
 
 @contextmanager
 def patience(what: str) -> Generator[None]:
-    """Print on standard error what the command waits for, after two seconds.
+    """Print on standard error what the command waits for, if it takes longer than ``PATIENCE_S``.
 
     On a terminal the line counts the seconds and disappears; elsewhere it is printed once.
     """

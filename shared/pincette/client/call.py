@@ -25,7 +25,7 @@ BASE = "/api/v1"
 PATIENCE_S = 120.0
 """Default time, in s, for which a repeatable call is repeated while no program replies.
 
-It is longer than the restart of a supervisor. Repeatable calls are: all that only read, plans,
+It is longer than the restart of a supervisor. Repeatable are all calls that only read, plans,
 ``start`` (it has an Idempotency-Key), and all stops.
 """
 PLANNING_S = 170.0
@@ -61,7 +61,8 @@ class Call(Generic[T]):
     kept_s: float = 0.0
     """Time for which the supervisor may delay its reply, in s."""
     look: str = LOOK
-    """How to find out, if no reply has arrived, whether the request was accepted."""
+    """Instruction, for the case that no reply arrives, how to find out whether the request was
+    accepted."""
 
     def details(self, timeout_s: float) -> dict[str, Any]:
         """Return the arguments for ``httpx.Client.request``."""
@@ -133,7 +134,8 @@ class Attempts:
         over.
         """
         unsent = isinstance(error, (*UNSENT, httpx.UnsupportedProtocol))
-        # One delivered attempt is sufficient: the supervisor may have ended after it.
+        # One delivered attempt is sufficient: the supervisor may have accepted it and ended after
+        # that.
         self._delivered = self._delivered or (self._look is not None and not unsent)
         if isinstance(error, httpx.UnsupportedProtocol) or not (self._repeatable or unsent):
             raise self._no_answer(error) from error

@@ -39,8 +39,7 @@ RESTS_S = 30.0
 LATCHED = ("frozen", "ramping", "latched")
 TOLERANCE = 0.02
 """Tolerance for a request without one, relative to the requested force. If the stated uncertainty
-of the force is larger, it is the tolerance.
-"""
+of the force is larger, the uncertainty is used as the tolerance."""
 SETTLES_S = 5.0
 """Time for which the force of a hold may be outside the tolerance before the hold counts as failed,
 in s.
@@ -111,7 +110,7 @@ def is_reached(job: Job, force_mN: float | None, uncertainty_mN: float | None) -
 
 
 def is_on_its_way(job: Job, force_mN: float) -> bool:
-    """Return whether a running job holds a part until its release, or will do so."""
+    """Return whether a running job holds a part with this force without an end, or will do so."""
     now, asked_mN = job.progress, force_asked_mN(job)
     if job.state not in BEGUN or (now is not None and now.phase in LETTING_GO):
         return False

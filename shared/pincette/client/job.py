@@ -159,7 +159,7 @@ class AsyncJobHandle:
         return following.to_hold(self._transport, self)
 
     def to_success(self) -> AsyncGenerator[Progress]:
-        """Yield the progress until the job has succeeded with its force; raises the errors of
+        """Yield the progress until the job has succeeded with its requested force; raises as
         ``to_hold``.
         """
         return following.to_success(self._transport, self)

@@ -135,7 +135,8 @@ class AsyncRigHandle:
         idempotency_key: str | None = None,
         **fields: Any,
     ) -> tuple[AsyncJobHandle, Progress | None]:
-        """Start the job that brings a part to a force, whatever state the caller's jobs have left.
+        """Start the job that brings a part to a force, in any state that the caller's earlier jobs
+        have left.
 
         If the arm is free, the job grips. If an own job holds a part at rest, a job ``hold`` loads
         or unloads the part to the force. Nothing starts if an own job already holds the force or is
@@ -151,8 +152,8 @@ class AsyncRigHandle:
         Returns
         -------
         job, progress
-            The job to follow; and, if a stopped or paused job already holds the force, its
-            progress: there is nothing to follow then.
+            The job to follow. If a stopped or paused job already holds the force, also its
+            progress; that job need not be followed.
 
         Raises
         ------
@@ -269,7 +270,7 @@ class AsyncRigHandle:
         return await self.start("release", idempotency_key=idempotency_key, **fields)
 
     def events(self, after: int | None = None) -> AsyncGenerator[Event]:
-        """Yield the events of the rig as they arrive, from after a given number, or only new
+        """Yield the rig's events as they arrive, after the one with a given number, or only new
         ones.
         """
         return events(self._transport, f"/rigs/{self.name}/events", after)
@@ -402,9 +403,7 @@ async def stop(transport: Transport, idempotency_key: str) -> Job | None:
 
 
 def events(transport: Transport, path: str, after: int | None) -> AsyncGenerator[Event]:
-    """Return events at a path from after a given number; without one, from after the newest
-    event.
-    """
+    """Return events at a path after the one with a given number, by default after the newest."""
     read, query = model(EventList), {"limit": 1}
     newest = Call("GET", f"{path}/list", lambda answer: read(answer).newest, query, repeatable=True)
     return transport.events(path, newest if after is None else after)

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from pincette.client.rig import AsyncRigHandle
 
 NEWS_S = 1.0
-"""Age of the newest reply of the supervisor from which on the state of a rig is unknown, in s."""
+"""Age of the newest reply of the supervisor, in s, above which the state of a rig counts as
+unknown."""
 
 
 class RigStatus(NamedTuple):

@@ -101,7 +101,7 @@ def _tuned(
 def _judged_radius(rig: RigFile, settings: LawSettings, limit: float) -> float:
     """Return the spectral radius of an assessment.
 
-    At least the limit if M_s exceeds its own limit.
+    The result is at least the limit of the radius if M_s exceeds its own limit.
     """
     of_rig = loop(rig, settings)
     met = widened(of_rig, intervals(rig, settings.set))
@@ -112,7 +112,9 @@ def _judged_radius(rig: RigFile, settings: LawSettings, limit: float) -> float:
 
 
 def _path(rig: RigFile) -> TuningPath:
-    """Return a load to the middle of a sinusoid below the grip's force, and its cycles."""
+    """Return the references: a load to the mean of a sinusoid, and its cycles below the grip's
+    force.
+    """
     highest, period_s = rig.grip.force_mN, rig.rig.period_s
     lowest = LOWEST_SHARE * highest
     path = sinusoid("force", 0.5 * (highest + lowest), highest - lowest, TUNED_HZ, TUNED_CYCLES)

@@ -15,9 +15,8 @@ class Limits(Table):
     slew_V_per_s: Positive
     """Highest rate of change of the voltage, for every command."""
     sweep_V: Positive = 0.1
-    """Amplitude of a swept sine. Near the resonance the arm moves 1/(2ζ) times as far as at
-    rest.
-    """
+    """Largest amplitude of a swept sine. Near the resonance the arm moves 1/(2ζ) times as far as at
+    low frequency."""
     position_min_um: float
     """Lowest position that a job may plan or reach."""
     position_max_um: float
@@ -57,8 +56,8 @@ class Safety(Table):
     ``force_max_mN``, the actuator releases the part, whatever the command.
     """
     force_samples: int = Field(default=3, ge=1, le=50)
-    """Number of successive samples above that force before a trip; the guard needs this time to
-    act."""
+    """Number of successive samples with a force above ``force_factor`` times ``force_max_mN``
+    before the actuator trips; the guard needs this time to act."""
     following_um: Positive = 3.0
     """Largest distance of the arm from the law's desired position while the desired position rests.
     """
@@ -67,16 +66,16 @@ class Safety(Table):
     of the arm at the slew limit.
     """
     following_for_s: float = Field(default=0.12, gt=0.0, le=2.0)
-    """Time for which the distance may be exceeded. It is counted in samples; each sample within the
-    distance reduces the count by one. If a part is lost at ``force_max_mN``, the arm jumps by
-    s_p·F; the slew limit corrects that in s_p·F/(d_p·slew), 0.1 s with the demo's numbers.
-    """
+    """Time for which the permitted distance may be exceeded before the actuator trips. It is
+    counted in samples; each sample within the distance reduces the count by one. If a part is lost
+    at ``force_max_mN``, the arm jumps by s_p·F; the slew limit corrects that in s_p·F/(d_p·slew),
+    0.1 s with the demo's numbers."""
     position_margin: float = Field(default=0.1, ge=0.0, le=1.0)
     """Margin by which a measured position may lie outside ``limits.position_*``, as a fraction of
     their range.
     """
     position_samples: int = Field(default=3, ge=1, le=50)
-    """Number of successive samples outside that range before the actuator trips."""
+    """Number of successive samples outside the permitted positions before the actuator trips."""
     lease_s: float = Field(default=10.0, ge=0.0, le=600.0)
     """Time without a message from the supervisor after which, in real time, the controller stops
     the program as defined by its job; 0: the program continues to its end. The default tolerates a

@@ -46,7 +46,8 @@ class Branch(Table):
     uncertainty.
     """
     places_V: tuple[float, ...] = Field(default=(), strict=False)
-    """Voltages, ascending, to which the travel from the rest after the strokes was measured."""
+    """Voltages, ascending, at which measured travels ended that began at the rest after the
+    strokes."""
     way_ratios: tuple[Annotated[float, Field(gt=0.8, lt=1.25)], ...] = Field(
         default=(), strict=False
     )
@@ -54,11 +55,10 @@ class Branch(Table):
     branch.
     """
     way_spread: NotNegative = 0.0
-    """Standard deviation of such a ratio between conditioned travels."""
+    """Standard deviation of a ratio of ``way_ratios`` between repeated travels."""
     way_uneven: NotNegative = 0.0
-    """Standard deviation of the ratio at a voltage that is 0.05 V or more away from the measured
-    ones.
-    """
+    """Additional standard deviation of the ratio at voltages that differ from all measured ones by
+    0.05 V or more."""
     strokes: int = Field(default=STROKES, ge=STROKES, le=MOST_STROKES)
     """Number of conditioning strokes before the branch was measured."""
     rest_ratio: float = Field(default=1.0, gt=0.5, lt=2.0)
@@ -66,7 +66,7 @@ class Branch(Table):
     travel computed from model and branch.
     """
     rest_spread: NotNegative = 0.0
-    """Standard deviation of that ratio between conditioned travels."""
+    """Standard deviation of ``rest_ratio`` between repeated travels."""
     errors_until_s: NotNegative = 0.0
     """Age of the zero up to which ``errors_um`` are valid; creep adds to them after that."""
     rehearsals: int = Field(default=0, ge=0)
@@ -363,7 +363,7 @@ class Model(Table):
     natural_frequency_rad_per_s: Positive = 2437.8
     """Undamped natural frequency of the free arm's first mode."""
     damping_ratio: Positive = 0.0260
-    """Damping ratio of that mode."""
+    """Damping ratio of the free arm's first mode."""
     piezo_um_per_V: Positive = 19.0
     """d_p: free stroke per volt at the amplifier's input, without hysteresis."""
     compliance_um_per_mN: Positive = 0.46
@@ -379,9 +379,8 @@ class Model(Table):
     hysteresis.
     """
     forgotten_scale_V: Positive = 0.4
-    """Travel of these reversals since the zero, in one direction, at which 63 % of that error is
-    reached.
-    """
+    """Travel of small reversals since the zero, in one direction, at which 63 % of ``forgotten_mN``
+    is reached."""
     force_filter_s: NotNegative = 0.03
     """Time constant of the law's low-pass over the force error."""
     output_delay_s: NotNegative | None = None

@@ -76,9 +76,8 @@ def _check_zeros(rig: RigFile) -> None:
 
 
 CHOICES = {"law": "scheme", "sensor": "driver", "output": "driver"}
-"""Value on which the other values of a table depend. In a sensor or output table only the options
-depend on it.
-"""
+"""Key of a table on whose value the other values depend. In a sensor or output table only the
+options depend on it."""
 
 
 def _fitting(below: Tree, above: Tree) -> Tree:

@@ -50,12 +50,11 @@ class Relays(Table):
     """
     spread_share: Positive = 1.5
     """1. Spread of both switching voltages, as a fraction of U, at least a fifth of coercive_share;
-    for the same stack 1.4 and more, since an actuator in its range is far from saturation.
-    """
+    for the measured stack of ``coercive_share`` 1.4 and more, since an actuator in its range is far
+    from saturation."""
     centre_V: float = 0.0
-    """Voltage about which the thresholds are centred; it makes the loop asymmetric; for the same
-    stack, the middle of its range.
-    """
+    """Voltage about which the thresholds are centred; it makes the loop asymmetric; for the
+    measured stack, the middle of its range."""
     curvature_per_V: float = 0.0
     """Curvature κ; the gain increases with the voltage."""
 
@@ -68,7 +67,8 @@ class SecondMode(Table):
     loaded at its tip has (1.875/4.694)⁴ = 0.0255; 0: there is no second mode.
     """
     frequency_ratio: float = Field(default=6.27, gt=1.0)
-    """1. Ratio of its frequency to that of the first mode; instruments: near 6.27."""
+    """1. Ratio of the frequency of the second mode to that of the first mode; instruments: near
+    6.27."""
     damping_ratio: Positive = 0.026
     """1. Damping ratio of the mode; assumed equal to that of the first mode."""
 
@@ -225,7 +225,7 @@ class Simulation(Table):
     natural_frequency_rad_per_s: Positive
     """Undamped natural frequency of the free driven arm's first mode; paper (54): 2437.8."""
     damping_ratio: Positive
-    """1. Damping ratio of that mode; paper (54): 0.026."""
+    """1. Damping ratio of the free driven arm's first mode; paper (54): 0.026."""
     second_mode: SecondMode = SecondMode()
     """Second mode; by default the arm has one mode."""
     compliance_um_per_mN: Positive

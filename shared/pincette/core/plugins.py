@@ -24,7 +24,8 @@ SIMULATED_INSTRUMENTS = "pincette.simulated_instruments"
 COMMANDS = "pincette.commands"
 
 DRIVERS = {POSITION_SENSORS: "position sensor", VOLTAGE_OUTPUTS: "voltage output"}
-"""Entry-point groups from which a rig file chooses, each with the word for its members."""
+"""Entry-point groups from which a rig file chooses a driver, each with the word for one of its
+members."""
 CALLED = {**DRIVERS, LAWS: "control law", JOB_KINDS: "kind of job", CALIBRATIONS: "calibration"}
 
 

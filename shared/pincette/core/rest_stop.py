@@ -25,8 +25,8 @@ ESTOP_CAUSE = "estop"
 KEY = "Authorization"
 DEFAULT_PORTS: Mapping[str, int] = {"http": 80, "https": 443}
 FIRST_USER, UNKNOWN_UID = 1000, 65534
-"""First id of accounts of people (Linux), and the one that the kernel shows for an account that a
-namespace does not know."""
+"""First user id of accounts of people (Linux), and the user id that the kernel shows for an account
+that a namespace does not know."""
 
 
 class RestStopError(Exception):
@@ -65,7 +65,8 @@ def stop_over_rest(
 
     The address may be any that a person copies: see ``root_of``. If the supervisor's certificate is
     not trusted, the stop is sent without the headers, and nothing counts as confirmed. Plain HTTP
-    does not prove who replies, so the key, which a stop does not need, is not sent over it.
+    does not prove which program replies. The key is therefore not sent over it; a stop needs no
+    key.
 
     Raises
     ------
@@ -133,7 +134,8 @@ def _without_key(headers: Mapping[str, str]) -> dict[str, str]:
 
 
 def _foreign_account(line: HTTPConnection) -> str:
-    """Return the account behind a connection to this machine if it is another user's, else "".
+    """Return the account of the program behind a connection to this machine; "" if it is this
+    user's.
 
     System accounts are trusted.
     """

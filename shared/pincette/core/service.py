@@ -109,9 +109,9 @@ DeviceCommand = SetVoltage | WriteParts | Wave | CheckWave | ReadBack
 class Input:
     """One input of a service.
 
-    ``trigger`` each arrival makes the service step. ``join`` the step for sample k waits for this
-    topic's sample k + ``offset``. ``pace`` in lockstep, each arrival begins the next tick; in real
-    time the grid does.
+    The role ``trigger`` means that each arrival makes the service step. With ``join``, the step for
+    sample k waits for sample k + ``offset`` of this topic. With ``pace``, each arrival begins the
+    next tick in lockstep; in real time the grid does.
     """
 
     topic: Topic
@@ -123,9 +123,9 @@ class Input:
 class Service(Generic[R, C, S, I]):
     """One program of the loop: data and pure functions.
 
-    ``inputs_type`` is a record whose fields are ``device`` (if there is an instrument) followed
-    by the topics of ``inputs`` whose role is trigger or join, in their order. In a step triggered
-    by a timer all of them are None.
+    ``inputs_type`` is a record whose fields are ``device`` (if there is an instrument) followed by
+    the topics of ``inputs`` whose role is trigger or join, in their order. In a step that a timer
+    causes, all topics are None.
     """
 
     name: str
@@ -150,15 +150,13 @@ class Service(Generic[R, C, S, I]):
     whatever program set them.
     """
     booted: Callable[[S, Predecessor], S] | None = None
-    """Function that adapts the initial state to how an earlier program ended; None: it does not
-    matter.
-    """
+    """Function that adapts the initial state to how an earlier program ended; None: the initial
+    state does not depend on it."""
     ending: Callable[[S], Predecessor] | None = None
-    """Function that returns the message to the next program when this program is stopped; None: no
-    message.
-    """
+    """Function that returns how the end of this program is reported to the next one when it is
+    stopped; None: no report."""
     state_snapshot: tuple[str, ...] = ()
-    """Fields of the state that are kept over an arming because outputs depend on them."""
+    """Fields of the state that an arming does not reset and on which outputs depend."""
     may_kick_watchdog: Callable[[C, S, float], bool] | None = None
     """Function that returns whether an instrument with a watchdog may receive a heartbeat; None: it
     always may."""

@@ -55,7 +55,7 @@ KINDS: Mapping[str, str] = {
     "path": "a path",
     "url": "an address, such as https://example.org/path",
 }
-"""Expected type of a value that has the wrong one, by the first word of the code."""
+"""Name of the expected type for a value of a wrong type, by the first word of the error code."""
 BRANCHES = ("float", "int", "str", "bool")
 """Names of types that pydantic adds to the path of a field if its value may have several types."""
 

@@ -41,9 +41,11 @@ margin.
 """
 MOVE_V, MOVE_STEPS, STEP_S = 0.2, 20, 0.05
 LEAST_SHARE, MOST_SHARE = 0.3, 3.0
-"""Range of the ratio of measured to modelled motion within which the arm counts as moving."""
+"""Smallest and largest ratio of measured to modelled motion for which the motion counts as that of
+the arm."""
 OLD_SHARE = 0.5
-"""Fraction of a motion below which the first reading after it counts as outdated."""
+"""The first reading after a motion counts as outdated if it shows less than this fraction of the
+motion."""
 LASER_ANSWERS = re.compile(r"b['\"]ER,[$#~]")
 """Reply that reveals a laser at the output's address: a Keyence controller repeats an unknown
 request.

@@ -38,7 +38,7 @@ URL = "/dev/ttyUSB1"
 """Typical url of the instrument."""
 LIMIT_V = 10.0
 STEP_V = 20.0 / 2**14
-"""Voltage step of 14 bits over ±10 V; commands in whole mV can name each step."""
+"""Voltage step of 14 bits over ±10 V; commands in whole mV can distinguish all steps."""
 RESPONSE_S = 0.010
 LONGEST_WATCHDOG_S = 25.5
 
@@ -147,7 +147,8 @@ def timing(settings: Output) -> Timing:
     lets_go_s = None
     if options.watchdog_s > 0.0:
         count += HostWatchdog.heartbeat_bytes(checksum=options.checksum)
-        # The module counts whole ticks, and the first one may already have been nearly over.
+        # The module counts whole ticks, and the first tick may have been nearly over when the count
+        # began.
         lets_go_s = options.watchdog_s - TICK_S
     return Timing(exchange_s(count, options.baud), RESPONSE_S, lets_go_s=lets_go_s)
 

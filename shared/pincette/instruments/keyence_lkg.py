@@ -9,10 +9,10 @@ and are skipped. ``MM,`` with a mask of twelve digits reads several outputs and 
 The unit is not transmitted: it is that of the display. The display also determines the place of the
 decimal point, which it omits for whole units. One step of the last digit, in the unit of the rig
 file, must be within ``FINEST_UM`` and ``COARSEST_UM``, and must not change while the sensor is
-open. So a display that is too coarse is rejected at the first reading, as is one of the usual
-resolution in mm that is read as µm, or the reverse. A display in mm with one to three decimals
-cannot be distinguished from one in µm by its values. A person must also compare zero, scaling,
-direction and averaging.
+open. So a display that is too coarse is rejected at the first reading. A display of the usual
+resolution is also rejected if it shows mm but is read as µm, or the reverse. A display in mm with
+one to three decimals cannot be distinguished from one in µm by its values. A person must also
+compare zero, scaling, direction and averaging.
 
 Assumed: a change of mode takes one second, and the error codes of the LK-G5000, of which only the
 numbers are known, have the meanings of those of the LK-G3000, in the same order.

@@ -42,13 +42,12 @@ __all__ = ["LONGEST_FRAME", "RETRY_S", "exchange_s", "open_link"]
 
 QUIET_BYTES = 3
 QUIET_S, QUIET_SHARE = 0.001, 0.5
-"""Silence in s that is required after a failed exchange, and its upper limit as a fraction of the
-timeout.
-"""
+"""Silence that is required after a failed exchange, in s, and upper limit of this silence as a
+fraction of the timeout."""
 READ_SIZE = 4096
 UNSENT_PERIODS, LEAST_UNSENT_S = 4.0, 1.0
-"""Number of exchange timeouts, and least number of seconds, after which the system closes a
-connection whose other end confirms no byte."""
+"""The system closes a connection whose other end confirms no byte for this number of exchange
+timeouts, but not before this number of seconds."""
 REMEDIES = {
     errno.ECONNREFUSED: (
         "connection refused; is the instrument switched on, does the device server listen at this "
@@ -105,28 +104,30 @@ def open_link(
     Parameters
     ----------
     timeout_s
-        For a whole exchange, opening a lost port again included.
+        Longest duration of a whole exchange, in s, including the time to open a lost port again.
     accept
-        Whether a line can be an answer; others are skipped as unsolicited.
+        Function that returns whether a line can be an answer; other lines are skipped as
+        unsolicited.
     answers
-        Returns the pattern that every answer to a request matches; see ``Matching``. By default
-        answers cannot be told apart.
+        Function that returns the pattern that every answer to a request matches; see ``Matching``.
+        By default answers cannot be distinguished.
     probes
         Requests that change nothing and whose answers no other answer matches. One is sent after a
         request that was not answered in time, so that a late answer is not taken for the next one.
-        Without them the line waits for the answer, for seconds where it never comes.
+        Without probes the line waits for the answer, for some seconds if it never comes.
     on_open
-        Brings the instrument to where it can work on, each time that a lost port has been opened
-        again; not the first time. Raises InstrumentError where it cannot.
+        Function that prepares the instrument for further requests, each time that a lost port has
+        been opened again, but not at the first opening. It raises InstrumentError if that is not
+        possible.
     record
-        File that each exchange is written to, for ``replay:``; see the module ``recording``.
+        File to which each exchange is written, for ``replay:``; see the module ``recording``.
     clock
-        Monotonic, in seconds.
+        Monotonic clock, in s.
 
     Raises
     ------
     InstrumentError
-        If the port cannot be opened; the text names the url, the cause and what to do.
+        If the port cannot be opened; the text names the url, the cause and the remedy.
     """
 
     def opened(prepare: Callable[[Link], None], matching: Callable[[], Matching]) -> Link:
@@ -182,7 +183,7 @@ def exchange_s(count: int, baud: int) -> float:
 
 @dataclass(slots=True)
 class _Address:
-    """Address at which a host was first reached; None before that.
+    """Address at which a host was first reached; ``found`` is None before that.
 
     A lost port is reopened at this address, since a name server that does not reply would block the
     loop for seconds.

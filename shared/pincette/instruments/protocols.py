@@ -171,7 +171,7 @@ class Timing:
     def bandwidth_hz(self) -> float:
         """Return the highest identifiable frequency in Hz: a quarter of the instrument's rate.
 
-        A first-order response that settles to 5 % in ``response_s`` = 3 τ adds 1/(2π τ).
+        A first-order response, which settles to 5 % in ``response_s`` = 3 τ, limits it to 1/(2π τ).
         """
         rate_hz = self.buffered_hz or (1.0 / self.exchange_s if self.exchange_s > 0.0 else 0.0)
         quarter_hz = 0.25 * rate_hz

@@ -44,8 +44,8 @@ ANSWERS = {
 }
 """Pattern of the answer to a query; the answer to another command is a token."""
 PROBES = (b"*IDN?", b"VOLT?;RNGE?;SOUT?;OVLD?")
-"""Queries whose answers differ from all others: the only one with commas, the only one of four
-words."""
+"""Queries whose answers differ from all others: only the first answer contains commas, and only the
+second has four words."""
 RANGES = {1: b"RANGE1", 10: b"RANGE10", 100: b"RANGE100"}
 SWITCH = (b"OFF", b"ON")
 LOAD = (b"OKAY", b"OVLD")
@@ -166,13 +166,13 @@ class DC205:
     def _prepare(self, _link: Link) -> None:
         """Read name and state, clear earlier errors, set the range; moves nothing.
 
-        An output that was on and is found off, for example after a power loss, is not switched on
-        again: each write reports it.
+        An output that was on and is now off, for example after a power loss, is not switched on
+        again; each later write raises an error.
         """
         (name,) = self._ask(b"TERM LF;*IDN?", 1)
         if b",DC205," not in name:
             raise InstrumentError(f"DC205: {name[:40]!r} names another instrument", "garbled")
-        # The first two answers are earlier errors, which this clears.
+        # The first two answers are earlier errors; reading clears them.
         _, _, found, switch, voltage = self._ask(b"LEXE?;LCME?;RNGE?;SOUT?;VOLT?", 5)
         found_V = tuple(RANGES)[_token(found, tuple(RANGES.values()))]
         voltage_V, on = _voltage_V(voltage), _token(switch, SWITCH) == 1

@@ -2,7 +2,7 @@
 
 The actuator trips if no newer command arrives within the age limit A, counted from the arrival of
 the sample on which the last command was based. Between two samples a machine may therefore stall
-for the time that A leaves beside the period T and the time t from a sample to its command:
+for the part of A that exceeds the period T and the time t from a sample to its command:
 
     A = T + 2 L + t,    t = 3 h + c
 
@@ -23,7 +23,7 @@ HOPS_TO_COMMAND = 3
 """Hops from a sample to its command: position, estimate and command."""
 STEP_PERIODS = 0.5
 LEAST_PERIODS, MOST_PERIODS = 2.5, 10.0
-"""Age limits: the default, and the longest that a rig file may state."""
+"""Age limits in periods: the default, and the longest that a rig file may state."""
 FIFO = 10
 """Default of the fixed priority."""
 
@@ -121,9 +121,8 @@ def changes(asked: Asked, measured: Measured, hop: Distribution, refused: str) -
 
     Empty if none is needed.
 
-    ``refused`` is what the system did not permit while it was measured, in words. A process for
-    estimator and controller is proposed where four hops at their p99.9 take more than half a
-    period.
+    ``refused`` is what the system did not permit while it was measured, in words. One process for
+    estimator and controller is proposed if four hops at their p99.9 take more than half a period.
     """
     hop_s = hop.quantile_s(TAIL) or 0.0
     transit_s = HOPS_TO_COMMAND * hop_s + asked.computing_s

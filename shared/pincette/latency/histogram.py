@@ -78,8 +78,9 @@ class Distribution(FrozenRecord, frozen=True):
 
         None if there are no durations.
 
-        The end n(b+1) of the least bucket up to which ⌈share · count⌉ were counted, and no more
-        than the longest: at most 1/32 or 1 ns above the true order statistic, never below it.
+        It is the end n(b+1) of the first bucket up to which at least ⌈share · count⌉ durations were
+        counted, or the longest duration if that is less. It exceeds the true order statistic by at
+        most 1/32 or 1 ns, and is never below it.
         """
         if not 0.0 <= share <= 1.0:
             raise ValueError(f"share = {share}: not within 0 to 1")

@@ -31,11 +31,11 @@ class Measured:
 def objections(measured: Measured, hop: Distribution | None = None) -> tuple[str, ...]:
     """Return why a period T is not supported; empty if it is.
 
-    It is supported if of at least 100 wake-ups on a grid of T
+    A period is supported if at least 100 wake-ups on a grid of T were measured, with
 
         p99.9 of the lateness ≤ 0.1 T   and   the latest ≤ 0.5 T,
 
-    and, where hops over the bus were measured, 4 · p99.9 of a hop ≤ 0.5 T.
+    and, if hops over the bus were measured, 4 · p99.9 of a hop ≤ 0.5 T.
     """
     period_s, lateness = measured.period_s, measured.lateness
     tail_s = lateness.quantile_s(TAIL)

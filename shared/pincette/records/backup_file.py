@@ -150,7 +150,7 @@ def restore(file: Path, data: Path, read_keys: Callable[[Path], object]) -> list
         names = _unpack(file, aside, read_keys)
         # The journal is moved last: without it the folder does not count as one with data.
         for path in sorted(aside.iterdir(), key=lambda path: path.name == JOURNAL):
-            sync_folder(data)  # the names before it outlast a power cut if the journal's does
+            sync_folder(data)  # so that the earlier files survive a power cut if the journal does
             path.rename(data / path.name)
         sync_folder(data)
     except BaseException:
@@ -175,7 +175,7 @@ def _unpack(file: Path, folder: Path, read_keys: Callable[[Path], object]) -> li
         ) as archive,
     ):
         for entry in archive:
-            cast("Any", archive).members.clear()  # they would fill the memory
+            cast("Any", archive).members.clear()  # otherwise the entries would fill the memory
             name = _require_name(entry)
             if name in digests or (name == MANIFEST and about):
                 raise ValueError(f"it has {name} twice")
@@ -189,7 +189,7 @@ def _unpack(file: Path, folder: Path, read_keys: Callable[[Path], object]) -> li
                     f"it unpacks to {total} bytes or more, {free} are free in {folder}"
                 )
             content = archive.extractfile(entry)
-            assert content is not None  # of a regular file
+            assert content is not None  # it is a regular file
             if name == MANIFEST:
                 if entry.size > MOST_MANIFEST:
                     raise ValueError(f"{name} has {entry.size} bytes, limit {MOST_MANIFEST}")

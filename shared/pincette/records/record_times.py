@@ -72,8 +72,8 @@ class RecordTimes:
 
         A record without samples has no time of sample 0.
 
-        ``end_at`` is the arrival of the last message so far. A sample is taken within the control
-        period before its arrival, or earlier if the next ones show that it came late.
+        ``end_at`` is the arrival of the last message so far. A sample is taken within one control
+        period before its arrival, or earlier if the next samples show that it arrived late.
         """
         found = {} if self._begin_at is None else {BEGIN: self._begin_at}
         if self._sample_0_ns is not None:

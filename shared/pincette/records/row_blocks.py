@@ -59,9 +59,8 @@ class RowBlocks:
         """Number of true values that belong to ticks before ``_placed_seq``."""
         self._missing: Counter[str] = Counter()
         self._applied: set[int] = set()
-        """Numbers of the applied voltages in the newest returned block; those missing in it have
-        been counted.
-        """
+        """Numbers of the applied voltages in the newest returned block; its missing samples have
+        been counted."""
 
     def add(self, message: Message) -> None:
         """Add a message of the epoch, in order of arrival."""

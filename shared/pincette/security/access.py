@@ -95,7 +95,8 @@ def _of_router(own: Rights) -> tuple[Rule, ...]:
 def service_access(
     service: Participant, rig: str, partners: Mapping[str, Participant], operators: Collection[str]
 ) -> Access:
-    """Return the messages that a program of the loop passes: from a partner, inputs of its steps.
+    """Return the messages that the links of a loop program admit; from a partner, inputs of its
+    steps.
 
     ``operators`` and the supervisor may trip the actuator without the router.
     """
@@ -148,7 +149,7 @@ def _between(giver: Participant, taker: Participant, rig: str) -> tuple[str, ...
 
 
 def client_access(server: Identity) -> Access:
-    """Return the messages that a client passes: everything from its server, no others."""
+    """Return the messages that a client's link admits: everything from and to its server only."""
     every = (f"{NAMESPACE}/**",)
     messages = ("put", "declare_subscriber", "query", *ANSWERS, "liveliness_token", *LOOKS)
     return {server.name: (_in(messages, every), _out(messages, every))}

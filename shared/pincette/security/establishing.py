@@ -18,7 +18,7 @@ from pincette.security.identity import (
 )
 
 AUTHORITY_DAYS, DAYS = 3650.0, 730.0
-"""Validity of the authority and of a certificate."""
+"""Validity of the authority and of a certificate, in days."""
 LOOPBACK = ("127.0.0.1", "localhost")
 README = "README.txt"
 EXPLAINED = """\

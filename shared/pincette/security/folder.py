@@ -1,4 +1,4 @@
-"""The folder of certificates: an authority, one for each program and person; and their check."""
+"""The folder of certificates, of an authority and of each program and person, and their check."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -96,7 +96,7 @@ class Folder:
         return self.facts(Identity(AUTHORITY, AUTHORITY))
 
     def all(self) -> Iterator[Facts]:
-        """Return every certificate of this authority that is at its name's path."""
+        """Return every certificate of this authority whose path corresponds to its name."""
         above = _content(self._place(AUTHORITY, CERTIFICATE))
         for place in sorted([*self.path.glob("*.crt"), *self.path.glob("*/*.crt")]):
             name = place.relative_to(self.path).with_suffix("").as_posix()

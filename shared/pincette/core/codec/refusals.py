@@ -92,7 +92,7 @@ def _own_fields(kind: type) -> list[tuple[str, inspect.Type]]:
 
 def unit_stated(node: inspect.Metadata) -> str:
     """Return the unit that a field's type states, or an empty text."""
-    # msgspec does not state the type of its items.
+    # msgspec declares no type for the items of ``extra``.
     told = node.extra  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
     return cast("dict[str, str]", told)["unit"] if told else ""
 

@@ -29,7 +29,9 @@ def update_which(program: str, wire: int) -> str:
 
 
 def explained(error: CodecError, encoding: str, sender: str) -> str:
-    """Return why a payload of ``sender`` was refused; ``encoding`` may show another version."""
+    """Return why a payload of ``sender`` was refused; ``encoding`` may show another wire
+    version.
+    """
     version = encoding.removeprefix(_MARK)
     if version == encoding:
         shown = repr(encoding[:60])

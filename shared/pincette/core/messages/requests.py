@@ -83,13 +83,13 @@ class Trip(FrozenRecord, frozen=True):
 
     cause: Cause
     release_now: bool = False
-    """Ramp to the safe voltage at once, even if a part is held or frozen."""
+    """True to ramp to the safe voltage at once, even if a part is held or the voltage is frozen."""
     words: Text = ""
     """Reason as text for people."""
 
 
 class Reset(FrozenRecord, frozen=True):
-    """Clear the actuator's latch; ``acknowledge``: a person has seen its cause.
+    """Clear the actuator's latch; ``acknowledge`` is True if a person has seen its cause.
 
     Without ``acknowledge``, only the latch after a start is cleared, and only if no earlier
     actuator program has died. A held part stays held: its voltage is kept, and the next arming
@@ -112,7 +112,7 @@ class RequestLog(FrozenRecord, frozen=True):
     """Number of the newest sample that the program had processed; -1 before the first."""
     service: Text
     topic: Text
-    """Topic of that sample."""
+    """Topic of the sample whose number is ``seq``."""
     arm: Arm | None = None
     load: Load | None = None
     action: Action | None = None

@@ -133,9 +133,8 @@ class Applied(FrozenRecord, frozen=True):
     segment: Whole | None = None
     segment_tick: Whole = 0
     slewing_s: Second | None = None
-    """Time since the last change of the output, at most one period; the slew limit is computed for
-    it. None in lockstep, where it is one period.
-    """
+    """Time since the last change of the output, at most one period; the slew limit applies to this
+    time. None in lockstep, in which it is always one period."""
     unconfirmed: bool = False
     """True if the output of an arm has not confirmed its ``voltage_V``, so that the actual voltage
     is unknown."""
@@ -210,11 +209,10 @@ class Telemetry(FrozenRecord, frozen=True):
     step_x_um: Micrometre | None = None
     """Position just before the step."""
     step_mN: Millinewton | None = None
-    """Estimated force just before the step; it is also the force after it if the sensor has
-    jumped.
-    """
+    """Estimated force just before the step, in mN. If the sensor has jumped, it is also the true
+    force after the step."""
     step_after_mN: Millinewton | None = None
-    """Estimated force just after the step; it is the true one if the part has slipped."""
+    """Estimated force just after the step, in mN; it is the true force if the part has slipped."""
     place_um: Micrometre | None = None
     """Place of the part between two arms, q = (x_1 - x_2)/2 at this sample; None on a rig with one
     arm.

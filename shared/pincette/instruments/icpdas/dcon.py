@@ -45,9 +45,8 @@ LINE_BYTES = len(b"#012+05.000") + 1
 REPLY_BYTES = len(b">") + 1
 CHECKSUM_BYTES = 2
 TRIES = 4
-"""Largest number of times that a request is sent while its replies belong to another request, such
-as a late reply.
-"""
+"""Largest number of times that a request is sent if the replies belong to other requests, as late
+replies do."""
 
 _log = logging.getLogger(__name__)
 
@@ -88,7 +87,9 @@ class DconModule:
 
     @staticmethod
     def _require_settings(output_type: bytes, format_code: int) -> None:
-        """Raise InstrumentError for the first setting that changes what a command means."""
+        """Raise InstrumentError for the first setting with which the commands would have another
+        meaning.
+        """
         remedy = "set it with the maker's DCON Utility, then open the module again"
         if output_type != WANTED_TYPE:
             found = OUTPUT_TYPES.get(output_type, "unknown")
@@ -142,8 +143,8 @@ class DconModule:
         return reply[3:]
 
     def _answer(self, body: bytes, form: re.Pattern[bytes]) -> bytes:
-        """Repeat the request until the answer belongs to it; return the last answer, matching or
-        not.
+        """Send a request until its answer arrives, at most ``TRIES`` times; return the last
+        answer.
         """
         reply, head = b"", b"!%02X" % self.address
         for _ in range(TRIES):
@@ -220,7 +221,7 @@ def _answers_of(body: bytes, *, checksum: bool) -> re.Pattern[bytes]:
 
 
 def probes(address: int, *, checksum: bool) -> tuple[bytes, ...]:
-    """Return requests that change nothing at a module, each with its own form of answer."""
+    """Return requests that change nothing at a module, and whose answers differ from all others."""
     bodies = (b"~%02X0" % address, b"$%02X2" % address, b"$%02XM" % address)
     return tuple(body + _sum(body) if checksum else body for body in bodies)
 

@@ -47,7 +47,7 @@ class HostWatchdog:
         """Clear an earlier trip, and make 0 V the safe value if the output is at 0 V."""
         if self._state == "off":
             return
-        # The watchdog of an earlier host may still run, and no heartbeat has been sent yet.
+        # The watchdog of an earlier host may still run; this heartbeat keeps it from tripping.
         self._module.tell(HEARTBEAT)
         if self._has_tripped():
             _log.warning("I-7024: its host watchdog had tripped; cleared")
@@ -90,8 +90,8 @@ class HostWatchdog:
         if code == "tripped":
             self._state = "tripped"
         elif code is None and self._state == "tripped":
-            # Another program has cleared the trip; a module that has tripped does not accept the
-            # arming.
+            # Another program has cleared the trip, since a tripped module accepts no write. Arm the
+            # watchdog again.
             self._state = "waiting"
         elif code in UNHEARD and self._state == "armed":
             self._state = "unsure"
@@ -107,7 +107,7 @@ class HostWatchdog:
             return False
         self._module.ordered(b"~", b"31%02X" % self._ticks, "host watchdog on")
         self._state = "armed"
-        # An earlier watchdog may have tripped between the two lines.
+        # An earlier watchdog may have tripped between the check above and the arming.
         return not self._found_tripped()
 
     def clear(self) -> None:

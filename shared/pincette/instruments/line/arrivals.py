@@ -1,10 +1,10 @@
 """Arrival times of replies over TCP, and the properties of the device server that they reveal.
 
-A server that forwards at once lets the bytes arrive one after the other, as the serial line carries
-them. ser2net's ``chardelay``, called packing time or inter-character time in other device servers,
-buffers them until the line has been silent for a time, so that a reply arrives as a whole, and
-later by that time. ser2net 4.3 waits for two characters at 9600 baud at any rate of the line,
-rounded up to whole milliseconds: 3 ms.
+If a server forwards at once, the bytes arrive one after the other, as the serial line carries them.
+With ser2net's ``chardelay``, called packing time or inter-character time in other device servers,
+the server buffers the bytes until the line has been silent for a time. A reply then arrives as a
+whole, and later by that time. ser2net 4.3 waits for two characters at 9600 baud at any rate of the
+line, rounded up to whole milliseconds: 3 ms.
 """
 
 from collections import deque
@@ -22,23 +22,22 @@ LEAST_BYTES = 8
 """Smallest length of a reply whose arrival in pieces can be detected at any baud rate."""
 CLOSE_S, MANY = 0.0015, 4
 """Limits that show that an answer arrived in pieces: two pieces less than ``CLOSE_S`` s apart, or
-at least ``MANY`` pieces. A server that holds answers back may cut one in two where the instrument
-hesitates."""
+at least ``MANY`` pieces. A server that holds answers back may divide an answer in two if the
+instrument pauses within it."""
 WHOLE_SHARE = 0.75
-"""Smallest share of answers that arrive whole from a server that holds answers back. A busy machine
-may read an answer whole that was sent in pieces."""
+"""A server counts as holding answers back if at least this fraction of them arrives whole. Some
+answers that were sent in pieces are read whole, too, if the machine is busy."""
 LEAST_HELD_S = 0.001
 """Shortest time in s for which ser2net holds answers back; shorter delays come from the network."""
 SLOWER = 1.5
-"""Ratio of the estimated to the stated time of a byte from which a line counts as slow. Adjacent
-usual rates differ by at least this factor."""
+"""Smallest ratio of the estimated to the stated time of a byte at which a line counts as slow.
+Adjacent usual rates differ by at least this factor."""
 MOST_KINDS, KEPT = 16, 40
 """Largest number of kinds of exchanges (by their lengths), and of newest durations kept for each.
 """
 SHORT_SHARE = 0.1
-"""Fraction of the durations that are shorter than the one used. The shortest one may be wrong,
-since a server that was not scheduled forwards some replies early.
-"""
+"""Quantile of the durations that is used as the shortest one. The minimum itself may be wrong,
+since a server that was not scheduled forwards some replies early."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +134,7 @@ class Arrivals:
         return Hop(held_s if held_s >= LEAST_HELD_S else 0.0)
 
     def _slower(self, byte_s: float) -> int:
-        """Return the usual baud rate nearest to a time of a byte.
+        """Return the usual baud rate nearest to the rate of a line with this time of a byte.
 
         Returns 0 if it is not below the stated one.
         """

@@ -31,7 +31,9 @@ _COUNTS: ContextVar[LineCounts | None] = ContextVar("counts", default=None)
 
 @contextmanager
 def counting(counts: LineCounts) -> Generator[None]:
-    """Count the events of every line that is opened within the block here while it is open."""
+    """Yield counts that include the events of every line opened within the block, as long as it is
+    open.
+    """
     token = _COUNTS.set(counts)
     try:
         yield

@@ -31,8 +31,8 @@ LONGEST = 256
 def uucp_lock(url: str) -> Generator[None]:
     """Hold the UUCP lock files of a serial port within the block.
 
-    A file whose program has ended is replaced. If this user may not write there, no file is made:
-    ``flock`` still separates this system's own programs.
+    A file whose program has ended is replaced. If this user may not write in that folder, no file
+    is made; ``flock`` still excludes other programs of pincette.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def _lock_file(device: str) -> Path:
 
 
 def _was_made(file: Path) -> bool:
-    """Replace a lock file that has no holder; return whether that was possible."""
+    """Make a lock file, replacing one without a holder; return whether that was possible."""
     try:
         file.unlink(missing_ok=True)
         with file.open("x", encoding="ascii") as written:

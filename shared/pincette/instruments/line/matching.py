@@ -27,7 +27,7 @@ class Matching:
     """
 
     answers: Callable[[bytes], re.Pattern[bytes]] = any_line
-    """Returns the pattern that every answer to a request matches, including refusals.
+    """Function that returns the pattern that every answer to a request matches, including refusals.
 
     Requests with equal patterns have answers that cannot be distinguished. Answers to requests with
     different patterns must not match each other's pattern.
@@ -35,10 +35,10 @@ class Matching:
     probes: Sequence[bytes] = ()
     """Requests that change nothing at the instrument and whose answers no other answer matches."""
     accept: Callable[[bytes], bool] = every_line
-    """Returns True if a line can answer any request. Other lines are unsolicited and are skipped.
-    """
+    """Function that returns True if a line can be the answer to any request. Other lines are
+    unsolicited and are skipped."""
 
 
 def confusable(first: re.Pattern[bytes], second: re.Pattern[bytes]) -> bool:
-    """Return whether an answer of one pattern could be confused with one of the other."""
+    """Return whether an answer of one pattern could be mistaken for one of the other pattern."""
     return first == second or ANY_LINE in (first, second)

@@ -47,7 +47,7 @@ class OpenRequests:
         return added
 
     def take(self, line: bytes) -> OpenRequest | None:
-        """Close and return the oldest request that a line answers; None if there is none.
+        """Remove and return the oldest request that a line answers; None if there is none.
 
         Older requests of the same driver count as lost, since answers keep their order.
         """
@@ -65,7 +65,7 @@ class OpenRequests:
         return found
 
     def like(self, pattern: re.Pattern[bytes]) -> OpenRequest | None:
-        """Return the oldest open request whose answer could be confused with one of a pattern."""
+        """Return the oldest open request whose answer could be mistaken for one of a pattern."""
         return next((one for one in self._requests if confusable(one.pattern, pattern)), None)
 
     def is_alone(self, request: OpenRequest) -> bool:
@@ -73,7 +73,7 @@ class OpenRequests:
         return self._requests == [request]
 
     def repeats(self, line: bytes) -> bool:
-        """Return whether a line looks like the answer to a request answered just before."""
+        """Return whether a line may be a second answer to one of the newest answered requests."""
         return any(pattern.fullmatch(line) for pattern in self._answered)
 
     def give_up(self) -> int:

@@ -36,7 +36,9 @@ Outcome = bytes | InstrumentError | None
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One line of a recording; ``request`` is None for a lost port that was opened again."""
+    """One line of a recording; ``request`` is None if it states that a lost port was opened
+    again.
+    """
 
     number: int
     request: bytes | None
@@ -104,7 +106,7 @@ class Recorder:
             self._file.write(f"{line}\n")
             self._file.flush()
         except OSError as error:
-            # The instrument is more important than its recording.
+            # Do not raise: the instrument is more important than its recording.
             _log.warning("%s: the recording ends here (%s)", self._path, error)
             self._abandon()
 

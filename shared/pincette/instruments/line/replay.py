@@ -39,8 +39,8 @@ class ReplayLink:
         Raises
         ------
         InstrumentError
-            As recorded; ``misused`` where another request comes next in the recording, ``silent``
-            where it has ended.
+            As recorded; ``misused`` if the next entry of the recording belongs to another request,
+            ``silent`` if the recording has ended.
         """
         outcome = self._taken(request).outcome
         if outcome is None:
@@ -78,7 +78,7 @@ class ReplayLink:
         return entry
 
     def _prepare(self) -> None:
-        """Prepare the instrument if its driver did so in the recording.
+        """Prepare the instrument if its driver prepared it at this point of the recording.
 
         A failure is recorded with its request.
         """
@@ -88,7 +88,7 @@ class ReplayLink:
             _log.debug("%s: %s", self._path, error)
 
     def _unlike(self, request: bytes, how: str) -> InstrumentError:
-        """Return the error that describes the deviation from the recording.
+        """Return an error for a request that differs from the recording.
 
         The position in the recording does not advance.
         """

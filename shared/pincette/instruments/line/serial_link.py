@@ -28,9 +28,8 @@ GRACE = 0.2
 reply was already being transmitted.
 """
 PATIENCE_TIMEOUTS, LEAST_PATIENCE_S = 4.0, 2.0
-"""Number of timeouts, and least number of seconds, after which a missing reply counts as lost if
-there is no probe. The port is then opened again.
-"""
+"""A missing reply counts as lost after this number of timeouts, but not before this number of
+seconds, if there is no probe. The port is then opened again."""
 MOST_UNEXPECTED = 3
 """Number of successive exchanges with a surplus reply after which no more requests are sent."""
 STANDSTILL_S = 0.005
@@ -45,13 +44,13 @@ sent one before."""
 LINE_END = b"\r\n"
 """Characters at the end of a banner; one of them may remain before the first answer."""
 OFTEN, OFTEN_WITHIN_S = 4, 60.0
-"""Number of times that a port was opened again, and the time in s within which this happened, from
-which a second client is suspected."""
+"""A second client is suspected if a port was opened again this number of times within this time in
+s."""
 TELNET = re.compile(rb"\xff(?:[\xfb-\xfd]|\xfe(?!.\x00))", re.DOTALL)
 """First bytes of a telnet negotiation (RFC 854): IAC and one of WILL, WONT, DO, DONT. A text in
 UTF-16 also begins with IAC DONT, but every second byte of it is 0."""
 TELNET_COMMAND = re.compile(rb"\xff[\xf0-\xfe]")
-"""IAC and any command; a wrong baud rate may also produce this."""
+"""Telnet command: IAC and any command byte. A wrong baud rate may also produce these bytes."""
 SAID = (
     (
         re.compile(rb"in use|busy", re.IGNORECASE),
@@ -133,7 +132,7 @@ class Line:
     _late_s: float = field(default=0.0, init=False)
     """Time from a request to the newest late answer, in s."""
     _garbled: bool = field(default=False, init=False)
-    """True if bytes that were no answer followed the newest request."""
+    """True if bytes that were not an answer arrived after the newest request."""
     _silent_until_s: float = field(default=float("-inf"), init=False)
     _next_try_s: float = field(default=float("-inf"), init=False)
     _failure: str = field(default="", init=False)
@@ -356,7 +355,7 @@ class Line:
     def _resynchronise(
         self, port: Port, matching: Matching, request: bytes, until_s: float
     ) -> None:
-        """Wait until there is no open request whose reply could be confused with that of this
+        """Wait until there is no open request whose reply could be mistaken for the reply to this
         request.
         """
         wanted = matching.answers(request)
@@ -383,8 +382,8 @@ class Line:
     ) -> bool:
         """Close open requests that have been answered, and drop all other lines.
 
-        Returns whether a dropped line could be mistaken for a wanted reply: the replies may then be
-        one ahead of the requests.
+        Returns whether a dropped line looks like a reply to the next request: in that case the line
+        may duplicate replies.
         """
         unexpected = False
         while True:
@@ -406,7 +405,8 @@ class Line:
                 text = f"{self.url}: data without a pause; check baud rate and instrument type"
                 raise InstrumentError(text, "garbled")
             self._pending += data
-        # The rest of a truncated line would be mistaken for the start of the next line.
+        # Discard the rest of a truncated line, which would be mistaken for the start of the next
+        # line.
         self._pending = b""
         self._unexpected_run = self._unexpected_run + 1 if unexpected else 0
         if self._unexpected_run >= MOST_UNEXPECTED:
@@ -427,10 +427,10 @@ class Line:
     ) -> bytes:
         """Send a request and return its answer.
 
-        If only this request is open, a line that does not match it is also returned, so that the
-        driver can check it; the request stays open, since its reply may still arrive. A probe and
-        the first request at a new port keep waiting instead, since the line may be meant for an
-        earlier client.
+        If only this request is open, a line that does not match it is returned, too, so that the
+        driver can check it. The request then stays open, since its reply may still arrive. For a
+        probe, and for the first request at a new port, such a line is dropped, since it may be the
+        reply to an earlier request or client.
         """
         own = self._open.add(matching, request, self.clock())
         self._garbled = False
