@@ -38,7 +38,7 @@ def ended(engine: Any) -> None:
 
 
 def subscribed(engine: Any, seen: list[tuple[str, Any]]) -> int:
-    """Collect every document, validated on arrival."""
+    """Validate and collect every document in ``seen``; return the token of the subscription."""
 
     def validate(name: str, document: Any) -> None:
         SCHEMAS[event_model.DocumentNames[name]].validate(document)

@@ -9,7 +9,7 @@ WIRED = Terminals(um_per_V=10.0, position=POSITION, drives=(DRIVE,), output=OUTP
 
 
 class HandRig:
-    """Stores received data; a position that is not a number is an invalid reading."""
+    """Rig that stores received data; a position that is not a number is an invalid reading."""
 
     def __init__(self, measure: Callable[[], float | None] = lambda: 0.0) -> None:
         self.now_s = 0.0

@@ -82,7 +82,7 @@ def setpoint_mN(rig: Rig, job: Job | None) -> float:
     if job is None:
         return 0.0 if rig.part == "none" else math.nan
     now = job.progress
-    if job.ended_at is not None:  # stopped; its part stays held with its last reference
+    if job.ended_at is not None:  # the job was stopped; its part is held at its last reference
         force_mN = None if now is None or not now.held else now.force_r_mN
     else:
         lets_go = now is not None and now.phase in LETTING_GO

@@ -43,8 +43,8 @@ class GripperConfig(RestNodeConfig):
     """Trusted certificate of a supervisor that uses TLS: its ``authority.crt``."""
     rig: str | None = None
     status_update_interval: float = 0.5
-    """Interval in s. MADSci accepts or rejects actions according to the status that it has read
-    last.
+    """Interval between two readings of the status, in s. MADSci accepts or rejects actions
+    according to the last one.
     """
     state_update_interval: float = 0.5
     enable_rate_limiting: bool = False

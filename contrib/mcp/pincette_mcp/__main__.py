@@ -19,11 +19,11 @@ KEY_BYTES = 32
 
 
 class NoKeyError(Exception):
-    """Error of a server over HTTP without a key."""
+    """Error raised if a server over HTTP has no key."""
 
 
 def main() -> None:
-    """Serve until the agent's program closes the line."""
+    """Serve until the agent's program closes the connection."""
     parser = argparse.ArgumentParser(prog="pincette-mcp", description=__doc__)
     parser.add_argument(
         "--url",

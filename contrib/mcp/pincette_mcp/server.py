@@ -248,7 +248,7 @@ class Tools:
     async def propose_grip(self, token: str, context: Context) -> Proposed:
         """Propose a planned grip to a person, who has an hour to approve it; nothing moves before.
 
-        The tool proposal tells what has become of it.
+        The tool proposal reports the decision.
         """
         with tool_errors():
             plan = self._tokens.take(token, session_of(context))

@@ -124,7 +124,7 @@ class AnalogInput:
         Raises
         ------
         InstrumentError
-            If none came in time, the buffer has run over, or a position is at an end of its
+            If no sample came in time, the buffer has overflowed, or a position is at an end of its
             range.
         """
         self._daq.must_be_open()

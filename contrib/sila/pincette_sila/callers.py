@@ -85,7 +85,7 @@ class Callers:
         return token
 
     def log_out(self, token: str) -> bool:
-        """Invalidate a token; False if it is not known."""
+        """Invalidate a token; return False if it is not known."""
         return self._logins.pop(token, None) is not None
 
     def check(self, token: str) -> None:

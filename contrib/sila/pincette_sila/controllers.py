@@ -87,7 +87,7 @@ class Pausing(FeatureImplementationBase):
         self._told: list[str] | None = None
 
     def PausedCommands_on_subscription(self, *, metadata: MetadataDict) -> None:
-        """Return one common queue for all subscribers."""
+        """Return None, so that all subscribers share one queue."""
 
     def tell(self, paused: list[str]) -> None:
         """Send subscribers the list of paused commands if it has changed."""

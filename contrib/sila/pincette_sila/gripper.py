@@ -94,7 +94,7 @@ class Gripper(FeatureImplementationBase):
         self._ContactForce_producer_queue.put(sample)
 
     def RigState_on_subscription(self, *, metadata: MetadataDict) -> None:
-        """Return one common queue for all subscribers."""
+        """Return None, so that all subscribers share one queue."""
 
     Reasons_on_subscription = RigState_on_subscription
     Part_on_subscription = RigState_on_subscription

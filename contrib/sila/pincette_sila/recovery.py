@@ -63,7 +63,7 @@ class ErrorRecovery(FeatureImplementationBase):
         self._tell()
 
     def RecoverableErrors_on_subscription(self, *, metadata: MetadataDict) -> None:
-        """Return one common queue for all subscribers."""
+        """Return None, so that all subscribers share one queue."""
 
     def SetErrorHandlingTimeout(
         self, ErrorHandlingTimeout: int, *, metadata: MetadataDict

@@ -32,4 +32,4 @@ class SecondArm(FeatureImplementationBase):
         self._ContactForce_producer_queue.put(SecondSample(x_um, force_mN, voltage_V, one.place_um))
 
     def ContactForce_on_subscription(self, *, metadata: MetadataDict) -> None:
-        """Return one common queue for all subscribers."""
+        """Return None, so that all subscribers share one queue."""

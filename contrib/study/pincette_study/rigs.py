@@ -25,7 +25,7 @@ LOOP_V = 2.0
 """Peak-to-peak voltage for which gain and loop are given, in V."""
 LOOP_CYCLES = 4
 SLEW_V_PER_S = 50.0
-"""Slew limit that no experiment reaches; the demo rig's limit would distort 5 Hz."""
+"""Slew limit that no experiment reaches; the demo rig's limit would distort motion at 5 Hz."""
 
 
 @dataclass(frozen=True, slots=True)

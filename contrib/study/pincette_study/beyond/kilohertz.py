@@ -56,8 +56,9 @@ OFF_NOMINAL: Mapping[str, Callable[[RigFile], dict[str, Any]]] = {
 """Changes of the simulated rig by name. Only the noise is also entered in the rig file, since
 otherwise the force could not be zeroed."""
 SMALLER = {"contact_200": 0.5}
-"""Reduced fraction of the path's range, by change: with the full range the force limit would be
-reached."""
+"""Fraction to which the path's range is reduced, by change; the full range would reach the force
+limit.
+"""
 OFF_RIGS = 1
 """Number of rigs of each class on which the changes are tried."""
 

@@ -164,7 +164,8 @@ class PairBench:
         )
 
     def replayed(self) -> dict[str, Table]:
-        """Repeat the voltages from a new start without the part; return the errors of H.
+        """Repeat the voltages from a new start without the part; return the errors of the free
+        response H.
 
         The errors are given by phase and tick, smoothed, and relative to their mean over the zero.
         """
