@@ -21,7 +21,7 @@ age of a command, in periods.
 
 
 def configure(rig: RigFile) -> SafetyLimits:
-    """Read the actuator's part of a rig file; raises ConfigError."""
+    """Read the actuator's settings from a rig file; raises ConfigError."""
     safety, period_s = rig.safety, rig.rig.period_s
     for arm, where in zip(rig.arms, ("", " of [second.limits]"), strict=False):
         limits = arm.limits

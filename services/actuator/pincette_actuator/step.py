@@ -140,7 +140,9 @@ def _device_said(
 
 
 def _unconfirmed(state: State, device: Fault) -> State:
-    """Add once, to the faults of a freeze, that the output no longer confirms its voltage."""
+    """Add to the faults of a freeze that the output no longer confirms its voltage; do so only
+    once.
+    """
     unconfirmed = any(one.code is FaultCode.OUTPUT_UNCONFIRMED for one in state.faults)
     if state.mode != Mode.FROZEN or state.cause == Cause.DEVICE or unconfirmed:
         return state
@@ -233,8 +235,9 @@ def _wake_s(limits: SafetyLimits) -> float:
 
 
 def _timer_s(limits: SafetyLimits, state: State) -> float:
-    """Return the time to the next check of the clock; at rest no command ages and no voltage
-    changes."""
+    """Return the time to the next check of the clock, in s. It is longer at rest, where no command
+    ages and no voltage changes.
+    """
     if state.mode in AT_REST and not waits_for_read_back(limits, state):
         return max(SAMPLE_S, limits.age.wake_s)
     return limits.age.wake_s

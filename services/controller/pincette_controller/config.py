@@ -127,7 +127,7 @@ def check_program(config: ControllerConfig, program: Program) -> None:
 
 
 def configure(rig: RigFile) -> ControllerConfig:
-    """Read the controller's part of a rig file."""
+    """Read the controller's settings from a rig file."""
     return ControllerConfig(
         period_s=rig.rig.period_s,
         arms=tuple(

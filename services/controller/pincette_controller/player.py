@@ -181,7 +181,7 @@ def _next(
     """Leave a segment whose duration has passed."""
     segment = player.segment
     if segment.zeroes:
-        # Requested by the command of this tick; the estimate of the next sample confirms it.
+        # The command of this tick requests the zero; the estimate of the next sample confirms it.
         return replace(with_watch(player, zeroing=True, count=0), zero=True)
     if isinstance(segment, Seek):
         player = replace(player, outcome=Outcome.NO_CONTACT)

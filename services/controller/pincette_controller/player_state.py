@@ -20,12 +20,14 @@ class SeenStep(FrozenRecord, frozen=True):
 
     step: Step
     step_um: float
-    """Size of the step, averaged over the samples since then, in µm; positive towards the part."""
+    """Size of the step, averaged over the samples after the step, in µm; positive towards the
+    part.
+    """
     force_mN: float
     """Estimated force just before the step, in mN; the force after it if the sensor caused the
     step."""
     after_mN: float
-    """Estimated force just after the step, averaged over the samples since then, in mN."""
+    """Estimated force, averaged over the samples after the step, in mN."""
     samples: int = 1
 
     def averaged(self, shown_um: float, force_mN: float) -> "SeenStep":

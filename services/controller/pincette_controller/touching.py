@@ -108,7 +108,9 @@ def load_rate(load: Press, force_mN: float, rate_mN_per_s: float) -> float:
 def _seek_by_two(
     program: Program, player: Player, segment: Seek, felt: Felt, arms: Arms, x_um: float
 ) -> Player:
-    """Continue once both arms are in contact at the same time, or the arm that moves alone is."""
+    """Enter the next segment once both arms, or the only moving arm, are in contact at the same
+    time.
+    """
     together = all(segment.sides)
     if together:
         felt_mN = min(felt.mean_mN)

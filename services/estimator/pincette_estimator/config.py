@@ -88,7 +88,9 @@ class EstimatorConfig:
 
 
 def configure(rig: RigFile) -> EstimatorConfig:
-    """Read the estimator's part of a rig file; raises ConfigError for an impossible observer."""
+    """Read the estimator's settings from a rig file; raises ConfigError for an impossible
+    observer.
+    """
     arms = tuple(map(_of_arm, rig.arms))
     if len(arms) == 1:
         return EstimatorConfig(arms)

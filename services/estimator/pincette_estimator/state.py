@@ -48,7 +48,7 @@ NOISES = 10.0
 
 
 def moved_V(noise_um: float, piezo_um_per_V: float) -> float:
-    """Return the change of voltage, in V, that moves a free arm by ``NOISES``.
+    """Return the change of voltage, in V, that moves a free arm by ``NOISES`` standard deviations.
 
     The result is infinite without noise.
     """
@@ -69,7 +69,7 @@ class StuckWatch(FrozenRecord, frozen=True):
     def updated(
         self, x_um: float, voltage_V: float, moved_V: float, *, held: bool = False
     ) -> "StuckWatch":
-        """Add a sample and the voltage behind it.
+        """Add a sample, with the voltage that caused it.
 
         A stuck sensor stays so until its reading changes.
         """
@@ -167,8 +167,9 @@ class ArmState(FrozenRecord, frozen=True):
     """True if x_1 goes through a zero of this epoch or an earlier one; False if it goes only
     through the position where the arm was found."""
     kept_age_s: float = 0.0
-    """Time that earlier epochs have played since that zero, in s; the pauses between them are
-    not known."""
+    """Time that earlier epochs have played since the kept zero, in s; the pauses between the epochs
+    are not known.
+    """
     zero_confirmed: bool = False
     """True if other evidence than the zero itself shows that no part pressed when it was taken:
     an operator's confirmation, or a part found at its planned position later. It persists over
@@ -196,8 +197,9 @@ class ArmState(FrozenRecord, frozen=True):
     bottom: Bottom = Bottom()
     """Rest at the bottom of the last conditioning stroke of this epoch."""
     way_base: Base | None = None
-    """Rest after those strokes, which is the start of the motion to the next zero; None before
-    that rest."""
+    """Rest after the conditioning strokes, at which the motion to the next zero begins; None before
+    that rest.
+    """
     stroke: StrokeChange | None = None
     """Newest measured change of the stroke; None if none was measured since the program started."""
 

@@ -31,7 +31,7 @@ class RecorderConfig:
 
 
 def configure(rig: RigFile, data: Path) -> RecorderConfig:
-    """Return the recorder's part of a rig file; its files are in the folder ``data``."""
+    """Return the recorder's settings from a rig file; the records are in the folder ``data``."""
     given = rig.recorder
     return RecorderConfig(
         rig=rig.rig.name,

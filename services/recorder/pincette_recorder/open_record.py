@@ -34,7 +34,7 @@ TIMING_S = 10.0
 class OpenRecord:
     """Record of one epoch.
 
-    OSError is raised if it cannot begin; a disk that fills later is only noted.
+    Raises OSError if the record cannot begin. If the disk fills later, ``trouble`` states it.
     """
 
     def __init__(

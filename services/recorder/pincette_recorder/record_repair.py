@@ -31,7 +31,9 @@ def unclosed(records: Path) -> Iterator[Path]:
 
 
 def finish_record(folder: Path, why: str) -> dict[str, str]:
-    """Close an interrupted record, with tables and manifest; return its end; raises OSError."""
+    """Close an interrupted record, with tables and manifest; return how it ended; raises
+    OSError.
+    """
     path, manifest = folder / NAME, files.read_manifest(folder)
     for name in OWN:  # delete drafts that a killed recorder has left
         for draft in folder.glob(f"{name}*{DRAFT}"):
@@ -120,7 +122,7 @@ def _state_incomplete(folder: Path, why: str) -> None:
 
 
 def _end(manifest: Mapping[str, Any]) -> dict[str, str]:
-    """Return the end of a record from its manifest."""
+    """Return how a record ended, as its manifest states it."""
     complete = manifest.get("complete") is True
     return {
         "complete": "true" if complete else "false",

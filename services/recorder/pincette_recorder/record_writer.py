@@ -276,7 +276,7 @@ def _lack(job: str, lack: Sequence[str]) -> str:
 
 
 def _lacking(recorded: Recorded, trouble: str) -> Recorded:
-    """Return the end of an incomplete record, with the first reason why it is incomplete."""
+    """Return the reply for an incomplete record, with the first reason why it is incomplete."""
     detail = recorded.detail if not recorded.complete else trouble
     return replace(recorded, complete=False, detail=detail[:MOST_TEXT])
 

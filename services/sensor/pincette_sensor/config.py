@@ -28,7 +28,7 @@ class SensorConfig:
 
 
 def configure(rig: RigFile) -> SensorConfig:
-    """Read the sensor's part of a rig file; raises ConfigError."""
+    """Read the sensor's settings from a rig file; raises ConfigError."""
     tables = zip(rig.arms, ("sensor", "second.sensor"), strict=False)
     arms = tuple(_of(arm.sensor, table) for arm, table in tables)
     return SensorConfig(arms, rig.rig.period_s)
