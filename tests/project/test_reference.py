@@ -46,7 +46,7 @@ def test_every_path_and_model_of_rest_is_listed(root: Path, rest: str) -> None:
 
 def test_a_field_of_rest_has_unit_limits_default_and_meaning(rest: str) -> None:
     section = part(rest, "### TrackJobRequest")
-    meaning = "Height of a swing of the force, peak to peak."
+    meaning = "Peak-to-peak force of a sinusoid or triangle."
     assert f"| `force_pp_mN` | number or null | mN |  | > 0, ≤ 1e+15 | {meaning} |" in section
     assert "| `cycles` | whole number or null |  |  | ≥ 1, ≤ 1000 |" in section
     assert '| `kind` | `"track"` |  | *required* |' in section

@@ -266,7 +266,9 @@ class AlarmLog:
         return [row for row in self._repository.standing(self.rig) if row.clears == "condition"]
 
     def acknowledge(self, number: int, by: str) -> AlarmRow | None:
-        """Record that a person has seen an alarm; None without such an alarm; raises StoreError."""
+        """Record that a person has seen an alarm, and return the alarm; None if there is no such
+        alarm. Raises StoreError.
+        """
         before = self._repository.get(number)
         if before is None or before.acknowledged_at is not None:
             return before

@@ -44,7 +44,7 @@ MOST_RIGS = 64
 The label sets are fixed, so this bounds the number of series.
 """
 ASKED_S = 10.0
-"""Age in s above which a status request without a reply counts against a program's token."""
+"""Longest age in s of a status request whose missing reply overrides the program's token."""
 N_PER_MN = 1e-3
 BOUNDS_N = tuple(N_PER_MN * bound_mN for bound_mN in FORCE_BOUNDS_MN)
 REAL_TIME = "in real time"
@@ -75,7 +75,7 @@ class Counted(NamedTuple):
 
 
 Readings = Iterable[tuple[tuple[str, ...], float | Counted]]
-"""Label values, each with the value of the metric."""
+"""Pairs of label values and the metric's value for them."""
 
 
 class Scrape(NamedTuple):
@@ -341,8 +341,8 @@ def exchanges(one: JobManager) -> Readings:
 
 @metric_of_rig("counter", "pincette_programs_gone_total", "service")
 def gone(one: JobManager) -> Readings:
-    """Number of times that a program disappeared from the bus: it ended, or a link on the way
-    did; each program logs its own links.
+    """Number of times that a program disappeared from the bus: it ended, or a link to it was lost;
+    each program logs its own links.
     """
     for service, count in _counters(one).gone().items():
         yield (service,), count

@@ -274,8 +274,9 @@ class RigModel:
         self.changed: list[ModelChange] = []
         """Changes that prevent the use of the model."""
         self.set_aside: list[ModelChange] = []
-        """Values of the model that are not used, since a person has changed them in the rig
-        file."""
+        """Changed rig file values that the model does not replace, since a person has changed
+        them.
+        """
         self._basis = basis(rig_file)
         self.files = ModelFiles(folder / rig_file.rig.name)
         self._store = store
@@ -386,14 +387,14 @@ class RigModel:
         Parameters
         ----------
         measured_at
-            Time of their measurement; empty for the present time.
+            Time at which the values were measured; empty for the present time.
 
         Raises
         ------
         ConfigError
-            If they are impossible for the rig.
+            If the values are impossible for the rig.
         OSError
-            If the file cannot be written; nothing has changed then.
+            If the file cannot be written; in this case nothing changes.
         """
         with self._lock:
             before, now = self.in_use, utc_now()

@@ -417,7 +417,7 @@ class Delivery:
         self, store: Store, sender: Sender, clock: Callable[[], float] = monotonic
     ) -> None:
         self._store, self._sender, self._clock = store, sender, clock
-        self._note = f"told {sender.name}"  # the name that earlier versions used in journals
+        self._note = f"told {sender.name}"  # earlier versions used this name
         self._delay_s = FIRST_DELAY_S
         self._again_at = 0.0
         self._begun = self._ended = False

@@ -69,7 +69,9 @@ class ProcessLoad:
             one()
 
     def within(self, last_s: float) -> tuple[float, dict[Share, float]]:
-        """Return the time in which no code ran, and the time by activity, in the last seconds."""
+        """Return the time in which no code ran, and the time by activity, within the last
+        ``last_s``.
+        """
         self.sample()
         since_s = self._clock() - last_s
         with self._lock:
@@ -81,7 +83,7 @@ class ProcessLoad:
         return rows[-1][1] - begun[1], spent_s
 
     def totals(self) -> tuple[float, dict[Share, float]]:
-        """Return the same times since the start."""
+        """Return the time in which no code ran, and the time by activity, since the start, in s."""
         with self._lock:
             return self._late_s, dict(self._spent_s)
 

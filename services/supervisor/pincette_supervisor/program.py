@@ -63,12 +63,13 @@ STOP_S = 5.0
 TAKEN_LOOK_S, TAKEN_LOGGED_S = 0.5, 300.0
 """Interval in s of attempts to bind a port that another program uses, and of their log lines."""
 GONE_S, LOOK_S = 5.0, 0.1
-"""Intervals of the attempts to bind a port that another program uses, and of their log lines, in
-s."""
+"""Longest wait in s until another supervisor's token of the rig vanishes, and the interval of the
+checks.
+"""
 
 
 class PortInUseError(OSError):
-    """The supervisor cannot listen at its port; the text states the reason and the remedy."""
+    """Error raised if the supervisor cannot listen at its port; the text states the remedy."""
 
 
 def bind(host: str, port: int) -> socket.socket:
@@ -179,7 +180,7 @@ def run(context: Context) -> None:
             )
         if not context.rig.lockstep:  # in lockstep programs may take any time
             watch = LoopbackWatch(
-                # A different session from the one that holds the token.
+                # The session that checks must not be the one that holds the token.
                 lambda: _hears_itself(own_buses[-1]),
                 partial(can_join, context.open_bus),
                 partial(restart, rigs.own.context),
@@ -198,7 +199,9 @@ def _trip_directly(own: RigFile, rig: RigFile, trip: Trip) -> Message:
 
 
 def serve_alone(bus: ZenohBus, rig: str, stop: threading.Event) -> None:
-    """Hold the supervisor's token of a rig; raises BusError if another one keeps holding it."""
+    """Hold the supervisor's token of a rig; raises BusError if another supervisor does not release
+    it.
+    """
     until_s = monotonic() + GONE_S
     while _may_be_served(bus, until_s):
         if monotonic() > until_s or stop.wait(LOOK_S):
@@ -210,7 +213,9 @@ def serve_alone(bus: ZenohBus, rig: str, stop: threading.Event) -> None:
 
 
 def _may_be_served(bus: ZenohBus, until_s: float) -> bool:
-    """Return whether another supervisor is alive, or the router does not reply before a time."""
+    """Return whether another supervisor may serve the rig: its token is visible, or the router does
+    not reply. Raises BusError if the router does not reply after ``until_s``.
+    """
     try:
         return SUPERVISOR in bus.alive()
     except BusError:
@@ -272,7 +277,9 @@ UNHEARD_CAUSE = "supervisor.unheard"
 RESTARTS = "PINCETTE_UNHEARD_RESTARTS"
 """Environment variable with the number of restarts since the last message was received."""
 MOST_DOUBLED = 4
-"""Largest number of doublings of that time: on a silent bus, one restart every 8 minutes."""
+"""Largest number of doublings of ``UNHEARD_S``, once for each restart; on a silent bus the
+supervisor then restarts every 8 minutes.
+"""
 
 
 class LoopbackWatch:
@@ -304,7 +311,7 @@ class LoopbackWatch:
         self._looking.start()
 
     def ask(self) -> None:
-        """Send one request over the bus."""
+        """Check whether the bus delivers the supervisor's own token."""
         if self._hears():
             self._received_at_s = self._clock()
             os.environ.pop(RESTARTS, None)

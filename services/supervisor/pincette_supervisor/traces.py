@@ -169,7 +169,7 @@ class TraceSender:
         if job is None or not _is_sampled(job):
             return
         if notice.type == "job.ended" and job.epoch is not None:
-            return  # its record follows
+            return  # the event of its record follows
         if job.plan.get("record", {}).get("open"):
             return  # a part is held: the record is closed when it is released
         events = self._store.events_after(0, job=job.id, limit=MOST_EVENTS)

@@ -191,7 +191,7 @@ def _recorder(context: RigContext) -> Check:
     lost = None if answer is None else answer.missed
     words = "recorder does not answer"
     if answer is not None:
-        # The status states how many messages were lost, unless there were none.
+        # The status text mentions lost messages only if there are some.
         none = "" if lost else "; no message was lost"
         words = f"recorder: {status_text(answer) or 'idle'}{none}"
     return _check(
@@ -246,7 +246,7 @@ def _stroke(context: RigContext) -> Check:
 
 
 def _forces(context: RigContext) -> Iterator[Check]:
-    """Return the check that both forces of two arms on a held part agree."""
+    """Yield the check that the two forces of two arms on a held part agree."""
     if context.rig.second is not None:
         found = context.health.findings("estimator", FaultCode.FORCES_DISAGREE)
         words = "the forces of both arms agree"
@@ -349,12 +349,16 @@ LOOK_S, ASK_S = 0.25, 2.0
 """Interval of the checks, and of the status requests to the programs of a rig in real time, in
 s."""
 IDLE_S = 10.0
-"""Time without a job at rest after which the sensor is set to its slow rate, in s."""
+"""Time in s for which the actuator must have been at rest without a job before the sensor is set to
+its slow rate.
+"""
 JOIN_S = 2.0
 REFUSED, REFUSED_S = 5, 1.0
-"""Number of rejected commands within a time, in s, above which an arming is not their cause."""
+"""Number of rejected commands within a time in s from which an alarm is raised; an arming causes
+fewer.
+"""
 MISSED_SHARE, MISSED_S = 0.01, 10.0
-"""Share of the ticks that may be missed within a time, in s."""
+"""Fraction of the ticks within a time in s that may be missed without an alarm."""
 FOREIGN = frozenset({FaultCode.OTHER_OWNER, FaultCode.SECOND_CONTROLLER})
 """Reasons of rejection that mean that the command came from another controller."""
 AFTER_A_LOSS = (
@@ -452,7 +456,7 @@ class AlarmMonitor:
     def _previous_conditions(self) -> dict[str, Condition]:
         """Return the conditions of the last poll.
 
-        At the first poll, those of an earlier supervisor.
+        At the first poll, return those that an earlier supervisor has raised.
         """
         if self._known:
             return self._conditions
@@ -499,7 +503,9 @@ class AlarmMonitor:
             )
 
     def _let_idle(self, now_s: float) -> None:
-        """Set the sensor to its slow rate after the rig has had no job for some time."""
+        """Set the sensor to its slow rate after the rig has been at rest without a job for
+        ``IDLE_S``.
+        """
         actuator = self._context.health.status("actuator")
         at_rest = actuator is not None and actuator.mode in AT_REST
         if not at_rest or self._active() is not None or self._busy_s == float("-inf"):

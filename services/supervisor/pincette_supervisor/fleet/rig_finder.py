@@ -135,8 +135,9 @@ class RigFinder:
                 self._changed.notify()
 
     def _next_due(self) -> str | None:
-        """Wait until a rig is due, those with the fewest failures first; None when the finder is
-        closed."""
+        """Wait until a rig is due, and return it; rigs with the fewest failures come first. Return
+        None when the finder is closed.
+        """
         while not self._closing:
             now_s = monotonic()
             free = [(rig, found) for rig, found in self._found.items() if not found.busy]
@@ -167,7 +168,7 @@ class RigFinder:
             return min(AGAIN_MOST_S, AGAIN_S * 2.0 ** (found.failures - 1))
 
     def _check(self, rig: str, found: FoundRig) -> bool:
-        """Check a rig whose programs have changed; False if it must be checked again."""
+        """Check a rig whose programs have changed; return False if it must be checked again."""
         with self._changed:
             programs = set(found.programs)
         manager = self._rigs.find(rig)
@@ -229,7 +230,9 @@ class RigFinder:
             _end(manager)
 
     def _compare(self, manager: JobManager, replies: Mapping[str, RigFileReply]) -> bool:
-        """Reopen a rig as soon as it is idle, if its programs agree on another rig file."""
+        """Reopen a rig if its programs agree on another rig file; return False if the rig is still
+        busy.
+        """
         health, before = manager.context.health, manager.context.model.file
         if len({one.text for one in replies.values()}) > 1:
             return True  # each program's status reports it

@@ -42,7 +42,8 @@ SETTLED_MAX = 600
 
 
 class SettledJobs:
-    """The newest jobs as JSON, for jobs that only a change of their journal row can change.
+    """Cache of the newest jobs as JSON; it contains only jobs whose JSON depends on the journal row
+    alone.
 
     Safe to use from threads. Many clients request the newest jobs repeatedly. Reading, validating
     and encoding such a job takes twenty times as long as finding it here.

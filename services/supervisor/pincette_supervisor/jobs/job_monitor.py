@@ -147,7 +147,7 @@ INSTRUMENTS = {"sensor": "sensor", "actuator": "output"}
 def exchange_fault(context: RigContext, reason: TripReason) -> Fault | None:
     """Return the duration of the newest instrument exchanges for a trip by age; otherwise None.
 
-    It queries the programs, so that readings shortly before the trip are included.
+    Queries the programs, so that exchanges shortly before the trip are included.
     """
     if context.rig.lockstep or reason.cause != Cause.COMMAND_AGE:
         return None
@@ -233,9 +233,9 @@ class JobMonitor:
         """True once the controller's last sample was fetched, because samples did not arrive."""
         self._progress_sent_at = float("-inf")
         self._lease: Why | None = None
-        """Reason why the controller has stopped by itself."""
+        """Reason why the controller has stopped at the end of its lease; None if it has not."""
         self._lease_seq = -1
-        """Number of the sample at which the controller has stopped by itself."""
+        """Number of the sample at which the controller has stopped at the end of its lease."""
         self._moves = 0
         """Number of the job's state changes at the last check."""
         self._asked_in = -1
@@ -388,7 +388,7 @@ class JobMonitor:
         return f"actuator tripped: {self._context.trip_words(trip)}"
 
     def _lease_ended(self, seq: int) -> None:
-        """Record that the controller has stopped by itself since its lease ended."""
+        """Record that the controller has stopped because its lease ended."""
         length_s = lease_s(self._job.request, self._rig)
         words = ended_words(self._context.bus, length_s)
         self._lease = words, Ending(code="lease_ended", values={"limit_s": length_s})
@@ -432,7 +432,7 @@ class JobMonitor:
         if move.event == "go_on":
             self._pause_asked = False
         elif why is not None and why is self._lease:
-            # The controller stops by itself: a second command would restart its stop.
+            # The controller already stops; another command would restart its stop.
             self._asked_in, self._effective_seq = self._moves + 1, self._lease_seq
         elif why is not None and why == self._missing.lack:
             self._given_up = True

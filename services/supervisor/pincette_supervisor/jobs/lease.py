@@ -28,7 +28,7 @@ STOPS: Mapping[OnStop, LeaseEnd] = {
     "release": LeaseEnd.LET_GO,
     "retract": LeaseEnd.RETRACT,
 }
-"""How the controller stops a program, by the effect of a stop on a part."""
+"""How the controller stops a program at the end of a lease, by the request's ``on_stop``."""
 
 
 def lease_s(request: JobRequest, rig: RigFile) -> float:
@@ -60,7 +60,9 @@ def lease_of(rig: RigFile, request: JobRequest, epoch: int) -> Lease | None:
 
 
 def ended_words(bus: Bus, length_s: float) -> str:
-    """Return why the controller has stopped by itself, from its status if it replies."""
+    """Return why the controller has stopped at the end of its lease, from its status if it
+    replies.
+    """
     text = ""
     with suppress(BusError):
         text = ended_text(status(bus, "controller", ASK_S))

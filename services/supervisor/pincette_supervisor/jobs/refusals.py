@@ -276,7 +276,8 @@ def require_startable(context: RigContext, entry: Entry) -> None:
 
 
 def startable_entry(context: RigContext, queue: JobQueue) -> Entry | None:
-    """Return the next job; None for an empty or halted queue, and for one that is halted now.
+    """Return the next job; None for an empty or halted queue, and if the job cannot start, which
+    halts the queue.
 
     An emergency stop between two jobs, a held part, or a missing program does not remove a job: the
     job waits until a person has resolved the problem and resumes the queue.

@@ -132,7 +132,7 @@ class Run:
         return job.status.state == "running" or self._give_up()
 
     def _give_up(self) -> bool:
-        """End a job that was stopped or aborted before it moved."""
+        """End a job that was stopped or aborted before it moved; return False."""
         self._job.end("confirm")
         return False
 

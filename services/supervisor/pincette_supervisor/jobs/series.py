@@ -67,7 +67,7 @@ class SeriesRunner:
         self._row: SeriesRow | None = None
         """The series that was started or resumed last."""
         self._key: str | None = None
-        """Key under which its newest job is created."""
+        """Key under which the newest job of this series is created."""
         self._claim: str | None = None
         self._wake = threading.Event()
         self._thread: threading.Thread | None = None
@@ -326,7 +326,7 @@ class SeriesRunner:
         return self._goes_on(name)
 
     def _start(self, name: str, number: int) -> str | None:
-        """Create the job of a number; pause the series if it is refused."""
+        """Create the job with a number, and return its id; if it is refused, pause the series."""
         row, tries_s = self.find(name), 0.0
         request = request_of(row.jobs[number - 1]["request"], series=name, number=number)
         while self._goes_on(name):

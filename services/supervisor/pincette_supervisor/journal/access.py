@@ -301,7 +301,7 @@ class AuditChain:
     broken: int | None
     """Number of the first entry that does not follow from the one before it; None: all do."""
     found: bool
-    """True if the requested link is one of the log's."""
+    """True if the requested link is in the log."""
 
 
 class AuditRepository:
@@ -327,7 +327,7 @@ class AuditRepository:
                 connection.execute(delete(AUDIT).where(AUDIT.c.number <= newest - AUDIT_KEPT))
 
     def chain(self, wanted: str = "") -> AuditChain:
-        """Check the chain from its oldest entry, and search for an earlier link."""
+        """Check the chain from its oldest entry, and search it for the link ``wanted``."""
         before: AuditRow | None = None
         entries, first, broken, found = 0, None, None, not wanted
         while rows := self._after(before):

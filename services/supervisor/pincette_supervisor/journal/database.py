@@ -21,7 +21,7 @@ VERSION = table("alembic_version", column("version_num"))
 KEY_FILE = "keys.json"
 """Name of the key file, in the folder of the journal."""
 TURN_S = 10.0
-"""Longest time for which a write waits for those before it, in s."""
+"""Longest time for which a write waits for earlier writes, in s."""
 MOVE_AWAY = "move it away to start a new one"
 SEE_DISK = "check the disk's free space and permissions"
 USE_LOCAL_DISK = "keep the data folder on a local disk (--data FOLDER)"
@@ -138,7 +138,7 @@ class Database:
     def writing(self) -> Generator[Connection]:
         """Open an atomic transaction, which a nested one joins.
 
-        Raises StoreError, ValueError (JSON).
+        Raises StoreError, or ValueError for a value that JSON cannot represent.
 
         It also raises StoreError if an earlier write has not ended within ``TURN_S``, as on a disk
         that has stopped responding: no request waits for such a disk forever.

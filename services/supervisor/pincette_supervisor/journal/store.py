@@ -216,7 +216,7 @@ class Store(Database):
             return _event_span(connection)
 
     def set_note(self, name: str, value: str) -> None:
-        """Store a fact of the rig across restarts."""
+        """Store a fact of the rig, which is kept across restarts."""
         with self.writing() as connection:
             changed = connection.execute(
                 update(NOTES).where(NOTES.c.name == name).values(value=value)

@@ -92,7 +92,9 @@ def evaluate(run: Run) -> Evaluation:
 
 
 def evaluated(run: Run) -> Mask:
-    """Return the samples with errors: the path at full amplitude, else the hold or the rest."""
+    """Return the samples for which errors are computed: the path at full amplitude, else the hold
+    or the rest.
+    """
     known: list[Path] = [path for path in _paths(run) if path is not None]
     if known:
         return full_amplitude(run, known)
@@ -174,7 +176,9 @@ def _subtitle(result: PairResult) -> str:
 
 
 MORE_TOUCHES = 2.0
-"""Limit of the growth of the unknown squeeze during a carry, as a multiple of the contact force."""
+"""Largest increase of the unknown gripping force during a carry, as a multiple of the contact
+force.
+"""
 
 
 def carry_job(request: CarryJobRequest, model: ModelInUse, present: Present) -> Planned:

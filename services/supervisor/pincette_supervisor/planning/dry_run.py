@@ -89,7 +89,9 @@ class EmulatedInstruments:
         self.put_V = {}
 
     def begun(self, applied: Applied) -> tuple[Applied, Position] | None:
-        """Return initial messages for the estimator if the arms are not at 0 V; otherwise None."""
+        """Return two initial messages for the estimator if the arms are not at 0 V; otherwise
+        None.
+        """
         first_V, *others_V = self.arms.targets_V
         if not first_V and not any(others_V):
             return None
@@ -150,14 +152,15 @@ class RigEmulator:
     def __init__(self, rig: RigFile, arm: IdentifiedArm | IdentifiedPair, program: Program) -> None:
         self.samples = Samples(len(rig.arms))
         self.heard: list[Message] = []
-        """All messages, for two arms only."""
+        """All messages of the services; recorded only for two arms."""
         self.ended = False
         self.told: Telemetry | None = None
         self._rig, self._program = rig, program
         self._residual = derived.residual(rig.model)
         self._instruments = EmulatedInstruments(rig, arm)
         self._bus = MemoryBus()
-        # A plan is also emulated if the rig's instruments are too slow to arm it.
+        # The timing is not checked, so that a plan for which the rig's instruments are too slow is
+        # emulated too.
         runners = [
             Runner(
                 service,
@@ -192,7 +195,7 @@ class RigEmulator:
 
     @property
     def outcome(self) -> str:
-        """Return the outcome of the program, as far as it is known."""
+        """Return the outcome of the program; empty as long as it has none."""
         if self._applied is not None and self._applied.state in TRIPPED:
             return "tripped"
         return "" if self.told is None else self.told.outcome
@@ -204,7 +207,9 @@ class RigEmulator:
 
     @property
     def place(self) -> int:
-        """Return the number of that segment; -1 if no segment of the program is being played."""
+        """Return the number of the segment that is being played; -1 if no segment is being
+        played.
+        """
         number = -1 if self.told is None else self.told.segment
         return number if number < len(self._program.segments) else -1
 
@@ -214,7 +219,8 @@ class RigEmulator:
         rest = self._bus.latest(APPLIED)
         begun = None if rest is None else self._instruments.begun(cast(Applied, rest))
         if begun is not None:
-            # The estimator has followed the arm to its position, as on a rig that was in use.
+            # As on a rig that was in use, the estimator has followed the arm to its present
+            # position.
             estimator = self._loop.runner("estimator")
             for message in begun:
                 estimator.take(message, 0.0)
@@ -243,8 +249,9 @@ class RigEmulator:
         return ""
 
     def act(self, action: str) -> str:
-        """Limits of the part of a plan that is played, in s and in samples; the shorter one
-        applies."""
+        """Request an action of the controller; return the reason if it is refused, otherwise an
+        empty text.
+        """
         try:
             self._bus.call(ACTION, Action(ActionCode(action)))
         except RefusalError as error:
@@ -253,15 +260,20 @@ class RigEmulator:
 
 
 LONGEST_S, LONGEST_SAMPLES = 120.0, 30_000
-"""Limits of the part of a plan that is played, in s and in samples; the shorter one counts."""
+"""Longest time in s, and largest number of samples, of a plan that are played; the shorter one
+applies.
+"""
 ENDLESS_S = 0.3
-"""Duration for which a segment without an end is played, as in its plan, in s."""
+"""Duration in s for which a segment without an end is played; the plan shows it with this
+duration.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class DryRun:
-    """Samples, the outcome of the program, and the reason why the rest was not played; empty if
-    all was played."""
+    """Result of a dry run: the samples, the outcome, and the reason why the remainder was not
+    played.
+    """
 
     samples: Samples
     outcome: str
@@ -300,7 +312,7 @@ def run_dry(planned: Planned, present: Present, *, part: bool) -> DryRun:
             arm = arm.at(present.x_um)
     emulator = RigEmulator(rig, arm, planned.program)
     cut, released = _played(emulator, planned, period_s)
-    # The controller leaves the outcome open if a person ended the hold.
+    # The controller reports no outcome if a person ended the hold.
     otherwise = "released" if released and not cut else "unfinished"
     outcome = emulator.outcome or otherwise
     return DryRun(emulator.samples, outcome, cut, instruments, _figures(planned, rig, emulator))

@@ -4,10 +4,10 @@
     free      x_1 by the identified free response, from sample to sample as u goes
     arm       one mode, ω_n and ζ, against K_e from x_e on (``sim.plant.plain_arm``)
 
-The part between two arms is where it is expected, held by the ground until both arms have touched
-it, and is carried by them after that (``sim.plant.pair``).
+The part between two arms is at its expected position. The ground holds it until both arms have
+touched it; after that the arms carry it (``sim.plant.pair``).
 
-It uses nothing that only a simulated rig knows of itself, since a real rig cannot know it.
+The computation uses no value that only a simulated rig knows, since a real rig cannot know it.
 """
 
 from dataclasses import dataclass, replace
@@ -45,8 +45,9 @@ Stretch = tuple[float, list[float]]
 GROUND_MN = 1e6
 """Force with which the ground holds the part, in mN; practically unlimited, since it is unknown."""
 HOLD_MN, LIFT_S = 0.05, 0.1
-"""Assumed force of both arms that carries the part, in mN, and the time in s until they carry it
-alone."""
+"""Assumed force of both arms from which they carry the part, in mN, and the time in s until they
+carry it without the ground.
+"""
 SETTLE_S = 0.5
 """Time for which arms are assumed to have pressed at their voltages, in s."""
 
@@ -73,7 +74,7 @@ class IdentifiedArm:
     target_V: float
     output_V: float
     missed_um: float = 0.0
-    """Error of the free response at this tick of the program, by a residual table, in µm."""
+    """Error of the free response at this tick of the program, from a residual table, in µm."""
     shaping_s: float | None = None
     """Interval between the parts of a shaped voltage step, in s; None: steps are not shaped."""
     hung_mN: float = 0.0
@@ -100,7 +101,9 @@ class IdentifiedArm:
         return replace(self, hung_mN=weight_mN)
 
     def at(self, x_um: float) -> "IdentifiedArm":
-        """Return the free arm at rest at a measured position, with the memory that leads to it."""
+        """Return the free arm at rest at a measured position, with a memory for which it rests
+        there.
+        """
         response = self.response.begin(x_um)
         return replace(
             self, response=response, state=rest_plain_arm(self.parameters, self.state, x_um)
@@ -109,7 +112,8 @@ class IdentifiedArm:
     def moved(self, voltage_V: float, missed_um: float | None = None) -> "IdentifiedArm":
         """Return the arm one period after a sample that results in a voltage.
 
-        ``missed_um`` is the error of the free response then; None to keep the present one.
+        ``missed_um`` is the error of the free response at the end of the period; None to keep the
+        present one.
         """
         driven, stretches = self.driven(voltage_V, missed_um)
         state = self.state

@@ -36,8 +36,9 @@ from pincette_supervisor.plugin.model_in_use import (
 )
 
 OF_THE_JOB = set(ZeroingRequest.model_fields)
-"""Members that no recipe contains: how a job begins, and what a person has verified before the
-job."""
+"""Members that no recipe may contain: they state how a job begins, and what a person has verified
+before it.
+"""
 FindRecipe = Callable[[str], RecipeRow | None]
 FindLearned = Callable[[str], Corrections | None]
 

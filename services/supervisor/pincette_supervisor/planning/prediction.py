@@ -210,7 +210,7 @@ class Limit(NamedTuple):
 
 
 def rates_V_per_s(samples: Samples, period_s: float) -> list[float]:
-    """Return the rate of each requested voltage relative to the previous one."""
+    """Return the rate of change from each requested voltage to the next, in V/s."""
     return [
         0.0 if index == 0 else (asked_V - samples.voltage_V[index - 1]) / period_s
         for index, asked_V in enumerate(samples.asked_V)
@@ -353,8 +353,9 @@ def peaks(rig: RigFile, samples: Samples) -> Peaks:
 Play = Callable[[Planned], DryRun]
 KEPT = 8
 WAITING = 4
-"""Largest number of callers that wait for a prediction: their threads serve other requests too,
-and there are six of them (``WORKERS`` of the server)."""
+"""Largest number of callers that wait for a prediction. Each occupies one of the server's six
+threads (``WORKERS``), which also serve other requests.
+"""
 
 
 class PredictionCache:
@@ -410,17 +411,18 @@ class PredictionCache:
             ) from error
 
     def checked(self, planned: Planned) -> Planned:
-        """Return a plan before its job, with its prediction if that exceeds a limit.
+        """Return the plan of a job that is to begin, with its prediction if that exceeds a limit.
 
-        Two plans are not played: a held part must be released regardless of any prediction, and a
-        calibration finds the model that a prediction would need. However many predictions are
-        waiting, a job that is to begin waits only for the running one.
+        Two kinds of plan are not played: that of a release, since a held part must be released
+        regardless of any prediction, and that of a calibration, which finds the model that a
+        prediction would need. However many predictions are waiting, a job that is to begin waits
+        only for the running one.
         """
         if not job_kinds()[planned.plan.kind].predicted:
             return planned
         try:
             predicted = with_prediction(planned, self._in_turn(planned))
-        except ValueError:  # no part of it can be played, and so nothing is predicted
+        except ValueError:  # no part of the plan can be played, so nothing is predicted
             return planned
         return planned if predicted.plan.feasible else predicted
 

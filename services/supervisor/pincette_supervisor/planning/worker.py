@@ -81,7 +81,7 @@ class Worker:
             try:
                 return self._begun().submit(work, argument).result()
             except BrokenProcessPool:
-                self.close()  # the process was killed; the caller learns of a second time
+                self.close()  # the process was killed: try once more
                 return self._begun().submit(work, argument).result()
 
     def run_somewhere(self, work: Callable[[A], R], argument: A) -> R:
@@ -149,7 +149,7 @@ class Worker:
 def _begin(*_ahead: Callable[[Any], Any]) -> None:
     signal.signal(
         signal.SIGINT, signal.SIG_IGN
-    )  # the supervisor gets the signal too, and ends this process
+    )  # the supervisor also gets this signal, and ends this process
     lower_priority()
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

@@ -128,7 +128,7 @@ class Present:
     force_mN: float | None = None
     """Force on the held part, in mN (mean of both arms); None: unknown, or no part is held."""
     force_uncertainty_mN: float | None = None
-    """Expanded uncertainty of that force, in mN; with two arms, the larger one."""
+    """Expanded uncertainty of ``force_mN``, in mN; with two arms, that of the less certain arm."""
 
     def stand_V(self, rig: RigFile) -> float:
         """Return the applied voltage, in V, or the rig file's safe voltage if it is unknown."""
@@ -172,7 +172,7 @@ class Planned:
     plan: JobPlan
     program: Program
     values: dict[str, Any]
-    """Values of the plan, as they are stored and sent."""
+    """Values of the plan in the form that is stored and sent."""
     model: ModelInUse
     """Model in use at the time of planning."""
     waits: Mapping[int, Wait] = field(default_factory=dict[int, Wait])
@@ -218,12 +218,12 @@ class Planned:
 
 
 def stride_of(course: Course) -> int:
-    """Return the stride n of a course: every n-th sample is sent."""
+    """Return n for curves of which only every n-th sample is sent."""
     return max(1, ceil((len(course.t_s) - 1) / CURVE_POINTS))
 
 
 def decimated(course: Course) -> Curves:
-    """Return a course reduced to the number of points that is sent."""
+    """Return the curves of a plan, reduced to the number of points that are sent."""
     stride = stride_of(course)
     return Curves(
         t_s=course.t_s[::stride],
@@ -308,7 +308,9 @@ class JobFunctions:
     evaluate: Callable[[Run], Evaluation]
     """Function that computes the result from the samples."""
     plot: Callable[[Run, Evaluation, str], Picture | bytes]
-    """Function that draws the samples, or makes a PNG of them; the text names job and rig."""
+    """Function that draws the samples, or returns a PNG of them; its third argument names job and
+    rig.
+    """
     pointer: Callable[[str, str], str] = _no_pointer
     """Function that returns the JSON pointer to the request member that causes an exceeded
     limit, by quantity and phase; empty if no member does."""

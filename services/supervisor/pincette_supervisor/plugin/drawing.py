@@ -11,7 +11,7 @@ from pincette.api.results import ClosedLoopResult, JobResult
 from pincette.records.columns import Columns
 from pincette_supervisor.plugin.figures import Series, series
 
-# The keyword arguments of Matplotlib have no types.
+# Matplotlib's keyword arguments have no type annotations, hence Any.
 Axis = Any
 
 WIDTH_PX, HEIGHT_PX, DPI = 1400, 1180, 140
@@ -23,7 +23,7 @@ DOT = {"linestyle": "none", "marker": "o", "markersize": 5.0}
 INK, FAINT = "#22282f", "#8a939c"
 MEASURED, REFERENCE, TRUE = "#1f5f8b", "#d1792b", "#3f8f5f"
 SECOND = "#8a4f9e"
-"""Line style of the second arm."""
+"""Line colour of the second arm."""
 SHADES: Mapping[str, str] = {
     "zero": "#eef1f4",
     "open": "#e4ebf2",
@@ -43,7 +43,7 @@ SHADES: Mapping[str, str] = {
     "stopped": "#f2dada",
 }
 SHORT_SHARE = 0.045
-"""Share of the time axis below which the name of a phase is written vertically."""
+"""Width of a phase below which its name is written vertically, as a fraction of the time axis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class Picture:
 
 
 class Sheet:
-    """An empty picture of 1400 by 1180 pixels, unless another size is given."""
+    """Picture to draw on, of 1400 by 1180 pixels unless another size is given."""
 
     def __init__(self, size_in: tuple[float, float] = (WIDTH_PX / DPI, HEIGHT_PX / DPI)) -> None:
         # Imported with the first picture, since the import would take a third of the supervisor's
@@ -78,8 +78,8 @@ class Sheet:
         """Return the picture as a PNG and discard the sheet."""
         stream = BytesIO()
         self._canvas.print_png(stream)
-        # Its texts and axes form reference cycles with the 7 MB canvas, which stays in memory until
-        # the garbage collector runs.
+        # Discard the sheet: its texts and axes form reference cycles with the 7 MB canvas, which
+        # would otherwise stay in memory until the garbage collector runs.
         self.figure.clear()
         drawn_on = cast("dict[str, Any]", vars(self._canvas.renderer))
         drawn_on.clear()

@@ -15,7 +15,7 @@ Mask = NDArray[np.bool_]
 MOST_MISSING = 0.02
 """Largest share of samples that may be missing; their values are interpolated."""
 SETTLE_S = 0.5
-"""Time left out at the start of a hold, in s; a quarter of a hold shorter than 2 s."""
+"""Time at the start of a hold that is left out, in s; of a hold shorter than 2 s, a quarter."""
 
 
 def series(table: Columns, name: str) -> Series:

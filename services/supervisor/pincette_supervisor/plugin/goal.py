@@ -34,7 +34,7 @@ def tolerances(request: GoalRequest) -> dict[str, Any]:
 
 
 def planned_goal(values: Mapping[str, Any], program: Program, phase: str) -> PlannedGoal | None:
-    """Return whether the goal of a plan will be evaluated; None without a tolerance.
+    """Return the goal of a plan, and whether it will be evaluated; None without a tolerance.
 
     Parameters
     ----------

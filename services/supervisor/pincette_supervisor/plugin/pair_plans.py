@@ -54,7 +54,7 @@ assessed = lru_cache(maxsize=16)(assess_two_arms)
 
 
 def contacts_um(rig: RigFile) -> Pair:
-    """Return the tip positions of both arms at first touch, in µm.
+    """Return the tip positions of both arms at the first contact with the part, in µm.
 
     Raises FaultyRequestError on a rig with one arm.
     """

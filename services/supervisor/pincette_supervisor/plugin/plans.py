@@ -112,8 +112,9 @@ def conditioning_V(request: ContactJobRequest, rig: RigFile) -> float | None:
 
 
 def usual_conditioning_V(rig: RigFile) -> float | None:
-    """Return the same voltage for a plan whose request has no ``condition``, by the rig file's
-    grip."""
+    """Return the lowest voltage of conditioning strokes, in V, if a request has no ``condition``;
+    None if the rig file's grip makes none.
+    """
     return None if rig.grip.condition == "never" else derived.conditioning_V(rig)
 
 
@@ -274,7 +275,7 @@ GAIN_GROWTH = 1.3
 """Assumed factor by which the gain over a wide stroke may exceed d_p, the gain at 2 V peak to peak.
 It equals that of a loop with a width of 18.5 % of the stroke."""
 SPEED_FACTOR = 3.0
-"""Ratio of the fastest part of a free motion to the approach speed."""
+"""Ratio of the highest speed of a free motion to the approach speed."""
 
 
 def start_position(present: Present, rig: RigFile) -> StartPosition:

@@ -71,7 +71,7 @@ def release_of(run: Run) -> ReleaseVerdict | None:
 
 
 def sticking(found: ReleaseVerdict | None) -> str:
-    """Return why a release has failed; empty if the part does not stick."""
+    """Return why a release has failed, in words; empty if the part does not stick."""
     if found is None or found.verdict != "sticks":
         return ""
     return (
@@ -135,7 +135,7 @@ def _of_arm(
     t_s, x_um, force_mN = (series(table, name)[let_go] for name in ("t_s", "x_um", "force_mN"))
     known = ~np.isnan(x_um + force_mN)
     t_s, x_um, force_mN = t_s[known], x_um[known], force_mN[known]
-    # The stretch may contain a reversal, with the error of x_1 over a part of it.
+    # The last stretch may contain a reversal, after which x_1 has an additional error.
     arm, drifts = derived.free_arm(rig, derived.check_way_um(rig)), checked is not None
     if checked is None:
         fit = FreedomFit()

@@ -325,7 +325,9 @@ def _share_in_band(table: Columns) -> float | None:
 
 
 RETURN_SAMPLES = 10
-"""Number of samples at the end of the return motion whose mean force decides."""
+"""Number of samples at the end of the return motion whose mean force tells a slip from a sensor
+jump.
+"""
 
 
 def position_step_of(table: Columns) -> PositionStep | None:
@@ -334,7 +336,7 @@ def position_step_of(table: Columns) -> PositionStep | None:
     The controller reports the step r, the force F just before it, and the force F' just after it.
     If the part yielded by δ, F' is the force and δ = r + (F - F')/K_e; if the sensor jumped by r,
     the force is still F and the free arm reads F' - F afterwards. Therefore the force that is read
-    in the return motion decides, within its uncertainty.
+    in the return motion shows the cause, within its uncertainty.
     """
     steps_um = table["step_um"]
     row = next((place for place, step_um in enumerate(steps_um) if step_um is not None), None)
@@ -363,10 +365,12 @@ def position_step_of(table: Columns) -> PositionStep | None:
 
 
 def with_ring(found: PositionStep, table: Columns, rig: RigFile) -> PositionStep:
-    """Add whether the arm oscillated after the step; known only if the voltage was kept then."""
+    """Add whether the arm oscillated after the step; this is known only if the voltage was kept
+    after it.
+    """
     model = rig.model
     row = next(place for place, step_um in enumerate(table["step_um"]) if step_um is not None)
-    first = max(0, row - 1)  # the step was confirmed by the sample after it
+    first = max(0, row - 1)  # the row is the sample that confirmed the step
     stiffness = table["contact_stiffness_mN_per_um"][row] or rig.part.stiffness_mN_per_um
     kappa = model.compliance_um_per_mN * stiffness
     decay_per_s = model.damping_ratio * model.natural_frequency_rad_per_s

@@ -1,4 +1,4 @@
-"""Uncertainty of the force that a plan will have, and forces that do not exceed it.
+"""Uncertainty of the force in a plan, and violations for forces that do not exceed it.
 
 It includes only what the model in use has identified: the noise of the sensor, and the error of an
 identified free response over the distance from its zero. Creep and drift are additional, and so is
@@ -63,9 +63,9 @@ def force_uncertainty_mN(rig: RigFile, way_um: float, *, conditioned: bool = Fal
 def past_uncertainty_mN(rig: RigFile, force_mN: float) -> float:
     """Return the expanded force uncertainty due to the arm's unknown history, in mN.
 
-    The arm may have rested at either end of its voltage range before it came to its rest. It is
-    zeroed before it reaches the part, and continues from there. The result is 0 if the history adds
-    less than the error of the model.
+    Before its present rest the arm may have rested at either end of its voltage range. The force is
+    zeroed before the arm reaches the part, and the arm continues from there. The result is 0 if the
+    history adds less than the error of the model.
     """
     model, limits, part = rig.model, rig.limits, rig.part
     response = derived.free_response(model)
@@ -114,7 +114,7 @@ def uncertain_forces(
 ) -> tuple[Violation, ...]:
     """Return violations of a contact force or a highest force that is below its own uncertainty.
 
-    Below that force, noise and the model error would look like a contact.
+    A force below its uncertainty cannot be distinguished from noise and the error of the model.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def uncertain_forces(
     at_touch_mN = force_uncertainty_mN(rig, touched_um, conditioned=conditioned)
     touch = uncertain_force(contact_force_mN, at_touch_mN, "/contact_force_mN", "contact_force_mN")
     if force_mN <= least_force_mN(contact_force_mN):
-        return touch  # refused as a weak force
+        return touch  # another check rejects such a weak force
     pressed_mN = force_uncertainty_mN(rig, pressed_um, conditioned=conditioned)
     return (*touch, *uncertain_force(force_mN, pressed_mN, pointer, "force"))
 
@@ -194,8 +194,9 @@ def ring_remedy(rig: RigFile) -> str:
 
 
 def ring_violation(term: RingTerm, rig: RigFile, tolerance_mN: float | None) -> list[PlanViolation]:
-    """Return the violation of a plan whose oscillation exceeds the requested tolerance; or
-    empty."""
+    """Return the violation of a plan whose oscillation exceeds the requested tolerance; otherwise
+    an empty list.
+    """
     if tolerance_mN is None or term.force_mN <= tolerance_mN:
         return []
     mode_hz = rig.model.natural_frequency_rad_per_s / (2.0 * pi)

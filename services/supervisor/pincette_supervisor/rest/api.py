@@ -241,7 +241,7 @@ def _add_shared_responses(document: dict[str, Any]) -> None:
     }
     for path, operation in _placed(document):
         wanted = EVERYWHERE
-        if path.endswith(ESTOP):  # which is not rejected for any parameter
+        if path.endswith(ESTOP):  # an emergency stop accepts any parameters
             wanted = tuple(status for status in wanted if status != 422)
         if "security" in operation or operation["operationId"] == "sign_in":
             wanted += WITH_KEY
@@ -250,7 +250,7 @@ def _add_shared_responses(document: dict[str, Any]) -> None:
         for status in wanted:
             reference = {"$ref": f"#/components/responses/{NAMES[status]}"}
             operation["responses"].setdefault(str(status), reference)
-        operation.setdefault("security", [])  # needs no key
+        operation.setdefault("security", [])  # routes without a key
 
 
 VERSIONED = (

@@ -177,7 +177,7 @@ def new_loop() -> asyncio.AbstractEventLoop:
 
 
 HANDSHAKE_S = 3
-"""Time limits of the first message of a handshake and of the rest, in s."""
+"""Time limit of the first message of a handshake, and also of the remaining handshake, in s."""
 MOST_PENDING = 600
 """Largest number of connections with an incomplete handshake."""
 HANDSHAKE = b"\x16\x03"
@@ -219,7 +219,9 @@ class Doorway(asyncio.Protocol):
         self._first = b""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]  as asyncio calls it
-        """Wait for a handshake; close another connection if there are too many."""
+        """Wait for the first message of a handshake; if there are too many connections, close one
+        of the others.
+        """
         self.transport = transport
         if len(self._queue) >= MOST_PENDING:
             other = self._queue.pop_silent() or self._queue.pop_last()
@@ -265,7 +267,7 @@ class Doorway(asyncio.Protocol):
     def _shaken(self, done: "asyncio.Future[None]") -> None:
         self._forget()
         if not done.cancelled():
-            done.exception()  # an error caused by the client; the connection is ended
+            done.exception()  # retrieve the error, which the client has caused
 
     def has_unread_data(self) -> bool:
         """Return whether the first message of the handshake has arrived."""

@@ -97,8 +97,10 @@ def delete_cookies(response: Response, scope: AsgiScope, supervisor: str) -> Non
 
 CALLER, NOTE = "pincette.caller", "pincette.note"
 SHARE, HELD = "pincette.share", "pincette.held"
-"""Keys of an ASGI scope: the caller, the note for the audit log, the limits of a request that is
-exempt from them only if it stops a job, and whether its rejection is being delayed."""
+"""Keys of an ASGI scope. ``CALLER``: the caller. ``NOTE``: the note for the audit log. ``SHARE``:
+the limits for a request to the actions of a job, which apply unless it is a stop. ``HELD``: present
+while the rejection of the request is being delayed.
+"""
 DISCONNECT_S = 10.0
 """Time within which the event loop must report whether a caller has disconnected, in s."""
 OPERATOR_LENGTH, KEY_LENGTH = 960, 255
@@ -221,8 +223,9 @@ async def _permitted(request: Request, access: AccessState) -> Callable[[], bool
 
 
 Permitted = Annotated[Callable[[], bool], Depends(_permitted)]
-"""Function that returns True while the caller's key or session is valid: a stream outlives the
-check at its start."""
+"""Function that returns True while the caller's key or session is valid; a stream must check this
+repeatedly.
+"""
 
 
 async def _sender(request: Request, caller: AnyCaller) -> str:
@@ -253,7 +256,7 @@ Sender = Annotated[str, Depends(_sender)]
 Never rejected, since an emergency stop must not be.
 """
 Operator = Annotated[str, Depends(_operator)]
-"""Name of the key with the header ``X-Operator``; the address if both are missing."""
+"""Name of the key combined with the header ``X-Operator``; the address if both are missing."""
 
 
 async def _supervisor(access: AccessState) -> str:
@@ -272,7 +275,7 @@ async def _note(request: Request) -> Callable[[str], None]:
 
 
 Note = Annotated[Callable[[str], None], Depends(_note)]
-"""Function that states for the audit log what is requested, if the path does not."""
+"""Function that adds to the audit log what is requested, if the path does not show it."""
 
 
 async def _hung_up(request: Request) -> Callable[[], bool]:

@@ -120,8 +120,9 @@ Kind = Literal["short", "long"]
 AT_ONCE: Mapping[Kind, int] = {"short": 512, "long": 256}
 """Largest number of concurrent requests of all clients, by kind; beyond it, 503."""
 OF_ONE: Mapping[Kind, int] = {"short": 128, "long": 64}
-"""Largest number of concurrent requests of one client, by kind; beyond it, 429. A request whose
-body arrives slowly counts."""
+"""Largest number of concurrent requests of one client, by kind; beyond it, 429. A request counts
+while its body arrives.
+"""
 STREAMED = ("/events", "/live")
 LONG_POLL = b"wait="
 LONG_PER_S, LONG_BURST = 40.0, 100.0
@@ -131,11 +132,13 @@ PATIENCE_S = 1.0
 """Longest time in s for which a request waits after its client has exceeded its rate; beyond it,
 429. This gives all clients that share an address without keys a chance to be served."""
 HELD_S: Mapping[Kind, float] = {"short": 1.0, "long": 5.0}
-"""Time in s for which such a rejection is delayed, so that a client that retries at once does not
-keep the server busy with rejections."""
+"""Time in s for which a rejection with 429 is delayed, by kind of request, so that a client that
+retries at once does not keep the server busy with rejections.
+"""
 SPREAD = (0.75, 1.25)
-"""Range of random factors of that time, so that clients that were rejected together do not retry
-together."""
+"""Range of the random factor of ``HELD_S``, so that clients that were rejected together do not
+retry together.
+"""
 SEND_S = 30.0
 """Longest time that a client may take to read one block of a response, in s."""
 ESTOP = "/estop"
@@ -361,7 +364,7 @@ class Refusals:
 class HeldRefusals:
     """ASGI application that delays responses with a 4xx status.
 
-    Meanwhile the request no longer counts towards the limits of its client.
+    During the delay, the request does not count towards the limits of its client.
     """
 
     def __init__(self, app: ASGIApp, refusals: Refusals) -> None:

@@ -177,7 +177,7 @@ def audit_chain(
         str | None, Query(pattern="^[0-9a-f]{64}$", description="`newest` of an earlier reply")
     ] = None,
 ) -> AuditChain:
-    """Return whether each entry of the audit log follows from the previous one."""
+    """Check whether each entry of the audit log follows from the previous one."""
     repository = AuditRepository(store)
     access.audit_buffer.flush(repository, everything=True)
     chain = repository.chain(link or "")

@@ -103,7 +103,7 @@ def _position(
             le=LARGEST,
             description="takes precedence over `after`; if empty, no event is skipped",
         ),
-        BeforeValidator(_none_if_empty),  # last, since the bounds apply only to the number
+        BeforeValidator(_none_if_empty),  # must be last, since the bounds apply only to a number
     ] = None,
 ) -> int | None:
     return after if last_event_id is None else last_event_id
@@ -148,7 +148,7 @@ def list_of_all(rigs: AllRigs, after: After = None, limit: Limit = MOST) -> Even
 async def of_job(job: str, after: Position, rigs: AllRigs, permitted: Permitted) -> Response:
     """Stream the events of one job, from its first or after a number; ends when the job is over.
 
-    A standard EventSource reconnects after the end, gets 204, and stops then.
+    A standard EventSource reconnects after the end, gets 204, and then stops.
     """
     # Begun before the job is read, so that no change in between is missed.
     subscription = await _listen(rigs.own.context.events, after or 0, job, every_rig=True)

@@ -211,7 +211,8 @@ async def stop(body: StopRequest, rigs: AllRigs, asker: Asking) -> StoppedReques
 def _stopped(body: StopRequest, rigs: Rigs, by: str) -> StoppedRequest:
     key = body.idempotency_key
     for manager in rigs.all():
-        # Recorded before a request that waits for the disk releases its lock.
+        # Checked before the locks: a request that waits for the disk holds its lock, but its job is
+        # already recorded here.
         if (name := manager.turns.created(key)) is not None:
             return StoppedRequest(job=_stopped_job(manager, name, by))
     for manager in rigs.all():

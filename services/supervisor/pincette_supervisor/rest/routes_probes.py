@@ -54,7 +54,8 @@ EVENTS: Mapping[str, str] = {"live": f"{RIG}/live"}
 form cannot request."""
 DEEPEST = 1
 """Depth up to which nested models are included, so that a client can validate what it sends. Deeper
-ones are in the OpenAPI document."""
+models are in the OpenAPI document.
+"""
 OPEN = ("estop",)
 """Operations whose security needs no key."""
 FIXED = {"plan": "dry_run=true", "result": "wait=terminal&timeout_s=60"}

@@ -162,7 +162,9 @@ def claim(
         ),
     ],
 ) -> Claim:
-    """Claim the rig, or renew the claim: others can start nothing there, but anyone can stop it."""
+    """Claim the rig, or renew the claim: others cannot start anything on it, but anyone can stop
+    it.
+    """
     note(f"{body.lease_s:g} s {body.note}".strip())
     return manager.claims.take(x_claim, by=by, note=body.note, lease_s=body.lease_s)
 
@@ -195,7 +197,7 @@ def order_queue(manager: Manager, body: QueueRequest, asker: Asking) -> Rig:
 
 @router.get("/rigs/{rig}/places", responses=responses(404), dependencies=[OBSERVE])
 def places(manager: Manager) -> PlaceList:
-    """Return the newest place of each vision client, and how far its places were off over jobs."""
+    """Return the newest place of each vision client, and the mean error of its places over jobs."""
     return manager.places.view()
 
 
@@ -250,7 +252,9 @@ def history(
         ),
     ] = None,
 ) -> History:
-    """Return the course of the rig over hours, from the records of its jobs; empty between jobs."""
+    """Return curves of the rig over some hours, from the records of its jobs; empty between
+    jobs.
+    """
     if job is not None:
         row = require_job(store, job)
         if row.rig != manager.name:

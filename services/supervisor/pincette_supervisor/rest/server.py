@@ -346,7 +346,9 @@ class UnambiguousLength:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Respond with 400 if both lengths are given; otherwise pass the request on."""
+        """Respond with 400 to a request with two lengths, and with 431 to one with too many
+        headers; otherwise pass the request on.
+        """
         estop = estop_path(scope["method"], scope["path"]) if scope["type"] == "http" else None
         if scope["type"] == "http" and len(scope["headers"]) > HEADERS_MAX and estop is None:
             await self._refuse(send, 431, f"more than {HEADERS_MAX} headers: send fewer\n")

@@ -77,7 +77,7 @@ Handler = Callable[[Request], Coroutine[Any, Any, Response]]
 
 
 class RepeatedKeyError(ValueError):
-    """An object of a body contains a member twice."""
+    """Error raised if an object of a body contains a member twice."""
 
 
 class CheckedRequest(Request):

@@ -188,8 +188,9 @@ def section(heading: str, content: str) -> str:
 def _scalars(
     tree: Mapping[str, Any], but: Sequence[str] = (), before: str = ""
 ) -> list[tuple[str, Any]]:
-    """Yield every value that is neither list nor map; the name of a nested value includes that
-    of its map."""
+    """Return every value that is neither list nor map; the name of a nested value includes the name
+    of its map.
+    """
     found: list[tuple[str, Any]] = []
     for name, value in tree.items():
         if name in but:

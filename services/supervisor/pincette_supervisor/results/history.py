@@ -69,7 +69,7 @@ class HistoryReader:
         self._lock = threading.Lock()
 
     def read(self, store: Store, from_s: float, to_s: float, points: int) -> History:
-        """Return the course from one time to another, in at most ``points`` intervals."""
+        """Return the curves from one time to another, in at most ``points`` intervals."""
         rows, left_out = _jobs(store, self.rig, from_s, to_s)
         step_s = max(GRID_S, ceil((to_s - from_s) / points / GRID_S) * GRID_S)
         found: list[Reduced] = []
@@ -94,7 +94,7 @@ class HistoryReader:
         )
 
     def read_job(self, row: JobRow, points: int) -> History:
-        """Return the course of one job over its own time, in about ``points`` intervals."""
+        """Return the curves of one job over its own time, in about ``points`` intervals."""
         from_s = seconds(row.started_at or row.created_at)
         try:
             with self._lock:
@@ -140,7 +140,7 @@ class HistoryReader:
 
 
 def _read(path: Path, begun_s: float, spent_s: float | None, points: int | None = None) -> Reduced:
-    """Reduce a record in parts, to the grid or ``points``.
+    """Read a record part by part, and reduce it to the grid, or to ``points`` intervals.
 
     Raises the errors of ``parquet.parts``.
     """

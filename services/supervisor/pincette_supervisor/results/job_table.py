@@ -134,7 +134,7 @@ class _Map:
             yield from inner.columns()
 
     def place(self, numbers: Mapping[str, int]) -> None:
-        """Look up the columns by name, after all are known."""
+        """Store the column number of each key; call this once all columns are known."""
         self._places = [
             -1 if types & MAPS else numbers[f"{self._name}.{key}"]
             for key, types in self._types.items()
@@ -351,9 +351,8 @@ def _cell(text: str) -> msgspec.Raw:
 
 
 def _line(values: Iterable[Any]) -> bytes:
-    """Return a line.
-
-    JSON writes numbers in the same way, and msgspec is faster than Python.
+    """Return a line of a CSV. Numbers have the form of JSON, which msgspec writes faster than
+    Python.
     """
     return msgspec.json.encode([*values])[1:-1] + b"\n"
 
@@ -421,7 +420,9 @@ def numbers_of(rows: Rows) -> Iterator[bytes]:
 
 
 def metadata_of(rows: Rows, name: str) -> Iterator[bytes]:
-    """Yield parts of the CSVW metadata of that table; ``name`` is the name of its file."""
+    """Yield parts of the CSVW metadata of the table of ``numbers_of``; ``name`` is the name of its
+    file.
+    """
     numbers = yield from _numbers(rows)
     left_out = [one for one in numbers.table.fields if one not in set(numbers.names)]
     about = {"left out": ", ".join(left_out)} if left_out else {}

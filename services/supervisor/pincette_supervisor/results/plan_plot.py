@@ -106,7 +106,7 @@ def _courses(axes: Sequence[Axis], samples: Samples) -> None:
 
 
 def _planned_voltage(axis: Axis, planned: Planned) -> None:
-    """Return the voltage that the plan expects; None if it expects none."""
+    """Draw the voltage that the plan expects, if it expects one."""
     curves = getattr(planned.plan, "curves", None)
     if curves is not None:
         t_s, values = np.array(curves.t_s), np.array(curves.voltage_V)

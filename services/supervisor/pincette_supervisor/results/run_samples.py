@@ -24,8 +24,9 @@ PART_ROWS = 8192
 THINNED = frozenset({"hold", "stopped"})
 """Phases without an end, which may be thinned out evenly."""
 EXTREME_ROWS, EXTREMES_OF = 4096, 32
-"""Largest number of rows with extremes, and number of rows that share their extremes beyond
-that."""
+"""Largest number of rows with extremes, and number of rows that are reduced to their common
+extremes when there are more.
+"""
 EXTREMES = ("x_um", "force_mN")
 """Columns whose smallest and largest values are kept."""
 HELD: Mapping[str, tuple[str, str]] = {
@@ -163,12 +164,14 @@ def joined(parts: Sequence[Rows]) -> Columns:
 
 @dataclass(frozen=True, slots=True)
 class RunTables:
-    """Tables of a run, complete and thinned out."""
+    """Tables of a run, in which a long hold is thinned out."""
 
     even: Columns
-    """All rows, with a long hold thinned out evenly: means over them are means over all rows."""
+    """Rows of the run. A long hold is thinned out evenly, so that means do not depend on the
+    thinning.
+    """
     extreme: Columns
-    """The rows of ``even``, with the extremes of the rows left out and all of the newest rows."""
+    """Rows of ``even``, plus the extremes of the omitted rows, plus all of the newest rows."""
     left_out: LeftOut
     """Summary of the rows that ``even`` lacks."""
     bursts: Sequence[Message]

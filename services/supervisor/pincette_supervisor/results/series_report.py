@@ -19,9 +19,9 @@ COLOURS: Mapping[str, str] = {
     "goal missed": drawing.REFERENCE,
     "beyond U": drawing.REFERENCE,
 }
-"""Colours of verdicts; others have a neutral one."""
+"""Colours of verdicts; all other verdicts have a neutral colour."""
 MARKS: Mapping[str, str] = {"goal missed": "s", "beyond U": "s"}
-"""Marks of verdicts that differ in grey too; others have a dot."""
+"""Marks that distinguish these verdicts in grey too; all other verdicts have a dot."""
 
 
 class SeriesPoint(NamedTuple):

@@ -127,7 +127,9 @@ class Durations:
 
 @dataclass(frozen=True, slots=True)
 class Peaks:
-    """Peak forces: of the newest arming with a force, and of finished ones."""
+    """Peak force of the newest arming with a force, and distribution of those of finished
+    armings.
+    """
 
     newest_mN: float | None
     counts: tuple[int, ...]
@@ -136,7 +138,7 @@ class Peaks:
 
 
 class RigCounters:
-    """Counters of one rig since this supervisor began to serve it; none ever falls."""
+    """Counters of one rig since this supervisor began to serve it; no counter ever decreases."""
 
     def __init__(self, applied: Applied | None = None) -> None:
         """Create the counters.
@@ -226,11 +228,11 @@ class RigCounters:
         if estimate.degraded:
             self.degraded += 1
         if not estimate.valid or estimate.epoch != self._arming or estimate.epoch == self._over:
-            return  # an idle loop continues to estimate, without contact
+            return  # not armed: an idle loop continues to estimate
         if estimate.arms[0].zero_age_s is None:
             return  # without a zero the estimate has no reference, and is not a force
         if self._peak is None or self._peak[0] != estimate.epoch:
-            self._count_peak()  # of an arming whose last sample was lost
+            self._count_peak()  # count the previous arming, whose last sample was lost
             self._peak = estimate.epoch, estimate.arms[0].force_mN
         elif estimate.arms[0].force_mN > self._peak[1]:
             self._peak = estimate.epoch, estimate.arms[0].force_mN
@@ -310,7 +312,9 @@ class RigCounters:
             return self._ages.distribution()
 
     def command_ages(self) -> Durations:
-        """Return the histogram of the same ages over ``BOUNDS_S``."""
+        """Return the histogram, over ``BOUNDS_S``, of the age of commands when the actuator
+        accepted them.
+        """
         with self._lock:
             counted, sum_s = self._ages.distribution(), self._ages_s
         ages = MonotonicHistogram()

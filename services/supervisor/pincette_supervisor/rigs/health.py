@@ -181,7 +181,7 @@ class Health:
     def actuator_answer_age_s(self) -> float | None:
         """Return the age of the actuator's reply, in s.
 
-        None without one, or after a replacement.
+        None without a reply, or after the actuator was replaced.
         """
         actuator = self.status("actuator")
         if actuator is None or actuator.instance != self._trusted:
@@ -274,7 +274,7 @@ class Health:
         if mode != Mode.LATCHED or self._boot_may_be_cleared():
             return None
         if reason.cause == Cause.BOOT and self.status("actuator") is None:
-            return None  # until it answers it is not known which one it is, and that is reported
+            return None  # unknown which actuator it is; its missing reply is reported elsewhere
         return reason
 
     def troubles(self) -> dict[str, str]:
@@ -314,7 +314,7 @@ class Health:
         try:
             self._bus.call(IDLE, Idle(sensor.epoch), ASK_S)
         except BusError:
-            return  # armed or ended meanwhile: its status shows it
+            return  # its next status shows whether it was armed or has ended
         self._seldom = sensor.instance, sensor.epoch
 
     def samples_seldom(self) -> bool:

@@ -171,7 +171,7 @@ class StopOfOthers:
     confirmed: Collection[str]
     """Names of the rigs whose actuator has confirmed."""
     missed: dict[str, str]
-    """Reasons why rigs are not confirmed, by name."""
+    """Reason why a rig has not confirmed, by rig name."""
     absent: Collection[str] = ()
     """Rigs of ``missed`` with a liveliness token but without an actuator; see ``AbsentError``."""
 
@@ -210,7 +210,7 @@ class OtherRigs:
             try:
                 with closing(self._open_bus()) as bus:
                     trip_each(rigs, partial(trip, bus), max(0.0, until_s - monotonic()))
-                    over.set()  # closing the session may take longer
+                    over.set()  # do not wait for the session to be closed
             except Exception as error:
                 reasons.update(dict.fromkeys(rigs, str(error)))
                 raise

@@ -94,10 +94,12 @@ class Observer:
         self._sinks: tuple[Sink, ...] = ()
         applied = next(iter(self.fetch_latest(APPLIED)), None)
         self.counters = RigCounters(cast("Applied | None", applied))
-        """Counters for metrics; created with the actuator's last message, which counts as old."""
+        """Counters for metrics. A trip in the actuator's last message before the start is not
+        counted.
+        """
         self.trips = TripMonitor(lambda: self.clock())
         for topic in TOPICS:
-            if topic not in (JOB, REQUEST_LOG, TIMING):  # published by the supervisor, or below
+            if topic not in (JOB, REQUEST_LOG, TIMING):  # TIMING: see below
                 bus.subscribe(topic, self._take)
         bus.subscribe(TIMING, self.counters.take)
         bus.watch(self._set_alive)
@@ -123,7 +125,8 @@ class Observer:
             self._take_in(topic, message)
 
     def _take_in(self, topic: Topic, message: Message) -> None:
-        # Trips are passed on first: a trip that is detected in another way is looked up there.
+        # Trips are passed on first, so that the trip monitor already knows a trip when others ask
+        # for it.
         self.trips.take(topic, message)
         awake_s = self.suspend_aware_clock()
         if isinstance(message, Applied):
@@ -192,7 +195,7 @@ class Observer:
     def confirmed_s(self) -> float | None:
         """Return the time since the output confirmed a commanded voltage, in s.
 
-        None before that.
+        None before the first confirmation.
         """
         at = self._confirmed_at
         return None if at is None else self.clock() - at
@@ -238,7 +241,9 @@ class SuspendAwareClock:
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:
         self._clock = clock
         self._sampled = clock(), 0.0
-        """Time of the last sample and the time counted by then; one value, read by any thread."""
+        """Time of the last sample, and the time counted up to it; one tuple, so that any thread
+        reads both consistently.
+        """
 
     def __call__(self) -> float:
         """Return the time since creation without suspended time, in s."""

@@ -34,7 +34,9 @@ from pincette_supervisor.problems import ProblemError
 
 log = logging.getLogger(__name__)
 SOURCES_MAX = 16
-"""Largest number of sources whose places are kept; a new one replaces the one longest silent."""
+"""Largest number of sources whose places are kept; a new source replaces the one that has been
+silent longest.
+"""
 JOBS_MAX = 100
 """Number of newest jobs of a source over which its bias is averaged."""
 FUTURE_S = 1.0
@@ -72,7 +74,7 @@ class Places:
             with self._lock:
                 known = self._newest.get(place.source)
                 if known is not None and known.measured_at > place.measured_at:
-                    return  # a link may deliver the older one last
+                    return  # messages may arrive out of order
                 self._newest.pop(place.source, None)
                 self._newest[place.source] = place
                 while len(self._newest) > SOURCES_MAX:

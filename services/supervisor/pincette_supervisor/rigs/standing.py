@@ -81,7 +81,8 @@ def _state(
 def _part(
     context: RigContext, limits: Limits, message_age_s: float | None
 ) -> tuple[PartState, Certainty]:
-    """Return whether the gripper holds a part, by the actuator's newest sample.
+    """Return the state of the part by the actuator's newest sample, and the certainty of that
+    state.
 
     An actuator that replaced one with a held part does not know of that part.
     """
@@ -101,8 +102,9 @@ def _part(
 
 
 def _part_age_s(context: RigContext, message_age_s: float | None) -> float | None:
-    """Return the age of the last confirmed voltage for a held part, otherwise of the actuator,
-    in s."""
+    """Return the age of the last confirmed voltage if a part is held, otherwise of the actuator's
+    last message, in s.
+    """
     applied = context.observer.newest(Applied)
     if context.rig.lockstep or applied is None or not applied.part_held:
         return message_age_s

@@ -42,8 +42,9 @@ from pincette_supervisor.plugin.figures import MOST_MISSING, Series, series, tab
 CalibrationProgram = tuple[Program, dict[str, Any], dict[int, Wait]]
 """A program, the values behind it, and the confirmations it waits for, by segment number."""
 MOST_UNLIKE = 0.1
-"""Largest relative change of a free arm since its calibration; a part in the way causes a larger
-change."""
+"""Largest relative change of a value that is attributed to the free arm itself; a part in the way
+causes a larger change.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,14 +74,15 @@ class CalibrationFunctions:
     """Function that computes the quantities; raises ValueError where the samples do not determine
     them."""
     draw: Callable[[Sheet, Any], None]
-    """Function that draws ``drawn`` of the analysis."""
+    """Function that draws ``Analysis.drawn``."""
     assumes: tuple[str, ...] = ()
     """Quantities of the model in use that the calibration assumes to be known."""
     finds: tuple[str, ...] = ()
-    """Quantities of the model that the calibration proposes. A calibration that assumes one of them
-    comes later."""
+    """Quantities of the model that the calibration proposes. A calibration that assumes one of
+    these quantities comes later in the order.
+    """
     needs: tuple[NeedCode, ...] = ("part_removed",)
-    """Tasks of a person at the rig."""
+    """Tasks that a person must do at the rig before the calibration."""
     needed: Callable[[RigFile], bool] = _needed
     """Function that returns True if a rig needs the calibration."""
     of_bring_up: bool = True

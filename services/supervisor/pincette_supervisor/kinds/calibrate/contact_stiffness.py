@@ -48,8 +48,10 @@ EARLY_PRESSES = (3.0, 6.0, 12.0)
 force. Only the samples of a press below the limit are used. The smallest limit at which the contact
 is certain is used, since faces that are not flat become stiffer with the force."""
 BRING_UP_MIN = 10.0
-"""Time in minutes by which the part position in the rig file, which is a reading, may be older
-than that of this calibration: a bring-up takes so long, and the sensor drifts meanwhile."""
+"""Assumed age of the rig file's part position, in minutes, when this calibration begins: the
+position is a sensor reading from the same bring-up, and the drift since then is added to its
+tolerance.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,8 +159,9 @@ def analyse(run: Run) -> Analysis:
 
 
 def _touch(taken: Samples, rig: RigFile, contact_force_mN: float) -> FirstTouch:
-    """Return the first contact, from the smallest force of the press that noise permits; raises
-    ValueError."""
+    """Return the first contact, found with the smallest force limit of ``EARLY_PRESSES`` that shows
+    it; raises ValueError.
+    """
 
     def up_to(share: float) -> FirstTouch:
         place = _approach(taken, share * contact_force_mN)
@@ -182,7 +185,9 @@ def _error_um(rig: RigFile, way_V: float) -> float:
 
 
 def _approach(taken: Samples, up_to_mN: float) -> slice:
-    """Return the samples of the seek and of the light part of the press."""
+    """Return the samples of the seek, and of the press as long as the force is at most
+    ``up_to_mN``.
+    """
     begin, end = taken.of("contact").start, taken.of("press").stop
     beyond = np.flatnonzero(taken.force_mN[begin:end] > up_to_mN)
     return slice(begin, begin + int(beyond[0]) if len(beyond) else end)

@@ -37,12 +37,14 @@ from pincette_supervisor.plugin.drawing import MEASURED, REFERENCE, Sheet
 from pincette_supervisor.plugin.plans import GAIN_GROWTH, SPEED_FACTOR
 
 BELOW_REST = 0.1
-"""Distance of the free motion below rest, as a ratio to its height above rest."""
+"""Depth of the free motion below the rest position, as a fraction of its height above that
+position.
+"""
 LARGEST_GAIN = 1.6
 """Largest gain of an arm without a model, as a multiple of the assumed gain.
 
-The position limit for this gain bounds the lowest voltage: conditioning strokes must be deep, but
-need no exact depth.
+With this gain, the position limit determines the lowest voltage. Conditioning strokes must be deep,
+but their exact depth does not matter.
 """
 LESS = 0.8
 """Factor applied to the voltage, counted from rest, at which the arm exceeded a position limit."""

@@ -54,9 +54,10 @@ SOFTER = 1.5
 WIDEST_LOOP = 0.5
 """Width of the hysteresis loop of an arm without a model, as a share of its stroke."""
 BEND_SHARE = 0.7
-"""Ratio to the stiffness of the softest part below which a kink counts as a bend in the arm's
-response, if a person has confirmed that there is no part. The ratio allows for a hysteresis loop
-whose slope increases with the motion, so that a part seems softer."""
+"""If a person has confirmed that there is no part: stiffness below which a kink counts as a bend in
+the arm's response, as a fraction of the stiffness of the softest part. The ratio allows for a
+hysteresis loop whose slope increases with the motion, so that a part seems softer.
+"""
 WIDEST = 150
 """Largest number of characters of a statement in the picture."""
 BY_HAND = "a person must start it again, since it presses a part"
@@ -148,8 +149,9 @@ def _guarded(
 
 
 def _unknown_loop_mN(rig: RigFile, range_V: float) -> float:
-    """Return the force that an uncalibrated hysteresis loop may simulate, in mN; 0 if
-    calibrated."""
+    """Return the apparent force that an uncalibrated hysteresis loop may cause, in mN; 0 if the
+    loop is calibrated.
+    """
     model = rig.model
     if model.free_response is not None or model.recorded_response is not None:
         return 0.0

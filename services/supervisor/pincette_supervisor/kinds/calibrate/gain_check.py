@@ -43,9 +43,9 @@ from pincette_supervisor.plugin.plans import SPEED_FACTOR
 WAYS = 2
 """Number of measured motions, each after conditioning strokes."""
 HIGH = 0.5
-"""Ratio of the final voltage of a motion to the highest voltage of the identification."""
+"""Final voltage of a motion, as a fraction of the highest voltage of the identification."""
 HIGH_S, BACK_S = 1.0, 0.4
-"""Rest at the end of a motion, and after the return, in s."""
+"""Duration of the rest at the end of a motion, and of the rest after the return, in s."""
 
 
 def program(_request: GainCheckRequest, model: ModelInUse, present: Present) -> CalibrationProgram:

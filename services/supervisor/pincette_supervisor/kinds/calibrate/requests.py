@@ -39,7 +39,8 @@ class WeighedStep(Model):
 
 
 class ComplianceRequest(CalibrationRequest, frozen=True):
-    """Hang known weights at the tip, up and down, as the job asks for them.
+    """Hang known weights at the tip when the job requests them, in ascending and then descending
+    order.
 
     No part in the gripper.
     """
@@ -56,8 +57,9 @@ class ComplianceRequest(CalibrationRequest, frozen=True):
     weight_uncertainty: Annotated[float, Field(ge=0, le=0.2)] = 0.0
     """Relative standard uncertainty of the weights, common to all of them."""
     taken: list[WeighedStep] = Field(default_factory=list[WeighedStep], max_length=2 * WEIGHTS_MAX)
-    """First readings, taken by an earlier job that a stall has tripped; this job continues that
-    one."""
+    """Readings that an earlier job has taken before a stall tripped it; this job takes the
+    remaining ones.
+    """
 
 
 COMPLIANCE = Variant(
@@ -139,10 +141,11 @@ class FreeResponseRequest(CalibrationRequest, frozen=True):
     high_V: float | None = None
     """Highest voltage of the motion that is fitted."""
     least_V: float | None = None
-    """Lower limit of all voltages of the motion, as ``most_V`` is the upper one; the cycles of 2 V
-    stay within them. The next attempt sets both after the arm has exceeded a position limit."""
+    """Lower limit of all voltages of the motion, including the cycles of 2 V. If the arm has
+    exceeded a position limit, the next attempt sets this limit and ``most_V``.
+    """
     most_V: float | None = None
-    """Upper limit of all voltages of the motion."""
+    """Upper limit of all voltages of the motion; see ``least_V``."""
     rate_V_per_s: Positive | None = None
     """Peak rate of the fastest moves."""
     no_part: bool = False
@@ -307,7 +310,7 @@ OUTPUT_TIMING = Variant(
 
 
 def bursts_are_needed(rig: "RigFile") -> bool:
-    """Return whether the law looks ahead and the sampling resolves the mode.
+    """Return whether bursts are needed: the law looks ahead, and the sampling resolves the mode.
 
     The mode then determines how far ahead the law looks.
     """
@@ -319,7 +322,7 @@ RUNS = 2
 
 
 class ResidualRequest(CalibrationRequest, frozen=True):
-    """Replay the voltages of a recorded job without the part, and store what the model misses.
+    """Replay the voltages of a recorded job without the part, and store the errors of the model.
 
     The table applies to jobs of the same motion: the same request, part and free response.
     """

@@ -119,7 +119,8 @@ def analyse(run: Run) -> Analysis:
             "more slowly"
         )
     error_um = hypot(found.error_um, values["ring_um"])
-    # Both values contain the noise of the sensor.
+    # Both compared values, the error with the table and without it, contain the noise of the
+    # sensor.
     missed_um = max(0.0, float(np.mean(np.square(runs_um))) - noise_um**2) ** 0.5
     if not error_um < missed_um:
         raise ValueError(
@@ -128,7 +129,7 @@ def analyse(run: Run) -> Analysis:
         )
     if scatter is not None:
         # Error of the model in a later job, as far as the pressed part shows it. The noise of a
-        # position changes both the force and its position on the line.
+        # position counts twice: it changes the force, and the position on the line.
         noise_seen_um = (1.0 + rig.stiffness_ratio) * noise_um
         seen_um = max(0.0, (s_p * scatter.with_mN) ** 2 - noise_seen_um**2) ** 0.5
         error_um = max(error_um, seen_um)

@@ -108,7 +108,7 @@ class FrequencyPoint(Model):
 
 
 class CharacteriseResult(ClosedLoopResult):
-    """Expanded uncertainty of the gain, with coverage factor 2."""
+    """Values of a data sheet, and the small-signal responses behind its bandwidths."""
 
     model_config = example(
         outcome="tracked",
@@ -126,9 +126,9 @@ class CharacteriseResult(ClosedLoopResult):
     """Response of the force on the held part to its reference."""
     free_stroke_um: float | None = None
     position_bandwidth_hz: float | None = None
-    """Null if the -3 dB frequency was not reached."""
+    """Frequency at which the gain of the position is -3 dB; null if it was not reached."""
     force_bandwidth_hz: float | None = None
-    """Null if the -3 dB frequency was not reached."""
+    """Frequency at which the gain of the force is -3 dB; null if it was not reached."""
 
 
 KIND = JobKind(

@@ -86,7 +86,7 @@ def plan(request: CharacteriseJobRequest, model: ModelInUse, present: Present) -
     Raises
     ------
     FaultyRequestError
-        If the part leaves no room, or the period no frequencies.
+        If the part leaves no room for motion, or the period permits no frequency.
     """
     rig = model.rig
     values = contact_values(request, ("force_mN", *CONTACT_FIELDS), rig)

@@ -1,8 +1,7 @@
 """Motion of a data sheet: sections of the free arm and of the pressed part, each with its name.
 
-By the names of the sections, the evaluation finds their samples through the numbers of the
-segments. The motion of the free arm is limited by the position of the part, and by shares of the
-rig's slew limit.
+The evaluation finds the samples of a section by the numbers of the section's segments. The motion
+of the free arm is limited by the position of the part, and by shares of the rig's slew limit.
 """
 
 from dataclasses import dataclass
@@ -34,22 +33,22 @@ BRANCH_S = 4.0
 """Duration of each branch of a loop, in s."""
 CREEP_S = 10.0
 CREEP_SHARE = 0.75
-"""Step of the creep as a share of the free stroke."""
+"""Height of the step after which creep is measured, as a fraction of the free stroke."""
 JUMP_S = 0.5
-"""Duration of that step, in s."""
+"""Duration of the step before creep, in s."""
 LOWEST_HZ = 0.5
 SWING_UM = 1.0
 """Largest amplitude of the small signals of the free arm, in µm."""
 FORCE_SHARE = 0.05
-"""Amplitude of the small signals of the force as a share of the highest force."""
+"""Amplitude of the small signals of the force, as a fraction of the highest force."""
 SLEW_SHARE = 0.3
-"""Share of the slew limit that small signals use."""
+"""Fraction of the slew limit that small signals use."""
 MODE_SHARE = 0.125
-"""Highest frequency as a share of the mode's frequency, since the mode must not be excited."""
+"""Highest frequency as a fraction of the mode's frequency; higher ones would excite the mode."""
 MOVE_SAMPLES, TRACK_SAMPLES = 4, 10
-"""Fewest samples of a cycle of the free arm, and of the force."""
+"""Smallest number of samples in a cycle: of the free arm, and of the force."""
 CYCLES, CYCLES_S = 4, 0.5
-"""Fewest cycles at each frequency, and their shortest duration, in s.
+"""Smallest number of cycles at each frequency, and their shortest total duration, in s.
 
 The first cycle is not evaluated.
 """

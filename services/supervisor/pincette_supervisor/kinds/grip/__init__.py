@@ -38,8 +38,9 @@ class GripJobRequest(ContactJobRequest, PlacedRequest, frozen=True):
     load_um_per_s: Speed | None = None
     """Peak speed of a quick load and unload; excludes ``load_s``."""
     place_um: float | None = None
-    """Two arms only: place q = (x_1 - x_2)/2 to which the held part is carried. None: where it was
-    met."""
+    """Two arms only: place q = (x_1 - x_2)/2 to which the held part is carried. None: the place
+    where it was found.
+    """
     centre: bool = False
     """Two arms only: find the part with one arm after the other, then grip it where it is. The
     support must hold the part by more than the contact force. The part may be off by the rig file's
@@ -79,7 +80,7 @@ class GripResult(ClosedLoopResult):
     force_held_mN: float | None
     """Mean of the estimated force over the hold without its first half second."""
     force_error_mN: float | None
-    """Mean of the estimate minus F_r over the same time."""
+    """Mean of the estimate minus F_r over the hold without its first half second."""
     rmse_position_um: float | None
     """R.m.s. of x minus x_r over the hold."""
     rmse_force_mN: float | None
@@ -87,7 +88,9 @@ class GripResult(ClosedLoopResult):
     true_force_held_mN: float | None
     """Mean of the true force, which only a simulated rig knows; null on a real one."""
     error_sources: ErrorSources | None = None
-    """Causes of the errors over the same time; null if nothing was held."""
+    """Causes of the errors over the hold without its first half second; null if nothing was
+    held.
+    """
 
 
 FIGURES: tuple[ResultField, ...] = (

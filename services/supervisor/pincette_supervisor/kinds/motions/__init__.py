@@ -28,7 +28,7 @@ POSE_NAME = r"^[A-Za-z0-9_.-]{1,40}$"
 
 
 class MoveJobRequest(GoalRequest, ZeroingRequest, frozen=True):
-    """Move the free arm and let it rest there, with the voltage kept.
+    """Move the free arm, then keep the voltage constant.
 
     The law moves the arm to a position; a voltage is applied without a law. Cycles of voltage
     before the move can bring the hysteresis into a known state and warm up the arm.
@@ -40,28 +40,30 @@ class MoveJobRequest(GoalRequest, ZeroingRequest, frozen=True):
     to_um: float | None = None
     """Target position, reached by the law."""
     by_um: float | None = None
-    """Distance from the target of the last move if the arm is still there, otherwise from its
-    position."""
+    """Signed distance of the target from that of the last move if the arm is still there, otherwise
+    from the present position.
+    """
     to_V: float | None = None
     """Target voltage, applied without a law."""
     by_V: float | None = None
-    """Change from the applied voltage."""
+    """Signed difference between the target voltage and the applied voltage."""
     speed_um_per_s: Speed | None = None
-    """Peak speed; for a voltage, by the nominal gain (default: the speed of the rig file's
-    approach)."""
+    """Peak speed; converted to V/s by the nominal gain for a voltage (default: the speed of the rig
+    file's approach).
+    """
     conditioning_cycles: Annotated[int, Field(ge=0, le=CYCLES_MAX), WHOLE] = 0
     """Full cycles of voltage before the move, each from ``low_V`` to ``high_V`` and back."""
     warm_up_s: Annotated[float, Field(ge=0, le=3600)] = 0.0
-    """Duration of the cycles that warm up the arm before that."""
+    """Duration of the cycles that warm up the arm, before the ``conditioning_cycles``."""
     low_V: float | None = None
-    """Lowest voltage of the cycles, or of a grip."""
+    """Lowest voltage of the cycles (default: as low as the rig file's limits permit)."""
     high_V: float | None = None
     """Highest voltage of the cycles (default: as high as the rig file's limits and its part
     permit)."""
     rate_V_per_s: Positive | None = None
     """Peak rate of the cycles."""
     zero: bool = True
-    """Zero the force at the start, so that a contact on the way is detected."""
+    """Zero the force at the start, so that a contact during the motion is detected."""
     teach: Annotated[str, Field(pattern=POSE_NAME)] | None = None
     """Name under which the result states the pose that is reached."""
 
@@ -140,22 +142,23 @@ MOVE = JobKind(
 class HoldJobRequest(PolicyRequest, frozen=True):
     """Keep holding the part in the gripper, and release it at the end.
 
-    For a part that is held when the job begins: in or after another job, or after a trip and a
-    reset. Without ``force_mN`` the applied voltage stays: no law and no zero is needed, and the
-    position limits are monitored. With it, the law loads or unloads the part to that force.
+    The part must be held when the job begins: by a running or an ended job, or since a trip that
+    was reset. Without ``force_mN`` the applied voltage does not change, so neither a law nor a zero
+    is needed; the position limits are monitored. With ``force_mN`` the law loads or unloads the
+    part to that force.
     """
 
     model_config = example(kind="hold", autostart=True, until_released=True)
 
     kind: Literal["hold"]
     force_mN: Positive | None = None
-    """Force to which the held part is loaded or unloaded. None: the voltage stays as it is."""
+    """Force to which the held part is loaded or unloaded. None: the voltage does not change."""
     load_s: Duration | None = None
-    """Duration of the change to ``force_mN`` (default: as long as a grip loads)."""
+    """Duration of the change to ``force_mN`` (default: that of the load of a grip)."""
     hold_s: Duration | None = None
     """Duration of the hold (default: until the action ``release``)."""
     until_released: bool = False
-    """Hold without an end, as without ``hold_s``, which this excludes."""
+    """Hold until the action ``release``, which is also the default; excludes ``hold_s``."""
     release_s: Duration | None = None
     """Duration of the motion to the safe voltage (default: as in a release)."""
 
@@ -196,7 +199,7 @@ class HoldResult(MotionResult):
     force_held_mN: float | None = None
     """Mean of the estimated force over the hold without its first half second."""
     force_error_mN: float | None = None
-    """Mean of the estimate minus F_r over the same time."""
+    """Mean of the estimate minus F_r over the hold without its first half second."""
 
 
 HOLD = JobKind(
@@ -244,9 +247,9 @@ HOLD = JobKind(
 class ReleaseJobRequest(JobRequest, frozen=True):
     """Release the part in the gripper by a smooth motion from the applied to the safe voltage.
 
-    With strategies, each one is tried until the arm moves as a free one; then the job ends. A part
-    that sticks after the last one fails the job. Until its end the part counts as held: a fault on
-    the way first freezes the voltage.
+    With strategies, one after the other is tried until the arm moves like a free arm, which ends
+    the job. If the part still sticks after the last strategy, the job fails. The part counts as
+    held until the job ends, so a fault before that first freezes the voltage.
     """
 
     model_config = example(kind="release", autostart=True, strategies=["retreat", "dither"])
@@ -309,15 +312,15 @@ RELEASE = JobKind(
 class CarryJobRequest(PairJobRequest, frozen=True):
     """Carry a held part to another place and keep holding it.
 
-    For a job that has ended with the part held. The force is unknown without a zero; the law keeps
-    it unchanged.
+    The part must be held by a job that has ended. The force is unknown without a zero; the law
+    keeps it constant.
     """
 
     model_config = example(kind="carry", autostart=True, by_um=5.0)
 
     kind: Literal["carry"]
     by_um: float | None = None
-    """Distance of the carry, positive towards the second arm."""
+    """Signed distance of the carry, positive towards the second arm."""
     to_um: float | None = None
     """Target place q = (x_1 - x_2)/2; the carry starts where both tips are when the job is
     planned."""

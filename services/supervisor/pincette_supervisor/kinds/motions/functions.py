@@ -54,7 +54,7 @@ STRATEGIES = {"dither_um": 1.0, "dither_hz": 5.0, "dither_s": 2.0, "wait_s": 10.
 DITHER_SAMPLES = 5
 """Least number of samples in each cycle of a dither."""
 LAST_REST_S = 0.3
-"""Duration of the last part of a motion, over which its pose is measured, in s."""
+"""Duration of the end of a motion over which its pose is averaged, in s."""
 
 
 def evaluate(run: Run) -> Evaluation:
@@ -64,7 +64,7 @@ def evaluate(run: Run) -> Evaluation:
     x_um, to_um = figures.mean(series(table, "x_um"), ends), values.get("to_um")
     held, hold = [item for item in table["held"] if item is not None], within(table, ["hold"])
     zero_age_s = figures.last(table["zero_age_s"])
-    # There is no contact line to follow.
+    # No contact line is followed, so these two values do not exist.
     shared = common(run)
     shared |= dict.fromkeys(("contact_rmse_position_um", "contact_rmse_force_mN"))
     spread_mN = figures.mean(series(table, "force_uncertainty_mN"), ends)
@@ -134,7 +134,7 @@ def _subtitle(result: MotionResult) -> str:
 JUDGED_S = 0.2
 """Duration, after the settling time, of the rest over which a goal is evaluated, in s."""
 WARM_UP_EXCESS = 1.5
-"""Factor by which a warm-up may exceed the requested time without a warning."""
+"""Largest ratio of the duration of a warm-up to the requested time without a warning."""
 
 
 def move_job(request: MoveJobRequest, model: ModelInUse, present: Present) -> Planned:

@@ -56,15 +56,15 @@ class PlacePoint(Model):
 
 
 class ForcePath(Model):
-    """A force path: a swing, levels or points; the shape determines its members."""
+    """A force path: a sinusoid or triangle, levels or points; the shape determines its members."""
 
     model_config = example(shape="sinusoid", mean_mN=15.0, pp_mN=10.0, frequency_hz=0.3, cycles=3)
 
     shape: Shape = "sinusoid"
     mean_mN: Positive | None = None
-    """Mean of a swing (default: the force of the rig file's track)."""
+    """Mean of a sinusoid or triangle (default: the force of the rig file's track)."""
     pp_mN: Positive | None = None
-    """Height of a swing, peak to peak."""
+    """Peak-to-peak force of a sinusoid or triangle."""
     frequency_hz: Positive | None = None
     cycles: Cycles | None = None
     """Number of cycles at full amplitude; one more before and one after blend in and out."""
@@ -78,15 +78,15 @@ class ForcePath(Model):
 
 
 class PlacePath(Model):
-    """A path of the place q = (x_1 - x_2)/2: a swing, levels or points."""
+    """A path of the place q = (x_1 - x_2)/2: a sinusoid or triangle, levels or points."""
 
     model_config = example(shape="sinusoid", pp_um=8.45, frequency_hz=0.5, cycles=5)
 
     shape: Shape = "sinusoid"
     mean_um: float | None = None
-    """Mean of a swing (default: the place where the part is expected)."""
+    """Mean of a sinusoid or triangle (default: the place where the part is expected)."""
     pp_um: Positive | None = None
-    """Height of a swing, peak to peak."""
+    """Peak-to-peak value of a sinusoid or triangle."""
     frequency_hz: Positive | None = None
     cycles: Cycles | None = None
     levels_um: list[float] | None = Field(default=None, min_length=1, max_length=LEVELS_MAX)
@@ -113,14 +113,15 @@ class TrackJobRequest(ContactJobRequest, frozen=True):
     shape: Shape | None = None
     """Shape of the path."""
     force_mean_mN: Positive | None = None
-    """Mean force of a swing."""
+    """Mean force of a sinusoid or triangle."""
     force_pp_mN: Positive | None = None
-    """Height of a swing of the force, peak to peak."""
+    """Peak-to-peak force of a sinusoid or triangle."""
     x_pp_um: Positive | None = None
-    """Height of a swing of the position, peak to peak, instead of ``force_pp_mN``, which is then
-    K_e of the rig file's part times it."""
+    """Peak-to-peak position of a sinusoid or triangle, instead of ``force_pp_mN``, which is then
+    computed as K_e·x_pp with the rig file's part.
+    """
     frequency_hz: Positive | None = None
-    """Frequency of a swing."""
+    """Frequency of a sinusoid or triangle."""
     cycles: Cycles | None = None
     """Number of cycles at full amplitude; one more before and one after blend in and out."""
     levels_mN: list[NotNegative] | None = Field(default=None, min_length=1, max_length=LEVELS_MAX)
@@ -137,11 +138,11 @@ class TrackJobRequest(ContactJobRequest, frozen=True):
     """Positions of the arm along the path, instead of ``points``, whose forces then follow from the
     rig file's part: K_e·(x - ``contact_um``)."""
     rate_um_per_s: Speed | None = None
-    """Highest speed of x_r along the path, which steps reach."""
+    """Highest speed of x_r along the path; steps reach this speed."""
     acceleration_um_per_s2: Positive | None = None
-    """Highest acceleration of x_r along the path, which steps and corners reach."""
+    """Highest acceleration of x_r along the path; steps and corners reach this acceleration."""
     learn: bool | None = None
-    """Sinusoid or triangle only: correct each cycle by the errors of the cycles before it."""
+    """Sinusoid or triangle only: correct each cycle by the errors of earlier cycles."""
     force: ForcePath | None = None
     """Two arms only: path of the force."""
     place: PlacePath | None = None
@@ -149,8 +150,9 @@ class TrackJobRequest(ContactJobRequest, frozen=True):
     force_mN: Positive | None = None
     """Two arms only: force to hold without a path of the force."""
     centre: bool = False
-    """Two arms only: find the part from both sides first. A place is still counted from the
-    tips."""
+    """Two arms only: find the part from both sides first. A path of the place still refers to q =
+    (x_1 - x_2)/2.
+    """
 
     @model_validator(mode="after")
     def _one_force(self) -> "TrackJobRequest":
@@ -184,7 +186,7 @@ class CycleErrors(Model):
     force_mN: float | None
     """R.m.s. of the estimate minus F_r."""
     true_force_mN: float | None
-    """R.m.s. of the true force minus F_r; known only to a simulated rig."""
+    """R.m.s. of the true force minus F_r; null on a real rig."""
 
 
 class Learned(Model):
@@ -208,8 +210,9 @@ class Learned(Model):
     largest_um: float
     """Largest correction of x_r."""
     over: bool
-    """True if learning has ended: after twelve cycles, or because the remaining errors do not
-    repeat."""
+    """True if learning has ended, after twelve cycles or because the remaining errors do not
+    repeat.
+    """
     errors_um: list[float]
     """R.m.s. of x minus x_r of each cycle from which the corrections were learned."""
     kept: bool = True
@@ -224,7 +227,9 @@ class Learned(Model):
 
 
 class TrackResult(ClosedLoopResult):
-    """Results of a tracked path, over its part at full amplitude: whole cycles where it swings."""
+    """Results of a tracked path. They refer to the samples at full amplitude; with a sinusoid or a
+    triangle, to whole cycles.
+    """
 
     model_config = example(
         outcome="tracked",
@@ -241,17 +246,17 @@ class TrackResult(ClosedLoopResult):
 
     shape: Shape
     x_pp_um: float | None
-    """Height of x_r, peak to peak."""
+    """Peak-to-peak value of x_r."""
     force_pp_mN: float | None
-    """Height of F_r, peak to peak."""
+    """Peak-to-peak value of F_r."""
     tracked_samples: int
     """Number of samples at full amplitude."""
     position_um: Tracking | None
-    """Errors x minus x_r."""
+    """Errors of x minus x_r."""
     force_mN: Tracking | None
-    """Errors of the estimate, minus F_r."""
+    """Errors of the estimate minus F_r."""
     true_force_mN: Tracking | None
-    """Errors of the true force, minus F_r; known only to a simulated rig, null on a real one."""
+    """Errors of the true force minus F_r; null on a real rig, where the true force is unknown."""
     cycles: list[CycleErrors] = Field(default_factory=list[CycleErrors])
     """Errors of the cycles at full amplitude, in order; empty for paths without cycles."""
     learned: Learned | None = None

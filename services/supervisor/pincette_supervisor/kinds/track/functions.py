@@ -239,7 +239,9 @@ LEARNED_CYCLES = 3
 In earlier cycles, learning changes the errors from cycle to cycle, which would count as noise.
 """
 NOISE_IN_ERROR = 1.15
-"""Ratio of the noise of x - x_r to the noise of a reading: the loop follows a part of the noise."""
+"""Ratio of the noise of x - x_r to the noise of a reading; it exceeds 1 since the loop follows some
+of the noise.
+"""
 
 
 def plan(request: TrackJobRequest, model: ModelInUse, present: Present) -> Planned:
@@ -353,7 +355,9 @@ def learning(planned: Planned, path: Path, period_s: float) -> Planned:
 
 
 def whole_cycle(path: Path, period_s: float) -> int:
-    """Return the number of ticks of a cycle; 0 without a swing, or if it is not a whole number."""
+    """Return the number of ticks of a cycle; 0 for a path without cycles, or if the number is not
+    whole.
+    """
     if path.knots:
         return 0
     try:

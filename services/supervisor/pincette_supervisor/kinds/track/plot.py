@@ -95,7 +95,7 @@ def _over_time(axes: list[Axis], table: Columns, result: TrackResult, period_s: 
     for axis in axes[:2]:
         drawing.make_room(axis)
     pressed = within(shown, PRESSED)
-    # The references of its first sample are those of the seek.
+    # The references of the first pressed sample are those of the seek.
     pressed[1:] &= pressed[:-1]
     pressed[:1] = False
     force_r = series(shown, "force_r_mN")
