@@ -1,5 +1,6 @@
 """Fields of messages as their classes declare them, for records."""
 
+from functools import cache
 from typing import cast
 
 from msgspec import inspect
@@ -7,6 +8,7 @@ from msgspec import inspect
 from pincette.core.messages import Message
 
 
+@cache  # The 65 columns of a record are fields of twelve classes.
 def fields_of(kind: type) -> tuple[inspect.Field, ...]:
     """Return the fields of a message's class, or of a record within one."""
     return cast(inspect.StructType, inspect.type_info(kind)).fields
