@@ -203,9 +203,10 @@ class Tools:
     async def grip(self, token: str, context: Context, recovery_s: RecoveryTime = None) -> Gripped:
         """Grip as planned; takes some 5 s to 60 s, and the hold time that was given.
 
-        It ends when the part is held, or with that hold time. A part that an earlier grip holds is
-        loaded or unloaded to the force; a part that already has this force stays unchanged. With
-        recovery_s, a grip of a free arm that fails is an error awaiting-recovery: then call decide.
+        The call ends when the part is held, or after the hold time. A part that an earlier grip
+        holds is loaded or unloaded to the force; a part that already has this force stays
+        unchanged. With recovery_s, a grip of a free arm that fails is an error awaiting-recovery:
+        then call decide.
         """
         waits = {} if recovery_s is None else {"recovery": {"wait_s": recovery_s}}
         with tool_errors():
@@ -266,7 +267,7 @@ class Tools:
         return _proposed(job.job)
 
     async def proposal(self, job: str) -> Proposed:
-        """Report the state of a proposed grip, and its end."""
+        """Report the state of a proposed grip, and how it ended."""
         with tool_errors():
             return _proposed((await self._supervisor.job(job)).job)
 
@@ -306,7 +307,8 @@ class Tools:
     async def stop(self) -> Done:
         """Stop a motion and a series; a held part stays held. It may be called at any time.
 
-        It ends once the motion rests, and the next one can start: in 30 s at the latest.
+        The call ends once the arm rests, so that the next motion can start: after 30 s at the
+        latest.
         """
         with tool_errors():
             rig = await self._rig()
@@ -402,7 +404,8 @@ def serve(
 ) -> MCPServer:
     """Return a server of a rig's tools.
 
-    Those that move are offered only with ``moving``, those that propose only with ``proposing``.
+    Tools that move the arm are offered only with ``moving``, tools that propose a motion only with
+    ``proposing``.
     """
     tools = Tools(supervisor, rig)
     offered = [

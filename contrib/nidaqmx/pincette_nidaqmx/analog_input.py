@@ -1,9 +1,9 @@
 """Position as a voltage at an analog input of NI-DAQmx.
 
 From the package nidaqmx 1.7.0 and its documentation. Assumed: the module samples its channels at
-one instant (a multiplexed one is late by one conversion from the first to the second), and a
-voltage beyond the range reads as the end of the range. A reading within the last step at either end
-counts as over range.
+one instant (a multiplexed module samples the second channel one conversion later), and a voltage
+beyond the range reads as the end of the range. A reading within the last step at either end counts
+as over range.
 """
 
 from dataclasses import dataclass

@@ -84,9 +84,8 @@ class Device:
             raise _dry(task)
 
     def stop(self, task: Task) -> None:
-        """Stop a task; unlike a real waveform, a simulated one plays on until the next write.
-
-        In lockstep nothing may reach the rig between two ticks.
+        """Stop a task. A waveform plays on until the next write, unlike a real one, since in
+        lockstep nothing may reach the rig between two ticks.
         """
         if task.started and task.rate_hz and task.kind == "ai":
             self.rig.end_capture()

@@ -52,7 +52,9 @@ class TaughtPair:
 
 
 def taught_pair(base: RigFile, hysteresis: str, number: int) -> TaughtPair:
-    """Draw the pair with a number, and identify the free response of each arm without the part."""
+    """Draw the pair with this number, and identify the free response of each arm without the
+    part.
+    """
     seeds = FIRST_SEED + 2 * number, FIRST_SEED + 2 * number + 1
     chance = np.random.default_rng([FIRST_SEED, number])
     contacts_um = 30.0 + float(chance.uniform(-1, 1)), 30.0 + float(chance.uniform(-1, 1))

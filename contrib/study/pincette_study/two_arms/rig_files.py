@@ -35,7 +35,7 @@ FAST: Tree = {
 
 
 def write_pair(base: Path, hysteresis: str, number: int, folder: Path) -> tuple[Path, Path]:
-    """Draw the pair with a number, calibrate both arms, and write rig files at 20 ms and 1 ms.
+    """Draw the pair with this number, calibrate both arms, and write rig files at 20 ms and 1 ms.
 
     Mode and compliance of each arm differ by up to ``SPREAD``. Its rig file contains the true
     compliance, as a measurement with a weight would give it, and the printed mode.
