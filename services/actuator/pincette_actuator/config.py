@@ -12,8 +12,9 @@ GRACE_PERIODS = 50.0
 WAKE_PERIODS = 0.2
 """Approximate interval, in periods, at which the actuator checks its clock in real time."""
 MOST_PERIODS = 0.25
-"""Upper bound of that interval, in periods; with a longer one a silent controller would be
-noticed late."""
+"""Upper bound of the interval at which the actuator checks its clock, in periods; with a longer
+interval a silent controller would be noticed late.
+"""
 EXCUSED_PERIODS = 10.0
 """Longest total suspension of the actuator program between two commands that is not counted in the
 age of a command, in periods.

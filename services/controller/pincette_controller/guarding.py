@@ -1,7 +1,7 @@
 """Guards that end a segment early: contact, excessive force, a lost part, a position limit.
 
-Each guard works for one arm and for two, except two that need one arm: the watch for steps of the
-position, and the watch of the contact line of a load.
+The guards work for one arm and for two arms. Two guards need a rig with one arm: that for steps of
+the position, and that for the contact line of a load.
 """
 
 from math import inf

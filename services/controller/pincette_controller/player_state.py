@@ -156,8 +156,8 @@ class Player(FrozenRecord, frozen=True):
 def enter(player: Player, index: int, segment: Segment) -> Player:
     """Return the player at the start of a segment; references and voltages do not change.
 
-    A retreat never moves an arm forward: if a part pushes an arm back behind its home position, the
-    motion there would press the part.
+    A retreat never moves an arm forward: if a part pushes an arm back behind its home position, a
+    motion to that position would press the part.
     """
     ref = player.ref._replace(force_rate_mN_per_s=0.0, voltages_V=player.applied_V)
     return replace(

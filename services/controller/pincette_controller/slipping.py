@@ -108,7 +108,7 @@ def _watched(program: Program, player: Player, estimate: ArmEstimate, *, along_p
 
     A path is not watched while the force is below the contact force, since the arm may be free. Two
     arms are not watched: both voltages determine position and opening, and the difference of the
-    two forces shows what one arm alone cannot.
+    two forces is monitored instead.
     """
     segment = player.segment
     if not player.held or segment.phase in UNWATCHED or player.felt is not None:

@@ -64,7 +64,9 @@ class StuckWatch(FrozenRecord, frozen=True):
     voltage slowly."""
     stuck: bool = False
     held: bool = False
-    """True if those voltages are of two arms that hold a part; see ``both_arms.moving_V``."""
+    """True if ``voltages_V`` are those of two arms that hold a part, combined by
+    ``both_arms.moving_V``.
+    """
 
     def updated(
         self, x_um: float, voltage_V: float, moved_V: float, *, held: bool = False

@@ -180,9 +180,9 @@ def _begin(config: ArmConfig, state: ArmState, x_um: float, applied: Applied) ->
     """Put x_1 through the first sample of an epoch, unless it goes through an earlier zero.
 
     An earlier zero is kept while a part is held, and if the arm is at the position of that zero or
-    behind it: a part may be pushing the arm back, which a new start of x_1 would hide. An arm that
-    is ahead by more than a zero may change is not pushed by any part, so the earlier zero was
-    wrong.
+    behind it: a part may be pushing the arm back, which a new start of x_1 would hide. If the arm
+    is ahead of that position by more than a zero may change, no part can have pushed it there, so
+    the earlier zero was wrong.
     """
     response, limits = state.response, config.zero_limits
     if state.zero_kept:
@@ -216,8 +216,9 @@ def _begun_detector(
 def _follow_free_motion(
     config: ArmConfig, state: ArmState, x_um: float, applied: Applied
 ) -> ArmState:
-    """Store the sample if the arm is free, and search for a contact; the first sample starts
-    x_1."""
+    """Store the sample if the arm is free, and search for a contact. At the first sample, put x_1
+    through it.
+    """
     first = state.observed_seq is None
     # The offset of x_1 does not include its known error.
     modelled_um = x_um - state.missed_um
@@ -295,8 +296,8 @@ def _zero(config: ArmConfig, state: ArmState, position: Position, applied: Appli
 def _compare_stroke(config: ArmConfig, state: ArmState) -> StrokeChange | None:
     """Compare the stroke that ends at the present rest with that of the calibration.
 
-    It begins at the rest after the conditioning strokes, or, for the zero at that rest, at the
-    bottom of the last stroke. Returns None if nothing can be compared.
+    The stroke begins at the rest after the conditioning strokes, or, for the zero at that rest, at
+    the bottom of the last conditioning stroke. Returns None if nothing can be compared.
     """
     response, count = state.response, config.zero_limits.rest_samples
     samples = state.free_motion.samples
@@ -322,8 +323,9 @@ def _compare_stroke(config: ArmConfig, state: ArmState) -> StrokeChange | None:
 def _stroke_um(state: ArmState, compared: StrokeChange | None) -> float:
     """Return how far a changed stroke, which the zero corrects, has moved x_1 since the last rest.
 
-    At the rest after the strokes the arm is compared with its last zero there, so a change of the
-    stroke explains no deviation: a part that presses may have shortened the motion from the bottom.
+    At the rest after the strokes the arm is compared with its last zero at that rest, so a change
+    of the stroke explains no deviation: a part that presses may have shortened the motion from the
+    bottom.
     """
     if compared is None or state.way_base is None:
         return 0.0

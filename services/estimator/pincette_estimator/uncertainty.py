@@ -52,7 +52,7 @@ def uncertainty_mN(config: ArmConfig, state: ArmState, seq: int) -> float:
         free_error_um=hypot(free_um, unknown_um, drift_um, late_um, ring, past_um, stroke_um),
         compliance_um_per_mN=config.compliance_um_per_mN,
         creep_mN_per_decade=config.creep_mN_per_decade,
-        # Up to that age the error found in the rehearsals includes creep.
+        # Up to the age ``creep_known_s`` the error found in the rehearsals includes creep.
         zero_age_s=(age_s - shown.until_s) / (1.0 + shown.until_s),
         forgotten_mN=lost_mN,
         few_um=shown.error_um,
@@ -146,7 +146,7 @@ def rested_past(config: ArmConfig, state: ArmState) -> UnknownPast:
     """Return the history narrowed by the creep of a free arm between two rests.
 
     Between the two rests there may have been strokes over the whole range, so that x_1 has the
-    residual error of the model at both.
+    residual error of the model at both rests.
     """
     response, count = state.response, config.zero_limits.rest_samples
     if not isinstance(response, MemoryResponse):

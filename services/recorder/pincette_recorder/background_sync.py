@@ -37,7 +37,9 @@ class BackgroundSync:
         """Time of the first write that the running sync covers, in s; None while no sync runs."""
         self._behind = False
         self.error: OSError | None = None
-        """Error of a sync. The operating system reports it only once, so the record has a gap."""
+        """Error of a sync; the record then counts as incomplete, since the operating system reports
+        an error only once.
+        """
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name="record-sync", daemon=True)
         self._thread.start()

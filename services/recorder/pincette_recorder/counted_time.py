@@ -28,7 +28,7 @@ LONGEST_S = 60.0
 SAVE_S = 600.0
 """Interval at which the counted time is written, in s."""
 BEHIND_S = 3_600.0
-"""Time by which the time of day may lag behind the time counted since it was last right, in s."""
+"""Time by which the time of day may lag behind the counted time, in s."""
 AHEAD_S = 7 * 86_400.0
 """Time by which the time of day may be ahead of the counted time, in s: as long as a recorder may
 have been off.

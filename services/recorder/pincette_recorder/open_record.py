@@ -156,9 +156,8 @@ class OpenRecord:
         return bool(known) and all(self._newest.get(kind, -2) >= min(known) for kind in MADE)
 
     def reached(self, seq: int | None) -> bool:
-        """Return whether any message of a sample has arrived.
-
-        A terminated program sends no more messages.
+        """Return whether any message of a sample has arrived. This is also possible if one of the
+        programs was terminated and sends no more messages.
         """
         return seq is None or max(self._newest.values(), default=-2) >= seq
 

@@ -56,7 +56,7 @@ class RecordWriter:
         """Open a record, or write the tables of the open one; return the text of a refusal.
 
         While another job's loop is still running, the reply is sent later: the client may have
-        received that loop's last sample before it arrived here.
+        received that loop's last sample before the recorder.
         """
         if self._beginning is not None:
             reply(f"job {self._beginning[0].job} is about to be recorded")

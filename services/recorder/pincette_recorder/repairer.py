@@ -55,7 +55,9 @@ class RecordRepairer:
         self._pool.submit(self.tidy_now, tuple(left)).add_done_callback(log_failure)
 
     def tell_end(self, request: Finish, reply: Reply) -> None:
-        """Reply how a record that is not open ended, after it has been closed and repaired."""
+        """Reply to a request for a record that is not open: state how it ended, after closing and
+        repairing it.
+        """
         folder = self._config.records / request.job
 
         def answer(*, check: bool) -> None:

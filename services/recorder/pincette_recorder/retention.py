@@ -27,7 +27,8 @@ def records_to_delete(
     keep_s: float | None,
     keep_bytes: int | None,
 ) -> list[str]:
-    """Return records to delete, oldest first: by their age, then by the size of all.
+    """Return the records to delete, oldest first: those that are too old, and further ones until
+    the others together are small enough.
 
     ``ages_s`` holds the age of each record in s by its name, oldest first.
     """
