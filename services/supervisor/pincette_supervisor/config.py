@@ -28,7 +28,7 @@ class SupervisorConfig:
     names: frozenset[str]
     """Host names that requests may use besides addresses and localhost, in lower case."""
     in_container: bool
-    """True if the port is published on the loopback interface of a container's host only."""
+    """True if the port is published only on the loopback interface of the container's host."""
     always_keys: bool
     """True if keys are required even before the first one exists."""
     clients_per_address: int

@@ -264,8 +264,8 @@ class RigModel:
 
     A model that was measured with other instruments or another arm (``basis``) is not applied
     without confirmation by a person: until then only the rig file is in use, and ``trouble`` gives
-    the reason. If a person has changed a value in the rig file since then, the model does not
-    replace that value.
+    the reason. If a person has changed a value in the rig file since the model was chosen, the
+    model does not replace that value.
     """
 
     def __init__(self, rig_file: RigFile, folder: Path, store: Store) -> None:
@@ -434,7 +434,7 @@ class RigModel:
 
 
 def _noted(text: str) -> tuple[int, dict[str, Any]]:
-    """Return the chosen version, and the rig file's values at that time."""
+    """Return the chosen version, and the rig file's values when it was chosen, from a note."""
     noted = json.loads(text)
     return noted["version"], noted["basis"]
 

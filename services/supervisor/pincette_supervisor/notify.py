@@ -81,7 +81,7 @@ def topic_of(event: Event) -> Told | None:
 
 
 def notice_of(event: Event, job: JobRow | None) -> Notice | None:
-    """Return the notice of an event; ``job`` is its job, if it has one that is known."""
+    """Return the notice of an event; ``job`` is the job of the event, or None."""
     topic = topic_of(event)
     if topic is None or event.number is None:
         return None
@@ -401,7 +401,9 @@ def senders_of(supervisor: Supervisor, data: Path) -> list[Sender]:
 
 LOOK_S = 1.0
 FIRST_DELAY_S, LONGEST_DELAY_S = 5.0, 300.0
-"""Delay between two attempts, in s: the first one, doubled each time up to the second."""
+"""Delay between the first two attempts, in s, and the longest delay; the delay doubles with each
+attempt.
+"""
 GIVEN_UP_S = 3 * 86_400.0
 """Time after which a notice that is still rejected is skipped, in s."""
 PAGE = 200

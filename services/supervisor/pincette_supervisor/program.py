@@ -271,7 +271,7 @@ def rest_server(
 
 
 UNHEARD_S = 30.0
-"""Time without an own message on the bus after which the supervisor is restarted, in s."""
+"""Time without one of its own messages on the bus after which the supervisor restarts, in s."""
 UNHEARD_LOOK_S = 1.0
 UNHEARD_CAUSE = "supervisor.unheard"
 RESTARTS = "PINCETTE_UNHEARD_RESTARTS"
@@ -363,7 +363,7 @@ def restart(context: RigContext, silent_s: float) -> None:
     for handler in logging.getLogger().handlers:
         handler.flush()
     os.environ[RESTARTS] = str(_restarts() + 1)
-    # All other descriptors are closed by this, including the links that deliver nothing.
+    # The replacement closes all other descriptors, including the links that deliver nothing.
     os.execv(sys.executable, sys.orig_argv)
 
 

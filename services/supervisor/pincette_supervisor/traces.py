@@ -21,8 +21,9 @@ from pincette_supervisor.notify import Notice, RefusedError, post
 log = logging.getLogger("pincette")
 ENDPOINT, TRACES_ENDPOINT = "OTEL_EXPORTER_OTLP_ENDPOINT", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT"
 HEADERS = "OTEL_EXPORTER_OTLP_HEADERS"
-"""Environment variables of OpenTelemetry: the address of the collector, that for traces alone, and
-further headers as NAME=VALUE,NAME=VALUE."""
+"""Environment variables of OpenTelemetry: the address of the collector, the address for traces
+alone, and further headers as NAME=VALUE,NAME=VALUE.
+"""
 AGAIN = (408, 429)
 """Statuses below 500 after which a request is repeated."""
 MOST_EVENTS = 5000

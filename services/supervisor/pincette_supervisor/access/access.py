@@ -61,8 +61,9 @@ def is_ours(place: str, names: Iterable[str]) -> bool:
 
 
 def is_foreign(site: str | None, origin: str | None, host: str) -> bool:
-    """Return whether a request that may change something was sent by a foreign page (rules of Go
-    1.25)."""
+    """Return whether a request that may change something was sent by a foreign page, by the rules
+    of Go 1.25.
+    """
     # Browsers send ``Sec-Fetch-Site``, but over plain HTTP beyond loopback only ``Origin``; a
     # client that sends neither is no browser. Another port of the same host is foreign too. The
     # rule is that of ``net/http.CrossOriginProtection``, except that a proxy may add the default

@@ -166,7 +166,9 @@ class Authenticator:
         self.time = LatestTime(wall, clock)
         """Time used to judge the expiry of keys; never goes back."""
         self._noted: tuple[str, frozenset[str]] | None = None
-        """Hour and valid keys when the time was last stored; None before it was read."""
+        """Hour, and names of the valid keys, when the latest time was last stored; None before
+        that.
+        """
         self.supervisor = supervisor
         """Identifier of the supervisor, which distinguishes its cookies and replies."""
         self._confirmed_s: float | None = None
@@ -176,7 +178,9 @@ class Authenticator:
         self._passwords = PasswordCheck()
         self._write_queue = WriteQueue()
         self._sessions_turn = threading.Lock()
-        """Lock held while a session is written or ended, so that none begins after its end."""
+        """Lock held while a session is written or ended, so that no session is written after its
+        end.
+        """
         self._unwritten: dict[str, SessionRow] = {}
         """Sessions that are not in the journal yet, by the digest of their cookie."""
         self._signed_out = set[str]()

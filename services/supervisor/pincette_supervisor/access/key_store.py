@@ -83,7 +83,7 @@ class KeyStore:
     def all(self, *, users: bool = False) -> list[KeyView]:
         """Return all keys, or all users, including revoked ones.
 
-        Raises StoreError if there are none although there have been, or may have been, some.
+        Raises StoreError if there are no keys although there have been some, or may have been.
         """
         rows = self._file.read()
         if not rows:

@@ -1,7 +1,7 @@
 """Passwords of people, stored as scrypt hashes (RFC 7914), and limits of attempts.
 
-Hashes are computed in a separate thread. Each address has at most one entry in its queue, so that
-many attempts from one address delay those from another by one attempt at most.
+Hashes are computed in a separate thread. Each address has at most one entry in the queue of that
+thread, so that many attempts from one address delay those from another by one attempt at most.
 """
 
 import asyncio

@@ -307,7 +307,9 @@ def checklist(model: RigModel, calibrations: Calibrations) -> Checklist:
 def _step(
     step: Step, model: RigModel, calibrations: Calibrations, proposals: Sequence[Proposal]
 ) -> ChecklistStep:
-    """Return one step; a step that has to be done is marked ``later``."""
+    """Return one step of the checklist. A step that has to be done gets the state ``later``;
+    ``checklist`` changes the first of these to ``next``.
+    """
     used, variant = model.in_use, step.variant
     accepted = next((p for p in proposals if p.id in used.calibration.sources.values()), None)
     newest = next((p for p in proposals if p.state == "proposed"), None)

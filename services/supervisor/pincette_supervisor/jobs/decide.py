@@ -54,7 +54,9 @@ class Facts:
     late: Why | None = None
     """Cause if the loop is silent or the time limit of the state has passed."""
     cut_off: bool = False
-    """True if no message arrives and no program replies; the lease then ends the program."""
+    """True if no message arrives and no program replies; in this case the lease ends the
+    program.
+    """
     lease: Why | None = None
     """Cause if the controller has stopped because its lease expired."""
     cut_short: Why | None = None

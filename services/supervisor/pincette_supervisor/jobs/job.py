@@ -98,7 +98,7 @@ class JobStatus:
     phase: str = ""
     progress: Progress | None = None
     waiting: int | None = None
-    """Segment of the program that waits for a person; None without one."""
+    """Number of the segment that waits for a person; None if the program does not wait."""
     recovery: RecoveryWait | None = None
     """Decision for which the job waits."""
     next_job: JobRequest | None = None
@@ -331,7 +331,7 @@ class LiveJob:
         Parameters
         ----------
         change
-            Changes the journal, and returns the revision.
+            Function that changes the journal, and returns the new revision.
         then
             Function called with the revision before the event is passed on; also if the write is
             late.
@@ -403,7 +403,7 @@ class LiveJob:
         self.store(plan=plan)
 
     def note_cause(self, cause: str, ending: Ending | None = None) -> None:
-        """Set the cause of a failure, unless there is one."""
+        """Set the cause of a failure, unless a cause is already set."""
         with self._replacing:
             known = self.status
             self.update(cause=known.cause or cause, ending=known.ending or ending)

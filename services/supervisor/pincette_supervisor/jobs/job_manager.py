@@ -81,8 +81,9 @@ class KeyTurns:
         return self._created.get(key)
 
     def stop(self, key: str) -> None:
-        """Prevent that a key creates a job; on return, a job that was being accepted is in the
-        journal."""
+        """Prevent a key from creating a job. When this returns, a job that was being accepted is in
+        the journal.
+        """
         with self._accepting:
             self._stopped.append(key)
 

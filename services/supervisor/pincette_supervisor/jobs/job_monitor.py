@@ -68,7 +68,7 @@ class Watch:
     ) -> None:
         """Create the time limits.
 
-        ``clock`` measures the states, ``look_clock`` the checks.
+        ``clock`` measures the time in each state, ``look_clock`` the time between two checks.
         """
         self._job, self._planned, self._tracker = job, planned, tracker
         self._clock, self._look_clock = clock, look_clock
@@ -132,7 +132,7 @@ def silence_s(rig: RigFile, reason: TripReason) -> float | None:
     """Return the time without a command before a trip by a stall, in s; None for another trip.
 
     If further faults were found, such as a failed reading, they caused the silence, and the result
-    is None. Lockstep has no clock.
+    is None. It is also None in lockstep, which has no clock.
     """
     codes = [one.code for one in reason.faults]
     if rig.lockstep or reason.cause != Cause.COMMAND_AGE or codes != [FaultCode.NO_COMMAND]:
@@ -454,7 +454,7 @@ class JobMonitor:
     def _ask_trip(self) -> bool:
         """Request a trip of the actuator.
 
-        Return True if it does not reply, and the job has failed.
+        Return True if it does not reply, which makes the job fail.
         """
         job = self._job
         self._trip_asked = True
@@ -546,7 +546,9 @@ class JobMonitor:
         job.decide(wait.default, f"default after {recovery.wait_s:g} s", again)
 
     def _prepare_next_job(self, trip: TripReason | None) -> None:
-        """Request from the kind the next job after a stall or an exceeded position limit."""
+        """Let the kind of job determine the next job after a stall or an exceeded position
+        limit.
+        """
         job, run = self._job, self._recorder.run
         why: Interruption
         if trip is not None and silence_s(self._rig, trip) is not None:

@@ -220,7 +220,7 @@ class JobQueue(WaitingJobs):
         self.halt(RESTARTED)
 
     def add(self, row: JobRow, request: JobRequest) -> None:
-        """Add a job after those of its priority, and before those of a lower one."""
+        """Add a job behind all jobs with the same or a higher priority."""
         before = [one for one in self._entries if one.request.priority >= request.priority]
         place = max((self._entries.index(one) + 1 for one in before), default=0)
         self._entries.insert(place, Entry(row, request, row.revision))

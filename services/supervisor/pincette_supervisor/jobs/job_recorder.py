@@ -208,7 +208,7 @@ class JobRecorder:
         try:
             folder = self._context.records / job.id
             replace(record, job=row).write(folder, recorded, self._context.draw)
-        except Exception as error:  # for any error, the job states that they are missing
+        except Exception as error:  # whatever the error: the job states what is missing
             log.exception("the documents of job %s were not written", job.id)
             job.append_cause(lacking(error))
         state = completeness(recorded)
@@ -267,7 +267,7 @@ class JobRecorder:
 
 
 def lacking(error: Exception) -> str:
-    """Return the text that a job's cause has if its documents could not be written."""
+    """Return the text to append to a job's cause if its documents could not be written."""
     return f"the record is incomplete: {str(error) or type(error).__name__}"
 
 
@@ -399,7 +399,7 @@ def _compare(context: RigContext, row: JobRow) -> None:
             if folder.LIVE not in lost and where.is_dir():
                 _gathered(context, row).write(where, recorded, context.draw)
                 lost = _lost(where, row)
-        except Exception as error:  # for any error, the job states that they are missing
+        except Exception as error:  # whatever the error: the job states what is missing
             log.exception("the documents of job %s were not rebuilt", row.id)
             why = f" ({str(error) or type(error).__name__})"
     if lost:
@@ -472,7 +472,7 @@ def _store_end(context: RigContext, row: JobRow, closed: Future[Recorded | str])
         if made is not None:
             made.write(context.records / row.id, recorded, context.draw)
             values = {"result": made.tree}
-    except Exception as error:  # for any error, the job states that they are missing
+    except Exception as error:  # whatever the error: the job states what is missing
         log.exception("the record of job %s was not completed", row.id)
         values = {"cause": "; ".join(filter(None, (row.cause, lacking(error))))}
     if row.result is None and "result" not in values:

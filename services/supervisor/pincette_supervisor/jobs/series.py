@@ -47,7 +47,9 @@ log = logging.getLogger(__name__)
 LOOK_S = 0.1
 """Interval of the checks whether a job has ended, in s."""
 READY_S = 30.0
-"""Time for which a rig that is not ready is tried again, in s, as after its restart."""
+"""Time for which the start of a job is retried while the rig is not ready, for example after a
+restart, in s.
+"""
 RECORD_S = 30.0
 """Longest wait for the record of the last job, in s."""
 RESTARTED = "the supervisor was restarted"
@@ -511,7 +513,9 @@ class SeriesRunner:
 
 
 def next_number(runs: Sequence[SeriesRun]) -> int:
-    """Return the number of the job that comes after some jobs; an interrupted one is repeated."""
+    """Return the number of the next job after these jobs; the number of an interrupted job is
+    repeated.
+    """
     if not runs:
         return 1
     return runs[-1].number + (runs[-1].state != "interrupted")

@@ -76,7 +76,9 @@ class SilenceDetector:
         return ""
 
     def _actuator_has_ended(self) -> bool:
-        """Return whether the actuator's token has vanished while others on its side are present."""
+        """Return whether the actuator's token has vanished while tokens of other programs on its
+        side of the network are present.
+        """
         observer = self._context.observer
         without = BESIDE_THE_SUPERVISOR if self._context.rig.bus.served_upstream else ()
         return bool(observer.gone((ACTUATOR,))) and observer.sees_any(without)

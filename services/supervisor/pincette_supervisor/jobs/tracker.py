@@ -37,7 +37,7 @@ SETTLE_S = 0.5
 """Time from the start of a hold that is excluded from the held force, in s."""
 
 BEFORE_APPROACH = ("", "open", CONDITION, "zero", Phase.RETREAT, Phase.UNLOAD, Phase.STOPPING)
-"""Phases of a job that has not moved towards a part yet, and those of its way back."""
+"""Phases before a job moves towards a part, and phases of the motion back."""
 
 
 class Tracker:
@@ -363,7 +363,7 @@ class MissingSamples:
     def __init__(self, planned: Planned, epoch: int, period_s: float) -> None:
         self._epoch = epoch
         self._planned: Counter[str] = Counter()
-        """Planned samples of each phase; a phase that waits for a person has no entry."""
+        """Planned number of samples of each phase; a phase that waits for a person has no entry."""
         if job_kinds()[planned.plan.kind].needs_every_sample:
             for phase in planned.plan.phases:
                 if phase.duration_s is not None:
@@ -390,7 +390,7 @@ class MissingSamples:
                 self._valid = {one for one in self._valid if one > message.seq - WAITING_ROWS // 2}
 
     def _begin(self, phase: str, seq: int) -> None:
-        """Start counting again, unless the phase is the same."""
+        """Begin to count the positions of a phase, unless it has already begun."""
         if phase != self._phase:
             self._phase, self._first = phase, seq
             self._valid = {one for one in self._valid if one >= seq}

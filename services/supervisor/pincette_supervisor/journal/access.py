@@ -31,8 +31,9 @@ from pincette_supervisor.journal.database import (
 from pincette_supervisor.journal.tables import AUDIT, SESSIONS, utc_now, utc_text
 
 KEYS_WANTED = "keys_wanted"
-"""Name of the journal's note that the data folder has had keys, so that a missing key file does not
-open REST."""
+"""Name of the journal's note which states that the data folder has had keys. With this note, a
+missing key file does not give everyone access.
+"""
 
 
 class KeyNameTakenError(Exception):
@@ -247,7 +248,7 @@ class SessionRepository:
         return self._store.rows(SessionRow, select(SESSIONS))
 
     def sign_in(self, session: SessionRow) -> None:
-        """Add a session; the one that was used least recently may make room for it."""
+        """Add a session; if there are too many, delete those that were used least recently."""
         with self._store.writing() as connection:
             newest = select(SESSIONS.c.digest).order_by(SESSIONS.c.used_at.desc())
             kept = newest.limit(SESSIONS_MAX - 1)

@@ -48,7 +48,9 @@ class ListenerQueue:
         self.closed = False
 
     def put(self, event: Event) -> None:
-        """Queue an event, from any thread; beyond the capacity it is counted or read again."""
+        """Queue an event, from any thread. If the queue is full, a progress event is dropped and
+        counted, and any other event is read from the journal later.
+        """
         if (self._rig or event.rig) != event.rig or (self._job or event.job) != event.job:
             return
         with self._lock:
@@ -93,7 +95,7 @@ class ListenerQueue:
 
 
 class Listeners:
-    """The queues of all listeners; one without references is dropped."""
+    """The queues of all listeners; a queue without other references is dropped."""
 
     def __init__(self) -> None:
         self.order = threading.Lock()

@@ -26,7 +26,7 @@ ONE_ARM = frozenset(
         "set",
     }
 )
-"""Members of a job with a part that only rigs with one driven arm accept."""
+"""Members of requests for jobs with a part; only rigs with one driven arm accept them."""
 RECIPE = FieldSpec(name="recipe", label="Recipe", widget="recipe", placeholder="none")
 ZERO_CONFIRMED = FieldSpec(
     name="zero_confirmed", label="I have checked that nothing touches the arm", advanced=True

@@ -292,7 +292,7 @@ def run_dry(planned: Planned, present: Present, *, part: bool) -> DryRun:
     """Play a plan from the present state of the arm.
 
     A wait for a person ends after ``ENDLESS_S``, with the requested weight hung; a hold without an
-    end is then released.
+    end is released after that time.
 
     Parameters
     ----------

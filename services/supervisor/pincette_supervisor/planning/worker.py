@@ -57,9 +57,9 @@ class Worker:
     def begin(self) -> None:
         """Start the process without waiting for it; otherwise it starts when it is first needed.
 
-        Its imports take seconds of processor time, and much longer while other programs use the
-        processor. If the process cannot start, the error is logged, and the start is retried when
-        it is needed. Everything else works without it.
+        The imports of the process take seconds of processor time, and much longer while other
+        programs use the processor. If the process cannot start, the error is logged, and the start
+        is retried when it is needed. Everything else works without it.
         """
         try:
             with self._used():

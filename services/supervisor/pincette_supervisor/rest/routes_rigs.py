@@ -175,7 +175,9 @@ def give_back(
     asker: Asking,
     force: Annotated[bool, Query(description="break the claim of another client")] = False,
 ) -> Rig:
-    """End the caller's claim, or with ``force`` that of another caller; everyone sees who did."""
+    """End the caller's claim, or with ``force`` that of another caller; an event states who ended
+    it.
+    """
     asker.note("broken" if force else "returned")
     manager.claims.give_back(asker.claim, by=asker.by, force=force)
     return rig_view(manager)

@@ -50,11 +50,13 @@ LEAST_S = 1e-4
 """Shortest interval when a single job is read, in s."""
 JOBS_MOST, KEPT_JOBS = 500, 128
 STRETCHES_OF_A_JOB, KEPT_STRETCHES = 20_000, 250_000
-"""Largest number of intervals of a reduced record, above which its grid is wider, and of all
-records in memory."""
+"""Largest number of intervals of one reduced record (a longer record gets a wider grid), and of all
+records in memory.
+"""
 LONGEST_JOB_S = 35 * 86400.0
-"""Longest time before the requested interval at which a job that extends into the interval may
-have begun, in s."""
+"""Longest assumed duration of a job, in s: jobs that began earlier than this before the requested
+interval are not searched.
+"""
 Reduced = tuple[Series, Series, Series]
 """Middle of each interval, and rows of smallest and largest values by ``NAMES``."""
 NOTHING: Reduced = (np.empty(0), np.empty((len(NAMES), 0)), np.empty((len(NAMES), 0)))

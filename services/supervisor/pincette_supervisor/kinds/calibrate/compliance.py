@@ -33,7 +33,7 @@ SEGMENTS = 3
 SAME_V = 1e-3
 """Difference below which voltages count as equal, in V."""
 SURE = 10.0
-"""Ratio to its standard uncertainty that a compliance must exceed."""
+"""Smallest ratio of a compliance to its standard uncertainty."""
 
 
 def program(request: ComplianceRequest, model: ModelInUse, _present: Present) -> CalibrationProgram:

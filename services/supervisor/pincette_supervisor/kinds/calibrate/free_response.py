@@ -98,7 +98,7 @@ def _within(rig: RigFile, request: FreeResponseRequest) -> RigFile:
 
 
 def _fitted_V(motion: FreeMotion) -> tuple[float, float]:
-    """Return the lowest and the highest voltage of the part of the course that is fitted."""
+    """Return the lowest and the highest voltage of the section of the motion that is fitted."""
     voltages_V = motion.voltage_V[motion.course]
     return float(np.min(voltages_V)), float(np.max(voltages_V))
 

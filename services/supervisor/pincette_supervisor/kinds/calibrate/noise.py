@@ -75,10 +75,10 @@ def analyse(run: Run) -> Analysis:
 
 
 def _drift_um_per_min(found: Noise, model: ModelInUse) -> tuple[float, float]:
-    """Return the largest drift that the readings permit, and the standard uncertainty of its slope.
-
-    It is |slope| + 2·u. Creep of the arm is part of it, since both look the same at rest. If the
-    rig file states a larger drift, that value is kept, since a rest of seconds cannot exclude it.
+    """Return the largest drift that the readings permit, |slope| + 2·u, and u, the standard
+    uncertainty of the slope. The drift includes creep of the arm, since both look the same at rest.
+    If the rig file states a larger drift, that value is kept, since a rest of seconds cannot
+    exclude it.
     """
     u_um_per_min = 60.0 * found.drift_uncertainty_um_per_s
     drift_um_per_min = 60.0 * abs(found.drift_um_per_s) + SURE * u_um_per_min

@@ -149,9 +149,11 @@ class FreeResponseRequest(CalibrationRequest, frozen=True):
     rate_V_per_s: Positive | None = None
     """Peak rate of the fastest moves."""
     no_part: bool = False
-    """A person has verified that no part is in the gripper. A kink at one position, as a part in
-    the way would cause, then gives a warning instead of an error, since some free arms show one. An
-    obstacle as hard as a part still ends the motion as ``contact``, at twice the contact force."""
+    """True if a person has verified that no part is in the gripper. A kink at one position, as a
+    part in the way would cause, then gives a warning instead of an error, since some free arms show
+    one. An obstacle as hard as a part still ends the motion as ``contact``, at twice the contact
+    force.
+    """
 
     @model_validator(mode="after")
     def _ordered(self) -> "FreeResponseRequest":

@@ -234,7 +234,7 @@ def _path(
 
 PAIR_POINTERS = {"load": "/force", "settle": "/place", "track": "", "unload": "/force"}
 LEARNED_CYCLES = 3
-"""Number of last cycles of a learned path whose errors are broken into causes.
+"""Number of last cycles of a learned path whose errors are broken down into causes.
 
 In earlier cycles, learning changes the errors from cycle to cycle, which would count as noise.
 """

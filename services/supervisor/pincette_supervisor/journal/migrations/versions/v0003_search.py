@@ -1,4 +1,6 @@
-"""Indexes for filters of job lists that read all jobs before; stored plans without curves."""
+"""Add indexes for filters of job lists that have had to read all jobs; drop curves of stored
+plans.
+"""
 
 import sqlalchemy as sa
 from alembic import op
