@@ -127,7 +127,7 @@ ProposalState = Literal["proposed", "accepted", "discarded", "superseded"]
 class ProposedValue(Identified):
     """Proposed value and the value in use.
 
-    After the decision, the value in use is the one that was in use before it.
+    After the decision, ``in_use`` remains the value that was in use before.
     """
 
     model_config = example(

@@ -82,7 +82,7 @@ class ChecklistStep(Model):
     gained: list[ProposedValue]
     """Values found by the calibration in use, each with the value before it."""
     statement: str
-    """Certainty of those values as text."""
+    """Certainty of the values in ``gained``, as text."""
 
 
 class Checklist(Model):

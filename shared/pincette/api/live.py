@@ -137,9 +137,8 @@ class ProgramTiming(Model):
     missed: int
     """Number of samples and grid points that were skipped."""
     lateness: Spread
-    """Lateness of wake-ups relative to the program's own grid, or of arriving samples relative to
-    theirs.
-    """
+    """Lateness of wake-ups relative to the program's own grid; for a program without a grid,
+    lateness of arriving samples relative to theirs."""
     age: Spread
     """Time from the arrival of the first message with a sample's number to the step that uses the
     sample.

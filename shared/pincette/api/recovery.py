@@ -40,9 +40,8 @@ class Recovery(Model):
     wait_s: Annotated[float, Field(gt=0, le=86_400)] = 60.0
     """Time limit for the decision, in s."""
     default: Literal["retry", "accept", "give_up"] = "give_up"
-    """Decision taken when the time limit expires. ``give_up`` is taken instead if it is not allowed
-    then.
-    """
+    """Decision taken when the time limit expires. ``give_up`` is taken instead if this decision is
+    not allowed at that time."""
     tries: Annotated[int, Field(ge=0, le=10), WHOLE] = 1
     """Number of times that the default ``retry`` repeats the job before the job fails."""
 

@@ -57,7 +57,8 @@ class JobRequest(BaseModel, frozen=True):
     """Free text about the job."""
     labels: Labels = Field(default_factory=dict)
     queue: bool = False
-    """True to wait while another job uses the rig; otherwise the request is rejected then."""
+    """True to wait while another job uses the rig; False to have the request rejected in that
+    case."""
     priority: Annotated[int, Field(ge=0, le=9), WHOLE] = 0
     """Priority in the queue; jobs with higher numbers run first."""
     approval_s: Annotated[float, Field(gt=0, le=604_800)] | None = None

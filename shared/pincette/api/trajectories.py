@@ -78,7 +78,8 @@ class TrajectoryStart(Model):
     autostart: bool = False
     """True if the job starts as soon as it is ready, without the action ``start``."""
     queue: bool = False
-    """True to wait while another job uses the rig; otherwise the request is rejected then."""
+    """True to wait while another job uses the rig; False to have the request rejected in that
+    case."""
     labels: dict[LabelName, Label] = Field(default_factory=dict, max_length=16)
     on_stop: OnStop | None = None
     """Action on a held part when the job is stopped; only for a grip or a track."""

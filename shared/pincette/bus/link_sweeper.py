@@ -66,7 +66,7 @@ class _Pending:
     address: str
     """Address of the other end."""
     seen_s: float
-    """Time of the first check that found the connection."""
+    """Time of the first check that found the connection, in s."""
 
 
 class LinkSweeper:

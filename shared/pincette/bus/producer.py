@@ -29,7 +29,7 @@ class Producer:
         """``name``: name of the program that publishes the topic."""
         self._name, self._clock = name, clock
         self._received_at_s = float("-inf")
-        """Time of the newest accepted sample."""
+        """Time of the newest accepted sample, in s."""
 
     def refusal(self, source: zenoh.SourceInfo | None) -> str:
         """Return why a sample is rejected; empty if it is accepted."""

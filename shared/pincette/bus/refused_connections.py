@@ -17,7 +17,7 @@ class RefusedConnections:
         self.count = 0
         """Number of rejected connections since the program started."""
         self._log_s = 0.0
-        """Time from which on a rejection is logged again."""
+        """Time from which on a rejection is logged again, in s."""
         self._unlogged = 0
 
     def note(self, address: str, reason: str) -> None:

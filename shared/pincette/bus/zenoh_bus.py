@@ -83,7 +83,8 @@ class ZenohBus:
         self._declarations: list[Declaration] = []
         self._declared: list[Any] = []
         self._unanswered_s: dict[tuple[str, str], float] = {}
-        """Time at which the first unanswered request was sent to each program, by rig and name."""
+        """Time at which the first unanswered request was sent to each program, by rig and name, in
+        s."""
         self._reopened_s = -inf
         self.refused = RefusedMessages(self._name)
         """Messages and requests that were rejected as invalid."""

@@ -223,8 +223,8 @@ def _watch(rig: "RigFile", fleet: "Fleet", console: "Console") -> None:
 
 
 class Restarts:
-    """Restarted programs of a rig: reports when they are ready, and prints from their logs until
-    then.
+    """Restarted programs of a rig: prints lines of their logs until it reports that they are
+    ready.
     """
 
     def __init__(self, fleet: "Fleet", clock: Callable[[], float] = monotonic) -> None:

@@ -106,7 +106,7 @@ class Bead(Table):
     """A ball of glass between the arms."""
 
     radius_um: Positive = 700.0
-    """Radius of the bead; 1400 µm in the paper."""
+    """Radius of the bead; the paper's bead has a diameter of 1400 µm."""
     modulus_GPa: Positive | None = None
     """Effective modulus E* of each face. 37.95 gives 25 nm at 1 mN with R = 25 µm (instruments);
     glass on glass has 37. None: rigid.
@@ -130,7 +130,7 @@ class Bead(Table):
     bond_scale_mN: Positive = 1.0
     """Additional pull that shortens the life of the bond by the factor e; assumed."""
     density_kg_per_m3: Positive = 2500.0
-    """Density of glass; 1400 µm then weigh 0.035 mN (instruments)."""
+    """Density of glass; a bead with a diameter of 1400 µm then weighs 0.035 mN (instruments)."""
     friction: Positive | None = None
     """1. Coefficient of friction µ of the bead on each arm; assumed; None: the bead cannot fall."""
     lift_after_s: NotNegative | None = None

@@ -52,7 +52,7 @@ class SetVoltage(FrozenRecord, frozen=True):
     """Output of a step to the instruments: apply these voltages before anything is published."""
 
     voltages_V: tuple[float, ...]
-    """Voltage of each arm."""
+    """Voltage of each arm, in V."""
 
 
 class WriteParts(FrozenRecord, frozen=True):
@@ -62,7 +62,7 @@ class WriteParts(FrozenRecord, frozen=True):
 
     voltages_V: tuple[float, ...]
     interval_s: float
-    """Time between two voltages."""
+    """Time between two voltages, in s."""
 
 
 class Wave(FrozenRecord, frozen=True):

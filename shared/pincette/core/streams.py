@@ -12,7 +12,7 @@ from typing import TextIO
 MOST_PENDING = 1000
 """Largest number of texts that wait to be written."""
 LOOK_S = 0.01
-"""Time between two checks whether all texts have been written."""
+"""Time between two checks whether all texts have been written, in s."""
 
 
 def prepare_streams() -> None:

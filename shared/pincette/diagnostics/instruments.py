@@ -172,9 +172,9 @@ class Limits:
     """Durations after which an answer is late, in s."""
 
     reading_s: float
-    """Limit of a reading of one arm; both arms of a rig are read within one period."""
+    """Limit of a reading of one arm, in s; both arms of a rig are read within one period."""
     output_s: float
-    """Limit of an exchange with the output of one arm."""
+    """Limit of an exchange with the output of one arm, in s."""
 
     @classmethod
     def of(cls, rig: RigFile) -> "Limits":

@@ -21,7 +21,7 @@ KEPT = 16
 If there are more, the partner of the oldest sample has been lost."""
 AHEAD = 250
 """Largest excess of a sample number over the number of periods since the epoch began. It is 5 s at
-T = 20 ms, more than a link stores before it is given up."""
+T = 20 ms, more than a link stores before it is ended."""
 CLOCKS_APART = 1e-3
 """Relative difference in speed that is allowed between two monotonic clocks; a bad quartz deviates
 by a tenth of that.

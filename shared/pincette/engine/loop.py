@@ -136,7 +136,7 @@ class Loop:
         self._nudges: SimpleQueue[None] = SimpleQueue()
         """Queue used to wake the main thread."""
         self._wakes_s = inf
-        """Time at which the main thread wakes up without being woken."""
+        """Time at which the main thread wakes up without being woken, in s."""
         self._stopped = False
         self._failure: Exception | None = None
         self._submit: Callable[[Item], object] = self._take if inline else self.submit

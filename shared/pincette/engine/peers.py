@@ -17,7 +17,8 @@ from pincette.security.identity import program
 log = logging.getLogger("pincette")
 POLL_S = 0.05
 WHY_S = 2.0
-"""Time after which a missing consumer is contacted to find out why, repeated at this interval."""
+"""Time in s after which a missing consumer is contacted to find out why; repeated at this
+interval."""
 
 
 def wait_for_peers(

@@ -78,9 +78,10 @@ class Options:
 
     data: Path = Path("data")
     exit_with_parent: bool = False
-    """End when standard input closes, so that no program outlives the one that started it."""
+    """True to end the program when standard input closes, so that it does not outlive its
+    parent."""
     delay_s: float = 0.0
-    """Longest random delay before a service publishes; for tests of determinism."""
+    """Longest random delay before a service publishes, in s; for tests of determinism."""
     delay_seed: int = 0
     pki: Path | None = None
     """Folder of certificates; None: as in the rig file."""

@@ -30,7 +30,7 @@ from pincette.engine.timing_stats import TimingStats
 from pincette.instruments.line.counts import LineCounts
 
 IDLE_S = 0.5
-"""Longest time that a program waits before it checks whether it is to stop."""
+"""Longest time that a program waits before it checks whether it is to stop, in s."""
 EARLY = 1.5
 """Number of intervals. If the next timer step is due later than after this many timer intervals, it
 is brought forward."""
@@ -110,7 +110,7 @@ class Runner:
         self._outputs: Outputs = ()
         """Outputs of the newest step until it is settled."""
         self._stepped_s = 0.0
-        """Time at which the newest step began."""
+        """Time at which the newest step began, in s."""
         self._timed = False
         """True if the timer caused the newest step."""
         self.on_grid = self._reads and not self.lockstep

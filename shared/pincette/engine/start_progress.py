@@ -10,12 +10,12 @@ STALLED_S = 60.0
 LONGEST_S = 900.0
 """Time after which a start counts as failed in any case, in s."""
 LEAST_S = 0.6
-"""Processor time, used or waited for within ``STALLED_S``, that counts as progress.
+"""Smallest processor time in s, used or waited for within ``STALLED_S``, that counts as progress.
 
 A program that polls uses less.
 """
 NEWS_S = 10.0
-"""Time between two lines about a program that is still starting."""
+"""Time between two lines about a program that is still starting, in s."""
 
 
 def demand_s(pid: int) -> float:
@@ -66,7 +66,7 @@ class StartProgress:
         self._moved_at = 0.0, logged()
 
     def why_given_up(self) -> str:
-        """Return why the start is given up, or an empty text while there is progress."""
+        """Return the reason to give up the start; empty while there is progress."""
         now_s, demand, logged = self._clock(), self._demand(), self._logged()
         before, length = self._moved_at
         if demand - before >= LEAST_S or logged != length:

@@ -43,11 +43,11 @@ class Budget:
     """Timing of each output, as its driver states it."""
     computing_s: float
     parts_s: float = 0.0
-    """Time from the first to the last part of a voltage step; 0: it has one part."""
+    """Time from the first to the last part of a voltage step, in s; 0: it has one part."""
     sensors_measured_s: tuple[float, ...] = ()
-    """Measured duration of a reading of each sensor; empty if nothing was measured."""
+    """Measured duration of a reading of each sensor, in s; empty if nothing was measured."""
     outputs_measured_s: tuple[float, ...] = ()
-    """Measured duration of an exchange with each output; empty if nothing was measured."""
+    """Measured duration of an exchange with each output, in s; empty if nothing was measured."""
 
     @property
     def sensors_s(self) -> tuple[float, ...]:

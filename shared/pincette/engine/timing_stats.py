@@ -33,7 +33,7 @@ class SeenGrid:
         self._period_s = period_s
         self._number: int | None = None
         self._due_s = 0.0
-        """Due time of the newest sample."""
+        """Due time of the newest sample, in s."""
 
     def begin(self) -> None:
         """Discard the grid: the next sample begins another one."""
@@ -95,7 +95,7 @@ class TimingStats:
         self._come: tuple[int, float] | None = None
         """Number and time of a sample whose lateness is not included yet."""
         self._age_s: float | None = None
-        """Age of the sample of the newest step, whose outputs are not published yet."""
+        """Age of the sample of the newest step, whose outputs are not published yet, in s."""
         self._publish_at_s = inf
 
     def begin(self, epoch: int, missed: int) -> None:

@@ -59,7 +59,8 @@ def _above(what: str, value_s: float, share: float, period_s: float) -> str:
 def shortest_supported_s(
     measured: Sequence[Measured], hop: Distribution | None = None
 ) -> float | None:
-    """Return the shortest period that is supported together with every longer one.
+    """Return the shortest supported period for which all longer measured periods are supported,
+    too.
 
     None if there is none.
     """

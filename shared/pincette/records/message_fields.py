@@ -10,7 +10,7 @@ from pincette.core.messages import Message
 
 @cache  # The 65 columns of a record are fields of twelve classes.
 def fields_of(kind: type) -> tuple[inspect.Field, ...]:
-    """Return the fields of a message's class, or of a record within one."""
+    """Return the fields of a message's class, or of the class of a record within a message."""
     return cast(inspect.StructType, inspect.type_info(kind)).fields
 
 

@@ -34,7 +34,8 @@ class LatestTime:
         """``clock_s``: a clock that never steps."""
         self._wall, self._clock_s = wall, clock_s
         self._latest = wall(), clock_s()
-        """Latest time seen, and the reading of the clock then; one value, replaced as a whole."""
+        """Latest time seen, and the reading of ``clock_s`` at that moment; one tuple, which is
+        replaced as a whole."""
 
     def now(self) -> datetime:
         """Return the time, which is never before an earlier one."""

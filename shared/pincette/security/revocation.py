@@ -16,8 +16,8 @@ from pincette.security.identity import SecurityError
 
 log = logging.getLogger("pincette")
 REVOKED = "revoked"
-"""File in a folder of certificates: one serial number a line, in hex, with its owner; then the
-checksum."""
+"""File in a folder of certificates: one serial number per line, in hex, with its owner; the
+checksum is the last line."""
 HEX, SUM = 16, "sha256"
 REMEDY = (
     "copy it from another machine of the rig, or from a backup; if no certificate was ever "

@@ -264,9 +264,9 @@ class Step:
     """Characteristics of a step response; None for a value not reached within the samples."""
 
     rise_s: float | None
-    """Time from 10 % to 90 % of the step."""
+    """Time from 10 % to 90 % of the step, in s."""
     settling_s: float | None
-    """Time from the step until the response stays within the band."""
+    """Time from the step until the response stays within the band, in s."""
     overshoot: float
     """Largest excess over the final value, as a fraction of the step; 0 without an overshoot."""
     band: float

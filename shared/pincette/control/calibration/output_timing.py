@@ -74,9 +74,9 @@ class IdentifiedTiming:
     gain_um_per_V: float
     """Gain at the amplitude of the bursts, in µm/V; below d_p because of the hysteresis."""
     moved_um: tuple[Column, ...]
-    """Samples of each burst without their slow component."""
+    """Samples of each burst without their slow component, in µm."""
     residual_um: tuple[Column, ...]
-    """Residuals of these samples."""
+    """Residuals of these samples, in µm."""
 
     @property
     def explained(self) -> float:

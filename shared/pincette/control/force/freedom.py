@@ -46,7 +46,7 @@ class FreeArm(FrozenRecord, frozen=True):
     share_error: Number
     """Standard error of r that the error of x_1 over the motion of the check causes."""
     noise_um: Micrometre
-    """R.m.s. noise of one reading of the sensor."""
+    """R.m.s. noise of one reading of the sensor, in µm."""
 
     def __post_init__(self) -> None:
         require_positive("compliance", self.compliance_um_per_mN, "µm/mN")

@@ -73,8 +73,7 @@ class RingShares(NamedTuple):
     free: float = 0.0
     """Standard uncertainty of x_1 of a free arm, as a fraction of A."""
     pressed: float = 0.0
-    """Standard uncertainty of x_1 of a pressed arm, as far as it enters the force, as a fraction of
-    A."""
+    """Standard uncertainty of x_1 of a pressed arm, as it affects the force, as a fraction of A."""
     kept: float = 0.0
     """Fraction of A that remains after a period."""
 

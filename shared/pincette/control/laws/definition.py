@@ -99,8 +99,8 @@ class LawDefinition:
     """Gains, with their values, that are varied in the search for balanced gains; empty: no
     search."""
     switching: str = ""
-    """Name of the gain of the switching term, which the value 0 switches off; "" without such a
-    term."""
+    """Name of the gain of the switching term; the value 0 of this gain switches the term off. ""
+    for a law without a switching term."""
     remedies: Callable[[Mapping[str, float]], Sequence[tuple[str, Sequence[float]]]] | None = None
     """Function that returns gains which a refusal may propose to change, each with the values to
     try, the smallest change first."""

@@ -65,12 +65,12 @@ class Tracked:
     x_r_um: Series
     x_d_um: Series
     learned_um: Series
-    """Correction l that learning adds to the reference; zero without learning."""
+    """Correction l that learning adds to the reference, in µm; zero without learning."""
     force_mN: Series
-    """Estimated force F̂."""
+    """Estimated force F̂, in mN."""
     force_r_mN: Series
     standard_uncertainty_mN: Series
-    """Standard uncertainty u of F̂ without the sensor's noise."""
+    """Standard uncertainty u of F̂ without the sensor's noise, in mN."""
     limited: NDArray[np.bool_]
     """True for samples in which a limit acted."""
     cycle_ticks: int

@@ -108,9 +108,9 @@ class FpbsmicState(FrozenRecord, frozen=True):
     begun_um: float
     """Initial perturbation W, from which the sliding function is counted, in µm."""
     perturbation_um: Cascade
-    """Stages of the filter F4; the last one is Ŵ_{k-1}."""
+    """Stages of the filter F4, in µm; the last one is Ŵ_{k-1}."""
     force_error_mN: Cascade
-    """Stages of the filter F7."""
+    """Stages of the filter F7, in mN."""
     slow_error_mN: float
     """Low-passed F̂ - F_r, in mN."""
 

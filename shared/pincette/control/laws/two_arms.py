@@ -60,7 +60,7 @@ class TwoArmParameters:
     """Parameters of both arms, the part and the filters."""
 
     compliances_um_per_mN: Pair
-    """Compliances s_i of the arms."""
+    """Compliances s_i of the arms, in µm/mN."""
     leads_s: Pair
     """Coefficients 2ζ_i/ω_i of the leads, in s."""
     leads_s2: Pair
@@ -113,9 +113,9 @@ class TwoArmState(FrozenRecord, frozen=True):
     force_r_mN: float
     """Reference F_r of the newest sample, in mN; 0 for arms that do not press."""
     place_um: Cascade
-    """Stages of the filter F_q; the last one is Ŵ_q."""
+    """Stages of the filter F_q, in µm; the last one is Ŵ_q."""
     sum_um: Cascade
-    """Stages of the filter F_b; the last one is Ŵ_b."""
+    """Stages of the filter F_b, in µm; the last one is Ŵ_b."""
 
 
 class TwoArmOutput(FrozenRecord, frozen=True):

@@ -78,7 +78,7 @@ class PlannedRig:
     free_response: HysteresisModel | None = None
     """Identified free response; None: a straight line of slope d_p."""
     taught_V: tuple[float, float] | None = None
-    """Range of voltages for which the free response was identified; None if unknown."""
+    """Range of voltages for which the free response was identified, in V; None if unknown."""
     memory: HysteresisState | None = None
     """Memory of the free response at the start of a plan; None: that of an unpoled arm."""
     condition_V: float | None = None

@@ -25,13 +25,13 @@ from pincette.control.planning.program import Program
 from pincette.control.planning.segments import Drive, Follow, Press, Seek
 
 LEVELS_V = (0.3, 1.0, 1.5, 2.0)
-"""Peak-to-peak voltages of Fig. 8."""
+"""Peak-to-peak voltages of Fig. 8, in V."""
 LEVEL_HZ = 0.5
 SETTLING_CYCLES, LEVEL_CYCLES = 2, 4
 """Number of cycles of each level before the measured ones, and number of measured cycles."""
 SETTLE_S = 2.0
 TROUGH_MN = 3.0
-"""Force that remains at the lowest trough."""
+"""Force that remains at the lowest trough, in mN."""
 SHIFT = 0.15
 """Fraction by which creep and hysteresis may increase the highest force."""
 FIRST_LOAD = 0.25
@@ -42,8 +42,8 @@ LEAST_LOADS = 3.0
 WIDE = 4.0
 """Factor by which the stiffness, which is to be measured, may differ from the planned one."""
 LEAST_WIDEST_V = 0.5
-"""Smallest peak-to-peak voltage of the widest level. Below it noise and the error of x_1 are too
-large for a line fit."""
+"""Smallest peak-to-peak voltage of the widest level, in V. Below this value, noise and the error of
+x_1 are too large for a line fit."""
 CREST_ROUNDS = 2
 """Number of iterations. Each one computes the swing from the crest force, and then the crest force
 from the swing."""

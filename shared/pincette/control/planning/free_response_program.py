@@ -27,7 +27,8 @@ from pincette.control.response.conditioned_branch import strokes_needed
 from pincette.control.response.model_errors import RehearsedGrip
 
 GAIN_PP_V, GAIN_HZ = 2.0, 0.5
-"""Amplitude peak to peak, and frequency, for which d_p is reported: section VI.B of the paper."""
+"""Peak-to-peak voltage in V, and frequency in Hz, for which d_p is reported: section VI.B of the
+paper."""
 SETTLING_CYCLES, GAIN_CYCLES = 3, 5
 """Number of cycles before the measured ones, and number of measured cycles."""
 PRESS_LOW, PRESS_HIGH = 0.51, 0.96

@@ -56,7 +56,7 @@ class PairRequest:
     """Force of each arm at which its contact is detected, in mN."""
     zero_s: float
     contacts_um: Pair
-    """Tip positions of both arms at first contact, for the expected position of the part."""
+    """Tip positions of both arms at first contact, in µm, for the expected position of the part."""
     contact_tolerance_um: float
     stiffness_mN_per_um: float
     """Stiffness 1/c of part and faces together, in mN/µm."""

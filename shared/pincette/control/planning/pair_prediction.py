@@ -72,7 +72,7 @@ class PlannedPair:
     """Both arms and the part between them, with the assumptions of a plan."""
 
     contacts_um: Pair
-    """Tip positions of both arms at first contact."""
+    """Tip positions of both arms at first contact, in µm."""
     joint_um_per_mN: float
     """Compliance c of part and faces, in µm/mN."""
 

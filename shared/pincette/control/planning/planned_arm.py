@@ -30,8 +30,8 @@ SWEPT_STEPS, SWEPT_STEP_S = 50, 0.04
 """Number of steps in which a model is moved to a position or voltage, and duration of each step in
 s."""
 SHAKEN_V, SHAKES = 0.02, 25
-"""Peak-to-peak voltage and number of the small swings that the law makes because of noise while the
-arm presses."""
+"""Peak-to-peak voltage, in V, and number of the small swings that the law makes because of noise
+while the arm presses."""
 
 
 @dataclass(frozen=True, slots=True)

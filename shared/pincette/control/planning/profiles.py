@@ -10,7 +10,7 @@ PEAK_SPEED = 15.0 / 8.0
 PEAK_ACCELERATION = 10.0 / sqrt(3.0)
 """Peak of |q''(s)| of the quintic from rest to rest."""
 SHORTEST_MOVE_S = 0.3
-"""Shortest duration of a move, and the drawn duration of a segment without an end."""
+"""Shortest duration of a move, and the drawn duration of a segment without an end, in s."""
 
 
 def quintic(s: float) -> float:

@@ -28,11 +28,11 @@ class Guards(FrozenRecord, frozen=True):
     """Conditions that end a segment early; compressive forces are positive, in mN."""
 
     contact_force_mN: Millinewton
-    """Estimated force above which a contact is detected."""
+    """Estimated force above which a contact is detected, in mN."""
     contact_samples: Whole
     """Number of consecutive samples above the contact force."""
     force_max_mN: Millinewton
-    """Estimated force at which the program ends with ``overforce``."""
+    """Estimated force at which the program ends with ``overforce``, in mN."""
     lost_fraction: Number
     """Fraction of F_r below which a held part counts as lost; along a path only while F_r is at
     least twice the contact force."""
@@ -68,11 +68,11 @@ class PlannedRange(FrozenRecord, frozen=True):
     """Voltage range of each arm, the first arm first; an arm that is not listed has no planned
     range."""
     position_min_um: Micrometre | None = None
-    """Lowest position reference of a pressed part; None: no limit."""
+    """Lowest position reference of a pressed part, in µm; None: no limit."""
     position_max_um: Micrometre | None = None
-    """Highest position reference of a pressed part; None: no limit."""
+    """Highest position reference of a pressed part, in µm; None: no limit."""
     force_max_mN: Millinewton | None = None
-    """Highest force reference; None: no limit."""
+    """Highest force reference, in mN; None: no limit."""
 
 
 class Program(FrozenRecord, frozen=True):

@@ -84,8 +84,8 @@ class Candidates(NamedTuple):
     """Ridge as a fraction of the mean square of the columns; 1e-6 bounds the condition number by
     1e3·√columns."""
     beside: tuple[tuple[float, ...], ...] = ((), (0.0,))
-    """Combinations of families to try in addition to a play that never yields; (): no such play is
-    tried."""
+    """Combinations of families to try in addition to a play that never yields. Without any
+    combination, no such play is tried."""
 
 
 ALL = Candidates()

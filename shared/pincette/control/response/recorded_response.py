@@ -68,7 +68,8 @@ class RecordedResponse(MemoryResponse, frozen=True):
     """Turning points, oldest first, at least two. The arm moves from the last one towards the one
     before it."""
     furthest_V: float
-    """Voltage furthest from the last turning point since then, in V."""
+    """Voltage furthest from the last turning point that was reached since that turning point,
+    in V."""
     voltage_V: float
     """Newest voltage, in V."""
 

@@ -14,7 +14,7 @@ from pincette.latency.histogram import Distribution, Histogram
 HOST = "127.0.0.1"
 RIG = "latency"
 EVERY_S = 0.005
-"""Time between two exchanges, so that both sides sleep in between, as in a tick."""
+"""Time between two exchanges, in s, so that both sides sleep in between, as in a tick."""
 MATCHED_S = 5.0
 LOST_S = 1.0
 """Time after which a reply counts as lost, in s."""

@@ -23,7 +23,7 @@ PERIODS_S = (0.02, 0.01, 0.005, 0.002, 0.001)
 HOPS_SHARE = 0.2
 """Share of the time that is used for the hops."""
 START_S = 60.0
-"""Longest time that a program takes to start and to end on a busy machine."""
+"""Longest time that a program takes to start and to end on a busy machine, in s."""
 Progress = Callable[[str, float], None]
 """Function called with what is measured next, and for how long."""
 

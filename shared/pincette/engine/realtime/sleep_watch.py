@@ -9,9 +9,10 @@ from collections.abc import Callable
 from time import CLOCK_BOOTTIME, CLOCK_MONOTONIC, clock_gettime
 
 LEAST_S = 0.01
-"""Shortest sleep that is reported; a machine cannot sleep and wake up in less time."""
+"""Shortest sleep that is reported, in s; a machine cannot sleep and wake up in less time."""
 APART_S = 0.002
-"""Longest time in which all three clock readings must be made; otherwise they are not compared."""
+"""Longest time in which all three clock readings must be made, in s; otherwise they are not
+compared."""
 
 Clocks = Callable[[int], float]
 
@@ -22,7 +23,7 @@ class SleepWatch:
     def __init__(self, clock: Clocks = clock_gettime) -> None:
         self._clock = clock
         self._ahead_s: float | None = None
-        """Last difference between the clock that counts sleep and the one that does not."""
+        """Last difference between the clock that counts sleep and the one that does not, in s."""
 
     def slept_s(self) -> float:
         """Return the time that the machine slept since the last call, in s; 0.0 if it did not."""

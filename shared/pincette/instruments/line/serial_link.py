@@ -124,7 +124,7 @@ class Line:
     _pending: bytes = field(default=b"", init=False)
     """Bytes received after the last complete line."""
     _arrived_s: list[float] = field(default_factory=list[float], init=False)
-    """Times at which pieces of the answer to the newest request arrived."""
+    """Times at which pieces of the answer to the newest request arrived, in s."""
     _unexpected_run: int = field(default=0, init=False)
     """Number of successive exchanges before which a surplus answer was found."""
     _late_run: int = field(default=0, init=False)

@@ -70,7 +70,7 @@ class SimulatedKeyence:
         return self._sampling_s * self._averaged
 
     def press_zero(self) -> None:
-        """Press the zero key of the panel: from then on every output shows the change from now."""
+        """Press the zero key of the panel: every output then shows the change since this moment."""
         x_um = self._measure()
         if not self._locked and x_um is not None:
             self._zero_um = dict.fromkeys(self._zero_um, x_um)

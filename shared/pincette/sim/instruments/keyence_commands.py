@@ -68,7 +68,7 @@ class Refused(Exception):
 
 
 def value(position_um: float | None, unit: Unit) -> bytes:
-    """Return eight characters: sign, then 7 with the point, zero padded.
+    """Return a value as a sign and seven characters, zero padded, with the decimal point.
 
     ``None`` means an invalid reading.
     """

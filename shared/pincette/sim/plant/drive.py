@@ -48,7 +48,7 @@ class DriveConstants(NamedTuple):
 
 
 class Electrical(NamedTuple):
-    """Electrical part of the plant's state, before the arms."""
+    """Part of the plant's state before the arms: output, amplifier, hysteresis and creep."""
 
     voltage_V: float
     slewed_V: float
@@ -114,7 +114,7 @@ def drive(
 
 
 def electrical(state: PlantState) -> Electrical:
-    """Return the electrical part of a state, before the arms."""
+    """Return the part of a state that does not depend on the arms."""
     return Electrical(
         state.voltage_V, state.slewed_V, state.drive_V, state.hysteresis_um, state.creep_um
     )

@@ -36,7 +36,9 @@ from pincette.sim.plant.state import Event, newest_events
 
 
 def advance_pair(p: PairParameters, state: PairState, dt_s: float) -> PairState:
-    """Advance by ``dt_s``: whole substeps, then the rest; results are bitwise reproducible."""
+    """Advance by ``dt_s``: whole substeps, then the remaining time; results are bitwise
+    reproducible.
+    """
     if not 0.0 <= dt_s < math.inf:
         raise ValueError(f"dt_s = {dt_s} s: must be positive and finite")
     longest_s = min(p.first.substep_s, p.second.substep_s)

@@ -38,9 +38,9 @@ class PairParameters:
     """Stiffness K_f of each face; both faces of a glass ball between flat arms have about 40 mN/µm.
     """
     ground_mN_per_um: float = 5.0
-    """Stiffness k_r with which the ground holds the part; assumed."""
+    """Stiffness k_r with which the ground holds the part, in mN/µm; assumed."""
     ground_slip_mN: float = 0.0
-    """Force f above which the part slips on the ground; 0 for a loose part."""
+    """Force f above which the part slips on the ground, in mN; 0 for a loose part."""
     part: PartParameters = RIGID
     """Weight, lift and break of the part; the parameters of the faces are those of this class."""
     pull_off_mN: Pair = (0.0, 0.0)

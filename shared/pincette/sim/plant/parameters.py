@@ -82,7 +82,7 @@ class PlantParameters:
     output_lag_s: float
     contact_um: float
     environment_stiffness_mN_per_um: float
-    """Stiffness K_e of the part's support; 0 without a part."""
+    """Stiffness K_e of the part's support, in mN/µm; 0 without a part."""
     substep_s: float
     curvature_per_V: float = 0.0
     hysteresis_scale: float = 1.0

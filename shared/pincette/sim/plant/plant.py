@@ -105,7 +105,8 @@ def take_part(
 
 
 def advance(parameters: PlantParameters, state: PlantState, dt_s: float) -> PlantState:
-    """Advance by ``dt_s``: whole substeps, then the rest; results are bitwise reproducible.
+    """Advance by ``dt_s``: whole substeps, then the remaining time; results are bitwise
+    reproducible.
 
     After the output and the modes have come to rest, the remaining time is one step: only creep
     remains, which is linear with a constant input, and the arm follows its equilibrium.

@@ -11,7 +11,7 @@ class CaptureOverflowError(ValueError):
 
 
 class Capture:
-    """Samples 1, 2, … after the start of the capture, as far as they have not been drained."""
+    """Buffer of a capture: the samples since its start that have not been drained."""
 
     def __init__(self, begin_ns: int, rate_hz: float) -> None:
         self._grid = Grid(begin_ns, rate_hz)
@@ -21,7 +21,7 @@ class Capture:
         self._missed = 0
 
     def instants_ns(self, after_ns: int, until_ns: int) -> list[int]:
-        """Return the times of samples due between two times, as far as the buffer has space."""
+        """Return the sample times between two times, limited by the space in the buffer."""
         first = max(1, self._grid.index_at(after_ns) + 1)
         due = self._grid.index_at(until_ns) + 1 - first
         room = max(0, min(due, self._most - len(self._x_um)))

@@ -83,9 +83,9 @@ class SimulatedPair(PairOrders):
         self._ticks = 0
         self._sample: PairState | None = None
         self._written_V: dict[int, float] = {}
-        """Voltages written in the present tick, by arm; in lockstep."""
+        """Voltages written in the present tick, by arm, in V; in lockstep."""
         self._due_V: Pair | None = None
-        """Voltages that have ended a tick through which the plant must still be advanced; in
+        """Voltages that have ended a tick through which the plant must still be advanced, in V; in
         lockstep."""
         self._lock = threading.Lock()
         if not simulation.bead:

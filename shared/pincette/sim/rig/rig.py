@@ -74,7 +74,7 @@ class SimulatedRig(Orders):
         self._ticks = 0
         self._sample: tuple[float, float] | None = None
         self._written_V: float | None = None
-        """Voltage that has ended a tick through which the plant must still be advanced; in
+        """Voltage that has ended a tick through which the plant must still be advanced, in V; in
         lockstep."""
         self._lock = threading.Lock()
 
