@@ -41,7 +41,7 @@ def picture(
 
 
 def label(axis: Axis, x: str, y: str, title: str = "") -> None:
-    """Label both axes, and set the title of the picture where it needs one."""
+    """Label both axes, and set a title unless it is empty."""
     axis.set_xlabel(x)
     axis.set_ylabel(y)
     if title:
@@ -54,7 +54,7 @@ def legend(axis: Axis, place: str = "best") -> None:
 
 
 def legend_above(axis: Axis) -> None:
-    """Add a legend above the axis, where it would otherwise cover the lines."""
+    """Add a legend above the axes, for pictures in which it would cover the lines."""
     axis.legend(
         loc="lower right",
         bbox_to_anchor=(1.0, 0.97),

@@ -105,7 +105,7 @@ class ResultField(Model):
     uncertainty: str = ""
     """Member of the result that contains the uncertainty of the value."""
     assumed: str = ""
-    """Member that lists the assumed quantities which contribute to this uncertainty."""
+    """Member that lists the assumed quantities which contribute to the uncertainty of the value."""
     optional: bool = False
     """True if the value is not shown while it is null."""
     main: bool = False

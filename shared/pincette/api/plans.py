@@ -152,7 +152,7 @@ class PlannedGoal(Model):
     phase: str
     """Phase over which the errors are compared with the tolerances."""
     lasts_s: float | None
-    """Planned duration of that phase; null if it ends with an action."""
+    """Planned duration of ``phase``; null if the phase ends with an action."""
     settling_s: float
     """Time, from the beginning of the phase, after which the errors must stay within the
     tolerances.

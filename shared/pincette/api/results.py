@@ -160,7 +160,7 @@ class ZeroReturn(Model):
     model_config = example(force_mN=-0.11, uncertainty_mN=0.42, x_um=26.0, verified=True)
 
     force_mN: float
-    """Mean estimate over the samples near that position while the arm returns."""
+    """Mean estimate over the samples near ``x_um`` while the arm returns."""
     uncertainty_mN: float
     """Expanded uncertainty, from the zero returns of rehearsed grips, or from the estimator if the
     model contains none.
@@ -318,9 +318,8 @@ class JobResult(Model):
     touch_x_um: float | None = None
     """Position at which the arm contacted something during its motion through free space."""
     touch_force_mN: float | None = None
-    """Force at that contact when the arm turned back, from the free response or from the slope of
-    its motion.
-    """
+    """Force at the contact of ``touch_x_um`` when the arm turned back, from the free response or
+    from the slope of its motion."""
     position_step: PositionStep | None = None
     """Step of the position that the voltage does not explain; null if there was none."""
     goal: Goal | None = None

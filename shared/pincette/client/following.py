@@ -110,7 +110,7 @@ def is_reached(job: Job, force_mN: float | None, uncertainty_mN: float | None) -
 
 
 def is_on_its_way(job: Job, force_mN: float) -> bool:
-    """Return whether a running job holds a part with this force without an end, or will do so."""
+    """Return whether a running job holds, or will hold, a part with ``force_mN`` without an end."""
     now, asked_mN = job.progress, force_asked_mN(job)
     if job.state not in BEGUN or (now is not None and now.phase in LETTING_GO):
         return False

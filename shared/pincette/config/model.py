@@ -38,13 +38,12 @@ class Branch(Table):
     voltages_V: tuple[float, ...] = Field(strict=False)
     """Voltages of the rising branch, from the bottom of the conditioning strokes on."""
     added_um: tuple[float, ...] = Field(strict=False)
-    """Measured position minus that of the model at these voltages; 0 at the lowest."""
+    """Measured position minus that of the model at ``voltages_V``; 0 at the lowest."""
     error_ways_V: tuple[float, ...] = Field(strict=False)
     """Travels of the voltage, since the zero of a conditioned grip, at which the error is known."""
     errors_um: tuple[float, ...] = Field(strict=False)
-    """Standard error of the free response at these travels; it contributes to the force
-    uncertainty.
-    """
+    """Standard error of the free response at ``error_ways_V``; it contributes to the force
+    uncertainty."""
     places_V: tuple[float, ...] = Field(default=(), strict=False)
     """Voltages, ascending, at which measured travels ended that began at the rest after the
     strokes."""
@@ -155,9 +154,8 @@ class IdentifiedFreeResponse(Table):
     residual is used.
     """
     errors_um: tuple[float, ...] = Field(default=(), strict=False)
-    """Standard error of the free response at these travels; it contributes to the force
-    uncertainty.
-    """
+    """Standard error of the free response at ``error_ways_V``; it contributes to the force
+    uncertainty."""
     return_error_um: NotNegative | None = None
     """Standard error of the free response when the arm returns, after pressing a part, to the
     position of the zero; from rehearsed grips. None: unknown.

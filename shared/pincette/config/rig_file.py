@@ -67,7 +67,7 @@ class Part(Table):
     contact_um: float
     """Position of the driven arm at first contact."""
     contact_tolerance_um: Positive
-    """Largest deviation of the first contact from that position, in either direction."""
+    """Largest deviation of the first contact from ``contact_um``, in either direction."""
     stiffness_mN_per_um: Positive
     """K_e: stiffness of the part in series with the passive arm."""
     stiffness_tolerance: float = Field(default=0.3, gt=0, lt=1)

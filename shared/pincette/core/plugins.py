@@ -86,7 +86,7 @@ def resolve(reference: str, of: type[T], what: str) -> T:
 
 
 def load(group: str, name: str) -> Any:
-    """Import what is registered under a name; raises PluginError."""
+    """Import the object that is registered under a name; raises PluginError."""
     kind = CALLED.get(group, group)
     found = [*_entries(group).select(name=name)]
     if not found:

@@ -21,7 +21,7 @@ from pincette.security.identity import SecurityError
 ASK_S = 1.0
 """Deadline of the requests to the programs, in s."""
 SETTLE_S = 0.5
-"""Time for the router to process the sessions of this program before the request, in s."""
+"""Time that the router gets to process the sessions of this program before it is queried, in s."""
 NOT_ASKED = "the router was not asked which other tools have declared queryables or subscribers"
 ASK_LATER = "run doctor again while no job runs and no part is held"
 ANSWERS = "none needed: the rig's programs ignore its replies; docs/how-to/listen.md has the rules"

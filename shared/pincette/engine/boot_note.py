@@ -32,7 +32,7 @@ class Before(NamedTuple):
 
     ended: Predecessor = Predecessor.NONE
     instance: int | None = None
-    """Number of the start of that program, if it was noted."""
+    """Number of the start of the previous program; None if it was not noted."""
 
 
 FIRST = Before()

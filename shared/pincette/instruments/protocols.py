@@ -162,7 +162,7 @@ class Timing:
     buffered_hz: float | None = None
     """Highest rate of a buffered acquisition or output, in Hz; None if there is none."""
     note: str = ""
-    """Assumptions behind these times, as text."""
+    """Assumptions behind the stated times, as text."""
     lets_go_s: float | None = None
     """Shortest time in s after the last heartbeat at which an output goes to its safe value on its
     own; None if no watchdog is known."""

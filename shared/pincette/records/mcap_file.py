@@ -60,7 +60,7 @@ class Unbuffered:
         os.fsync(self._file.fileno())
 
     def require_in_place(self) -> None:
-        """Raise OSError if its path no longer leads to this file."""
+        """Raise OSError if the path of the file no longer leads to this open file."""
         own = os.fstat(self._file.fileno())
         try:
             found = self._path.stat()

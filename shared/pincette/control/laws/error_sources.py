@@ -43,7 +43,7 @@ Series = NDArray[np.float64]
 Cause = Literal["noise", "response", "contact_line", "lag", "limits"]
 CAUSES: tuple[Cause, ...] = ("noise", "response", "contact_line", "lag", "limits")
 AFTER_LIMIT = 10
-"""Number of samples after a limit acted that still count as limited."""
+"""Number of samples that count as limited after the last sample in which a limit acted."""
 SLOW_TICKS = 25
 """Number of ticks over which slow errors are averaged if the references do not swing."""
 LEAST = 10

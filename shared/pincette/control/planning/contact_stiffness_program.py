@@ -35,8 +35,8 @@ TROUGH_MN = 3.0
 SHIFT = 0.15
 """Fraction by which creep and hysteresis may increase the highest force."""
 FIRST_LOAD = 0.25
-"""Fraction of the crest force up to which the first load goes, in which the contact line is
-identified."""
+"""Force at the end of the first load, as a fraction of the crest force. The contact line is
+identified during this load."""
 LEAST_LOADS = 3.0
 """Smallest force of the first load, as a multiple of the contact force."""
 WIDE = 4.0

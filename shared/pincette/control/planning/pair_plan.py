@@ -108,7 +108,7 @@ class PairHold:
     place_to_um: float | None = None
     """Position to which the part is moved first, in µm; None: the part stays where it was met."""
     carry_um_per_s: float = 20.0
-    """Peak speed of that motion of the part, in µm/s."""
+    """Peak speed of the motion of the part to ``place_to_um``, in µm/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -29,7 +29,7 @@ S = TypeVar("S", bound=SafetyState)
 
 
 def booted(state: S, predecessor: Predecessor) -> S:
-    """Latch at startup; the cause is a restart if the previous program has died."""
+    """Return the state latched at startup; the cause is a restart if the last program died."""
     cause = Cause.RESTART if predecessor is Predecessor.DIED else Cause.BOOT
     return replace(state, cause=cause, predecessor=predecessor)
 
@@ -169,7 +169,7 @@ def ramped(state: S, now: float) -> S:
 
 
 def at_safe(limits: SafetyLimits, state: S) -> S:
-    """Latch at the safe voltage, without a part."""
+    """Return the state latched at the safe voltage, without a part."""
     arms = tuple([replace(arm, voltage_V=limits.safe_V) for arm in state.arms])
     return replace(state, mode=Mode.LATCHED, arms=arms, part_held=False)
 

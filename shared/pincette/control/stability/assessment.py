@@ -31,7 +31,7 @@ class Assessment:
     case: LoopCase
     """Case with this radius."""
     settling_s: float
-    """Time in which a disturbance decays to 2 % in that case, in s; infinite if it does not
+    """Time in which a disturbance decays to 2 % in the worst case, in s; infinite if it does not
     decay."""
     reason: str
     """Reason why the loop must not run, and what to change; "" if it may run."""

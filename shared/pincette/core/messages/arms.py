@@ -34,10 +34,11 @@ class ArmEstimate(FrozenRecord, frozen=True):
     touch_x_um: Micrometre | None = None
     """Position at which an arm that should be free contacted something; None: no contact."""
     touch_mN: Millinewton | None = None
-    """Lower bound of the force at that contact: the largest of three values. The first is computed
-    from the lag of the closing arm after a change of its slope; it needs no zero. The second is the
-    force minus a multiple of its uncertainty, and is negative if the arm is held from behind. The
-    third, used if the zero is unconfirmed, is the force itself if it exceeds its uncertainty."""
+    """Lower bound of the force at the contact of ``touch_x_um``: the largest of three values. The
+    first is computed from the lag of the closing arm after a change of its slope; it needs no zero.
+    The second is the force minus a multiple of its uncertainty, and is negative if the arm is held
+    from behind. The third, used if the zero is unconfirmed, is the force itself if it exceeds its
+    uncertainty."""
     stroke_change: Number | None = None
     """Relative change of the arm's stroke since its calibration, from the last approach with
     conditioning strokes; None: not measured since the start.

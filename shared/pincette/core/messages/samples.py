@@ -197,7 +197,7 @@ class Telemetry(FrozenRecord, frozen=True):
     contact.
     """
     touch_mN: Millinewton | None = None
-    """Force at that contact when the arm turned back."""
+    """Force at the contact of ``touch_x_um`` when the arm turned back."""
     correction_um: Micrometre = 0.0
     """Correction learned from earlier cycles, which is added to x_r for the law."""
     slips: Whole = 0

@@ -83,8 +83,9 @@ def asked(rig: RigFile) -> Asked:
 
 
 def changes_of(rig: RigFile, known: Kept | Findings) -> list[Change]:
-    """Return what to change in a rig file for this machine, from the measured grid nearest to its
-    period.
+    """Return the changes that a rig file needs on this machine.
+
+    They are computed from the measurement whose period is nearest to that of the rig.
     """
     measured = _nearest(known, rig.rig.period_s)
     return changes(asked(rig), measured, known.hop, known.refused)
