@@ -26,7 +26,7 @@ class SeriesStateMeaning:
     meaning: str
     actions: Mapping[SeriesActionType, SeriesState]
     over: bool = False
-    """True if the series has ended, so that callers who wait for its end get a reply."""
+    """True if the series has ended, so that callers that wait for its end get a reply."""
 
 
 SERIES_STATES: Mapping[SeriesState, SeriesStateMeaning] = {

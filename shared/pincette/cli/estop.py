@@ -187,7 +187,7 @@ class EmergencyStop:
         doubts = [f"{rig} not confirmed" for rig in reply.unconfirmed]
         self._file_read.wait(FOUND_S)
         own = None if self.file is None else self.file.rig.name
-        for rig in sorted(reply.stopped, key=lambda rig: rig == own):  # its own rig is the last
+        for rig in sorted(reply.stopped, key=lambda rig: rig == own):  # own rig last: it may wait
             if doubt := "" if reply.proven else self._doubt(rig, url, reply):
                 doubts.append(doubt)
             else:

@@ -63,7 +63,7 @@ def conditioning(
     Parameters
     ----------
     low_V
-        Lowest voltage, as ``stroke_depth_V`` gives it.
+        Lowest voltage of the strokes, in V; see ``stroke_depth_V``.
     slew_V_per_s
         Slew limit of the rig.
     away_um

@@ -357,7 +357,7 @@ def _early_contact(request: ContactRequest, x_start_um: float) -> list[Violation
 def _untaught(
     course: Course, taught_V: tuple[float, float] | None, pointers: Mapping[str, str]
 ) -> Iterator[Violation]:
-    """Return violations where a course leaves the voltage range of the identified free response."""
+    """Yield a violation where a course leaves the voltage range of the identified free response."""
     if taught_V is None:
         return
     least_V, largest_V = taught_V

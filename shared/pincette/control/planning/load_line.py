@@ -32,7 +32,7 @@ LEAST_SPREAD_UM = 0.02
 """Standard deviation of the position below which no stiffness is fitted, in µm."""
 LEAST_COUNT = 3
 """Smallest number of samples of a load for which a line of the softest or hardest permitted
-stiffness is accepted, if no fit is possible or within the permitted range."""
+stiffness is accepted, if there is no fit within the permitted range."""
 STRAIGHT_SIGMAS, STRAIGHT_UM = 1.4, 0.05
 """Largest scatter about a contact line that counts as straight: a multiple of the sensor's noise,
 plus an error of the free response in µm."""

@@ -106,7 +106,8 @@ class PairHold:
     hold_s: float | None
     """Duration of the hold, in s; None: the hold lasts until an action ends it."""
     place_to_um: float | None = None
-    """Position to which the part is moved first, in µm; None: the part stays where it was met."""
+    """Position to which the part is moved first, in µm; None: the part stays where the arms met
+    it."""
     carry_um_per_s: float = 20.0
     """Peak speed of the motion of the part to ``place_to_um``, in µm/s."""
 

@@ -52,9 +52,9 @@ class Guards(FrozenRecord, frozen=True):
     part before this position, and the zero of the force is not confirmed, the arm returns. Empty:
     any position is permitted."""
     bend_mN_per_um: MillinewtonPerMicrometre = 0.0
-    """Stiffness, in mN/µm, below which a kink of the force beyond the start position of the program
-    is attributed to the free arm itself, not to a contact. Applies up to ten times the contact
-    force; 0: every kink counts as a contact."""
+    """Stiffness, in mN/µm, below which an apparent contact beyond the start position of the program
+    is attributed to a bend in the response of the free arm itself. This applies up to ten times the
+    contact force. 0: every kink counts as a contact."""
 
 
 class PlannedRange(FrozenRecord, frozen=True):

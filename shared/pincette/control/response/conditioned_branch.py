@@ -20,8 +20,7 @@ from pincette.control.record import FrozenRecord
 from pincette.control.response.error_growth import ErrorGrowth, widening
 
 STROKES, MOST_STROKES = 3, 20
-"""Usual, and largest, number of strokes of one conditioning; the usual number is also the
-smallest."""
+"""Smallest and largest number of strokes of one conditioning."""
 WAY_SHARE = 2.0
 """Smallest total voltage travel of all strokes, down and up, as a multiple of the voltage range of
 the identification. The memory of Bouc-Wen hysteresis decays with the distance travelled, so that
@@ -39,8 +38,8 @@ AWAY_V = 0.05
 """Distance from a measured voltage, in V, beyond which the measurement does not apply to an arm
 that moves in jumps."""
 OVER = 0.05
-"""A motion that rises above 0 V by more than this fraction of the stroke depth does not count as a
-stroke."""
+"""Fraction of the stroke depth. If the voltage rises above 0 V by more than this fraction, the
+count of strokes begins again."""
 PAST_CREEP = ((2.0, 0.13), (10.0, 0.07), (60.0, 0.03))
 """Uncertainty from creep that began before the strokes: time since the strokes in s, expanded
 uncertainty (95 %) in mN."""
@@ -159,7 +158,7 @@ class Strokes(FrozenRecord, frozen=True):
     bottom: bool = False
     """True while the voltage is at the lowest voltage of a stroke."""
     top_V: float = 0.0
-    """Highest voltage since the end of the last stroke of a conditioning, in V."""
+    """Highest voltage since the lowest voltage of the last stroke, in V."""
     fell_V: float = 0.0
     """Largest decrease of the voltage below ``top_V`` since the last conditioning, in V."""
     since_s: float = 0.0

@@ -31,8 +31,8 @@ from pincette.control.response.unknown_creep import (
 from pincette.control.response.voltage_memory import VoltageMemory
 
 RESTED_S = 86400.0
-"""Duration of a rest after which creep has ended, in s. With the creep ended, it differs most from
-the creep of the model."""
+"""Duration of a rest after which creep has ended, in s. A history whose creep has ended differs
+most from that of the model."""
 ROOT_3 = sqrt(3.0)
 SURE = 2.0
 """Tolerance of a comparison with a measurement, as a multiple of the standard uncertainty."""
@@ -67,7 +67,7 @@ class UnknownPast(FrozenRecord, frozen=True):
 
     @property
     def awaits_rest(self) -> bool:
-        """Return whether a rest is still needed until only the creep is unknown."""
+        """Return whether ``met`` must still be determined from a rest of the free arm."""
         return not self.known and not self.met.spread.low_um
 
     def updated(self, voltage_V: float, dt_s: float) -> "UnknownPast":

@@ -31,9 +31,7 @@ _COUNTS: ContextVar[LineCounts | None] = ContextVar("counts", default=None)
 
 @contextmanager
 def counting(counts: LineCounts) -> Generator[None]:
-    """Yield counts that include the events of every line opened within the block, as long as it is
-    open.
-    """
+    """Count the events of every line opened within the block, as long as the line is open."""
     token = _COUNTS.set(counts)
     try:
         yield

@@ -113,7 +113,7 @@ class SimulatedPair(PairOrders):
                 )
                 if arm == 1:
                     self._end_tick(timeline.state)
-                else:  # a watchdog may have changed this arm alone; see the second write
+                else:  # reported again with the second: a watchdog may have changed only this arm
                     self._tell(self._ticks, self._sample or timeline.state, timeline.state)
                 return
             self._written_V[arm] = voltage_V
