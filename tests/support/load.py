@@ -24,15 +24,14 @@ import tempfile
 from collections import Counter, defaultdict
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import quantiles
 from time import perf_counter, process_time
 
 import httpx
-from sqlalchemy import insert
+from sqlalchemy import text
 
-from pincette_supervisor.journal.database import columns
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.tables import JOBS
 from tests.bench.loop.machine import cpu_s
@@ -179,14 +178,22 @@ async def grips(rig: RunningRig, count: int, until_s: float) -> list[Json]:
 
 def fill(journal: Path, count: int) -> None:
     """Add ended jobs to a journal, as copies of its newest one."""
+    names = [column.name for column in JOBS.columns]
+    own = {"id": "printf('filled-%08d', n)", "number": "n"}
+    adding = text(
+        "WITH RECURSIVE added(n) AS "
+        "(SELECT :first UNION ALL SELECT n + 1 FROM added WHERE n < :last) "
+        f"INSERT INTO {JOBS.name} ({', '.join(names)}) "
+        f"SELECT {', '.join(own.get(name, name) for name in names)} "
+        f"FROM {JOBS.name}, added WHERE number = :newest"
+    )
     store = Store(journal)
     (newest,) = store.newest(1)
-    first = newest.number + 1
-    for begin in range(first, first + count, FILLED_AT_ONCE):
-        numbers = range(begin, min(begin + FILLED_AT_ONCE, first + count))
-        added = [replace(newest, id=f"filled-{number:08d}", number=number) for number in numbers]
+    end = newest.number + count
+    for first in range(newest.number + 1, end + 1, FILLED_AT_ONCE):
         with store.writing() as connection:
-            connection.execute(insert(JOBS), [columns(row, "actions") for row in added])
+            last = min(first + FILLED_AT_ONCE - 1, end)
+            connection.execute(adding, {"first": first, "last": last, "newest": newest.number})
     store.close()
 
 

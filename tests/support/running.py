@@ -18,6 +18,8 @@ from tests.support.rigs import rig_toml
 
 Json = dict[str, Any]
 
+REPLY_S = 120.0
+"""Longest time until a reply over REST; planning takes long on a busy machine."""
 RECORD_WRITTEN_S = 300.0
 """Time that a record has to be written after the end of its job, in s."""
 
@@ -124,7 +126,11 @@ def running_rig(
             }
             fleet.start_each({**dict.fromkeys((*LOOP, "recorder", "supervisor"), ()), **late})
         with httpx.Client(
-            base_url=url, timeout=30.0, trust_env=False, verify=_believed(rig), headers=_shown(key)
+            base_url=url,
+            timeout=REPLY_S,
+            trust_env=False,
+            verify=_believed(rig),
+            headers=_shown(key),
         ) as client:
             yield RunningRig(rig, path, data, fleet, client)
     finally:

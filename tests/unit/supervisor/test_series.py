@@ -6,11 +6,13 @@ from typing import Any
 
 import pytest
 
-from pincette.api.series import SERIES_STATES, TARGETS
+from pincette.api.series import SERIES_STATES, TARGETS, SeriesRequest
 from pincette.config import RigFile
 from pincette.control.record import replace
 from pincette.core.faults import Outcome
+from pincette_supervisor.jobs.series_jobs import requests_of
 from pincette_supervisor.journal.store import utc_now
+from pincette_supervisor.problems import ProblemError
 
 from .canned import IN_APPROACH, IN_HOLD
 from .harness import Harness
@@ -185,6 +187,34 @@ def test_an_unusable_request_is_refused_with_a_readable_message(
     assert words in problem["detail"]
     assert harness.get("/series")["series"] == []
     assert harness.get("/jobs")["jobs"] == []
+
+
+@pytest.mark.parametrize(
+    ("table", "named"),
+    [
+        ("force_N;sample\n0,008;A\n", "force_N"),
+        ("Force_mN;sample\n8;A\n", "Force_mN"),
+        ("force_mN [N];sample\n8;A\n", "force_mN [N]"),
+        ("hold_ms;force_mN\n1000;8\n", "hold_ms"),
+        ("t_s;force_mN\n0;8\n", "t_s"),
+        ("8;A\n9;B\n", "8"),
+        ("#force_mN;sample\n8;A\n9;B\n", "8"),
+        ("force_mN sample\n8 A\n", "force_mN sample"),
+        ("force_mN,sample\n8,5,A\n", "line 2"),
+        ("force_mN;sample\nnan;A\n", "line 2"),
+        ("force_mN;sample\n1,000;A\n", "line 2"),
+        ("hold_s;force_mN\n1 000;8\n", "line 2"),
+        ("retries;force_mN\n2,5;8\n", "retries"),
+        ("zero_confirmed;force_mN\n2;8\n", "zero_confirmed"),
+        ("label.a;label.a;force_mN\n1;2;8\n", "label.a"),
+        ("PAR1\x15\x04;\n2;\n", "line 1"),
+    ],
+)
+def test_a_table_with_other_columns_or_values_is_refused(table: str, named: str) -> None:
+    with pytest.raises(ProblemError) as refused:
+        requests_of(SeriesRequest(job=GRIP, csv=table))
+    assert refused.value.status == 422
+    assert named in refused.value.detail
 
 
 def test_nothing_moves_if_one_job_would_break_a_limit(harness: Harness) -> None:
