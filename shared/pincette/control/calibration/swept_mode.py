@@ -119,7 +119,7 @@ def swept_mode(
 
 
 def require_even_swing(x_um: Column, rate_hz: float) -> None:
-    """Refuse a sweep with a larger swing to one side, since an obstacle must be at the other side.
+    """Refuse a sweep with a larger swing to one side, which shows an obstacle at the other side.
 
     Raises
     ------

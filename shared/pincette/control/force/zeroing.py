@@ -61,9 +61,9 @@ class ZeroLimits:
         creep_um
             Distance by which creep and an unknown history may have moved the arm since that zero.
         memory_known
-            True if the model has followed the arm beyond this voltage before. Otherwise it may lack
-            hysteresis from before the model was started, and the tolerance of the model would
-            refuse the zero of a free arm.
+            True if the model has followed the arm beyond this voltage before. Otherwise the model
+            may lack hysteresis from before it was started, and its own tolerance would refuse the
+            zero of a free arm.
         """
         limit_um = model.zero_tolerance_um(creep_um)
         if memory_known:

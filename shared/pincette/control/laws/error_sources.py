@@ -107,7 +107,7 @@ class Sources:
 
     total: float
     """Total error: for the position the measured r.m.s., for the force the root of the sum of
-    squares."""
+    squares of all contributions."""
     by_cause: Mapping[Cause, float]
 
     @property

@@ -12,8 +12,8 @@ from pincette.control.faults import Fault, FaultCode, fault
 from pincette.control.record import FrozenRecord
 
 ARRIVALS_KEPT = 8
-"""Number of samples that are kept. A command that is further ahead cannot just have arrived before
-its sample; it is wrong."""
+"""Number of samples that are kept. A command whose sample number is further ahead cannot simply
+have arrived before its sample; it is wrong."""
 
 
 class Arrival(FrozenRecord, frozen=True):

@@ -62,7 +62,7 @@ class TuningPath:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """Gains and their r.m.s. errors, in percent of peak to peak."""
+    """Gains, and the r.m.s. errors with them, in percent of the peak-to-peak value."""
 
     settings: LawSettings
     position_percent: float

@@ -154,7 +154,8 @@ def loop_matrices(loop: TwoArmLoop, cases: tuple[TwoArmCase, ...]) -> Array:
 def law_matrix(loop: TwoArmLoop, *, pressed: bool) -> Array:
     """Return the law's matrix: (x_1, x_2, X_1, X_2 of k-1, state) to (X_1, X_2 of k, state).
 
-    Both estimators are quasi-static, with the ages of the law.
+    Both estimators are quasi-static, and pair x with the displacement of ``two_arms.aged``, as the
+    law does.
     """
     made = two_arms.build(
         loop.arms, dict(loop.gains), loop.period_s, loop.part_um_per_mN, loop.output
