@@ -77,7 +77,7 @@ class PlannedPair:
     """Compliance c of part and faces, in µm/mN."""
 
     def follow(self, segment: Segment, entry: Entry, ref: Reference) -> Reference:
-        """Return the references with the opening that results from the force on a pressed part."""
+        """Return the references; while a part is pressed, the opening results from the force."""
         _ = entry
         if not segment.presses:
             return ref

@@ -205,10 +205,7 @@ class PlannedArm:
 
 
 def _shaken(model: HysteresisModel, memory: HysteresisState) -> HysteresisState:
-    """Return both courses joined.
-
-    The first sample of the second course replaces the last one of the first.
-    """
+    """Return the memory after small swings about the present voltage."""
     about_V = memory.voltage_V
     for _ in range(SHAKES):
         for off_V in (-0.5 * SHAKEN_V, 0.5 * SHAKEN_V):
