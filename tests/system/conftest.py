@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from tests.unit.supervisor.harness import Harness
 
 SHARED = laid_over(SHORT, {"grip": {"hold_s": 2.0}})
+SCRIPTED = laid_over(SHORT, {"simulation": {"scripts": True}})
 FIGURES = pytest.StashKey[list[str]]()
 
 
@@ -112,6 +113,17 @@ def paced(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
     `make_ready` clears the state that another test has left.
     """
     with running_rig(paced_rig(SHARED), tmp_path_factory.mktemp("paced")) as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def lockstep(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    """Start one rig in lockstep for all tests of a worker that leave it intact.
+
+    Its part can be removed and placed. `make_ready` clears the state that another test has left.
+    """
+    rig = demo_rig(SCRIPTED, time="lockstep")
+    with running_rig(rig, tmp_path_factory.mktemp("lockstep")) as running:
         yield running
 
 

@@ -8,28 +8,21 @@ from time import monotonic, sleep
 import pytest
 
 from pincette.client import Supervisor
-from tests.support.grips import SHORT, kill, make_ready, restart
-from tests.support.rigs import demo_rig, laid_over
-from tests.support.running import Json, RunningRig, running_rig
+from tests.support.grips import kill, make_ready, restart
+from tests.support.running import Json, RunningRig
 
 LONG_S = 120.0
 """Longest time of a job, in s; a rig in lockstep is as slow as the machine is loaded."""
 RECOVERY = {"wait_s": 3600.0}
-SCRIPTED = laid_over(SHORT, {"simulation": {"scripts": True}})
-
-
-@pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
-    with running_rig(demo_rig(SCRIPTED, time="lockstep"), tmp_path_factory.mktemp("rig")) as up:
-        yield up
 
 
 @pytest.fixture
-def rig(running: RunningRig) -> RunningRig:
-    """Provide a rig that can start and has no part."""
-    make_ready(running, LONG_S)
-    command_part(running, "remove")
-    return running
+def rig(lockstep: RunningRig) -> Generator[RunningRig]:
+    """Provide a rig that can start and has no part until the test ends."""
+    make_ready(lockstep, LONG_S)
+    command_part(lockstep, "remove")
+    yield lockstep
+    command_part(lockstep, "place")
 
 
 def command_part(rig: RunningRig, what: str) -> None:

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from collections.abc import Generator
 from pathlib import Path
 from time import monotonic, sleep
 
@@ -10,21 +9,15 @@ import pytest
 
 from pincette.client import Supervisor
 from tests.support.checkout import ROOT, environment
-from tests.support.grips import SHORT
-from tests.support.rigs import demo_rig
-from tests.support.running import RunningRig, running_rig
+from tests.support.grips import make_ready
+from tests.support.running import RunningRig
 
 PATIENCE_S = 120.0
 
 
-@pytest.fixture(scope="module")
-def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
-    with running_rig(demo_rig(SHORT, time="lockstep"), tmp_path_factory.mktemp("place")) as up:
-        yield up
-
-
-def test_a_grip_uses_the_place_that_the_example_publishes(rig: RunningRig) -> None:
-    bus = rig.rig.bus
+def test_a_grip_uses_the_place_that_the_example_publishes(lockstep: RunningRig) -> None:
+    rig, bus = lockstep, lockstep.rig.bus
+    make_ready(rig, PATIENCE_S)
     words = ["--router", f"tcp/{bus.host}:{bus.port}", "--x-um", "6.0", "--u-um", "0.8"]
     words += ["--seconds", "600"]
     camera = subprocess.Popen(

@@ -2,16 +2,12 @@
 
 import subprocess
 import sys
-from collections.abc import Generator
 from pathlib import Path
 from time import monotonic, sleep
 
-import pytest
-
 from pincette.client import Supervisor
-from tests.support.grips import SHORT, kill, make_ready, restart
-from tests.support.rigs import demo_rig
-from tests.support.running import RunningRig, running_rig
+from tests.support.grips import kill, make_ready, restart
+from tests.support.running import RunningRig
 
 LONG_S = 120.0
 """A rig in lockstep is as slow as the machine is loaded."""
@@ -26,14 +22,9 @@ kind = "grip"
 BEADS = "sample,force_mN\nB1,8\nB2,9\nB3,10\n"
 
 
-@pytest.fixture(scope="module")
-def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
-    with running_rig(demo_rig(SHORT, time="lockstep"), tmp_path_factory.mktemp("rig")) as running:
-        make_ready(running, LONG_S)
-        yield running
-
-
-def test_a_series_continues_with_the_next_supervisor(rig: RunningRig, tmp_path: Path) -> None:
+def test_a_series_continues_with_the_next_supervisor(lockstep: RunningRig, tmp_path: Path) -> None:
+    rig = lockstep
+    make_ready(rig, LONG_S)
     (tmp_path / "plan.toml").write_text(PLAN, encoding="utf-8")
     (tmp_path / "beads.csv").write_text(BEADS, encoding="utf-8")
     url = rig.rig.supervisor.url
