@@ -156,7 +156,7 @@ def test_the_unknown_past_is_reported_until_strokes_have_erased_it(
     limits = DEMO.limits
     for to_V in (limits.voltage_min_V, limits.voltage_max_V, 0.0):
         arm.move(to_V)
-    arm.rest(600.0)
+    arm.rest(200.0)
     arm.bench.arm(2)
     assert arm.bench.state.findings == ()
     assert arm.bench.state.arms[0].unknown.known
