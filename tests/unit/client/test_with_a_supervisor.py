@@ -79,7 +79,7 @@ def test_a_key_that_is_used_for_another_request_is_refused(bench: Harness) -> No
 
 
 def test_a_held_part_is_released_by_the_asynchronous_client(bench: Harness) -> None:
-    bench.bus.pause_at = 445
+    bench.bus.pause_at = 190
 
     async def run() -> list[str]:
         transport = httpx.ASGITransport(bench.app)

@@ -21,7 +21,7 @@ from tests.support.bytes_bus import carried
 from . import samples
 from .canned_record import closed, trip_reason
 
-IN_HOLD, IN_APPROACH = 350, 60
+IN_HOLD, IN_APPROACH = 160, 60
 """Number of ticks of the prepared grip."""
 
 ANSWERING = (*PROGRAMS, SIMULATION)

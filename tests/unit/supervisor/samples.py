@@ -42,12 +42,12 @@ PLANT = discretize(consistent_arm(2437.8, 0.026, 19.0, 0.46), PERIOD_S)
 CONTACT_UM, STIFFNESS = 31.2, 2.11
 PHASES = (
     ("zero", 20, 0.0, 0.0),
-    ("approach", 80, 26.0, 0.0),
-    ("contact", 70, 32.0, 1.7),
-    ("load", 100, CONTACT_UM + 20.0 / STIFFNESS, 20.0),
-    ("hold", 200, CONTACT_UM + 20.0 / STIFFNESS, 20.0),
-    ("unload", 100, CONTACT_UM, 0.0),
-    ("retreat", 100, 0.0, 0.0),
+    ("approach", 50, 26.0, 0.0),
+    ("contact", 30, 32.0, 1.7),
+    ("load", 40, CONTACT_UM + 20.0 / STIFFNESS, 20.0),
+    ("hold", 70, CONTACT_UM + 20.0 / STIFFNESS, 20.0),
+    ("unload", 30, CONTACT_UM, 0.0),
+    ("retreat", 30, 0.0, 0.0),
 )
 """Phase, ticks, position and force at its end."""
 PATH = sinusoid("force", 12.0, 20.0, 0.5, 2)
@@ -94,12 +94,15 @@ class Tick:
         )
 
 
-def references() -> Iterator[tuple[str, int, float, float]]:
-    """Return phase, its number, x_r and F_r of each tick, moving smoothly from one to the next."""
+def references(times: int = 1) -> Iterator[tuple[str, int, float, float]]:
+    """Return phase, its number, x_r and F_r of each tick, moving smoothly from one to the next.
+
+    ``times`` multiplies the ticks of each phase.
+    """
     x_um = force_mN = 0.0
     for number, (phase, ticks, x_to_um, force_to_mN) in enumerate(PHASES):
-        for tick in range(ticks):
-            share = (tick + 1) / ticks
+        for tick in range(times * ticks):
+            share = (tick + 1) / (times * ticks)
             share = share * share * (3.0 - 2.0 * share)
             step_x, step_force = share * (x_to_um - x_um), share * (force_to_mN - force_mN)
             yield phase, number, x_um + step_x, force_mN + step_force
@@ -115,6 +118,11 @@ def grip(epoch: int = 7) -> list[Tick]:
 @lru_cache(maxsize=4)
 def _grip(epoch: int) -> list[Tick]:
     return _ended([_tick(epoch, seq, *reference) for seq, reference in enumerate(references())])
+
+
+def slow_grip(times: int) -> list[Tick]:
+    """Return a grip whose phases all take ``times`` as many ticks."""
+    return _ended([_tick(7, seq, *reference) for seq, reference in enumerate(references(times))])
 
 
 def track(epoch: int = 7) -> list[Tick]:

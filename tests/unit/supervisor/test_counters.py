@@ -102,7 +102,7 @@ def test_an_estimate_outside_an_arming_is_not_counted_as_a_peak() -> None:
 def test_the_peak_of_an_arming_whose_end_was_lost_is_counted_when_the_next_arming_has_a_force() -> (
     None
 ):
-    cut = [message for tick in samples.grip(7)[:300] for message in tick.messages()]
+    cut = [message for tick in samples.grip(7)[:180] for message in tick.messages()]
     counters = fed(cut)
     assert counters.peaks().counts[-1] == 0
     fed(of_grip(8), counters)

@@ -55,9 +55,9 @@ def test_errors_while_settling_are_allowed_and_the_settling_time_is_reported() -
     assert found.met
     assert found.settled_s == pytest.approx(11 * PERIOD_S)
     assert found.position_error_um is None
-    late = goal(off_at(100, 5.0), force_tolerance_mN=0.3)
+    late = goal(off_at(40, 5.0), force_tolerance_mN=0.3)
     assert not late.met
-    assert late.settled_s == pytest.approx(101 * PERIOD_S)
+    assert late.settled_s == pytest.approx(41 * PERIOD_S)
     assert late.force_error_mN == pytest.approx(5.0 + FORCE_ERROR_MN)
 
 

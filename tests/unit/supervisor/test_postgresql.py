@@ -23,6 +23,7 @@ from pincette_supervisor.journal.store import Store, StoreError
 from pincette_supervisor.journal.tables import METADATA, utc_now
 from tests.support.postgres import Server, server
 
+from .canned import IN_HOLD
 from .harness import Harness
 from .test_job_search import FILTERS, fill, matches, rows
 
@@ -134,7 +135,7 @@ def test_a_restart_of_the_server_loses_nothing(
     rig_file: RigFile, open_harness: Callable[..., Harness], postgres: Server, url: str
 ) -> None:
     harness = open_harness(rig_file, store_url=url)
-    job = harness.playing_to(400)
+    job = harness.playing_to(IN_HOLD)
     postgres.stop()
     try:
         assert not harness.store.probe()

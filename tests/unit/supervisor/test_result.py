@@ -105,7 +105,7 @@ def test_a_limit_that_acted_is_named_with_its_first_sample() -> None:
 
 def test_lost_samples_are_counted_and_change_no_figure() -> None:
     ticks = samples.grip()
-    result = result_of(ticks[:300] + ticks[303:])
+    result = result_of(ticks[:150] + ticks[153:])
     assert result.missed_ticks == 3
     assert result.force_error_mN == pytest.approx(samples.FORCE_ERROR_MN)
 
@@ -130,10 +130,10 @@ def test_a_trip_is_the_outcome_whatever_the_controller_reported() -> None:
 
 def test_actions_are_listed_with_their_sample() -> None:
     ticks = samples.grip()
-    acted = replace(ticks[400].telemetry, acted=(Acted.STOP, Acted.RELEASE), outcome=Outcome.NONE)
-    ticks[400] = replace(ticks[400], telemetry=acted)
+    acted = replace(ticks[180].telemetry, acted=(Acted.STOP, Acted.RELEASE), outcome=Outcome.NONE)
+    ticks[180] = replace(ticks[180], telemetry=acted)
     result = result_of(ticks)
-    assert [(a.type, a.seq) for a in result.actions] == [("stop", 400), ("release", 400)]
+    assert [(a.type, a.seq) for a in result.actions] == [("stop", 180), ("release", 180)]
 
 
 def test_without_samples_the_result_is_empty() -> None:

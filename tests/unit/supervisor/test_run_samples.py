@@ -20,7 +20,7 @@ PEAK_MN, LIMITED = 31.0, 3
 
 def long_grip(hold_ticks: int = HOLD_TICKS) -> list[Message]:
     """Return a grip with a long hold that contains one peak of force and a few ticks at a limit."""
-    ticks = samples.grip()
+    ticks = samples.slow_grip(3)
     names = [tick.telemetry.phase for tick in ticks]
     begin = names.index("hold") + 100  # where the hold is settled
     found = [message for tick in ticks[:begin] for message in tick.messages()]

@@ -16,7 +16,7 @@ from pincette_supervisor.rigs.rig_context import ActuatorTrip
 from .canned import ANSWERING, PROGRAMS
 from .harness import Harness
 
-HOLD = 445
+HOLD = 190
 """Tick at which the part is held."""
 DEAF_S = 2.5
 """Longer than the silence after which an actuator counts as silent, in s."""
