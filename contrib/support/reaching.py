@@ -62,7 +62,9 @@ def climb(rig: RunningRig, driver: Driver, folder: Path) -> None:
         jobs.append(rig.view()["active_job"])
     assert len(set(jobs)) == len(jobs)
     driver.reach(STAIRCASE_MN[-1])
-    assert rig.view()["active_job"] == jobs[-1], "a force that is held already was requested again"
+    assert rig.view()["active_job"] == jobs[-1], (
+        "a new job was started for a force that is already held"
+    )
     driver.release()
     assert rig.view()["part"] == "none"
     check_staircase(rig, jobs, folder)
@@ -126,12 +128,14 @@ def stop_and_ask_again(rig: RunningRig, driver: Driver, phase: str) -> None:
     if phase == "hold":
         stop(rig, str(job))
         driver.reach(FORCE_MN)
-        assert rig.view()["active_job"] == job, "a force that is held already was requested again"
+        assert rig.view()["active_job"] == job, (
+            "a new job was started for a force that is already held"
+        )
     elif phase == "unload":
         with stopping(rig, phase):
             try:
                 driver.release()
-                assert rig.view()["part"] == "none", "a release that was stopped is a success"
+                assert rig.view()["part"] == "none", "a stopped release was reported as a success"
             except NotReachedError:
                 pass
         until(lambda: rig.phase() != phase, "it still lets go")
@@ -145,7 +149,7 @@ def stop_and_ask_again(rig: RunningRig, driver: Driver, phase: str) -> None:
                 driver.reach(FORCE_MN)
             except NotReachedError as error:
                 message = str(error)
-        assert message, "a grip that was stopped is a success"
+        assert message, "a stopped grip was reported as a success"
         until(lambda: rig.job(stopped[0])["state"] == "stopped", "the job is not stopped")
         assert rig.view()["part"] == ("held" if phase in KEPT else "none")
         assert abs(driver.reach(FORCE_MN) - FORCE_MN) < NEAR_MN

@@ -33,7 +33,7 @@ def new_engine() -> Any:
 def ended(engine: Any) -> None:
     """Stop the loop of an engine, and close it."""
     engine.loop.call_soon_threadsafe(engine.loop.stop)
-    until(lambda: not engine.loop.is_running(), "the loop of the engine goes on")
+    until(lambda: not engine.loop.is_running(), "the event loop of the engine still runs")
     engine.loop.close()
 
 

@@ -128,7 +128,9 @@ def test_a_command_of_the_controller_arrives_once_over_the_direct_link(site: Sit
     site.controller.publish(TRUE)
     site.heard(before + 1)
     sleep(QUIET_S)
-    assert site.got[before:] == [TRUE], "once, though there is a way through the router as well"
+    assert site.got[before:] == [TRUE], (
+        "the command must arrive once, although the router could forward it too"
+    )
 
 
 @pytest.mark.parametrize(

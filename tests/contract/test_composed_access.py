@@ -111,7 +111,9 @@ def test_a_composed_program_publishes_the_keys_of_its_services_only(site: Site) 
     site.until(lambda: len(site.commands) > before and "estimate" in site.told)
     sleep(QUIET_S)
     stated = {topic.name for topic in TOPICS if topic.message in names}
-    assert {"position", "applied"} <= stated, "it has tried to say what others say"
+    assert {"position", "applied"} <= stated, (
+        "the program should have tried to publish on topics of other programs"
+    )
     assert site.told == stated & OWN
 
 

@@ -75,7 +75,9 @@ def test_valid_frames_are_transferred_unchanged(name: str) -> None:
 def test_twenty_thousand_frames_are_accepted_or_refused() -> None:
     print(f"seed {SEED}")
     reported = fuzzed(20_000, SEED)
-    assert set(reported) == {"refused", *BY_NAME}, "some of every kind are taken, and some refused"
+    assert set(reported) == {"refused", *BY_NAME}, (
+        "frames of each type must be accepted and some refused"
+    )
     assert 0.3 < reported["refused"] / reported.total() < 0.95
 
 

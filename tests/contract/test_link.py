@@ -242,7 +242,9 @@ def test_after_a_peer_has_vanished_the_link_reconnects_to_its_successor() -> Non
                     link.exchange(b"R0")
                 assert caught.value.code == "silent"
             dead.settimeout(2.0)
-            assert dead.recv(16) == b"R0\r", "asked once, since an answer to it may still come"
+            assert dead.recv(16) == b"R0\r", (
+                "the request must be sent once, since its answer may still arrive"
+            )
             passed_s = LEAST_PATIENCE_S
             server.settimeout(2.0)
             with pytest.raises(InstrumentError):

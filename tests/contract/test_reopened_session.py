@@ -88,13 +88,15 @@ def test_declarations_are_renewed_in_a_new_session(
         bus.serve(STATUS["controller"], lambda _question, _request, reply: reply("not now"))
         before = sessions(bus)
         unanswered(bus, 2)
-        assert sessions(bus) == before, "0.4 s are no reason"
+        assert sessions(bus) == before, "a silence of 0.4 s must not reopen the session"
         unanswered(bus, 2)
         after = sessions(bus)
         assert after != before
         assert "estimator is alive but does not answer" in caplog.text
         unanswered(bus, 5)
-        assert sessions(bus) == after, "once, and then not for 30 s"
+        assert sessions(bus) == after, (
+            "the session must be reopened once and then not again for 30 s"
+        )
         until(lambda: "supervisor" in other.alive())
         number = 0
 

@@ -141,4 +141,6 @@ def test_a_silent_module_is_silent_for_both_arms() -> None:
     reported, _ = play(off, changes=changes)
     applied = [item for item in reported if isinstance(item, Applied)]
     (fault,) = applied[-1].faults[:1]
-    assert fault.number("arm") == 1, "the first is written first, and is silent already"
+    assert fault.number("arm") == 1, (
+        "the first channel is written first and already does not answer"
+    )

@@ -105,7 +105,7 @@ def test_an_image_contains_its_pinned_packages_and_no_build_tools(image: str, pi
     held = {canonicalize_name(name): version for name, version in found.packages.items()}
     for own in ("pincette", "pincette-client", "pincette-nidaqmx"):
         assert held.pop(canonicalize_name(own))
-    assert held == told_of, "what `make sbom` writes is not what the image holds"
+    assert held == told_of, "the output of `make sbom` differs from the packages in the image"
 
 
 @pytest.mark.usefixtures("project")

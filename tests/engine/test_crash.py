@@ -153,7 +153,7 @@ def test_the_container_with_the_network_is_restarted_and_the_others_are_recreate
     os.kill(rig.containers.process("loopback"), signal.SIGKILL)
     deadline = monotonic() + 30.0
     while rig.containers.restarts("loopback") == before:
-        assert monotonic() < deadline, "loopback is not started again"
+        assert monotonic() < deadline, "the container loopback was not restarted"
         sleep(0.2)
     rig.containers.project.up("--force-recreate")
     make_ready(rig)

@@ -25,7 +25,7 @@ CUT_S = 1.0
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[ContainerRig]:
     only_root()
     if shutil.which("iptables") is None or shutil.which("nsenter") is None:
-        pytest.skip("no iptables or no nsenter here to cut a network with")
+        pytest.skip("iptables or nsenter is missing: the network cannot be cut")
     with container_rig("pincette-cut", tmp_path_factory.mktemp("cut")) as running:
         yield running
 

@@ -80,7 +80,7 @@ def test_an_upgrade_keeps_stored_data(
     for image in ("pincette", "pincette-loop"):
         assert inspected(image)["Config"]["Labels"][REVISION] == "after"
     for name, number in containers(rig).items():
-        assert number != ran[name], f"{name} is the container of before"
+        assert number != ran[name], f"{name} is still the old container"
         one = rig.containers.project.container(name)
         assert told("inspect", "-f", f'{{{{index .Config.Labels "{REVISION}"}}}}', one) == "after"
     assert rig.job(job) == before

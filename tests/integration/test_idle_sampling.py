@@ -95,7 +95,9 @@ def test_a_request_for_another_epoch_is_refused(ended: VirtualLoop) -> None:
     reply = loop.call("sensor", Idle(EPOCH - 1))
     assert isinstance(reply, str)
     loop.arm(program_at(T), EPOCH + 1)
-    assert isinstance(loop.call("sensor", Idle(EPOCH)), str), "late, it would slow an armed loop"
+    assert isinstance(loop.call("sensor", Idle(EPOCH)), str), (
+        "a late request would slow an armed loop"
+    )
 
 
 def test_a_rig_that_was_never_armed_may_sample_slowly() -> None:

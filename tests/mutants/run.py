@@ -80,7 +80,7 @@ def judged(place: Path, patterns: Sequence[str]) -> int:
     stale = [] if patterns else sorted(reasons.keys() - set(survivors))
     print(f"{len(found)} mutants, {len(survivors)} survive, {len(unknown)} without a reason")
     for name in stale:
-        print(f"{REGISTER.name}: {name} does not survive: take it out")
+        print(f"{REGISTER.name}: {name} does not survive: remove it from the list")
     return 1 if unknown or stale or not found else 0
 
 

@@ -20,7 +20,7 @@ def root() -> Path:
 def files(root: Path) -> list[Path]:
     """Files that are tracked, or untracked and not ignored."""
     if shutil.which("git") is None or not (root / ".git").exists():
-        pytest.skip("no git checkout: which files belong to the tree is not known")
+        pytest.skip("not a git checkout: the files of the tree are unknown")
     command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     listed = subprocess.check_output(command, cwd=root, text=True).split("\0")
     return [root / name for name in sorted(set(listed)) if name and (root / name).is_file()]

@@ -181,6 +181,6 @@ def test_the_files_are_valid(root: Path, name: str, monkeypatch: pytest.MonkeyPa
     docker = shutil.which("docker")
     if docker is None or _ran([docker, "compose", "version"], root).returncode:
         # An engine may lack this plug-in; the rest of the file is tested without it.
-        pytest.skip("no docker compose here: its files are read, but not validated")
+        pytest.skip("docker compose is missing: its files cannot be validated")
     done = _ran([docker, "compose", *over, "config", "--quiet"], root)
     assert done.returncode == 0, done.stderr

@@ -34,7 +34,7 @@ def test_no_command_is_in_an_indented_block() -> None:
         for before, line in lines_outside_fences(path)
         if before == "" and line.startswith("    ") and COMMAND.match(line.strip())
     ]
-    assert found == [], "put it between ```sh and ```"
+    assert found == [], "put the command between ```sh and ```"
 
 
 def lines_outside_fences(path: Path) -> Iterator[tuple[str, str]]:
@@ -65,7 +65,7 @@ def rig_of(tables: dict[str, Any], root: Path) -> None:
 def test_toml_examples_are_parts_of_a_rig_file(block: Block, root: Path) -> None:
     tables = tomllib.loads(block.text)
     if "build-system" in tables:
-        assert tables["project"]["entry-points"], "a package that registers a driver"
+        assert tables["project"]["entry-points"], "this package must register a driver"
         return
     rig_of(tables, root)
 

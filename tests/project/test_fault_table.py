@@ -25,7 +25,7 @@ def test_every_test_that_is_named_exists(root: Path) -> None:
             path, _, name = test.partition("::")
             if not (root / path).is_file() or (name and name not in functions(root / path)):
                 missing.append(f"row {row.number}: {test}")
-    assert not missing, "renamed or gone: tests/support/fault_table.toml says what shows it"
+    assert not missing, "tests/support/fault_table.toml names tests that were renamed or deleted"
 
 
 def test_every_row_names_a_test_and_a_counterpart() -> None:

@@ -127,5 +127,7 @@ def await_text(log: Path, text: str, process: "subprocess.Popen[bytes]", timeout
         if text in stated:
             return stated
         if process.poll() is not None or monotonic() > deadline:
-            raise TimeoutError(f"never said {text!r}; status {process.poll()}:\n{stated[-2000:]}")
+            raise TimeoutError(
+                f"did not print {text!r}; status {process.poll()}:\n{stated[-2000:]}"
+            )
         sleep(0.05)

@@ -121,7 +121,7 @@ class Campaign:
             reported = self.logged(program, "up") - self.logged(program, "down")
             if reported != standing:
                 text = "\n".join(self.told(program))
-                yield f"{program} tells of {reported} links, and has {standing}:\n{text}"
+                yield f"{program} reports {reported} links but has {standing}:\n{text}"
 
     def _make_ready(self) -> None:
         """Act as a person does; an actuator that ramps still refuses its reset for a moment."""
@@ -155,7 +155,7 @@ class Campaign:
             raise AssertionError(f"ready after {ready_s:.2f} s (stalls {stood_s:.3f} s)")
         lost = self.logged(program, "down") - before
         if length_s > LOST_S and not lost:
-            raise AssertionError("no link was told as gone")
+            raise AssertionError("no link was reported as lost")
         return Made(program, state, length_s, ready_s, stood_s, lost)
 
     def _begin(self, state: str) -> None:
@@ -236,7 +236,7 @@ def main() -> int:
     words.add_argument("--cuts", type=int, default=300)
     words.add_argument("--longest-s", type=float, default=LONGEST_S)
     words.add_argument("--seed", type=int, default=SEED)
-    words.add_argument("--within-s", type=float, default=inf, help="begin no cut after this time")
+    words.add_argument("--within-s", type=float, default=inf, help="start no cut after this time")
     words.add_argument("--secure", action="store_true")
     wished = words.parse_args()
     disable_gc()

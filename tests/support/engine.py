@@ -48,7 +48,9 @@ def engine() -> Generator[None]:
     """
     own = answers()
     if not own and not (STARTER / "engine.sh").is_file():
-        pytest.skip(f"no Docker engine answers, and there is no {STARTER.name} that starts one")
+        pytest.skip(
+            f"no Docker engine replies, and {STARTER.name}, which would start one, is missing"
+        )
     try:
         if not own:
             _script("engine.sh")

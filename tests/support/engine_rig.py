@@ -62,7 +62,7 @@ class Containers(Fleet):
 
     def until_restarted(self, name: str, before: int, timeout_s: float = HEALTHY_S) -> None:
         """Wait until Docker has restarted a program and it is healthy."""
-        self._until(lambda: self.restarts(name) > before, f"{name} is not started again", timeout_s)
+        self._until(lambda: self.restarts(name) > before, f"{name} was not restarted", timeout_s)
         self.until_healthy(timeout_s)
 
     def until_healthy(self, timeout_s: float = HEALTHY_S) -> None:
@@ -154,13 +154,13 @@ def until_seen_again(rig: RunningRig, timeout_s: float = 30.0) -> float:
         if not reported:
             return monotonic() - begun
         sleep(0.1)
-    raise TimeoutError(f"not seen again within {timeout_s:g} s: {reported}")
+    raise TimeoutError(f"programs have not reconnected within {timeout_s:g} s: {reported}")
 
 
 def only_root() -> None:
     """Skip the test if this user may not signal the processes of containers."""
     if os.geteuid() != 0:
-        pytest.skip("only root may send signals to containers' processes, or cut their network")
+        pytest.skip("only root may send signals to processes of containers or cut their network")
 
 
 def inspected(image: str) -> Tree:

@@ -23,7 +23,9 @@ ACCEPTED_S = 5.0
 def main() -> None:
     """Close the guard's connection in an orderly way, and then the accepted one."""
     if INSIDE not in os.environ:
-        raise RuntimeError("the kernel's setting is changed in a network of its own only")
+        raise RuntimeError(
+            "the kernel's setting may be changed only in a separate network namespace"
+        )
     Path("/proc/sys/net/ipv4/tcp_fin_timeout").write_text(str(FORGOTTEN_S), encoding="ascii")
     behind = PrivatePort.chosen()
     with socket.create_server((behind.host, behind.port)) as listener:

@@ -119,7 +119,7 @@ def _begin(
             if echo.state in TRIPPED:
                 fail_of_trip(seen, at, echo)
         sleep(LOOK_S)
-    raise TimeoutError(f"the grip does not get there: {rig.job(job)}")
+    raise TimeoutError(f"the grip does not reach this phase: {rig.job(job)}")
 
 
 def _epoch(seen: Witness) -> int:

@@ -192,7 +192,7 @@ def _check_nothing_moves(rig: RunningRig, seen: Witness, fault: Fault, struck_s:
         since_s, _ = seen.until_state(TRIPPED, struck_s)
     sleep(LOOK_S)
     echoes = [echo for _, echo in seen.since(Applied, since_s)]
-    assert not [echo for echo in echoes if echo.answered], "a command was taken after the trip"
+    assert not [echo for echo in echoes if echo.answered], "a command was accepted after the trip"
     states = {echo.state for echo in echoes}
     assert states <= {*TRIPPED, "latched"}, states
     assert not rig.view()["can_start"]

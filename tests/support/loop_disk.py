@@ -36,7 +36,7 @@ class LoopDisk:
                 again.unlink()
                 return target
             again.replace(target)
-        raise AssertionError(f"{self._image} never rested for the time of a copy")
+        raise AssertionError(f"{self._image} was never idle long enough to be copied")
 
 
 def _copy(image: Path, target: Path) -> None:
@@ -50,7 +50,7 @@ def loop_disk(folder: Path, size_MB: int = SIZE_MB) -> Generator[LoopDisk]:
     with image.open("wb") as file:
         file.truncate(size_MB * 2**20)
     if shutil.which("mkfs.ext4") is None:
-        pytest.skip("there is no mkfs.ext4 (package e2fsprogs): no disk to cut off")
+        pytest.skip("mkfs.ext4 (package e2fsprogs) is missing: no disk can be cut off")
     subprocess.run(["mkfs.ext4", "-q", "-F", str(image)], check=True)
     with mounted(image, folder / "disk") as root:
         yield LoopDisk(image, root)

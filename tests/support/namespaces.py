@@ -70,7 +70,7 @@ class Cut:
 
     def __init__(self, process: int, ports: Collection[int], way: Way) -> None:
         if INSIDE not in os.environ:
-            raise RuntimeError("links are cut in a network of their own only")
+            raise RuntimeError("links may be cut only in a separate network namespace")
         rules = ["*filter"]
         for own, other in links(process, ports):
             ends = {"out": (own, other), "in": (other, own)}
@@ -90,7 +90,7 @@ class Cut:
 
     def _say(self, text: str) -> None:
         if self._tool.stdin is None:
-            raise RuntimeError("iptables-restore cannot be told anything")
+            raise RuntimeError("iptables-restore has no standard input")
         self._tool.stdin.write(f"{text}\n")
         self._tool.stdin.flush()
 

@@ -79,7 +79,7 @@ class RunningRig:
             if progress.get("phase") == phase:
                 return
             sleep(0.02)
-        raise TimeoutError(f"job {name} never came to {phase}: {self.job(name)}")
+        raise TimeoutError(f"job {name} did not reach phase {phase}: {self.job(name)}")
 
     def view(self) -> Json:
         """Return the state of the rig over REST."""

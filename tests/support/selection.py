@@ -12,7 +12,10 @@ LEFT_OUT = "left out: the time of the session is used up"
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
-        "--until", type=float, metavar="EPOCH_S", help="leave out what has not begun by this time"
+        "--until",
+        type=float,
+        metavar="EPOCH_S",
+        help="skip tests that have not started by this time",
     )
 
 

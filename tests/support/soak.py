@@ -95,12 +95,12 @@ class Campaign:
                 if stood_s < BLAMED_S:
                     self.failures.append(case)
                     return f"FAILED: {error}"
-                self.repeated.append(f"{case} (the machine stood still for {stood_s:.3f} s)")
+                self.repeated.append(f"{case} (the machine stalled for {stood_s:.3f} s)")
             else:
                 self.injected.append(one)
                 reaction_s = one.reaction_s or float("nan")
                 return f"reaction {1e3 * reaction_s:.1f} ms, safe {1e3 * one.safe_s:.1f} ms"
-        self.failures.append(f"{what}: the machine stood still in each of {TRIES} tries")
+        self.failures.append(f"{what}: the machine stalled in each of {TRIES} attempts")
         return "given up"
 
 
@@ -150,7 +150,9 @@ def main() -> int:
     """Inject as the command line states."""
     words = argparse.ArgumentParser(description=__doc__)
     words.add_argument("file", type=Path)
-    words.add_argument("--rounds", type=int, default=ROUNDS, help="of each fault and program")
+    words.add_argument(
+        "--rounds", type=int, default=ROUNDS, help="number of injections of each fault and program"
+    )
     words.add_argument("--seed", type=int, default=SEED)
     words.add_argument("--kinds", nargs="+", default=KINDS, choices=("killed", "stopped", *CUTS))
     words.add_argument("--programs", nargs="+", default=PROGRAMS)

@@ -198,7 +198,7 @@ class Engine:
         self.bench.step_begins()
         runner, now = program.runner, program.began_s
         outputs = runner.tick(now) if program.timed else runner.fire(now)
-        assert outputs is not None, "it was ready at that time"
+        assert outputs is not None, "the program must have been ready at that time"
         taken, at_s = self.bench.taken, self.now_s + self.bench.taken.silent_s
         if program.timed and runner.on_grid and not taken.silent_s:
             at_s += self.bench.lines.sensor_s

@@ -140,7 +140,7 @@ def _check_carries_on(loop: VirtualLoop, at: Place, said: str) -> None:
     else:
         ended = any(echo.state == "idle" for _, echo in loop.applied)
         ticks = watched_s / loop.rig.rig.period_s
-        assert ended or answered >= 0.7 * ticks, f"{answered} commands were taken after {said}"
+        assert ended or answered >= 0.7 * ticks, f"{answered} commands were accepted after {said}"
 
 
 def _check_trips(loop: VirtualLoop, at: Place, fault: Fault, phase: float, said: str) -> Reaction:
@@ -160,7 +160,9 @@ def _check_trips(loop: VirtualLoop, at: Place, fault: Fault, phase: float, said:
     assert len({echo.arms[0].voltage_V for echo in frozen}) <= 1, f"{said}: a frozen voltage moved"
     ramped_s = next(at_s for at_s, echo in tripped if echo.state == "ramping")
     if frozen:
-        assert ramped_s - reacted_s >= FREEZE_S - 0.3 * period_s, f"{said}: the freeze was short"
+        assert ramped_s - reacted_s >= FREEZE_S - 0.3 * period_s, (
+            f"{said}: the freeze was too short"
+        )
     _check_ramp(loop, reacted_s, said)
     loop.run(latched_s + RINGS_FROM_S)
     ringing_um = 0.0
@@ -170,10 +172,12 @@ def _check_trips(loop: VirtualLoop, at: Place, fault: Fault, phase: float, said:
     stroke_um = abs(begun_um - loop.bench.x_um)
     loop.run(latched_s + AFTER_S)
     after = [echo for at_s, echo in loop.applied if at_s >= reacted_s]
-    assert not any(echo.answered for echo in after), f"{said}: a command was taken after the trip"
+    assert not any(echo.answered for echo in after), (
+        f"{said}: a command was accepted after the trip"
+    )
     moved = [put_V for at_s, put_V in loop.put_out if at_s > latched_s]
     assert set(moved) <= {loop.rig.safety.safe_V}, f"{said}: {moved} after the latch"
-    assert {echo.cause for echo in after} == {first.cause}, f"{said}: the first cause was lost"
+    assert {echo.cause for echo in after} == {first.cause}, f"{said}: the first cause was replaced"
     reaction = Reaction(
         fault=fault.name,
         state=at.state,
@@ -185,9 +189,9 @@ def _check_trips(loop: VirtualLoop, at: Place, fault: Fault, phase: float, said:
         stroke_um=stroke_um,
         cause=applied_text(first),
     )
-    within(safe_s, reaction.safe_s, f"{said}: the way to the safe voltage")
+    within(safe_s, reaction.safe_s, f"{said}: the ramp to the safe voltage")
     most_um = RINGING_SHARE * stroke_um + loop.bench.step_um
-    assert ringing_um <= most_um, f"{said}: it rings, limit {most_um:.3f} µm: {reaction}"
+    assert ringing_um <= most_um, f"{said}: the output rings, limit {most_um:.3f} µm: {reaction}"
     assert applied_text(first).startswith(SILENCE), f"{said}: {applied_text(first)}"
     return reaction
 
@@ -202,6 +206,6 @@ def _check_ramp(loop: VirtualLoop, since_s: float, said: str) -> None:
     """Check that from the trip on the voltage goes to the safe one and never reverses."""
     safe_V = loop.rig.safety.safe_V
     away_V = [abs(put_V - safe_V) for at_s, put_V in loop.put_out if at_s >= since_s]
-    assert away_V, f"{said}: nothing was put out"
+    assert away_V, f"{said}: no voltage was written"
     assert away_V == sorted(away_V, reverse=True), f"{said}: the ramp turned back: {away_V}"
     assert away_V[-1] == 0.0, f"{said}: {away_V[-1]} V away from the safe voltage"

@@ -73,7 +73,7 @@ def moving(rig: Rig, echoes: Echoes) -> None:
         )
         if echo.state == "armed":
             return
-    raise AssertionError(f"it does not go on: {echoes.heard[-1]}")
+    raise AssertionError(f"the loop does not continue: {echoes.heard[-1]}")
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "hung"])
@@ -93,9 +93,11 @@ def test_without_commands_the_actuator_trips_within_three_periods(
         silence = next(one for one in tripped.faults if one.code is FaultCode.NO_COMMAND)
         silent_s = {one.name: one.value for one in silence.values}["silent_s"]
         assert silent_s is not None
-        within(REACTION_PERIODS * PERIOD_S, silent_s, "the silence by the actuator's clock")
+        within(
+            REACTION_PERIODS * PERIOD_S, silent_s, "the silence measured by the actuator's clock"
+        )
         most_s = (REACTION_PERIODS + EXCUSED_PERIODS) * PERIOD_S
-        within(most_s, at_s - hurt_s, "the reaction, told over the router")
+        within(most_s, at_s - hurt_s, "the reaction, reported over the router")
     assert tripped.state in (*TRIPPED, "latched")
     assert tripped.cause == "command_age"
     latched_s, _ = echoes.first(lambda echo: echo.state == "latched", at_s)

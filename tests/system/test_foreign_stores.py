@@ -211,6 +211,6 @@ class TestWhatIsPublished:
         assert isinstance(position, Position)
         assert not telemetry.playing
         assert position.epoch == telemetry.epoch
-        assert position.seq > telemetry.seq, "the sensor goes on, the program has ended"
+        assert position.seq > telemetry.seq, "the sensor must continue after the program has ended"
         assert isinstance(first, GroundTruth)
-        assert first == second, "the output of an idle rig is not written"
+        assert first == second, "no voltage may be written on an idle rig"

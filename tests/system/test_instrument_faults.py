@@ -148,7 +148,9 @@ def test_the_module_becomes_safe_by_its_watchdog_if_the_actuator_dies(
     assert ended["state"] == "failed"
     assert "actuator" in ended["cause"]
     stands = rig.view()["standing"]
-    assert (stands["state"], stands["part"]) == ("unknown", "unknown"), "what it was told is old"
+    assert (stands["state"], stands["part"]) == ("unknown", "unknown"), (
+        "the newest message is too old"
+    )
     assert stands["state_age_s"] > WATCHDOG_S - TICK_S
     restart(rig, "actuator")
     reset(rig)

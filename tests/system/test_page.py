@@ -59,7 +59,7 @@ def start_endless(seen: Visit) -> str:
                 seen.text("#current-open") != before
                 and ("hold" in seen.text("#course") or "zero refused" in seen.text("#current"))
             ),
-            "no grip came to its hold",
+            "no grip reached its hold",
         )
         # An arm that still creeps back from the previous test cannot be zeroed yet.
         if "hold" in seen.text("#course"):
@@ -83,7 +83,8 @@ def test_a_grip_started_from_the_page_succeeds(
 ) -> None:
     seen.page.reload()
     seen.until_true(
-        lambda: seen.page.input_value("#field-force_mN") == "8", "the rig file's force never came"
+        lambda: seen.page.input_value("#field-force_mN") == "8",
+        "the force of the rig file was not filled in",
     )
     seen.page.click(TEN_SECONDS)
     keep_picture(seen, pictures, "idle")
@@ -94,7 +95,7 @@ def test_a_grip_started_from_the_page_succeeds(
     seen.until("#course", "hold")
     seen.until_true(
         lambda: abs(float(figure(seen, 1).replace("\u2212", "-")) - 12.0) < 2.0,
-        "the force shown never came near 12 mN",
+        "the displayed force did not reach 12 mN",
     )
     seen.until("#fact-part", "held")
     keep_picture(seen, pictures, "gripping")
@@ -130,12 +131,12 @@ def test_estop_in_a_hold_latches_until_a_person_resets(
     assert rig.job(name)["state"] == "failed"
     seen.until("#fact-start", "cannot start")
     keep_picture(seen, pictures, "fault")
-    seen.until_true(
-        lambda: rig.view()["latch"]["state"] == "latched", "the freeze never came to its end"
-    )
+    seen.until_true(lambda: rig.view()["latch"]["state"] == "latched", "the freeze did not end")
     seen.page.click("#reset-open")
     seen.page.click("#reset button[type=submit]")
-    assert rig.view()["latch"]["state"] == "latched", "a reset wants the person's word first"
+    assert rig.view()["latch"]["state"] == "latched", (
+        "a reset must require a confirmation by a person"
+    )
     seen.page.check("#reset-seen")
     seen.page.click("#reset button[type=submit]")
     seen.until("#fact-start", "can start")
@@ -169,14 +170,15 @@ def test_a_page_reload_during_a_job_keeps_the_displayed_state(rig: RunningRig, s
     seen.until("#course", "hold")
     assert seen.text("#current-open") == name
     assert seen.text("#current-state").endswith("running")
-    seen.until_true(lambda: figure(seen, 1) != "–", "no force came after the reload")
+    seen.until_true(lambda: figure(seen, 1) != "–", "no force was displayed after the reload")
     seen.page.click("button[data-seconds='60']")
     seen.page.focus("#charts")
     before = ""
     while not before.endswith(("approach", "contact", "load")):  # each ended before the reload
         seen.page.keyboard.press("ArrowLeft")
         seen.until_true(
-            lambda before=before: seen.text("#at") != before, "no sample from before the reload"
+            lambda before=before: seen.text("#at") != before,
+            "no sample from before the reload is displayed",
         )
         before = seen.text("#at")
     seen.page.click("#act-release")

@@ -75,7 +75,9 @@ def test_an_accepted_proposal_is_used_and_can_be_reverted(rig: RunningRig, seen:
     seen.until("#fact-model", "version 1")
     seen.page.click("#tab-rig")
     seen.page.click("#use-0")
-    seen.until_true(lambda: model_version(rig) == 0, "the rig file is not used again")
+    seen.until_true(
+        lambda: model_version(rig) == 0, "the values of the rig file are not in use again"
+    )
     seen.until("#fact-model", "rig file")
 
 
@@ -88,7 +90,7 @@ def test_a_discarded_proposal_changes_nothing(rig: RunningRig, seen: Visit) -> N
     assert model_version(rig) == version
     seen.until_true(
         lambda: seen.page.locator(f"[id='accept-{proposal['id']}']").count() == 0,
-        "it can still be accepted",
+        "the proposal can still be accepted",
     )
 
 

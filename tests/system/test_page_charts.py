@@ -514,7 +514,7 @@ def test_nothing_overlaps_on_a_narrow_screen(browser: Browser, desk: Harness) ->
     with served(desk.app) as address:
         gripped(address, "B7")
         seen = visit(context, address)
-        assert not seen.page.is_visible("#estop-hint"), "a phone has no Esc"
+        assert not seen.page.is_visible("#estop-hint"), "a phone has no Escape key"
         seen.page.click("#tab-jobs")
         seen.page.wait_for_selector("#job-list .time")
         assert seen.page.evaluate(OVERLAPS) == []

@@ -86,7 +86,7 @@ def grip_until_held(rig: RunningRig, seen: Visit) -> str:
         # An arm that still creeps back from the previous test cannot be zeroed yet.
         if job["ended_at"] is None:
             return name
-    raise TimeoutError(f"no grip came to its hold: {job['cause']}")
+    raise TimeoutError(f"no grip reached its hold: {job['cause']}")
 
 
 def holds_or_ended(rig: RunningRig, name: str) -> bool:
@@ -221,7 +221,7 @@ def test_a_halted_queue_states_why_and_continues_when_a_person_resumes_it(
     until_state(rig, seen, running, "aborted")
     seen.until("#queue-halted", running, LONG_S)
     seen.until_true(
-        lambda: "reset" in rig.view()["allowed_actions"], "nobody may reset the rig", LONG_S
+        lambda: "reset" in rig.view()["allowed_actions"], "a reset is not an allowed action", LONG_S
     )
     seen.page.click("#reset-open")
     seen.page.check("#reset-seen")

@@ -131,7 +131,7 @@ def test_a_path_from_a_file_is_stored_once_by_its_digest(
     seen.page.set_input_files(f"{field}-file", file)
     seen.until_true(
         lambda: seen.page.input_value(field).count("\n") == len(points) - 1,
-        "the rows did not come",
+        "the rows were not displayed",
         LONG_S,
     )
     seen.page.fill("#field-sample", "B7")
@@ -139,7 +139,7 @@ def test_a_path_from_a_file_is_stored_once_by_its_digest(
     api = f"{seen.origin}/api/v1"
     seen.until_true(
         lambda: [job["sample"] for job in httpx.get(f"{api}/jobs").json()["jobs"]] == ["B7"],
-        "no job was made and described",
+        "no job was created and displayed",
         LONG_S,
     )
     assert httpx.get(f"{api}/jobs").json()["jobs"][0]["request"][member] == points

@@ -86,7 +86,7 @@ def test_without_samples_the_actuator_makes_the_rig_safe(
     whole_grip(rig, seen)
     safe_s = SAFE_S + (rig.rig.safety.freeze_s if held else 0.0)
     within(REACTION_S, reaction.reaction_s, "the reaction")
-    within(safe_s, reaction.safe_s, "the way to the safe voltage")
+    within(safe_s, reaction.safe_s, "the ramp to the safe voltage")
 
 
 def test_a_restarted_actuator_moves_nothing_until_a_person_resets_it(

@@ -63,7 +63,7 @@ def test_every_command_of_the_readme_is_tested() -> None:
 
 
 def test_make_test_runs() -> None:
-    pytest.skip("`make test` is what runs this test")
+    pytest.skip("`make test` already runs this test")
 
 
 def test_make_demo_runs(folder: Path) -> None:

@@ -39,7 +39,7 @@ def done(command: list[str], folder: Path, seconds: float, **environment: str) -
 
 def tracked() -> list[str]:
     if shutil.which("git") is None or not (ROOT / ".git").exists():
-        pytest.skip("no git checkout: which files belong to the tree is not known")
+        pytest.skip("not a git checkout: the files of the tree are unknown")
     command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     names = subprocess.check_output(command, cwd=ROOT, text=True).split("\0")
     return [name for name in names if name and (ROOT / name).is_file()]

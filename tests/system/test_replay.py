@@ -36,7 +36,7 @@ def act(rig: RunningRig, job: str, action: str) -> None:
     soon(
         lambda: rig.post(f"/jobs/{job}/actions", {"type": action}).is_success,
         TAKEN_S,
-        f"{action} is not taken: {rig.job(job)}",
+        f"{action} was not accepted: {rig.job(job)}",
     )
 
 

@@ -86,7 +86,7 @@ def test_keys_work_over_tls_and_clients_of_another_authority_are_reported(
                 pytest.raises(NoAnswerError, match="name the certificate of the authority"),
             ):
                 stranger.rigs()
-            assert monotonic() - begun_s < 5.0, "what does not pass by itself is not tried again"
+            assert monotonic() - begun_s < 5.0, "a permanent error must not be retried"
         words = ["rigs", "--url", address, "--key", ring.keys["observe"]]
         assert pincette(*words, "--authority", authority).returncode == Exit.DONE
         assert pincette(*words).returncode == Exit.NO_ANSWER

@@ -106,7 +106,7 @@ def test_the_loop_continues_without_a_router_and_all_programs_reconnect_within_f
     for at, echo in echoes:
         if at <= until_s:
             assert echo.state == "armed"
-            assert echo.answered, f"no command was taken for {echo.seq}"
+            assert echo.answered, f"no command was accepted for {echo.seq}"
     assert len([at for at, _ in echoes if at <= until_s]) >= 0.8 * BRIEF_S / period_s
     make_ready(rig)
     assert rig.job(job)["state"] in ("failed", "stopped", "aborted", "succeeded")

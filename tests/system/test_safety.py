@@ -130,7 +130,7 @@ def test_without_the_controller_the_actuator_makes_the_rig_safe(
             figures.append(f"  of {late} commands that came late, {refusals} were refused")
     for reaction in reactions:
         within(REACTION_S, reaction.reaction_s, "the reaction")
-        within(safe_s, reaction.safe_s, "the way to the safe voltage")
+        within(safe_s, reaction.safe_s, "the ramp to the safe voltage")
 
 
 def describe(name: str, reactions: list[Reaction], safe_s: float) -> list[str]:

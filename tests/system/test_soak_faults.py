@@ -57,4 +57,4 @@ def test_the_rig_is_safe_in_time_after_every_fault_of_a_program_of_the_loop(
     assert ringing_um <= RINGING * found["stroke_um"]
     assert median(one.ringing for one in made if one.ringing is not None) <= RINGING
     if why:
-        pytest.skip(f"kills and hangs hold; no partition was made: {why}")
+        pytest.skip(f"kills and hangs passed; no network partition was made: {why}")

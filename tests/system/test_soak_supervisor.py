@@ -162,7 +162,7 @@ def test_repeated_kills_lose_duplicate_or_misreport_no_job(
     causes = Counter(job["cause"] for job in reported.finals.values() if job["state"] == "failed")
     figures.extend(f"failed {count} times: {cause}" for cause, count in causes.most_common(5))
     begun = [job for job in reported.finals.values() if job["record"] is not None]
-    assert len(playing) <= len(begun), "a program was played twice, or by nobody's job"
+    assert len(playing) <= len(begun), "a program was played twice or without a job"
 
 
 def until_playing(seen: Witness, client: threading.Thread) -> None:
@@ -187,7 +187,7 @@ def compared(rig: RunningRig, told: Told) -> int:
     jobs += [job for job in page["jobs"] if job["labels"] != {"key": "first"}]
     by_key = Counter(job["labels"].get("key") for job in jobs)
     assert {key: len(names) for key, names in told.keys.items()} == dict.fromkeys(told.keys, 1)
-    assert by_key == dict.fromkeys(told.keys, 1), "a job that nobody asked for, or one twice"
+    assert by_key == dict.fromkeys(told.keys, 1), "a job was created without a request or twice"
     assert {job["id"] for job in jobs} == told.finals.keys()
     checked = 0
     for job in jobs:

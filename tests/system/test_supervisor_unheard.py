@@ -76,7 +76,7 @@ def test_a_supervisor_that_receives_nothing_restarts_itself_once_and_a_part_stay
         assert monotonic() < until_s
         sleep(0.1)
     figures.append(f"supervisor unheard: back after {monotonic() - begun_s:.1f} s")
-    assert process.poll() is None, "the process is the same, with another program"
+    assert process.poll() is None, "the restart must keep the process"
     assert not [echo for _, echo in seen.since(Applied, begun_s) if echo.state in TRIPPED]
     assert all(view.held for _, view in seen.since(Telemetry, begun_s))
     release = rig.post("/jobs", {"kind": "release", "autostart": True}).raise_for_status()

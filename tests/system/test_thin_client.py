@@ -58,7 +58,9 @@ def test_the_thin_client_grips(rig: RunningRig, tmp_path: Path, version: str) ->
     python = environment(tmp_path / "venv", *wanted, python=python_of(version))
     content = json.loads(ran([str(python), "-I", "-c", GRIP, rig.rig.supervisor.url]))
     assert content["pydantic"] == "2.12.0"
-    assert content["rest"] == [False, False], "a part of pincette that is not the client's"
+    assert content["rest"] == [False, False], (
+        "modules of pincette that do not belong to the client are loaded"
+    )
     assert content["feasible"] is False
     violation, code = content["refused"]
     assert code == "limit-violation"

@@ -80,7 +80,7 @@ def hold(rig: RunningRig, seen: Witness) -> str:
         if any(view.phase == "hold" and view.segment_tick >= 5 for view in views):
             return job
         sleep(0.005)
-    raise TimeoutError(f"it does not hold: {rig.job(job)}")
+    raise TimeoutError(f"the job does not reach its hold: {rig.job(job)}")
 
 
 def check_together(rig: RunningRig, seen: Witness, fault_s: float) -> None:
@@ -167,5 +167,5 @@ def test_both_outputs_release_by_their_watchdogs_if_the_actuator_is_dead(
     ]
     print(f"safe after {safe_s[0] - since_s:.3f} and {safe_s[1] - since_s:.3f} s")
     within(WATCHDOG_S + 2.0 * TICK_S + IDLE_S, max(safe_s) - since_s, "safety")
-    within(ASIDE_S, abs(safe_s[0] - safe_s[1]), "the second after the first")
+    within(ASIDE_S, abs(safe_s[0] - safe_s[1]), "the second arm after the first")
     check_force(seen, since_s)

@@ -76,7 +76,7 @@ def check_undisturbed(seen: Witness, since_s: float, most_lost: int = 0) -> list
     for at, echo in echoes:
         assert echo.state == "armed", f"{applied_text(echo)}\n{seen.account(at, ACCOUNT_S)}"
     lost = [echo.seq for _, echo in echoes if not echo.answered]
-    assert len(lost) <= most_lost, f"no command was taken for {lost}"
+    assert len(lost) <= most_lost, f"no command was accepted for {lost}"
     return [echo for _, echo in echoes]
 
 

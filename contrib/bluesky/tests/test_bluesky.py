@@ -130,7 +130,7 @@ def test_a_part_is_gripped_read_and_released(
     assert updates[-1]["current"] == pytest.approx(FORCE_MN, abs=NEAR_MN)
     assert any(update.get("time_remaining", 0.0) > 0.0 for update in updates)
     begun = [job["kind"] for job in rig.get("/jobs", label="bluesky=gripper")["jobs"]]
-    assert begun == ["grip"], "a second job was begun"
+    assert begun == ["grip"], "a second job was started"
 
 
 def test_a_part_stays_held_from_one_plan_to_the_next(
@@ -366,7 +366,7 @@ def test_an_emergency_stop_and_the_latch_are_reported(
     error = failure(engine, plan())
     assert isinstance(error, RigLatchedEndError)
     assert "estop" in str(error)
-    until(lambda: rig.view()["latch"]["state"] == "latched", "it never came to rest")
+    until(lambda: rig.view()["latch"]["state"] == "latched", "the rig did not come to rest")
     assert isinstance(failure(engine, bps.mv(gripper, FORCE_MN)), RigLatchedError)
 
 
@@ -380,7 +380,7 @@ def test_a_suspender_waits_until_the_rig_accepts_commands(
     def stop() -> None:
         rig.post("/rigs/demo/estop").raise_for_status()
         until(lambda: rig.view()["latch"]["state"] == "latched", "it is not latched")
-        until(lambda: suspender.tripped, "the suspender does not see it")
+        until(lambda: suspender.tripped, "the suspender does not notice the latch")
 
     def look_and_reset() -> None:
         if not before:

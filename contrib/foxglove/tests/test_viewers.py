@@ -107,7 +107,7 @@ def test_the_emergency_stop_stops_and_is_reported(rig: RunningRig) -> None:
         viewer.until(lambda: viewer.answers, "no answer")
         viewer.until(
             lambda: any(one.state == "latched" for one in viewer.seen["applied"]),
-            "the latch is not seen",
+            "the viewer does not receive the latch",
         )
     (answer,) = viewer.answers
     assert answer["stopped"] is True

@@ -255,7 +255,7 @@ def test_a_client_that_leaves_and_a_killed_node_leave_the_part_held_for_the_next
     supervisor, wanted = rig.rig.supervisor.url, json.dumps({"force_mN": FORCE_MN})
     with node(python, tmp_path, supervisor) as (url, process):
         assert driven(python, tmp_path, url, "leave", "grip", wanted)["status"] == "running"
-        until(lambda: rig.view()["part"] == "held", "the motion does not go on")
+        until(lambda: rig.view()["part"] == "held", "the motion does not continue")
         job = rig.view()["active_job"]
         process.send_signal(signal.SIGKILL)
         process.wait(20.0)
@@ -278,14 +278,14 @@ def test_an_unreachable_supervisor_is_reported_and_a_restarted_one_can_release(
         def state() -> str:
             return httpx.get(f"{url}state", trust_env=False).json()["state"]
 
-        until(lambda: state() == "unknown", "it is told as there")
+        until(lambda: state() == "unknown", "the supervisor is still reported as reachable")
         # An admin command that raises an exception would make the node unusable.
         answer = driven(python, tmp_path, url, "admin", "safety_stop")
         assert answer == {"success": False, "errors": ["no-answer"]}
         answer = driven(python, tmp_path, url, "admin", "cancel")
-        assert answer == {"success": True, "errors": []}, "no action is under way"
+        assert answer == {"success": True, "errors": []}, "no action is running"
         restart(rig, "supervisor")
-        until(lambda: state() != "unknown", "it is told as gone")
+        until(lambda: state() != "unknown", "the supervisor is still reported as unreachable")
         until(lambda: rig.view()["part"] == "held", "the part is not held")
         assert driven(python, tmp_path, url, "release", "{}")["status"] == "succeeded"
     assert rig.view()["part"] == "none"
@@ -314,7 +314,7 @@ def test_both_arms_of_a_rig_grip_and_release(
         def told() -> Any:
             return httpx.get(f"{url}state", trust_env=False).json()
 
-        until(lambda: told().get("part") == "held", "the node does not tell of the part")
+        until(lambda: told().get("part") == "held", "the node does not report the part")
         state = told()
         assert state["force_mN"] == pytest.approx(FORCE_MN, abs=NEAR_MN)
         assert state["second_force_mN"] == pytest.approx(FORCE_MN, abs=NEAR_MN)

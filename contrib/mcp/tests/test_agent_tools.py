@@ -26,7 +26,7 @@ def all_stopped() -> httpx.Response:
 def test_a_stop_is_reported_as_sent_if_reading_requires_a_key(name: str | None) -> None:
     desk = Desk(stopped() if name else all_stopped(), problem(401, "no-key"))
     done = asyncio.run(Tools(desk.async_supervisor(), name).emergency_stop())
-    assert desk.paths()[0] == (ESTOP if name else ESTOP_ALL), "nothing is asked before the stop"
+    assert desk.paths()[0] == (ESTOP if name else ESTOP_ALL), "the stop must be the first request"
     assert (done.part, done.detail) == ("unknown", "latched: estop")
 
 
@@ -34,7 +34,7 @@ def test_a_stop_is_reported_as_confirmed_if_the_supervisor_ends_afterwards() -> 
     desk = Desk(stopped(), httpx.ConnectError("gone"))
     done = asyncio.run(Tools(desk.async_supervisor(), "demo").emergency_stop())
     assert (done.part, done.detail) == ("unknown", "latched: estop")
-    assert desk.slept_s == [], "who has stopped a rig waits for nothing"
+    assert desk.slept_s == [], "a confirmed stop does not wait for the supervisor"
 
 
 def test_a_stop_reports_the_held_part() -> None:

@@ -42,7 +42,7 @@ def served(rig: RunningRig, settings: Path, **environment: str) -> Generator[str
         env={**os.environ, "XDG_CONFIG_HOME": str(settings), **environment},
     )
     try:
-        until(lambda: answered(url) == 401, "it asks for no key")
+        until(lambda: answered(url) == 401, "the server does not require a key")
         yield url
     finally:
         process.terminate()

@@ -36,7 +36,7 @@ def cleared(rig: RunningRig) -> Generator[None]:
         rig.post(f"/jobs/{job}/actions", {"type": "abort"})
     view = rig.view()
     if view["latch"]["state"] in ("frozen", "ramping", "latched"):
-        until(lambda: rig.view()["latch"]["state"] == "latched", "it never came to rest")
+        until(lambda: rig.view()["latch"]["state"] == "latched", "the rig did not come to rest")
         rig.post("/rigs/demo/reset", {"acknowledge": True}).raise_for_status()
     until(lambda: rig.view()["active_job"] is None, "a job is left")
     assert rig.view()["part"] != "held"

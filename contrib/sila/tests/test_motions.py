@@ -33,7 +33,7 @@ def test_a_held_part_can_be_held_further_and_released(rig: RunningRig, client: A
     client.CancelController.CancelAll()  # nothing runs: a grip command ends when the part is held
     rig.post(f"/jobs/{grip.Job}/actions", {"type": "stop"}).raise_for_status()
     until(lambda: rig.job(grip.Job)["state"] == "stopped", "it was not stopped")
-    until(lambda: gripper.Part.get() == "held", "the part is not told as held")
+    until(lambda: gripper.Part.get() == "held", "the part is not reported as held")
     assert responses(gripper.Hold()).Job != grip.Job
     assert gripper.Part.get() == "held"
     assert responses(gripper.Release()).Outcome == "released"
@@ -92,11 +92,13 @@ def test_a_path_can_be_paused_and_resumed(rig: RunningRig, client: Any) -> None:
         pauses.Resume(execution)
     assert caught.value.identifier == "InvalidCommandState"
     pauses.Pause(execution)
-    until(lambda: pauses.PausedCommands.get() == [execution], "it is not told as paused")
+    until(
+        lambda: pauses.PausedCommands.get() == [execution], "the command is not reported as paused"
+    )
     assert rig.job(rig.view()["active_job"])["state"] == "paused"
     assert track.status.name == "running"
     pauses.Resume(execution)
-    until(lambda: pauses.PausedCommands.get() == [], "it is told as paused")
+    until(lambda: pauses.PausedCommands.get() == [], "the command is still reported as paused")
     assert responses(track).Outcome == "tracked"
     with pytest.raises(DefinedExecutionError) as caught:
         pauses.Pause(execution)
@@ -183,7 +185,7 @@ def test_two_clients_see_the_same_rig(rig: RunningRig, client: Any) -> None:
     watching.start()
     until(lambda: seen, "nothing is told")
     responses(client.Microgripper.Grip(FORCE_MN, 0.0, ""))
-    until(lambda: "held" in seen, "it is not told as held")
+    until(lambda: "held" in seen, "the part is not reported as held")
     responses(client.Microgripper.Release())
     watching.join(20.0)
     assert not watching.is_alive()

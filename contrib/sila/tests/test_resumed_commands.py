@@ -82,7 +82,9 @@ def test_the_state_is_unknown_until_the_commands_of_the_earlier_server_are_known
         states, reasons = gripper._RigState_producer_queue, gripper._Reasons_producer_queue
         try:
             assert requested.wait(30.0)
-            until(lambda: gripper.watch.status.state != "unknown", "the rig is not read")
+            until(
+                lambda: gripper.watch.status.state != "unknown", "the state of the rig was not read"
+            )
             until(lambda: reasons.qsize() > 1, "the reason is not published")
             assert set(published(states)) == {"unknown"}
             assert published(reasons)[-1] != []
@@ -102,7 +104,7 @@ def test_a_failed_listing_is_reported_as_the_reason_and_repeated() -> None:
         return replies.pop()
 
     with restarted_server(list_jobs) as gripper:
-        until(lambda: execution in gripper.managers()["Grip"], "it is not known again")
+        until(lambda: execution in gripper.managers()["Grip"], "the state is still unknown")
         reasons = published(gripper._Reasons_producer_queue)
     assert any("the disk is full" in reason for row in reasons for reason in row)
 

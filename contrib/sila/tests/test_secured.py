@@ -88,7 +88,7 @@ def test_a_motion_needs_a_login_with_a_key_that_may_operate(
 ) -> None:
     with stock_client(rig, **believed) as client:
         gripper = client.Microgripper
-        until(lambda: gripper.RigState.get() != "unknown", "the rig is not read")
+        until(lambda: gripper.RigState.get() != "unknown", "the state of the rig was not read")
         with pytest.raises(InvalidMetadata):
             gripper.Grip(FORCE_MN, 0.3, "")
         with pytest.raises(DefinedExecutionError) as caught:
@@ -116,7 +116,7 @@ def test_an_emergency_stop_needs_no_login(
     url, authority = rig.rig.supervisor.url, folder.path / "authority.crt"
     with Supervisor(url, key=keys["admin"], authority=authority) as supervisor:
         view = supervisor.rig("demo")
-        until(lambda: view.state().latch.state == "latched", "it never came to rest")
+        until(lambda: view.state().latch.state == "latched", "the rig did not come to rest")
         view.reset()
 
 

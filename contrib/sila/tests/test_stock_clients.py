@@ -115,16 +115,22 @@ def test_a_hanging_supervisor_is_reported_as_unknown_after_a_second(
     rig: RunningRig, client: Any
 ) -> None:
     gripper = client.Microgripper
-    until(lambda: gripper.RigState.get() != "unknown", "it does not answer")
+    until(lambda: gripper.RigState.get() != "unknown", "the supervisor does not reply")
     rig.fleet.signal("supervisor", signal.SIGSTOP)
     try:
         begun = monotonic()
-        until(lambda: gripper.RigState.get() == "unknown", "it looks as if it answered")
+        until(
+            lambda: gripper.RigState.get() == "unknown",
+            "the stopped supervisor is still reported as reachable",
+        )
         assert monotonic() - begun < 3.0  # 1 s, plus a margin for a busy machine
         assert gripper.Part.get() == "unknown"
     finally:
         rig.fleet.signal("supervisor", signal.SIGCONT)
-    until(lambda: gripper.RigState.get() != "unknown", "it is not told as back")
+    until(
+        lambda: gripper.RigState.get() != "unknown",
+        "the supervisor is still reported as unreachable",
+    )
 
 
 def test_a_cancel_during_the_request_stops_it(rig: RunningRig, client: Any) -> None:
@@ -164,7 +170,7 @@ def test_an_emergency_stop_latches_and_is_reported(rig: RunningRig, client: Any)
     error = refusal(grip)
     assert error.identifier == "RigLatched"
     assert "estop" in error.message
-    until(lambda: gripper.RigState.get() == "latched", "the latch is not told")
+    until(lambda: gripper.RigState.get() == "latched", "the latch is not reported")
     assert gripper.Reasons.get() != []
     assert refusal(gripper.Grip(FORCE_MN, 0.0, "")).identifier == "RigLatched"
 
@@ -207,7 +213,9 @@ def test_after_a_killed_server_the_part_stays_held_and_the_next_server_finds_the
     restart(rig, "sila")
     with stock_client(rig) as second:
         assert second.SiLAService.ServerUUID.get() == uuid
-        until(lambda: second.Microgripper.RigState.get() == "armed", "it does not answer")
+        until(
+            lambda: second.Microgripper.RigState.get() == "armed", "the supervisor does not reply"
+        )
         again = cast("Any", Attached)(second, second.Microgripper.Grip, execution)
         assert responses(again).Job == job
         assert responses(second.Microgripper.Release()).Job == job
@@ -240,15 +248,20 @@ def test_an_unreachable_and_a_restarted_supervisor_are_reported(
     grip = gripper.Grip(FORCE_MN, 0.0, "")
     assert responses(grip).Outcome == "held"
     rig.fleet.signal("supervisor", signal.SIGKILL)
-    until(lambda: gripper.RigState.get() == "unknown", "it is still told as there")
+    until(
+        lambda: gripper.RigState.get() == "unknown", "the supervisor is still reported as reachable"
+    )
     assert "no answer" in gripper.Reasons.get()[0]
     assert gripper.Part.get() == "unknown"
     rig.fleet.signal("sila", signal.SIGTERM)
     restart(rig, "sila")
-    until(lambda: gripper_of(rig) == "unknown", "it did not start without its supervisor")
+    until(lambda: gripper_of(rig) == "unknown", "the server did not start without its supervisor")
     restart(rig, "supervisor")
     with stock_client(rig) as later:
-        until(lambda: later.Microgripper.RigState.get() != "unknown", "it is not told as back")
+        until(
+            lambda: later.Microgripper.RigState.get() != "unknown",
+            "the supervisor is still reported as unreachable",
+        )
         until(lambda: later.Microgripper.Part.get() == "held", "the part is not held")
         assert responses(later.Microgripper.Release()).Outcome == "released"
 

@@ -22,7 +22,7 @@ FETCH_S, BUILD_S = 600.0, 900.0
 def project(tmp_path_factory: pytest.TempPathFactory) -> Generator[Project]:
     """The wheels are downloaded as the page describes, and the images are deleted."""
     if WHEELS.exists():
-        pytest.skip(f"{WHEELS.name} is there already; it is not this test's to delete")
+        pytest.skip(f"{WHEELS.name} exists already; this test must not delete it")
     over = mounting(adapted_rig(), tmp_path_factory.mktemp("offline"), "sila", "foxglove")
     one = Project(NAME, "offline", over, COMPOSE_PROFILES=",".join(PROFILES))
     try:

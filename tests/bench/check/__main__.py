@@ -40,7 +40,7 @@ def timed() -> Mapping[str, float]:
 def main() -> int:
     """Measure or read figures, compare them, and report the result."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench.check", description=__doc__)
-    parser.add_argument("--short", action="store_true", help="leave out what was timed")
+    parser.add_argument("--short", action="store_true", help="omit measured times")
     given = parser.parse_args()
     found = list(judged(expected("counted"), counted()))
     if not given.short:

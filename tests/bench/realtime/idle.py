@@ -153,7 +153,7 @@ def main() -> None:
     parser.add_argument("--checkouts", type=Path, nargs="+", default=[Path()])
     parser.add_argument("--seconds", type=float, default=SECONDS, help="each; %(default)g")
     parser.add_argument("--turns", type=int, default=TURNS, help="%(default)s")
-    parser.add_argument("--together", action="store_true", help="all versions at the same time")
+    parser.add_argument("--together", action="store_true", help="run all versions at the same time")
     given = parser.parse_args()
     checkouts = [one.resolve() for one in given.checkouts]
     taken = {checkout: Taken() for checkout in checkouts}

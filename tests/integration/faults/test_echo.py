@@ -104,4 +104,4 @@ def test_in_many_patterns_only_a_permanent_loss_of_applied_voltage_messages_trip
     print(f"{len(tripped)} of {len(patterns)} tripped by lost echoes: {tripped}")
     assert len(tripped) <= RARELY * len(patterns)
     print(f"the longest of {MANY * len(MOVING)} cuts: {1e3 * longest_s:.1f} ms, seed {SEED}")
-    assert longest_s > REACTION_S, "60 ms are held: promise them"
+    assert longest_s > REACTION_S, "the reaction time is within 60 ms: state this as the limit"

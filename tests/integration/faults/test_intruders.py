@@ -70,7 +70,7 @@ def test_the_first_of_two_controllers_keeps_the_rig_and_the_second_is_refused() 
         check_obeys(loop, owner)
         reported = status(loop)
         assert reported.refused >= 40
-        assert str(rival) in status_text(reported), "the alarm names the stranger"
+        assert str(rival) in status_text(reported), "the alarm must name the unknown controller"
 
 
 def test_a_second_controller_cannot_arm_the_rig() -> None:
@@ -153,4 +153,4 @@ def test_a_flood_of_forged_and_invalid_commands_is_refused_and_the_loop_continue
     check_obeys(loop, good.owner)
     unreadable = loop.programs["actuator"].refused
     assert unreadable >= count // 4
-    assert unreadable + status(loop).refused >= 0.98 * count, "what is refused is counted"
+    assert unreadable + status(loop).refused >= 0.98 * count, "refused commands must be counted"

@@ -78,7 +78,7 @@ def tries(
         mode = loop.runner("actuator").state.mode
         if tripped:
             assert mode == "latched", f"{said}: {mode} without a person"
-            assert reason is not None, f"{said}: a job would begin"
+            assert reason is not None, f"{said}: a job could start"
             moved_V = {put_V for at_s, put_V in loop.put_out if at_s > loop.now_s - 2.0 * T}
             assert len(moved_V) <= 1, f"{said}: it moves: {moved_V}"
     if tripped:

@@ -50,7 +50,7 @@ def test_a_grip_with_late_readings_has_the_right_force_or_trips(
     assert bool(came.counts.late) != in_time
     if not in_time:
         assert came.last.cause == Cause.COMMAND_AGE
-        assert came.named_late, "the cause says that answers come, but late"
+        assert came.named_late, "the cause must state that answers arrive late"
 
 
 @pytest.mark.parametrize("composed", [False, True])
@@ -89,7 +89,7 @@ def test_if_a_reading_is_lost_the_zero_is_taken_at_a_later_one(composed: bool) -
         return True
 
     came = grip(constant(AT_ONCE_S), composed=composed, from_s=0.1, loses=is_first_after_zero)
-    assert len(zeroes) == 2, "each of the program's two zeroes is requested once"
+    assert len(zeroes) == 2, "each of the two zeros of the program must be requested once"
     assert came.counts.lost == 2
     assert came.trip is None
     assert came.outcome == "gripped"

@@ -47,7 +47,7 @@ def test_lost_messages_are_tolerated_or_trip_by_the_age_limit(
     newest_s = began_s - 0.75 * T  # the last command before them, as late as it may have been
     gap_s = longest_gap([newest_s, *taken_times(loop, began_s), loop.now_s])
     if tripped(loop):
-        assert gap_s >= 2.0 * T, "a trip needs commands that did not come"
+        assert gap_s >= 2.0 * T, "a trip requires missing commands"
     else:
         assert gap_s <= 2.5 * T + 0.3 * T
     assert tripped(loop) or share < 0.6
@@ -99,11 +99,11 @@ def test_a_sensor_slower_than_the_period_skips_ticks_and_never_catches_up_in_a_b
         loop.run(loop.now_s + 0.2 * T)
     made = [at_s for at_s, message in loop.told or [] if isinstance(message, Position)]
     gaps_s = [after - before for before, after in pairwise(made)]
-    assert min(gaps_s) >= T * 0.9, "a missed tick is not caught up"
+    assert min(gaps_s) >= T * 0.9, "a missed tick must not be caught up"
     assert sensor.missed > missed
     assert sensor.due_at is not None
     off_grid = (sensor.due_at - due_at) / T
-    assert abs(off_grid - round(off_grid)) < 1e-6, "the grid is where it was"
+    assert abs(off_grid - round(off_grid)) < 1e-6, "the time grid must not move"
     assert tripped(loop) == (periods > 1.5)
 
 

@@ -105,7 +105,7 @@ def test_a_frozen_part_can_be_held_further_from_its_present_voltage(state: str) 
     voltages_V = [frozen.arms[0].voltage_V, *(put_V for _, put_V in loop.put_out[kept:])]
     steps_V = [abs(after - before) for before, after in pairwise(voltages_V)]
     assert max(steps_V) <= loop.rig.limits.slew_V_per_s * T + 0.001
-    assert abs(voltages_V[1] - voltages_V[0]) < 0.05, "the arming makes no jump"
+    assert abs(voltages_V[1] - voltages_V[0]) < 0.05, "the arming must not cause a jump"
 
 
 @pytest.mark.parametrize("state", ["approach", "hold"])

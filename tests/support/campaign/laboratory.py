@@ -112,7 +112,7 @@ class Laboratory:
                 self.arm.hang(weight_mN or 0.0)
                 manager.perform(name, "continue", "person")
         else:
-            raise TimeoutError(f"{body} goes on after {LONGEST_TICKS} ticks")
+            raise TimeoutError(f"{body} still runs after {LONGEST_TICKS} ticks")
         if self.office.faults:
             raise self.office.faults[0]
         manager.context.write_queue.flush()

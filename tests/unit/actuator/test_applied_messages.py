@@ -54,7 +54,7 @@ def test_a_tick_is_answered_once_while_the_output_is_read_back() -> None:
     assert [one.seq for one in echoes([*outputs])] == [1]
     assert (state.answered_seq, state.asked_s) == (1, 0.02 + 0.8 * T)
     state, _ = play(state, (position(2), 0.04), (FAILED, 0.041))
-    assert state.asked_s == 0.02 + 0.8 * T, "what is not asked is not noted"
+    assert state.asked_s == 0.02 + 0.8 * T, "the time must not change without a request"
 
 
 def test_a_commanded_output_has_not_yet_reported_its_voltage() -> None:

@@ -165,7 +165,7 @@ def test_the_watchdog_is_not_fed_during_an_unconfirmed_ramp() -> None:
     assert (state.mode, state.unconfirmed) == ("ramping", True)
     assert not may_kick_watchdog(state, 0.015)
     state, outputs = play(state, (WAKE, 0.015))
-    assert outputs == [], "nothing is written before it has said where it stands"
+    assert outputs == [], "no voltage may be written before the output has reported its own"
     state, _ = play(state, (Inputs(PutOut((1.0,)), None, None), 0.015))
     assert not may_kick_watchdog(state, 0.015)
     state, outputs = play(state, (WAKE, 0.016))

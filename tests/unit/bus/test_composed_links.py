@@ -49,7 +49,7 @@ def test_every_pair_that_shares_a_topic_has_exactly_one_link(
     }
     assert set(links) == wanted
     assert len(links) == len(wanted)
-    assert sorted(listening) == sorted(LOOP), "each service is found where it is without"
+    assert sorted(listening) == sorted(LOOP), "each other service must keep its address"
     for name in programs:
         assert consumers(name, programs, lockstep=lockstep) == {
             other for other in programs if other != name and takes(other, name, lockstep=lockstep)

@@ -77,7 +77,7 @@ def test_a_lost_revocation_list_is_replaced_only_on_request(said: Said, tmp_path
     assert "in order, with 1 certificates" in said("revoke", folder.path, "--anew", status=1)
     revoked.write_text("cut\n")
     assert "is damaged" in said("revoke", folder.path, "operator", status=1)
-    assert folder.named("operator"), "what could not be revoked is still there"
+    assert folder.named("operator"), "a certificate that could not be revoked must remain"
     assert "accepted again" in said("revoke", folder.path, "--anew")
     assert read_revoked(folder.path) == frozenset()
     for words in ((), ("operator", "--anew")):

@@ -89,7 +89,7 @@ def refusal(kind: type[Message], **fields: object) -> str:
 
 def test_every_unit_has_a_bound() -> None:
     assert set(LARGEST) == {*UNITS.values(), ""}
-    assert all(bound <= LARGEST_INT for bound in LARGEST.values()), "a whole one stays exact"
+    assert all(bound <= LARGEST_INT for bound in LARGEST.values()), "a whole number must stay exact"
 
 
 @pytest.mark.parametrize(("kind", "place", "name"), FLOATS)

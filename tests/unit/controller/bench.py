@@ -131,7 +131,7 @@ class Bench:
             tick = self.tick()
             if tick.command.final or tick.telemetry.phase == phase:
                 return tick
-        raise AssertionError(f"{phase or 'the end'} never came")
+        raise AssertionError(f"{phase or 'the end'} was not reached")
 
     def _drive(self, voltage_V: float) -> None:
         plant = self.plant

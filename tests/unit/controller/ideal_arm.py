@@ -93,4 +93,4 @@ class Arm:
             self.tick()
             if self.player.ended or self.player.segment.phase == phase:
                 return
-        pytest.fail(f"never came to {phase or 'the end'}; it went {self.phases}")
+        pytest.fail(f"did not reach {phase or 'the end'}; phases: {self.phases}")

@@ -27,7 +27,7 @@ def paused(arm: Arm, most: int = 200) -> Arm:
         arm.tick()
         if arm.player.pause.active:
             return arm
-    pytest.fail(f"no pause began; it went {arm.phases}")
+    pytest.fail(f"no pause began; phases: {arm.phases}")
 
 
 def whole(arm: Arm, at: tuple[tuple[int, int], ...] = ()) -> list[Reference]:
@@ -46,7 +46,7 @@ def whole(arm: Arm, at: tuple[tuple[int, int], ...] = ()) -> list[Reference]:
             seen.append(reference(arm))
         if arm.player.ended:
             return seen
-    pytest.fail(f"it never ended; it went {arm.phases}")
+    pytest.fail(f"the program did not end; phases: {arm.phases}")
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,9 @@ from pincette.config import RigFile, read_rig
 from pincette.config.programs import RealTime
 from pincette.diagnostics.machine import machine, os_requests, priority
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nothing is asked for")
+pytestmark = pytest.mark.skipif(
+    sys.platform != "linux", reason="settings are requested on Linux only"
+)
 
 
 def refuse(*_wish: object) -> None:

@@ -61,7 +61,9 @@ def test_a_sample_newer_than_the_time_grid_allows_is_not_used() -> None:
         assert begun().admits(numbered(sample, most), 101.0)
         joiner = begun()
         assert not joiner.admits(numbered(sample, 2**63), 101.0)
-        assert joiner.admits(numbered(sample, 12), 101.0), "one that errs shuts nobody out"
+        assert joiner.admits(numbered(sample, 12), 101.0), (
+            "a wrong clock of one program must not exclude others"
+        )
 
 
 def test_a_clock_that_is_slower_than_that_of_the_sensor_is_tolerated_for_a_year() -> None:

@@ -126,7 +126,7 @@ def test_a_tick_of_a_composed_program_runs_its_services_in_order() -> None:
         outside.told.clear()
         loop.run_once()
         assert kinds(outside.told) == TICK
-    assert outside.sinks == {}, "nothing is taken from outside"
+    assert outside.sinks == {}, "the program must not receive messages from outside"
 
 
 def test_the_loop_computes_one_tick_at_a_time_so_that_requests_are_handled_between_ticks() -> None:
@@ -135,7 +135,7 @@ def test_the_loop_computes_one_tick_at_a_time_so_that_requests_are_handled_betwe
     outside.told.clear()
     reply, before = asked(loop, outside, STATUS["actuator"], StatusRequest())
     assert isinstance(reply, Status)
-    assert before == [], "it waits for no tick"
+    assert before == [], "the reply must not wait for a tick"
     assert kinds(outside.told) == TICK
 
 
@@ -283,7 +283,7 @@ def test_a_service_that_fails_ends_the_program_with_its_instrument_at_rest(where
     assert len(ended) == 1
     assert output.put_V[-1] == RIG.safety.safe_V
     assert output.put_V == sorted(output.put_V, reverse=True)
-    assert len(output.put_V) > 3, "a ramp, and no step"
+    assert len(output.put_V) > 3, "the voltage must ramp and not jump"
 
 
 @pytest.mark.parametrize(

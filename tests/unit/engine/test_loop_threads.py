@@ -123,7 +123,7 @@ def test_the_thread_that_runs_the_loop_also_runs_newly_submitted_work(program: P
             other = threading.Thread(target=program.submit, args=(item(number + 1),))
             other.start()
             other.join(SOON_S)
-            assert not other.is_alive(), "it waits for no turn"
+            assert not other.is_alive(), "submitting must not wait for a turn"
 
     program.start()
     waiting(program)
@@ -138,7 +138,9 @@ def test_a_timer_set_by_another_thread_wakes_the_program(program: Program) -> No
     program.idle_s = 0.001
     program.submit(item(1))
     program.after(4)
-    assert program.taken == [(threading.get_ident(), 1)], "the program had a timer alone"
+    assert program.taken == [(threading.get_ident(), 1)], (
+        "the program's own thread must have run only the timer"
+    )
 
 
 def test_a_failure_in_any_thread_ends_the_program(program: Program) -> None:
@@ -152,7 +154,7 @@ def test_a_failure_in_any_thread_ends_the_program(program: Program) -> None:
     program.thread.join(SOON_S)
     program.submit(item(2))
     assert [type(error) for error in program.raised] == [ZeroDivisionError]
-    assert [number for _, number in program.taken] == [1], "then no more turns are made"
+    assert [number for _, number in program.taken] == [1], "no more turns may run after the failure"
 
 
 def test_a_stop_ends_even_a_long_wait(program: Program) -> None:
@@ -190,5 +192,5 @@ def test_each_item_is_run_once_and_by_one_thread_at_a_time(program: Program) -> 
     assert sorted(taken) == list(range(threads * count))
     for first in range(threads):
         own = [number for number in taken if number // count == first]
-        assert own == sorted(own), "in the order in which they came"
+        assert own == sorted(own), "the items must run in their order of arrival"
     assert len({thread for thread, _ in program.taken}) > 1

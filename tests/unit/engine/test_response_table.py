@@ -36,7 +36,7 @@ def test_identification_of_the_demo_rig_reproduces_the_committed_response_table(
         committed.hysteresis(), voltage_V, 0.02
     )
     worst_um = float(np.max(np.abs(difference)))
-    assert worst_um < TOLERANCE_UM, f"{DEMO} is stale: put in its place\n{as_toml(found)}"
+    assert worst_um < TOLERANCE_UM, f"{DEMO} is out of date: replace its table by\n{as_toml(found)}"
     assert committed.residual_um == pytest.approx(found.residual_um, abs=0.002)
 
 

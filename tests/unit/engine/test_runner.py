@@ -348,4 +348,4 @@ def test_an_output_without_a_buffer_trips_on_a_wave() -> None:
     assert isinstance(applied, Applied)
     assert (applied.state, applied.answered) == ("latched", False)
     assert "cannot play waves" in applied_text(applied)
-    assert output.put_V == [], "it stands at the safe voltage, as it says"
+    assert output.put_V == [], "the output is at the safe voltage, as it reports"

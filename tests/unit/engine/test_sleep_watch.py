@@ -46,7 +46,7 @@ def test_nothing_is_reported_while_the_machine_is_awake() -> None:
 def test_a_suspension_is_reported_once_with_its_length() -> None:
     hand = Hand(slept_s=7.0)
     watch = SleepWatch(hand)
-    assert watch.slept_s() == 0.0, "what was slept before the program began"
+    assert watch.slept_s() == 0.0, "a suspension before the start must not count"
     hand.slept_s += 3600.0
     assert watch.slept_s() == pytest.approx(3600.0)
     assert watch.slept_s() == 0.0
@@ -62,7 +62,7 @@ def test_a_preemption_between_the_two_clock_readings_is_not_mistaken_for_a_suspe
     hand.slept_s += 1.0
     assert watch.slept_s() == 0.0
     hand.put_off_s = 0.0
-    assert watch.slept_s() == pytest.approx(1.0), "and the sleep is not lost by that"
+    assert watch.slept_s() == pytest.approx(1.0), "the suspension must be reported later"
 
 
 def test_the_loop_reports_a_suspension_to_its_actuator_which_trips() -> None:

@@ -67,40 +67,40 @@ def wrong(facts: Facts, command: Command | None) -> str:
     if facts.state in AWAITING:
         return "" if decide_wait(facts) == command else "the wait ends otherwise"
     if isinstance(command, TakeDefault):
-        return "a default outside the wait"
+        return "a default decision outside the wait for one"
     if facts.state in TERMINAL:
         expected = Complete if facts.over or facts.late else Interrupt
         if facts.over or facts.late or facts.interrupted:
             return "" if isinstance(command, expected) else "the record is not completed"
-        return "" if command is None else "a job that has ended does something"
+        return "" if command is None else "a command for a job that has ended"
     if facts.trip and facts.state in TRIPPABLE:
-        return "" if command == Move("trip") else "the trip does not come first"
+        return "" if command == Move("trip") else "a trip does not take precedence"
     match command:
         case Move(event=event) | Close(event=event) if event not in events:
             return "the state does not know the event"
         case Move(event="trip" | "overdue") | AskTrip() if (
             facts.cut_off and facts.state in TRIPPABLE
         ):
-            return "a trip of a loop that its lease ends"
+            return "a trip although the end of the lease stops the loop"
         case Ask() if facts.asked != "no" or facts.over or facts.interrupted or facts.late:
-            return "an order out of turn"
+            return "an action in a state that does not allow it"
         case Ask(action=action):
             of_state = {
                 "stopping": facts.on_stop,
                 "pausing": ActionCode.PAUSE,
                 "resuming": ActionCode.RESUME,
             }
-            return "" if of_state.get(facts.state) == action else "an order of another state"
+            return "" if of_state.get(facts.state) == action else "an action of another state"
         case AskTrip() if facts.state != "aborting" or facts.trip_asked:
-            return "a trip out of turn"
+            return "a trip request in a state that does not need it"
         case Close(event="done") if not facts.over or facts.outcome not in GOOD_OUTCOMES:
-            return "a success that was none"
+            return "a failed job is reported as a success"
         case Close(over=False) if not (facts.held and facts.stop_acts):
-            return "an end with nothing to record"
+            return "a job is closed before its last sample"
         case Complete():
-            return "a record is completed before the end"
+            return "the record is completed before the end of the job"
         case _ if facts.over and not isinstance(command, Close | Move):
-            return "a job goes on after its last sample"
+            return "a job continues after its last sample"
         case None if facts.interrupted or facts.late:
             return "nothing is done"
         case _:

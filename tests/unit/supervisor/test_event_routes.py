@@ -277,6 +277,6 @@ def test_a_stream_ends_with_the_key_of_its_listener(
             await asyncio.to_thread(KeyFile(bench.store.folder).revoke, "an-observe")
             access.authenticator.refresh(bench.store)
             await asyncio.to_thread(bench.log.append, "state", "a", state="running")
-            assert await stream.event() == {}, "neither this nor anything after it is told"
+            assert await stream.event() == {}, "neither this event nor any later one may be sent"
 
     asyncio.run(scene())

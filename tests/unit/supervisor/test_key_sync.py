@@ -53,7 +53,7 @@ def until(holds: Callable[[], bool]) -> None:
         if holds():
             return
         wait.wait(0.02)
-    raise AssertionError("it did not come to hold")
+    raise AssertionError("the condition was not met in time")
 
 
 @pytest.mark.parametrize("number", NUMBERS)

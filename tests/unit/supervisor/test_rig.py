@@ -78,7 +78,7 @@ def test_an_actuator_that_was_started_again_needs_a_person(harness: Harness) -> 
     harness.bus.instances["actuator"] = 2
     harness.bus.latch = "boot"
     response = harness.post("/jobs", {"kind": "grip"})
-    assert response.status_code == 409, "though the one before has just answered"
+    assert response.status_code == 409, "although the previous program has just replied"
     assert response.json()["cause"] == "restart"
     assert harness.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
     assert harness.ended(harness.grip()["id"])["state"] == "succeeded"
@@ -183,7 +183,9 @@ def test_in_real_time_a_sample_is_required(
             fault=NO_READING,
         )
     )
-    assert harness.get("/rigs/demo")["can_start"] is True, "of one position that was not read"
+    assert harness.get("/rigs/demo")["can_start"] is True, (
+        "one invalid position must not prevent a start"
+    )
     harness.observer.clock = lambda: 100.21
     harness.bus.publish(
         with_arm(

@@ -54,10 +54,10 @@ class Witness:
             mine = [event for event in reported if event.job == row.id]
             states = [event.body["state"] for event in mine if event.kind == "state"]
             if row.state not in states:
-                self.odd.append(f"nothing told that {row.id} is {row.state}")
+                self.odd.append(f"no event for state {row.state} of {row.id}")
             requested = sum(event.kind == "action" and "by" in event.body for event in mine)
             if len(row.actions) > requested:
-                self.odd.append(f"an action on {row.id} was not told")
+                self.odd.append(f"no event for an action on {row.id}")
 
 
 def test_every_change_of_state_or_action_is_published_as_an_event(

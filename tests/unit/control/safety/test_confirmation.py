@@ -126,7 +126,7 @@ def test_a_suspension_of_the_machine_trips_an_armed_actuator() -> None:
         state = suspended(LIMITS, armed, 3600.0, 7.0)
         assert (state.mode, state.cause) == (mode, Cause.SUSPEND)
         assert fault_text(state.faults[0]) == "the machine was suspended for 3600.0 s"
-        assert read_back_due(LIMITS, state, 7.0), "its watchdog may have acted"
+        assert read_back_due(LIMITS, state, 7.0), "the watchdog of the output may have tripped"
 
 
 def test_a_suspension_of_a_tripped_rig_keeps_its_cause_and_of_an_idle_rig_is_ignored() -> None:
