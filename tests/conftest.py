@@ -25,10 +25,10 @@ COMPILES_S = 180.0
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection(session: pytest.Session) -> Generator[None, object, object]:
-    """Import the tests without collections of garbage, which took a quarter of that time.
+    """Import the tests with garbage collection disabled, which took a quarter of the time.
 
-    The first worker of xdist does so before the others, which read what Python has compiled for it.
-    In a fresh checkout, each would compile every module otherwise.
+    The first worker of xdist imports before the others, so that they find compiled modules. In a
+    fresh checkout each worker would compile every module otherwise.
     """
     worker: str = getattr(session.config, "workerinput", {}).get("workerid", "")
     collected = Path(session.config.option.basetemp or "").parent / "collected"
@@ -45,7 +45,7 @@ def pytest_collection(session: pytest.Session) -> Generator[None, object, object
 
 
 def pytest_collection_finish() -> None:
-    """Exclude what all tests share, their modules and items, from collections of garbage.
+    """Exclude the modules and items that all tests share from garbage collection.
 
     Collections also begin less often: they took an eighth of the processor time of many tests.
     """

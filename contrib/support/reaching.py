@@ -166,9 +166,9 @@ def stop(rig: RunningRig, job: str) -> None:
 
 @contextmanager
 def stopping(rig: RunningRig, phase: str) -> Generator[list[str]]:
-    """Stop the job that begins a phase within the block; its id is added to the list.
+    """Stop the job that reaches a phase within the block; its id is added to the list.
 
-    The events are read, since a phase may begin and end between two looks at the job.
+    The phase is read from the events, since it may begin and end between two requests for the job.
     """
     seen: list[str] = []
     wanted = "hold" if phase == "settle" else phase

@@ -149,7 +149,8 @@ def test_an_answer_to_an_earlier_client_is_not_accepted(laser: Wire) -> None:
 def test_a_banner_at_a_reopened_port_does_not_cause_an_additional_failed_exchange(
     banner: bytes, timeout_s: float, *, at_once: bool, laser: Wire
 ) -> None:
-    """``at_once``: it is sent before the first request, otherwise together with its answer."""
+    """``at_once``: the banner is sent before the first request, otherwise together with its
+    answer."""
     connections = 3
     with socket.create_server(("127.0.0.1", 0)) as listener:
         peers: list[socket.socket] = []

@@ -35,7 +35,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
 
 
 def test_a_viewer_cannot_be_mistaken_for_a_router(folder: Folder) -> None:
-    """Its certificate is not valid for a server, so no client accepts it."""
+    """The certificate of the viewer is not valid for a server, so no client accepts it."""
     rig = demo_rig().secured(folder.path)
     viewer = TlsIdentity(folder.credentials(person("viewer", "viewer")), {})
     false = secured(router_session("127.0.0.1", rig.bus.port), viewer)

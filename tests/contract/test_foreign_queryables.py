@@ -298,7 +298,7 @@ def test_a_token_without_a_program_is_recognized_at_once(plain: Site) -> None:
 def test_an_unresponsive_program_is_not_mistaken_for_a_token_without_a_program(
     plain: Site, kind: str
 ) -> None:
-    """A query that a program drops ends at once, as does one that no program receives."""
+    """A query that a program drops ends at once, like a query that no program receives."""
     place = f"tcp/{plain.rig.bus.host}:{plain.rig.bus.port}"
 
     def drop(query: zenoh.Query) -> None:
@@ -318,7 +318,7 @@ def test_an_unresponsive_program_is_not_mistaken_for_a_token_without_a_program(
 
 
 def test_with_certificates_a_real_token_is_never_mistaken_for_a_foreign_one(secure: Site) -> None:
-    """The access list may refuse the request to a real program: then the query ends at once too."""
+    """The access list may refuse the request to a real program; that query ends at once, too."""
     other = ZenohBus(loop_endpoint(secure.rig, "sensor", loop_services()), "demo", "sensor")
     try:
         other.announce("sensor")
@@ -334,7 +334,7 @@ def test_with_certificates_a_real_token_is_never_mistaken_for_a_foreign_one(secu
 def test_a_certificate_without_permission_cannot_declare_a_queryable(
     secure: Site, folder: Folder, who: str
 ) -> None:
-    """The access list keeps both the declaration and the replies of others out."""
+    """The access list refuses both the declaration and the replies of other programs."""
     places = (EVERYTHING, request_key("demo", TRIP), "pincette/v2/demo/call/**", "**")
     heard: list[str] = []
 

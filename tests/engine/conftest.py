@@ -31,7 +31,8 @@ def an_engine() -> Generator[None]:
 
 @pytest.fixture(scope="module")
 def stalls(pytestconfig: pytest.Config) -> Generator[ContainerStalls]:
-    """To be named after what builds the images, by whatever test may be rerun."""
+    """Record stalls as a container sees them; requested after the fixture that builds the
+    images."""
     with ContainerStalls() as recorder:
         pytestconfig.stash[RECORDER] = recorder
         yield recorder

@@ -34,7 +34,7 @@ def ready(rig: ContainerRig) -> None:
 
 @pytest.fixture
 def seen(rig: ContainerRig) -> Generator[Witness]:
-    """Anew for each test, since the router may be another one."""
+    """A witness for each test, since the router may have been replaced."""
     with witness(rig.rig) as outsider:
         yield outsider
 

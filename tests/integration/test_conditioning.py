@@ -37,7 +37,7 @@ RELAYS: Tree = {
     "relays": {"loop_share": 0.15, "full_drive_V": 4.0, "centre_V": 1.0},
 }
 LEAST_V, MOST_V = -0.7, 2.6
-"""Of the calibration, so that an arm of relays stays within its travel."""
+"""Voltage range of the calibration, in V, in which an arm of relays stays within its travel."""
 DEPTH_V = -0.5
 """Smallest depth of the strokes, in V."""
 AFTER_S = 30.0

@@ -2,9 +2,9 @@
 
     python -m tests.mutants.run [PATTERN …]
 
-mutmut works on a copy, so the checkout stays as it is. A mutant that survives is printed with what
-it changes; the run fails where ``survivors.toml`` has no reason for it, or a reason for one that
-does not survive any more. Patterns, as of mutant names, take part of them.
+mutmut works on a copy, so the checkout stays as it is. A surviving mutant is printed with its
+change. The run fails if ``survivors.toml`` has no reason for a survivor, or a reason for a mutant
+that no longer survives. Patterns select mutants by name.
 """
 
 import shutil

@@ -53,7 +53,7 @@ class Made:
     state: str
     length_s: float
     ready_s: float
-    """Time from its end until every program was seen and replied, in s."""
+    """Time from the end of the cut until every program was seen and replied, in s."""
     stood_s: float
     """Time for which the machine stalled meanwhile, in s."""
     lost: int

@@ -110,7 +110,7 @@ async def members(target: Target) -> str:
 
 
 async def members_with_key(target: Target) -> str:
-    """Send the same to a route that plans, with a key."""
+    """Send a large object with unknown members to a route that plans, with a key."""
     return await asked(target, target.with_body("/jobs?dry_run=true", MEMBERS, key=True))
 
 

@@ -54,15 +54,16 @@ class Fault:
 def inject(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, fault: Fault, chance: random.Random
 ) -> Injected:
-    """Hurt a program anywhere within a period, and see it through to a rig that is ready again.
+    """Cause a fault of a program at any phase of a period, check the reaction, and make the rig
+    ready.
 
     Raises
     ------
     AssertionError
-        Where a rule that needs no stopwatch is broken: how the voltage goes, a command that is
-        taken after the trip, a cause without its words, motion without a reset.
+        If a rule without a time limit is broken: the course of the voltage, a command that is
+        accepted after the trip, a cause without a text, or a motion before a reset.
     TimeoutError
-        Where the rig does not come to be safe, or ready.
+        If the rig does not become safe, or ready.
     """
     job = hold(rig, seen) if fault.held else move_away(rig, seen)
     strike, heal = _harm(rig, fault)

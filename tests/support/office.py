@@ -143,7 +143,7 @@ class Office:
         self.rig, self.steps = rig, Steps(rig)
         steps = self.steps
         self.faults: list[BaseException] = []
-        """Of which threads of jobs have died."""
+        """Exceptions that have ended threads of jobs."""
         self.line = Line(steps)
         self.store = MortalStore(data / "supervisor.sqlite", steps)
 

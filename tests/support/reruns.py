@@ -1,11 +1,12 @@
-"""A test of real time that overlaps a stall of the machine is run once more, and the run says so.
+"""Reruns of real-time tests that a stall of the machine may have spoilt.
 
-A test goes by this where it asks for the fixture ``stalls``. Its failure is made
-good by a second run where the machine stood still, for as long as trips a rig, within the window in
-which the failed assertion measured: what is open of ``with measured():``, or was closed last, or
-else the whole phase. There are at most ``LIMIT`` of these in a session, whatever the number of its
-processes, and one for each test. What uses a browser or the commands of README.md is never rerun.
-Tests that may be rerun have the mark ``real_time``: they run by themselves.
+This applies to tests that use the fixture ``stalls``. A test that fails is run once more if the
+machine stalled for long enough to trip a rig, within the window in which the failed assertion
+measured: an open ``with measured():`` block, otherwise the last closed one, otherwise the whole
+phase. A session has at most ``LIMIT`` reruns, whatever the number of its processes, and a test at
+most one. Tests with a browser or with the commands of README.md are never rerun. Tests that may be
+rerun have the mark ``real_time`` and are run one at a time. The summary of the session reports each
+rerun.
 """
 
 import fcntl
@@ -105,7 +106,7 @@ def _is_left(config: pytest.Config) -> bool:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
-    """Run a test of real time, and once more if a stall may have spoilt its measurement."""
+    """Run a real-time test, and once more if a stall may have spoilt its measurement."""
     if not keeps_time(item):
         return None
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)

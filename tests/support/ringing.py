@@ -1,10 +1,10 @@
-"""How much the arm rings once the last voltage of a ramp is out.
+"""Amplitude at which the arm rings after the last voltage of a ramp.
 
-A rig at T = 20 ms sees its arm 50 times a second, eight periods of the mode apart. So the ringing
-is worked out: the voltages that the instrument put out, at the times at which a witness heard of
-each, are played to the plant of the rig's own simulation, contact and output lag included, in
-steps of 0.1 ms; an oscillation at the mode's frequency is then fitted to the position after the
-last of them. The way of the news to the witness shifts each time by some tenths of a millisecond.
+A rig at T = 20 ms samples its arm 50 times a second, every eight periods of the mode, so the
+ringing is computed. The voltages that the instrument output are played to the plant of the rig's
+own simulation, including contact and output lag, in steps of 0.1 ms. Their times are those at which
+a witness received the messages, which differ by some tenths of a millisecond. An oscillation at the
+mode's frequency is then fitted to the positions after the last voltage.
 """
 
 import math
@@ -21,7 +21,7 @@ from pincette.sim.plant.parameters import PlantParameters
 
 STEP_S = 1e-4
 SETTLED_S = 1.0
-"""Time at the first voltage before the first change, in s."""
+"""Time for which the plant rests at the first voltage before it changes, in s."""
 PERIODS = 4
 """Number of periods of the mode that are evaluated."""
 
@@ -29,9 +29,9 @@ PERIODS = 4
 def played_um(
     parameters: PlantParameters, writes: Sequence[tuple[float, float]], after_s: float
 ) -> tuple[float, list[float]]:
-    """Position at rest before the first write of (time in s, voltage in V), and after the last.
+    """Return the position at rest before the first write, and the positions after the last one.
 
-    The positions come each 0.1 ms, for ``after_s``.
+    A write is (time in s, voltage in V). The positions are 0.1 ms apart, for ``after_s``.
     """
     state = plant.set_voltage(parameters, plant.start(), writes[0][1])
     state = plant.advance(parameters, state, SETTLED_S)
@@ -48,10 +48,10 @@ def played_um(
 def amplitude_um(
     positions_um: Sequence[float], frequency_rad_per_s: float, damping_ratio: float, lag_s: float
 ) -> float:
-    """Amplitude A in µm, at the first position, of the mode in positions each 0.1 ms.
+    """Return the amplitude of the mode at the first of some positions 0.1 ms apart, in µm.
 
-    Least squares of x(t) = a + b·t + c·e^(-t/τ) + e^(-ζ·ω·t)·(A_c·cos ω_d·t + A_s·sin ω_d·t), with
-    A² = A_c² + A_s² and the lag τ of the output, which moves the arm on without ringing.
+    Least squares of x(t) = a + b·t + c·e^(-t/τ) + e^(-ζ·ω·t)·(A_c·cos ω_d·t + A_s·sin ω_d·t); the
+    amplitude is √(A_c² + A_s²). τ is the lag of the output, which moves the arm without ringing.
     """
     t = STEP_S * np.arange(len(positions_um))
     decay = np.exp(-damping_ratio * frequency_rad_per_s * t)
@@ -63,10 +63,10 @@ def amplitude_um(
 
 
 def residual(rig: RigFile, truths: Sequence[tuple[float, GroundTruth]]) -> tuple[float, float]:
-    """Amplitude after a ramp, and the way of the arm during it, both in µm.
+    """Return the amplitude after a ramp, and the travel of the arm during the ramp, both in µm.
 
-    ``truths`` are those of the ramp with the time at which each was heard, the last voltage before
-    it first. Raises ValueError where nothing ramps.
+    ``truths`` are the messages of the ramp with their times of arrival; the first has the last
+    voltage before the ramp. Raises ValueError if there is no ramp.
     """
     if rig.simulation is None:
         raise ValueError(f"rig {rig.rig.name!r} is not simulated")

@@ -14,11 +14,11 @@ from pincette.engine.realtime.os_scheduling import raise_priority
 BEAT_S = 0.001
 STALL_S = 0.005
 SHORT_S = 0.001
-"""Shortest stall on a virtual machine that is not run in short slices; it counts if no other
-thread of the machine had the processor."""
+"""Shortest stall that counts if no other thread of the machine had the processor, in s; only on a
+virtual machine that is not run in short slices."""
 SPAN_S, BLAMED_S = 0.100, 0.005
-"""Stalls of so long in all, within the length that lets a rig at T = 20 ms trip, may spoil a test:
-more than that an instrument that owes an answer is not waited for."""
+"""Interval in which a rig at T = 20 ms can trip, and the total length of stalls within it that may
+spoil a test, in s; the loop does not wait longer for an instrument that owes a reply."""
 TICK_S = 0.01
 """Unit in which the system counts processor time in /proc, in s."""
 
@@ -32,9 +32,9 @@ class StallRecorder:
     """Stalls as (begin, length) in seconds of the monotonic clock.
 
     ``stalls`` are times in which the machine did not run one of its processors at all, ``waits``
-    times in which other processes had it. One thread is bound to each processor, since a virtual
-    machine may lose one of them while the others run: what was running there stands still, and
-    nothing else notices. They run as early as the loop does.
+    times in which other processes used it. One thread is bound to each processor, since a virtual
+    machine may lose one processor while the others run, which stops only the programs on that
+    processor. The threads have the priority of the loop.
     """
 
     stalls: list[tuple[float, float]] = field(default_factory=list[tuple[float, float]])

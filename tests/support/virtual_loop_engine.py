@@ -1,13 +1,14 @@
-"""The whole loop in real time, and its time virtual: real runners, real bytes, one event heap.
+"""The whole loop in virtual real time: real runners and real bytes, driven by one heap of events.
 
-Each program uses the same ``Loop`` as a process does, without its threads: it waits, takes what
-has come, steps, publishes. While a step of a program takes its time, nothing else of it is done:
-neither another step nor a look at the clock. Messages travel as bytes, and are decoded where they
-arrive. What a machine makes of it is drawn by a seed:
+Each program uses the same ``Loop`` as a process does, without its threads: it waits, receives what
+has arrived, steps, and publishes. While a step runs, the program does nothing else: it neither
+starts another step nor reads the clock. Messages travel as bytes and are decoded on arrival. The
+delays of the machine are drawn from a seed:
 
-    computing   0.1 to 0.4 ms before the step, evenly
-    bus         0.1 ms, and exponentially 0.2 ms more, 3 ms at most; in order on each link
-    lines       as the drivers state them; a voltage reaches the plant at the end of its exchange
+    computing   0.1 to 0.4 ms before the step, uniformly distributed
+    bus         0.1 ms plus an exponentially distributed time of 0.2 ms, at most 3 ms;
+                in order on each link
+    lines       as the drivers state; a voltage reaches the plant at the end of its exchange
 
 The same seed gives the same numbers, to the last bit.
 """

@@ -15,13 +15,13 @@ Befalls = Literal["lost", "late", "twice", "corrupt", "unreadable"]
 
 @dataclass(frozen=True, slots=True)
 class LinkFault:
-    """Befalls messages of a link from a time on.
+    """A fault of the messages of a link, within an interval of time.
 
-    ``lost``       it does not arrive.
-    ``late``       it arrives ``late_s`` later, and may be overtaken.
-    ``twice``      it arrives, and once more ``late_s`` later.
-    ``corrupt``    its field ``field`` arrives as ``value``.
-    ``unreadable`` it arrives cut in half.
+    ``lost``       the message does not arrive.
+    ``late``       the message arrives ``late_s`` later, and may be overtaken.
+    ``twice``      the message arrives, and a copy ``late_s`` later.
+    ``corrupt``    the message arrives with another ``value`` in its field ``field``.
+    ``unreadable`` only half of the message arrives.
     """
 
     befalls: Befalls

@@ -34,14 +34,14 @@ SILENCE = "command_age: no command for "
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """What is done to a loop, and what must become of it.
+    """A fault of a loop, and the required outcome.
 
-    ``kill``  a program ends without a word.
-    ``stop``  it stands still for ``for_s``.
-    ``slow``  its next step takes ``for_s`` longer.
-    ``link``  ``link`` befalls messages from here on, for ``for_s``.
-    ``bench`` ``target`` and ``what`` are ordered of the rig, for ``for_s``.
-    ``rival`` a second controller, armed for the same epoch, commands too.
+    ``kill``  a program ends without notice.
+    ``stop``  a program does not run for ``for_s``.
+    ``slow``  the next step of a program takes ``for_s`` longer.
+    ``link``  the messages of ``links`` have a fault from now on, for ``for_s``.
+    ``bench`` the simulated rig executes the command ``target`` ``what``, for ``for_s``.
+    ``rival`` a second controller, armed for the same epoch, also sends commands.
     """
 
     name: str

@@ -150,7 +150,7 @@ async def elsewhere(_scope: Scope, _receive: Receive, send: Send) -> None:
 def test_a_page_of_another_origin_can_neither_act_nor_read_nor_frame(
     bench: Bench, foreign: str, context: BrowserContext
 ) -> None:
-    """For a browser it belongs to the same site, so cookies would be sent."""
+    """For a browser that page belongs to the same site, so cookies would be sent."""
     origin = bench.address
     name = bench.desk.manager.name
     page = context.new_page()

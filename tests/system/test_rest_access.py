@@ -141,7 +141,7 @@ def test_a_whole_rig_needs_the_key_and_a_stop_needs_none(rig: RunningRig) -> Non
 def test_a_second_supervisor_of_a_running_rig_does_not_start(
     rig: RunningRig, tmp_path: Path
 ) -> None:
-    """It has another port and folder; the first one continues."""
+    """The second supervisor has another port and folder; the first one continues."""
     path = tmp_path / "rig.toml"
     other = rig.rig.model_copy(
         update={"supervisor": rig.rig.supervisor.model_copy(update={"port": free_ports(1)})}

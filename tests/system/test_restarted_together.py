@@ -75,7 +75,7 @@ def test_a_restart_of_killed_actuator_and_supervisor_clears_no_latch(
 def test_an_actuator_stopped_with_a_part_held_needs_a_person(
     rig: RunningRig, seen: Witness
 ) -> None:
-    """Its ramp releases the part; the next start reports it."""
+    """The ramp of the actuator releases the part; the next start reports this."""
     hold(rig, seen)
     for name in ("actuator", "supervisor"):
         rig.fleet.signal(name, signal.SIGTERM)

@@ -74,7 +74,7 @@ def held(rig: RunningRig, seen: Witness) -> Generator[str]:
 
 
 def ports(rig: RunningRig) -> tuple[int, int]:
-    """The router's, and the actuator's own."""
+    """Port of the router, and that of the actuator."""
     return rig.rig.bus.port, rig.rig.bus.port + 4
 
 

@@ -86,7 +86,8 @@ def test_a_stop_acts_while_a_program_hangs(rig: RunningRig, program: str) -> Non
 
 
 def test_a_stop_acts_and_a_job_continues_despite_a_tool_that_reads_nothing(rig: RunningRig) -> None:
-    """Other tools send more than it accepts, and request that their messages block."""
+    """Other tools send more than the stalled reader accepts, and request that their messages
+    block."""
     make_ready(rig)
     job = rig.start_grip(until_released=True)
     rig.until_phase(job, "hold")

@@ -18,7 +18,8 @@ pytestmark = pytest.mark.usefixtures("stalls")
 
 HERE = Path(__file__).parents[1] / "support" / "unheard"
 BACK_S = 60.0
-"""Longest time until it is back: a tenth of the usual time without messages, and a start."""
+"""Longest time until the supervisor is back: a tenth of the usual time without messages, and a
+start."""
 TRIPPED = ("frozen", "ramping", "latched")
 
 

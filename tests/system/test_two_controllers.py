@@ -107,7 +107,8 @@ def test_the_same_controller_cannot_be_started_twice(
 def test_commands_of_another_owner_never_mix_with_those_of_the_first(
     rig: RunningRig, seen: Witness
 ) -> None:
-    """Linked directly to the actuator: right epoch, new numbers, another owner."""
+    """The foreign program is linked directly to the actuator: right epoch, new numbers, another
+    owner."""
     job = hold(rig, seen)
     place = direct_session(rig.rig.bus.host, rig.rig.bus.port, "actuator")
     second = ZenohBus(place, rig.rig.rig.name, "second")

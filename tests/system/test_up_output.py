@@ -31,7 +31,7 @@ class Output:
     number: int
     end: Callable[[], None]
     terminal: bool = False
-    """True if it is the controlling terminal of the command."""
+    """True if the output is the controlling terminal of the command."""
 
 
 @contextmanager

@@ -1,9 +1,9 @@
-"""Compare ratios with those that are expected; run by ``make bench-check``.
+"""Compare measured ratios with the expected ones; run by ``make bench-check``.
 
-    python -m tests.bench.check             what is counted, and what ``make bench`` has timed
-    python -m tests.bench.check --short     what is counted alone: no clock has a part in it
+    python -m tests.bench.check             counted figures, and those timed by ``make bench``
+    python -m tests.bench.check --short     counted figures only, which need no clock
 
-Ends with 1 where a ratio is missing, or worse than its noise explains.
+Ends with exit status 1 if a ratio is missing, or worse than its noise explains.
 """
 
 import argparse

@@ -77,7 +77,7 @@ def grips(first: RunningRig, rig: str, until_s: float) -> tuple[int, list[str]]:
 
 
 def main() -> int:
-    """Grip, print, keep; returns the exit status."""
+    """Run the grips, print and store the results; returns the exit status."""
     parser = argparse.ArgumentParser(
         prog="python -m tests.bench.realtime.jobs", description=__doc__
     )

@@ -40,7 +40,7 @@ class Measured:
     missed: int
     """Points of the sensor's grid that were skipped, and samples on which a service did not act."""
     missed_undisturbed: int
-    """Those of ``missed`` that lie in a second without a recorded stall."""
+    """Number of the ``missed`` points and samples in seconds without a recorded stall."""
     stalls: int
     """Number of times that a processor did not run, or ran something else, for more than 5 ms."""
     stolen_s: float
@@ -52,7 +52,8 @@ class Measured:
     """R.m.s. deviation of the interval between two samples from the period, divided by the
     period."""
     deviation_undisturbed: float | None
-    """The same deviation in seconds without a stall; None if there was none."""
+    """R.m.s. deviation of that interval in seconds without a stall, divided by the period; None if
+    there was no such second."""
     cores: dict[str, float]
     """Number of processors that a program kept busy, over all rigs."""
 

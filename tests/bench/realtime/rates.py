@@ -16,7 +16,7 @@ from tests.support.rigs import Tree, laid_over
 RATES_HZ = (50.0, 100.0, 200.0, 500.0, 1000.0)
 SECONDS = 60.0
 BOUND: Tree = {"sensor": [0], "actuator": [0], "estimator": [1], "controller": [1]}
-"""The two ends of a tick beside each other, and what computes between them."""
+"""Processors of the services: sensor and actuator share one, estimator and controller the other."""
 FORMS: tuple[Tree, ...] = (
     {},
     {"realtime": {"cores": BOUND}},

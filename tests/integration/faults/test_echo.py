@@ -1,9 +1,10 @@
-"""Row 12, one way: the actuator's echo is cut, or one is lost, in whatever pattern messages arrive.
+"""Row 12, one direction: messages with the applied voltage are lost, one of them or all from some
+time.
 
-After the last echo that has arrived, that of the next tick is missed with the sample after it, and
-only the sample after that one tells a cut from one echo that was lost: three periods, and what the
-messages take. So no reaction within 60 ms of a cut can leave a lost echo without one. What is held
-is a period more, 80 ms, and 120 ms to the safe voltage.
+The estimator misses the first lost message at the sample after it. Only the sample after that one
+distinguishes a permanent loss from a single lost message: three periods, plus the transit times. So
+a reaction within 60 ms of a permanent loss cannot tolerate every single loss. The test checks one
+period more, 80 ms, and 120 ms to the safe voltage. The tests call such a message an echo.
 """
 
 import random
@@ -24,7 +25,7 @@ MOST_LATE_S = 0.2 * T
 5."""
 SETTLES_S = 5.0 * T
 FEW, MANY = 3, 60
-"""Patterns for each state."""
+"""Number of patterns for each state."""
 RARELY = 0.005
 """Share of patterns in which so many messages are late that lost echoes cause a trip.
 

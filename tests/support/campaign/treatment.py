@@ -97,7 +97,7 @@ class Treated:
 
     drawn: Drawn
     failed: str = ""
-    """Reason why it could not be brought up; empty if it was."""
+    """Reason why the rig could not be brought up; empty if it was brought up."""
     grips: list[Gripped] = field(default_factory=list[Gripped])
 
     def lines(self) -> Iterator[str]:

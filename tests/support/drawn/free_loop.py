@@ -14,7 +14,7 @@ CYCLES = 4
 
 @dataclass(frozen=True, slots=True)
 class FreeLoop:
-    """The last of four cycles."""
+    """Gain and width of the loop in the last of four cycles."""
 
     gain_um_per_V: float
     """Secant gain: peak to peak of the position over that of the voltage at the amplifier's
@@ -29,15 +29,16 @@ def free_loop(
     frequency_hz: float = 0.5,
     mean_V: float = 0.0,
 ) -> FreeLoop:
-    """Drive the free arm by mean + pp/2·sin(2πft) from rest.
+    """Drive the free arm by mean + pp/2·sin(2πft) from rest, and return the last loop.
 
-    The output must be resolved. The second mode is left out: its static share moves with the first,
-    and at frequencies of a loop the arm is at rest at each instant, within 1e-5.
+    The output step and lag must be resolved. The second mode is left out: its static share moves
+    with the first, and at the frequencies of a loop the arm is at rest at each instant, within
+    1e-5.
 
     Raises
     ------
     ValueError
-        Where the values are no plant.
+        If the values do not describe a plant.
     """
     parameters = replace(
         plant.plant_parameters(simulation),

@@ -48,9 +48,10 @@ RELAYS = 0x52454C41
 
 
 def random_simulation(base: Simulation, seed: int, *, relays: bool = False) -> Simulation:
-    """Draw a rig around ``base``, whose output must be resolved; the seed is its noise's, too.
+    """Draw a rig around ``base``, whose output step and lag must be resolved.
 
-    With relays it has these in place of Bouc-Wen hysteresis, all else as without.
+    The seed also determines the noise. With ``relays`` these replace the Bouc-Wen hysteresis; all
+    other values are the same as without.
     """
     chance = np.random.default_rng(seed)
 
@@ -124,14 +125,15 @@ def _with_relays(simulation: Simulation, width_percent: float) -> Simulation:
 
 
 def with_loop(simulation: Simulation, gain_um_per_V: float, width_percent: float) -> Simulation:
-    """The rig with this gain and this width of loop at 2 V peak to peak, 0.5 Hz.
+    """Return the rig with this gain and this loop width at 2 V peak to peak, 0.5 Hz.
 
-    A/d by bisection, since the width grows with it; then d, in which the free arm is linear.
+    A/d is found by bisection, since the width grows with it; then d, in which the free arm is
+    linear.
 
     Raises
     ------
     ValueError
-        Where no A/d makes the loop so wide.
+        If no A/d makes the loop that wide.
     """
     low, high = 0.0, WIDEST_A
     if free_loop(_shaped(simulation, high)).width_percent < width_percent:

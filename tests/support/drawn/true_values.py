@@ -13,19 +13,20 @@ class TrueValues:
     """True values of a simulated rig."""
 
     natural_frequency_rad_per_s: float
-    """Undamped, of the free arm's first mode."""
+    """Undamped natural frequency of the free arm's first mode, in rad/s."""
     damping_ratio: float
     compliance_um_per_mN: float
-    """s_p, static, of the driven arm."""
+    """s_p: static compliance of the driven arm, in µm/mN."""
     piezo_um_per_V: float
     """d_p: secant gain of the free arm at 2 V peak to peak, 0.5 Hz, settled."""
     loop_percent: float
-    """Largest width of that loop over its stroke."""
+    """Largest width of the hysteresis loop at that voltage, in percent of its stroke."""
     contact_stiffness_mN_per_um: float
     """K_e: secant of the static force over the driven tip's position."""
     contact_um: float
     noise_um: float
-    """r.m.s. of a reading: white noise and rounding to the sensor's step, step/√12."""
+    """R.m.s. noise of a reading, in µm: white noise, and rounding to the sensor's step
+    (step/√12)."""
 
 
 def true_values(
@@ -34,12 +35,12 @@ def true_values(
     most_mN: float = 20.0,
     mean_V: float = 0.0,
 ) -> TrueValues:
-    """True values of a rig, K_e between two forces, d_p about a mean voltage.
+    """Return the true values of a rig: K_e between two forces, d_p about a mean voltage.
 
     Raises
     ------
     ValueError
-        Where the forces are not above 0 and rising, or the values are no plant.
+        If the forces are not positive and increasing, or the values do not describe a plant.
     """
     if not 0.0 < least_mN < most_mN:
         raise ValueError(f"forces of {least_mN} and {most_mN} mN: must be above 0 and rising")
@@ -58,9 +59,9 @@ def true_values(
 
 
 def pressed_um(simulation: Simulation, force_mN: float) -> float:
-    """How far the driven tip stands behind the first touch under a static force.
+    """Return the distance of the driven tip from the first touch at a static force, in µm.
 
-    x - x_b = F/K_e + B·F^(2/3): the passive arm yields, the part's faces are pressed in.
+    x - x_b = F/K_e + B·F^(2/3): the passive arm yields, and the faces of the part are pressed in.
     """
     hertz = plant_parameters(simulation).part.hertz_um_per_mN23
     yields_um = force_mN / simulation.environment_stiffness_mN_per_um

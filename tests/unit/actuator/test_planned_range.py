@@ -53,7 +53,7 @@ def test_a_planned_range_does_not_widen_the_limits_of_the_rig() -> None:
 
 
 def test_an_output_outside_the_planned_range_may_only_move_towards_it() -> None:
-    """An earlier job has left it there; nothing jumps at the arming."""
+    """An earlier job has left the output at 3.5 V; the arming causes no jump."""
     state = armed(PLANNED, present_V=3.5)
     assert state.arms[0].voltage_V == 3.5
     assert asked(state, 3.8, 3.5, 3.0, 3.2) == [

@@ -188,7 +188,8 @@ def test_the_voltage_stays_within_its_limits_for_any_command(
 def test_the_voltage_keeps_its_slew_limit_in_any_pattern_of_commands(
     arrivals: list[tuple[float, float]],
 ) -> None:
-    """Two consecutive ones move no further than the time between them allows."""
+    """Two consecutive voltages differ by no more than the slew limit times the time between
+    them."""
     slow = replace(ARM, voltage=replace(ARM.voltage, slew_V=0.2))
     limits = replace(CONFIG, arms=(slow,))
     rate_V_per_s = slow.voltage.slew_V / T

@@ -64,7 +64,7 @@ def test_a_stall_of_the_machine_beyond_the_own_computing_time_is_subtracted_from
 
 
 def test_the_long_interval_between_checks_at_rest_is_not_a_stall() -> None:
-    """None of them lengthens the first age after an arming."""
+    """None of the checks lengthens the first age after an arming."""
     state, _, _ = handle(CONFIG, start(CONFIG), Reset(acknowledge=True), 0.0)
     state, _ = play(state, *((WAKE, 0.05 * look) for look in range(1, 20)))
     assert (state.mode, state.standstills) == ("idle", 0)

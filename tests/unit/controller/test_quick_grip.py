@@ -149,7 +149,8 @@ def test_a_part_nearer_than_planned_is_detected_on_the_approach(contact_um: floa
 
 
 def test_a_slowly_growing_force_on_the_approach_is_not_detected_as_a_part() -> None:
-    """The free response may be wrong by more than stated, but not suddenly."""
+    """The force that the free response causes may be wrong by more than stated, but changes
+    slowly."""
     arm = Arm(program=QUICK)
     arm.until("approach")
     begun = arm.seq

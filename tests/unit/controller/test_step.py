@@ -251,7 +251,7 @@ def test_without_valid_samples_or_an_arming_no_voltage_is_requested() -> None:
 
 
 def test_the_hysteresis_memory_follows_the_applied_voltage_and_outlives_an_arming() -> None:
-    """A missing voltage is left out, and counts for two periods later, as in the estimator."""
+    """A missing voltage is left out and counted for two periods later, as in the estimator."""
     config = configure(DEMO)
     state, _, _ = handle(config, start(config), Load(program()), 0.0)
     state, _, _ = handle(config, state, Arm(1, 5, ""), 0.0)

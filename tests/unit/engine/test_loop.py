@@ -256,7 +256,8 @@ def test_samples_of_another_program_become_a_finding_that_names_the_topic(first:
 
 @pytest.mark.parametrize("where", ["fire", "settle"])
 def test_a_service_that_fails_ends_the_program_with_its_instrument_at_rest(where: str) -> None:
-    """In its step, or in what it has left until the outputs of a step are published."""
+    """The service fails in its step, or in work that it has deferred until its outputs are
+    published."""
 
     def fails(*_given: Any) -> Any:
         raise ZeroDivisionError

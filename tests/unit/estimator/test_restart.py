@@ -125,7 +125,8 @@ def test_a_stroke_without_an_earlier_zero_keeps_a_large_uncertainty_of_an_unknow
 def test_an_approach_before_the_zero_does_not_reduce_the_unknown_history(
     free: PlantParameters, low_V: float
 ) -> None:
-    """With zeros before and after the approach, a quarter of the unknown history was left in U."""
+    """U once contained only a quarter of the unknown history, with zeros before and after the
+    approach."""
     model = DEMO.model
     assert model.free_response is not None
     taught = model.free_response.model_copy(update={"taught_V": (low_V, 3.0)})

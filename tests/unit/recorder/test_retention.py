@@ -19,7 +19,7 @@ from .conftest import CONFIG
 
 DAY_S = 86_400.0
 START_S = 1_790_000_000.0
-"""Time of day at the start of a test, in s of UTC."""
+"""Time of day at the start of a test, in s since 1970 (UTC)."""
 
 
 def _kept(count: int, size: int = 100) -> list[Kept]:

@@ -155,7 +155,8 @@ def test_a_carried_part_that_lands_keeps_its_position_and_can_be_gripped_again()
 def test_a_part_at_rest_after_its_release_is_not_hit_again_by_the_arms(
     carried: bool, shares: tuple[float, ...], aside_s: float
 ) -> None:
-    """By one step, as from a watchdog, or by one step per tick; one arm before the other."""
+    """The voltages fall in one step, as by a watchdog, or in one step per tick, one arm before the
+    other."""
     part = PartParameters(hold_mN=0.05, lift_after_s=0.1 if carried else math.inf)
     p = _pair(part=part, lands=True, ground_slip_mN=1.5)
     state = _pressed(p, start_pair(p), (35.0, 33.0))
@@ -205,7 +206,7 @@ def test_a_held_pair_swings_with_both_masses_on_both_springs() -> None:
 def test_arms_that_leave_a_loose_part_for_an_instant_close_on_it_again(
     step_s: float,
 ) -> None:
-    """Only the faces hold it: the force of a single face is exactly 0, and reveals nothing."""
+    """Only the faces hold the part: the force of a single face is exactly 0 and reveals nothing."""
     p = _pair(ground_slip_mN=1.5)
     state = _pressed(p, start_pair(p), (30.5, 30.5))
     held_mN = (2.0 * 30.5 - GAP_UM) / (p.first.compliance_um_per_mN + SOFTER + 2.0 / FACE)

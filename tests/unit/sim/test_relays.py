@@ -121,7 +121,7 @@ def test_the_loop_has_the_requested_width(share: float, centre_V: float) -> None
 
 
 def test_play_operators_cannot_have_these_loops() -> None:
-    """Their loops of one width are alike about any voltage; these are not."""
+    """Loops of plays with the same width are equal about any voltage; loops of relays are not."""
     widths_um = list[float]()
     for middle_V in (0.0, 1.0, 2.0):
         levels_um, _ = followed(

@@ -29,13 +29,13 @@ ANSWERING = (*PROGRAMS, SIMULATION)
 
 
 class CannedRig:
-    """The bus of a rig whose services answer at once and play a canned grip within the arming.
+    """The bus of a rig whose services reply at once and play a prepared grip within the arming.
 
-    ``pause_at`` names the tick before which the playing waits: for an action, or for good.
-    ``pauses`` are the ticks before which it waits for the action continue.
-    Where ``rests`` is false, a pause begins when ``rest`` is called; where ``freezes`` is true, a
-    trip keeps a held part until ``thaw`` or a reset; where ``deaf`` is true, the controller takes
-    every action and does nothing.
+    ``pause_at`` names the tick before which the playing waits: for an action, or for ever.
+    ``pauses`` are the ticks before which it waits for the action continue. If ``rests`` is false, a
+    pause begins only when ``rest`` is called. If ``freezes`` is true, a trip keeps a held part
+    until ``thaw`` or a reset. If ``deaf`` is true, the controller accepts every action and does
+    nothing.
     """
 
     def __init__(self, rig: RigFile) -> None:
@@ -58,7 +58,7 @@ class CannedRig:
         self.pause_at: int | None = None
         self.pauses: list[int] = []
         self.calibration = ""
-        """Digest of the model with which it was armed."""
+        """Digest of the model with which the rig was armed; empty for the rig file alone."""
         self.place = 0
         self.acts: list[str] = []
         """Requests to the controller, in order."""
@@ -67,9 +67,9 @@ class CannedRig:
         self.rests, self.freezes, self.deaf = True, False, False
         self.paused, self.frozen = False, False
         self.part_held = False
-        """What the actuator keeps beyond the end of a program."""
+        """True if the actuator keeps a part beyond the end of a program."""
         self.mode: Mode | None = None
-        """Part of the actuator's status."""
+        """Mode that the actuator states in its status; None if it states none."""
         self.findings: dict[str, tuple[Fault, ...]] = {}
         self.missed = dict[str, int]()
         """Additional members of a program's status."""

@@ -109,7 +109,8 @@ def test_a_calibration_that_presses_a_part_is_restarted_by_a_person(real: Harnes
 
 
 def weighing(taken: int) -> Callable[[list[samples.Tick]], list[samples.Tick]]:
-    """Weights from one on, as an arm that is as soft as it is shows them."""
+    """Return an edit that plays a weighing from weight number ``taken`` on, with the true
+    compliance."""
 
     skip = 3 * taken
 

@@ -230,7 +230,7 @@ def test_a_rig_that_was_only_switched_on_and_off_needs_no_person(
     rig_file: RigFile,
     open_harness: Callable[..., Harness],
 ) -> None:
-    """Its actuator says which one was before it; any other may have died with a part."""
+    """The actuator states how the previous one ended; any other may have died with a part held."""
     harness.health.refresh(force=True)
     second = open_harness(rig_file)
     second.bus.instances["actuator"], second.bus.replaces = 2, replaces

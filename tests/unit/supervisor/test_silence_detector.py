@@ -90,7 +90,7 @@ def lose_router(desk: Harness) -> None:
 def test_a_missing_router_ends_the_job_with_its_lease_without_a_trip(
     real_time: RigFile, open_harness: Callable[..., Harness], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Then the controller stops the program, and a held part stays held."""
+    """When the lease has ended, the controller stops the program, and a held part stays held."""
     safety = real_time.safety.model_copy(update={"lease_s": DEAF_S})
     desk = open_harness(real_time.model_copy(update={"safety": safety}))
     desk.bus.idle()

@@ -152,10 +152,9 @@ def test_the_law_starts_without_a_voltage_jump(contact: PlannedMotion) -> None:
 
 @pytest.mark.parametrize("pressed_mN", [0.0, 2.0])
 def test_a_touch_and_its_loss_do_not_change_the_voltage(pressed_mN: float) -> None:
-    """An arm that follows its reference is told that a part is in contact, and later that it is
-    not.
+    """The law is informed that a part is in contact, and later that the contact is lost.
 
-    The contact may have begun a while before: the filter has then absorbed the force.
+    The contact may have begun some time before: the filter has then absorbed the force.
     """
     law, x, v, T = law_of(CASES[0], K_f=2000.0), 30.0, 100.0, 0.001
     state = control_law.start(law, x_um=x, x_r_um=x, force_mN=0.0, applied_V=(x - 2.0) / D_P)

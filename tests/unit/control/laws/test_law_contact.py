@@ -96,9 +96,9 @@ def test_the_planned_force_removes_the_known_error(scheme: str) -> None:
 
 @BOTH
 def test_without_the_force_term_the_arm_moves_only_half_of_a_step_in_contact(scheme: str) -> None:
-    """The printed set's d̄ makes ΔF/d̄ nothing: the incremental gain is 1/(1 + s_p K_e) of d_p.
+    """With the printed set's d̄, ΔF/d̄ is almost 0: the incremental gain is 1/(1 + s_p K_e) of d_p.
 
-    The true set, told of ΔF, makes the whole step.
+    With the true set, which takes ΔF into account, the arm moves the whole step.
     """
     gains: dict[str, float] = {}
     for set_ in ("consistent", "printed"):

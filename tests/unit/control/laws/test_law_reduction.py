@@ -94,11 +94,11 @@ def test_a_step_of_p_appears_in_its_estimate_one_sample_later(scheme: str) -> No
 
 @BOTH
 def test_a_limit_causes_no_windup(scheme: str) -> None:
-    """Held at 1 V, 11 µm below its reference, for 60 samples, then sent back to 10 µm.
+    """The arm is held at 1 V, 11 µm below its reference, for 60 samples, then sent back to 10 µm.
 
-    Frozen, ε brings nothing along: s is at most K_P e, which the switching term takes off within
-    |s|/(a K_S) samples, a K_S = 0.18 µm; then the arm stands at 10 µm. With the integral running
-    on, s is 60 times that, and the switching term still pushes the arm off.
+    If ε is frozen meanwhile, s is at most K_P e afterwards. The switching term removes it within
+    |s|/(a K_S) samples, a K_S = 0.18 µm; then the arm is at 10 µm. If ε is not frozen, s is 60
+    times as large, and the switching term still keeps the arm away from 10 µm.
     """
     delta = 0.5 if scheme == "pbsmic" else 1e4
     law = law_of(law_settings(scheme, K_S=0.2, delta=delta))

@@ -158,7 +158,7 @@ def test_with_the_sign_function_s_reaches_its_band(
 def test_the_law_outputs_the_sliding_band_of_the_previous_step(
     case: Case, x_um: float, shares: list[float]
 ) -> None:
-    """Told with the sample that shows p̃: band_k judges the step from s_{k-2} to s_{k-1}."""
+    """Sample k reports p̃; its band belongs to the step from s_{k-2} to s_{k-1}."""
     errors_mN = [case.K_S * share for share in shares]
     outputs = play(case, x_um, errors_mN)
     for before, after, error_mN in zip(outputs, outputs[1:], errors_mN, strict=False):

@@ -119,7 +119,8 @@ def test_a_plan_without_strokes_states_the_uncertainty_from_an_unknown_past() ->
 
 
 def test_a_plan_for_a_rig_without_negative_voltages_has_no_strokes_and_a_warning() -> None:
-    """Its force has the uncertainty of an unknown history, but no force is refused for it."""
+    """The force of that rig has the uncertainty of an unknown history, but no force is refused for
+    it."""
     rig = demo_rig({**TAUGHT, "limits": {"voltage_min_V": 0.0}})
     assert conditioning_V(rig) is None
     present = Present(x_um=0.0, memory_known=False)

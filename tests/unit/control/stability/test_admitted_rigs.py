@@ -1,12 +1,13 @@
-"""What the judgement admits does not diverge: rigs drawn at random within the stated set.
+"""Rigs drawn at random within the stated set do not diverge with a loop that the assessment admits.
 
-The law's own step over the exact arm, whose contact begins and ends within a tenth of a period. It
-rides into a part, is told of it some samples late, presses on a sinusoid with noise, goes back and
-is told of the loss late again. As in a program a touch is told once, and so is its loss.
+The law's own step drives the exact arm, whose contact begins and ends within a tenth of a period.
+The arm moves into a part, and the law is informed of the contact some samples later. It then
+presses on a sinusoid with noise and moves back; the law is informed of the loss late again. As in a
+program, each contact and each loss is reported once.
 
     .venv/bin/python -m tests.unit.control.stability.test_admitted_rigs 1000
 
-plays as many rigs and prints how far they come.
+plays as many rigs and prints how far their arms deviate.
 """
 
 import sys
