@@ -41,7 +41,9 @@ def arrivals(baud: int, line_baud: int, held_s: float, *, in_pieces: bool) -> Ar
 
 @pytest.mark.parametrize("baud", [9600, 19200, 38400, 115200])
 @pytest.mark.parametrize("held_s", [0.001, 0.003, 0.007, 0.020])
-def test_a_late_answer_in_one_piece_is_attributed_to_the_server(baud: int, held_s: float) -> None:
+def test_answers_that_arrive_late_and_in_one_piece_are_attributed_to_the_device_server(
+    baud: int, held_s: float
+) -> None:
     hop = arrivals(baud, baud, held_s, in_pieces=False).hop()
     assert hop.held_s == pytest.approx(held_s, abs=2.0 * OVERHEAD_S)
     assert hop.line_baud == 0

@@ -71,7 +71,7 @@ def test_without_a_watchdog_no_watchdog_command_is_sent() -> None:
     assert bench.lines == [b"$01M", b"$012", b"#010+01.000"]
 
 
-def test_heartbeats_keep_the_voltage_and_silence_loses_it() -> None:
+def test_the_module_keeps_its_voltage_with_heartbeats_and_resets_it_without_them() -> None:
     bench = Bench()
     output = bench.open()
     assert isinstance(output, WatchedOutput)

@@ -204,7 +204,9 @@ def test_an_accepted_connection_has_no_linger_time() -> None:
 
 
 @pytest.mark.usefixtures("stalls")
-def test_links_are_kept_however_many_unknown_connections_arrive(first_message: bytes) -> None:
+def test_existing_links_are_kept_however_many_unknown_connections_arrive(
+    first_message: bytes,
+) -> None:
     """Established links are older than all unknown connections, and not silent."""
     door = Door(None)
     with ExitStack() as stack:

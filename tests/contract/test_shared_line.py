@@ -64,7 +64,7 @@ def test_two_channels_of_a_module_share_its_line_and_its_watchdog() -> None:
         second.close()
 
 
-def test_a_line_that_was_lost_is_prepared_for_both() -> None:
+def test_a_shared_line_that_was_lost_is_prepared_again_for_both_drivers() -> None:
     behind = Module()
     with serve(ANY, behind.module) as wire:
         url = wire.url
@@ -82,7 +82,7 @@ def test_a_line_that_was_lost_is_prepared_for_both() -> None:
         second.close()
 
 
-def test_a_driver_that_fails_to_open_leaves_the_line_to_the_other() -> None:
+def test_a_driver_that_fails_to_open_does_not_close_the_line_of_the_other() -> None:
     behind = Module()
     with serve(ANY, behind.module) as wire, one_line_for_each_url():
         first = open_output(settings(wire.url, 0))
@@ -120,7 +120,7 @@ def test_the_actuator_drives_both_arms_over_one_line() -> None:
         second.close()
 
 
-def test_a_grip_over_one_module_equals_that_over_two() -> None:
+def test_a_grip_over_one_module_gives_the_same_result_as_over_two_modules() -> None:
     """All else is equal, except the name of the rig file."""
     rig = two_arm_rig()
     url, options = rig.output.url, {"address": 1, "channel": 1}

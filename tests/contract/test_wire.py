@@ -29,7 +29,7 @@ def test_a_reconnecting_client_is_served(kind: str, tmp_path: Path) -> None:
             link.close()
 
 
-def test_bytes_need_their_transmission_time() -> None:
+def test_bytes_on_a_simulated_line_take_their_transmission_time() -> None:
     with serve(ANY, SimulatedKeyence(lambda: 1.0), baud=9600) as wire:
         link = open_link(wire.url, baud=9600, timeout_s=1.0)
         began_s = time.monotonic()

@@ -114,7 +114,7 @@ def test_at_1_khz_one_program_and_four_programs_give_identical_bits() -> None:
     check(Shared(FAST, ()), program, by_kind(ComposedLoop(FAST).play(program)))
 
 
-def test_with_steps_in_parts_every_partition_gives_identical_bits() -> None:
+def test_with_shaped_steps_every_partition_gives_identical_bits() -> None:
     rig = fast_rig("three writes", NEAR)
     check(Shared(rig, ()), PROGRAM, by_kind(ComposedLoop(rig).play(PROGRAM)))
 

@@ -98,7 +98,7 @@ def test_the_laws_move_the_arm_differently(kind: str) -> None:
 @pytest.mark.parametrize("name", SETS)
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("kind", ["grip", "track"])
-def test_a_result_states_how_accurate_the_model_of_the_law_was(
+def test_a_result_states_the_error_of_the_model_used_by_the_law(
     kind: str, scheme: str, name: ParameterSet
 ) -> None:
     result = played(kind, scheme, name).result

@@ -200,7 +200,7 @@ def cover(table: Columns) -> float:
         pytest.param(NOISE, 2.0, id="noise"),
     ],
 )
-def test_a_table_is_stored_only_if_it_reduces_the_error_and_u_still_covers_it(
+def test_a_residual_table_is_stored_only_if_it_reduces_the_error_and_u_covers_the_rest(
     arm: dict[str, dict[str, object]], frequency_hz: float
 ) -> None:
     """This rig states no time at which a voltage acts, so U has no term for the ringing."""

@@ -111,7 +111,7 @@ def test_a_healthy_path_is_not_stopped(hz: float) -> None:
         (2.0, ("sensor", "wrong", -2.0), "sensor_jump"),
     ],
 )
-def test_a_step_along_a_path_ends_it(
+def test_a_position_step_along_a_path_ends_the_path(
     hz: float, order: tuple[str, str, float], outcome: str
 ) -> None:
     target, what, value = order

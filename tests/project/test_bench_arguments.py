@@ -25,7 +25,7 @@ def test_a_number_of_blocks_below_1_is_refused(capsys: pytest.CaptureFixture[str
     assert "--blocks = 0: the limit is 1" in capsys.readouterr().err
 
 
-def test_the_minimum_number_of_ticks_leaves_one_to_count() -> None:
+def test_the_minimum_number_of_ticks_leaves_one_tick_to_count() -> None:
     watch = Stopwatch(lambda _line: None)
     for _ in range(LEAST_TICKS):
         watch.answer(b"MS,01")

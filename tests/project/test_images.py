@@ -205,7 +205,7 @@ def test_the_health_check_tests_the_listening_port_and_the_link_to_the_router(
     assert (done.returncode, done.stderr) == (1, f"does not listen on port {port}\n")
 
 
-def test_ports_of_other_programs_do_not_count(root: Path, own: Path) -> None:
+def test_the_health_check_ignores_listening_ports_of_other_programs(root: Path, own: Path) -> None:
     opened(own)
     with socket.create_server(("127.0.0.1", 0)) as server:
         assert serves(root, own, str(server.getsockname()[1])).returncode == 1

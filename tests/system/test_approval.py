@@ -87,7 +87,7 @@ def test_a_job_proposed_by_a_program_runs_once_a_person_approves_it(
         until_audited(boss, "ann", "approve, proposed by agent")
 
 
-def test_a_rejected_and_a_late_proposal_end_and_nothing_moves(
+def test_after_a_rejected_or_expired_proposal_nothing_moves(
     rig: RunningRig, keys: dict[str, str]
 ) -> None:
     url = rig.rig.supervisor.url

@@ -57,7 +57,7 @@ def recorded(folder: Path, names: Iterable[str]) -> Numbers:
     return cast(Numbers, table.to_pydict())
 
 
-def test_one_process_is_reproducible() -> None:
+def test_a_job_in_one_process_is_reproducible() -> None:
     rig = demo_rig(time="lockstep")
     first, second = in_one_process(rig), in_one_process(rig)
     assert len(first["x_um"]) > 200

@@ -43,7 +43,7 @@ window.Date = class extends Real {
 };"""
 
 
-def test_today_is_the_day_of_the_rig_if_the_clock_of_the_browser_is_wrong(
+def test_today_means_the_day_of_the_rig_even_if_the_clock_of_the_browser_is_wrong(
     browser: Browser, desk: Harness
 ) -> None:
     context = browser.new_context(viewport=ViewportSize(**DESK))

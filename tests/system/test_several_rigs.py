@@ -34,7 +34,7 @@ def test_both_rigs_grip_at_the_same_time_with_separate_records(lab: Laboratory) 
         assert {"job.mcap", "samples.parquet", "result.json", "manifest.json"} <= names
 
 
-def test_a_rig_with_killed_programs_leaves_the_other_alone_and_returns(
+def test_a_rig_with_killed_programs_does_not_affect_the_other_rig_and_recovers(
     lab: Laboratory,
 ) -> None:
     lost = lab.grip("right", **HELD)

@@ -134,7 +134,7 @@ def test_a_grip_with_both_arms_succeeds(rig: RunningRig, seen: Witness) -> None:
     assert all(len(echo.arms) == 2 for _, echo in seen.since(Applied, begun))
 
 
-def test_a_program_that_is_killed_or_hangs_stops_both(rig: RunningRig, seen: Witness) -> None:
+def test_a_program_that_is_killed_or_hangs_stops_both_arms(rig: RunningRig, seen: Witness) -> None:
     name = "controller"
     job = hold(rig, seen)
     check_together(rig, seen, kill(rig, name))

@@ -187,7 +187,7 @@ class RecordWriter:
             if record.over_seq is None:
                 self._close(f"the loop was silent for {self._config.silence_s:g} s")
             else:
-                self._close("it was not finished: did the supervisor end?")
+                self._close("the record was not finished: did the supervisor end?")
 
     def finish(self, request: Finish, reply: Reply) -> None:
         """Close a record as soon as its last samples have arrived; the reply may be sent later."""

@@ -67,7 +67,7 @@ def ended(records: Path) -> list[Kept]:
 def delete(records: Path, name: str) -> None:
     """Rename a record, so that it is no longer found, and delete it. Raises OSError."""
     files.delete(records, name)
-    log.info("%s: deleted, as [recorder] of the rig file asks for", name)
+    log.info("%s: deleted, as [recorder] in the rig file states", name)
 
 
 def sweep(records: Path) -> None:

@@ -120,7 +120,7 @@ def _answers(context: RigContext) -> Iterator[Check]:
         if answer is not None and not trouble:
             words = f"{program} answers, version {answer.version}"
         else:
-            words = f"{program}: {trouble or 'was not asked yet'}"
+            words = f"{program}: {trouble or 'has not been queried yet'}"
         yield _check(
             f"{program}.answer",
             answer is not None and not trouble,

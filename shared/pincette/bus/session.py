@@ -99,7 +99,7 @@ class Joined:
             log.info("link up: %s", peer)
             return
         self._sockets.remove(str(link.dst))
-        why = (accepted.why if accepted else "") or "its lease is over, or it was ended"
+        why = (accepted.why if accepted else "") or "its lease has ended, or the link was closed"
         self._note_down(*self._up.pop(end, (now_s, peer)), why)
 
     def _note_down(self, since_s: float, peer: str, why: str) -> None:

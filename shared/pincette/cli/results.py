@@ -33,7 +33,7 @@ def show_plan(plan: "JobPlan", console: "Console") -> None:
         searched = " and ".join(f"{start:.2f} to {end:.2f} µm" for start, end in ways)
         console.print(
             f"place of {place.source}: {place.x_um:.2f} ± {place.u_um:.2g} µm, {place.age_s:.1f} s "
-            f"old; searched for from {searched}",
+            f"old; search range {searched}",
             markup=False,
         )
     violations = list(plan.violations)

@@ -22,7 +22,7 @@ ASK_S = 1.0
 """Deadline of the requests to the programs, in s."""
 SETTLE_S = 0.5
 """Time that the router gets to process the sessions of this program before it is queried, in s."""
-NOT_ASKED = "the router was not asked which other tools have declared queryables or subscribers"
+NOT_ASKED = "the router was not queried for queryables and subscribers of other tools"
 ASK_LATER = "run doctor again while no job runs and no part is held"
 ANSWERS = "none needed: the rig's programs ignore its replies; docs/how-to/listen.md has the rules"
 LISTENS = "none needed: it only listens. The supervisor's own session for samples is listed, too"

@@ -79,7 +79,7 @@ def test_single_late_or_lost_answers_are_tolerated(every: int, composed: bool) -
 
 
 @pytest.mark.parametrize("composed", [False, True])
-def test_if_a_reading_is_lost_the_zero_is_taken_at_a_later_one(composed: bool) -> None:
+def test_if_a_reading_is_lost_the_zero_is_taken_at_a_later_reading(composed: bool) -> None:
     zeroes: set[int] = set()
 
     def is_first_after_zero(echo: Applied) -> bool:

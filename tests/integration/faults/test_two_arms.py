@@ -138,7 +138,7 @@ def test_both_arms_freeze_or_open_together_after_any_fault_of_a_program(state: s
 
 
 @pytest.mark.parametrize("state", STATES)
-def test_a_sensor_of_either_arm_that_is_lost_stops_both(state: str) -> None:
+def test_a_lost_sensor_of_either_arm_stops_both_arms(state: str) -> None:
     for number, fault in enumerate(OF_SENSORS):
         # The loop waits for the missing sensor within the tick, so the echo of the tick is later.
         check_trips(state, fault, (0.29 * number + 0.1) % 1.0)

@@ -159,7 +159,7 @@ def test_a_final_command_with_a_sweep_does_not_start_the_sweep() -> None:
     assert outputs[0] == SetVoltage((1.0,))
 
 
-def test_an_arming_resets_the_state_of_the_previous_one() -> None:
+def test_an_arming_resets_the_state_of_the_previous_arming() -> None:
     left = swept(1).command
     assert left is not None
     idle = replace(

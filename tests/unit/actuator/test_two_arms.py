@@ -123,7 +123,7 @@ def test_a_nan_of_the_second_arm_refuses_the_whole_command() -> None:
 
 
 @pytest.mark.parametrize("held", [False, True])
-def test_the_second_arm_beyond_its_position_limits_trips_both(held: bool) -> None:
+def test_the_second_arm_beyond_its_position_limits_trips_both_arms(held: bool) -> None:
     state = at(1.0, 2.0, held=held)
     for seq in (1, 2, 3):
         state, _ = play(state, (position(seq, second=90.0), seq * T))
@@ -160,7 +160,7 @@ def test_too_much_force_at_the_second_arm_opens_both_even_with_a_part() -> None:
     assert fault_text(state.faults[0]).startswith("second arm: 60.0 mN, limit 50.0 mN")
 
 
-def test_the_second_arm_far_from_its_target_trips_both() -> None:
+def test_the_second_arm_far_from_its_target_trips_both_arms() -> None:
     state = feed(at(1.0, 2.0), range(1, 7), 1.0, 40.0, held=False)
     assert (state.cause, state.mode) == (Cause.FOLLOWING_ERROR, Mode.RAMPING)
 
@@ -214,7 +214,9 @@ def test_neither_output_is_written_until_both_are_read_back(held: bool) -> None:
     assert bool([one for one in outputs if isinstance(one, SetVoltage)]) != held
 
 
-def test_if_one_output_has_released_by_itself_the_freeze_ends_and_the_other_follows() -> None:
+def test_if_one_output_has_released_on_its_own_the_freeze_ends_and_the_other_output_follows() -> (
+    None
+):
     state, _ = play(at(1.0, 2.0, held=True), (FAILED, 0.01))
     state, _ = play(state, (Inputs(PutOut((1.0, 0.0)), None, None), 0.011))
     assert (state.mode, state.part_held, state.unconfirmed) == (Mode.RAMPING, False, True)

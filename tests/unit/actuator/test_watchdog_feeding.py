@@ -65,7 +65,7 @@ def test_the_watchdog_is_not_fed_during_an_unconfirmed_ramp() -> None:
     assert runner.state.mode in ("ramping", "latched")
 
 
-def test_a_freeze_is_kept_alive_by_heartbeats_only() -> None:
+def test_during_a_freeze_an_unconfirmed_output_gets_heartbeats_and_no_new_voltage() -> None:
     output = Watched()
     runner = Runner(SERVICE, RIG, output)
     runner.state = replace(runner.state, mode="frozen", cause=Cause.DEVICE, unconfirmed=True)

@@ -56,7 +56,7 @@ def test_every_pair_that_shares_a_topic_has_exactly_one_link(
         }
 
 
-def test_a_composed_loop_links_to_the_router_only_and_no_program_waits_for_it() -> None:
+def test_a_composed_loop_has_a_link_to_the_router_only_and_nothing_waits_for_the_loop() -> None:
     programs = loop_programs(composing(RIG, "loop"))
     ends = peer_session(HOST, PORT, "loop", programs, lockstep=True)
     assert ends.connect == (f"tcp/{HOST}:{PORT}",)

@@ -65,7 +65,7 @@ def test_the_shortest_period_is_reported(
     assert (max(periods_s), min(periods_s), for_s, loaded) == (0.02, 0.001, 7.0, False)
 
 
-def test_a_given_period_is_the_only_one_measured(
+def test_if_a_period_is_given_no_other_is_measured(
     machine: Machine, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["latency", "--period-s", "0.002", "--load"]) == Exit.FAILED

@@ -33,7 +33,7 @@ REFUSED = (
     ("text", "force_mN"),
     [("2,5", 2.5), (" 5 ", 5.0), ("+5", 5.0), (".5", 0.5), ("5.", 5.0), ("007", 7.0), ("−5", -5.0)],
 )
-def test_a_number_is_sent_as_it_is_shown(text: str, force_mN: float) -> None:
+def test_a_number_is_sent_to_the_supervisor_as_it_is_displayed(text: str, force_mN: float) -> None:
     assert request_of("job", "grip", "--force-mN", text) == {"force_mN": force_mN}
     assert request_of("job", "grip", f"--force-mN={text}") == {"force_mN": force_mN}
 

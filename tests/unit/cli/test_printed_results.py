@@ -284,7 +284,7 @@ def test_a_plan_states_its_prediction_and_distance_to_the_limits() -> None:
     assert "limit 40 mN" not in out.getvalue()
 
 
-def test_a_plan_names_its_law_and_how_stable_it_is() -> None:
+def test_a_printed_plan_names_its_law_and_its_stability_margin() -> None:
     console, out = screen(terminal=False)
     show_plan(planned(), console)
     for line in (

@@ -21,7 +21,7 @@ REFUSED = httpx.ConnectError("refused")
 LOST = httpx.ReadTimeout("lost")
 
 
-def test_a_start_is_one_call_with_its_own_key() -> None:
+def test_each_start_sends_one_request_with_its_own_key() -> None:
     supervisor = Desk(desk.job(), desk.job())
     rig = supervisor.supervisor().rig("demo")
     rig.start("grip", force_mN=15.0, labels={"part": "b"})

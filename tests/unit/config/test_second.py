@@ -43,7 +43,7 @@ def test_omitted_values_are_those_of_the_first_arm_except_identified_ones() -> N
     assert rig.model.free_response is not None
 
 
-def test_each_arm_is_a_rig_of_one_arm() -> None:
+def test_each_arm_of_a_rig_of_two_arms_can_be_used_as_a_rig_of_one_arm() -> None:
     first, second = RIG.arms
     assert RIG.second is not None
     assert first.arms == (first,)
@@ -100,7 +100,7 @@ def test_both_arms_on_one_channel_are_refused(name: str) -> None:
     assert f"is [{name}] with the same options: give another url, or options" in same
 
 
-def test_a_line_that_both_outputs_share_is_one_line() -> None:
+def test_two_outputs_at_the_same_url_need_the_same_line_settings() -> None:
     shared = {"url": RIG.output.url, "options": {"address": 1, "channel": 1}}
     parse_rig(laid_over(tree(), {"second": {"output": shared}}))
     message = refusal({"second": {"output": {**shared, "timeout_s": 0.2}}})
@@ -121,7 +121,7 @@ def test_tables_of_a_missing_second_arm_are_refused() -> None:
         parse_rig(laid_over(demo, {"simulation": {"pair": {}}}))
 
 
-def test_an_arm_has_one_class_of_hysteresis() -> None:
+def test_the_second_arm_has_a_single_class_of_hysteresis() -> None:
     both = refusal({"simulation": {"second": {"relays": RELAYS}}})
     assert "both [simulation.second.hysteresis] and [simulation.second.relays]" in both
 

@@ -30,13 +30,13 @@ def test_the_interval_follows_the_calibrated_mode() -> None:
     assert found_s == pytest.approx(rig.shaping_s * 2437.8 / 2000.0)
 
 
-def test_a_configured_interval_of_steps_in_parts_is_used() -> None:
+def test_a_configured_shaping_interval_is_used() -> None:
     rig = fast(laid_over(SHAPED, {"output": {"shaping_interval_s": 0.0012}}))
     assert rig.shaping_s == 0.0012
     assert rig.output_timing.delay_s == pytest.approx(0.0032)
 
 
-def test_steps_in_parts_count_in_the_timing_budget() -> None:
+def test_shaped_steps_are_part_of_the_timing_budget() -> None:
     parts_s = budget(fast(SHAPED)).total_s - budget(fast({})).total_s
     # Two intervals, and two more calls to the device.
     assert parts_s == pytest.approx(2.0 * 0.00107 + 2.0 * 0.001, rel=0.01)

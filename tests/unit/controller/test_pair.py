@@ -227,7 +227,7 @@ def test_a_part_without_force_at_one_of_two_arms_counts_as_lost() -> None:
 
 
 @pytest.mark.parametrize("arm", [1, 2])
-def test_too_much_force_of_either_arm_opens_both(arm: int) -> None:
+def test_too_much_force_of_either_arm_opens_both_arms(arm: int) -> None:
     pair = IdealPair(grip(None))
     while pair.tick()[1].phase != "hold":
         pass
@@ -252,7 +252,7 @@ def test_without_a_part_both_arms_go_back() -> None:
     assert phases(telemetry)[-1] == "retreat"
 
 
-def test_a_touch_of_the_second_arm_in_free_space_reverses_both() -> None:
+def test_a_touch_of_the_second_arm_in_free_space_reverses_both_arms() -> None:
     pair = IdealPair(grip())
     while pair.tick()[1].phase != "approach":
         pass

@@ -159,7 +159,7 @@ def test_a_stop_at_the_turning_point_of_a_path_moves_nothing() -> None:
 
 
 @pytest.mark.parametrize("phase", ["load", "hold"])
-def test_a_part_lost_in_a_pause_ends_it(phase: str) -> None:
+def test_a_part_lost_in_a_pause_ends_the_pause(phase: str) -> None:
     arm = Arm()
     arm.until(phase)
     paused(arm)

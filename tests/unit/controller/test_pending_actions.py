@@ -66,7 +66,7 @@ def test_a_pause_requested_twice_acts_once() -> None:
     assert not bench.tick().telemetry.paused
 
 
-def test_a_resume_cancels_a_pause_before_it_has_acted() -> None:
+def test_a_resume_cancels_a_pause_that_has_not_begun_yet() -> None:
     bench = Bench(program())
     bench.until("load")
     ask(bench, "pause")

@@ -226,7 +226,7 @@ def test_noise_over_a_small_load_is_not_reported_as_a_wrong_stiffness(
     ("share", "force_mN", "noise_um"),
     [(1.6, 6.6, 0.03), (0.5, 6.6, 0.03), (3.0, 10.0, 0.05), (0.4, 15.0, 0.128)],
 )
-def test_a_wrong_stiffness_beyond_noise_is_released(
+def test_a_part_is_released_if_its_stiffness_is_wrong_by_more_than_the_noise_explains(
     share: float, force_mN: float, noise_um: float
 ) -> None:
     program = small_load(force_mN)

@@ -174,7 +174,7 @@ def test_an_unknown_driver_and_a_wrong_option_are_reported() -> None:
     )
 
 
-def test_doctor_reports_nothing_missing_for_good_instruments(
+def test_doctor_has_no_findings_for_working_instruments(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(

@@ -143,7 +143,7 @@ def test_an_exception_at_opening_is_raised_as_an_error_of_the_instrument(
         open_device(SERVICES["sensor"], RIG)
 
 
-def test_an_output_that_cannot_write_steps_in_parts_is_refused(
+def test_an_output_without_shaping_is_refused_if_the_rig_file_requests_shaping(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     closed = list[bool]()

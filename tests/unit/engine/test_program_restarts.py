@@ -122,7 +122,7 @@ def test_a_program_that_dies_repeatedly_is_restarted_with_growing_delay(programs
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.ENOMEM, errno.EAGAIN, errno.ENOENT])
-def test_a_start_that_the_system_refuses_is_tried_again_and_ends_nothing(
+def test_a_restart_that_the_system_refuses_is_tried_again_and_does_not_end_other_programs(
     programs: Programs, number: int
 ) -> None:
     watched = Watched(programs)

@@ -249,7 +249,7 @@ def test_a_real_request_is_granted_or_refused_according_to_the_system_limits() -
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the calls are Linux's")
-def test_limits_are_those_of_the_process() -> None:
+def test_reported_limits_are_those_of_the_process() -> None:
     system = Linux()
     assert system.priority_limit() >= 0
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[1]

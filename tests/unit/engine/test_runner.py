@@ -99,7 +99,7 @@ def test_sample_k_is_processed_together_with_the_applied_voltage_of_tick_k_minus
     assert runner.state.seen[0][0] == Inputs(position(1), APPLIED_0)
 
 
-def test_other_numbers_and_epochs_are_not_joined() -> None:
+def test_messages_of_other_sequence_numbers_or_epochs_are_not_joined() -> None:
     runner = joining(LOCKSTEP)
     runner.take(replace(APPLIED_0, seq=1), 0.0)
     runner.take(replace(APPLIED_0, epoch=2), 0.0)
@@ -303,7 +303,7 @@ def stepping(output: PlainOutput) -> tuple[Runner, Message]:
     return runner, applied
 
 
-def test_a_step_is_passed_to_the_output_in_parts() -> None:
+def test_a_shaped_step_is_passed_to_an_output_that_times_its_parts() -> None:
     output = PartsOutput()
     _, applied = stepping(output)
     assert isinstance(applied, Applied)
@@ -327,7 +327,7 @@ def test_a_stop_between_two_parts_is_written_at_once(*, broken: bool) -> None:
         assert output.put_V == [output.parts_V[0][0]] == [applied.arms[0].voltage_V]
 
 
-def test_an_output_that_cannot_write_parts_trips_on_them() -> None:
+def test_an_output_without_shaping_trips_on_a_shaped_step() -> None:
     _, applied = stepping(PlainOutput())
     assert isinstance(applied, Applied)
     assert (applied.state, applied.cause) == ("frozen", Cause.DEVICE)

@@ -126,7 +126,7 @@ def test_differences_of_two_forces_that_are_short_or_small_are_ignored(
     assert FaultCode.FORCES_DISAGREE not in codes(bench)
 
 
-def test_an_arming_keeps_the_memory_of_both() -> None:
+def test_an_arming_keeps_the_hysteresis_memory_of_both_arms() -> None:
     bench = PairBench(configure(RIG))
     for seq in range(40):
         tips, voltages = course(seq)

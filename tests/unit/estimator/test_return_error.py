@@ -50,7 +50,7 @@ def test_the_force_uncertainty_on_the_return_includes_the_error_of_rehearsed_ret
     assert more_mN2 == pytest.approx((by_um * RETURN_UM) ** 2, rel=1e-6)
 
 
-def test_creep_during_a_hold_does_not_cause_the_error_of_the_whole_return() -> None:
+def test_creep_during_a_hold_does_not_add_the_full_error_of_the_return() -> None:
     """When the voltage of a hold had crept down by 0.1 V, U rose from 1.5 to 2 mN in one tick."""
     without, stated = stated_mN(None), stated_mN(RETURN_UM)
     by_um = COVERAGE / a_rig(TAUGHT).model.compliance_um_per_mN

@@ -124,7 +124,7 @@ def with_a_zero_due(lost: int = 1) -> Approach:
 
 
 @pytest.mark.parametrize("lost", [1, 3])
-def test_a_zero_with_a_lost_sample_is_taken_once_at_the_next_measured_one(lost: int) -> None:
+def test_a_zero_whose_sample_is_lost_is_taken_once_at_the_next_measured_sample(lost: int) -> None:
     approach = with_a_zero_due(lost)
     place_um, voltage_V = approach.place(1e9), approach.voltage_V
     taken = approach.bench.feed(place_um, voltage_V, answered=False)
@@ -133,7 +133,7 @@ def test_a_zero_with_a_lost_sample_is_taken_once_at_the_next_measured_one(lost: 
     assert after.arms[0].zero_age_s == pytest.approx(0.02)
 
 
-def test_a_zero_whose_sample_is_lost_may_be_refused_at_the_next_measured_one() -> None:
+def test_a_zero_whose_sample_is_lost_may_be_refused_at_the_next_measured_sample() -> None:
     approach = with_a_zero_due()
     found = approach.bench.feed(0.0, approach.voltage_V, answered=False)
     assert found.arms[0].zero_refusal is not None

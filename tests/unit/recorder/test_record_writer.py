@@ -193,7 +193,7 @@ def test_an_idle_loop_that_still_measures_does_not_count_as_active(bench: Bench)
         bench.feed([Position(EPOCH, seq, 0.0, (ArmPosition(0.0, valid=True),))])
         bench.wait(1.0)
     assert bench.writer.record is None
-    assert "it was not finished" in _manifest(bench)["detail"]
+    assert "the record was not finished" in _manifest(bench)["detail"]
 
 
 def test_a_record_stays_open_during_a_pause(bench: Bench) -> None:
@@ -218,7 +218,7 @@ def test_finishing_an_abandoned_record_is_reported(bench: Bench) -> None:
     recorded = bench.ended(29)
     assert isinstance(recorded, Recorded)
     assert not recorded.complete
-    assert "it was not finished" in recorded.detail
+    assert "the record was not finished" in recorded.detail
 
 
 def test_a_record_is_finished_after_a_restart_of_the_recorder(bench: Bench) -> None:

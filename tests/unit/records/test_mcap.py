@@ -39,7 +39,7 @@ def test_a_record_is_read_back(tmp_path: Path) -> None:
     assert mcap_reading.is_closed(tmp_path / "job.mcap")
 
 
-def test_columns_from_the_file_are_those_of_the_messages(tmp_path: Path) -> None:
+def test_columns_read_from_the_file_equal_those_of_the_messages(tmp_path: Path) -> None:
     messages = loop(40)
     write(tmp_path / "job.mcap", messages)
     read = mcap_reading.read(tmp_path / "job.mcap")

@@ -98,7 +98,7 @@ def test_a_program_can_hold_only_its_own_token() -> None:
     assert not lets(AT_ROUTER, VIEWER, "ingress", "liveliness_token", live_key("left", "sensor"))
 
 
-def test_viewers_receive_all_rigs_and_a_rig_only_itself() -> None:
+def test_viewers_may_receive_messages_of_all_rigs_and_a_rig_only_its_own() -> None:
     for topic, rig in product(TOPICS, ("left", "right")):
         for message, flow in (("declare_subscriber", "ingress"), ("put", "egress")):
             assert lets(AT_ROUTER, VIEWER, flow, message, key(rig, topic))

@@ -43,7 +43,7 @@ def test_a_certificate_is_valid_for_its_own_authority_only(authority: Pair) -> N
     assert read(authority.certificate).identity.name != read(other.certificate).identity.name
 
 
-def test_a_key_belongs_to_one_certificate(authority: Pair) -> None:
+def test_a_private_key_is_accepted_with_its_own_certificate_only(authority: Pair) -> None:
     one, other = (issue(authority, CONTROLLER, HOSTS, NOW, 10.0) for _ in range(2))
     assert belongs(one)
     assert not belongs(Pair(one.certificate, other.private_key))

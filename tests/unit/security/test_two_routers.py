@@ -39,7 +39,7 @@ def sides(*, served_upstream: bool) -> tuple[tuple[Identity, ...], tuple[Identit
 
 
 @pytest.mark.parametrize("served_upstream", [True, False])
-def test_each_program_is_behind_one_router_and_people_are_behind_both(
+def test_each_program_is_behind_one_router_and_people_may_be_behind_either(
     served_upstream: bool,
 ) -> None:
     rig, server = ({one.name for one in side} for side in sides(served_upstream=served_upstream))

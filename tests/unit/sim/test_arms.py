@@ -86,7 +86,9 @@ def _joined_rad_per_s(p: PlantParameters) -> list[float]:
     return sorted(np.sqrt(squares.real).tolist())
 
 
-def test_two_arms_of_equal_frequency_keep_it_when_joined(simulation: Simulation) -> None:
+def test_two_arms_of_equal_frequency_keep_this_frequency_when_joined(
+    simulation: Simulation,
+) -> None:
     p = bare_arms(simulation)
     (rate,) = arms_of(p).joined.rates_per_s
     assert abs(rate) == pytest.approx(PASSIVE_RAD_PER_S, rel=1e-12)

@@ -75,7 +75,9 @@ def test_a_source_answers_in_its_initial_state(line: bytes, reply: bytes | None)
         (b"RNGE RANGE5", 0, 14),
     ],
 )
-def test_an_error_is_stored_until_it_is_read(line: bytes, execution: int, command: int) -> None:
+def test_the_simulated_source_stores_an_error_until_it_is_read(
+    line: bytes, execution: int, command: int
+) -> None:
     source = Stage().source
     assert source.answer(line) is None
     assert source.answer(b"LEXE?;LCME?") == b"%d;%d" % (execution, command)

@@ -45,7 +45,7 @@ def test_the_hysteresis_is_odd_and_bounded(h_um: float, du_V: float) -> None:
 
 
 @pytest.mark.parametrize("way_V", np.geomspace(1e-12, 2.0, 60).tolist())
-def test_a_short_motion_is_as_exact_as_a_long_one(way_V: float) -> None:
+def test_the_hysteresis_of_a_short_motion_is_as_exact_as_that_of_a_long_one(way_V: float) -> None:
     along = BoucWen(A_um_per_V=1.0, b_per_V=1.3, g_per_V=0.0)
     exact = -math.expm1(-1.3 * way_V) / 1.3
     assert advance_hysteresis(along, 0.0, way_V) == pytest.approx(exact, rel=5e-16, abs=0.0)

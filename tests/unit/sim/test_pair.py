@@ -203,7 +203,7 @@ def test_a_held_pair_swings_with_both_masses_on_both_springs() -> None:
 
 
 @pytest.mark.parametrize("step_s", [5e-4, 2e-4, 3.7e-5])
-def test_arms_that_leave_a_loose_part_for_an_instant_close_on_it_again(
+def test_arms_that_lose_a_loose_part_for_an_instant_close_on_the_part_again(
     step_s: float,
 ) -> None:
     """Only the faces hold the part: the force of a single face is exactly 0 and reveals nothing."""

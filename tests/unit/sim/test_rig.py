@@ -43,7 +43,7 @@ def test_in_lockstep_the_plant_is_frozen_until_a_write(simulation: Simulation) -
     assert rig.now_s() == PERIOD_S
 
 
-def test_the_time_at_which_the_plant_is_computed_changes_nothing(simulation: Simulation) -> None:
+def test_the_result_does_not_depend_on_when_the_plant_is_computed(simulation: Simulation) -> None:
     seen = list[tuple[Snapshot, float, float]]()
     for at_once in (False, True):
         rig = _lockstep(simulation)

@@ -49,7 +49,9 @@ def test_a_wave_equals_the_same_voltages_written_one_by_one(fast: Simulation) ->
     assert by_wave.wave_over
 
 
-def test_the_last_voltage_is_kept_and_a_single_one_ends_the_wave(fast: Simulation) -> None:
+def test_the_last_voltage_of_a_wave_is_kept_and_a_single_write_ends_a_running_wave(
+    fast: Simulation,
+) -> None:
     rig = _lockstep(fast)
     rig.put_out_wave([0.1, 0.2, 0.3], 100.0)
     assert not rig.wave_over
@@ -87,7 +89,7 @@ def test_each_tick_has_a_ground_truth(fast: Simulation) -> None:
     assert rig.now_s() == pytest.approx(3 * PERIOD_S)
 
 
-def test_captured_samples_are_those_of_the_plant(fast: Simulation) -> None:
+def test_captured_samples_equal_the_positions_of_the_simulated_arm(fast: Simulation) -> None:
     rig = _lockstep(fast)
     rig.begin_capture(RATE_HZ)
     rig.put_out_wave(SWEPT, RATE_HZ)

@@ -71,7 +71,9 @@ def test_simulated_output_faults_freeze_switch_off_or_delay_an_output_that_plays
     assert put("delayed", value=2 * T) == [pytest.approx((0.0, 0.0))]
 
 
-def test_orders_of_the_file_count_from_the_first_write_and_others_from_now() -> None:
+def test_commands_of_the_rig_file_count_time_from_the_first_write_and_other_commands_from_now() -> (
+    None
+):
     bench = stand(entry(T, "part", "lose"))
     for _ in range(5):
         bench.measure()
@@ -157,7 +159,9 @@ def test_commands_need_permission(demo: RigFile) -> None:
     assert "scripts = true" in FORBIDDEN
 
 
-def test_the_rig_file_holds_orders_and_refuses_wrong_ones(demo: RigFile) -> None:
+def test_a_rig_file_may_contain_commands_to_the_simulated_rig_and_wrong_ones_are_refused(
+    demo: RigFile,
+) -> None:
     tree = demo.model_dump(mode="json", exclude_unset=True)
     tree["simulation"]["script"] = [{"at_s": 0.04, "target": "sensor", "what": "stuck"}]
     rig = Rig()

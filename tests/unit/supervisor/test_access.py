@@ -107,7 +107,7 @@ def test_without_keys_every_client_may_do_everything(authenticator: Authenticato
     require_scope(caller, "admin")
 
 
-def test_with_a_key_clients_without_it_are_refused(
+def test_once_a_key_exists_clients_without_a_key_are_refused(
     book: KeyFile, authenticator: Authenticator, store: Store
 ) -> None:
     key = made(book, "ann")

@@ -192,7 +192,7 @@ def test_the_number_of_concurrent_requests_of_all_clients_is_limited(
     held(monkeypatch, test)
 
 
-def test_a_flood_of_long_polls_leaves_the_rate_of_other_requests(
+def test_a_flood_of_long_polls_does_not_reduce_the_permitted_rate_of_other_requests(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async def test(call: Call, go: asyncio.Event) -> None:
@@ -421,7 +421,7 @@ def test_a_missing_body_ends_the_request(harness: Harness, monkeypatch: pytest.M
     )
 
 
-def test_an_emergency_stop_needs_no_body_and_ignores_one(harness: Harness) -> None:
+def test_an_emergency_stop_needs_no_request_body_and_ignores_any(harness: Harness) -> None:
     answer = harness.call("POST", ESTOP, content=b" " * (2 * LARGE_BYTES))
     assert answer.status_code == 200
 

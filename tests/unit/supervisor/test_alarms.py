@@ -126,7 +126,9 @@ def test_a_trip_is_reported_in_the_same_words_by_job_rig_alarm_and_event(harness
     assert alarms(harness)[0]["count"] == 1
 
 
-def test_a_reset_ends_the_trip_and_a_person_acknowledges_it(harness: Harness) -> None:
+def test_a_reset_clears_the_trip_alarm_and_a_person_acknowledges_the_alarm(
+    harness: Harness,
+) -> None:
     job = harness.playing_to(IN_HOLD)
     harness.bus.trip("device: no answer")
     harness.ended(job)

@@ -57,7 +57,9 @@ def test_other_clients_cannot_start_jobs_and_the_refusal_names_the_holder(harnes
     assert harness.get("/jobs")["jobs"] == []
 
 
-def test_requests_that_move_nothing_are_open_to_all(harness: Harness) -> None:
+def test_requests_that_move_nothing_are_permitted_to_all_clients_during_a_claim(
+    harness: Harness,
+) -> None:
     claim(harness)
     assert grip(harness, dry_run=True).status_code == 200
     assert harness.post("/rigs/demo/queue/actions", {"type": "clear"}).status_code == 200

@@ -37,7 +37,7 @@ def trips(counters: RigCounters) -> dict[str, int]:
     return {cause.value: count for cause, count in counters.trips().items() if count}
 
 
-def test_a_trip_counts_once_however_long_it_lasts() -> None:
+def test_a_trip_is_counted_once_however_long_it_lasts() -> None:
     states = [applied("armed"), applied("frozen", "command_age: 61 ms")]
     states += [applied("ramping", "command_age: 61 ms"), applied("latched", "command_age: 61 ms")]
     counters = fed([*states, *states[1:]])
@@ -60,7 +60,7 @@ def test_a_latch_from_before_the_start_is_not_counted_as_a_trip_but_the_next_one
     assert trips(counters) == {"boot": 1}
 
 
-def test_ages_are_those_of_accepted_commands() -> None:
+def test_counted_ages_are_those_of_accepted_commands() -> None:
     ages_s = (0.003, 0.0031, 0.3)
     taken = [replace(applied("armed"), answered=True, command_age_s=age_s) for age_s in ages_s]
     counters = fed([*taken, applied("armed"), applied("idle")])

@@ -51,7 +51,7 @@ def test_an_accepted_calibration_states_its_due_date(
     assert assumed.serial_numbers == {}
 
 
-def test_without_a_validity_nothing_is_ever_due(
+def test_without_a_configured_validity_no_calibration_is_ever_due(
     rig_file: RigFile, tmp_path: Path, store: Store
 ) -> None:
     model = RigModel(rig_file, tmp_path / "models", store)

@@ -43,7 +43,7 @@ def test_errors_within_their_tolerances_meet_the_goal() -> None:
     assert found.position_error_um == pytest.approx(SWING_UM, rel=0.05)
 
 
-def test_an_error_beyond_its_tolerance_misses_it() -> None:
+def test_an_error_beyond_its_tolerance_misses_the_goal() -> None:
     found = goal(samples.grip(), position_tolerance_um=0.1, force_tolerance_mN=0.2)
     assert not found.met
     assert found.settled_s is None

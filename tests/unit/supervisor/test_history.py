@@ -104,7 +104,7 @@ def test_a_record_of_one_arm_has_no_columns_of_a_second(harness: Harness) -> Non
     assert not [name for name in found["low"] if name.startswith("second_")]
 
 
-def test_a_record_of_two_arms_is_read_with_both(harness: Harness) -> None:
+def test_a_record_of_two_arms_is_read_with_the_columns_of_both(harness: Harness) -> None:
     job = harness.ended(harness.grip()["id"])
     path = harness.bus.records / job["id"] / "samples.parquet"
     parquet: Any = untyped_parquet

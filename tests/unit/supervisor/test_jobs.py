@@ -18,7 +18,7 @@ from .harness import Harness, ending
 from .samples import Tick
 
 
-def test_a_grip_is_one_request(harness: Harness) -> None:
+def test_a_grip_needs_a_single_request(harness: Harness) -> None:
     taken = harness.grip(labels={"part": "bead"})
     assert taken["values"]["force_mN"] == 20.0
     job = harness.ended(taken["id"])
@@ -72,7 +72,7 @@ def test_a_job_whose_row_was_read_before_its_end_is_reported_with_its_result(
 
 
 @pytest.mark.usefixtures("drawn")
-def test_a_track_is_one_request(harness: Harness) -> None:
+def test_a_track_needs_a_single_request(harness: Harness) -> None:
     harness.bus.edit = lambda ticks: samples.track(ticks[0].position.epoch)
     body = {"kind": "track", "autostart": True, "cycles": 2, "x_pp_um": 9.0}
     taken = harness.post("/jobs", body).json()
@@ -299,7 +299,7 @@ def test_a_supervisor_that_ends_interrupts_its_job(harness: Harness) -> None:
     assert "controller/action" in harness.bus.asked
 
 
-def test_waiting_ends_in_time_with_the_state_as_it_is(harness: Harness) -> None:
+def test_waiting_for_a_job_ends_at_its_timeout_with_the_present_state(harness: Harness) -> None:
     job = harness.playing_to(IN_APPROACH)
     waited = harness.get(f"/jobs/{job}", wait="terminal", timeout_s=0.01)
     assert (waited["state"], waited["ending"]) == ("running", None)

@@ -234,7 +234,7 @@ def test_a_running_supervisor_without_its_key_file_refuses_all_requests_until_it
         assert rights(authenticator, None) is None
 
 
-def test_keys_and_sessions_of_an_earlier_journal_are_kept(tmp_path: Path) -> None:
+def test_keys_and_sessions_in_a_journal_of_an_earlier_schema_are_kept(tmp_path: Path) -> None:
     key, cookie = made(tmp_path), new_cookie()
     with closing(sqlite3.connect(tmp_path / STORE)) as base:
         base.executescript(EARLIER)

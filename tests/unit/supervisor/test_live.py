@@ -362,7 +362,7 @@ def test_columns_without_numbers_are_refused() -> None:
         LiveBatch.model_validate({"rig": "demo", "seq": ["one"]})
 
 
-def test_samples_end_with_the_key_of_their_listener(harness: Harness) -> None:
+def test_the_stream_of_samples_ends_with_the_key_of_its_listener(harness: Harness) -> None:
     access = Access(Authenticator())
     harness.app = create_app(harness.rigs, access)
     keys = key_of_each_scope(harness.store, access.authenticator)

@@ -47,7 +47,7 @@ def test_no_bucket_ever_decreases(told: list[tuple[int, list[float]]]) -> None:
 
 
 @given(DURATIONS_S, DURATIONS_S)
-def test_epochs_are_added_and_a_longer_histogram_replaces_its_shorter_one(
+def test_histograms_of_epochs_are_added_and_a_longer_histogram_replaces_its_earlier_version(
     first: list[float], second: list[float]
 ) -> None:
     durations = MonotonicHistogram()

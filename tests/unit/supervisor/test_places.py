@@ -94,7 +94,7 @@ def test_a_measured_place_sets_the_search_range_for_the_part(rig_file: RigFile) 
     )
 
 
-def test_a_place_out_of_reach_is_refused_at_its_member(rig_file: RigFile) -> None:
+def test_the_refusal_of_a_place_out_of_reach_points_to_its_field(rig_file: RigFile) -> None:
     for x_um in (0.5, 500.0):
         violations = planned_at(rig_file, x_um=x_um).plan.violations
         assert "/place/x_um" in [one.pointer for one in violations]

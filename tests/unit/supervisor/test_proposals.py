@@ -159,7 +159,7 @@ def test_a_series_of_proposed_jobs_is_refused(harness: Harness) -> None:
     assert harness.post("/series", body).status_code == 422
 
 
-def test_the_scope_propose_plans_and_proposes_and_starts_nothing(
+def test_the_scope_propose_permits_plans_and_proposals_but_no_start(
     harness: Harness, ring: ScopeKeys
 ) -> None:
     agent = ring.headers("propose")
@@ -193,7 +193,9 @@ def test_the_scope_propose_plans_and_proposes_and_starts_nothing(
     assert post({}, "/api/v1/rigs/demo/estop").status_code == 200
 
 
-def test_the_audit_log_has_the_names_of_both(harness: Harness, ring: ScopeKeys) -> None:
+def test_the_audit_log_has_the_names_of_the_proposing_and_the_approving_client(
+    harness: Harness, ring: ScopeKeys
+) -> None:
     agent, person = ring.headers("propose"), ring.headers("operate")
     job = harness.call("POST", "/api/v1/jobs", json=PROPOSED, headers=agent).json()
     assert job["by"] == "an-propose"

@@ -158,7 +158,7 @@ def test_a_queue_is_not_resumed_while_a_part_is_held_and_no_job_is_lost(harness:
     assert harness.ended(second)["state"] == "succeeded"
 
 
-def test_an_emergency_stop_between_two_jobs_loses_none(
+def test_an_emergency_stop_between_two_jobs_keeps_the_queued_job(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = harness.playing_to(IN_HOLD)

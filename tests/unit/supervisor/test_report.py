@@ -75,7 +75,7 @@ def test_the_report_starts_with_a_verdict_in_one_line() -> None:
     assert verdict(kind, {"outcome": "no_contact", "force_held_mN": None}) == OUTCOMES["no_contact"]
 
 
-def test_digits_are_those_of_the_instrument() -> None:
+def test_a_report_shows_as_many_digits_as_the_instrument_resolves() -> None:
     figures = {"x_um": 9.123456, "force_mN": 7.94126, "drift_mN": 0.0012345, "slope": 1.23456}
     page = _page({"outcome": "gripped", **figures, "sliding_in_band": 0.4123})
     shown = [page.text[page.text.index(name) + 1] for name in ("x", "force", "drift", "slope")]

@@ -128,7 +128,7 @@ def test_a_trip_is_the_outcome_whatever_the_controller_reported() -> None:
     assert result.unanswered_ticks == 1
 
 
-def test_actions_are_listed_with_their_sample() -> None:
+def test_actions_in_a_result_are_listed_with_their_sample_number() -> None:
     ticks = samples.grip()
     acted = replace(ticks[180].telemetry, acted=(Acted.STOP, Acted.RELEASE), outcome=Outcome.NONE)
     ticks[180] = replace(ticks[180], telemetry=acted)

@@ -119,7 +119,9 @@ def test_a_key_finds_the_job_that_it_created_before_the_other_rig_appeared(
     assert first.json()["id"] == second.json()["id"]
 
 
-def test_a_disappearing_rig_is_reported_and_leaves_the_other_alone(both: RigsHarness) -> None:
+def test_a_rig_that_disappears_is_reported_and_does_not_affect_the_other_rig(
+    both: RigsHarness,
+) -> None:
     both.go("right")
     both.until(lambda: "its programs have stopped" in both.found("right"))
     right = both.get("/rigs/right")
@@ -338,7 +340,9 @@ def test_an_emergency_stop_stops_one_rig_or_all(both: RigsHarness) -> None:
     assert [len(both.canned[rig].trips) for rig in ("left", "right")] == [1, 2]
 
 
-def test_a_hanging_rig_delays_neither_view_nor_stop_of_the_other(both: RigsHarness) -> None:
+def test_a_hanging_rig_delays_neither_the_view_nor_the_stop_of_the_other_rig(
+    both: RigsHarness,
+) -> None:
     with both.canned["right"].turn:  # none of its programs replies
         assert both.get("/rigs/left")["can_start"]
         assert both.post("/rigs/left/estop").json()["acknowledged"]

@@ -94,7 +94,7 @@ def test_a_part_can_be_released_from_the_hold_and_after_a_stop() -> None:
     assert allowed_actions("stopped", held=False) == []
 
 
-def test_stop_and_abort_lead_to_states_in_which_they_hold() -> None:
+def test_stop_and_abort_lead_to_states_in_which_the_request_is_fulfilled() -> None:
     assert set(HOLDS) == set(get_args(ActionType))
     for state in MOVING:
         assert next_state(state, "stop") in HOLDS["stop"]

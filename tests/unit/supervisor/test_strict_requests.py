@@ -41,7 +41,7 @@ def test_a_typing_error_does_not_turn_a_dry_run_into_motion(
     nothing_moved(harness)
 
 
-def test_a_dry_run_in_the_body_is_accepted_under_one_name_only(harness: Harness) -> None:
+def test_only_the_name_dry_run_is_accepted_in_the_body_of_a_request(harness: Harness) -> None:
     answer = harness.post("/jobs", {"kind": "grip", "autostart": True, "dryRun": True})
     assert answer.status_code == 422
     assert "did you mean dry_run?" in answer.json()["errors"][0]["message"]

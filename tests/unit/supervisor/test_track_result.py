@@ -49,7 +49,7 @@ def test_a_track_states_the_figures_of_its_request() -> None:
     assert result.force_uncertainty_mN == samples.UNCERTAINTY_MN
 
 
-def test_full_amplitude_starts_and_ends_with_whole_cycles() -> None:
+def test_the_evaluated_part_of_a_path_consists_of_whole_cycles_at_full_amplitude() -> None:
     ticks = samples.track()
     table = columns([m for tick in ticks for m in tick.messages()], PERIOD_S)
     full = full_amplitude(run_of("track", table), [PATH])

@@ -99,7 +99,7 @@ def test_a_refused_zero_states_its_reason_or_that_its_sample_was_lost() -> None:
         (-3.0, "the free arm was pulled with 3.0 mN at 12.00 µm, or the zero of its force is"),
     ],
 )
-def test_a_free_arm_that_is_pulled_is_not_described_as_one_that_touched(
+def test_a_free_arm_that_is_pulled_is_not_reported_as_having_touched_something(
     touch_mN: float, words: str
 ) -> None:
     telemetry = replace(next(iter(samples.grip())).telemetry, touch_x_um=12.0, touch_mN=touch_mN)

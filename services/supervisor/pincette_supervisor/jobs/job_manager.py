@@ -531,7 +531,7 @@ class JobManager:
             name = self._admit(*self.feasible(request), by, key, trace=live.row.traceparent)
         except ProblemError as error:
             self.queue.halt(f"job {live.id} failed: {live.status.cause}")
-            live.append_cause(f"it could not be started automatically: {error}")
+            live.append_cause(f"the job could not be started automatically: {error}")
             return
         live.append_cause(f"as job {name}")
         if (end := live.status.ending) is not None:

@@ -131,8 +131,8 @@ class TrajectoryStore:
         for name in resolved.kind.relative:
             if getattr(kept, name) is not None:
                 raise problems.unusable(
-                    f"{name}: a trajectory is for any time, and this is for now: leave it out, or "
-                    "give a target such as to_um",
+                    f"{name} depends on the present position, but a trajectory may be used at "
+                    "any time: omit it, or give a target such as to_um",
                     pointer=f"/{name}",
                 )
         tree = kept.model_dump(mode="json", exclude_unset=True, exclude=OF_A_START)

@@ -82,7 +82,7 @@ class Proposals(WaitingJobs):
         now = utc_now()
         late = [one for one in self._entries if (approval_until(one.row) or now) <= now]
         for entry in late:
-            self._end(entry.row, "stopped", "proposal_expired", "it was not approved in time")
+            self._end(entry.row, "stopped", "proposal_expired", "the job was not approved in time")
             self._entries.remove(entry)
         return bool(late)
 

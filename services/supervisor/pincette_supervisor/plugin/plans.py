@@ -376,4 +376,4 @@ def held_warnings(present: Present) -> list[str]:
     if present.held:
         return []
     known = "is not known" if present.held is None else "is not known to the rig"
-    return [f"that a part is held {known}: the operator is taken at their word"]
+    return [f"that a part is held {known}: the statement of the operator is accepted"]

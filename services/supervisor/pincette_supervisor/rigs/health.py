@@ -336,7 +336,7 @@ class Health:
         blind_s = self._observer.blind_s()
         if position.arms[0].valid or (blind_s is not None and blind_s <= limit_s):
             return ""  # one missing reply of an instrument is no fault, as in the loop
-        return f"reads no position: {fault_text(position.arms[0].fault) or 'not known why'}"
+        return f"reads no position: {fault_text(position.arms[0].fault) or 'reason unknown'}"
 
     def reasons(self) -> list[str]:
         """Return why the programs cannot play a job, except for the actuator's state."""

@@ -115,7 +115,7 @@ class Places:
             409,
             "place-unknown",
             "The place of the part is not known",
-            f"no place {named}has come on {self.key}{there}{self._why()}",
+            f"no place {named}has been received on {self.key}{there}{self._why()}",
             sources=sorted(known),
         )
 

@@ -81,9 +81,7 @@ def weighed_compliance(
     scale_s = max(float(np.max(np.abs(elapsed))), 1e-9)
     columns = np.column_stack([np.ones(len(F)), -F, elapsed / scale_s])
     if np.linalg.matrix_rank(columns) < columns.shape[1]:
-        raise ValueError(
-            "weights only rise with time or are all the same: hang them up and down again"
-        )
+        raise ValueError("the weights only increase or are all equal: hang them up and down again")
     solution = np.linalg.lstsq(columns, x, rcond=None)[0]
     residuals = x - columns @ solution
     s_p = require_positive("compliance", float(solution[1]), "µm/mN")

@@ -92,7 +92,9 @@ class Tracked:
             self.limited,
         )
         if count < LEAST or any(len(one) != count for one in columns):
-            raise ValueError(f"{count} samples, at least {LEAST} and as many of each are wanted")
+            raise ValueError(
+                f"{count} samples: needed are at least {LEAST}, and equally many of each quantity"
+            )
         if self.cycle_ticks and count % self.cycle_ticks:
             raise ValueError(
                 f"{count} samples are not a whole number of cycles of {self.cycle_ticks}"

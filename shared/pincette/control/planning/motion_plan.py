@@ -211,7 +211,7 @@ class LettingGo:
         for name in ("release_s", "dither_um", "dither_hz", "dither_s", "wait_s"):
             require_positive(name, getattr(self, name), name.rpartition("_")[2])
         if not self.strategies:
-            raise ValueError("a part is let go by at least one strategy; there is none")
+            raise ValueError("a release needs at least one strategy; none is given")
 
 
 def plan_letting_go(

@@ -88,7 +88,7 @@ def main(given: Sequence[str]) -> int:
 def _refused(scheduling: Scheduling) -> str:
     """Return what the system does not permit, in words."""
     if sys.platform != "linux":
-        return "what [realtime] asks for: it needs Linux"
+        return "the settings in [realtime], which require Linux"
     refusals = ask(scheduling, Linux())
     return words(refusals) if refusals else ""
 

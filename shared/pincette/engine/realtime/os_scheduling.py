@@ -170,7 +170,9 @@ def raise_priority(scheduling: Scheduling = _ANY, system: Linux | None = None) -
     # first.
     if system is None and sys.platform != "linux":
         if scheduling.required:
-            raise ConfigError(f"[realtime] required = {_named(scheduling)}: it needs Linux")
+            raise ConfigError(
+                f"[realtime] required = {_named(scheduling)}: these settings require Linux"
+            )
         return
     refusals = ask(scheduling, Linux() if system is None else system)
     if not refusals:

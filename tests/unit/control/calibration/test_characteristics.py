@@ -34,7 +34,7 @@ def test_the_rms_of_white_noise_is_found_within_the_stated_uncertainty() -> None
     assert inside >= 36
 
 
-def test_noise_needs_a_whole_window() -> None:
+def test_the_noise_of_fewer_samples_than_a_window_is_refused() -> None:
     with pytest.raises(ValueError, match="window"):
         rms_noise(np.zeros(10), 11)
 

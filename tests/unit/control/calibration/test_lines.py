@@ -53,7 +53,7 @@ def test_one_weight_gives_the_compliance_as_a_quotient_with_the_uncertainty_from
     assert found.uncertainty_um_per_mN == pytest.approx(2**0.5 * 0.025 / 10.0)
 
 
-def test_several_weights_show_their_scatter() -> None:
+def test_the_uncertainty_from_several_weights_follows_from_their_scatter() -> None:
     found = compliance([0.0, 5.0, 10.0, 20.0], [0.02, 2.28, 4.62, 9.19])
     assert found.compliance_um_per_mN == pytest.approx(S_P, rel=0.01)
     assert len(found.residuals_um) == 4
@@ -101,7 +101,7 @@ def test_the_spread_of_a_mean_of_correlated_errors_follows_from_their_effective_
     assert scatter == pytest.approx((np.mean(taus) * variance / count) ** 0.5, rel=0.15)
 
 
-def test_independent_errors_are_not_mistaken_for_correlated_ones() -> None:
+def test_independent_errors_are_not_mistaken_for_correlated_errors() -> None:
     random = np.random.default_rng(4)
     taus = [correlated_samples(random.normal(size=500)) for _ in range(50)]
     assert float(np.median(taus)) < 1.1

@@ -53,7 +53,7 @@ def test_noise_on_a_free_branch_is_not_detected_as_a_touch(bend: float) -> None:
     assert all(closed(60.0, bend=bend, seed=seed).touch is None for seed in range(40))
 
 
-def test_a_touch_is_cleared_if_the_arm_opens_far_beyond_it() -> None:
+def test_a_touch_is_cleared_if_the_arm_opens_far_beyond_its_position() -> None:
     watch = closed(18.0, contact_um=12.0)
     touch = watch.touch
     assert touch is not None

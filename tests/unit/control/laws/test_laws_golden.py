@@ -161,7 +161,7 @@ def test_equation_45_needs_the_factor_that_is_missing_in_print(case: Case) -> No
             assert abs((s_1 - s_k) / reaching - Ga) < Decimal("1e-30")
 
 
-def test_both_parameter_sets_are_those_of_the_laws() -> None:
+def test_the_transcription_uses_the_parameter_sets_of_the_laws() -> None:
     """The transcription has its own m, b, k, d: they must equal those of the laws."""
     m, b, k, d = ARMS["consistent"]
     assert (ARM.m, ARM.b, ARM.k, ARM.d) == (m, b, k, d)

@@ -111,7 +111,7 @@ def test_a_hold_keeps_the_voltage_and_releases_smoothly(hold_s: float | None) ->
     assert plan.violations == ()
 
 
-def test_a_release_faster_than_the_slew_limit_breaks_it() -> None:
+def test_a_release_faster_than_the_slew_limit_is_reported_as_a_violation() -> None:
     (broken,) = plan_release(0.3, RIG, StartPosition(39.0, 2.5), 0.0, POINTERS).violations
     assert (broken.quantity, broken.pointer) == ("slew", "/time")
     # 15/8 of the mean, from one sample to the next.

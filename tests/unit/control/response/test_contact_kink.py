@@ -79,7 +79,7 @@ def test_a_bent_characteristic_is_not_mistaken_for_a_part(bend: float) -> None:
 
 
 @pytest.mark.parametrize("every", [1, 2, 4], ids=["5 ms", "10 ms", "20 ms"])
-def test_a_measured_stack_has_no_kink_unless_one_is_added(every: int) -> None:
+def test_a_measured_piezo_stack_shows_a_kink_only_if_one_is_added(every: int) -> None:
     voltage_V, x_um = (np.array(values) for values in measured(0, every))
     assert contact_kink(voltage_V, x_um, every * 0.005) is None
     place_um = float(np.min(x_um) + 0.45 * np.ptp(x_um))

@@ -108,7 +108,7 @@ def bouc_wen_um(voltage_V: Column, shape: BoucWen) -> Column:
     return rows + creep_columns((0.3, 3.0), rows, PERIOD_S) @ np.array([0.02, 0.02])
 
 
-def test_a_bouc_wen_actuator_gets_one_play_that_never_yields() -> None:
+def test_an_actuator_of_the_bouc_wen_class_is_modelled_with_one_play_that_never_yields() -> None:
     """This also holds if the plays leave at most three times the noise."""
     noise_um = 2.0 * NOISE_UM
     voltage_V = 1.3 * np.array(drive(2500))
@@ -304,7 +304,7 @@ AWKWARD: dict[str, Column] = {
     ids=["", "unpoled, 5 ms", "still"],
 )
 @pytest.mark.parametrize("record", AWKWARD)
-def test_an_awkward_record_gives_a_good_model_or_an_error_message(
+def test_an_unusual_record_gives_a_valid_model_or_an_error_message(
     record: str, *, unpoled: bool, still: bool, period_s: float, candidates: Candidates
 ) -> None:
     u = AWKWARD[record]

@@ -18,7 +18,7 @@ def test_travel_in_a_single_direction_is_not_counted_as_back_and_forth() -> None
     assert total_V(0.5, 1.0, 1.0, 2.0) == pytest.approx(0.25 * SMALL_V)
 
 
-def test_a_large_reversal_counts_by_the_width_of_a_small_one() -> None:
+def test_a_large_reversal_is_counted_only_up_to_the_width_of_a_small_one() -> None:
     assert total_V(1.0, 2.0, 1.99, 1.0, 0.0) == pytest.approx(0.75 * SMALL_V)
 
 

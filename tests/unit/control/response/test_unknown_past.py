@@ -110,7 +110,7 @@ def test_motion_that_agrees_with_the_model_narrows_the_possible_past() -> None:
     assert compared.worst_um(response) < 0.3 * past.worst_um(response)
 
 
-def test_an_arm_with_an_extreme_past_keeps_it() -> None:
+def test_the_possible_history_of_an_arm_with_an_extreme_history_still_includes_it() -> None:
     response, past = rose(0.8)
     at_um = past.highest.sample(0.0).displacement_um - response.displacement_um()
     parted_um = at_um - past.at_zero_um[1]

@@ -234,7 +234,7 @@ def test_an_arm_that_does_not_follow_freezes_or_ramps() -> None:
 
 
 @pytest.mark.parametrize(("state", "mode"), [(FREE, "ramping"), (held(), "frozen")])
-def test_a_position_beyond_the_limits_trips_by_the_sample_itself(
+def test_a_position_beyond_the_limits_trips_without_waiting_for_a_command(
     state: SafetyState, mode: str
 ) -> None:
     for seq in (1, 2):

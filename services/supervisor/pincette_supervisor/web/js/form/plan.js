@@ -87,7 +87,7 @@ function place({ place: given }) {
   const ways = given.search_from_um.map(
     (from, arm) => `${number(from)} to ${number(given.search_to_um[arm])} µm`);
   return [h("p", { class: "muted" }, `Place of ${given.source}: ${number(given.x_um)} ± `
-    + `${number(given.u_um)} µm; searched for from ${ways.join(" and ")}`)];
+    + `${number(given.u_um)} µm; search range ${ways.join(" and ")}`)];
 }
 
 export class PlanView {
