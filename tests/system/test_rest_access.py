@@ -103,7 +103,7 @@ def _keys_come_and_go(client: httpx.Client, address: str, data: Path) -> None:
         "job", "grip", "--no-wait", "--url", address, "--key", seer, timeout_s=LONG_S
     )
     assert refused.returncode == 1
-    assert "needs scope propose" in refused.stderr
+    assert "needs scope operate" in refused.stderr
     assert "key 'seer' has observe" in refused.stderr
     audited = pincette("audit", "--json", "--url", address, "--key", boss, timeout_s=LONG_S)
     assert '"who": "cell-7 (Ann)"' in audited.stdout

@@ -170,6 +170,12 @@ def test_the_scope_propose_permits_plans_and_proposals_but_no_start(
     assert post({**GRIP, "dry_run": True}).status_code == 200
     refused = post(GRIP)
     assert (refused.status_code, refused.json()["needed_scope"]) == (403, "operate")
+    seen = ring.headers("observe")
+    needed = {
+        scope: harness.call("POST", "/api/v1/jobs", json=body, headers=seen).json()["needed_scope"]
+        for scope, body in (("operate", GRIP), ("propose", PROPOSED))
+    }
+    assert needed == {"operate": "operate", "propose": "propose"}
     assert (
         harness.call(
             "POST", "/api/v1/jobs", json=PROPOSED, headers=ring.headers("observe")

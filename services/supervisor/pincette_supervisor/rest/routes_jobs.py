@@ -5,11 +5,11 @@ blocks the event loop.
 """
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import cache, partial
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, cast
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
@@ -42,9 +42,9 @@ from pincette_supervisor.rest.dependencies import (
     etag,
     matched_revision,
 )
-from pincette_supervisor.rest.limits import LARGE
+from pincette_supervisor.rest.limits import LARGE, SMALL_BYTES, read_body
 from pincette_supervisor.rest.middleware import DRY_RUN
-from pincette_supervisor.rest.strict_route import StrictRoute
+from pincette_supervisor.rest.strict_route import StrictRoute, parsed
 
 M = TypeVar("M", bound=BaseModel)
 WAIT_S, LONGEST_WAIT_S = 30.0, 60.0
@@ -151,14 +151,21 @@ def _without_curves(plan: M) -> M:
 router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
 
 
-@router.post(
-    "",
-    openapi_extra=LARGE,
-    status_code=201,
-    response_model=Job | AnyPlan,
-    responses=CREATED,
-    dependencies=[PROPOSE],
-)
+class CreationRoute(StrictRoute):
+    """Route whose body determines the needed scope: a start needs more than a plan."""
+
+    async def needed_by(self, request: Request, /) -> Collection[str]:
+        """Return ``operate`` if the body would start a job."""
+        with suppress(ProblemError):
+            body: Any = parsed(await read_body(request, SMALL_BYTES))
+            plans = request.query_params.get("dry_run") == "true"
+            if isinstance(body, dict) and not plans:
+                members = cast("dict[str, Any]", body)
+                if not members.get("dry_run") and members.get("approval_s") is None:
+                    return {"operate"}
+        return ()
+
+
 async def create(
     body: Body,
     request: Request,
@@ -195,6 +202,19 @@ async def create(
     if plans:
         return await asyncio.get_running_loop().run_in_executor(DRY_RUN_THREADS, taken)
     return await run_in_threadpool(taken)
+
+
+router.add_api_route(
+    "",
+    create,
+    methods=["POST"],
+    openapi_extra=LARGE,
+    status_code=201,
+    response_model=Job | AnyPlan,
+    responses=CREATED,
+    dependencies=[PROPOSE],
+    route_class_override=CreationRoute,
+)
 
 
 @router.post("/stop", dependencies=[OPERATE])

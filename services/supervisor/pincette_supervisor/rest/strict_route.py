@@ -13,7 +13,7 @@ import asyncio
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Coroutine, Iterator, Mapping
+from collections.abc import Callable, Collection, Coroutine, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, get_args
 
@@ -121,7 +121,12 @@ class StrictRoute(APIRoute):
             return problems.invalid(errors) if errors else value
 
         async def strict(request: Request) -> Response:
-            authorize(request, needed)
+            try:
+                authorize(request, needed)
+            except ProblemError as refusal:
+                if refusal.status == 403:
+                    authorize(request, await self.needed_by(request))
+                raise
             require_known(request, known)
             require_numbers(request, numeric)
             if field is not None:
@@ -142,6 +147,10 @@ class StrictRoute(APIRoute):
             return await handler(request)
 
         return strict
+
+    async def needed_by(self, _: Request, /) -> Collection[str]:
+        """Return the scopes that a refused request of a known caller needs beyond its route's."""
+        return ()
 
 
 def query_names(dependant: Dependant) -> Iterator[str]:
