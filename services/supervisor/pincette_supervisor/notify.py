@@ -35,12 +35,19 @@ from pincette.config.programs import Supervisor
 from pincette.core.files import EncodingError, decoded
 from pincette.engine.threads import RepeatedAction
 from pincette_supervisor.access.access import DEFAULT_PORTS, is_loopback
+from pincette_supervisor.jobs.proposals import approval_until
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.tables import JobRow
 
 # Notice of an event of the journal; pure.
 
 ALARMS: Mapping[str, Told] = {"raised": "alarm.raised", "cleared": "alarm.cleared"}
+MEMBERS: Mapping[Told, tuple[str, ...]] = {
+    "job.proposed": ("state",),
+    "job.ended": ("state", "ending", "cause"),
+    "job.recorded": ("complete", "detail"),
+}
+"""Members of an event of a job that its notice contains, by topic."""
 SAID = (
     *("kind", "sample", "batch", "operator"),
     *("requested_by", "traceparent", "started_at", "ended_at"),
@@ -69,7 +76,10 @@ class Notice:
 def topic_of(event: Event) -> Told | None:
     """Return the topic under which an event is reported; None: it is not reported."""
     if event.kind == "state":
-        return "job.ended" if STATES[event.body["state"]].terminal else None
+        state = event.body["state"]
+        if state == "proposed":
+            return "job.proposed"
+        return "job.ended" if STATES[state].terminal else None
     if event.kind == "record":
         return "job.recorded"
     if event.kind != "alarm":
@@ -87,14 +97,15 @@ def notice_of(event: Event, job: JobRow | None) -> Notice | None:
         return None
     body = event.body
     data: dict[str, Any] = {"event": event.number, "rig": event.rig, "job": event.job}
-    if topic in ("job.ended", "job.recorded"):
-        ended = topic == "job.ended"
-        members = ("state", "ending", "cause") if ended else ("complete", "detail")
-        data |= {name: body.get(name) for name in members}
+    if topic in MEMBERS:
+        data |= {name: body.get(name) for name in MEMBERS[topic]}
         if job is not None:
             data |= {name: getattr(job, name) for name in SAID}
         on = f" on {data['sample']}" if data.get("sample") else ""
-        state = "its record is written" if not ended else str(body["state"])
+        state = str(body.get("state", "its record is written"))
+        if topic == "job.proposed" and job is not None:
+            data["approval_until"] = approval_until(job)
+            state = f"proposed by {job.requested_by}"
         title = f"{data.get('kind', 'job')} {event.job}{on}: {state}"
         title += f", {body['cause']}" if body.get("cause") else ""
     else:

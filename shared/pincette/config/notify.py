@@ -6,9 +6,9 @@ from pydantic import Field
 
 from pincette.config.tables import Table
 
-Told = Literal["job.ended", "job.recorded", "alarm.raised", "alarm.cleared"]
+Told = Literal["job.proposed", "job.ended", "job.recorded", "alarm.raised", "alarm.cleared"]
 """Events about which notifications can be sent."""
-Topics = Annotated[tuple[Told, ...], Field(min_length=1, max_length=4, strict=False)]
+Topics = Annotated[tuple[Told, ...], Field(min_length=1, max_length=5, strict=False)]
 DEFAULT: tuple[Told, ...] = ("job.ended", "alarm.raised")
 Address = Annotated[str, Field(pattern=r"^[^@\s<>,;]{1,64}@[^@\s<>,;]{1,190}$")]
 
@@ -22,7 +22,8 @@ class Webhook(Table):
     """File with the secret, whsec_ and base64, readable by its owner alone; relative to the data
     folder."""
     events: Topics = DEFAULT
-    """Events that are sent to the webhook: job.ended, job.recorded, alarm.raised, alarm.cleared."""
+    """Events that are sent to the webhook: job.proposed, job.ended, job.recorded, alarm.raised,
+    alarm.cleared."""
 
 
 class Mail(Table):
@@ -43,4 +44,5 @@ class Mail(Table):
     to: Annotated[tuple[Address, ...], Field(min_length=1, max_length=20, strict=False)]
     """Recipients of the mails."""
     events: Topics = DEFAULT
-    """Events that cause a mail: job.ended, job.recorded, alarm.raised, alarm.cleared."""
+    """Events that cause a mail: job.proposed, job.ended, job.recorded, alarm.raised,
+    alarm.cleared."""

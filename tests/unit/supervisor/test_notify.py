@@ -130,6 +130,22 @@ def test_a_removed_receiver_gets_no_more_notices(harness: Harness) -> None:
     assert len(received.posts) == 1
 
 
+def test_a_proposed_job_is_notified_with_its_time_limit(harness: Harness) -> None:
+    body = {"kind": "grip", "autostart": True, "approval_s": 600.0, "sample": "bead 7"}
+    with http_receiver() as received, http_receiver() as others:
+        proposals, _ = deliver(harness.store, webhook(received, events=("job.proposed",)))
+        usual, _ = deliver(harness.store, webhook(others))
+        job = harness.post("/jobs", body).json()
+        proposals.work()
+        usual.work()
+    ((_, content),) = received.posts
+    notice = json.loads(content)
+    assert (notice["type"], notice["data"]["job"]) == ("job.proposed", job["id"])
+    assert notice["data"]["approval_until"] == job["approval_until"]
+    assert (notice["data"]["state"], notice["data"]["sample"]) == ("proposed", "bead 7")
+    assert others.posts == []
+
+
 def test_an_alarm_is_notified_once_and_its_end_only_on_request(harness: Harness) -> None:
     alarms = harness.manager.context.alarms
     with http_receiver() as received, http_receiver() as all_of_it:
