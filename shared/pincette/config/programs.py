@@ -124,7 +124,7 @@ class Supervisor(Table):
     camera: Annotated[str, Field(pattern=CAMERA)] | None = None
     """Address of a camera's MJPEG stream, such as http://bench-camera:8081/stream, which the page
     shows beside the charts. The browser fetches it directly, so it must not require a user or
-    password.
+    password. The supervisor adds its pictures at contact, hold and end of a job to the record.
     """
     mail: Mail | None = None
     """Mail server and recipients for notifications of ended jobs and alarms; None: no mails."""

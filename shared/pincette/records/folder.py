@@ -35,12 +35,13 @@ DELETED_PREFIX = ".deleted-"
 """Start of a folder's name while it is being deleted."""
 DRAWN = {
     ".png": "image/png",
+    ".jpg": "image/jpeg",
     ".svg": "image/svg+xml",
     ".pdf": "application/pdf",
     ".html": "text/html; charset=utf-8",
     ".json": "application/json",
 }
-"""Media types of the files that the plot of a kind of job makes, by extension."""
+"""Media types of plots and pictures of the camera, by extension."""
 MEDIA_TYPES = {
     LIVE: "application/octet-stream",
     SAMPLES: "application/vnd.apache.parquet",

@@ -1,7 +1,7 @@
 """Monitoring of a job: processes its samples until the last one, and passes its actions to the
 rig."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from time import monotonic
 from typing import cast
 
@@ -11,7 +11,7 @@ from pincette.api.requests import ContactJobRequest, OnStop, ZeroingRequest
 from pincette.api.states import STATES, JobState
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.config import RigFile
-from pincette.core.faults import Acted, ActionCode, Cause, Fault, FaultCode, Outcome, fault
+from pincette.core.faults import Acted, ActionCode, Cause, Fault, FaultCode, Outcome, Phase, fault
 from pincette.core.messages import Ack, Action, Applied
 from pincette.core.topics import ACTION, TELEMETRY
 from pincette.core.wording import fault_text
@@ -41,6 +41,7 @@ from pincette_supervisor.jobs.silence_detector import SilenceDetector
 from pincette_supervisor.jobs.tracker import MissingSamples, Tracker, gone_words
 from pincette_supervisor.plugin import Interruption, Planned, functions_of, kind_of
 from pincette_supervisor.results import archive
+from pincette_supervisor.results.camera import Moment
 from pincette_supervisor.rigs.observer import MessageBuffer
 from pincette_supervisor.rigs.rig_context import RigContext
 
@@ -195,6 +196,8 @@ CUT_SHORT: Why = (
     "the part was released while it was loaded: the requested force was not reached",
     Ending(code="requested"),
 )
+PICTURED: Mapping[str, Moment] = {Phase.LOAD: "contact", Phase.HOLD: "hold"}
+"""Phases at whose beginning the camera takes a picture."""
 TOUCHED = (Outcome.CONTACT, Outcome.OVERFORCE)
 """Outcomes of a job in which something presses on the arm."""
 
@@ -368,6 +371,8 @@ class JobMonitor:
         job.update_progress(progress, held=held, waiting=waiting)
         for phase, seq, held_then in tracker.phases:
             job.begin_phase(phase, seq, held_then)
+            if phase in PICTURED:
+                self._recorder.camera.take(PICTURED[phase])
         tracker.phases.clear()
         now = self._context.clock()
         if now - self._progress_sent_at >= PROGRESS_S:
@@ -495,6 +500,7 @@ class JobMonitor:
                     cause="; ".join(filter(None, (*words, fault_text(took)))),
                     ending=trip_ending(trip if took is None else trip.with_fault(took)),
                 )
+        self._recorder.camera.take("end")
         fault = self._recorder.evaluate(tracker, self._collection)
         if close.over and not gone and self._waits(close, fault):
             return False

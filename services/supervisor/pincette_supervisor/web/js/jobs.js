@@ -179,7 +179,7 @@ export class Jobs {
 
   detail(job) {
     const files = this.artifacts?.job === job.id ? this.artifacts.list : [];
-    const pictures = files.filter((file) => file.media_type === "image/png");
+    const pictures = files.filter((file) => ["image/png", "image/jpeg"].includes(file.media_type));
     const place = (file) => `${BASE}/jobs/${job.id}/artifacts/${encodeURIComponent(file.name)}`;
     const facts = [...factsOf(job), ...figuresOf(job), ...losses(job)].map(([label, text]) => h("div", {},
       h("dt", {}, label), h("dd", {}, text)));
