@@ -3,10 +3,14 @@
 import pytest
 
 from pincette.api.results import ZeroReturn
+from pincette.engine.composed import ComposedLoop
 from pincette.records.columns import columns
-from pincette_supervisor.kinds.grip import KIND
+from pincette_supervisor.kinds.grip import KIND, GripJobRequest
+from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.results.archive import zero_return_of
 from pincette_supervisor.results.documents import verdict
+from tests.support.grips import SHORT
+from tests.support.rigs import demo_rig
 from tests.support.slips import Played, played
 
 
@@ -43,11 +47,25 @@ def test_a_drift_of_the_sensor_in_the_hold_leaves_the_grip_unverified() -> None:
     assert "not verified" in verdict(KIND, result)
 
 
-def test_without_a_measured_error_the_estimators_uncertainty_is_used() -> None:
+def test_without_a_measured_error_three_residuals_are_assumed() -> None:
     job = played()
+    free = job.rig.model.free_response
+    assert free is not None
+    assert free.return_error_um is None
     found = zero_return_of(columns(job.messages, 0.02), job.rig)
-    assert found is not None
-    assert found.uncertainty_mN == pytest.approx(0.5, abs=0.3)
+    assert found == returned(job, return_error_um=3.0 * free.residual_um)
+
+
+def test_ten_grips_in_succession_of_an_arm_without_a_measured_error_are_verified() -> None:
+    rig = demo_rig(SHORT, time="lockstep")
+    loop = ComposedLoop(rig)
+    for number in range(10):
+        planned = plan_job(GripJobRequest(kind="grip"), rig)
+        messages = loop.play(planned.program, epoch=2 * number + 1)
+        found = zero_return_of(columns(messages, rig.rig.period_s), rig)
+        assert found is not None
+        assert found.verified
+        assert found.uncertainty_mN < 1.0
 
 
 def test_a_job_without_contact_has_no_zero_return() -> None:

@@ -374,6 +374,24 @@ def zero_returns(one: JobManager) -> Readings:
         yield ("true" if verified else "false",), count
 
 
+@metric_of_rig("gauge", "pincette_strokes_since_calibration")
+def strokes(one: JobManager) -> Readings:
+    """Strokes of the arm in jobs since the last accepted calibration."""
+    yield (), one.context.use.totals().strokes
+
+
+@metric_of_rig("gauge", "pincette_contacts_since_calibration")
+def contacts(one: JobManager) -> Readings:
+    """Contacts with a part in jobs since the last accepted calibration."""
+    yield (), one.context.use.totals().contacts
+
+
+@metric_of_rig("gauge", "pincette_armed_seconds_since_calibration")
+def armed(one: JobManager) -> Readings:
+    """Time with the loop armed for jobs since the last accepted calibration."""
+    yield (), one.context.use.totals().armed_s
+
+
 @metric("gauge", "pincette_jobs", "rig", "kind", "state")
 def jobs(scrape: Scrape) -> Readings:
     """Number of jobs in the journal."""

@@ -367,6 +367,11 @@ class RigModel:
         ]
         return [*due, *changed]
 
+    def overdue(self, now: datetime) -> list[str]:
+        """Return which calibrations in use have expired, in words."""
+        used = self.in_use
+        return warnings(used.calibration.sources, used.acceptances, {}, now)
+
     def due(self, calibration: str, now: datetime) -> list[Due]:
         """Return the reasons why a calibration in use should be repeated; empty if it is valid."""
         used = self.in_use

@@ -285,6 +285,15 @@ def _model(context: RigContext) -> Iterator[Check]:
     warnings = context.model.warnings(datetime.now(UTC))
     words = "; ".join(warnings) or "no calibration is due"
     yield _check("model.due", not warnings, words, needed=False, value=len(warnings), limit=0)
+    reasons, words = context.use.reasons(), context.use.words()
+    yield _check(
+        "calibration.use",
+        not reasons,
+        "; ".join(reasons) or words,
+        needed=False,
+        value=len(reasons),
+        limit=0,
+    )
     if context.model.trouble:
         yield _check("model", False, context.model.trouble)
 
@@ -313,6 +322,8 @@ def conditions(context: RigContext) -> Iterator[Condition]:
     for check in of_supervisor(context.store):
         if not check.ok:
             yield Condition(check.name, check.words)
+    if due := [*context.model.overdue(datetime.now(UTC)), *context.use.reasons()]:
+        yield Condition("calibration.due", "; ".join(due), "warning")
     for stepped in context.health.findings("recorder", FaultCode.CLOCK_STEPPED):
         yield Condition(CLOCK, fault_text(stepped))
 

@@ -162,8 +162,8 @@ class ZeroReturn(Model):
     force_mN: float
     """Mean estimate over the samples near ``x_um`` while the arm returns."""
     uncertainty_mN: float
-    """Expanded uncertainty, from the zero returns of rehearsed grips, or from the estimator if the
-    model contains none.
+    """Expanded uncertainty, from the zero returns of rehearsed grips. If the model contains none,
+    it follows from the residual of the free response, or is that of the estimator without one.
     """
     x_um: float
     """Position at which the force was zeroed."""
@@ -286,6 +286,19 @@ OutcomeCode = Literal[
 ]
 
 
+class ArmUse(Model):
+    """What a job demanded of the arm; on a rig with two arms, of the arm with more strokes."""
+
+    model_config = example(strokes=3, contacts=1, duration_s=21.4)
+
+    strokes: int
+    """Number of motions towards the part by at least 5 % of the position range."""
+    contacts: int
+    """Number of contacts that the controller has confirmed."""
+    duration_s: float
+    """Time from the first sample to the last, with the loop armed."""
+
+
 class JobResult(Model):
     """Members of every result."""
 
@@ -328,6 +341,8 @@ class JobResult(Model):
     """Comparison of the place where the part was found with the stated place; null if none was
     stated.
     """
+    use: ArmUse | None = None
+    """Strokes, contacts and duration; null for a job of a version that did not count them."""
 
 
 class LoadForces(Model):

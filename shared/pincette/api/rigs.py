@@ -233,6 +233,28 @@ class QueueRequest(Model):
     """
 
 
+UseLimit = Literal["days", "strokes", "contacts", "hours"]
+
+
+class UseSinceCalibration(Model):
+    """Use of the rig since the last accepted calibration, as its recorded jobs state it."""
+
+    model_config = example(
+        since="2026-03-01T12:00:00.000Z", strokes=5230, contacts=1180, hours=31.5, due=["strokes"]
+    )
+
+    since: str | None
+    """Time of the newest acceptance in the model in use; null for the rig file alone, for which all
+    jobs count.
+    """
+    strokes: int
+    contacts: int
+    hours: float
+    """Time with the loop armed for jobs."""
+    due: list[UseLimit]
+    """Limits of ``[calibration]`` in the rig file that are exceeded; empty without limits."""
+
+
 class SafeToMove(Model):
     """Statement whether the stage that carries the gripper may move."""
 
@@ -263,6 +285,7 @@ class Rig(Model):
         part="none",
         standing=STANDING | {"state": "idle", "part": "none"},
         safe_to_move={"value": True, "state": "at_rest", "reasons": []},
+        use={"since": None, "strokes": 412, "contacts": 96, "hours": 2.7, "due": []},
         claim=None,
         active_job=None,
         queue={"length": 0, "halted": "", "capacity": 16, "proposed": 0},
@@ -293,6 +316,8 @@ class Rig(Model):
     """State of the part: held, not held or unknown; ``standing`` states how certain it is."""
     standing: Standing
     safe_to_move: SafeToMove
+    use: UseSinceCalibration | None = None
+    """Use since the last calibration; null from a supervisor that does not count it."""
     claim: Claim | None = None
     """Claim on the rig; null if there is none."""
     active_job: str | None

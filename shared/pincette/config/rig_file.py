@@ -79,6 +79,15 @@ class Calibrating(Table):
 
     valid_days: Positive | None = None
     """Time for which a result is valid after its measurement; None: unlimited."""
+    valid_strokes: Annotated[int, Field(ge=1)] | None = None
+    """Number of strokes since the last accepted calibration after which it is due; None:
+    unlimited."""
+    valid_contacts: Annotated[int, Field(ge=1)] | None = None
+    """Number of contacts since the last accepted calibration after which it is due; None:
+    unlimited."""
+    valid_hours: Positive | None = None
+    """Time with the loop armed since the last accepted calibration after which it is due; None:
+    unlimited."""
 
 
 ROUNDING = 1e-6

@@ -15,11 +15,17 @@ RIGS = ROOT / "deploy/rigs"
 
 def test_the_maintenance_entries_of_the_guide_are_accepted() -> None:
     guide = (ROOT / "docs/how-to/calibrate.md").read_text(encoding="utf-8")
-    (entries,) = re.findall(r"^```toml\n(.*?)^```", guide, re.MULTILINE | re.DOTALL)
-    own = tomllib.loads((RIGS / "demo.toml").read_text(encoding="utf-8"))
-    rig = parse_rig(laid_over(own, tomllib.loads(entries)))
+    tree = tomllib.loads((RIGS / "demo.toml").read_text(encoding="utf-8"))
+    for entries in re.findall(r"^```toml\n(.*?)^```", guide, re.MULTILINE | re.DOTALL):
+        tree = laid_over(tree, tomllib.loads(entries))
+    rig = parse_rig(tree)
     assert rig.serial_numbers == {"sensor": "1540122", "output": "A-0311"}
-    assert rig.calibration.valid_days == 365.0
+    assert rig.calibration.model_dump() == {
+        "valid_days": 365.0,
+        "valid_strokes": 50000,
+        "valid_contacts": 20000,
+        "valid_hours": 500.0,
+    }
     assert rig.digest() == read_rig(RIGS / "demo.toml").digest()
 
 

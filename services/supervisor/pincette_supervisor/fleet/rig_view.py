@@ -80,6 +80,7 @@ def rig_view(manager: JobManager) -> Rig:
             state=found.motion,
             reasons=[found.unsafe] if found.unsafe else [],
         ),
+        use=context.use.newest(datetime.now(UTC)),
         claim=manager.claims.current(),
         active_job=None if active is None else active.id,
         queue=Queue(
@@ -91,7 +92,7 @@ def rig_view(manager: JobManager) -> Rig:
         can_start=not reasons,
         startable=startable,
         reasons=reasons,
-        warnings=context.model.warnings(datetime.now(UTC)),
+        warnings=[*context.model.warnings(datetime.now(UTC)), *context.use.reasons()],
         allowed_actions=_actions(manager, startable),
     )
 

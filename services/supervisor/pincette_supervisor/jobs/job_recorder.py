@@ -37,6 +37,7 @@ from pincette_supervisor.plugin.result import course
 from pincette_supervisor.results import archive
 from pincette_supervisor.results.archive import Record as Gathered
 from pincette_supervisor.results.archive import Take, gather
+from pincette_supervisor.results.camera import CameraPictures
 from pincette_supervisor.results.documents import completeness
 from pincette_supervisor.results.run_samples import RunSamples, completed
 from pincette_supervisor.rigs.observer import MessageBuffer
@@ -79,6 +80,7 @@ class JobRecorder:
         self._figures: dict[str, Any] = {}
         self._row: JobRow | None = None
         """Journal row as last read: a journal on a server may be unreachable when the job ends."""
+        self.camera = CameraPictures(context.rig.supervisor.camera, context.camera)
         self._gathered: Gathered | None = None
         self._writes, self._turn = 0, threading.Lock()
         """Number of the newest requested write, and its lock; there is a second write if a part
@@ -130,6 +132,7 @@ class JobRecorder:
             record = replace(record, evaluation=replace(record.evaluation, result=told))
             self._gathered = record
         job.store(result=record.tree)
+        self._context.write_queue.submit(self._context.use.mark_changed)
         self._keep_learned(record)
         self._figures = {name: record.tree[name] for name in FIGURES if name in record.tree}
         if record.result.goal is not None and record.result.goal.met is not None:
@@ -207,6 +210,7 @@ class JobRecorder:
         row = self._current_row() or record.job
         try:
             folder = self._context.records / job.id
+            self.camera.write(folder)
             replace(record, job=row).write(folder, recorded, self._context.draw)
         except Exception as error:  # whatever the error: the job states what is missing
             log.exception("the documents of job %s were not written", job.id)
@@ -479,6 +483,7 @@ def _store_end(context: RigContext, row: JobRow, closed: Future[Recorded | str])
         found = _result(context.records / row.id / folder.SAMPLES, context.rig.rig.period_s)
         values |= {} if found is None else {"result": found.model_dump(mode="json")}
     context.store.change(row.id, plan={**row.plan, "record": completeness(recorded)}, **values)
+    context.use.mark_changed()
 
 
 def _gathered(context: RigContext, row: JobRow) -> Gathered:

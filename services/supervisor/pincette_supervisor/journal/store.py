@@ -197,6 +197,20 @@ class Store(Database):
             found = connection.execute(select(*names, func.count()).group_by(*names)).all()
         return {(rig, kind, state): count for rig, kind, state, count in found}
 
+    def use_since(self, rig: str, since: str | None) -> tuple[int, int, float]:
+        """Return strokes, contacts and armed seconds of the jobs of a rig that started since a
+        time; None: of all jobs."""
+        names = ("strokes", "contacts", "duration_s")
+        use = [func.sum(JOBS.c.result["use", name].as_float()) for name in names]
+        query = select(*use).where(JOBS.c.rig == rig)
+        if since is not None:
+            query = query.where(JOBS.c.started_at >= since)
+        with self.reading() as connection:
+            strokes, contacts, armed_s = (
+                float(one or 0.0) for one in connection.execute(query).one()
+            )
+        return round(strokes), round(contacts), armed_s
+
     def add_event(self, at: str, rig: str, job: str | None, kind: str, body: dict[str, Any]) -> int:
         """Store an event; return its number, which rises and is never reused."""
         with self.writing() as connection:

@@ -27,6 +27,7 @@ from pincette_supervisor.rigs.health import Health
 from pincette_supervisor.rigs.live import LiveSamples
 from pincette_supervisor.rigs.observer import Observer, WatchedBus
 from pincette_supervisor.rigs.places import Places
+from pincette_supervisor.rigs.use_counter import UseCounter
 
 HEAD_START_S = 0.1
 """Time in s for which only the bus is tried. If it works, the actuator needs no further session."""
@@ -183,6 +184,11 @@ class RigContext:
         return ZeroDoubt(self.store, self.rig.rig.name)
 
     @cached_property
+    def use(self) -> UseCounter:
+        """Return the counter of the use since the last calibration."""
+        return UseCounter(self.model, self.store)
+
+    @cached_property
     def places(self) -> Places:
         """Return the places of parts that vision clients publish; collected from the first use
         on."""
@@ -198,10 +204,16 @@ class RigContext:
         """
         return ThreadPoolExecutor(1, thread_name_prefix="closer")
 
+    @cached_property
+    def camera(self) -> Executor:
+        """Return the executor that fetches pictures of the rig's camera, one after another."""
+        return ThreadPoolExecutor(1, thread_name_prefix="camera")
+
     def finish_records(self) -> None:
         """Wait for the record that is being written; no other record is written."""
         self.closer.shutdown()
         self.archivist.shutdown()
+        self.camera.shutdown()
 
     @cached_property
     def write_queue(self) -> WriteQueue:
