@@ -85,9 +85,16 @@ class Status(BaseModel):
     voltage_V: float | None
     phase: str
     job: str | None
+    """Requested job, or the one that has the rig."""
     job_state: str | None
     recovery: RecoveryWait | None
     """Decision for which the job waits; null if it waits for none."""
+    outcome: str | None
+    """Outcome in the result of the job, such as ``gripped``; null before it."""
+    force_held_mN: float | None
+    """Force that the job held; null if it held none yet."""
+    cause: str
+    """Reason of a failed end of the job; empty without one."""
 
 
 class GripPlan(BaseModel):
@@ -149,19 +156,29 @@ class Tools:
         """Names of the plans whose grips are running."""
         self.for_series = SeriesTools(supervisor, self._rig, self._tokens)
 
-    async def status(self) -> Status:
-        """Report whether the rig is ready, what it holds, and its newest sample."""
+    async def status(
+        self,
+        job: Annotated[
+            str | None,
+            Field(description="Job that is reported, also after its end; null: the present one"),
+        ] = None,
+    ) -> Status:
+        """Report whether the rig is ready, what it holds, its newest sample, and a job's result."""
+        job_state: str | None = None
+        shown: Job | None = None
         with tool_errors():
             found = await self._status()
-        newest = found.newest
-        job_state, recovery = None, None
-        if found.job is not None:
-            at_once = self._supervisor.patient(0.0).within(NEWS_S)
-            try:
-                job = await at_once.job(found.job)
-                job_state, recovery = job.state, job.job.recovery
-            except ClientError:
-                job_state = UNKNOWN
+            newest, name = found.newest, job or found.job
+            if name is not None:
+                at_once = self._supervisor.patient(0.0).within(NEWS_S)
+                try:
+                    shown = (await (self._supervisor if job else at_once).job(name)).job
+                    job_state = shown.state
+                except ClientError:
+                    if job is not None:
+                        raise
+                    job_state = UNKNOWN
+        result = {} if shown is None else shown.result or {}
         return Status(
             rig=self._name or "",
             state=found.state,
@@ -175,9 +192,12 @@ class Tools:
             x_um=None if newest is None else newest.x_um,
             voltage_V=None if newest is None else newest.voltage_V,
             phase="" if newest is None else newest.phase,
-            job=found.job,
+            job=name,
             job_state=job_state,
-            recovery=recovery,
+            recovery=None if shown is None else shown.recovery,
+            outcome=result.get("outcome"),
+            force_held_mN=result.get("force_held_mN"),
+            cause="" if shown is None else shown.cause,
         )
 
     async def plan_grip(self, force_mN: Force, context: Context, hold_s: Hold = None) -> GripPlan:
@@ -282,7 +302,8 @@ class Tools:
     ) -> Done:
         """Decide how a job that waits goes on; status states the decisions that it permits.
 
-        After retry or retry_at the returned job repeats the grip: follow it with status.
+        After retry or retry_at the returned job repeats the grip: follow it with status and its
+        name.
         """
         with tool_errors():
             rig = await self._rig()

@@ -53,6 +53,15 @@ def test_an_agent_decides_about_a_grip_that_met_no_part(rig: RunningRig) -> None
             await asyncio.to_thread(part, rig, "place")
             again = await said(client, "decide", job=job, decision="retry")
             assert again["job"] != job
+            ended = await asyncio.to_thread(rig.ended, again["job"], WAIT_S)
+            status = await said(client, "status", job=again["job"])
+            assert (status["job"], status["job_state"]) == (again["job"], "succeeded")
+            assert (status["outcome"], status["cause"]) == ("gripped", "")
+            assert status["force_held_mN"] == ended["result"]["force_held_mN"]
+            failed = await said(client, "status", job=job)
+            assert (failed["job_state"], failed["outcome"]) == (again["detail"], "no_contact")
+            assert failed["force_held_mN"] is None
+            assert "not-found" in await refused(client, "status", job="no-such-job")
             return again["job"]
 
     part(rig, "remove")
