@@ -244,7 +244,8 @@ def leave(player: Player, following: Segment, x_um: float) -> Player:
         return player
     ref = opened(player)._replace(force_mN=0.0, speed_um_per_s=0.0)
     if player.felt is not None:
-        # The reference of the position q stays; the opening begins at the present tip positions.
+        # The reference of the position q does not change; the opening begins at the present tip
+        # positions.
         return replace(player, held=False, ref=ref)
     return replace(player, held=False, bump=True, ref=ref._replace(x_um=x_um))
 

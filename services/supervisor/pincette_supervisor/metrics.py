@@ -358,8 +358,8 @@ def newest_peak(one: JobManager) -> Readings:
 
 @metric_of_rig("histogram", "pincette_arming_force_peak_newtons")
 def peaks(one: JobManager) -> Readings:
-    """Highest estimated contact force of every finished arming, so that no peak is missed
-    between two scrapes.
+    """Distribution of the highest estimated contact forces of all finished armings, so that no peak
+    is missed between two scrapes.
     """
     found = _counters(one).peaks()
     yield (), Counted(BOUNDS_N, found.counts, N_PER_MN * found.sum_mN)

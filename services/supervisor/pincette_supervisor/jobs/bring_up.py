@@ -448,7 +448,9 @@ def _version(model: RigModel, number: int) -> ModelVersion:
 
 
 def use_model(model: RigModel, version: int) -> ModelView:
-    """Change to a version of the model; raises ProblemError if it cannot be used."""
+    """Use another version of the model, and return the model in use; raises ProblemError if the
+    version cannot be used.
+    """
     there = model.files.numbers()
     if version and version not in there:
         raise not_found("version of the model", str(version), [str(one) for one in (0, *there)])

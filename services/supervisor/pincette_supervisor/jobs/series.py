@@ -486,7 +486,9 @@ class SeriesRunner:
         )
 
     def _remaining_s(self, row: SeriesRow, ended: list[SeriesRun]) -> float | None:
-        """Estimate the remaining time by planned durations and the pace of the last jobs."""
+        """Return the remaining time, in s, estimated from planned durations and the pace of the
+        last jobs.
+        """
         over = {run.number for run in ended}
         left = [one["planned_s"] for number, one in _numbered(row.jobs) if number not in over]
         planned_s = _sum_s(left)

@@ -79,7 +79,7 @@ async def create(
     before it starts, as any job is.
     """
     call = partial(_created, body, rigs, response, asker, idempotency_key)
-    # Planning many jobs takes seconds, during which no thread of other requests waits.
+    # Planning many jobs takes seconds, so it uses none of the threads of other requests.
     return await asyncio.get_running_loop().run_in_executor(DRY_RUN_THREADS, call)
 
 

@@ -37,7 +37,9 @@ SURE = 10.0
 
 
 def program(request: ComplianceRequest, model: ModelInUse, _present: Present) -> CalibrationProgram:
-    """Plan a wait and a reading for each weight, up and down, without the weights already read."""
+    """Plan a wait and a reading for each weight, ascending then descending, except for weights that
+    were already read.
+    """
     weights_mN = request.weights_mN or weights_within(model.rig)
     steps, taken = there_and_back(weights_mN), len(request.taken)
     if taken >= len(steps):

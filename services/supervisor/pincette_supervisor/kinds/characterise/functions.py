@@ -114,7 +114,7 @@ def _contact(values: Mapping[str, Any], rig: RigFile) -> ContactRequest:
 
 
 def _sections(values: Mapping[str, Any], rig: RigFile) -> Sections:
-    """Return the sections of a plan with these values; raises ValueError as ``sections``."""
+    """Return the sections of a plan with these values; raises ValueError like ``sections``."""
     numbers = (values[name] for name in ("force_mN", "noise_s", "begin_um"))
     return sections(rig, _contact(values, rig), *numbers)
 

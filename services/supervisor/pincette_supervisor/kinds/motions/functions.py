@@ -87,7 +87,9 @@ def evaluate(run: Run) -> Evaluation:
 
 
 def _edge(table: Columns, period_s: float, *, last: bool) -> Mask:
-    """Return the first sample, or the samples of the last rest."""
+    """Return the mask of the first sample, or with ``last`` that of the samples of the last
+    rest.
+    """
     count = len(table["seq"])
     mask = np.zeros(count, dtype=np.bool_)
     if last:
