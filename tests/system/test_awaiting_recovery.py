@@ -1,8 +1,10 @@
 """A grip that meets no part waits for a decision, at a rig of real processes."""
 
+import json
 import subprocess
 import sys
 from collections.abc import Generator
+from pathlib import Path
 from time import monotonic, sleep
 
 import pytest
@@ -42,6 +44,10 @@ def waiting(rig: RunningRig) -> str:
     return job
 
 
+def read(manifest: Path) -> Json:
+    return json.loads(manifest.read_text(encoding="utf-8")) if manifest.exists() else {}
+
+
 def ended(rig: RunningRig, job: str) -> tuple[str, str]:
     """Return the state and the code of the ending of a job."""
     found: Json = rig.ended(job, LONG_S)
@@ -65,6 +71,25 @@ def test_a_client_that_waits_for_the_end_sees_a_part_given_up(rig: RunningRig) -
         handle.act("give_up")
         assert handle.wait(LONG_S).state == "failed"
     assert rig.job(job)["actions"][-1]["type"] == "give_up"
+
+
+def test_the_record_of_a_job_is_complete_however_long_it_waits(rig: RunningRig) -> None:
+    job = waiting(rig)
+    manifest = rig.data / "jobs" / job / "manifest.json"
+    deadline = monotonic() + LONG_S
+    while not (found := read(manifest)).get("complete"):
+        assert not found.get("detail")
+        assert monotonic() < deadline
+        sleep(0.05)
+    assert rig.job(job)["state"] == "awaiting_recovery"
+    rig.post(f"/jobs/{job}/actions", {"type": "give_up"}).raise_for_status()
+    assert ended(rig, job)[0] == "failed"
+    with Supervisor(rig.rig.supervisor.url) as supervisor:
+        handle = supervisor.job(job)
+        handle.recorded(LONG_S)
+        names = {one.name for one in handle.artifacts()}
+    assert rig.job(job)["record_complete"]
+    assert {"samples.parquet", "result.json", "report.html"} <= names
 
 
 def test_an_emergency_stop_ends_the_wait(rig: RunningRig) -> None:

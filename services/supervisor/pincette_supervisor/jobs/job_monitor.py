@@ -538,6 +538,7 @@ class JobMonitor:
         if case not in CASES or not job.await_decision(case, words, recovery, held=held):
             return False
         self._recovery = job.request.recovery
+        self._recorder.close(tracker)
         return True
 
     def _take_default(self) -> None:

@@ -85,6 +85,8 @@ class JobRecorder:
         self._writes, self._turn = 0, threading.Lock()
         """Number of the newest requested write, and its lock; there is a second write if a part
         was held beyond the end."""
+        self._closed: Future[Recorded | str] | None = None
+        """Contents of a record that was closed before its documents are written."""
 
     @property
     def verified(self) -> bool | None:
@@ -164,6 +166,19 @@ class JobRecorder:
             self._job.finish_record()
             raise
 
+    def close(self, tracker: Tracker) -> None:
+        """Have the recorder close the record; its documents are written later.
+
+        The recorder regards a record as incomplete that is open for longer than ``silence_s`` after
+        its last sample, but a decision on the job may take a day.
+        """
+        self._closed = self._closing(tracker)
+
+    def _closing(self, tracker: Tracker) -> "Future[Recorded | str]":
+        last_seq = tracker.last_seq if tracker.messages else None
+        whose = self._context.bus, self._job.id, self._epoch
+        return self._context.closer.submit(finish_record, *whose, last_seq)
+
     def write(self, tracker: Tracker, *, over: bool) -> None:
         """Have the archivist write the record; meanwhile the rig is free.
 
@@ -173,15 +188,14 @@ class JobRecorder:
         if self._gathered is None:
             self._job.finish_record()
             return
-        last_seq = tracker.last_seq if tracker.messages else None
         with self._turn:
             self._writes += 1
-        whose = self._context.bus, self._job.id, self._epoch
         closed: Future[Recorded | str]
         with self.expected():
             if over:
-                closed = self._context.closer.submit(finish_record, *whose, last_seq)
+                closed = self._closed or self._closing(tracker)
             else:
+                whose = self._context.bus, self._job.id, self._epoch
                 about = self._about(self._gathered.job)
                 closed = self._context.closer.submit(begin_record, *whose, about)
             writing = self._context.archivist.submit(
