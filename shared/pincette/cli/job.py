@@ -243,8 +243,8 @@ def show_job(job: "Job", console: "Console", *, everything: bool = False) -> Non
     """Print the result, the request and the allowed actions of a job."""
     show_result(job, console, everything=everything)
     said = {name: str(getattr(job, name)) for name in SAID} | job.labels
-    given = [f"{n} = {value}" for n, value in job.request.items() if n not in (*SAID, "labels")]
-    given += [f"{name}: {value}" for name, value in said.items() if value]
+    stated = {n: value for n, value in job.request.items() if n not in (*SAID, "labels")}
+    given = [stated_fields(stated), *(f"{name}: {value}" for name, value in said.items() if value)]
     console.print(f"\nrequested: {', '.join(given)}", markup=False)
     times = {"requested": job.created_at, "started": job.started_at, "ended": job.ended_at}
     known = [f"{name} {clock(at)}" for name, at in times.items() if at]

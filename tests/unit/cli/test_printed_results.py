@@ -136,7 +136,7 @@ def test_every_figure_of_a_short_result_is_defined_by_its_kind() -> None:
     for kind in job_kinds().values():
         assert set(kind.brief) <= {figure.name for figure in kind.figures}
         for arms in kind.arms:
-            assert len(kind.brief_figures_of({"arms": arms})) <= 6
+            assert len(kind.brief_figures_of({"arms": arms})) <= 5, kind.name  # and the record
 
 
 def test_a_result_has_every_figure_with_its_unit() -> None:
@@ -168,7 +168,7 @@ def test_a_motion_states_its_final_position() -> None:
     console, out = screen(terminal=False)
     result = desk.example(MotionResult, drift_um=0.02, held_at_end=True)
     job = job_of(id="j", kind="move", state="succeeded", result=result, record=None)
-    show_result(job, console)
+    show_result(job, console, everything=True)
     for line in (
         "outcome moved",
         "rests at 12.51 µm",
@@ -181,6 +181,45 @@ def test_a_motion_states_its_final_position() -> None:
         "to let it go `pincette job release`",
     ):
         assert line in spaced(out.getvalue())
+
+
+@pytest.mark.parametrize(
+    ("kind", "rows"),
+    [
+        (
+            "move",
+            [
+                "rests at 12.51 µm",
+                "target 12.50 µm",
+                "target error 0.010 µm",
+                "final voltage 0.640 V",
+                "taught as beside-the-bead",
+            ],
+        ),
+        (
+            "release",
+            [
+                "release sticks",
+                "pull-off force 31.40 mN ± 1.30 mN",
+                "remaining stiffness 1.90 mN/µm ± 0.20 mN/µm",
+                "rests at 12.51 µm",
+            ],
+        ),
+        ("hold", ["peak force 20.30 mN", "drift while held 0.020 µm", "release sticks"]),
+    ],
+)
+def test_a_motion_has_a_verdict_and_its_main_values(kind: str, rows: list[str]) -> None:
+    console, out = screen(terminal=False)
+    found: dict[str, Any] = {"verdict": "sticks", "strategies": ["retreat"]}
+    found |= {"stiffness_mN_per_um": 1.9, "stiffness_uncertainty_mN_per_um": 0.2}
+    found |= {"pull_off_mN": 31.4, "pull_off_uncertainty_mN": 1.3}
+    result = desk.example(MotionResult, drift_um=0.02, release=found)
+    job = job_of(id="j", kind=kind, state="succeeded", result=result, record="data/j")
+    show_result(job, console)
+    verdict, _, *shown, _, more = spaced(out.getvalue()).splitlines()[1:]
+    assert verdict == "job j succeeded: moved, the part sticks to the arm"
+    assert shown == [*rows, "record data/j"]
+    assert more == "all figures: `pincette job show j --all`"
 
 
 def test_unknown_values_are_reported() -> None:
