@@ -3,8 +3,8 @@
 
 import argparse
 import queue
-import time
-from contextlib import suppress
+import signal
+import threading
 
 import matplotlib
 import msgpack
@@ -65,13 +65,15 @@ def draw():
 
 
 config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{given.router}"]}}}}')
-with suppress(KeyboardInterrupt), zenoh.open(config) as session:
+interrupted = threading.Event()
+signal.signal(signal.SIGINT, lambda *_: interrupted.set())  # so that no drawing is cut short
+with zenoh.open(config) as session:
     for topic in ("position", "estimate", "telemetry", "applied"):
         session.declare_subscriber(f"pincette/v2/{given.rig}/{topic}", arrived.put)
-    while not given.png and plt.fignum_exists(figure.number):
+    while not given.png and plt.fignum_exists(figure.number) and not interrupted.is_set():
         draw()
         plt.pause(0.1)
     if given.png:
-        time.sleep(given.seconds)
+        interrupted.wait(given.seconds)
         draw()
         figure.savefig(given.png)

@@ -11,6 +11,7 @@ import argparse
 import hashlib
 import struct
 import time
+from contextlib import suppress
 
 import msgpack
 import zenoh
@@ -112,11 +113,12 @@ if __name__ == "__main__":
     parser.add_argument("--router", default="tcp/127.0.0.1:7447", help="the rig's; %(default)s")
     parser.add_argument("--ros", required=True, help="router of ROS 2, as tcp/192.168.1.5:7447")
     given = parser.parse_args()
-    with client_of(given.router) as near, client_of(given.ros) as far:
-        watching = bridge(near, far, given.rig)
+    with (
+        suppress(KeyboardInterrupt),
+        client_of(given.router) as near,
+        client_of(given.ros) as far,
+        bridge(near, far, given.rig),
+    ):
         print(f"ready: {given.rig} is in ROS 2 at {given.ros}", flush=True)
-        try:
-            while True:
-                time.sleep(3600.0)
-        except KeyboardInterrupt:
-            watching.undeclare()
+        while True:
+            time.sleep(3600.0)

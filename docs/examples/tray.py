@@ -2,7 +2,7 @@
 
 import argparse
 import secrets
-import sys
+from contextlib import suppress
 from pathlib import Path
 
 from pincette.api.states import ActionType
@@ -45,7 +45,7 @@ words.add_argument("--url", default="http://127.0.0.1:8000")
 words.add_argument("--missing", type=int, nargs="*", default=[])
 words.add_argument("--report", type=Path, default=Path("tray.html"))
 given = words.parse_args()
-with Supervisor(given.url, operator="cell 1") as supervisor:
+with suppress(KeyboardInterrupt), Supervisor(given.url, operator="cell 1") as supervisor:
     rig, trace = supervisor.rig(), f"00-{secrets.token_hex(16)}-{secrets.token_hex(8)}-01"
     feed(rig, bead=1 not in given.missing)
     beads = [{"sample": f"B{number}"} for number in range(1, 13)]
@@ -55,5 +55,6 @@ with Supervisor(given.url, operator="cell 1") as supervisor:
     for job in reversed(series.jobs()):
         found: dict[str, str] = (job.job.result or {}).get("release") or {}
         print(job.job.sample, job.state, found.get("verdict", job.job.cause))
-print(f"series {series.id} is {series.state}, trace {trace}, report {given.report}")
-sys.exit(series.state != "completed")
+    print(f"series {series.id} is {series.state}, trace {trace}, report {given.report}")
+    raise SystemExit(series.state != "completed")
+raise SystemExit("no longer followed; `pincette series show` shows whether a series goes on")

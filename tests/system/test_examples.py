@@ -22,7 +22,7 @@ from pincette.bus.zenoh_bus import ZenohBus
 from pincette.core.messages import Applied, Estimate, Position
 from pincette.core.topics import LOOP, POSITION, TOPICS, key
 from tests.support.arms import with_arm
-from tests.support.checkout import ROOT, environment, run
+from tests.support.checkout import ROOT, await_text, environment, run, until_interrupted
 from tests.support.foreign import declared, outsider
 from tests.support.played import RIG, Played, played_rig
 from tests.support.rigs import demo_rig
@@ -223,6 +223,39 @@ def test_csv_leaves_invalid_fields_empty_and_keeps_samples_with_a_lost_message(
     assert all(all(cells) for seq, cells in filled.items() if seq not in wanted)
     incomplete = sum(row["seq"] == "4" for row in rows)
     assert output == f"100 rows, {incomplete} of them incomplete\n"
+
+
+ENDLESS: dict[str, tuple[str, str]] = {
+    "live_plot": ("", "drawn"),
+    "place": ("", "is published on"),
+    "ros2_bridge": ("--ros", "ready"),
+}
+"""Examples that run until Ctrl-C: an option that takes a router, and a word of their output."""
+
+
+@pytest.mark.parametrize("name", ENDLESS)
+def test_ctrl_c_ends_an_example_without_a_traceback(
+    name: str, played: Played, tmp_path: Path
+) -> None:
+    option, word = ENDLESS[name]
+    log = tmp_path / "log"
+    words = listening(name, played, *([option, played.router] if option else []))
+    if name == "live_plot":  # it prints nothing; each of its drawings does here
+        script = tmp_path / "live_plot.py"
+        text = (EXAMPLES / "live_plot.py").read_text(encoding="utf-8")
+        changed = text.replace("matplotlib\n", 'matplotlib\nmatplotlib.use("Agg")\n', 1)
+        script.write_text(
+            changed.replace(
+                "        draw()\n", '        draw()\n        print("drawn", flush=True)\n', 1
+            ),
+            encoding="utf-8",
+        )
+        words[1] = str(script)
+    with until_interrupted(words, tmp_path, log) as process:
+        await_text(log, word, process, PATIENCE_S)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE_S) == 0, log.read_text(encoding="utf-8")
+    assert "Traceback" not in log.read_text(encoding="utf-8")
 
 
 def test_subscribe_prints_no_unconfirmed_voltage(tmp_path: Path) -> None:

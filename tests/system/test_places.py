@@ -19,7 +19,6 @@ def test_a_grip_uses_the_place_that_the_example_publishes(lockstep: RunningRig) 
     rig, bus = lockstep, lockstep.rig.bus
     make_ready(rig, PATIENCE_S)
     words = ["--router", f"tcp/{bus.host}:{bus.port}", "--x-um", "6.0", "--u-um", "0.8"]
-    words += ["--seconds", "600"]
     camera = subprocess.Popen(
         [sys.executable, str(ROOT / "docs/examples/place.py"), *words], env=environment()
     )

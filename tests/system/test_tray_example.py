@@ -2,6 +2,7 @@
 
 import json
 import re
+import signal
 import subprocess
 import sys
 from collections import Counter
@@ -13,7 +14,7 @@ from time import monotonic, sleep
 import pytest
 
 from pincette_supervisor.traces import ENDPOINT
-from tests.support.checkout import ROOT, environment, run
+from tests.support.checkout import ROOT, environment, run, until_interrupted
 from tests.support.receivers import Received, http_receiver
 from tests.support.rigs import demo_rig
 from tests.support.running import Json, RunningRig, running_rig
@@ -44,7 +45,7 @@ def rig(
 def camera(rig: RunningRig) -> Generator[None]:
     """Run the example publisher for the rig, until the block ends."""
     words = ["--router", f"tcp/{rig.rig.bus.host}:{rig.rig.bus.port}", "--x-um", "31.2"]
-    command = [sys.executable, str(EXAMPLES / "place.py"), *words, "--seconds", "3600"]
+    command = [sys.executable, str(EXAMPLES / "place.py"), *words]
     with subprocess.Popen(command, env=environment()) as process:
         try:
             deadline = monotonic() + PATIENCE_S
@@ -109,6 +110,22 @@ def test_a_tray_with_two_missing_beads_is_gripped_reported_and_traced(
     assert {attributes(root)["pincette.job"] for root in roots} == {job["id"] for job in jobs}
     assert {root["traceId"] for root in roots} == {trace}
     assert {root["parentSpanId"] for root in roots} == {series["traceparent"].split("-")[2]}
+
+
+def test_ctrl_c_ends_the_program_and_the_series_goes_on(rig: RunningRig, tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    command = [sys.executable, str(EXAMPLES / "tray.py"), "--url", rig.rig.supervisor.url]
+    with camera(rig), until_interrupted(command, tmp_path, log) as process:
+        deadline = monotonic() + PATIENCE_S
+        while not rig.get("/jobs")["jobs"]:
+            assert process.poll() is None, log.read_text(encoding="utf-8")
+            assert monotonic() < deadline
+            sleep(0.1)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE_S) == 1
+    assert "Traceback" not in log.read_text(encoding="utf-8")
+    (series,) = rig.get("/series")["series"]
+    assert series["state"] == "running"
 
 
 def test_the_program_has_at_most_60_lines() -> None:
