@@ -48,7 +48,7 @@ SITE := $(BIN)/sphinx-build -b html -W --keep-going --quiet
 
 .DEFAULT_GOAL := help
 .PHONY: help venv dev browser demo up test test-full test-all test-one lint mutants \
-  paper bench bench-check soak soak-load findings \
+  paper demo-sheet bench bench-check soak soak-load findings \
   contrib contrib-full contrib-env contrib-checked contrib-lint contrib-stock contrib-engine contrib-contained engine pins sbom wheels docs dist installed site clean
 
 help: ## this list
@@ -157,6 +157,9 @@ lint: dev ## style, types and the direction of imports
 
 mutants: dev ## change the safety module in every small way; its unit tests must notice each
 	@$(BIN)/python -m tests.mutants.run $(ARGS)
+
+demo-sheet: dev ## measure the data sheet of the demo rig; writes docs/reference/demo-data-sheet.md
+	@$(BIN)/python docs/demo_data_sheet.py
 
 paper: venv ## repeat the paper's experiments; writes data/paper/index.html, in some minutes
 	@PYTHONPATH=contrib/study $(BIN)/python -m pincette_study $(ARGS)

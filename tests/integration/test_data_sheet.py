@@ -127,6 +127,14 @@ def test_the_force_error_is_within_its_uncertainty_and_the_noise_equals_that_of_
     assert run.rig.sensor.noise_um <= noise <= 2.0 * run.rig.sensor.noise_um
 
 
+@pytest.mark.parametrize("arm", ARMS)
+def test_the_zero_return_is_zero_within_its_uncertainty(arm: str) -> None:
+    _, result = sheet_of(arm)
+    force_mN, spread_mN = number(value(result, "zero_return"))
+    assert abs(force_mN) <= spread_mN
+    assert spread_mN < 2.0
+
+
 def test_measured_responses_have_a_gain_of_1_at_low_frequency_and_lower_bounds_are_marked() -> None:
     _, result = sheet_of("demo")
     assert result.position_response[0].frequency_hz == 0.5

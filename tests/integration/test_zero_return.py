@@ -7,7 +7,7 @@ from pincette.engine.composed import ComposedLoop
 from pincette.records.columns import columns
 from pincette_supervisor.kinds.grip import KIND, GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.results.archive import zero_return_of
+from pincette_supervisor.plugin.zero_return import zero_return_of
 from pincette_supervisor.results.documents import verdict
 from tests.support.grips import SHORT
 from tests.support.rigs import demo_rig

@@ -289,6 +289,14 @@ def test_every_kind_is_predicted_before_it_starts(rig: RunningRig, seen: Visit, 
     assert ids(rig) == before
 
 
+def test_a_data_sheet_starts_with_the_values_of_its_form(rig: RunningRig, seen: Visit) -> None:
+    choose(seen, "characterise", force_mN="6", noise_s="2")
+    job = rig.job(press_start(rig, seen))
+    assert (job["kind"], job["state"] in ("failed", "proposed")) == ("characterise", False)
+    assert {"force_mN": 6, "noise_s": 2}.items() <= job["request"].items()
+    assert (job["values"]["force_mN"], job["values"]["noise_s"]) == (6.0, 2.0)
+
+
 def test_a_move_beyond_the_limits_names_them_with_their_phases(
     rig: RunningRig, seen: Visit
 ) -> None:

@@ -5,40 +5,31 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from ctypes import CDLL
 from dataclasses import dataclass, replace
-from math import hypot, sqrt
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from pincette import __version__
 from pincette.api.job_kinds import job_kinds
 from pincette.api.pairs import PairResult
 from pincette.api.results import ClosedLoopResult, JobResult, ZeroReturn
 from pincette.api.states import GOOD_OUTCOMES
-from pincette.config import RigFile, derived
-from pincette.control.force.estimation import late_creep_um, uncertainty
-from pincette.control.response.model_errors import passing
-from pincette.core.faults import Phase
+from pincette.config import RigFile
 from pincette.core.messages import Message, Recorded
 from pincette.records.columns import Columns
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.planning.worker import Runner, run_here
 from pincette_supervisor.plugin import Evaluation, Planned, Run, functions_of
 from pincette_supervisor.plugin.drawing import Picture
-from pincette_supervisor.plugin.figures import series, table_of_arm
+from pincette_supervisor.plugin.figures import table_of_arm
 from pincette_supervisor.plugin.goal import goal_of
 from pincette_supervisor.plugin.release import release_of
 from pincette_supervisor.plugin.result import with_ring
+from pincette_supervisor.plugin.zero_return import zero_return_of
 from pincette_supervisor.process_load import PROCESS_LOAD
 from pincette_supervisor.results.arm_use import arm_use
 from pincette_supervisor.results.documents import NOT_RECORDED, said_of, write_documents
 from pincette_supervisor.results.place_found import place_found
 from pincette_supervisor.results.run_samples import THINNED, RunSamples, completed
-
-UNMEASURED_RETURN = 3.0
-"""Assumed ratio of return error to residual of a free response whose return error no calibration
-has measured. On eight simulated arms (Bouc-Wen, relays) with calibrated models: 0.8 to 2.9."""
 
 # The force that is read when an arm, free again, returns to the position of its zero; pure.
 
@@ -67,57 +58,6 @@ def zero_returns(result: JobResult, table: Columns, rig: RigFile) -> dict[str, Z
     if isinstance(result, ClosedLoopResult) and rig.second is None:
         return {"zero_return": zero_return_of(table, rig)}
     return {}
-
-
-def zero_return_of(table: Columns, rig: RigFile) -> ZeroReturn | None:
-    """Return the force at the position of the last zero before the contact, after the return.
-
-    None if the job took no zero, held no part, or did not return free past that position.
-    """
-    x_um, force_mN, age_s = (series(table, name) for name in ("x_um", "force_mN", "zero_age_s"))
-    held = np.array([bool(one) for one in table["held"]])
-    zeros = np.flatnonzero(age_s < 0.5 * rig.rig.period_s)
-    if not held.any() or not len(zeros) or zeros[-1] > int(np.argmax(held)):
-        return None
-    place_um = float(x_um[zeros[-1]])
-    back = (
-        np.array([phase == Phase.RETREAT for phase in table["phase"]])
-        & ~held
-        & ~np.isnan(x_um + force_mN + age_s)
-    )
-    here = passing(x_um[back], place_um)
-    if here is None:
-        return None
-    read_mN = force_mN[back][here]
-    stated_mN = series(table, "force_uncertainty_mN")[back][here]
-    uncertainty_mN = float(np.nanmean(stated_mN))
-    free = rig.model.free_response
-    if free is not None:
-        return_um = free.return_error_um
-        if return_um is None:
-            return_um = UNMEASURED_RETURN * free.residual_um
-        rest = derived.rest_samples(rig.rig.period_s)
-        late_um = late_creep_um(
-            percent_per_decade=free.creep_percent_per_decade,
-            stroke_um=rig.model.piezo_um_per_V * float(np.nanmax(series(table, "voltage_V"))),
-            age_s=float(age_s[back][here][-1]),
-            known_to_s=derived.creep_known_s(rig.model),
-        )
-        uncertainty_mN = uncertainty(
-            noise_um=rig.sensor.noise_um * sqrt(1.0 / len(read_mN) + 1.0 / rest),
-            free_error_um=hypot(return_um, late_um),
-            compliance_um_per_mN=rig.model.compliance_um_per_mN,
-            creep_mN_per_decade=rig.model.creep_mN_per_decade,
-            zero_age_s=float(age_s[back][here][-1]),
-            forgotten_mN=0.0,
-        )
-    mean_mN = float(np.mean(read_mN))
-    return ZeroReturn(
-        force_mN=mean_mN,
-        uncertainty_mN=uncertainty_mN,
-        x_um=place_um,
-        verified=abs(mean_mN) <= uncertainty_mN,
-    )
 
 
 def trim_memory() -> None:

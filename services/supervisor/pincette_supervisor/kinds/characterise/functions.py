@@ -64,6 +64,7 @@ from pincette_supervisor.plugin.plans import (
     slowed,
 )
 from pincette_supervisor.plugin.result import common
+from pincette_supervisor.plugin.zero_return import zero_return_of
 
 PRESSED: tuple[str, ...] = ("load", "hold", "settle", "track", "unload")
 PAPER: dict[Quantity, float] = {
@@ -231,6 +232,7 @@ def evaluate(run: Run) -> Evaluation:
         values = [
             *_free_values(samples, cut_offs[0]),
             *_force_values(samples, cut_offs[1], result),
+            *_zero_return(run),
             *_of_model(run),
         ]
     except (ValueError, IndexError) as error:
@@ -373,10 +375,6 @@ def _force_values(samples: _Samples, cut: CutOff, result: CharacteriseResult) ->
     contact: Found | float | None = stiffness
     if stiffness is not None and spread is not None:
         contact = Found(stiffness, spread)
-    back, returned = result.zero_return, list[SheetValue]()
-    if back is not None:
-        left = Found(back.force_mN, back.uncertainty_mN / COVERAGE)
-        returned.append(_value("zero_return", left, "mN", at_um=back.x_um))
     return [
         _value("force_noise_1_s", short, "mN", window_s=NOISE_WINDOW_S, **at),
         _value("force_noise_all", all_of_it, "mN", window_s=len(late) * period_s, **at),
@@ -396,8 +394,16 @@ def _force_values(samples: _Samples, cut: CutOff, result: CharacteriseResult) ->
             for force_mN, spread_mN in stated.items()
         ),
         _value("contact_stiffness", contact, "mN/µm", to_mN=2.0 * found.at_mN),
-        *returned,
     ]
+
+
+def _zero_return(run: Run) -> list[SheetValue]:
+    """Return the force after the return of the arm; empty if it did not return that far."""
+    back = zero_return_of(run.table, run.planned.armed.rig)
+    if back is None:
+        return []
+    left = Found(back.force_mN, back.uncertainty_mN / COVERAGE)
+    return [_value("zero_return", left, "mN", at_um=back.x_um)]
 
 
 def _of_model(run: Run) -> list[SheetValue]:
