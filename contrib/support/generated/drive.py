@@ -1,7 +1,8 @@
 """Program that uses a client generated from the OpenAPI document: grip, follow and stop; print
 JSON.
 
-Run it in a folder with the generated package ``generated``: ``drive.py URL FORCE_MN``.
+Run it in a folder with the generated package ``generated``: ``drive.py URL FORCE_MN SAMPLE``. It
+also fetches the table of the jobs with a sample.
 """
 
 import hashlib
@@ -19,7 +20,7 @@ API = "/api/v1"
 WAIT_S = 60.0
 LAST = "manifest.json"
 """File that is written after all others."""
-url, force_mN = sys.argv[1], float(sys.argv[2])
+url, force_mN, sample = sys.argv[1], float(sys.argv[2]), sys.argv[3]
 models: Any = import_module("generated.models")
 client: Any = import_module("generated.client").Client(base_url=url, timeout=WAIT_S)
 
@@ -67,6 +68,6 @@ same: dict[str, bool] = {}
 for name in ("samples.parquet", "grip.png"):
     content = call("get", "/jobs/{job}/artifacts/{name}/content", job.id, name).payload.read()
     same[name] = hashlib.sha256(content).hexdigest() == sums[name]
-table = call("get", "/jobs/export.parquet").payload.read()
-same["export"] = table[:4] == table[-4:] == b"PAR1"
-print(json.dumps({"state": str(ended.state), "same": same}))
+table = call("get", "/jobs/export.parquet", sample=sample).payload.read()
+export = hashlib.sha256(table).hexdigest()
+print(json.dumps({"state": str(ended.state), "same": same, "export": export}))

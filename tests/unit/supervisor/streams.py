@@ -28,6 +28,12 @@ class Bench:
     store: Store
     log: EventLog
     active: list[str] = field(default_factory=list[str])
+    being_written: list[str] = field(default_factory=list[str])
+    """Jobs whose records are being written."""
+
+    def is_recorded(self, job: str) -> bool:
+        """Return whether the record of a job is written."""
+        return job not in self.being_written
 
     def app(self, rig: RigFile, access: Access | None = None) -> FastAPI:
         bench = self
@@ -38,7 +44,10 @@ class Bench:
 
             @property
             def index(self) -> object:
-                return SimpleNamespace(has_job=bench.active.__contains__)
+                return SimpleNamespace(
+                    has_job=bench.active.__contains__,
+                    is_recorded=bench.is_recorded,
+                )
 
             @property
             def active(self) -> object:

@@ -160,7 +160,9 @@ async def of_job(job: str, after: Position, rigs: AllRigs, permitted: Permitted)
     try:
         state = await asyncio.to_thread(_state, rigs.store, job)
         over = STATES[state].terminal
-        if over and not busy() and not await asyncio.to_thread(_has_more, rigs.store, job, after):
+        # Checked before the events are read: the event of the record is the last one.
+        complete = over and not busy() and rigs.with_live_job(job).index.is_recorded(job)
+        if complete and not await asyncio.to_thread(_has_more, rigs.store, job, after):
             subscription.close()
             return Response(status_code=204, headers=HEADERS)
     except BaseException:
