@@ -41,6 +41,9 @@ and averaging."""
 FREE_SAMPLES = 128
 """Number of stored samples of free motion, enough for the branch that leads to a rest."""
 CHUNK = 16
+PULLS = 5
+"""Number of samples in a row that must read a pull. The arm of a part that is removed rings for
+less than that."""
 RESTS_V = 0.02
 """Width, in V, within which a law holds the voltage of an arm at rest."""
 NOISES = 10.0
@@ -140,6 +143,33 @@ class Ringing(FrozenRecord, frozen=True):
     part_held: bool = False
 
 
+class Pressing(FrozenRecord, frozen=True):
+    """Last voltages at which a held part pressed, and newest samples that a pull would need.
+
+    A part that presses an arm cannot pull it while no arm is opened. A pull beyond the uncertainty
+    of the force then shows that the zero is wrong: the part was removed and the arm has crept, or
+    the sensor jumped. Once an arm is opened, a part that sticks may pull it.
+    """
+
+    voltage_V: float | None = None
+    """Sum of the voltages of all arms at the newest pressing sample, in V; None before one."""
+    pulls: int = 0
+    """Number of newest samples in a row that read a pull at that voltage or above."""
+
+    def updated(
+        self, voltage_V: float, F_mN: float, u_F_mN: float, *, held: bool, first: bool
+    ) -> "Pressing":
+        """Add a sample; the first one of an epoch is at rest and counts as ``PULLS`` samples."""
+        if held and F_mN > u_F_mN:
+            return Pressing(voltage_V)
+        if self.voltage_V is None:
+            return self
+        opened = voltage_V < self.voltage_V - RESTS_V
+        if opened or F_mN >= -u_F_mN:
+            return Pressing(self.voltage_V) if self.pulls else self
+        return Pressing(self.voltage_V, PULLS if first else self.pulls + 1)
+
+
 class ArmState(FrozenRecord, frozen=True):
     """Free response of an arm, the samples behind it, and the history that a force depends on."""
 
@@ -177,6 +207,9 @@ class ArmState(FrozenRecord, frozen=True):
     an operator's confirmation, or a part found at its planned position later. It persists over
     an arming that keeps the zero."""
     zero_refusal: Fault | None = None
+    """Reason why the last zero was refused, or why it is no longer valid; None if neither."""
+    pressing: Pressing = Pressing()
+    """Evidence against the zero while a part is held."""
     zero_due_V: float | None = None
     """Voltage, in V, of a zero whose sample was not measured; None if no zero is due."""
     x_2_um: float = 0.0
@@ -211,6 +244,12 @@ class ArmState(FrozenRecord, frozen=True):
         return self.zero_s is not None and not self.zero_confirmed
 
     @property
+    def invalid_zero(self) -> Fault | None:
+        """Reason why the zero is no longer valid; None if it is, or if there was none."""
+        refusal = self.zero_refusal
+        return refusal if refusal is not None and refusal.code == FaultCode.ZERO_INVALID else None
+
+    @property
     def missed_um(self) -> float:
         """Error of x_1, in µm, by the residual table."""
         return 0.0 if self.missed is None else self.missed.value_um
@@ -220,6 +259,8 @@ class ArmState(FrozenRecord, frozen=True):
         """Faults of this arm that are reported."""
         stuck = self.stuck.fault
         found = () if stuck is None else (stuck,)
+        if self.invalid_zero is not None:
+            found = (*found, self.invalid_zero)
         if self.stroke is not None and self.stroke.significant:
             found = (*found, stroke_fault(self.stroke))
         if not self.unknown.matters(self.response):

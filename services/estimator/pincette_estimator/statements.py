@@ -16,16 +16,15 @@ def estimate(
     state: ArmState,
     position: Position,
     applied: Applied,
-    F_mN: float,
-    p_mN: float,
+    found_mN: tuple[float, float, float],
 ) -> Estimate:
-    """Return the force of an arm at the newest sample, and its uncertainty."""
+    """Return the force of an arm at the newest sample.
+
+    ``found_mN`` contains the force, its uncertainty and the perturbation.
+    """
+    F_mN, u_F_mN, p_mN = found_mN
     x_um, output = position.arms[config.arm].x_um, applied.arms[config.arm]
     age_s = None if state.zero_s is None else position.seq * config.period_s - state.zero_s
-    u_F_mN = hypot(
-        uncertainty_mN(config, state, position.seq),
-        COVERAGE * stroke_uncertainty_mN(state.response, F_mN),
-    )
     touch_x_um, touch_mN = touched(
         state,
         compliance_um_per_mN=config.compliance_um_per_mN,
@@ -57,6 +56,14 @@ def estimate(
         degraded=False,
         arms=(arm,),
         valid=True,
+    )
+
+
+def force_uncertainty_mN(config: ArmConfig, state: ArmState, seq: int, F_mN: float) -> float:
+    """Return the expanded uncertainty of a force, in mN."""
+    return hypot(
+        uncertainty_mN(config, state, seq),
+        COVERAGE * stroke_uncertainty_mN(state.response, F_mN),
     )
 
 

@@ -1,6 +1,6 @@
 """The estimator as a service: position k and the voltage applied at k-1 yield the force."""
 
-from math import inf
+from math import fsum, inf
 
 from msgspec.structs import replace
 
@@ -18,15 +18,23 @@ from pincette.control.response.stroke_check import (
     rest_base,
     stroke_change,
 )
-from pincette.core.faults import TRIPPED
+from pincette.core.faults import TRIPPED, FaultCode, fault
 from pincette.core.messages import Ack, Applied, Arm, Estimate, Message, Position
 from pincette.core.service import Input, RefusedError, Service, SetVoltage
 from pincette.core.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS, TIMING_OF
 from pincette_estimator.both_arms import joined, moving_V
 from pincette_estimator.config import ArmConfig, EstimatorConfig, configure
 from pincette_estimator.following import follow_voltage, unfollowed
-from pincette_estimator.state import ArmState, FreeMotion, Inputs, State, stroke_fault
-from pincette_estimator.statements import degraded, estimate
+from pincette_estimator.state import (
+    PULLS,
+    ArmState,
+    FreeMotion,
+    Inputs,
+    Pressing,
+    State,
+    stroke_fault,
+)
+from pincette_estimator.statements import degraded, estimate, force_uncertainty_mN
 from pincette_estimator.uncertainty import creep_um, narrowed_past, past_creep_um, rested_past
 
 AHEAD_SHARE = 0.5
@@ -112,8 +120,26 @@ def _estimated(
         applied = replace(applied, zero=True)
     if state.zero_due_V is not None:
         state = replace(state, zero_due_V=None)
+    first = state.observed_seq is None
     state, F_mN, p_mN = _take_sample(config, state, position, applied)
-    return state, estimate(config, state, position, applied, F_mN, p_mN)
+    u_F_mN = force_uncertainty_mN(config, state, position.seq, F_mN)
+    state = _check_zero(state, applied, F_mN, u_F_mN, first=first)
+    return state, estimate(config, state, position, applied, (F_mN, u_F_mN, p_mN))
+
+
+def _check_zero(
+    state: ArmState, applied: Applied, F_mN: float, u_F_mN: float, *, first: bool
+) -> ArmState:
+    """Discard a zero if an arm that a part pressed reads a pull, although no arm was opened."""
+    if state.zero_s is None:
+        return state
+    voltage_V = fsum(arm.voltage_V for arm in applied.arms)
+    before = state.pressing
+    pressing = before.updated(voltage_V, F_mN, u_F_mN, held=applied.part_held, first=first)
+    if pressing.pulls < PULLS:
+        return state if pressing is before else replace(state, pressing=pressing)
+    invalid = fault(FaultCode.ZERO_INVALID, pull_mN=-F_mN, uncertainty_mN=u_F_mN)
+    return replace(state, pressing=Pressing(), zero_s=None, zero_refusal=invalid)
 
 
 def _zero_due_V(config: ArmConfig, state: ArmState, applied: Applied) -> float | None:
@@ -285,6 +311,7 @@ def _zero(config: ArmConfig, state: ArmState, position: Position, applied: Appli
         unknown=unknown.rezero(response),
         contact_detector=state.contact_detector.restarted(x_um, nominal_um),
         reversal_memory=ReversalMemory(voltage_V),
+        pressing=Pressing(),
         zero_s=t_s,
         zero_kept=False,
         zeroed=True,
@@ -425,6 +452,8 @@ def _begun(config: ArmConfig, state: ArmState, request: Arm) -> ArmState:
         zero_confirmed=request.zero_confirmed or (kept and state.zero_confirmed),
         kept_age_s=played_s,
         zero_s=-played_s if carried and state.zero_s is not None else None,
+        zero_refusal=state.invalid_zero if carried else None,
+        pressing=state.pressing if carried else Pressing(),
         past=state.past,
         stroke=state.stroke if same else None,
     )

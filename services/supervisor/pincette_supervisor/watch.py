@@ -90,6 +90,7 @@ def of_rig(context: RigContext, active: ActiveJob | None) -> list[Check]:
         _refused(context),
         _memory(context),
         _stroke(context),
+        _zero(context),
         *_forces(context),
         _lease(context, active),
         *_model(context),
@@ -243,6 +244,13 @@ def _stroke(context: RigContext) -> Check:
     found = context.health.findings("estimator", FaultCode.MODEL_MISMATCH)
     words = "no change of the arm's stroke was found"
     return _finding("estimator.stroke", found, words, "change_percent", "limit_percent", "%")
+
+
+def _zero(context: RigContext) -> Check:
+    """Return the check that no zero of the force has become invalid."""
+    found = context.health.findings("estimator", FaultCode.ZERO_INVALID)
+    words = "no zero of the force was found to be invalid"
+    return _finding("estimator.zero", found, words, "pull_mN", "uncertainty_mN", "mN")
 
 
 def _forces(context: RigContext) -> Iterator[Check]:

@@ -189,6 +189,10 @@ class Newest(Model):
     """Expanded uncertainty of ``force_mN``."""
     zero_age_s: float | None
     """Time since the force was zeroed; null if it has not been zeroed."""
+    zero_invalid: bool = False
+    """True if the zero of an arm's force is no longer valid, since a held part read a pull. The
+    force is then unknown until it is zeroed again.
+    """
     voltage_V: float | None
     """Applied voltage; null while the output has not confirmed it."""
     second_x_um: float | None = None

@@ -79,6 +79,7 @@ class FaultCode(StrEnum):
     ZERO_TOUCHED = auto()
     ZERO_OFFSET = auto()
     ZERO_FIRST_OFFSET = auto()
+    ZERO_INVALID = auto()
     # Commands, found by controller and actuator.
     VOLTAGE_NOT_FINITE = auto()
     VOLTAGE_ABSURD = auto()

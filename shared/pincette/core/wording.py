@@ -66,6 +66,12 @@ TEXTS: Mapping[FaultCode, str] = {
         "relative to where the arm was found: if it touched something there, remove it or "
         "open the gripper, and arm again"
     ),
+    FaultCode.ZERO_INVALID: (
+        "the zero of the force is no longer valid: an arm that pressed a part reads a pull of "
+        "{pull_mN:.2f} mN, with an uncertainty of ±{uncertainty_mN:.2f} mN, at a voltage at which "
+        "no part can pull it. The part was removed, or the sensor jumped, and the force is "
+        "unknown: release, then the next job zeroes the force again"
+    ),
     FaultCode.VOLTAGE_NOT_FINITE: "{voltage_V} V is not a voltage",
     FaultCode.VOLTAGE_ABSURD: (
         "{voltage_V:g} V is impossible, the range is {minimum_V} V to {maximum_V} V"

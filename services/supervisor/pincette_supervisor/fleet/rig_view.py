@@ -19,7 +19,7 @@ from pincette.api.rigs import (
     RigAction,
     SafeToMove,
 )
-from pincette.core.faults import Mode
+from pincette.core.faults import FaultCode, Mode
 from pincette.core.messages import Applied, Estimate, Position, Status, Telemetry
 from pincette.core.messages.arms import ArmEstimate
 from pincette.core.topics import LOOP, TOPICS
@@ -167,6 +167,10 @@ def _newest(context: RigContext) -> Newest | None:
         force_mN=None if zeroed is None else zeroed.force_mN,
         force_uncertainty_mN=None if zeroed is None else zeroed.force_uncertainty_mN,
         zero_age_s=None if zeroed is None else zeroed.zero_age_s,
+        zero_invalid=any(
+            arm.zero_refusal is not None and arm.zero_refusal.code == FaultCode.ZERO_INVALID
+            for arm in (() if estimate is None else estimate.arms)
+        ),
         voltage_V=None if applied is None else applied.confirmed_V(),
         **_newest_of_second(position, known, applied),
     )

@@ -28,7 +28,8 @@ class ArmEstimate(FrozenRecord, frozen=True):
     perturbation_mN: Millinewton
     zero_age_s: Second | None
     zero_refusal: Fault | None
-    """Reason why the last request to zero the force was refused."""
+    """Reason why the last request to zero the force was refused, or why its zero is no longer valid
+    (``zero_invalid``)."""
     applied_V: Volt
     limits_active: Whole
     touch_x_um: Micrometre | None = None
