@@ -28,7 +28,7 @@ from pincette_supervisor.rigs import latch
 from pincette_supervisor.rigs.health import PROGRAMS, Health
 from pincette_supervisor.rigs.observer import Observer
 from pincette_supervisor.rigs.rig_context import RigContext
-from tests.support.steps import GUARD_S, AtOnce, KilledError, SteppedJob, Steps
+from tests.support.steps import AtOnce, KilledError, SteppedJob, Steps
 from tests.support.virtual_rig import VirtualRig
 
 
@@ -210,8 +210,8 @@ class Office:
 
     def _leave(self) -> None:
         for thread in self.steps.threads:
-            thread.join(GUARD_S)
-            assert not thread.is_alive()
+            thread.join(self.steps.guard_s)
+            assert not thread.is_alive(), f"thread {thread.name} computes for too long"
         self._patches.close()
         self.manager.latch.close()
         self.manager.release()

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+from traceback import print_exc
 
 from tests.support.campaign.drawing import draw
 from tests.support.campaign.judgement import run_page, table, targets
@@ -30,10 +31,11 @@ def campaign(seeds: Sequence[int], jobs: int) -> Iterator[Treated]:
 
 
 def _treat(seed: int) -> Treated:
-    """Treat one rig; an exception goes into its row, since the other rigs count too."""
+    """Treat one rig; an exception is printed and goes into its row, since the others count too."""
     try:
         return treat(seed)
     except Exception as error:  # noqa: BLE001  every fault is a result of the campaign
+        print_exc()
         return Treated(draw(seed), failed=f"{type(error).__name__}: {error}")
 
 
