@@ -10,8 +10,8 @@ from msgspec.structs import replace
 
 from pincette.config import RigFile
 from pincette.core.faults import FaultCode, fault
-from pincette.core.messages import Applied, Message, Position
-from pincette.core.messages.arms import ArmPosition
+from pincette.core.messages import Applied, Estimate, Message, Position
+from pincette.core.messages.arms import ArmEstimate, ArmPosition
 from pincette.core.topics import APPLIED, Request
 from pincette_supervisor.program import PortInUseError, bind
 from tests.support.arms import with_arm
@@ -37,6 +37,31 @@ def test_the_newest_voltage_is_one_that_the_output_has_confirmed(harness: Harnes
     applied = cast(Applied, harness.bus.latest(APPLIED))
     harness.bus.publish(replace(applied, unconfirmed=True))
     assert harness.get("/rigs/demo")["newest"]["voltage_V"] is None
+
+
+def test_an_invalid_zero_is_reported_without_a_force(harness: Harness) -> None:
+    harness.bus.idle()
+    arm = ArmEstimate(31.0, -1.23, 0.48, 0.0, 4.0, None, 1.0, 0)
+    estimate = Estimate(1, 5, 4, tripped=False, degraded=False, arms=(arm,), valid=True)
+    harness.bus.publish(estimate)
+    newest = harness.get("/rigs/demo")["newest"]
+    assert (newest["force_mN"], newest["zero_invalid"]) == (-1.23, False)
+    invalid = fault(FaultCode.ZERO_INVALID, pull_mN=1.23, uncertainty_mN=0.48)
+    harness.bus.findings["estimator"] = (invalid,)
+    harness.bus.publish(with_arm(estimate, zero_age_s=None, zero_refusal=invalid))
+    newest = harness.get("/rigs/demo")["newest"]
+    stated = [newest[name] for name in ("force_mN", "force_uncertainty_mN", "zero_age_s")]
+    assert (stated, newest["zero_invalid"]) == ([None] * 3, True)
+
+    def check() -> tuple[bool, float | None, float | None]:
+        checks = harness.get("/rigs/demo")["checks"]
+        found = next(one for one in checks if one["name"] == "estimator.zero")
+        return found["ok"], found["value"], found["limit"]
+
+    harness.until(lambda: check() == (False, 1.23, 0.48))
+    programs = harness.get("/rigs/demo")["programs"]
+    estimator = next(one for one in programs if one["name"] == "estimator")
+    assert [one["code"] for one in estimator["faults"]] == ["zero_invalid"]
 
 
 def test_each_program_reports_its_timing_statistics(harness: Harness) -> None:
