@@ -114,7 +114,10 @@ def pressed(rig: RunningRig, job: str, folder: Path) -> list[Pressed]:
 
 
 def estimated_means(samples: list[Pressed]) -> list[float]:
-    """Return means of estimated forces from the start of a load until its hold has settled."""
+    """Return the moving mean of the estimated force over ``MEAN_OF`` samples.
+
+    It begins at the start of the load and ends ``SETTLED`` samples after the start of the hold.
+    """
     loading = sum(one.phase == "load" for one in samples)
     forces_mN = [one.force_mN for one in samples[: loading + SETTLED]]
     return [fmean(forces_mN[at : at + MEAN_OF]) for at in range(len(forces_mN) - MEAN_OF + 1)]
@@ -166,7 +169,7 @@ def stop(rig: RunningRig, job: str) -> None:
 
 @contextmanager
 def stopping(rig: RunningRig, phase: str) -> Generator[list[str]]:
-    """Stop the job that reaches a phase within the block; its id is added to the list.
+    """Stop the job that reaches a phase while the block runs; add its id to the yielded list.
 
     The phase is read from the events, since it may begin and end between two requests for the job.
     """

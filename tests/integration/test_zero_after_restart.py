@@ -57,7 +57,9 @@ def test_a_move_stops_at_a_part_that_presses_harder_than_the_uncertainty(rig: La
     assert rig.peak_mN <= OVER * LEAST_MN
 
 
-def test_a_force_from_an_unknown_past_is_not_a_touch(rig: LastingRig) -> None:
+def test_after_a_restart_an_apparent_force_due_to_the_unknown_past_is_no_touch(
+    rig: LastingRig,
+) -> None:
     assert outcome(rig.run(**GRIP)) == "gripped"
     rig.restart()
     assert outcome(rig.run(**{**GRIP, "force_mN": LEAST_MN})) == "gripped"

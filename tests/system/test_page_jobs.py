@@ -312,7 +312,7 @@ def test_a_move_beyond_the_limits_names_them_with_their_phases(
     seen.errors.clear()
 
 
-def test_a_series_of_the_request_in_the_form_is_planned_started_and_reported(
+def test_the_page_plans_starts_and_reports_a_series_based_on_its_form(
     rig: RunningRig, seen: Visit
 ) -> None:
     choose(seen, "grip")

@@ -71,7 +71,7 @@ def content(path: Path) -> dict[str, bytes]:
         return {name: file.read(name) for name in file.namelist()}
 
 
-def test_the_wheels_have_every_file_of_their_packages_and_the_rigs(
+def test_the_wheels_contain_exactly_their_packages_and_the_example_rig_files(
     wheel: Path, client_wheel: Path
 ) -> None:
     wanted = {"pincette/rigs/" + path.name for path in (ROOT / "deploy/rigs").glob("*.toml")}

@@ -122,7 +122,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
         yield running
 
 
-def test_a_whole_rig_needs_the_key_and_a_stop_needs_none(rig: RunningRig) -> None:
+def test_requests_to_a_running_rig_need_a_key_but_a_stop_does_not(rig: RunningRig) -> None:
     """A stop without a supervisor is tested in test_security.py, with real programs."""
     seer = made(rig.data, "seer", "observe")
     until(401, rig.client)

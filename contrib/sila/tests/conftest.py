@@ -28,7 +28,7 @@ def client(rig: RunningRig, cleared: None) -> Generator[Any]:  # noqa: ARG001
 
 @pytest.fixture
 def cleared(rig: RunningRig) -> Generator[None]:
-    """A rig that holds nothing and is not latched, also after a test that has failed."""
+    """Release the part and clear the latch after a test, even if the test failed."""
     yield
     with stock_client(rig) as found, suppress(DefinedExecutionError):
         found.LockController.UnlockServer("cell 7")

@@ -173,7 +173,7 @@ def record(messages: Sequence[Message], phase: str, period_s: float) -> Record:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A law on a path."""
+    """Control law to test on one rig, and the contact plan whose path it tracks."""
 
     rig: RigFile
     settings: LawSettings

@@ -39,7 +39,7 @@ def project(
 
 @pytest.fixture
 def ready(project: Project, stalls: ContainerStalls) -> Project:  # noqa: ARG001  records stalls
-    """A rig that is not latched and holds nothing, also after a test that has failed."""
+    """Project whose rig is not latched and holds nothing, even if the previous test failed."""
     for line in (["reset"], ["job", "release"]):  # refused if there is nothing to do
         project.compose("exec", "-T", "supervisor", "pincette", *line)
     return project

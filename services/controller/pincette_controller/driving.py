@@ -95,7 +95,10 @@ def _handover(before: Player, player: Player, law_before: ControlLaw) -> Handove
 
 
 def _setpoint(player: Player, correction_um: float) -> Setpoint:
-    """Return the goal of the law; in a pause, at the end and in open loop the references rest."""
+    """Return the goal of the law.
+
+    In a pause, at the end and in open loop the rates of its references are 0.
+    """
     ref, segment, pressed = player.ref, player.segment, player.segment.presses
     rests = player.pause.active or player.ended
     if rests or segment.open_loop:

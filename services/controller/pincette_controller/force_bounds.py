@@ -1,4 +1,4 @@
-"""Conclusions from a force and its uncertainty U."""
+"""Lower bound of a force with uncertainty U, and whether U is at least as large as a load."""
 
 from pincette.core.messages.arms import ArmEstimate
 

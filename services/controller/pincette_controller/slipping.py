@@ -3,9 +3,9 @@
 The first sample that shows the step freezes the voltage. The next one confirms it, or the program
 continues. The meaning of a confirmed step depends on its direction and on the references:
 
-    backwards                   ``sensor_jump``: no slip moves the arm back
-    forwards, references move   ``slipped``: the part has yielded; the line restarts there
-    forwards, references rest   ``position_step``: slip or sensor, not distinguishable here
+    backwards                       ``sensor_jump``: no slip moves the arm back
+    forwards, references move       ``slipped``: the part has yielded; the line restarts there
+    forwards, references constant   ``position_step``: slip or sensor, not distinguishable here
 
 After a slip during a load the program repeats the load, up to its limit. A held part whose force is
 uncertain is not released: the voltage stays frozen until the hold ends.

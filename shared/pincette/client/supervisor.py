@@ -242,7 +242,10 @@ class AsyncSupervisor:
         return await self.transport.send(get("/session", Session))
 
     async def audit(self, limit: int = 50, before: int | None = None) -> list[AuditEntry]:
-        """Return requests that changed something, newest first; optionally before a number."""
+        """Return requests that changed something, newest first.
+
+        With ``before``, only entries with a lower number are returned.
+        """
         found: list[AuditEntry] = []
         while len(found) < limit:
             size = min(PAGE, limit - len(found))

@@ -368,7 +368,7 @@ class Model(Table):
     """s_p: deflection per force at the tip."""
     hysteresis_fraction: NotNegative = 0.2
     """Standard error of the linear free response, as a fraction of the largest travel of the
-    voltage since the zero; by default that of an arm of unknown gain.
+    voltage since the zero; the default is for an arm that was not calibrated.
     """
     creep_mN_per_decade: NotNegative = 0.3
     """Increase of the force uncertainty per decade of the zero's age."""

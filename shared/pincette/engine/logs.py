@@ -57,7 +57,7 @@ def begin(program: str, form: Form) -> JsonLines | None:
     """Send all log lines to standard error in one format; return the formatter if it is JSON, else
     None.
 
-    No thread that logs waits for the line to be written: see ``log_queue``.
+    A thread that logs does not wait until its line has been written; see ``log_queue``.
     """
     if form == "text":
         text = logging.Formatter(f"%(asctime)s {program} %(message)s")

@@ -158,8 +158,11 @@ def test_an_arm_that_is_pressed_before_its_strokes_omits_them(touch_mN: float) -
     assert player.ref.voltages_V == (-0.4,)
 
 
-def test_an_arm_that_a_light_touch_meets_on_the_way_to_its_strokes_goes_back() -> None:
-    """0 V was nearer to a part that pressed with 4 mN, so the arm pressed it with 13 mN."""
+def test_an_arm_goes_back_if_a_light_force_on_it_grows_on_the_way_to_its_conditioning() -> None:
+    """The strokes begin at 0 V, where the arm can be nearer to a part that already presses it.
+
+    Without this check, an arm that a part pressed with 4 mN then pressed the part with 13 mN.
+    """
     strokes = conditioning(-0.8, 10.0, 0.0, 19.0)
     program = replace(PROGRAM, segments=(*strokes, *PROGRAM.segments))
     light = replace(BLANK, touch_x_um=-8.0, touch_mN=0.4, applied_V=-0.4)

@@ -1,4 +1,4 @@
-"""A pause begins where the references rest, moves nothing, and does not change what follows."""
+"""A pause begins while the references are at rest, moves nothing and changes nothing after it."""
 
 import pytest
 from hypothesis import given, settings

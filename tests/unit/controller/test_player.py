@@ -225,7 +225,7 @@ def test_a_track_goes_through_every_phase_and_ends_tracked() -> None:
     assert not arm.player.held
 
 
-def test_along_the_path_position_and_force_agree_on_the_identified_line() -> None:
+def test_on_the_path_the_position_and_force_references_lie_on_the_identified_line() -> None:
     arm = Arm(contact_um=11.5, stiffness=1.8, program=TRACK)
     arm.until("track")
     assert line_of(arm.player).K_e_mN_per_um == pytest.approx(1.8)

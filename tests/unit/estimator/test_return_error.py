@@ -69,9 +69,7 @@ def test_the_slope_error_after_a_reversal_grows_with_the_fall_and_ends_on_the_re
     assert more_mN2["crept"] == pytest.approx(turned_mN2 * CREPT_V**2, rel=0.05)
 
 
-def test_a_small_change_of_the_stroke_widens_the_uncertainty_with_the_travel_since_the_zero() -> (
-    None
-):
+def test_after_a_small_stroke_change_the_uncertainty_grows_with_the_travel_since_the_zero() -> None:
     """A stroke 0.73 % larger, of which the strokes show 0.9 %, causes an error of 0.25 mN at 16
     mN."""
 

@@ -267,7 +267,7 @@ def test_the_model_in_use_is_kept_after_a_restart_but_not_after_a_change_of_the_
     assert other.get("/rigs/demo")["can_start"] is True
 
 
-def test_limits_jobs_and_the_part_do_not_change_the_model_in_use(
+def test_the_model_in_use_does_not_depend_on_limits_grip_defaults_or_the_part(
     harness: Harness, rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     decide(harness, proposal(harness), "accept")

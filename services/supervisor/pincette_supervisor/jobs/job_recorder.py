@@ -86,7 +86,7 @@ class JobRecorder:
         """Number of the newest requested write, and its lock; there is a second write if a part
         was held beyond the end."""
         self._closed: Future[Recorded | str] | None = None
-        """Contents of a record that was closed before its documents are written."""
+        """Contents of the record if it was closed before ``write`` was called; else None."""
 
     @property
     def verified(self) -> bool | None:

@@ -39,7 +39,7 @@ class RecipeRow:
 
     @property
     def reference(self) -> str:
-        """Return the reference to this version in a request."""
+        """Return the text with which a request refers to this version: ``NAME@VERSION``."""
         return f"{self.name}@{self.version}"
 
 

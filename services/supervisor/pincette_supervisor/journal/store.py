@@ -49,7 +49,7 @@ __all__ = ["ActionRow", "JobRow", "KeyTakenError", "Store", "StoreError", "utc_n
 INTERRUPTED = "the supervisor ended while the job ran"
 PROBE, IDENTIFIER = "probe", "supervisor"
 PAGE = 250
-"""Number of jobs that are read at once for a list of any length."""
+"""Largest number of jobs read in one query; a longer list is read in several queries."""
 EVENTS_KEPT = 200_000
 """Smallest number of events that are kept, enough for some weeks of work."""
 EVENTS_SWEEP = 500

@@ -47,7 +47,7 @@ class ModelInUse:
 
     @property
     def digest(self) -> str:
-        """Digest of the model's values; empty for the rig file alone."""
+        """Digest of the calibrated values; empty if all values are those of the rig file."""
         return self.calibration.digest
 
     @property

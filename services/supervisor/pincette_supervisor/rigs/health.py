@@ -189,7 +189,10 @@ class Health:
         return self.asked_age_s
 
     def note_armed(self, epoch: int, model_digest: str) -> None:
-        """Set the model of an epoch's arming; until the next arming all programs must use it."""
+        """Set the model with which the rig was armed in an epoch.
+
+        All programs must use this model until the rig is armed again.
+        """
         self._armed = (epoch, model_digest)
 
     def latch(self) -> LatchState:

@@ -79,7 +79,8 @@ class Observer:
         self.clock = clock
         self.suspend_aware_clock = suspend_aware_clock or (lambda: self.clock())
         self._newest: dict[type[Message], tuple[Message, tuple[float, float] | None]] = {}
-        """Newest messages with their arrival by both clocks; no times if they were fetched."""
+        """Newest message of each type with its arrival time by ``clock`` and by
+        ``suspend_aware_clock``; None instead of the times if it was fetched at the start."""
         self._position_read_at: float | None = None
         self._confirmed_at: float | None = None
         self._stepped: tuple[int, int] | None = None

@@ -42,7 +42,10 @@ JOBS_MAX = 100
 FUTURE_S = 1.0
 """Time by which the clock of a vision client may be ahead, in s."""
 Differences = tuple[float, float | None]
-"""Found minus given place and width of one job, in µm; the width is None if none was given."""
+"""Differences "found minus given" of the place and of the width of one job's part, in µm.
+
+The second one is None if no width was given.
+"""
 
 
 class Places:

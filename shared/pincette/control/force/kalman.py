@@ -56,7 +56,10 @@ class AugmentedKalman(FrozenRecord, frozen=True):
     def observe(
         self, x_um: float, free_um: float, _voltage_V: float, /
     ) -> tuple["AugmentedKalman", float]:
-        """Predict the state by the mode, and correct it by the position."""
+        """Return the observer after a sample, and the estimated force in mN.
+
+        The state is predicted with the arm's mode, then corrected with the measured position.
+        """
         p, mode = self.parameters, self.parameters.mode
         rest_um = free_um - p.compliance_um_per_mN * self.force_mN
         offset_um, speed = self.x_um - rest_um, self.speed_um_per_s

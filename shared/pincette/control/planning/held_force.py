@@ -216,7 +216,11 @@ def _voltages_V(rig: PlannedRig, from_V: float, way_um: float) -> list[list[floa
 
 
 def _at_share(values_V: Sequence[float], share: float) -> float:
-    """Return the interpolated value at a fraction of evenly spaced values, clamped to the ends."""
+    """Interpolate linearly between evenly spaced values.
+
+    ``share`` is the position between the first value (0) and the last one (1); it is clamped to
+    this range.
+    """
     place = min(max(share, 0.0), 1.0) * (len(values_V) - 1)
     index = min(int(place), len(values_V) - 2)
     low_V, high_V = values_V[index], values_V[index + 1]

@@ -52,8 +52,8 @@ class Corrections(FrozenRecord, frozen=True):
     """Corrections played in the cycle with the lowest error, in µm; empty before the first cycle.
     """
     quiet: Whole = 0
-    """Number of consecutive cycles, up to the newest one, that did not repeat an error of the cycle
-    before."""
+    """Number of newest consecutive cycles whose errors were not correlated positively with those of
+    the previous cycle."""
 
     @property
     def over(self) -> bool:

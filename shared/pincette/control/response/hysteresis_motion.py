@@ -76,9 +76,10 @@ def _play(r: float, voltage_V: Column) -> list[float]:
 
 
 def _fading_play(r: float, rate: float, returning: float | None, voltage_V: Column) -> list[float]:
-    """Return the states of a play with fading, with threshold ``r`` in V and rates in 1/V.
+    """Return the states y of a play whose distance z = u - y fades as the voltage u moves.
 
-    ``returning`` is the rate while |z| decreases; None for the same rate.
+    ``r`` is the threshold in V, ``rate`` the fading rate in 1/V. ``returning`` is the fading rate
+    while |z| decreases; None if it equals ``rate``.
     """
     steps = np.diff(voltage_V, prepend=0.0)
     ways = np.abs(steps)

@@ -74,7 +74,11 @@ class Tuning:
     """All candidates, those that no other one beats in both errors, and the balanced one."""
 
     candidates: tuple[Candidate, ...]
-    """All candidates, except those of the Pareto front whose radius exceeds the limit."""
+    """Candidates that remain at the end of the search.
+
+    Only the radii of candidates on the Pareto front are computed. The search removes those at or
+    above the limit and determines the front again, until all of the front are below the limit.
+    """
     front: tuple[Candidate, ...]
     chosen: Candidate
     radius: float

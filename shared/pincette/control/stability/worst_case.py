@@ -126,7 +126,9 @@ def around(
 def worst_case(
     loop: Loop, intervals: Intervals, limit_radius: float, *, enough: float = inf
 ) -> tuple[LoopCase, float]:
-    """Find the case with the largest counted radius, and that radius.
+    """Find the case with the largest spectral radius, and that radius.
+
+    Negligible slow modes are ignored; see ``counted_radii``.
 
     Parameters
     ----------

@@ -76,7 +76,10 @@ class SimulatedKeyence:
             self._zero_um = dict.fromkeys(self._zero_um, x_um)
 
     def idle(self) -> None:
-        """Do nothing: this instrument sends only answers, and unsolicited lines before them."""
+        """Do nothing: this instrument sends nothing between two commands.
+
+        An unsolicited line is sent together with an answer, just before it.
+        """
 
     def answer(self, line: bytes) -> bytes | None:
         """Answer one command line; commands are case-insensitive."""

@@ -33,8 +33,10 @@ class MotionConstants(NamedTuple):
     joined_step: Transition
     apart_piece: Transition
     joined_piece: Transition
-    """Transition of the joined arms over one piece of a substep in which they may touch or
-    separate."""
+    """State transition over one piece of a substep while a part joins the arms.
+
+    A substep in which contact may begin or end is computed in pieces.
+    """
     pieces: int
     lag_s: float
     pressing: float

@@ -80,7 +80,7 @@ def test_random_rigs_are_identified_within_the_stated_uncertainty(
     ):
         assert abs(value - true) <= WITHIN * uncertainty
     if not lagged:
-        # The sum of delay and lag is known better than either.
+        # The sum of delay and lag is more certain than either of them.
         together_s = found.delay_s + found.lag_s
         assert together_s == pytest.approx(simulation.actuation_delay_s, abs=0.02 * T)
     assert found.explained > 0.95

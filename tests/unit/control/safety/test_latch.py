@@ -204,7 +204,7 @@ def test_a_ramp_that_no_tick_will_end_is_ended_by_the_reset() -> None:
     assert (state.mode, state.arms[0].voltage_V, state.part_held) == ("idle", 0.0, False)
 
 
-def test_without_a_stall_no_age_is_changed() -> None:
+def test_ages_are_corrected_only_after_a_stall() -> None:
     state = account_for_stall(LIMITS, replace(FREE, ran_s=None), 5.0)
     assert state == replace(FREE, ran_s=5.0)
     assert account_for_stall(LIMITS, state, 5.01) == replace(FREE, ran_s=5.01)

@@ -106,7 +106,7 @@ def analyse(run: Run) -> Analysis:
                 "delay and lag",
                 1e3 * (found.delay_s + found.lag_s),
                 "ms",
-                "sum of delay and lag; without a lag, known better than either of them",
+                "sum of delay and lag; if the lag found is 0, more certain than either of them",
             ),
             figure("delay", found.delay_s / period_s, "1", "from sample to voltage, in periods"),
             figure(
