@@ -91,7 +91,7 @@ def real(real_time: RigFile, open_harness: Callable[..., Harness]) -> Harness:
 
 @pytest.fixture
 def ring(harness: Harness) -> ScopeKeys:
-    """Make valid keys, one of each scope."""
-    access = Access(Authenticator())
+    """Make valid keys, one of each scope; they stay confirmed however long a test takes."""
+    access = Access(Authenticator(clock=lambda: 0.0))
     harness.app = create_app(harness.rigs, access)
     return key_of_each_scope(harness.store, access.authenticator)

@@ -22,6 +22,7 @@ PUBLIC = {PLUGIN} | {
         "plans",
         "release",
         "result",
+        "zero_return",
     )
 }
 KINDS = ROOT / "services/supervisor/pincette_supervisor/kinds"
