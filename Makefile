@@ -124,7 +124,7 @@ up: venv ## start a whole rig and its supervisor; Ctrl-C ends it
 # The linters run in parallel with the parallel tests; their output is printed afterwards. There are two
 # workers for each core, since these tests wait more than they compute.
 test: PARALLEL := -n $(shell expr $(CORES) \* 2) --dist worksteal
-test: dev ## lint and a fair check of everything, in six minutes on two cores
+test: dev ## lint and a fair check of everything, in about twelve minutes on two cores
 	@$(MAKE) --no-print-directory lint > $(VENV)/lint.log 2>&1 & lint=$$!; \
 	$(BIN)/python requirements/system_programs.py; \
 	$(call tested,$(TEST),wait $$lint; linted=$$?; cat $(VENV)/lint.log;); \
