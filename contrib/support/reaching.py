@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, Protocol
 from pincette.client import Supervisor
 from tests.support.adapters import WAIT_S, until
 from tests.support.rigs import Tree
-from tests.support.running import RunningRig
+from tests.support.running import Json, RunningRig
 
 FORCE_MN = 10.0
 STAIRCASE_MN = (5.0, 10.0, 15.0, 10.0, 5.0)
@@ -169,23 +169,19 @@ def stop(rig: RunningRig, job: str) -> None:
 
 @contextmanager
 def stopping(rig: RunningRig, phase: str) -> Generator[list[str]]:
-    """Stop the job that reaches a phase while the block runs; add its id to the yielded list.
-
-    The phase is read from the events, since it may begin and end between two requests for the job.
-    """
+    """Stop the job that reaches a phase while the block runs; add its id to the yielded list."""
     seen: list[str] = []
     wanted = "hold" if phase == "settle" else phase
-    path = f"/rigs/{rig.rig.rig.name}/events/list"
-    newest: int = rig.get(path, limit=1)["newest"]
+    newest: int = rig.get(f"/rigs/{rig.rig.rig.name}/events/list", limit=1)["newest"]
 
     def watch() -> None:
         deadline = monotonic() + WAIT_S
         while monotonic() < deadline:
-            for event in rig.get(path, after=newest)["events"]:
-                if event["kind"] == "phase" and event["body"]["phase"] == wanted:
-                    rig.post(f"/jobs/{event['job']}/actions", {"type": "stop"})
-                    seen.append(event["job"])
-                    return
+            job = _job_in(rig, wanted, newest)
+            if job is not None:
+                rig.post(f"/jobs/{job}/actions", {"type": "stop"})
+                seen.append(job)
+                return
             sleep(0.01)
 
     thread = threading.Thread(target=watch)
@@ -195,3 +191,19 @@ def stopping(rig: RunningRig, phase: str) -> Generator[list[str]]:
     finally:
         thread.join(WAIT_S)
     assert seen, f"no job reached {phase}"
+
+
+def _job_in(rig: RunningRig, phase: str, newest: int) -> str | None:
+    """Return the job that is in a phase, or has been since the event ``newest``; else None.
+
+    The progress is read first, since events are stored with some delay. The events also contain a
+    phase that began and ended between two requests.
+    """
+    job: str | None = rig.view()["active_job"]
+    now: Json | None = None if job is None else rig.job(job)["progress"]
+    if now is not None and now["phase"] == phase:
+        return job
+    for event in rig.get(f"/rigs/{rig.rig.rig.name}/events/list", after=newest)["events"]:
+        if event["kind"] == "phase" and event["body"]["phase"] == phase:
+            return event["job"]
+    return None
