@@ -18,6 +18,7 @@ from pincette.cli.output_file import for_spreadsheet
 from pincette.config import RigFile, read_rig
 from pincette.control.planning.program import Program
 from pincette.records import csv_export, folder
+from pincette.records.number_table import METADATA
 from pincette.records.tables import write_tables_of_file
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
@@ -33,6 +34,7 @@ from tests.support.two_arms import short_grip, two_arm_rig
 parquet: Any = pyarrow.parquet
 PAGE = "docs/how-to/read-a-record.md"
 PYTHON = (
+    "csvw==4.1.1",
     "duckdb==2.0.0",
     "fastparquet==2026.9.0",
     "mcap==1.6.0",
@@ -43,8 +45,11 @@ PYTHON = (
 NODE = ("@mcap/core@2.2.2", "@mcap/nodejs@1.0.2", "fzstd@0.1.1")
 CLOSED = ("paused", "queued", "killed", "two arms", "1 kHz")
 """Kinds of records that have tables."""
-KINDS = ("live", *CLOSED)
+KINDS = ("live", "broken off", *CLOSED)
 SPREADSHEET = "semicolon.csv"
+JOBS = "export.numbers.csv"
+"""Table of all jobs, which is beside the record of the killed recorder."""
+LABELS = {"a,b;c": "=1+1", "µ#夹": 'two "lines"\nof text'}
 IN_EACH = """\
 import json, os, sys
 import {tool}
@@ -74,6 +79,11 @@ def topics(path):
         return Counter(channel.topic for _, channel, _, _ in reader.iter_decoded_messages())
 print(json.dumps([topics(path) for path in sys.argv[1:]]))
 """
+VALIDATED = """\
+import json, sys
+from csvw import CSVW
+print(json.dumps([CSVW(path, validate=True).is_valid for path in sys.argv[1:]]))
+"""
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +93,7 @@ def records(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     with adapter_rig(tmp_path_factory.mktemp("rig"), SLOWLY) as rig:
         make_ready(rig)
         paused = rig.start_grip(until_released=True)
-        queued = rig.start_grip(queue=True)
+        queued = rig.start_grip(queue=True, labels=LABELS)
         rig.until_phase(paused, "hold")
         act(rig, paused, "pause")
         sleep(1.0)  # the snapshot ends half a second before now
@@ -96,17 +106,24 @@ def records(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         killed = rig.start_grip(until_released=True)
         rig.until_phase(killed, "hold")
         kill(rig, "recorder")
+        download(rig, killed, made["broken off"], "snapshot.mcap")
         act(rig, killed, "release")
         restart(rig, "recorder")
         assert not rig.ended(killed)["record_complete"]
+        # The restarted recorder repairs the record and writes its table somewhat later.
+        until(lambda: folder.SAMPLES in artifacts(rig, killed), "no table of the killed record")
         download(rig, killed, made["killed"], folder.LIVE, folder.SAMPLES)
+        for name in (JOBS, f"{JOBS}{METADATA}"):
+            (made["killed"] / name).write_bytes(rig.client.get(f"/jobs/{name}").content)
     pair, fast = two_arm_rig(), read_rig(ROOT / "deploy/rigs/kilohertz.toml")
     play(made["two arms"], pair, short_grip(pair, 0.4))
     play(made["1 kHz"], fast, plan_job(GripJobRequest(kind="grip"), fast).program)
     for name in CLOSED:
         samples = made[name] / folder.SAMPLES
-        lines = csv_export.number_rows(samples)
-        (made[name] / csv_export.NUMBERS).write_text("".join(lines), encoding="utf-8")
+        numbers = made[name] / csv_export.NUMBERS
+        numbers.write_text("".join(csv_export.number_rows(samples)), encoding="utf-8")
+        described = "".join(csv_export.number_metadata(samples))
+        Path(f"{numbers}{METADATA}").write_text(described, encoding="utf-8")
         text = "".join(csv_export.csv_rows(samples)).encode()
         (made[name] / SPREADSHEET).write_bytes(for_spreadsheet(text, "semicolon"))
     return made
@@ -115,6 +132,10 @@ def records(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 def act(rig: RunningRig, job: str, action: str) -> None:
     until(lambda: action in rig.job(job)["allowed_actions"], f"no {action}")
     rig.post(f"/jobs/{job}/actions", {"type": action}).raise_for_status()
+
+
+def artifacts(rig: RunningRig, job: str) -> list[str]:
+    return [one["name"] for one in rig.get(f"/jobs/{job}/artifacts")["artifacts"]]
 
 
 def download(rig: RunningRig, job: str, into: Path, *names: str) -> None:
@@ -160,6 +181,17 @@ def test_tables_of_records_open_in_python(
     (tmp_path / "data/newest").symlink_to(records["queued"])
     program = block(PAGE, "import duckdb").text
     assert '"force_mN": {"unit": "mN"' in ran([str(python), "-c", program], tmp_path)
+
+
+def test_numbers_are_valid_csvw(records: dict[str, Path], python: Path, tmp_path: Path) -> None:
+    tables = [str(records[name] / csv_export.NUMBERS) for name in CLOSED]
+    described = [f"{table}{METADATA}" for table in [*tables, str(records["killed"] / JOBS)]]
+    assert json.loads(ran([str(python), "-c", VALIDATED, *described])) == [True] * len(described)
+    wrong = tmp_path / csv_export.NUMBERS
+    names, _, rows = Path(tables[0]).read_text("utf-8").partition("\n")
+    wrong.write_text(f"{names}\nword{rows}", encoding="utf-8")
+    shutil.copy(described[0], f"{wrong}{METADATA}")
+    assert json.loads(ran([str(python), "-c", VALIDATED, f"{wrong}{METADATA}"])) == [False]
 
 
 def by_r(words: list[str]) -> list[str]:
