@@ -1,6 +1,6 @@
 """Clients generated from the OpenAPI document start, follow and stop a grip.
 
-A linter accepts the document.
+A linter accepts the document. A standard EventSource follows a job to its end.
 """
 
 import hashlib
@@ -21,6 +21,8 @@ LINTER = "@redocly/cli@2.77.0"
 TYPESCRIPT = ("openapi-typescript@7.13.0", "openapi-fetch@0.17.0", "typescript@5.9.3")
 OPTIONAL = "--default-non-nullable=false"
 """A request may omit a field that has a default value."""
+EVENTS = ROOT / "contrib/support/event_source.mjs"
+EVENT_SOURCE = "eventsource@5.1.5"
 SAMPLE = "B 7/8"
 
 
@@ -58,6 +60,14 @@ def test_generated_typescript_types_are_correct(rig: RunningRig, tmp_path: Path)
         ran(["npx", "--no-install", *line], folder)
     done = expected(rig)
     assert node(folder, "drive.mjs", rig.rig.supervisor.url, str(FORCE_MN), SAMPLE) == done
+
+
+def test_a_standard_event_source_ends_with_the_job(rig: RunningRig, tmp_path: Path) -> None:
+    folder = npm_folder(tmp_path, EVENTS, EVENT_SOURCE)
+    job = rig.start_grip()
+    found = node(folder, EVENTS.name, f"{rig.client.base_url}jobs/{job}/events")
+    events = rig.get(f"/jobs/{job}/events/list")["events"]
+    assert found == {"ids": [str(event["number"]) for event in events], "last": 204}
 
 
 def test_a_linter_finds_nothing_in_the_document(tmp_path: Path) -> None:
