@@ -59,11 +59,9 @@ def test_the_true_perturbation_error_is_that_of_the_arm() -> None:
 
 
 def test_the_common_result_has_a_value_for_each_of_its_fields() -> None:
-    """The example of a job kind builds its result from them. The supervisor adds the use of the arm
-    to the result of every kind.
-    """
+    """The example of a job kind builds its result from them."""
     found = common(run_of("grip", table_of(samples.grip())))
-    assert set(JobResult.model_fields) - {"use"} <= set(found)
+    assert set(JobResult.model_fields) <= set(found)
 
 
 def test_the_law_result_is_that_of_the_parameter_set() -> None:

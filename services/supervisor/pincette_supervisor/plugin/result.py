@@ -118,6 +118,7 @@ def course(table: Columns, *, period_s: float, dropped: int) -> dict[str, Any]:
             for word in (words or "").split()
             if word in ACTIONS
         ],
+        "use": None,  # counted from the samples by ``arm_use``
         "goal": None,  # compared with the request's tolerances by ``goal_of``
         "samples": len(table["seq"]),
         "missed_ticks": missed(table),
