@@ -109,7 +109,7 @@ class GripPlan(BaseModel):
     """Hold time in s; null: until release."""
     duration_s: float
     violations: list[str]
-    """Limits that the grip would break, with value, unit and limit."""
+    """Limits that the grip would exceed: the planned value, its unit and the limit of each."""
     warnings: list[str]
     token: str | None
     """Token for one grip within two minutes; null if it is not feasible."""

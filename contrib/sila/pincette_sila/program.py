@@ -1,5 +1,5 @@
-"""SiLA 2 server of one rig. It also starts before its supervisor, and then reports that it waits
-for it.
+"""SiLA 2 server of one rig. It can start before its supervisor, and reports that it waits for the
+supervisor.
 """
 
 import logging

@@ -41,7 +41,7 @@ def jobs_of(execution: UUID) -> httpx.Response:
 
 @contextmanager
 def restarted_server(list_jobs: Reply) -> Generator[Any]:
-    """Gripper feature of a server that watches its rig but does not listen."""
+    """Yield the gripper feature of a server that follows its rig and opens no port."""
 
     async def reply(request: httpx.Request) -> httpx.Response:
         if request.url.path.endswith("/rigs/demo"):

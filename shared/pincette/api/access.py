@@ -67,8 +67,8 @@ class Verdict(Model):
 
 
 class PageCheck(Model):
-    """What the supervisor received from a page (origin and request path), and the page's
-    permissions.
+    """Origin and path of a page's request, as the supervisor received them, and the permissions of
+    the page.
     """
 
     model_config = example(

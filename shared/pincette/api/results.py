@@ -287,7 +287,9 @@ OutcomeCode = Literal[
 
 
 class ArmUse(Model):
-    """What a job demanded of the arm; on a rig with two arms, of the arm with more strokes."""
+    """Strokes, contacts and duration of a job; with two arms, the strokes are those of the arm that
+    made more of them.
+    """
 
     model_config = example(strokes=3, contacts=1, duration_s=21.4)
 
