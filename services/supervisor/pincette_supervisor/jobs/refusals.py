@@ -6,6 +6,7 @@ from each state.
 """
 
 from dataclasses import dataclass
+from typing import Any, Literal
 
 from pincette.api.requests import JobRequest
 from pincette.api.rig_states import MOTION, OCCUPANTS, RIG_STATES, MotionState, Occupant, RigState
@@ -407,18 +408,20 @@ def require_queued(entry: Entry | None, name: str) -> Entry:
 def require_same(known: Creation | KeyTakenError, sent: str) -> str:
     """Return the job that a key has created; raises ProblemError if the request differs."""
     if known.fingerprint != sent:
-        raise key_reused(known.job)
+        raise key_reused("job", known.job)
     return known.job
 
 
-def key_reused(job: str) -> ProblemError:
+def key_reused(what: Literal["job", "series"], identity: str) -> ProblemError:
     """Return a 422 problem because an ``Idempotency-Key`` was reused with another request."""
+    member: dict[str, Any] = {what: identity}
     return ProblemError(
         422,
         "idempotency-key-reused",
         "The Idempotency-Key was used for another request",
-        f"it has created job {job} from a request that differs; use a new key for a new request",
-        job=job,
+        f"it has created {what} {identity} from a request that differs; use a new key for a new "
+        "request",
+        **member,
     )
 
 

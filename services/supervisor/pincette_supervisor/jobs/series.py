@@ -143,14 +143,7 @@ class SeriesRunner:
 
     def _same(self, known: SeriesRow, digest: str) -> tuple[Series, bool]:
         if known.fingerprint != digest:
-            raise ProblemError(
-                422,
-                "idempotency-key-reused",
-                "The Idempotency-Key was used for another request",
-                f"it has created series {known.id} from a request that differs; use a new key for "
-                "a new request",
-                series=known.id,
-            )
+            raise refusals.key_reused("series", known.id)
         return self.view(known), True
 
     def _require_none_running(self) -> None:
