@@ -18,6 +18,8 @@ from .harness import Harness
 
 HOLD = 190
 """Tick at which the part is held."""
+GRACE_S = 0.3
+"""Shorter than the time for which a program that has returned may not reply, in s."""
 DEAF_S = 2.5
 """Longer than the silence after which an actuator counts as silent, in s."""
 
@@ -104,9 +106,44 @@ def test_a_missing_router_ends_the_job_with_its_lease_without_a_trip(
     assert stops == []
 
 
-def test_a_vanished_token_of_the_actuator_ends_the_job(
-    desk: Harness,
+@pytest.mark.parametrize("connected", [False, True])
+def test_a_router_that_returns_stops_no_job_while_the_programs_link_to_it_again(
+    desk: Harness, connected: bool
 ) -> None:
+    """The programs link to it one after another, the actuator last.
+
+    ``connected``: the actuator has linked to it too, but does not reply yet.
+    """
+    job = held(desk)
+    lose_router(desk)
+    pass_time(desk)
+    for program in ANSWERING:
+        if program != "actuator":
+            desk.bus.revive(program)
+    if connected:
+        desk.bus.revive("actuator")
+        desk.bus.silent.add("actuator")
+    desk.bus.publish(Position(desk.bus.epoch, HOLD, 0.0, (ArmPosition(30.0, valid=True),)))
+    sleep(GRACE_S)
+    assert desk.get(f"/jobs/{job}")["state"] == "running"
+    desk.bus.revive("actuator")
+    desk.bus.play()
+    assert desk.ended(job)["state"] == "succeeded"
+    assert desk.bus.trips == []
+
+
+def test_an_actuator_that_ends_after_the_router_returned_ends_the_job(desk: Harness) -> None:
+    job = held(desk)
+    lose_router(desk)
+    for program in ANSWERING:
+        desk.bus.revive(program)
+    desk.bus.kill("actuator")
+    ended = desk.ended(job)
+    assert (ended["state"], ended["ending"]["code"]) == ("failed", "silent")
+    assert "killed or hung: actuator" in ended["cause"]
+
+
+def test_a_vanished_token_of_the_actuator_ends_the_job(desk: Harness) -> None:
     job = held(desk)
     desk.bus.kill("actuator")
     ended = desk.ended(job)

@@ -7,6 +7,8 @@ drop a part for no reason. Therefore the actuator itself is queried before a sil
 - It is armed for this job: the loop is healthy, and only the supervisor received nothing.
 - It is not armed: its last sample, which says why, is fetched.
 - It does not reply, and messages of other programs arrive: the actuator is silent.
+- Its token has vanished, and another program's token has been present all the time: it has ended.
+- The router was replaced, and the actuator has not linked to the new one yet, or only just: wait.
 - Nothing arrives and no program replies: the link is cut, or the router has ended, and with it
   the tokens of all programs have vanished. The loop continues under its lease, and ends with it.
   Only then does the silence count. It ends the job without a trip: over the direct link, a trip
@@ -18,7 +20,7 @@ from pincette.core.faults import Mode
 from pincette.core.messages import Applied, Estimate, Position, Telemetry
 from pincette.core.topics import APPLIED, TELEMETRY
 from pincette.engine.arming import status
-from pincette_supervisor.jobs.tracker import Tracker, silence_limit_s, silent_words
+from pincette_supervisor.jobs.tracker import PROGRAMS, Tracker, silence_limit_s, silent_words
 from pincette_supervisor.process_load import share_words
 from pincette_supervisor.rigs.rig_context import RigContext
 
@@ -26,12 +28,11 @@ ASK_S = 0.7
 OTHERS = (Position, Estimate, Telemetry)
 ACTUATOR = "actuator"
 CAUSE = "supervisor.deaf"
-BESIDE_THE_SUPERVISOR = ("supervisor", "recorder")
-"""Programs that run on the supervisor's side if a rig has a router upstream."""
-HEARD_SHARE = 0.5
-"""Fraction of the silence limit within which a message of another program must have arrived for
-that program to count as present. The last message of a program that was cut off together with the
-actuator may have arrived shortly after the actuator's.
+GRACE_SHARE = 0.5
+"""Fraction of the silence limit after which a link that appeared or was lost counts, and within
+which a message of another program must have arrived for that program to count as present. The last
+message of a program that was cut off together with the actuator may have arrived shortly after the
+actuator's.
 """
 
 
@@ -60,7 +61,7 @@ class SilenceDetector:
         try:
             actuator = status(self._context.bus, ACTUATOR, ASK_S)
         except BusError:
-            if self._hears():
+            if self._hears() and self._actuator_is_linked():
                 return words
             self.cut_off = self._lease_s > 0.0
             if lasts_s <= self._lease_s:
@@ -76,12 +77,35 @@ class SilenceDetector:
         return ""
 
     def _actuator_has_ended(self) -> bool:
-        """Return whether the actuator's token has vanished while tokens of other programs on its
-        side of the network are present.
+        """Return whether the actuator's token has vanished while the token of another program on
+        its side of the network has been present all the time.
+
+        Programs that link to a new router appear one after another, so those that are present only
+        since then do not show that the actuator has ended.
         """
         observer = self._context.observer
-        without = BESIDE_THE_SUPERVISOR if self._context.rig.bus.served_upstream else ()
-        return bool(observer.gone((ACTUATOR,))) and observer.sees_any(without)
+        gone_s = observer.token_age_s(ACTUATOR)
+        beside = () if self._context.rig.bus.served_upstream else ("recorder",)
+        return (
+            bool(observer.gone((ACTUATOR,)))
+            and gone_s >= self._grace_s
+            and any(
+                observer.alive(other) and observer.token_age_s(other) > gone_s
+                for other in (*PROGRAMS, *beside)
+            )
+        )
+
+    def _actuator_is_linked(self) -> bool:
+        """Return whether the actuator has been present for long enough to reply."""
+        observer = self._context.observer
+        return observer.alive(ACTUATOR) and observer.token_age_s(ACTUATOR) >= self._grace_s
+
+    @property
+    def _grace_s(self) -> float:
+        """Return the time after which a lasting state is believed, in s: the tokens of a lost link
+        vanish one after another, and a program replies some time after its token has appeared.
+        """
+        return GRACE_SHARE * silence_limit_s(self._context.rig)
 
     def _cut_off_words(self, lasts_s: float) -> str:
         """Return the cause of a job's end after a silence longer than its lease."""
@@ -94,9 +118,8 @@ class SilenceDetector:
     def _hears(self) -> bool:
         """Return whether messages of any other program of the loop arrive."""
         observer = self._context.observer
-        limit_s = HEARD_SHARE * silence_limit_s(self._context.rig)
         ages_s = [observer.silent_s(kind) for kind in OTHERS]
-        return any(age_s is not None and age_s <= limit_s for age_s in ages_s)
+        return any(age_s is not None and age_s <= self._grace_s for age_s in ages_s)
 
     def _tell(self, lasts_s: float, job: str) -> None:
         """Raise the alarm, once for each job, since later silences have the same cause."""

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
+from math import inf
 from time import monotonic
 from typing import Protocol, TypeVar, cast
 
@@ -88,6 +89,7 @@ class Observer:
         self._position_before: Position | None = None
         """Newest position before the last step of the voltage."""
         self._alive: dict[str, bool] = {}
+        self._token_changed_at: dict[str, float] = {}
         self.tokens_changed = 0
         """Number of times that a program has appeared or disappeared, after which earlier statuses
         are invalid."""
@@ -150,6 +152,8 @@ class Observer:
     def _set_alive(self, program: str, alive: bool) -> None:
         if self._alive.get(program) and not alive:
             self.counters.note_gone(program)
+        if self._alive.get(program) is not alive:
+            self._token_changed_at[program] = self.suspend_aware_clock()
         self._alive[program] = alive
         self.tokens_changed += 1
 
@@ -209,9 +213,11 @@ class Observer:
         """Return the programs among ``programs`` whose token was present and has vanished."""
         return [program for program in programs if self._alive.get(program) is False]
 
-    def sees_any(self, without: tuple[str, ...] = ()) -> bool:
-        """Return whether the token of any program is present, except those in ``without``."""
-        return any(seen for program, seen in self._alive.items() if program not in without)
+    def token_age_s(self, program: str) -> float:
+        """Return the time since a program's token appeared or vanished, in s, without suspended
+        time; infinite if it never did.
+        """
+        return self.suspend_aware_clock() - self._token_changed_at.get(program, -inf)
 
     def start_buffering(self) -> MessageBuffer:
         """Start keeping every message, for one run at a time."""
