@@ -8,12 +8,9 @@ from pathlib import Path
 from time import thread_time
 
 import pytest
-from alembic import command
-from alembic.config import Config
 from sqlalchemy import insert, text
 
-from pincette_supervisor.journal import engines
-from pincette_supervisor.journal.database import MIGRATIONS, columns
+from pincette_supervisor.journal.database import columns
 from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.store import JobRow, Store
 from pincette_supervisor.journal.tables import JOBS
@@ -151,27 +148,6 @@ def test_a_search_follows_each_change_of_a_job(tmp_path: Path) -> None:
     with store.writing() as connection:
         connection.execute(text("DELETE FROM jobs WHERE id = 'b'"))
         assert connection.scalar(text("SELECT count(*) FROM job_search")) == 1
-    store.close()
-
-
-def test_a_journal_of_the_last_schema_is_searched_as_well(tmp_path: Path) -> None:
-    path = tmp_path / "supervisor.sqlite"
-    engine = engines.open_file(path)
-    with engine.begin() as connection:
-        config = Config()
-        config.set_main_option("script_location", str(MIGRATIONS))
-        config.attributes["connection"] = connection
-        command.upgrade(config, "0002")
-        plan = {"kind": "grip", "curves": {"t_s": [0.0, 1.0]}, "values": {"force_mN": 8.0}}
-        jobs = [columns(replace(job, plan=plan), "actions", "traceparent") for job in rows()]
-        connection.execute(insert(JOBS), jobs)
-    engine.dispose()
-    store = Store(path)
-    for wanted in FILTERS:
-        assert found(store, wanted) == [j.id for j in reversed(rows()) if matches(j, wanted)]
-    job = store.get("j-notes")
-    assert job is not None
-    assert job.plan == {"kind": "grip", "values": {"force_mN": 8.0}}
     store.close()
 
 

@@ -9,38 +9,18 @@ from typing import NoReturn
 
 import pytest
 
-from pincette.security.latest_time import utc
 from pincette_supervisor.access.access import authenticator_of, require_key
-from pincette_supervisor.access.authentication import Authenticator, Caller, digest_of, new_cookie
+from pincette_supervisor.access.authentication import Authenticator, Caller, new_cookie
 from pincette_supervisor.access.key_store import open_keys
 from pincette_supervisor.config import STORE, configure
 from pincette_supervisor.journal.access import KeyFile
 from pincette_supervisor.journal.database import KEY_FILE
 from pincette_supervisor.journal.store import Store, StoreError
-from pincette_supervisor.journal.tables import NOTES, utc_text
+from pincette_supervisor.journal.tables import NOTES
 from tests.support.rigs import demo_rig
 from tests.support.stores import open_store
 
 HERE = "127.0.0.1"
-EARLIER = """
-DROP INDEX ix_jobs_listed;
-DROP TABLE series;
-ALTER TABLE jobs DROP COLUMN traceparent;
-DROP TABLE learned;
-DROP TABLE sessions;
-DELETE FROM notes;
-CREATE TABLE keys (
-    name VARCHAR NOT NULL PRIMARY KEY, digest VARCHAR NOT NULL UNIQUE, scope VARCHAR NOT NULL,
-    made_at VARCHAR NOT NULL, expires_at VARCHAR, revoked_at VARCHAR, used_at VARCHAR,
-    password VARCHAR
-);
-CREATE TABLE sessions (
-    digest VARCHAR NOT NULL PRIMARY KEY, key VARCHAR NOT NULL REFERENCES keys (name),
-    used_at VARCHAR NOT NULL
-);
-UPDATE alembic_version SET version_num = '0003';
-"""
-"""Turns a journal into one of revision 0003, which has a copy of the keys."""
 
 
 def made(data: Path, name: str = "ann") -> str:
@@ -232,24 +212,6 @@ def test_a_running_supervisor_without_its_key_file_refuses_all_requests_until_it
         assert rights(authenticator, key) == "operate"
         assert rights(authenticator, None, cookie) == "operate"
         assert rights(authenticator, None) is None
-
-
-def test_keys_and_sessions_in_a_journal_of_an_earlier_schema_are_kept(tmp_path: Path) -> None:
-    key, cookie = made(tmp_path), new_cookie()
-    with closing(sqlite3.connect(tmp_path / STORE)) as base:
-        base.executescript(EARLIER)
-        base.execute(
-            "INSERT INTO keys (name, digest, scope, made_at) VALUES ('ann', ?, 'operate', 'then')",
-            [digest_of(key)],
-        )
-        base.execute(
-            "INSERT INTO sessions VALUES (?, 'ann', ?)", [digest_of(cookie), utc_text(utc())]
-        )
-        base.commit()
-    assert rights(started(tmp_path), None, cookie) == "operate"
-    lose_keys(tmp_path)
-    with pytest.raises(StoreError, match="has had keys"):
-        started(tmp_path)
 
 
 def test_the_rig_file_may_require_keys_on_an_empty_data_folder(

@@ -1,6 +1,5 @@
 """A new journal has the tables of the models; a journal of another schema is left as it is."""
 
-import json
 import sqlite3
 import subprocess
 import sys
@@ -13,7 +12,6 @@ from alembic.runtime.migration import MigrationContext
 from sqlalchemy import create_engine, inspect
 
 from pincette_supervisor.journal.database import MIGRATIONS
-from pincette_supervisor.journal.library import LearnedRepository, LearnedRow
 from pincette_supervisor.journal.store import Store, StoreError
 from pincette_supervisor.journal.tables import METADATA
 
@@ -57,40 +55,7 @@ def test_a_reopened_journal_is_unchanged(tmp_path: Path) -> None:
     again.close()
 
 
-def test_learned_corrections_move_from_notes_into_their_table(tmp_path: Path) -> None:
-    path = tmp_path / "jobs.sqlite"
-    Store(path).close()
-    at = "2026-03-01T12:00:00.000Z"
-    before = {
-        "program": "a", "job": "j", "learned_at": at, "motion": {"x": 1}, "values_um": [0.1],
-        "errors_um": [0.3],
-    }  # fmt: skip
-    newer = {**before, "program": "b", "best_um": [0.2], "quiet": 2}
-    with closing(sqlite3.connect(path)) as base:
-        for table in ("learned", "series"):
-            base.execute(f"DROP TABLE {table}")
-        base.execute("ALTER TABLE jobs DROP COLUMN traceparent")
-        base.execute("DROP INDEX ix_jobs_listed")
-        base.execute("UPDATE alembic_version SET version_num = '0005'")
-        notes = [
-            ("learned: demo", json.dumps([before, newer])),
-            ("learned: other", "[]"),
-            ("learnedly", "kept"),
-        ]
-        base.executemany("INSERT INTO notes (name, value) VALUES (?, ?)", notes)
-        base.commit()
-    store = Store(path)
-    rest = ("j", at, {"x": 1}, (0.1,), (0.3,))
-    assert LearnedRepository(store, "demo").all() == [
-        LearnedRow("b", *rest, (0.2,), 2),
-        LearnedRow("a", *rest),
-    ]
-    assert LearnedRepository(store, "other").all() == []
-    assert store.get_notes([name for name, _ in notes]) == {"learnedly": "kept"}
-    store.close()
-
-
-@pytest.mark.parametrize("revision", ["9999", "0004"], ids=["newer", "unreleased"])
+@pytest.mark.parametrize("revision", ["9999", "0008"], ids=["newer", "unreleased"])
 def test_a_journal_of_another_schema_is_refused(tmp_path: Path, revision: str) -> None:
     path = tmp_path / "jobs.sqlite"
     Store(path).close()
