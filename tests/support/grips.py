@@ -42,6 +42,9 @@ the arm's position at 0 V depends on its previous motion."""
 TRIES = 4
 WAIT_S = 60.0
 """Longest wait for a phase of a grip; a busy machine only makes it longer."""
+END_S = 20.0
+"""Longest time of a supervisor's orderly end, which draws the figures of its job, in s; the compose
+file allows the same."""
 LOOK_S = 0.002
 BEFORE_S = 0.1
 """Time before a trip from which messages are reported, in s: the age limit and two periods."""
@@ -155,7 +158,7 @@ def restart(rig: RunningRig, *names: str) -> None:
     """Restart programs that have ended, together."""
     for name in names:
         process = rig.fleet.members[name].process
-        process.wait(5.0)
+        process.wait(END_S)
         for stream in (process.stdin, process.stdout):
             if stream is not None:
                 stream.close()
