@@ -206,6 +206,18 @@ def test_a_new_force_takes_over_a_part_from_a_job_that_holds_it_at_rest(
     assert values["from_mN"] == pytest.approx(20.0, abs=1.0)
 
 
+@pytest.mark.parametrize("kind", ["hold", "release"])
+def test_a_job_that_begins_with_the_part_takes_it_from_a_job_that_holds_it_at_rest(
+    harness: Harness, kind: str
+) -> None:
+    job = harness.playing_to(IN_HOLD, until_released=True)
+    taken = harness.post("/jobs", {"kind": kind})
+    assert taken.status_code == 201, taken.text
+    assert harness.bus.acts == ["keep"]
+    assert harness.ended(job)["state"] == "stopped"
+    assert taken.json()["id"] != job
+
+
 @pytest.mark.parametrize("more", [{"hold_s": 4.0}, {"until_released": True}])
 def test_a_moving_job_does_not_hand_its_part_over_to_a_new_force(
     harness: Harness, more: dict[str, object]

@@ -244,13 +244,11 @@ def await_end(active: LiveJob | None) -> None:
 def hand_over(context: RigContext, active: LiveJob | None, planned: Planned) -> None:
     """End a job that only holds a part, so that the next job begins with it; raises ProblemError.
 
-    A job that sets a new force also takes the part from a job that still runs and holds it until a
-    release.
+    The part is also taken from a job that still runs and holds it until a release.
     """
     if active is None or not planned.begins_held:
         return
-    takes_over = planned.program.takes_force_over and active.rests_with_part
-    if active.status.keeps_part or takes_over:
+    if active.status.keeps_part or active.rests_with_part:
         try:
             context.bus.call(ACTION, Action(ActionCode.KEEP))
         except BusError as error:
