@@ -81,6 +81,9 @@ class Status(BaseModel):
     """Reasons why no grip can start."""
     force_mN: float | None
     force_uncertainty_mN: float | None
+    zero_invalid: bool
+    """True if the zero of the force became invalid, now or during the job that is reported, since a
+    held part read a pull: it was removed, or the sensor jumped."""
     x_um: float | None
     voltage_V: float | None
     phase: str
@@ -189,6 +192,8 @@ class Tools:
             reasons=found.reasons,
             force_mN=None if newest is None else newest.force_mN,
             force_uncertainty_mN=None if newest is None else newest.force_uncertainty_mN,
+            zero_invalid=result.get("zero_invalid", False)
+            or (newest is not None and newest.zero_invalid),
             x_um=None if newest is None else newest.x_um,
             voltage_V=None if newest is None else newest.voltage_V,
             phase="" if newest is None else newest.phase,

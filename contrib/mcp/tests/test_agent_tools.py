@@ -6,9 +6,9 @@ import httpx
 import pytest
 from mcp.server.mcpserver.exceptions import ToolError
 
-from pincette.api.rigs import Stopped, StoppedList
+from pincette.api.rigs import Newest, Stopped, StoppedList
 from pincette_mcp.server import Tools
-from tests.unit.client.desk import Desk, example, problem, rig
+from tests.unit.client.desk import Desk, example, job, problem, rig
 
 ESTOP = "POST /api/v1/rigs/demo/estop"
 ESTOP_ALL = "POST /api/v1/estop"
@@ -60,3 +60,12 @@ def test_an_unconfirmed_stop_is_an_error() -> None:
     desk = Desk(problem(503, "estop-unconfirmed"))
     with pytest.raises(ToolError, match="estop-unconfirmed"):
         asyncio.run(Tools(desk.async_supervisor(), "demo").emergency_stop())
+
+
+@pytest.mark.parametrize("where", ["newest", "result"])
+def test_status_states_an_invalid_zero_of_now_and_of_the_reported_job(where: str) -> None:
+    invalid = {"zero_invalid": True}
+    newest = example(Newest, force_mN=None, **(invalid if where == "newest" else {}))
+    desk = Desk(rig(newest=newest), job(result=invalid if where == "result" else {}))
+    status = asyncio.run(Tools(desk.async_supervisor(), "demo").status("20260301-120000-1f0c"))
+    assert (status.zero_invalid, status.force_mN) == (True, None)

@@ -324,6 +324,7 @@ def conditions(context: RigContext) -> Iterator[Condition]:
         )
     if "sensor" not in gone:
         yield from _sensor_conditions(context)
+    yield from _zero_conditions(context)
     disk = _disk(context)
     if not disk.ok:
         yield Condition(disk.name, disk.words, "warning")
@@ -348,6 +349,14 @@ def _sensor_conditions(context: RigContext) -> Iterator[Condition]:
         trouble = context.health.sensor_trouble()
         if trouble:
             yield Condition("sensor", f"sensor {trouble}")
+
+
+def _zero_conditions(context: RigContext) -> Iterator[Condition]:
+    """Yield the condition that the zero of an arm's force is invalid, until a new zero."""
+    estimate = context.observer.newest(Estimate)
+    for arm in () if estimate is None else estimate.arms:
+        if arm.zero_refusal is not None and arm.zero_refusal.code == FaultCode.ZERO_INVALID:
+            yield Condition("estimator.zero", fault_text(arm.zero_refusal), "warning")
 
 
 def free_space_MB(folder: Path) -> float | None:

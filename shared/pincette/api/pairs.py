@@ -145,6 +145,10 @@ class PairResult(JobResult):
     while its force was zeroed. If a part did, the forces of that arm are too small by the force at
     that time.
     """
+    zero_invalid: bool = False
+    """True if the zero of the force of an arm has become invalid, since a held part read a pull.
+    The force of that arm is unknown from then on, and its forces before that may be wrong.
+    """
     zero_return: ZeroReturn | None = None
     """Zero return of the first arm; null if the free arm did not return to the position at which
     its force was zeroed.

@@ -397,6 +397,10 @@ class ClosedLoopResult(JobResult):
     while the force was zeroed. If a part did, all forces are too small by the force at that time. A
     part found at its planned place, or ``zero_confirmed``, counts as confirmation.
     """
+    zero_invalid: bool = False
+    """True if the zero of the force has become invalid, since a held part read a pull. The force is
+    unknown from then on, and the forces before it may be wrong.
+    """
     peak_force_mN: float | None
     final_force_mN: float | None
     zero_return: ZeroReturn | None = None
@@ -527,6 +531,12 @@ def confirmations(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             "zero not confirmed",
             "a part that pressed while the force was zeroed would not be noticed; make sure "
             "that nothing touches the arm, then send zero_confirmed = true",
+        )
+    if result.get("zero_invalid"):
+        yield (
+            "zero invalid",
+            "a held part read a pull: the part was removed, or the sensor jumped; the force is "
+            "unknown from then on",
         )
     for prefix, arm in ARMS:
         change = result.get(f"{prefix}stroke_change_percent")

@@ -8,6 +8,7 @@ from typing import Any, cast
 from msgspec import inspect
 from msgspec.structs import replace
 
+from pincette.core.faults import Fault
 from pincette.core.messages import (
     Applied,
     Command,
@@ -84,6 +85,7 @@ COLUMNS = (
     _column(Estimate, "stroke_change", "change of the stroke since its calibration"),
     _column(Estimate, "stroke_limit", "change that noise and repeatability explain"),
     _column(Estimate, "zero_unconfirmed", "no evidence that no part pressed during the zero"),
+    _column(Estimate, "zero_refusal", "code of the reason why a zero was refused or is invalid"),
     _column(Estimate, "estimate_valid", "the estimate may be used", "valid"),
     _column(Estimate, "degraded", "the estimate was made without the applied voltage"),
     _column(Command, "command_V", "commanded voltage", "voltage_V"),
@@ -160,6 +162,12 @@ SECOND_COLUMNS = (
         "second_zero_unconfirmed",
         "no evidence that no part pressed during the zero of the second arm",
         "zero_unconfirmed",
+    ),
+    _of_second(
+        Estimate,
+        "second_zero_refusal",
+        "code of the reason why a zero of the second arm was refused or is invalid",
+        "zero_refusal",
     ),
     _of_second(Command, "second_command_V", "voltage commanded to the second arm", "voltage_V"),
     _of_second(Applied, "second_voltage_V", "voltage applied to the second arm, u_2", "voltage_V"),
@@ -263,6 +271,8 @@ def _cell(value: Any) -> Any:
     """Return a value in the form of a column: codes as texts, several separated by a space."""
     if isinstance(value, tuple):
         return " ".join(cast("tuple[str, ...]", value))
+    if isinstance(value, Fault):
+        return str(value.code)
     return str(value) if isinstance(value, str) else value
 
 

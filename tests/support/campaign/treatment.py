@@ -24,7 +24,7 @@ LOUDER = 1.1
 uncertainty."""
 LAST = 5
 """Number of samples at the end of a job whose mean force is compared."""
-MARKS = ("position_step", "warnings", "unverified", "model_mismatch", "marks")
+MARKS = ("position_step", "warnings", "unverified", "model_mismatch", "zero_invalid", "marks")
 """Members of a result that mark a force as doubtful if they are not empty."""
 
 

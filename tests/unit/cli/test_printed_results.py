@@ -122,6 +122,7 @@ def test_a_short_result_of_two_arms_has_the_figures_of_both() -> None:
             "force not verified by the zero return",
         ),
         ({"zero_unconfirmed": True}, "zero not confirmed"),
+        ({"zero_invalid": True}, "zero invalid"),
         (
             {"second_stroke_change_percent": -0.9, "second_stroke_limit_percent": 0.4},
             "the second arm differs from its model",

@@ -61,6 +61,7 @@ FIGURES = (
     "x_um",
     "voltage_V",
     "statement",
+    "zero_invalid",
 )
 """Values of a result that are included in its event."""
 MOTION = ("shape", "frequency_hz", "force_mean_mN", "force_pp_mN")

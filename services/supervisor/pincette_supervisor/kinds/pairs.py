@@ -34,6 +34,7 @@ from pincette_supervisor.plugin.result import (
     full_amplitude,
     stroke_of,
     tracking,
+    zero_invalid,
     zero_unconfirmed,
 )
 
@@ -87,6 +88,7 @@ def evaluate(run: Run) -> Evaluation:
         second_stroke_limit_percent=strokes[1].limit_percent,
         model_mismatch=any(stroke.mismatch for stroke in strokes),
         zero_unconfirmed=any(zero_unconfirmed(table_of_arm(table, number)) for number in (1, 2)),
+        zero_invalid=any(zero_invalid(table_of_arm(table, number)) for number in (1, 2)),
     )
     return Evaluation(result)
 

@@ -99,6 +99,7 @@ OF_SECOND = {
     "stroke_change": "second_stroke_change",
     "stroke_limit": "second_stroke_limit",
     "zero_unconfirmed": "second_zero_unconfirmed",
+    "zero_refusal": "second_zero_refusal",
     "command_V": "second_command_V",
     "voltage_V": "second_voltage_V",
     "limits_active": "second_limits_active",

@@ -27,7 +27,7 @@ from pincette.control.force.ring_after_step import RESTED, ring_samples, rings
 from pincette.control.planning.contact_line import ContactFit, ContactLine
 from pincette.control.planning.paths import Path
 from pincette.control.safety.voltage import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
-from pincette.core.faults import TRIPPED, Outcome, Phase
+from pincette.core.faults import TRIPPED, FaultCode, Outcome, Phase
 from pincette.records.columns import Columns, missed
 from pincette_supervisor.plugin import Run, figures
 from pincette_supervisor.plugin.figures import Mask, Series, series, within
@@ -63,6 +63,7 @@ def common(run: Run) -> dict[str, Any]:
         "stroke_limit_percent": stroke.limit_percent,
         "model_mismatch": stroke.mismatch,
         "zero_unconfirmed": zero_unconfirmed(table),
+        "zero_invalid": zero_invalid(table),
         "peak_force_mN": figures.largest(force, zeroed),
         # Without a zero the estimate has no reference, and the force is not known.
         "final_force_mN": figures.last(np.where(zeroed, force, np.nan).tolist()),
@@ -97,6 +98,11 @@ def zero_unconfirmed(table: Columns) -> bool:
     rows = zip(table["zero_age_s"], table["zero_unconfirmed"], strict=True)
     zeroed = [unconfirmed for age_s, unconfirmed in rows if age_s is not None]
     return bool(zeroed) and bool(zeroed[-1])
+
+
+def zero_invalid(table: Columns) -> bool:
+    """Return True if the zero of the force has become invalid, since a held part read a pull."""
+    return FaultCode.ZERO_INVALID in table["zero_refusal"]
 
 
 def _percent(shares: Sequence[float | None]) -> float | None:
