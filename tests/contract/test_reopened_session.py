@@ -12,7 +12,7 @@ import pytest
 import zenoh
 
 from pincette.bus import zenoh_bus
-from pincette.bus.protocol import BusError
+from pincette.bus.protocol import BusError, RefusalError
 from pincette.bus.session import open_session
 from pincette.bus.topology import SessionConfig, client_session, router_session
 from pincette.bus.zenoh_bus import ZenohBus
@@ -197,6 +197,32 @@ def test_programs_that_reply_or_are_gone_do_not_cause_a_new_session(ends: Sessio
                 bus.call(STATUS["controller"], StatusRequest(), ASK_S)
             with pytest.raises(BusError, match="is it running"):
                 bus.call(STATUS["sensor"], StatusRequest(), ASK_S)
+        assert sessions(bus) == before
+    finally:
+        bus.close()
+        other.close()
+
+
+@pytest.mark.parametrize("alive", [False, True])
+def test_a_reply_while_the_tokens_are_queried_is_no_fault_and_causes_no_new_session(
+    ends: SessionConfig, monkeypatch: pytest.MonkeyPatch, alive: bool
+) -> None:
+    """A program that links to a new router replies to one thread while another still waits."""
+    bus, other = ZenohBus(ends, RIG, "supervisor"), ZenohBus(ends, RIG, "sensor")
+
+    def replies_meanwhile(_bus: ZenohBus, _rig: str) -> set[tuple[str, str]]:
+        other.serve(STATUS["sensor"], lambda _question, _request, reply: reply("not now"))
+        with pytest.raises(RefusalError, match="not now"):
+            bus.call(STATUS["sensor"], StatusRequest(), WAIT_S)
+        return {(RIG, "sensor")} if alive else set()
+
+    try:
+        before = sessions(bus)
+        monkeypatch.setattr(zenoh_bus, "UNANSWERED_S", 0.0)
+        monkeypatch.setattr(ZenohBus, "_alive", replies_meanwhile)
+        monkeypatch.setattr(ZenohBus, "_is_absent", lambda *_: False)
+        with pytest.raises(BusError, match="is it running"):
+            bus.call(STATUS["sensor"], StatusRequest(), ASK_S)
         assert sessions(bus) == before
     finally:
         bus.close()

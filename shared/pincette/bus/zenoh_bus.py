@@ -386,8 +386,10 @@ class ZenohBus:
             waited_s = now_s - max(since_s, self._reopened_s + REOPENED_S - UNANSWERED_S)
             if self._config.listen or waited_s < UNANSWERED_S:
                 return
-            if (rig, program) not in self._alive(rig):
-                del self._unanswered_s[rig, program]
+            alive = (rig, program) in self._alive(rig)
+            if not alive:
+                self._unanswered_s.pop((rig, program), None)
+            if (rig, program) not in self._unanswered_s:  # another thread may have got a reply
                 return
             self._unanswered_s.clear()
             self._reopened_s = now_s

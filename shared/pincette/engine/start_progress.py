@@ -89,6 +89,6 @@ class StartProgress:
             return ""
         self._told_s = now_s
         return (
-            f"is starting, for {now_s - self._begun_s:.0f} s; processor time used or waited for: "
+            f"is starting for {now_s - self._begun_s:.0f} s; processor used or awaited: "
             f"{self._demand():.1f} s"
         )

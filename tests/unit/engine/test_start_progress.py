@@ -23,6 +23,9 @@ from pincette.engine.start_progress import (
 )
 from tests.support.rigs import demo_rig
 
+MOST_LENGTH = 80 - len("● supervisor 4194304 ")
+"""Length that fits on a line of a terminal, after a program's name and number."""
+
 
 class Machine:
     """Virtual time, processor time and log length of one program."""
@@ -42,6 +45,7 @@ def test_a_slow_start_is_waited_for_and_reported() -> None:
         if stated := machine.progress.news():
             news.append(stated)
     assert len(news) == 600.0 / NEWS_S
+    assert max(map(len, news)) <= MOST_LENGTH
 
 
 def test_a_program_that_logs_makes_progress() -> None:
