@@ -12,8 +12,10 @@ from pincette.instruments.line.memory_link import MemoryLink
 from pincette.instruments.line.recording import Recorder, RecordingLink
 from pincette.instruments.line.replay import ReplayLink
 from pincette.instruments.protocols import Link
+from pincette.security.folder import Folder
 from pincette.sim.instruments.protocol import TERMINATOR, Instrument
 from pincette.sim.wires.wire import serve
+from tests.support.certificates import folder_for
 
 
 class Reach(Protocol):
@@ -129,3 +131,9 @@ def script() -> Iterator[Script]:
         thread.join(timeout=5.0)
     listener.close()
     assert not any(thread.is_alive() for thread in threads)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
+    """Create the certificates of a rig."""
+    return folder_for(tmp_path_factory.mktemp("certificates") / "pki", "demo")

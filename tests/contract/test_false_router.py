@@ -22,16 +22,11 @@ from pincette.core.messages import Trip
 from pincette.core.topics import COMMAND, TRIP, key
 from pincette.security.folder import Folder
 from pincette.security.identity import person, program
-from tests.support.certificates import Intruder, folder_for
+from tests.support.certificates import Intruder
 from tests.support.rigs import demo_rig
 
 WAIT_S = 30.0
 QUIET_S = 0.3
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
-    return folder_for(tmp_path_factory.mktemp("certificates") / "pki", "demo")
 
 
 def test_a_viewer_cannot_be_mistaken_for_a_router(folder: Folder) -> None:

@@ -49,7 +49,7 @@ from pincette.engine.runner import Runner
 from pincette.security.folder import Folder
 from pincette.security.identity import program
 from tests.bench.shape import EXAMPLES
-from tests.support.certificates import Intruder, folder_for
+from tests.support.certificates import Intruder
 from tests.support.foreign import EVERYTHING, KINDS, Store, declared, outsider, settle
 from tests.support.rigs import demo_rig, free_ports
 from tests.support.routed import until
@@ -116,11 +116,6 @@ def running(rig: RigFile) -> Generator[Site]:
 def plain() -> Generator[Site]:
     with running(demo_rig()) as site:
         yield site
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
-    return folder_for(tmp_path_factory.mktemp("certificates") / "pki", "demo")
 
 
 @pytest.fixture(scope="module")

@@ -35,7 +35,6 @@ from tests.support.bare_connects import (
     descriptors,
     strangers,
 )
-from tests.support.certificates import folder_for
 from tests.support.checkout import ROOT
 from tests.support.doors import OPENS_S, ROUTER, TOOL, Door, joining
 from tests.support.namespaces import alone, objection
@@ -48,11 +47,6 @@ ENDED_S = 5.0
 BACK_S = 30.0
 SETTLED_S = 5.0
 """Time after which no burst of connections is open any more, while all unknown clients stay."""
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
-    return folder_for(tmp_path_factory.mktemp("certificates") / "pki", "demo")
 
 
 @pytest.fixture(params=["plain", "secure"])

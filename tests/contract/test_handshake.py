@@ -35,11 +35,6 @@ def router(credentials: Credentials | None) -> Generator[str]:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
-    return folder_for(tmp_path_factory.mktemp("certificates") / "pki", "demo")
-
-
-@pytest.fixture(scope="module")
 def place(folder: Folder) -> Generator[str]:
     with router(folder.credentials(ROUTER)) as listening:
         yield listening

@@ -30,6 +30,7 @@ from tests.support.certificates import folder_for
 from tests.support.doors import OPENS_S, TOOL, Door, joining
 from tests.support.hogs import hog
 from tests.support.rigs import free_ports
+from tests.support.routed import until
 from tests.support.router_process import RIG, router_process
 
 WITHIN_S = 5.0
@@ -42,13 +43,6 @@ JOINED_S, OVERLOAD_S = 30.0, 60.0
 QUEUE, GUARD_QUEUE = 1100, BACKLOG + 100
 """Number of connections that exceeds the accept queue of a Zenoh listener or a guard."""
 PARTNERS = ("sensor", "estimator", "controller", "actuator", "supervisor")
-
-
-def until(done: Callable[[], object], within_s: float = WITHIN_S) -> None:
-    deadline = monotonic() + within_s
-    while not done():
-        assert monotonic() < deadline
-        sleep(0.01)
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,7 @@ continues."""
 # pyright: reportUnknownMemberType=false
 
 import threading
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from time import monotonic, sleep
 
 import pytest
@@ -20,6 +20,7 @@ from pincette.core.messages import Message, Position, StatusRequest
 from pincette.core.messages.arms import ArmPosition
 from pincette.core.topics import POSITION, STATUS, Topic, live_key, request_key
 from tests.support.rigs import free_ports
+from tests.support.routed import until
 
 pytestmark = pytest.mark.usefixtures("stalls")
 
@@ -50,13 +51,6 @@ def mute(ends: SessionConfig) -> Generator[zenoh.Session]:
         token.undeclare()
         for query in kept:
             query.drop()
-
-
-def until(done: Callable[[], bool]) -> None:
-    deadline = monotonic() + WAIT_S
-    while not done():
-        assert monotonic() < deadline
-        sleep(0.01)
 
 
 def unanswered(bus: ZenohBus, times: int) -> None:

@@ -27,9 +27,9 @@ from pincette.core.messages.arms import ArmPosition
 from pincette.core.topics import POSITION, STATUS, TRIP, Request, Topic
 from pincette.engine.process import loop_services
 from pincette.security.folder import Folder
-from tests.support.certificates import folder_for
 from tests.support.doors import Door
 from tests.support.rigs import free_ports
+from tests.support.routed import until
 from tests.support.stalled_reader import KEY
 
 ROOT = Path(__file__).parents[2]
@@ -37,18 +37,6 @@ LEASE_S = 0.5
 SLACK_S = 5.0
 """Time that a busy machine may add; without the limits a stalled link lasts for ever."""
 CHUNK = bytes(60_000)
-
-
-def until(done: Callable[[], object], within_s: float = SLACK_S) -> None:
-    deadline = monotonic() + within_s
-    while not done():
-        assert monotonic() < deadline
-        sleep(0.01)
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
-    return folder_for(tmp_path_factory.mktemp("certificates") / "pki", "demo")
 
 
 @pytest.fixture(params=["plain", "secure"])
@@ -89,7 +77,7 @@ def test_a_link_that_accepts_no_data_for_a_lease_is_closed(
         KEY, congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.REAL_TIME
     )
     with stalled_reader(arguments):
-        until(session.info.links)
+        until(session.info.links, SLACK_S)
         begun_s = monotonic()
         sent = 0
         while session.info.links():
@@ -97,7 +85,7 @@ def test_a_link_that_accepts_no_data_for_a_lease_is_closed(
             sent += len(CHUNK)
             sleep(0.001)
             assert monotonic() < begun_s + LEASE_S + SLACK_S, f"{sent} bytes"
-        until(lambda: any("link down" in one for one in caplog.messages))
+        until(lambda: any("link down" in one for one in caplog.messages), SLACK_S)
 
 
 @contextmanager
@@ -141,7 +129,7 @@ def test_closing_a_session_does_not_wait_for_a_stalled_link() -> None:
     door = Door(None)
     with closing(door.router), proxy(door.port) as (port, stalled, _):
         joined = open_session(client_session("127.0.0.1", port), "tool")
-        until(joined.session.info.links)
+        until(joined.session.info.links, SLACK_S)
         stalled.set()
         begun_s = monotonic()
         joined.close()
@@ -162,12 +150,12 @@ def test_an_abandoned_session_keeps_no_link(monkeypatch: pytest.MonkeyPatch) -> 
         bus = ZenohBus(client_session("127.0.0.1", port), "demo", "supervisor")
         stack.callback(bus.close)
         bus.announce("supervisor")
-        until(lambda: "supervisor" in mute.alive())
+        until(lambda: "supervisor" in mute.alive(), SLACK_S)
         (first, _) = lines
         until(lambda: _unanswered(bus) and len(lines) > 2, 20.0)
-        until(lambda: first.fileno() == -1)
-        until(lambda: "supervisor" in mute.alive())
-        until(lambda: len(door.router.session.info.links()) == 2)
+        until(lambda: first.fileno() == -1, SLACK_S)
+        until(lambda: "supervisor" in mute.alive(), SLACK_S)
+        until(lambda: len(door.router.session.info.links()) == 2, SLACK_S)
 
 
 def _unanswered(bus: ZenohBus) -> bool:
@@ -213,7 +201,7 @@ def test_hanging_consumers_do_not_block_a_stop() -> None:
             )
 
         for _ in buses:
-            until(lambda: publish() or hung.acquire(blocking=False))
+            until(lambda: publish() or hung.acquire(blocking=False), SLACK_S)
         for _ in range(2000):  # more than Zenoh queues for a callback
             publish()
             sleep(0.0005)

@@ -8,8 +8,11 @@ import pytest
 
 from tests.support.checkout import await_demo_ports
 from tests.support.engine import engine
+from tests.support.engine_rig import ContainerRig
 from tests.support.engine_stalls import ContainerStalls
+from tests.support.grips import make_ready
 from tests.support.reruns import RECORDER
+from tests.support.witness import Witness, witness
 
 PLACES = {Path(__file__).parent, Path(__file__).parents[2] / "contrib/tests/engine"}
 
@@ -36,3 +39,17 @@ def stalls(pytestconfig: pytest.Config) -> Generator[ContainerStalls]:
     with ContainerStalls() as recorder:
         pytestconfig.stash[RECORDER] = recorder
         yield recorder
+
+
+@pytest.fixture
+def ready(rig: ContainerRig) -> None:
+    """Wait until all containers are healthy, and clear the state that another test has left."""
+    rig.containers.until_healthy()
+    make_ready(rig)
+
+
+@pytest.fixture
+def seen(rig: ContainerRig) -> Generator[Witness]:
+    """A witness for each test, since the router may have been replaced."""
+    with witness(rig.rig) as outsider:
+        yield outsider

@@ -15,6 +15,8 @@ from tests.support.grips import hold, make_ready, refused, reset, whole_grip
 from tests.support.reactions import TRIPPED
 from tests.support.witness import Witness, witness
 
+pytestmark = pytest.mark.usefixtures("ready")
+
 BESIDE_S = 1.0
 """Time during which the loop must continue without a program that is not part of it."""
 
@@ -24,19 +26,6 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[ContainerRig]:
     only_root()
     with container_rig("pincette-crash", tmp_path_factory.mktemp("crash")) as running:
         yield running
-
-
-@pytest.fixture(autouse=True)
-def ready(rig: ContainerRig) -> None:
-    rig.containers.until_healthy()
-    make_ready(rig)
-
-
-@pytest.fixture
-def seen(rig: ContainerRig) -> Generator[Witness]:
-    """A witness for each test, since the router may have been replaced."""
-    with witness(rig.rig) as outsider:
-        yield outsider
 
 
 def killed(rig: ContainerRig, name: str) -> tuple[float, int]:

@@ -16,6 +16,8 @@ from tests.support.grips import hold, make_ready, refused, reset, whole_grip
 from tests.support.reactions import TRIPPED
 from tests.support.witness import Witness, witness
 
+pytestmark = pytest.mark.usefixtures("ready")
+
 ROUTER, CONTROLLER = 7447, 7450
 CUT_S = 1.0
 """Duration of a cut: longer than Zenoh needs to close a link, shorter than the lease of a job."""
@@ -28,18 +30,6 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[ContainerRig]:
         pytest.skip("iptables or nsenter is missing: the network cannot be cut")
     with container_rig("pincette-cut", tmp_path_factory.mktemp("cut")) as running:
         yield running
-
-
-@pytest.fixture(autouse=True)
-def ready(rig: ContainerRig) -> None:
-    rig.containers.until_healthy()
-    make_ready(rig)
-
-
-@pytest.fixture
-def seen(rig: ContainerRig) -> Generator[Witness]:
-    with witness(rig.rig) as outsider:
-        yield outsider
 
 
 def in_network(process: int, *command: str) -> None:

@@ -34,7 +34,7 @@ def router(rig: str) -> Generator[SessionConfig]:
         thread.join()
 
 
-def until(done: Callable[[], bool], wait_s: float = WAIT_S) -> None:
+def until(done: Callable[[], object], wait_s: float = WAIT_S) -> None:
     """Poll for a condition: declarations and messages need a moment between sessions."""
     deadline = monotonic() + wait_s
     while not done():

@@ -16,7 +16,7 @@ import pytest
 
 from pincette.config.reading import laid_over
 from pincette.engine.realtime.gc_tuning import disable_gc
-from tests.support.grips import SHORT
+from tests.support.grips import SHORT, make_ready
 from tests.support.rigs import demo_rig, paced_rig
 from tests.support.running import RunningRig, running_rig
 from tests.support.witness import Witness, witness
@@ -131,6 +131,12 @@ def lockstep(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
 def seen(rig: RunningRig) -> Generator[Witness]:
     with witness(rig.rig) as outsider:
         yield outsider
+
+
+@pytest.fixture
+def ready(rig: RunningRig) -> None:
+    """Clear the state that another test of the file has left."""
+    make_ready(rig)
 
 
 @pytest.fixture(scope="module")

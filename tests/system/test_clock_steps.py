@@ -15,7 +15,7 @@ from pincette.records.mcap_file import NAME
 from tests.support.grips import SHORT, hold, make_ready
 from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
-from tests.support.witness import Witness, witness
+from tests.support.witness import Witness
 
 pytestmark = pytest.mark.usefixtures("stalls")
 
@@ -38,12 +38,6 @@ def rig(clock: Path, tmp_path_factory: pytest.TempPathFactory) -> Generator[Runn
         )
         with running_rig(demo_rig(SHORT), tmp_path_factory.mktemp("rig")) as running:
             yield running
-
-
-@pytest.fixture(scope="module")
-def seen(rig: RunningRig) -> Generator[Witness]:
-    with witness(rig.rig) as outsider:
-        yield outsider
 
 
 def set_by(clock: Path, shift_s: float) -> None:

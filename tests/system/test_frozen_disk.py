@@ -13,7 +13,7 @@ from pincette.core.messages import Applied, Telemetry
 from tests.support.grips import SHORT, hold, make_ready
 from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
-from tests.support.witness import Witness, witness
+from tests.support.witness import Witness
 
 pytestmark = pytest.mark.usefixtures("stalls")
 
@@ -69,12 +69,6 @@ def rig(disk: Path) -> Generator[RunningRig]:
     own = demo_rig({**SHORT, "recorder": {"min_free_MB": 4.0}})
     with running_rig(own, disk) as running:
         yield running
-
-
-@pytest.fixture(scope="module")
-def seen(rig: RunningRig) -> Generator[Witness]:
-    with witness(rig.rig) as outsider:
-        yield outsider
 
 
 def test_a_held_part_stays_held_is_stopped_and_is_reset_on_a_frozen_disk(

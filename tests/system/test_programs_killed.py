@@ -22,14 +22,9 @@ from tests.support.running import RunningRig
 from tests.support.stalls import StallRecorder
 from tests.support.witness import Witness
 
-pytestmark = pytest.mark.usefixtures("stalls")
+pytestmark = pytest.mark.usefixtures("stalls", "ready")
 
 ANSWERS_S = 5.0
-
-
-@pytest.fixture(autouse=True)
-def ready(rig: RunningRig) -> None:
-    make_ready(rig)
 
 
 def missed(rig: RunningRig) -> dict[str, int]:

@@ -25,7 +25,7 @@ from tests.support.grips import (
 from tests.support.running import RunningRig
 from tests.support.witness import Witness
 
-pytestmark = pytest.mark.usefixtures("stalls")
+pytestmark = pytest.mark.usefixtures("stalls", "ready")
 
 PROGRAMS = (*LOOP, "rig", "router", "recorder", "supervisor")
 TRIP = {*LOOP, "rig"}
@@ -36,11 +36,6 @@ AWAY_S = (0.0, FREEZE_S + 0.6)
 READY_S = 20.0
 """Longest time until a rig with restarted programs can start a job, in s."""
 BEGIN = {"idle": None, "approach": approach, "hold": hold}
-
-
-@pytest.fixture(autouse=True)
-def ready(rig: RunningRig) -> None:
-    make_ready(rig)
 
 
 def asks_a_person(rig: RunningRig, seen: Witness) -> None:

@@ -21,7 +21,7 @@ from tests.support.rigs import Tree, demo_rig
 from tests.support.running import RunningRig, running_rig
 from tests.support.witness import Witness
 
-pytestmark = pytest.mark.usefixtures("stalls")
+pytestmark = pytest.mark.usefixtures("stalls", "ready")
 
 LEASE_S = 1.2
 """Duration of the lease, so short that the arm of a slow approach is still far from the part
@@ -39,11 +39,6 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
     own = demo_rig(laid_over(SHORT, SHORT_LEASE))
     with running_rig(own, tmp_path_factory.mktemp("rig")) as running:
         yield running
-
-
-@pytest.fixture(autouse=True)
-def ready(rig: RunningRig) -> None:
-    make_ready(rig)
 
 
 class Direct:

@@ -23,7 +23,7 @@ from tests.support.running import RunningRig
 from tests.support.stalls import StallRecorder
 from tests.support.witness import Witness
 
-pytestmark = pytest.mark.usefixtures("stalls")
+pytestmark = pytest.mark.usefixtures("stalls", "ready")
 
 ROUNDS = 3
 REST_UM = 0.3
@@ -33,11 +33,6 @@ few samples."""
 SETTLED_S = 0.6
 KEPT_MN = 1.0
 """Largest drift of the true force while a stop takes effect and the part is kept, in mN."""
-
-
-@pytest.fixture(autouse=True)
-def ready(rig: RunningRig) -> None:
-    make_ready(rig)
 
 
 def act(rig: RunningRig, job: str, action: str) -> None:

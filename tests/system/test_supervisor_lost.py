@@ -9,12 +9,12 @@ import pytest
 
 from pincette.core.faults import TRIPPED, Acted
 from pincette.core.messages import Applied, Telemetry
-from tests.support.grips import SHORT, approach, hold, kill, make_ready, restart, whole_grip
+from tests.support.grips import SHORT, approach, hold, kill, restart, whole_grip
 from tests.support.rigs import demo_rig
 from tests.support.running import Json, RunningRig, running_rig
-from tests.support.witness import Witness, witness
+from tests.support.witness import Witness
 
-pytestmark = pytest.mark.usefixtures("stalls")
+pytestmark = pytest.mark.usefixtures("stalls", "ready")
 
 LEASE_S, SLACK_S = 1.5, 1.0
 """Duration of the lease, and the additional time of the stop itself, a renewal in progress and a
@@ -29,17 +29,6 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
     changed = {**SHORT, "safety": {**SHORT["safety"], "lease_s": LEASE_S}}
     with running_rig(demo_rig(changed), tmp_path_factory.mktemp("rig")) as running:
         yield running
-
-
-@pytest.fixture(scope="module")
-def seen(rig: RunningRig) -> Generator[Witness]:
-    with witness(rig.rig) as outsider:
-        yield outsider
-
-
-@pytest.fixture(autouse=True)
-def ready(rig: RunningRig) -> None:
-    make_ready(rig)
 
 
 def stopped_by_itself(seen: Witness, since_s: float) -> float:

@@ -12,7 +12,7 @@ from pincette.core.messages import Applied, Telemetry
 from tests.support.grips import SHORT, hold, make_ready
 from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
-from tests.support.witness import Witness, witness
+from tests.support.witness import Witness
 
 pytestmark = pytest.mark.usefixtures("stalls")
 
@@ -39,12 +39,6 @@ def rig(mute: Path, tmp_path_factory: pytest.TempPathFactory) -> Generator[Runni
     assert not mute.exists()
     with running_rig(demo_rig(SHORT), tmp_path_factory.mktemp("rig")) as running:
         yield running
-
-
-@pytest.fixture(scope="module")
-def seen(rig: RunningRig) -> Generator[Witness]:
-    with witness(rig.rig) as outsider:
-        yield outsider
 
 
 def alarms(rig: RunningRig) -> list[str]:

@@ -23,7 +23,7 @@ from tests.support.rigs import Tree, rig_toml
 from tests.support.running import RunningRig
 from tests.support.witness import Witness
 
-pytestmark = pytest.mark.usefixtures("stalls")
+pytestmark = pytest.mark.usefixtures("stalls", "ready")
 
 LOOK_S = 1.5
 FLOOD_S = 5.0
@@ -38,11 +38,6 @@ ACCOUNT_S = 0.3
 """Time before an unexpected trip from which messages are reported, in s."""
 AGE_S = 0.010
 """Largest age of a command, in s: half a period."""
-
-
-@pytest.fixture(autouse=True)
-def ready(rig: RunningRig) -> None:
-    make_ready(rig)
 
 
 @contextmanager
