@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from pincette.api import BASE
 from pincette.core.topics import ROOT as WIRE_ROOT
-from pincette_supervisor.problems import SERVED
 
 HEAD = re.compile(r"^## \[(\d+\.\d+\.\d+|Unreleased)\](?: - (\d{4}-\d{2}-\d{2}|not yet))?$", re.M)
 PARTS = {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security", "Interfaces"}
@@ -22,7 +22,7 @@ def changelog(root: Path) -> str:
 def test_the_newest_section_states_the_version_of_each_interface(changelog: str) -> None:
     newest = re.split(r"^## ", changelog, flags=re.MULTILINE)[1]
     assert dict(ROW.findall(newest)) == {
-        "REST": SERVED.rpartition("/")[2],
+        "REST": BASE.rpartition("/")[2],
         "keys and messages": WIRE_ROOT.rpartition("/")[2],
     }
 

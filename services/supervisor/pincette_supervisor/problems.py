@@ -17,6 +17,7 @@ from starlette.exceptions import HTTPException
 from starlette.routing import BaseRoute, Match
 from starlette.types import Scope
 
+from pincette.api import BASE
 from pincette.api.job_kinds import job_kinds
 from pincette.api.problems import MEDIA_TYPE, TYPE, remedy_of
 from pincette.bus.protocol import BusError
@@ -38,10 +39,9 @@ CODES = {
 UNUSABLE = "The request cannot be used"
 ERRORS_MAX = 20
 """Largest number of errors that are listed for a request."""
-SERVED = "/api/v1"
 METHODS = ("GET", "POST", "PUT", "PATCH", "DELETE")
 """HTTP methods of the routes; HEAD and OPTIONS are derived from them."""
-OTHER_VERSION = re.compile(rf"/api/(?!{SERVED.rpartition('/')[2]}(?:/|$))")
+OTHER_VERSION = re.compile(rf"/api/(?!{BASE.rpartition('/')[2]}(?:/|$))")
 
 
 class ProblemError(Exception):
@@ -206,9 +206,9 @@ def install_handlers(app: FastAPI) -> None:
         path, headers = request.scope["path"], dict(known.headers or {})
         detail = phrase if known.detail == phrase else str(known.detail)
         if known.status_code == 404 and OTHER_VERSION.match(path):
-            detail = f"this supervisor serves {SERVED} only"
-        elif known.status_code == 404 and f"{SERVED}/" in path.removeprefix(SERVED):
-            prefix = path.partition(SERVED)[0]
+            detail = f"this supervisor serves {BASE} only"
+        elif known.status_code == 404 and f"{BASE}/" in path.removeprefix(BASE):
+            prefix = path.partition(BASE)[0]
             detail = f"the path begins with {prefix!r}, which a reverse proxy must remove"
         elif known.status_code == 405:
             headers["Allow"] = ", ".join(allowed_methods(app.routes, request.scope))

@@ -6,6 +6,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict
 
 import pincette
 
+BASE = "/api/v1"
+"""Beginning of the path of every route, with the version of the REST interface."""
 CONFIG = ConfigDict(
     extra="forbid",
     strict=True,

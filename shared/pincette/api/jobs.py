@@ -11,6 +11,8 @@ from pincette.api.recovery import RecoveryWait
 from pincette.api.requests import Label, Labels, Notes
 from pincette.api.states import ActionType, JobState
 
+DESCRIPTION = ("sample", "batch", "operator", "notes")
+"""Members of a job that describe it, in addition to its labels."""
 ArtifactState = Literal["none", "being_written", "ready", "deleted"]
 
 

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from pincette.api.job_kinds import JobKind
-    from pincette.api.jobs import Artifact, Job
+    from pincette.api.jobs import DESCRIPTION, Artifact, Job
     from pincette.client import JobHandle
 
 
@@ -60,8 +60,6 @@ ACTIONS: Mapping[ActionType, str] = {
     "reject": "reject a proposed job",
     "give_up": "give up a job that waits for a decision",
 }
-SAID = ("sample", "batch", "operator", "notes")
-"""Fields of a job that can be edited, except labels."""
 STOPPED_S = 60.0
 """Time limit for the rig to confirm ``stop``, in s."""
 
@@ -242,8 +240,8 @@ def stop(
 def show_job(job: "Job", console: "Console", *, everything: bool = False) -> None:
     """Print the result, the request and the allowed actions of a job."""
     show_result(job, console, everything=everything)
-    said = {name: str(getattr(job, name)) for name in SAID} | job.labels
-    stated = {n: value for n, value in job.request.items() if n not in (*SAID, "labels")}
+    said = {name: str(getattr(job, name)) for name in DESCRIPTION} | job.labels
+    stated = {n: value for n, value in job.request.items() if n not in (*DESCRIPTION, "labels")}
     given = [stated_fields(stated), *(f"{name}: {value}" for name, value in said.items() if value)]
     console.print(f"\nrequested: {', '.join(given)}", markup=False)
     times = {"requested": job.created_at, "started": job.started_at, "ended": job.ended_at}

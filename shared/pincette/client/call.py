@@ -21,7 +21,6 @@ from pincette.client.errors import (
 from pincette.core.units import unit_of
 from pincette.core.validation_wording import refusal
 
-BASE = "/api/v1"
 PATIENCE_S = 120.0
 """Default time, in s, for which a repeatable call is repeated while no program replies.
 

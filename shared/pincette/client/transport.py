@@ -14,9 +14,9 @@ from typing import Any, TypeVar
 import httpx
 from httpx_sse import EventSource, ServerSentEvent
 
+from pincette.api import BASE
 from pincette.api.events import Event
 from pincette.client.call import (
-    BASE,
     FIRST_DELAY_S,
     Attempts,
     Call,

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from functools import cache
 from typing import Any, Literal, cast
 
+from pincette.api import BASE
 from pincette.api.calibrations import CalibrationResult, Proposal, ProposalState, ProposedValue
 from pincette.api.checklist import (
     BenchNeed,
@@ -38,7 +39,6 @@ from pincette_supervisor.problems import ProblemError, not_found
 
 # Proposals of calibrations: their content, and the decisions on them.
 
-BASE = "/api/v1"
 PAGE = 500
 """Number of proposals that are read at once."""
 

@@ -14,7 +14,7 @@ from time import monotonic
 from typing import Any
 
 from pincette.api.endings import Ending
-from pincette.api.jobs import Action, ArtifactState, Job, JobEdit
+from pincette.api.jobs import DESCRIPTION, Action, ArtifactState, Job, JobEdit
 from pincette.api.requests import JobRequest
 from pincette.api.states import ActionType, JobState, allowed_actions
 from pincette.records import folder
@@ -31,9 +31,6 @@ from pincette_supervisor.results.documents import restate
 from pincette_supervisor.rigs.rig_context import RigContext
 
 # A new job's row in the journal, and a job's form in REST.
-
-SAID = ("sample", "batch", "operator", "notes", "labels", "pinned")
-"""Members of a job that a person edits."""
 
 
 def new_row(
@@ -134,7 +131,7 @@ def job_view(
         ending=_ending(row),
         request=row.request,
         values=values,
-        **{name: getattr(row, name) for name in SAID},
+        **{name: getattr(row, name) for name in (*DESCRIPTION, "labels", "pinned")},
         by=row.requested_by,
         traceparent=row.traceparent,
         progress=None if busy is None else busy.progress,

@@ -17,6 +17,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, cast
 
+from pincette.api.jobs import DESCRIPTION
 from pincette.api.requests import JobRequest
 from pincette.api.series import (
     SERIES_LABEL,
@@ -55,8 +56,6 @@ RECORD_S = 30.0
 RESTARTED = "the supervisor was restarted"
 PACED = 20
 """Number of the last jobs whose duration is compared with the planned one."""
-DESCRIPTION = ("labels", "sample", "batch", "operator", "notes")
-"""Members that do not change the plan of a job."""
 
 
 class SeriesRunner:
@@ -173,7 +172,7 @@ class SeriesRunner:
         known: dict[str, tuple[float | None, str | None]] = {}
         jobs: list[dict[str, Any]] = []
         for number, tree in enumerate(requests_of(request), start=1):
-            differs = {name: tree[name] for name in tree if name not in DESCRIPTION}
+            differs = {name: tree[name] for name in tree if name not in ("labels", *DESCRIPTION)}
             digest = json.dumps(differs, sort_keys=True)
             if digest not in known:
                 known[digest] = self._plan_one(request_of(tree), number, predict=predict)

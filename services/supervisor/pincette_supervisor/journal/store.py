@@ -21,6 +21,7 @@ from sqlalchemy import (
 
 from pincette.api.endings import Ending
 from pincette.api.events import Event
+from pincette.api.jobs import DESCRIPTION
 from pincette.api.states import STATES, JobState
 from pincette_supervisor.journal.database import (
     Database,
@@ -57,14 +58,14 @@ EVENTS_SWEEP = 500
 once.
 """
 CHANGING = ("state", "cause", "ending", "plan", "result", "started_at", "ended_at", "epoch")
-EDITABLE = ("sample", "batch", "operator", "notes", "labels", "pinned", "priority", "place")
+EDITABLE = (*DESCRIPTION, "labels", "pinned", "priority", "place")
 """Fields of a job that a person may change, and their columns."""
 
 TABLE_COLUMNS = (
     *(JOBS.c[name] for name in ("number", "id", "rig", "kind", "state")),
     *(JOBS.c[name] for name in ("created_at", "started_at", "ended_at", "requested_by")),
     JOBS.c.ending["code"].as_string(),
-    *(JOBS.c[name] for name in ("sample", "batch", "operator", "notes")),
+    *(JOBS.c[name] for name in DESCRIPTION),
     *(
         func.coalesce(cast(column, String), "null")
         for column in (JOBS.c.labels, JOBS.c.plan["values"], JOBS.c.result)

@@ -19,6 +19,7 @@ from sqlalchemy import (
     table,
 )
 
+from pincette.api.jobs import DESCRIPTION
 from pincette.api.states import ActionType, JobState
 
 METADATA = MetaData()
@@ -43,7 +44,7 @@ JOBS = Table(
     Column("started_at", String),
     Column("ended_at", String),
     Column("requested_by", String),
-    *(Column(name, String, nullable=False) for name in ("sample", "batch", "operator", "notes")),
+    *(Column(name, String, nullable=False) for name in DESCRIPTION),
     Column("labels", JSON, nullable=False),
     Column("pinned", Boolean, nullable=False),
     Column("priority", Integer, nullable=False),

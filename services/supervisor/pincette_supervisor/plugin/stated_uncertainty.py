@@ -22,14 +22,13 @@ from pincette.control.planning.feasibility import Violation
 from pincette.control.planning.touch_force import least_force_mN, uncertain_force
 from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.response.unknown_past import standard_uncertainty_um, unknown_past
+from pincette.control.stability.refusal import RC_S
 from pincette.core import plugins
 from pincette.engine.timing_budget import budget, stated_output
 
 WARNED_SHARE = 0.05
 """Ratio of the oscillation term to the planned force, or to its peak-to-peak value, above which
 a warning is given."""
-RC_S = 0.0033
-"""Time constant of the proposed RC filter before the amplifier, in s."""
 
 
 def force_uncertainty_mN(rig: RigFile, way_um: float, *, conditioned: bool = False) -> float:

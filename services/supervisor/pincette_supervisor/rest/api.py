@@ -12,6 +12,7 @@ from typing import Any, cast
 from fastapi import FastAPI
 
 from pincette import __version__
+from pincette.api import BASE
 from pincette.api.job_kinds import job_kinds
 from pincette.api.problems import Problem, responses
 from pincette.api.results import JobResult
@@ -34,7 +35,6 @@ from pincette_supervisor.rest.dependencies import cookie_name
 from pincette_supervisor.rest.limits import ESTOP, MOST_BYTES, SMALL_BYTES, NormalTarget, RateLimit
 from pincette_supervisor.rest.middleware import AuditLog, HeadAndOptions, OriginCheck
 
-BASE = "/api/v1"
 SCHEMAS = "#/components/schemas/"
 NAMES = {
     401: "NoKey",

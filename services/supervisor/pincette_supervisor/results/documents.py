@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from pincette.api.job_kinds import JobKind, job_kinds
+from pincette.api.jobs import DESCRIPTION
 from pincette.api.live import LoopTiming
 from pincette.api.results import confirmations
 from pincette.api.states import OUTCOMES
@@ -282,7 +283,6 @@ def _text(value: Any, unit: str = "") -> str:
     return f"{value:.{decimals}f}"
 
 
-SAID = ("sample", "batch", "operator", "notes")
 LABEL = "label "
 """Prefix of the names of labels in a manifest, and in the metadata of sample files."""
 NOT_RECORDED = "no recorder has reported its record"
@@ -332,7 +332,7 @@ def write_documents(
 def said_of(job: JobRow) -> dict[str, str]:
     """Return the annotations of a job as its files contain them, without empty ones."""
     texts = {
-        **{name: str(getattr(job, name)) for name in SAID},
+        **{name: str(getattr(job, name)) for name in DESCRIPTION},
         **{f"{LABEL}{name}": text for name, text in job.labels.items()},
     }
     return {name: text for name, text in texts.items() if text}
@@ -353,7 +353,7 @@ def restate(folder: Path, job: JobRow) -> None:
     whose: dict[str, str] = said_of(job) | {
         name: value
         for name, value in manifest.items()
-        if name not in SAID and not name.startswith(LABEL)
+        if name not in DESCRIPTION and not name.startswith(LABEL)
     }
     picture, written = folder / (kind.plot if kind else ""), set[str]()
     if kind is not None and job.result is not None and picture.is_file():

@@ -11,15 +11,14 @@ from typing import IO, Any, cast
 
 import msgspec
 
-from pincette.api.jobs import Job
+from pincette.api.jobs import DESCRIPTION, Job
 from pincette.core.units import unit_of
 from pincette.records import number_table, parquet
 from pincette.records.memory_file import MemoryFile
 from pincette_supervisor.journal.tables import TableRow
 
 FIRST = ("id", "rig", "kind", "state", "created_at", "started_at", "ended_at", "by")
-SAID = ("sample", "batch", "operator", "notes")
-FIXED = (*FIRST, "ending", *SAID)
+FIXED = (*FIRST, "ending", *DESCRIPTION)
 """Columns of every table; they come first."""
 LABEL, VALUE, RESULT = BEGINS = ("label", "value", "result")
 """Prefixes of the names of all other columns, in their order, one for each map of a job."""
@@ -58,7 +57,7 @@ class _List(msgspec.Struct, array_like=True, gc=False):
 def row_of(job: Job) -> TableRow:
     """Return the row of a job in a table."""
     ending = None if job.ending is None else job.ending.code
-    said = [getattr(job, name) for name in SAID]
+    said = [getattr(job, name) for name in DESCRIPTION]
     return TableRow(
         (*(getattr(job, name) for name in FIRST), ending, *said),
         _json(job.labels),
