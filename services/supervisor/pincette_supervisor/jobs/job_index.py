@@ -41,10 +41,9 @@ def new_row(
     trace: str | None = None,
     state: JobState = "queued",
 ) -> JobRow:
-    """Return the journal row of a new job; its name is the time and a random suffix."""
-    stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
+    """Return the journal row of a new job."""
     return JobRow(
-        id=f"{stamp}-{secrets.token_hex(3)}",
+        id=new_id(3),
         kind=request.kind,
         rig=rig,
         state=state,
@@ -65,11 +64,14 @@ def new_row(
     )
 
 
-def fingerprint_of(request: JobRequest) -> str:
-    """Return a digest of a request; equal requests have the same digest."""
-    tree = request.model_dump(mode="json", exclude_unset=True)
-    text = json.dumps({**tree, "kind": request.kind}, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()
+def new_id(size: int) -> str:
+    """Return an id of the present time and ``size`` random bytes."""
+    return f"{datetime.now(UTC).strftime('%Y%m%d-%H%M%S')}-{secrets.token_hex(size)}"
+
+
+def fingerprint_of(members: dict[str, Any]) -> str:
+    """Return a digest of the members of a request; equal requests have the same digest."""
+    return hashlib.sha256(json.dumps(members, sort_keys=True).encode()).hexdigest()
 
 
 def _ending(row: JobRow) -> Ending | None:

@@ -29,6 +29,7 @@ from pincette_supervisor.jobs.refusals import invalid_action
 from pincette_supervisor.jobs.run import Run
 from pincette_supervisor.jobs.series import SeriesRunner
 from pincette_supervisor.journal.store import ActionRow, JobRow, KeyTakenError, StoreError, utc_now
+from pincette_supervisor.journal.tables import Creation
 from pincette_supervisor.planning.job_plans import ResolvedRequest
 from pincette_supervisor.planning.prediction import Play, PredictionCache, played
 from pincette_supervisor.plugin import Planned
@@ -356,11 +357,12 @@ class JobManager:
         ``trace`` is the W3C trace context of the request. The returned flag is True if its key
         created the job earlier.
         """
-        fingerprint = fingerprint_of(request)
+        members = request.model_dump(mode="json", exclude_unset=True)
+        fingerprint = fingerprint_of({**members, "kind": request.kind})
         with self.turns.of(key):
             known = None if key is None else self.context.store.created(key)
             if known is not None:
-                return self.index.job(refusals.require_same(known, fingerprint)), True
+                return self._created(known, fingerprint), True
             proposes = request.approval_s is not None
             if not proposes:
                 self.claims.require(claim)
@@ -369,15 +371,23 @@ class JobManager:
                 raise refusals.caller_gone()
             if not proposes:
                 hand_over(self.context, self.active, planned)
-            admit = self._propose if proposes else self._admit
+            state: JobState = "proposed" if proposes else "queued"
+            row = new_row(resolved.kept, planned, self.name, by, trace, state)
             try:
                 with self._lock, self.turns.accepting(key):
-                    if not proposes:
+                    if proposes:
+                        self._propose(row, resolved, key, fingerprint)
+                    else:
                         self.claims.require(claim)
-                    name = admit(resolved, planned, by, key, fingerprint, trace)
+                        self._admit(row, resolved, planned, key, fingerprint)
             except KeyTakenError as error:
-                return self.index.job(refusals.require_same(error, fingerprint)), True
-        return self.index.job(name), False
+                return self._created(error, fingerprint), True
+        return self.index.job(row.id), False
+
+    def _created(self, known: Creation | KeyTakenError, fingerprint: str) -> Job:
+        """Return the job that a key has created; raises ProblemError if the request differs."""
+        refusals.require_same("job", known.job, known.fingerprint, fingerprint)
+        return self.index.job(known.job)
 
     def _prepared(
         self, request: JobRequest, *, predict: bool, starts: bool = True
@@ -397,21 +407,12 @@ class JobManager:
         return resolved, planned
 
     def _propose(
-        self,
-        resolved: ResolvedRequest,
-        planned: Planned,
-        by: str | None,
-        key: str | None = None,
-        fingerprint: str = "",
-        trace: str | None = None,
-    ) -> str:
-        """Store a job that waits for an approval; return its name. The caller holds the lock."""
+        self, row: JobRow, resolved: ResolvedRequest, key: str | None, fingerprint: str
+    ) -> None:
+        """Store a job that waits for an approval. The caller holds the lock."""
         self._require_open()
         self.proposals.require_room()
-        row = new_row(resolved.kept, planned, self.name, by, trace, "proposed")
-        row = self._stored(row, key, fingerprint)
-        self.proposals.add(row, resolved.kept)
-        return row.id
+        self.proposals.add(self._stored(row, key, fingerprint), resolved.kept)
 
     def _approve(self, entry: Entry, by: str) -> None:
         """Plan a proposed job again, and start or queue it; raises ProblemError if that fails."""
@@ -432,18 +433,15 @@ class JobManager:
 
     def _admit(
         self,
+        row: JobRow,
         resolved: ResolvedRequest,
         planned: Planned,
-        by: str | None,
-        key: str | None = None,
+        key: str | None,
         fingerprint: str = "",
-        trace: str | None = None,
-    ) -> str:
-        """Store a job and start or queue it; return its name. The caller holds the lock."""
+    ) -> None:
+        """Store a job, and start or queue it. The caller holds the lock."""
         waits = self._waits(resolved, planned)
-        row = self._stored(new_row(resolved.kept, planned, self.name, by, trace), key, fingerprint)
-        self._enter(row, resolved, planned, waits=waits)
-        return row.id
+        self._enter(self._stored(row, key, fingerprint), resolved, planned, waits=waits)
 
     def _require_open(self) -> None:
         if self._closing:
@@ -526,14 +524,16 @@ class JobManager:
             if live.status.stalled:
                 self.latch.reset(by)
             key = self.series.key_of_next(live.id)
-            name = self._admit(*self.feasible(request), by, key, trace=live.row.traceparent)
+            resolved, planned = self.feasible(request)
+            row = new_row(resolved.kept, planned, self.name, by, live.row.traceparent)
+            self._admit(row, resolved, planned, key)
         except ProblemError as error:
             self.queue.halt(f"job {live.id} failed: {live.status.cause}")
             live.append_cause(f"the job could not be started automatically: {error}")
             return
-        live.append_cause(f"as job {name}")
+        live.append_cause(f"as job {row.id}")
         if (end := live.status.ending) is not None:
-            end = end.model_copy(update={"next_job": name})
+            end = end.model_copy(update={"next_job": row.id})
             live.update(ending=end)
             live.store(ending=end.model_dump(mode="json"))
 

@@ -17,8 +17,7 @@ from pincette.core.messages import Applied, Estimate, Telemetry
 from pincette_supervisor.alarms import TripReason
 from pincette_supervisor.jobs.job import JobStatus, LiveJob, actions_of
 from pincette_supervisor.jobs.job_queue import Entry, JobQueue
-from pincette_supervisor.journal.store import JobRow, KeyTakenError, Store
-from pincette_supervisor.journal.tables import Creation
+from pincette_supervisor.journal.store import JobRow, Store
 from pincette_supervisor.plugin import Planned, kind_of
 from pincette_supervisor.problems import ProblemError, not_found
 from pincette_supervisor.rigs.rig_context import RigContext
@@ -405,17 +404,15 @@ def require_queued(entry: Entry | None, name: str) -> Entry:
     return entry
 
 
-def require_same(known: Creation | KeyTakenError, sent: str) -> str:
-    """Return the job that a key has created; raises ProblemError if the request differs."""
-    if known.fingerprint != sent:
-        raise key_reused("job", known.job)
-    return known.job
+def require_same(what: Literal["job", "series"], identity: str, known: str, sent: str) -> None:
+    """Raise ProblemError (422) if an ``Idempotency-Key`` is reused with another request.
 
-
-def key_reused(what: Literal["job", "series"], identity: str) -> ProblemError:
-    """Return a 422 problem because an ``Idempotency-Key`` was reused with another request."""
+    ``known`` and ``sent`` are the fingerprints of the first and of this request.
+    """
+    if sent == known:
+        return
     member: dict[str, Any] = {what: identity}
-    return ProblemError(
+    raise ProblemError(
         422,
         "idempotency-key-reused",
         "The Idempotency-Key was used for another request",

@@ -5,7 +5,6 @@ A series holds no state that a restart could lose: its requests are in the journ
 each job, stored together with the job, names the series and the number.
 """
 
-import hashlib
 import json
 import logging
 import secrets
@@ -14,7 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import TYPE_CHECKING, Any, cast
 
 from pincette.api.jobs import DESCRIPTION
@@ -35,6 +34,7 @@ from pincette.api.series import (
 from pincette.api.states import STATES, JobState
 from pincette_supervisor import problems
 from pincette_supervisor.jobs import refusals
+from pincette_supervisor.jobs.job_index import fingerprint_of, new_id
 from pincette_supervisor.jobs.series_jobs import request_of, requests_of
 from pincette_supervisor.journal.series import SeriesRepository, SeriesRow, SeriesRun, key_of
 from pincette_supervisor.journal.store import JobRow, StoreError, utc_now
@@ -108,15 +108,14 @@ class SeriesRunner:
         Raises ProblemError.
         """
         tree = request.model_dump(mode="json", exclude_unset=True)
-        digest = hashlib.sha256(json.dumps(tree, sort_keys=True).encode()).hexdigest()
+        digest = fingerprint_of(tree)
         if key is not None and (known := self.repository.created(key)) is not None:
             return self._same(known, digest)
         self._manager.claims.require(claim)
         self._require_none_running()
         jobs = self._planned(request)
-        stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
         row = SeriesRow(
-            id=f"{stamp}-{secrets.token_hex(2)}",
+            id=new_id(2),
             rig=self._manager.name,
             name=request.name,
             state="running",
@@ -141,8 +140,7 @@ class SeriesRunner:
         return self.view(row), False
 
     def _same(self, known: SeriesRow, digest: str) -> tuple[Series, bool]:
-        if known.fingerprint != digest:
-            raise refusals.key_reused("series", known.id)
+        refusals.require_same("series", known.id, known.fingerprint, digest)
         return self.view(known), True
 
     def _require_none_running(self) -> None:
