@@ -83,6 +83,31 @@ def test_a_step_in_a_hold_freezes_the_voltage(
     assert job.truths[max(job.truths)].arms[0].force_mN == 0.0
 
 
+@pytest.mark.parametrize(
+    "order",
+    [
+        ("sensor", "wrong", 2.0),
+        ("sensor", "wrong", -2.0),
+        ("part", "slip", 4.2),
+    ],
+)
+def test_the_uncertainty_covers_both_readings_from_a_step_to_the_end(
+    order: tuple[str, str, float],
+) -> None:
+    job = played(in_the_hold(*order), hold_s=3.0)
+    step = next(view for view in job.views if view.step_um is not None)
+    doubted = {seq: one.arms[0] for seq, one in job.estimates.items() if seq > step.seq + 2}
+    free = [seq for seq in doubted if job.truths[seq].arms[0].force_mN == 0.0]
+    assert len(free) > 20
+    for seq, one in doubted.items():
+        error_mN = abs(one.force_mN - job.truths[seq].arms[0].force_mN)
+        assert error_mN <= one.force_uncertainty_mN, f"{seq}: {error_mN} mN"
+        assert one.force_doubt_mN == pytest.approx(4.4, abs=0.6)
+        assert one.force_uncertainty_mN - one.force_doubt_mN < 1.0
+    before = [one.arms[0].force_doubt_mN for seq, one in job.estimates.items() if seq < step.seq]
+    assert max(before) == 0.0
+
+
 FAST: Tree = {
     "limits": {"slew_V_per_s": 60.0},
     "track": {"rate_um_per_s": 600.0, "acceleration_um_per_s2": 8000.0},

@@ -75,6 +75,7 @@ def applied_of(
         segment=None if command is None else command.segment,
         segment_tick=0 if command is None else command.segment_tick,
         slewing_s=None if command is None else state.slewing_s,
+        step_um=None if command is None else command.step_um,
     )
 
 

@@ -230,7 +230,8 @@ def _watch_frozen(program: Program, player: Player, estimate: ArmEstimate) -> Pl
     A sensor error is an unlikely cause: it would have to equal force times compliance.
     """
     guards = program.guards
-    least_mN = min(guards.contact_force_mN, FREE * estimate.force_uncertainty_mN)
+    own_mN = estimate.force_uncertainty_mN - estimate.force_doubt_mN
+    least_mN = min(guards.contact_force_mN, FREE * own_mN)
     if abs(estimate.force_mN) > least_mN:
         return with_watch(player, count=0) if player.watch.count else player
     if player.watch.count + 1 < guards.lost_samples:

@@ -23,6 +23,7 @@ from pincette_controller.config import ArmConfig
 from pincette_controller.control_laws import Wanted
 from pincette_controller.force_bounds import sure_force_mN
 from pincette_controller.player_state import Player
+from pincette_controller.slipping import undecided_um
 
 NUMBERS, ARM_NUMBERS = largest_floats(Telemetry), largest_floats(ArmTelemetry)
 """Numbers of telemetry, and of each arm in it, with the largest magnitude that a decoder
@@ -83,6 +84,7 @@ def command_of(
         sweep=segment.sweep if isinstance(segment, PlayedSweep) and not player.ended else None,
         segment=player.index if 0 <= player.index < len(program.segments) else None,
         segment_tick=player.ticks,
+        step_um=undecided_um(player),
     )
 
 

@@ -176,6 +176,16 @@ def _act(program: Program, player: Player, estimate: ArmEstimate, *, forwards: b
     return _back(program, replace(player, outcome=Outcome.SLIPPED), x_um)
 
 
+def undecided_um(player: Player) -> float | None:
+    """Return a confirmed step that the part or the sensor may have caused, in µm; None without one.
+
+    A load that continues takes its steps for slips, until the motion back.
+    """
+    seen = player.slip.confirmed
+    decided = not player.outcome and player.segment.phase not in UNWATCHED
+    return None if seen is None or decided else seen.step_um
+
+
 def within_plan(program: Program, player: Player, x_um: float) -> Player:
     """End a program whose references are about to leave the range of its plan.
 

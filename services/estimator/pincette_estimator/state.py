@@ -210,6 +210,9 @@ class ArmState(FrozenRecord, frozen=True):
     """Reason why the last zero was refused, or why it is no longer valid; None if neither."""
     pressing: Pressing = Pressing()
     """Evidence against the zero while a part is held."""
+    step_um: float = 0.0
+    """Step of the position since the zero that the part or the sensor may have caused, in µm; 0
+    without one."""
     zero_due_V: float | None = None
     """Voltage, in V, of a zero whose sample was not measured; None if no zero is due."""
     x_2_um: float = 0.0

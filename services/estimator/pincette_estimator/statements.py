@@ -20,9 +20,13 @@ def estimate(
 ) -> Estimate:
     """Return the force of an arm at the newest sample.
 
-    ``found_mN`` contains the force, its uncertainty and the perturbation.
+    ``found_mN`` contains the force, its uncertainty and the perturbation. After a step of the
+    position that the part or the sensor may have caused, the uncertainty also covers the force of
+    the other cause.
     """
     F_mN, u_F_mN, p_mN = found_mN
+    doubt_mN = abs(state.step_um) / config.compliance_um_per_mN
+    u_F_mN += doubt_mN
     x_um, output = position.arms[config.arm].x_um, applied.arms[config.arm]
     age_s = None if state.zero_s is None else position.seq * config.period_s - state.zero_s
     touch_x_um, touch_mN = touched(
@@ -47,6 +51,7 @@ def estimate(
         stroke_change=None if state.stroke is None else state.stroke.change,
         stroke_limit=None if state.stroke is None else state.stroke.limit,
         zero_unconfirmed=state.zero_unconfirmed,
+        force_doubt_mN=doubt_mN,
     )
     return Estimate(
         epoch=position.epoch,

@@ -124,6 +124,8 @@ def _estimated(
     state, F_mN, p_mN = _take_sample(config, state, position, applied)
     u_F_mN = force_uncertainty_mN(config, state, position.seq, F_mN)
     state = _check_zero(state, applied, F_mN, u_F_mN, first=first)
+    if applied.step_um is not None:
+        state = replace(state, step_um=applied.step_um)
     return state, estimate(config, state, position, applied, (F_mN, u_F_mN, p_mN))
 
 
@@ -312,6 +314,7 @@ def _zero(config: ArmConfig, state: ArmState, position: Position, applied: Appli
         contact_detector=state.contact_detector.restarted(x_um, nominal_um),
         reversal_memory=ReversalMemory(voltage_V),
         pressing=Pressing(),
+        step_um=0.0,
         zero_s=t_s,
         zero_kept=False,
         zeroed=True,
@@ -454,6 +457,7 @@ def _begun(config: ArmConfig, state: ArmState, request: Arm) -> ArmState:
         zero_s=-played_s if carried and state.zero_s is not None else None,
         zero_refusal=state.invalid_zero if carried else None,
         pressing=state.pressing if carried else Pressing(),
+        step_um=state.step_um if carried else 0.0,
         past=state.past,
         stroke=state.stroke if same else None,
     )

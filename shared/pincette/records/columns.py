@@ -80,6 +80,7 @@ COLUMNS = (
     _column(Position, "position_valid", "the reading is a measurement", "valid"),
     _column(Estimate, "force_mN", "estimated contact force"),
     _column(Estimate, "force_uncertainty_mN", "uncertainty of the force"),
+    _column(Estimate, "force_doubt_mN", "part of the uncertainty from a step of the position"),
     _column(Estimate, "perturbation_mN", "estimated perturbation"),
     _column(Estimate, "zero_age_s", "time since the force was zeroed"),
     _column(Estimate, "stroke_change", "change of the stroke since its calibration"),

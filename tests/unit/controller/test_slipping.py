@@ -11,7 +11,7 @@ from pincette.control.planning.program import Program
 from pincette.core.messages.arms import ArmEstimate
 from pincette_controller.actions import release
 from pincette_controller.player import advance
-from pincette_controller.slipping import admissible
+from pincette_controller.slipping import admissible, undecided_um
 
 from .ideal_arm import K_E, PROGRAM, Arm, T, line_of
 from .test_quick_grip import QUICK
@@ -109,6 +109,7 @@ def test_a_load_continues_after_a_slip_as_often_as_permitted() -> None:
         for _ in range(2):
             arm.tick()
         assert arm.player.slip.slips == slips
+        assert undecided_um(arm.player) is None
         assert arm.player.segment.phase == "load"
         assert arm.player.line.count == 0
         for _ in range(10):
@@ -152,9 +153,11 @@ def test_a_step_in_a_hold_freezes_the_voltage_from_its_first_sample(
     assert seen.step_um == pytest.approx(jump_um, abs=0.1)
     assert seen.force_mN == pytest.approx(20.0, abs=0.4)
     assert seen.after_mN == pytest.approx(20.0 - jump_um / S_P, abs=0.4)
+    assert undecided_um(arm.player) == seen.step_um
     arm.player = release(program, arm.player)
     arm.until()
     assert arm.player.outcome == outcome
+    assert undecided_um(arm.player) == seen.step_um
 
 
 def test_a_single_outlier_changes_nothing() -> None:

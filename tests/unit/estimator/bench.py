@@ -64,6 +64,7 @@ class Bench:
         held: bool = False,
         answered: bool = True,
         state: Mode = Mode.ARMED,
+        step_um: float | None = None,
     ) -> Estimate:
         applied = None
         if voltage_V is not None:
@@ -76,6 +77,7 @@ class Bench:
                 part_held=held,
                 answered=answered,
                 state=state,
+                step_um=step_um,
             )
         position = with_arm(POSITION, epoch=self.epoch, seq=self.seq, x_um=x_um)
         self.state, outputs = step(self.config, self.state, Inputs(position, applied), 0.0)

@@ -155,10 +155,11 @@ def _of_arm(
 
 def _is_pulled(table: Columns, let_go: Mask) -> bool:
     """Return whether a pull beyond its uncertainty remains, as when a part is dragged along."""
-    names = ("force_mN", "force_uncertainty_mN", "zero_age_s")
+    names = ("force_mN", "force_uncertainty_mN", "force_doubt_mN", "zero_age_s")
     rows = np.array([series(table, name)[let_go] for name in names]).T
     last = rows[~np.isnan(rows).any(axis=1)][-SMOOTHED:]
-    return bool(len(last)) and bool(last[:, :2].sum(axis=1).mean() < 0.0)
+    own_mN = last[:, 1] - last[:, 2]
+    return bool(len(last)) and bool((last[:, 0] + own_mN).mean() < 0.0)
 
 
 def _last_stretch(

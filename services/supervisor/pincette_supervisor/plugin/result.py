@@ -398,11 +398,11 @@ def with_ring(found: PositionStep, table: Columns, rig: RigFile) -> PositionStep
 def _source(table: Columns, step_um: float, lost_mN: float) -> StepCause:
     if Outcome.SENSOR_JUMP in table["outcome"] or step_um < 0.0:
         return "sensor"
+    names = ("phase", "held", "force_mN", "force_uncertainty_mN", "force_doubt_mN")
     returned = [
-        (force_mN, uncertainty_mN)
-        for phase, held, force_mN, uncertainty_mN in zip(
-            *(table[name] for name in ("phase", "held", "force_mN", "force_uncertainty_mN")),
-            strict=True,
+        (force_mN, uncertainty_mN - doubt_mN)
+        for phase, held, force_mN, uncertainty_mN, doubt_mN in zip(
+            *(table[name] for name in names), strict=True
         )
         if phase == Phase.RETREAT and not held and None not in (force_mN, uncertainty_mN)
     ][-RETURN_SAMPLES:]

@@ -37,7 +37,9 @@ def zero_return_of(table: Columns, rig: RigFile) -> ZeroReturn | None:
     if here is None:
         return None
     read_mN = force_mN[back][here]
-    stated_mN = series(table, "force_uncertainty_mN")[back][here]
+    # The return shows whether a step was a slip or a jump of the sensor, so that doubt is left out.
+    own_mN = series(table, "force_uncertainty_mN") - series(table, "force_doubt_mN")
+    stated_mN = own_mN[back][here]
     uncertainty_mN = float(np.nanmean(stated_mN))
     free = rig.model.free_response
     if free is not None:

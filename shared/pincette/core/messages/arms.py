@@ -51,6 +51,9 @@ class ArmEstimate(FrozenRecord, frozen=True):
     its force. This is so if the estimator knows no zero from before its start, no person has
     confirmed that the arm was free, and no part has been found at its planned place since.
     """
+    force_doubt_mN: Millinewton = 0.0
+    """Part of ``force_uncertainty_mN`` from a step of the position since the zero: the force that
+    the step takes off the estimate if the sensor has jumped. 0 without such a step."""
 
 
 class ArmCommand(FrozenRecord, frozen=True):

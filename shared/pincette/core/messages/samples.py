@@ -104,12 +104,16 @@ class Command(FrozenRecord, frozen=True):
     """Number of the program segment to which the voltage belongs; None if it belongs to none."""
     segment_tick: Whole = 0
     """Number of ticks since the beginning of the segment."""
+    step_um: Micrometre | None = None
+    """Step of the position that the part or the sensor may have caused; None if there was none, or
+    while a load continues after it as after a slip.
+    """
 
 
 class Applied(FrozenRecord, frozen=True):
     """Output of the actuator in tick ``seq``.
 
-    ``part_held, zero, final, segment, segment_tick`` are copied from the command.
+    ``part_held, zero, final, segment, segment_tick, step_um`` are copied from the command.
     """
 
     epoch: Epoch
@@ -138,6 +142,7 @@ class Applied(FrozenRecord, frozen=True):
     unconfirmed: bool = False
     """True if the output of an arm has not confirmed its ``voltage_V``, so that the actual voltage
     is unknown."""
+    step_um: Micrometre | None = None
 
     def confirmed_V(self, arm: int = 0) -> float | None:
         """Return the voltage that the output of an arm has confirmed.
