@@ -9,9 +9,13 @@ from typing import Any
 import pytest
 
 from pincette.bus.protocol import BusError
+from pincette.config import RigFile
+from pincette.control.planning.recorded_motion import RecordedMotion
 from pincette.core.messages import Finish
 from pincette.records import folder
+from pincette_supervisor.jobs import planner
 from pincette_supervisor.jobs.job_recorder import JobRecorder
+from pincette_supervisor.journal.store import Store
 from pincette_supervisor.planning.recorded_jobs import recorded_motion
 from pincette_supervisor.plugin import FaultyRequestError
 from pincette_supervisor.plugin.drawing import Picture
@@ -218,21 +222,27 @@ def test_a_job_that_ends_during_a_request_is_not_reported_as_recorded(
     gate.set()
 
 
-def test_a_job_that_repeats_a_motion_waits_for_its_record(
-    harness: Harness, gate: threading.Event
+def test_a_residual_requested_straight_after_its_job_waits_for_the_samples(
+    harness: Harness, gate: threading.Event, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    readable: list[bool] = []
+
+    def read(store: Store, records: Path, rig: RigFile, name: str) -> RecordedMotion:
+        readable.append((records / name / folder.SAMPLES).exists())
+        return recorded_motion(store, records, rig, name)
+
+    monkeypatch.setattr(planner, "recorded_motion", read)
     job = over(harness)
     body = {"kind": "calibrate", "calibration": "residual", "of_job": job, "dry_run": True}
-    answers: list[int] = []
-    asking = threading.Thread(
-        target=lambda: answers.append(harness.post("/jobs", body).status_code)
-    )
+    asking = threading.Thread(target=lambda: harness.post("/jobs", body))
     asking.start()
     asking.join(0.3)
     assert asking.is_alive()
+    assert readable == []
     gate.set()
     asking.join(60.0)
-    assert answers
+    assert readable
+    assert all(readable)
 
 
 def test_the_newest_motion_is_found_behind_any_number_of_other_jobs(
