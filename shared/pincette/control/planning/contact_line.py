@@ -36,7 +36,8 @@ class ContactFit(NamedTuple):
     x_e_error_um: float
     K_e_error_mN_per_um: float
     scatter_mN: float
-    """Standard deviation of F from the line, in mN."""
+    """Standard deviation of F from the line, divided by the square root of the number of samples,
+    in mN."""
 
 
 class ContactLine(FrozenRecord, frozen=True):

@@ -35,7 +35,9 @@ LEAST_COUNT = 3
 stiffness is accepted, if there is no fit within the permitted range."""
 STRAIGHT_SIGMAS, STRAIGHT_UM = 1.4, 0.05
 """Largest scatter about a contact line that counts as straight: a multiple of the sensor's noise,
-plus an error of the free response in µm."""
+plus an error of the free response in µm. Applied to the standard deviation itself, these limits
+would refuse 1.8 % of 6000 fits to three samples of a straight line at a noise of 0.05 µm, and 8.3 %
+at 0.15 µm; applied to ``ContactFit.scatter_mN`` they refuse 0.3 % at most."""
 fit_line, spread_um = ContactLine.fit, ContactLine.spread_um
 
 
