@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from pincette.client import Supervisor
 from tests.support.grips import make_ready
 from tests.support.running import RunningRig
 
@@ -40,4 +41,9 @@ def test_the_command_measures_and_saves_a_data_sheet(lockstep: RunningRig, tmp_p
         "free_stroke",
         "force_noise_all",
     }
-    assert (tmp_path / "sheet/datasheet.pdf").read_bytes().startswith(b"%PDF")
+    printed = (tmp_path / "sheet/datasheet.pdf").read_bytes()
+    assert printed.startswith(b"%PDF")
+    with Supervisor(url) as supervisor:
+        handle = supervisor.job(job["id"])
+        assert (handle.job.result or {})["values"] == result["values"]
+        assert handle.download("datasheet.pdf", tmp_path).read_bytes() == printed

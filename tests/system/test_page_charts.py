@@ -1,20 +1,17 @@
 """The charts of the page: errors with the tolerance, hours of the records, a camera beside them."""
 
 import re
-import threading
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from io import BytesIO
+from collections.abc import Callable
+from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from typing import Any, Literal
 
 import httpx
 import pytest
-from matplotlib.figure import Figure
 from playwright.sync_api import Browser, Route, ViewportSize
 
 from tests.support.browser import DESK, Visit, visit
+from tests.support.cameras import camera, mjpeg, painted
 from tests.support.rigs import demo_rig
 from tests.support.served import served
 from tests.support.two_arms import two_arm_rig
@@ -41,46 +38,6 @@ OVERLAPS = """() => {
   }
   return found;
 }"""
-
-
-@contextmanager
-def camera() -> Generator[tuple[str, list[str]]]:
-    """Serve two pictures as MJPEG; yields the address, and the paths that were requested."""
-    requests: list[str] = []
-
-    class Pictures(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            requests.append(self.path)
-            self.send_response(200)
-            self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=frame")
-            self.end_headers()
-            for colour in ("red", "green"):
-                picture = painted(colour)
-                head = (
-                    f"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {len(picture)}\r\n\r\n"
-                )
-                self.wfile.write(head.encode() + picture + b"\r\n")
-            self.wfile.write(b"--frame--\r\n")
-
-        def log_request(self, code: object = "-", size: object = "-") -> None:
-            """Do nothing."""
-
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Pictures)
-    thread = threading.Thread(target=server.serve_forever)
-    thread.start()
-    try:
-        yield f"http://127.0.0.1:{server.server_port}/stream", requests
-    finally:
-        server.shutdown()
-        server.server_close()
-        thread.join()
-
-
-def painted(colour: str) -> bytes:
-    figure: Any = Figure(figsize=(3.2, 2.4), dpi=100, facecolor=colour)
-    stream = BytesIO()
-    figure.savefig(stream, format="jpg")
-    return stream.getvalue()
 
 
 def strips(seen: Visit) -> list[str]:
@@ -438,7 +395,14 @@ def test_long_plots_are_drawn_from_the_records(browser: Browser, desk: Harness) 
 
 def test_a_camera_picture_is_shown_next_to_the_charts(browser: Browser, tmp_path: Path) -> None:
     context = browser.new_context()
-    with camera() as (stream, requested):
+    requested: list[str] = []
+    send = mjpeg(painted("red"), painted("green"))
+
+    def noted(handler: BaseHTTPRequestHandler) -> None:
+        requested.append(handler.path)
+        send(handler)
+
+    with camera(noted) as stream:
         desk = Harness(demo_rig({"supervisor": {"camera": stream}}, time="lockstep"), tmp_path)
         with served(desk.app) as address:
             seen = visit(context, address)

@@ -1,4 +1,4 @@
-"""A series at a rig of real processes: by the command line, through a killed supervisor."""
+"""A series at a rig of real processes: by command line and REST, through a killed supervisor."""
 
 import subprocess
 import sys
@@ -56,3 +56,10 @@ def test_a_series_continues_with_the_next_supervisor(lockstep: RunningRig, tmp_p
     subprocess.run(saved, check=True, timeout=LONG_S)
     assert table.read_bytes().startswith(b"PAR1")
     assert "within U" in report.read_text(encoding="utf-8")
+
+    body = {"rig": "demo", "job": {"kind": "grip"}, "grid": {"force_mN": [8.0]}}
+    posted = rig.post("/series", body).raise_for_status().json()
+    with Supervisor(url) as supervisor:
+        assert supervisor.find_series(posted["id"]).wait(LONG_S).state == "completed"
+    found = rig.get(f"/series/{posted['id']}")
+    assert [one["state"] for one in found["jobs"]] == ["succeeded"]

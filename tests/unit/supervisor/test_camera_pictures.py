@@ -2,9 +2,7 @@
 
 import json
 import threading
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from typing import Any
 
@@ -12,35 +10,12 @@ import pytest
 
 from pincette.config import RigFile
 from pincette_supervisor.results.camera import CameraError, fetch, first_part
+from tests.support.cameras import Sender, camera
 
 from .harness import Harness
 
 PICTURE = b"\xff\xd8\xff\xe1 thumbnail \xff\xd9 picture \xff\xd9"
 MOMENTS = ("contact", "hold", "end")
-Sender = Callable[[BaseHTTPRequestHandler], None]
-
-
-@contextmanager
-def camera(send: Sender) -> Generator[str]:
-    """Serve what ``send`` writes; yields the address."""
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            send(self)
-
-        def log_request(self, code: object = "-", size: object = "-") -> None:
-            """Do nothing."""
-
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    server.daemon_threads = True
-    thread = threading.Thread(target=server.serve_forever)
-    thread.start()
-    try:
-        yield f"http://127.0.0.1:{server.server_port}/stream"
-    finally:
-        server.shutdown()
-        thread.join()
-        server.server_close()
 
 
 def stream(handler: BaseHTTPRequestHandler) -> None:

@@ -191,6 +191,8 @@ export class Jobs {
       label ? h("p", { class: "sum" }, `${label} ${main}`) : null,
       h("p", { class: "muted", id: "job-times" }, timesOf(job)),
       job.by ? h("p", { class: "muted" }, `Requested by ${job.by}`) : null,
+      job.traceparent ? h("p", { class: "muted", id: "job-trace" },
+        `Trace ${job.traceparent.split("-")[1]}`) : null,
       job.cause ? h("p", { class: "cause" }, job.cause) : null,
       job.record_detail ? h("p", { class: "cause" }, `Record: ${job.record_detail}`) : null,
       h("p", { class: "buttons" }, h("button", { type: "button", id: "job-again", "data-needs": "operate",
@@ -199,7 +201,7 @@ export class Jobs {
         onclick: () => this.comparison.show([job]) }, "Show in the charts")),
       ...pictures.map((file) => h("a", { href: place(file), target: "_blank", rel: "noopener" },
         h("img", { src: place(file), class: "picture", loading: "lazy",
-          alt: `${plain(job.kind)}: position, force and voltage over time` }))),
+          alt: shows(job, file.name) }))),
       facts.length ? h("dl", { class: "figures-list" }, ...facts) : null,
       assumed.length ? h("p", { class: "muted small assumed" },
         `Assumed, since not calibrated: ${assumed.join(", ")}`) : null,
@@ -222,6 +224,12 @@ export class Jobs {
 function select(id, name, options, onchange) {
   return h("select", { id, "aria-label": name, onchange },
     ...options.map(([value, label]) => h("option", { value }, label)));
+}
+
+/** What a picture of a record shows. */
+function shows(job, name) {
+  const moment = /^camera-(\w+)\.jpg$/.exec(name);
+  return moment ? `Camera at ${moment[1]}` : `${plain(job.kind)}: position, force and voltage over time`;
 }
 
 /** Time at which a job began to move, or at which it was requested while it waits. */
