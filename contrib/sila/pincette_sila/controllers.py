@@ -18,9 +18,8 @@ from pincette_sila.features import (
     feature,
 )
 from pincette_sila.gripper import Gripper
-from pincette_sila.recovery import ErrorRecovery
 
-UNPAUSED = ("Release",)
+UNPAUSED = ("Release", "GripSeries")
 """Commands that cannot be paused."""
 
 
@@ -33,11 +32,9 @@ class Cancelling(FeatureImplementationBase):
         gripper: Gripper,
         callers: Callers,
         background: Background,
-        recovery: ErrorRecovery,
     ) -> None:
         super().__init__(parent_server)
         self._gripper, self._callers, self._background = gripper, callers, background
-        self._recovery = recovery
 
     def CancelCommand(self, CommandExecutionUUID: str, *, metadata: MetadataDict) -> tuple[()]:
         """Stop the motion of a command, also while its job is being planned."""
@@ -58,14 +55,13 @@ class Cancelling(FeatureImplementationBase):
 
     def _cancel(self, execution: UUID, metadata: MetadataDict) -> None:
         async def stop() -> None:
-            if self._recovery.cancel(execution):
-                return
+            self._gripper.cancelled.add(execution)
             job = self._gripper.jobs.get(execution)
-            key = self._gripper.keys.get(execution, str(execution))
             rig = self._gripper.rigs.get(execution) or self._callers.rig(metadata)
-            # Stop it by its key first: this also stops a request that has no job yet.
-            if await rig.stop(key) is None and job is not None:
+            if job is not None:
                 await job.stop()
+            else:
+                await rig.stop(str(execution))  # also stops a request that has no job yet
 
         try:
             self._background.call(stop())

@@ -40,18 +40,14 @@ NAMES: Mapping[type[ClientError], str] = {
 job that ended unexpectedly has the identifier of its ending.
 """
 UNCONFIRMED = "estop-unconfirmed"
-RECOVERABLE = ("no_contact", "slipped")
-"""Outcomes after which the arm is back in its start position, and no part is held."""
 
 
 class CommandError(Exception):
     """Command that failed, with the identifier of its error."""
 
-    def __init__(self, identifier: str, text: str, *, recoverable: bool = False) -> None:
+    def __init__(self, identifier: str, text: str) -> None:
         super().__init__(text)
         self.identifier = identifier
-        self.recoverable = recoverable
-        """True if the same motion may be started again, for example if no part was found."""
 
 
 def command_error(error: ClientError) -> CommandError:
@@ -77,5 +73,4 @@ def _ended(error: JobEndedError) -> CommandError:
         return CommandError("RigLatched", str(error))
     if error.cancelled:
         return CommandError("Cancelled", str(error))
-    recoverable = error.outcome in RECOVERABLE
-    return CommandError("JobFailed", str(error), recoverable=recoverable)
+    return CommandError("JobFailed", str(error))

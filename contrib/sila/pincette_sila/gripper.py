@@ -4,29 +4,39 @@ import asyncio
 import logging
 from collections.abc import Callable, Coroutine, Generator
 from contextlib import contextmanager, suppress
+from functools import partial
 from queue import Queue
 from typing import Any, TypeVar
-from uuid import UUID, uuid4
+from uuid import UUID
 
 from sila2.framework import Command
 from sila2.server import FeatureImplementationBase, MetadataDict, SilaServer
 from sila2.server.observables.observable_command_manager import ObservableCommandManager
 
-from pincette.client import AsyncJobHandle, AsyncRigHandle, ClientError, RigWatch
+from pincette.api.series import SERIES_LABEL
+from pincette.client import (
+    AsyncJobHandle,
+    AsyncRigHandle,
+    AsyncSeriesHandle,
+    ClientError,
+    JobWaitsError,
+    RigWatch,
+)
 from pincette.client.status import NEWS_S, RigStatus, unknown_status
 from pincette_sila import motion
 from pincette_sila.background import Background
 from pincette_sila.callers import Callers
-from pincette_sila.errors import CommandError, command_error, defined
+from pincette_sila.errors import CommandError, defined
 from pincette_sila.features import MICROGRIPPER, command, feature
 from pincette_sila.motion import Execution, Sample, known
 from pincette_sila.recovery import ErrorRecovery
+from pincette_sila.series import followed
 
 log = logging.getLogger("pincette.sila")
 T = TypeVar("T")
 KEPT = 100
 """Number of commands per name whose responses stay available after their end."""
-MOVING = ("Grip", "Hold", "Release", "Track", "Calibrate")
+MOVING = ("Grip", "Hold", "Release", "Track", "Calibrate", "GripSeries")
 Responses = tuple[Any, ...] | str
 """Responses of a command; a single value is not wrapped."""
 
@@ -58,12 +68,14 @@ class Gripper(FeatureImplementationBase):
         self._Reasons_producer_queue: Queue[list[str]] = Queue()
         self._Part_producer_queue: Queue[str] = Queue()
         self._ContactForce_producer_queue: Queue[Sample] = Queue()
-        self.jobs: dict[UUID, AsyncJobHandle] = {}
-        """Jobs of the running commands."""
+        self.jobs: dict[UUID, AsyncJobHandle | AsyncSeriesHandle] = {}
+        """Jobs and series of the running commands."""
         self.rigs: dict[UUID, AsyncRigHandle] = {}
         """Rigs with the permissions of the callers of the running commands; a cancel uses them."""
-        self.keys: dict[UUID, str] = {}
-        """Idempotency keys of the running commands that have repeated a job."""
+        self.cancelled: set[UUID] = set()
+        """Running commands that a client has cancelled."""
+        self._traceparent: str | None = None
+        """W3C trace context of the motions that begin; None without one."""
 
     def publish(self) -> None:
         """Publish the state of the rig if it has changed. Call it in the client's loop.
@@ -130,6 +142,11 @@ class Gripper(FeatureImplementationBase):
             raise defined(feature(MICROGRIPPER), error)
         return stopped.cause
 
+    def SetTraceContext(self, Traceparent: str, *, metadata: MetadataDict) -> tuple[()]:
+        """Set the W3C trace context of all motions that begin from now on; empty: none."""
+        self._traceparent = Traceparent or None
+        return ()
+
     def Grip(
         self,
         Force: float,
@@ -145,11 +162,13 @@ class Gripper(FeatureImplementationBase):
         """
         wanted = motion.grip_fields(Force, HoldTime, Recipe)
         if Recipe or Force == motion.DEFAULT:
-            return self._begin("Grip", instance, metadata, "grip", **wanted)
+            waits = self._recovery.request
+            return self._begin("Grip", instance, metadata, "grip", **wanted, **waits)
         instance.begin_execution()
         execution = instance.execution_uuid
         rig = self.rigs[execution] = self._callers.rig(metadata)
-        job, kept = self._call(motion.reach(rig, execution, Force, HoldTime or None))
+        more = {"traceparent": self._traceparent, **self._recovery.request}
+        job, kept = self._call(motion.reach(rig, execution, Force, HoldTime or None, **more))
         if kept is not None:
             return job.id, "held", kept.force_mN or 0.0, known(kept.force_uncertainty_mN)
         return self.resume("Grip", instance, job, execution, rig)
@@ -163,7 +182,8 @@ class Gripper(FeatureImplementationBase):
         execution = instance.execution_uuid
         rig = self.rigs[execution] = self._callers.rig(metadata)
         instance.begin_execution()
-        job = self._call(rig.let_go(str(execution), labels=motion.labels("Release", execution)))
+        more = {"labels": motion.labels("Release", execution), "traceparent": self._traceparent}
+        job = self._call(rig.let_go(str(execution), **more))
         with self._noted(execution, job):
             return self._call(_released(job, instance))
 
@@ -193,6 +213,7 @@ class Gripper(FeatureImplementationBase):
                 cycles=Cycles,
                 recipe=Recipe,
             ),
+            **self._recovery.request,
         )
 
     def Calibrate(
@@ -201,6 +222,36 @@ class Gripper(FeatureImplementationBase):
         """Run a calibration."""
         wanted = {"calibration": Calibration}
         return self._begin("Calibrate", instance, metadata, "calibrate", **wanted)
+
+    def GripSeries(
+        self,
+        Forces: list[float],
+        HoldTime: float,
+        Pause: float,
+        Recipe: str,
+        *,
+        metadata: MetadataDict,
+        instance: Any,
+    ) -> Responses:
+        """Grip one part after another, each with its force."""
+        instance.begin_execution()
+        execution = instance.execution_uuid
+        rig = self.rigs[execution] = self._callers.rig(metadata)
+        grip = {
+            "kind": "grip",
+            "hold_s": HoldTime,
+            "labels": motion.labels("GripSeries", execution),
+            **motion.given(recipe=Recipe),
+            **self._recovery.request,
+        }
+        made = rig.start_series(
+            job=grip,
+            grid={"force_mN": Forces},
+            pause_s=Pause,
+            idempotency_key=str(execution),
+            traceparent=self._traceparent,
+        )
+        return self.resume("GripSeries", instance, self._call(made), execution, rig)
 
     def managers(self) -> dict[str, dict[UUID, ObservableCommandManager]]:
         """Return the commands by name and execution UUID, including those that have ended."""
@@ -219,24 +270,29 @@ class Gripper(FeatureImplementationBase):
         self,
         command: str,
         instance: Execution,
-        job: AsyncJobHandle,
+        job: AsyncJobHandle | AsyncSeriesHandle,
         execution: UUID,
         rig: AsyncRigHandle | None = None,
     ) -> Responses:
-        """Follow the job of a command and return the responses; the client may request a retry."""
+        """Follow the job of a command, and the jobs that repeat it; return the responses."""
         rig = rig or self._callers.rig()
 
         async def follow() -> Responses:
             current = job
+            if command == "GripSeries" and isinstance(current, AsyncJobHandle):
+                name = current.job.labels[SERIES_LABEL]
+                current = self.jobs[execution] = await self._callers.supervisor.find_series(name)
             while True:
                 try:
+                    if isinstance(current, AsyncSeriesHandle):
+                        was_cancelled = partial(self.cancelled.__contains__, execution)
+                        return await followed(current, instance, self._callers, was_cancelled)
                     return await FOLLOWERS[command](current, instance)
-                except ClientError as raised:
-                    error = command_error(raised)
-                    if not await self._recovery.wants_retry(execution, command, error):
-                        raise
-                key = self.keys[execution] = str(uuid4())
-                current = self.jobs[execution] = await motion.again(rig, current, key)
+                except JobWaitsError as waits:
+                    one = await rig.job(waits.job.id)
+                    again = await self._recovery.decided(execution, command, one, str(waits))
+                if again and isinstance(current, AsyncJobHandle):
+                    current = self.jobs[execution] = await rig.job(again)
 
         with self._noted(execution, job):
             return self._call(follow())
@@ -251,11 +307,12 @@ class Gripper(FeatureImplementationBase):
     ) -> Responses:
         instance.begin_execution()
         rig = self.rigs[instance.execution_uuid] = self._callers.rig(metadata)
+        fields["traceparent"] = self._traceparent
         job = self._call(motion.start(rig, command, instance.execution_uuid, kind, **fields))
         return self.resume(command, instance, job, instance.execution_uuid, rig)
 
     @contextmanager
-    def _noted(self, execution: UUID, job: AsyncJobHandle) -> Generator[None]:
+    def _noted(self, execution: UUID, job: AsyncJobHandle | AsyncSeriesHandle) -> Generator[None]:
         self.jobs[execution] = job
         try:
             yield
@@ -265,7 +322,7 @@ class Gripper(FeatureImplementationBase):
             with suppress(CommandError):  # the server ends
                 self._background.call(self._refresh())
             del self.jobs[execution]
-            self.keys.pop(execution, None)
+            self.cancelled.discard(execution)
             self.rigs.pop(execution, None)
             for one in set(self.rigs) - set(self.running()):  # commands without a job
                 del self.rigs[one]

@@ -63,7 +63,7 @@ async def start(
 
 
 async def reach(
-    rig: AsyncRigHandle, execution: UUID, force_mN: float, hold_s: float | None
+    rig: AsyncRigHandle, execution: UUID, force_mN: float, hold_s: float | None, **fields: Any
 ) -> tuple[AsyncJobHandle, Progress | None]:
     """Start the job that brings the part to a force, once per command.
 
@@ -71,14 +71,8 @@ async def reach(
     """
     key, named = str(execution), labels("Grip", execution)
     return await rig.reach(
-        force_mN, own=(LABEL, None), hold_s=hold_s, idempotency_key=key, labels=named
+        force_mN, own=(LABEL, None), hold_s=hold_s, idempotency_key=key, labels=named, **fields
     )
-
-
-async def again(rig: AsyncRigHandle, job: AsyncJobHandle, key: str) -> AsyncJobHandle:
-    """Start the same job again as the next attempt of the command."""
-    asked: dict[str, Any] = {**job.job.request, "kind": job.job.kind}
-    return await rig.start(asked.pop("kind"), idempotency_key=key, **asked)
 
 
 async def follow(moments: AsyncGenerator[Progress], execution: Execution) -> Progress | None:

@@ -59,7 +59,7 @@ def run(context: Context) -> None:
         server_vendor_url=VENDOR,
         server_uuid=identity(context.data / f"{IDENTITY}-{rig}"),
     )
-    recovery = ErrorRecovery(server, background)
+    recovery = ErrorRecovery(server, callers, background)
     gripper = Gripper(server, rig, callers, background, recovery)
     pausing = Pausing(server, gripper, callers, background)
     moving = [
@@ -69,7 +69,7 @@ def run(context: Context) -> None:
     ]
     features: list[tuple[Feature, FeatureImplementationBase]] = [
         (feature(MICROGRIPPER), gripper),
-        (feature(CANCEL_CONTROLLER), Cancelling(server, gripper, callers, background, recovery)),
+        (feature(CANCEL_CONTROLLER), Cancelling(server, gripper, callers, background)),
         (feature(PAUSE_CONTROLLER), pausing),
         (feature(ERROR_RECOVERY), recovery),
         (

@@ -15,7 +15,7 @@ from pincette.client import AsyncJobHandle, ClientError
 from pincette_sila.callers import Callers
 from pincette_sila.controllers import Pausing
 from pincette_sila.features import command
-from pincette_sila.gripper import FOLLOWERS, Gripper
+from pincette_sila.gripper import MOVING, Gripper
 from pincette_sila.motion import LABEL, Sample, known
 from pincette_sila.second_arm import SecondArm
 
@@ -93,7 +93,7 @@ async def resume(server: SilaServer, gripper: Gripper, callers: Callers) -> None
         except ValueError:
             continue
     for execution, (name, job) in reversed(found.items()):
-        if name in FOLLOWERS and execution not in gripper.managers()[name]:
+        if name in MOVING and execution not in gripper.managers()[name]:
             _resume(server, gripper, name, execution, job)
 
 

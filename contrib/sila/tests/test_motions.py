@@ -170,6 +170,74 @@ def test_a_grip_without_contact_is_retried_or_given_up(rig: RunningRig, client: 
     responses(client.Microgripper.Release())
 
 
+def test_a_retry_at_another_place_is_one_of_the_offered_options(
+    rig: RunningRig, client: Any
+) -> None:
+    misses = Misses(rig, client)
+    misses.recovery.SetErrorHandlingTimeout(60)
+    assert pincette("rig", "part", "remove", "--rig", rig.path).returncode == 0
+    try:
+        grip, one = misses.missed()
+        offered = {option.Identifier: option for option in one.ContinuationOptions}
+        assert list(offered) == ["Retry", "RetryAt", "GiveUp"]
+        execution, kind = one.CommandExecutionUUID, offered["RetryAt"].RequiredInputData
+        with pytest.raises(DefinedExecutionError):
+            misses.recovery.ExecuteContinuationOption(execution, "RetryAt", NOTHING)
+    finally:
+        assert pincette("rig", "part", "place", "--rig", rig.path).returncode == 0
+    place = SilaAnyType(kind, (rig.rig.part.contact_um, 1.0))
+    misses.recovery.ExecuteContinuationOption(execution, "RetryAt", place)
+    held = responses(grip)
+    assert held.Outcome == "held"
+    assert rig.job(held.Job)["request"]["place"]["x_um"] == rig.rig.part.contact_um
+    responses(client.Microgripper.Release())
+
+
+TRACE = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01"
+
+
+def test_a_series_is_followed_through_a_decision_to_its_end(rig: RunningRig, client: Any) -> None:
+    misses = Misses(rig, client)
+    misses.recovery.SetErrorHandlingTimeout(60)
+    misses.gripper.SetTraceContext(TRACE)
+    assert pincette("rig", "part", "remove", "--rig", rig.path).returncode == 0
+    try:
+        series = misses.gripper.GripSeries([6.0, 8.0], 0.3, 0.0, "")
+        until(lambda: misses.recovery.RecoverableErrors.get() or series.done, "no error waits")
+    finally:
+        assert pincette("rig", "part", "place", "--rig", rig.path).returncode == 0
+    execution = str(series.execution_uuid)
+    misses.recovery.ExecuteContinuationOption(execution, "Retry", NOTHING)
+    seen = [(one.Ended, one.Failed) for one in series.subscribe_to_intermediate_responses()]
+    done = responses(series)
+    assert (done.Ended, done.Failed) == (2, 0)
+    assert seen == sorted(seen)
+    assert seen[-1] == (2, 0)
+    found = rig.get(f"/series/{done.Series}")
+    assert (found["state"], found["traceparent"]) == ("completed", TRACE)
+    jobs = [rig.job(one["job"]) for one in found["jobs"]]
+    assert [job["values"]["force_mN"] for job in jobs] == [6.0, 8.0]
+    assert {job["traceparent"] for job in jobs} == {TRACE}
+    misses.gripper.SetTraceContext("")
+    assert rig.job(responses(misses.gripper.Grip(FORCE_MN, 0.3, "")).Job)["traceparent"] is None
+
+
+def test_a_cancelled_series_stops_and_one_that_breaks_a_limit_is_refused(
+    rig: RunningRig, client: Any
+) -> None:
+    series = client.Microgripper.GripSeries([FORCE_MN] * 3, 30.0, 0.0, "")
+    until(lambda: rig.view()["active_job"], "no job")
+    rig.until_phase(rig.view()["active_job"], "hold")
+    client.CancelController.CancelCommand(str(series.execution_uuid))
+    assert refusal(series).identifier == "Cancelled"
+    (newest,) = rig.get("/series", limit=1)["series"]
+    assert newest["state"] == "stopped"
+    until(lambda: rig.job(newest["job"])["state"] == "stopped", "its job runs")
+    responses(client.Microgripper.Release())
+    error = refusal(client.Microgripper.GripSeries([500.0], 1.0, 0.0, ""))
+    assert error.identifier == "LimitViolation"
+
+
 def test_two_clients_see_the_same_rig(rig: RunningRig, client: Any) -> None:
     seen: list[str] = []
 

@@ -222,6 +222,23 @@ def test_after_a_killed_server_the_part_stays_held_and_the_next_server_finds_the
 
 
 @pytest.mark.usefixtures("cleared")
+def test_the_next_server_follows_a_series_of_a_killed_one(rig: RunningRig) -> None:
+    with stock_client(rig) as first:
+        series = first.Microgripper.GripSeries([FORCE_MN, FORCE_MN], 0.4, 0.0, "")
+        execution = series.execution_uuid
+        until(lambda: rig.view()["active_job"], "no job")
+    rig.fleet.signal("sila", signal.SIGKILL)
+    restart(rig, "sila")
+    with stock_client(rig) as second:
+        until(
+            lambda: second.Microgripper.RigState.get() != "unknown", "the supervisor does not reply"
+        )
+        again = cast("Any", Attached)(second, second.Microgripper.GripSeries, execution)
+        done = responses(again)
+    assert (done.Ended, done.Failed) == (2, 0)
+
+
+@pytest.mark.usefixtures("cleared")
 def test_the_waiting_loop_of_the_documentation_page_returns_although_the_server_was_killed(
     rig: RunningRig,
 ) -> None:

@@ -1,6 +1,6 @@
 """A rig of a supervisor, over asyncio."""
 
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Mapping
 from typing import Any, Literal
 from uuid import uuid4
 
@@ -133,6 +133,7 @@ class AsyncRigHandle:
         own: tuple[str, str | None],
         hold_s: float | None = None,
         idempotency_key: str | None = None,
+        recovery: Mapping[str, Any] | None = None,
         **fields: Any,
     ) -> tuple[AsyncJobHandle, Progress | None]:
         """Start the job that brings a part to a force, in any state that the caller's earlier jobs
@@ -148,6 +149,8 @@ class AsyncRigHandle:
             Name and text of the label that marks the caller's own jobs; text None: any text.
         hold_s
             Time for which the force is held, in s; None: until a release.
+        recovery
+            Member ``recovery`` of the request if the job is a grip.
 
         Returns
         -------
@@ -167,6 +170,8 @@ class AsyncRigHandle:
             await active.stop()
             await active.wait(RESTS_S)
         fields |= _held_for(hold_s)
+        if kind == "grip" and recovery is not None:
+            fields["recovery"] = recovery
         key = idempotency_key
         return await self.start(kind, idempotency_key=key, force_mN=force_mN, **fields), None
 
