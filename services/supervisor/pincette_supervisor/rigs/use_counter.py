@@ -94,4 +94,6 @@ class UseCounter:
 
 
 def _since(use: Use) -> str:
-    return "in all" if use.since is None else f"since the calibration of {use.since}"
+    if use.since is None:
+        return "in all"
+    return f"since a calibration, of whichever kind, was accepted at {use.since}"
