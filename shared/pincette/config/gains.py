@@ -19,7 +19,6 @@ from pincette.control.stability.assessment import Assessment, assess
 from pincette.control.stability.limits import LIMIT_PEAK, limit_radius_at, short, widened
 from pincette.control.stability.loop_matrix import Loop
 from pincette.control.stability.tuning import (
-    Grid,
     Tuning,
     TuningPath,
     TuningRig,
@@ -59,30 +58,18 @@ def judged(rig: RigFile, settings: LawSettings) -> Assessment:
     return assess(loop(rig, settings), intervals(rig, settings.set))
 
 
-def tuned(
-    rig: RigFile,
-    scheme: str,
-    parameter_set: ParameterSet | None = None,
-    *,
-    grid: Grid | None = None,
-) -> Tuning:
+def tuned(rig: RigFile, scheme: str, parameter_set: ParameterSet | None = None) -> Tuning:
     """Search for the gains of a scheme on the rig's model, reproducibly; raises ValueError.
 
     If ``parameter_set`` is None, the set is the identified one if the model has an identified
     response.
     """
-    given = None if grid is None else tuple((name, tuple(each)) for name, each in grid.items())
     of_set = parameter_set or default_set(identified=rig.model.free_response is not None)
-    return _tuned(rig.model_dump_json(), law_definition(scheme), of_set, given)
+    return _tuned(rig.model_dump_json(), law_definition(scheme), of_set)
 
 
 @lru_cache(maxsize=8)
-def _tuned(
-    rig_json: str,
-    definition: LawDefinition,
-    parameter_set: ParameterSet,
-    grid: tuple[tuple[str, tuple[float, ...]], ...] | None,
-) -> Tuning:
+def _tuned(rig_json: str, definition: LawDefinition, parameter_set: ParameterSet) -> Tuning:
     rig = RigFile.model_validate_json(rig_json)
     path, limit = _path(rig), limit_radius_at(rig.rig.period_s)
     return tune(
@@ -93,7 +80,6 @@ def _tuned(
         # setting.
         lambda settings: _judged_radius(rig, settings, limit),
         radius_limit=limit,
-        grid=None if grid is None else dict(grid),
         parameter_set=parameter_set,
     )
 

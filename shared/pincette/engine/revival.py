@@ -1,6 +1,6 @@
 """Restarts programs that have ended: at once, then at growing intervals, up to a limit."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from time import monotonic
 
 from pincette.engine.fleet import Child, Fleet
@@ -23,15 +23,10 @@ class Revival:
     fleet fails, and there is no revival.
     """
 
-    def __init__(
-        self,
-        fleet: Fleet,
-        names: Sequence[str] = REVIVED,
-        clock: Callable[[], float] = monotonic,
-    ) -> None:
-        self._fleet, self._names, self._clock = fleet, names, clock
-        self._wait_s = dict.fromkeys(names, FIRST_S)
-        self._begun_s = dict.fromkeys(names, clock())
+    def __init__(self, fleet: Fleet, clock: Callable[[], float] = monotonic) -> None:
+        self._fleet, self._clock = fleet, clock
+        self._wait_s: dict[str, float] = dict.fromkeys(REVIVED, FIRST_S)
+        self._begun_s: dict[str, float] = dict.fromkeys(REVIVED, clock())
         self._due_s: dict[str, float] = {}
         self._told: set[int] = set()
         """Process ids whose end has been reported."""
@@ -63,7 +58,7 @@ class Revival:
     def _ended(self, member: Child) -> str:
         status, name = member.process.returncode, member.name
         words = f"ended, status {status}; see {member.log}"
-        if name not in self._names:
+        if name not in REVIVED:
             return words
         if self._clock() - self._begun_s[name] > WELL_S:
             self._wait_s[name] = FIRST_S

@@ -137,7 +137,7 @@ def short_load(load_s: float, period_s: float) -> tuple[Violation, ...]:
 
 
 def uncertain_force(
-    force_mN: float, uncertainty_mN: float, pointer: str, what: str, at_s: float = 0.0
+    force_mN: float, uncertainty_mN: float, pointer: str, what: str
 ) -> tuple[Violation, ...]:
     """Return the violation of a force that does not exceed its own stated uncertainty.
 
@@ -153,4 +153,4 @@ def uncertain_force(
         "uncertainty of the force there with the model in use: plan a larger force, or "
         "calibrate free_response again with less noise"
     )
-    return (Violation(pointer, "force", force_mN, uncertainty_mN, "mN", at_s, message),)
+    return (Violation(pointer, "force", force_mN, uncertainty_mN, "mN", 0.0, message),)

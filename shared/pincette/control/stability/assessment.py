@@ -46,10 +46,8 @@ class Assessment:
         return self.radius < self.limit_radius and self.sensitivity_peak <= self.limit_peak
 
 
-def assess(loop: Loop, intervals: Intervals, limit_radius: float | None = None) -> Assessment:
+def assess(loop: Loop, intervals: Intervals) -> Assessment:
     """Assess a loop by its worst case over the intervals, ``widened`` at a short period.
-
-    ``limit_radius`` None selects the limit for the period.
 
     The search for the worst case is a grid and a climb from its highest points (``worst_case``):
     the resulting radius does occur, and a dense search finds a radius that is larger by at most
@@ -58,12 +56,9 @@ def assess(loop: Loop, intervals: Intervals, limit_radius: float | None = None) 
     Raises
     ------
     ValueError
-        If the limit is not between 0 and 1, or the law cannot be built.
+        If the law cannot be built.
     """
-    if limit_radius is None:
-        limit_radius = limit_radius_at(loop.period_s)
-    if not 0.0 < limit_radius < 1.0:
-        raise ValueError(f"limit of the spectral radius = {limit_radius}, must be between 0 and 1")
+    limit_radius = limit_radius_at(loop.period_s)
     met = widened(loop, intervals)
     case, radius = worst_case(loop, met, limit_radius)
     limit_peak = LIMIT_PEAK if short(loop) else inf
