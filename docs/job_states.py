@@ -68,7 +68,8 @@ RULES = """\
   always a `retract`. An abort freezes the voltage for the rig file's `freeze_s`, unless the request
   states `"on_abort": "ramp"`.
 - A stopped job that holds a part keeps the rig. Its action `release` releases the part; a job of
-  the kind `hold` or `release` takes the part over.
+  the kind `hold` or `release` takes the part over, also from a running job that holds it until a
+  release.
 - After a trip with a part held, the actuator is frozen. A reset then keeps the voltage and the
   part, and only jobs of the kinds `hold` and `release` can start.
 - With `approval_s` a job is `proposed`: it has neither the rig nor a place in the queue until a
