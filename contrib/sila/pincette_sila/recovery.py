@@ -97,7 +97,7 @@ class ErrorRecovery(FeatureImplementationBase):
         *,
         metadata: MetadataDict,
     ) -> tuple[()]:
-        """Take a decision, with the permissions of the caller."""
+        """Take a decision, one of the options that the job has."""
         waiting, job = self._waiting(CommandExecutionUUID)
         options: dict[str, Decision] = {one.Identifier: name for name, one in OPTIONS.items()}
         if ContinuationOption not in [one.Identifier for one in waiting.ContinuationOptions]:
@@ -106,23 +106,12 @@ class ErrorRecovery(FeatureImplementationBase):
             raise _refused("UnknownContinuationOption", words)
         decision = options[ContinuationOption]
         place = {"place": _place(InputData)} if decision == "retry_at" else {}
-
-        async def decide() -> None:
-            own = await self._callers.rig(metadata).job(job.id)
-            await own.act(decision, **place)
-
-        self._run(decide())
-        return ()
+        return self._decide(metadata, job.id, decision, **place)
 
     def AbortErrorHandling(self, CommandExecutionUUID: str, *, metadata: MetadataDict) -> tuple[()]:
         """Let the command end with its error."""
         _, job = self._waiting(CommandExecutionUUID)
-
-        async def give_up() -> None:
-            await job.act("give_up")
-
-        self._run(give_up())
-        return ()
+        return self._decide(metadata, job.id, "give_up")
 
     async def decided(self, execution: UUID, name: str, job: AsyncJobHandle, words: str) -> str:
         """Report a job that waits until it is decided, by any client or its time limit; return the
@@ -159,13 +148,22 @@ class ErrorRecovery(FeatureImplementationBase):
             raise _refused("InvalidCommandExecutionUUID", words)
         return found
 
-    def _run(self, decision: Any) -> None:
+    def _decide(
+        self, metadata: MetadataDict, job: str, decision: Decision, **place: Any
+    ) -> tuple[()]:
+        """Take a decision with the permissions of the caller."""
+
+        async def act() -> None:
+            own = await self._callers.rig(metadata).job(job)
+            await own.act(decision, **place)
+
         try:
-            self._background.call(decision)
+            self._background.call(act())
         except ProblemError as error:  # another decision was earlier
             raise _refused("InvalidCommandExecutionUUID", str(error)) from error
         except (ClientError, CommandError) as error:
             raise RuntimeError(f"no decision: {error}") from error
+        return ()
 
     def _tell(self) -> None:
         self._RecoverableErrors_producer_queue.put([one for one, _ in self._open.values()])

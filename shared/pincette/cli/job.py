@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from pincette.api.job_kinds import JobKind
-    from pincette.api.jobs import DESCRIPTION, Artifact, Job
+    from pincette.api.jobs import Artifact, Job
     from pincette.client import JobHandle
 
 
@@ -239,6 +239,8 @@ def stop(
 
 def show_job(job: "Job", console: "Console", *, everything: bool = False) -> None:
     """Print the result, the request and the allowed actions of a job."""
+    from pincette.api.jobs import DESCRIPTION
+
     show_result(job, console, everything=everything)
     said = {name: str(getattr(job, name)) for name in DESCRIPTION} | job.labels
     stated = {n: value for n, value in job.request.items() if n not in (*DESCRIPTION, "labels")}

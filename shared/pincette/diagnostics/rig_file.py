@@ -7,8 +7,6 @@ from typing import cast
 
 from pincette.config import ConfigError, Output, RigFile, Sensor, Table, derived
 from pincette.config.calibration import CALIBRATED
-from pincette.control.force.estimation import COVERAGE
-from pincette.control.stability.refusal import RC_S
 from pincette.core import plugins
 from pincette.core.service import member_services
 from pincette.diagnostics import Finding, noted
@@ -16,6 +14,12 @@ from pincette.engine.process import loop_services
 from pincette.engine.timing_budget import budget, shared_timeout_s, stated_output
 from pincette.instruments.options import read_options
 
+# The two constants are also stated in pincette.control, whose import of numpy would double the
+# start-up time of `pincette doctor`.
+COVERAGE = 2.0
+"""Coverage factor: number of standard uncertainties in the expanded uncertainty U."""
+RC_S = 0.0033
+"""Time constant of the recommended RC before the amplifier, in s."""
 RING_NOTED = 0.02
 """Fraction of a path's range above which the uncertainty from ringing is reported."""
 
