@@ -45,6 +45,9 @@ RIGS = pytest.mark.parametrize("rig", [RIG, PAIR], ids=["one arm", "two arms"])
 STAIRCASE_MN = (5.0, 10.0, 15.0, 10.0, 5.0)
 MOST, NOISE_SAMPLES = 1.02, 8
 KEPT_TICKS = 100
+LARGEST_JUMP_UM = 0.3
+"""Largest change of the position reference in a period, in µm: a load of 10 mN in 1 s moves it by
+0.2 µm."""
 Watch = Callable[["Desk", Telemetry], None]
 
 
@@ -271,6 +274,21 @@ def test_a_part_of_another_stiffness_is_loaded_and_unloaded_too(share: float) ->
         assert max(desk.forces_mN) <= MOST * max(before_mN, force_mN) + 0.1
         assert result.force_held_mN == pytest.approx(force_mN, abs=0.3)
         before_mN = force_mN
+
+
+@pytest.mark.parametrize("seed", [1, 7])
+def test_small_changes_of_a_large_force_neither_release_the_part_nor_jump(seed: int) -> None:
+    """The position hardly changes, so that noise decides the first fits of the contact line."""
+    assert RIG.simulation is not None
+    simulation = RIG.simulation.model_copy(update={"seed": seed})
+    desk = Desk(RIG.model_copy(update={"simulation": simulation}))
+    desk.grip(9.3)
+    for force_mN in (10.0, 9.4, 10.1, 20.0, 20.6):
+        result = desk.hold(force_mN)
+        assert (result.outcome, result.held_at_end) == ("stopped", True)
+        assert result.force_held_mN == pytest.approx(force_mN, abs=0.3)
+        jumps_um = [abs(b.arms[0].x_r_um - a.arms[0].x_r_um) for a, b in pairwise(desk.views)]
+        assert max(jumps_um) < LARGEST_JUMP_UM
 
 
 @RIGS

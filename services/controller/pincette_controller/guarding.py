@@ -10,7 +10,12 @@ from msgspec.structs import replace
 
 from pincette.control.force.position_steps import StepLimits
 from pincette.control.planning.contact_line import ContactLine
-from pincette.control.planning.load_line import line_share, stiffest_line, stiffness_bounds
+from pincette.control.planning.load_line import (
+    line_share,
+    line_through_mean,
+    stiffest_line,
+    stiffness_bounds,
+)
 from pincette.control.planning.program import Guards, Program
 from pincette.control.planning.segments import Move, Press, Rest, Seek
 from pincette.core.faults import KEPT, Outcome, Phase
@@ -203,9 +208,11 @@ def _follow_line(
 ) -> Player:
     """Move the contact line of the references towards the stiffest line that the load admits.
 
-    K ← K + (1 - e^(-T/τ))·(K_stiffest - K), and x_e likewise. While the force of a load falls, the
-    line that was fitted during the rise is kept. At the end of the load the fitted stiffness is
-    compared with the planned one.
+    K ← K + (1 - e^(-T/τ))·(K_stiffest - K), and x_e likewise. A load of a held part begins at a
+    high force, at which such a change of x_e and K would move the references by micrometres: its
+    line goes through the mean of its samples. While the force of a load falls, the line that was
+    fitted during the rise is kept. At the end of the load the fitted stiffness is compared with
+    the planned one.
     """
     line = player.entry.line
     if not player.line.count or line is None:
@@ -216,11 +223,10 @@ def _follow_line(
     if limits is not None:
         noise_um, s_p = limits.noise_um, limits.compliance_um_per_mN
     towards, share = stiffest_line(player.line, hardest, noise_um, s_p), line_share(period_s)
-    return with_line(
-        player,
-        x_e_um + share * (towards.x_e_um - x_e_um),
-        K_e + share * (towards.K_e_mN_per_um - K_e),
-    )
+    K_e += share * (towards.K_e_mN_per_um - K_e)
+    if program.begins_held:
+        return with_line(player, *line_through_mean(player.line, K_e))
+    return with_line(player, x_e_um + share * (towards.x_e_um - x_e_um), K_e)
 
 
 def _watch_frozen(program: Program, player: Player, estimate: ArmEstimate) -> Player:
