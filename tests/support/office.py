@@ -28,7 +28,7 @@ from pincette_supervisor.rigs import latch
 from pincette_supervisor.rigs.health import PROGRAMS, Health
 from pincette_supervisor.rigs.observer import Observer
 from pincette_supervisor.rigs.rig_context import RigContext
-from tests.support.steps import AtOnce, KilledError, SteppedJob, Steps
+from tests.support.steps import AtOnce, KilledError, SteppedJob, SteppedLock, Steps
 from tests.support.virtual_rig import VirtualRig
 
 
@@ -168,6 +168,7 @@ class Office:
         vars(context)["closer"] = AtOnce()
         with patch.object(latch, "ThreadPoolExecutor", AtOnce):
             self.manager = JobManager(context)
+        vars(self.manager)["_lock"] = SteppedLock(steps)
         self._patches = ExitStack()
         for target, name, stepped in (
             (job_manager_module, "LiveJob", self._live_job),

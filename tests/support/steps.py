@@ -102,6 +102,21 @@ class Done(threading.Event):
         return self.is_set()
 
 
+class SteppedLock:
+    """A reentrant lock. A test that waits for it lets the thread of a job that has it continue."""
+
+    def __init__(self, steps: Steps) -> None:
+        self._lock, self._steps = threading.RLock(), steps
+
+    def __enter__(self) -> None:
+        of_job = threading.current_thread() in self._steps.threads
+        while not self._lock.acquire(blocking=of_job):
+            self._steps.look()
+
+    def __exit__(self, *_ended: object) -> None:
+        self._lock.release()
+
+
 class SteppedJob(LiveJob):
     """A job that stops at each of its waits until the test continues it."""
 
