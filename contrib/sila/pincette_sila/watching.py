@@ -28,7 +28,7 @@ SAMPLE_S = 1.0 / 15.0
 """Least time between two published samples, in s."""
 RETRY_S = 1.0
 REMEMBERED = 20
-"""Number of jobs in which commands of an earlier server are searched."""
+"""Number of newest jobs that are searched for commands of an earlier server."""
 
 
 async def watch_rig(

@@ -185,8 +185,8 @@ class AsyncRigHandle:
     async def _toward(
         self, force_mN: float, own: tuple[str, str | None], hold_s: float | None
     ) -> tuple[AsyncJobHandle | None, str]:
-        """Return the own job that uses the rig, and the kind of job to start; empty if none is
-        needed.
+        """Return the caller's own job that uses the rig, or None, and the kind of job to start,
+        empty if no job needs to start.
         """
         active = await self.active_job()
         if active is None or not _is_own(active.job, own):
