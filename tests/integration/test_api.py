@@ -41,7 +41,7 @@ ANSWER_S = 120.0
 LONGEST_S, ALLOWED_S = 20.0, 3600.0
 """Durations are kept short: planning an hour takes seconds and tests nothing more."""
 JUDGED = frozenset(
-    {"jobs", "commands", "calibrations", "trajectories", "plot", "recipes", "series"}
+    {"jobs", "actions", "commands", "calibrations", "trajectories", "plot", "recipes", "series"}
 )
 """Ends of paths whose requests are also validated beyond the schema: whether members are
 compatible, and whether rig and model allow the values."""
