@@ -15,9 +15,13 @@ import httpx
 import pyarrow
 import pyarrow.parquet
 import pytest
+from sqlalchemy import text
 
 from pincette.engine.fleet import Fleet
 from pincette.records import folder
+from pincette_supervisor.journal.store import Store
+from pincette_supervisor.journal.tables import EVENTS
+from pincette_supervisor.rest.limits import OF_ONE
 from tests.bench.loop.machine import cpu_s
 from tests.support.adapters import until
 from tests.support.grips import SHORT, make_ready
@@ -28,14 +32,18 @@ from tests.support.running import RunningRig, running_rig
 arrow: Any = pyarrow
 parquet: Any = pyarrow.parquet
 JOBS = 10_000
-BYTES, ROWS = 200_000_000, 20_000
-"""Sizes of the record's MCAP file and of its samples: far more than sockets buffer."""
+BYTES, ROWS, EVENTS_OF_JOB = 200_000_000, 20_000, 20_000
+"""Sizes of the record's MCAP file and of its samples, and events of a job: far more than sockets
+buffer."""
 CLIENTS = 4
 """Clients that hang up one after another. Together they take less processor time than one complete
 download, although the supervisor also takes some while it is idle."""
-TIMES = 10
+TIMES = max(OF_ONE.values()) // CLIENTS + 1
+"""Rounds of clients that hang up: more clients than may have a request in progress together."""
 LEFT_S = 60.0
 """Longest time until a busy machine has closed the connections."""
+SOCKET = "socket"
+"""What an open file of a process is if it is a connection."""
 RESET = struct.pack("ii", 1, 0)
 """Linger option by which a socket sends a reset when it is closed."""
 
@@ -47,6 +55,9 @@ class Served:
     rig: RunningRig
     process: int
     job: str
+    """Id of a job that has ended."""
+    proposed: str
+    """Id of a job that waits for an approval, so that its stream of events does not end."""
 
     @property
     def record(self) -> Path:
@@ -71,18 +82,35 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Generator[Served]:
         make_ready(rig)
         job = rig.start_grip()
         rig.ended(job)
-    fill(rig.data / "supervisor.sqlite", JOBS)
+        fill(rig.data / "supervisor.sqlite", JOBS)
+        proposed = rig.start_grip(approval_s=604_800.0)
+    for one in (job, proposed):
+        add_events(rig.data / "supervisor.sqlite", one)
     fleet = Fleet(rig.rig, rig.path, rig.data, lambda _name, _line: None)
     try:
         fleet.start(["router", "supervisor"])
         with httpx.Client(base_url=rig.client.base_url, timeout=300.0, trust_env=False) as client:
             alone = replace(rig, fleet=fleet, client=client)
-            served = Served(alone, fleet.members["supervisor"].process.pid, job)
+            served = Served(alone, fleet.members["supervisor"].process.pid, job, proposed)
             until(lambda: client.get("/jobs?limit=1").is_success, "no supervisor", LEFT_S)
             lengthen(served.record)
             yield served
     finally:
         fleet.down()
+
+
+def add_events(journal: Path, job: str) -> None:
+    """Add events of a job to a journal, as copies of its first one."""
+    adding = text(
+        "WITH RECURSIVE added(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM added WHERE n < :count) "
+        f"INSERT INTO {EVENTS.name} (at, rig, job, kind, body) "
+        f"SELECT at, rig, job, kind, body FROM {EVENTS.name}, added WHERE number = "
+        f"(SELECT min(number) FROM {EVENTS.name} WHERE job = :job)"
+    )
+    store = Store(journal)
+    with store.writing() as connection:
+        connection.execute(adding, {"job": job, "count": EVENTS_OF_JOB})
+    store.close()
 
 
 def lengthen(record: Path) -> None:
@@ -129,6 +157,7 @@ def hang_up(address: str) -> None:
         "jobs/{job}/artifacts/job.mcap",
         "jobs/{job}/artifacts/job.mcap/content",
         "jobs/{job}/artifacts/samples.csv",
+        "jobs/{job}/events",
     ],
 )
 def test_a_download_ends_when_its_client_hangs_up(served: Served, path: str) -> None:
@@ -138,37 +167,55 @@ def test_a_download_ends_when_its_client_hangs_up(served: Served, path: str) -> 
         for _ in answer.iter_raw():
             pass
     took_s, whole_s = monotonic() - begun_s, cpu_s(served.process) - used_s
-    before = quiet(served)
+    before = connections(served)
     begun_s, used_s = monotonic(), cpu_s(served.process)
     hang_up(address)
-    assert quiet(served) == before
+    until_ended(served, before)
     sleep(max(0.0, begun_s + took_s - monotonic()))
     left_s = cpu_s(served.process) - used_s
     print(f"{path}: {whole_s:.2f} s complete, {left_s:.2f} s for {CLIENTS} that hang up")
     assert left_s < whole_s
 
 
-@pytest.mark.parametrize("path", ["events", "rigs/demo/events", "rigs/demo/live"])
-def test_a_stream_ends_when_its_client_hangs_up(served: Served, path: str) -> None:
-    address = f"{served.rig.client.base_url}{path}"
+@pytest.mark.parametrize(
+    "path",
+    [
+        "events",
+        "rigs/demo/events",
+        "rigs/demo/live",
+        "jobs/{proposed}/events",
+        "events/list",
+        "rigs/demo/events/list",
+        "jobs/{proposed}/events/list",
+    ],
+)
+def test_clients_that_hang_up_leave_no_request_in_progress(served: Served, path: str) -> None:
+    address = f"{served.rig.client.base_url}{path.format(proposed=served.proposed)}"
     hang_up(address)  # opens what is opened once
-    before = quiet(served)
+    before = connections(served)
     for _ in range(TIMES):
         hang_up(address)
-    assert quiet(served) == before
+    until_ended(served, before)
 
 
-def quiet(served: Served) -> list[str]:
-    """Return the open files once no file of the record is open, and the sockets are as few as
-    between two requests.
-    """
-    found = served.open_files()
+def connections(served: Served) -> int:
+    """Return the number of connections once it is the same twice in a row."""
+    count = 0
 
     def settled() -> bool:
-        nonlocal found
-        last, found = found, served.open_files()
-        return last == found and not any(str(served.record) in one for one in found)
+        nonlocal count
+        last, count = count, served.open_files().count(SOCKET)
+        return last == count
 
-    sleep(0.2)
-    until(lambda: sleep(0.2) or settled(), "files stay open", LEFT_S)
-    return found
+    until(lambda: sleep(0.2) or settled(), "the number of connections changes", LEFT_S)
+    return count
+
+
+def until_ended(served: Served, most: int) -> None:
+    """Wait until there are no more connections than these, and no file of the record is open."""
+
+    def ended() -> bool:
+        found = served.open_files()
+        return found.count(SOCKET) <= most and not any(str(served.record) in one for one in found)
+
+    until(ended, "connections or files stay open", LEFT_S)
