@@ -1,19 +1,12 @@
-"""Write docs/reference/rest.md from the OpenAPI document and the models behind it."""
+"""Write docs/reference/rest.md from the OpenAPI document."""
 
-import importlib
 import json
-import pkgutil
 import runpy
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from pydantic import BaseModel
-
-import pincette.api
-import pincette_supervisor.kinds
-from pincette.asyncapi.schemas import notes
 from pincette.core.units import unit_of
 from pincette_supervisor.rest.api import openapi_document
 
@@ -25,9 +18,9 @@ words: Any = SimpleNamespace(**runpy.run_path(str(DOCS / "schema_words.py")))
 HEAD = """\
 # REST
 
-Generated from the supervisor's OpenAPI document and the models of `pincette.api` by `make docs`;
-a test compares the two. Programs read [deploy/openapi.json](../../deploy/openapi.json), which the
-supervisor serves at `/openapi.json`.
+Generated from the supervisor's OpenAPI document by `make docs`; a test compares the two. Programs
+read [deploy/openapi.json](../../deploy/openapi.json), which the supervisor serves at
+`/openapi.json`.
 
 Names of fields contain the units. The supervisor refuses unknown fields and query parameters,
 those that come twice, and numbers that are not finite; only an emergency stop ignores them.
@@ -63,9 +56,8 @@ def rest_page() -> str:
     for tag, texts in tags.items():
         parts += [f"## {tag.capitalize()}\n\n", *texts]
     parts.append("## Models\n\n")
-    models = _models()
     for name in sorted(tree["components"]["schemas"]):
-        parts.append(_model(name, tree["components"]["schemas"][name], models.get(name)))
+        parts.append(_model(name, tree["components"]["schemas"][name]))
     return "".join(parts).rstrip() + "\n"
 
 
@@ -155,34 +147,12 @@ def _content(content: Json) -> str:
     return " or ".join(kinds)
 
 
-def _models() -> dict[str, type[BaseModel]]:
-    """Return the models of the interface, by name."""
-    found: dict[str, type[BaseModel]] = {}
-    for module in (
-        *pkgutil.iter_modules(pincette.api.__path__, "pincette.api."),
-        *pkgutil.walk_packages(pincette_supervisor.kinds.__path__, "pincette_supervisor.kinds."),
-    ):
-        for name, thing in vars(importlib.import_module(module.name)).items():
-            if isinstance(thing, type) and issubclass(thing, BaseModel):
-                found[name] = thing
-    return found
-
-
-def _texts(kind: type[BaseModel] | None) -> dict[str, str]:
-    """Return the docstrings of each field of a model and of its bases."""
-    texts: dict[str, str] = {}
-    for part in () if kind is None else kind.__mro__[:-1]:
-        if issubclass(part, BaseModel) and part is not BaseModel:
-            texts = notes(part) | texts
-    return texts
-
-
-def _model(name: str, schema: Json, kind: type[BaseModel] | None) -> str:
+def _model(name: str, schema: Json) -> str:
     description = words.cell(schema.get("description", "").split("\n\n")[0])
     head = f"### {name}\n\n{description}\n\n" if description else f"### {name}\n\n"
     if "properties" not in schema:
         return f"{head}{words.type_words(schema, _link).capitalize()}\n\n"
-    texts, required = _texts(kind), schema.get("required", [])
+    required = schema.get("required", [])
     rows = [
         (
             f"`{field}`",
@@ -190,7 +160,7 @@ def _model(name: str, schema: Json, kind: type[BaseModel] | None) -> str:
             unit_of(field),
             "*required*" if field in required else _default(inner),
             words.cell(words.limit_words(inner)),
-            words.cell(texts.get(field, "")),
+            words.cell(inner.get("description", "")),
         )
         for field, inner in schema["properties"].items()
     ]

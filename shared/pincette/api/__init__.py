@@ -13,6 +13,7 @@ CONFIG = ConfigDict(
     strict=True,
     allow_inf_nan=False,
     frozen=True,
+    use_attribute_docstrings=True,  # they are descriptions in the OpenAPI document
     defer_build=pincette.is_command,
 )
 

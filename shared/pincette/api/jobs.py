@@ -23,7 +23,9 @@ class ActionRequest(Model):
 
     type: ActionType
     place: PartPlace | None = None
-    """Place at which ``retry_at`` expects the part; refused for every other action."""
+    """Place at which ``retry_at`` expects the part. ``retry_at`` needs it; every other action is
+    rejected with it.
+    """
 
     @model_validator(mode="after")
     def _place_of_retry_at(self) -> "ActionRequest":

@@ -48,11 +48,11 @@ class MeasuredPlace(Model):
     u_um: Width
     """Expanded uncertainty (k = 2) of ``x_um``."""
     width_um: Width | None = None
-    """Width of the part; for two arms only."""
+    """Width of the part, for two arms only. It needs ``u_width_um``."""
     u_width_um: Width | None = None
-    """Expanded uncertainty (k = 2) of ``width_um``."""
+    """Expanded uncertainty (k = 2) of ``width_um``. It needs ``width_um``."""
     measured_at: Moment
-    """Time of the measurement, with its time zone."""
+    """Time of the measurement in ISO 8601, with its time zone."""
     source: Source
     """Name of the instrument. Differences between stated and found places are averaged for each
     name.
@@ -74,30 +74,42 @@ class MeasuredPlace(Model):
 class PartPlace(Model):
     """Member ``place`` of a request: the expected place of the part; it replaces the place in the
     rig file.
+
+    It needs ``x_um``, ``u_um``, ``measured_at`` and ``source``, unless ``given_by`` is ``bus``.
     """
 
     model_config = example(**MEASURED, max_age_s=5.0)
 
     x_um: Micrometres | None = None
-    """Arm position at first contact; with two arms, the place q = (x_1 - x_2)/2."""
+    """Arm position at first contact; with two arms, the place q = (x_1 - x_2)/2. Required unless
+    ``given_by`` is ``bus``.
+    """
     u_um: Width | None = None
-    """Expanded uncertainty (k = 2) of ``x_um``; the arm searches for the part within it."""
+    """Expanded uncertainty (k = 2) of ``x_um``; the arm searches for the part within it. Required
+    unless ``given_by`` is ``bus``.
+    """
     width_um: Width | None = None
-    """Width of the part, for two arms only. It needs ``second.gap_um`` in the rig file."""
+    """Width of the part, for two arms only. It needs ``u_width_um``, and ``second.gap_um`` in the
+    rig file.
+    """
     u_width_um: Width | None = None
-    """Expanded uncertainty (k = 2) of ``width_um``."""
+    """Expanded uncertainty (k = 2) of ``width_um``. It needs ``width_um``."""
     measured_at: Moment | None = None
-    """Time of the measurement, with its time zone."""
+    """Time of the measurement in ISO 8601, with its time zone. Required unless ``given_by`` is
+    ``bus``.
+    """
     source: Annotated[str, Field(max_length=80)] = ""
-    """Name of the instrument. If ``given_by`` is ``bus``, it may be empty when there is only one
-    source.
+    """Name of the instrument. Required unless ``given_by`` is ``bus``; with ``bus`` it may be empty
+    when there is only one source.
     """
     max_age_s: Annotated[float, Field(gt=0, le=3600)] = 5.0
     """Largest permitted age of the measurement, both when the job is planned and when it starts to
     move.
     """
     given_by: Literal["request", "bus"] = "request"
-    """``bus``: use the newest place that a vision client has published for the rig."""
+    """``bus``: use the newest place that a vision client has published for the rig. ``x_um``,
+    ``u_um``, ``width_um``, ``u_width_um`` and ``measured_at`` must then be omitted.
+    """
 
     @model_validator(mode="after")
     def _one_origin(self) -> Self:

@@ -37,8 +37,7 @@ def check_one_hold(hold_s: float | None, *, until_released: bool) -> None:
 class JobRequest(BaseModel, frozen=True):
     """Members of every job request."""
 
-    # Descriptions of members are shown over REST and on the command line.
-    model_config = {**CONFIG, "use_attribute_docstrings": True}
+    model_config = CONFIG
 
     kind: str
     autostart: bool = False
@@ -109,7 +108,8 @@ class GoalRequest(JobRequest, frozen=True):
     """Largest permitted force error after the settling time."""
     settling_s: NotNegative | None = None
     """Time, from the beginning of the hold, path or rest, after which both errors must stay within
-    the tolerances; default: 0.5 s.
+    ``position_tolerance_um`` and ``force_tolerance_mN``, at least one of which is required with it;
+    default: 0.5 s.
     """
 
     @model_validator(mode="after")

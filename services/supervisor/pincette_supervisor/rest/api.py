@@ -147,7 +147,12 @@ def complete(document: dict[str, Any]) -> None:
         schemas[model.__name__] = tree
     properties = schemas["Job"]["properties"]
     named = [{"$ref": SCHEMAS + model.__name__} for model in results]
-    properties["result"] = {"title": "Result", "anyOf": [*named, {"type": "null"}]}
+    description = properties["result"]["description"]
+    properties["result"] = {
+        "title": "Result",
+        "description": description,
+        "anyOf": [*named, {"type": "null"}],
+    }
     for unused in ("HTTPValidationError", "ValidationError"):
         schemas.pop(unused, None)
     _name_operations(document)

@@ -136,8 +136,8 @@ class FreeResponseRequest(CalibrationRequest, frozen=True):
 
     calibration: Literal["free_response"]
     low_V: float | None = None
-    """Lowest voltage of the motion that is fitted; with ``high_V`` it includes the voltages that a
-    grip needs."""
+    """Lowest voltage of the motion that is fitted, below ``high_V``; with ``high_V`` it includes
+    the voltages that a grip needs."""
     high_V: float | None = None
     """Highest voltage of the motion that is fitted."""
     least_V: float | None = None
@@ -194,7 +194,7 @@ class FrequencyResponseRequest(CalibrationRequest, frozen=True):
 
     calibration: Literal["frequency_response"]
     from_hz: Frequency = SWEEP_FROM_HZ
-    """Lowest frequency."""
+    """Lowest frequency, below ``to_hz``."""
     to_hz: Frequency = SWEEP_TO_HZ
     """Highest frequency."""
     duration_s: Annotated[float, Field(ge=1, le=120)] = SWEEP_S

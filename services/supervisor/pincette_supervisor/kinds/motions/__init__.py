@@ -32,6 +32,11 @@ class MoveJobRequest(GoalRequest, ZeroingRequest, frozen=True):
 
     The law moves the arm to a position; a voltage is applied without a law. Cycles of voltage
     before the move can bring the hysteresis into a known state and warm up the arm.
+
+    Exactly one of ``to_um``, ``by_um``, ``to_V`` and ``by_V`` is required.
+    ``position_tolerance_um`` needs ``to_um`` or ``by_um``. ``force_tolerance_mN`` must be omitted,
+    since a move has no force reference. ``low_V``, ``high_V`` and ``rate_V_per_s`` need
+    ``conditioning_cycles`` or ``warm_up_s``.
     """
 
     model_config = example(kind="move", autostart=True, to_um=12.5, conditioning_cycles=3)
@@ -56,7 +61,8 @@ class MoveJobRequest(GoalRequest, ZeroingRequest, frozen=True):
     warm_up_s: Annotated[float, Field(ge=0, le=3600)] = 0.0
     """Duration of the cycles that warm up the arm, before the ``conditioning_cycles``."""
     low_V: float | None = None
-    """Lowest voltage of the cycles (default: as low as the rig file's limits permit)."""
+    """Lowest voltage of the cycles, below ``high_V`` (default: as low as the rig file's limits
+    permit)."""
     high_V: float | None = None
     """Highest voltage of the cycles (default: as high as the rig file's limits and its part
     permit)."""
@@ -161,7 +167,8 @@ class HoldJobRequest(PolicyRequest, frozen=True):
     force_mN: Positive | None = None
     """Force to which the held part is loaded or unloaded. None: the voltage does not change."""
     load_s: Duration | None = None
-    """Duration of the change to ``force_mN`` (default: that of the load of a grip)."""
+    """Duration of the change to ``force_mN``, only together with it (default: that of the load of
+    a grip)."""
     hold_s: Duration | None = None
     """Duration of the hold (default: until the action ``release``)."""
     until_released: bool = False
@@ -276,15 +283,17 @@ class ReleaseJobRequest(JobRequest, frozen=True):
     requires; with strategies at most at the speed of the rig file's approach)."""
     strategies: list[ReleaseStrategy] | None = Field(default=None, min_length=1, max_length=4)
     """Strategies, in order: a slow ``retreat``, a ``fast`` one, ``dither`` about the safe voltage,
-    ``wait`` there while the part is pulled."""
+    ``wait`` there while the part is pulled. ``dither`` and ``wait`` may be named once."""
     dither_um: Annotated[float, Field(gt=0, le=10)] | None = None
-    """Amplitude of the dither, in µm of the free arm (default: 1 µm)."""
+    """Amplitude of the dither, only for the strategy ``dither``, in µm of the free arm (default:
+    1 µm)."""
     dither_hz: Annotated[float, Field(gt=0, le=1000)] | None = None
-    """Frequency of the dither, at most a fifth of the sampling rate (default: 5 Hz)."""
+    """Frequency of the dither, only for the strategy ``dither``, at most a fifth of the sampling
+    rate (default: 5 Hz)."""
     dither_s: Annotated[float, Field(gt=0, le=600)] | None = None
-    """Duration of the dither at full amplitude (default: 2 s)."""
+    """Duration of the dither at full amplitude, only for the strategy ``dither`` (default: 2 s)."""
     wait_s: Annotated[float, Field(gt=0, le=3600)] | None = None
-    """Duration of the wait (default: 10 s)."""
+    """Duration of the wait, only for the strategy ``wait`` (default: 10 s)."""
 
     @model_validator(mode="after")
     def _of_a_strategy(self) -> "ReleaseJobRequest":
@@ -335,7 +344,7 @@ class CarryJobRequest(PairJobRequest, frozen=True):
     """Carry a held part to another place and keep holding it.
 
     The part must be held by a job that has ended. The force is unknown without a zero; the law
-    keeps it constant.
+    keeps it constant. Exactly one of ``by_um`` and ``to_um`` is required.
     """
 
     model_config = example(kind="carry", autostart=True, by_um=5.0)

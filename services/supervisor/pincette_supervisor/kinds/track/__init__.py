@@ -148,7 +148,7 @@ class TrackJobRequest(ContactJobRequest, frozen=True):
     place: PlacePath | None = None
     """Two arms only: path of the place."""
     force_mN: Positive | None = None
-    """Two arms only: force to hold without a path of the force."""
+    """Two arms only: force to hold without the path ``force``."""
     centre: bool = False
     """Two arms only: find the part from both sides first. A path of the place still refers to q =
     (x_1 - x_2)/2.
