@@ -5,6 +5,7 @@ from typing import IO, Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console, ConsoleOptions, RenderResult
+from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
@@ -57,7 +58,7 @@ class Rows(Table):
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Render the table, or one line for each cell that is not empty."""
-        if self.__rich_measure__(console, options).minimum <= options.max_width:
+        if self._fit(console, options):
             yield from super().__rich_console__(console, options)
             return
         for place, row in enumerate(self._cells):
@@ -67,3 +68,33 @@ class Rows(Table):
                 if cell:
                     text = Text.from_markup(f"{name}: {cell}" if name else cell)
                     yield broken_between_words(text, console, options.max_width)
+
+    def _fit(self, console: Console, options: ConsoleOptions) -> bool:
+        """Set the widths of the columns so that no word is broken; return whether that is
+        possible.
+
+        Rich alone makes the widest columns narrower than their longest word before it takes the
+        spare width of the others.
+        """
+        for column in self.columns:
+            column.width = None
+        unlimited = options.update_width(UNLIMITED)
+        whole = self.__rich_measure__(console, unlimited).maximum
+        texts = [
+            [Text(name), *(Text.from_markup(row[place]) for row in self._cells)]
+            for place, name in enumerate(self._names)
+        ]
+        sizes = [[Measurement.get(console, unlimited, text) for text in column] for column in texts]
+        needed = [max(size.minimum for size in column) for column in sizes]
+        wanted = [max(size.maximum for size in column) for column in sizes]
+        between = whole - sum(wanted)
+        spare = options.max_width - between - sum(needed)
+        if spare < 0:
+            return False
+        growth = {place: wanted[place] - needed[place] for place in range(len(needed))}
+        smallest_first = sorted(growth, key=lambda place: growth[place])
+        for rank, place in enumerate(smallest_first):
+            added = min(growth[place], spare // (len(smallest_first) - rank))
+            self.columns[place].width = needed[place] + added
+            spare -= added
+        return True

@@ -24,7 +24,7 @@ from pincette.api.series import Series
 from pincette.cli import doctor, watch
 from pincette.cli.main import main
 from pincette.cli.results import show_result
-from pincette.cli.terminal import screen
+from pincette.cli.terminal import screen, table
 from pincette.diagnostics import Finding, Mark
 from tests.unit.client import desk
 
@@ -123,6 +123,29 @@ def test_a_narrow_terminal_breaks_lines_only_between_words(
         main([*command, *(AT if command[0] != "rigs" else ())])
 
     assert_only_broken_between_words(*both(call))
+
+
+@pytest.mark.parametrize("width", [50, 60, 74, 80, 100])
+def test_a_table_with_a_long_name_in_a_text_breaks_no_word(
+    width: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(width))
+    monkeypatch.setenv("TERM", "xterm")
+    row = (
+        "2",
+        "2026-11-29 22:30:06+00:00",
+        "demo",
+        "the record of job 20261129-221919-5b9f5e lacks messages: 1 message was not received",
+        "1",
+        "not acknowledged",
+    )
+    names = ("id", "came", "rig", "what", "times", "state")
+    stream = Terminal()
+    monkeypatch.setattr("sys.stdout", stream)
+    screen().print(table(*names, rows=[row], right=["times"]))
+    narrow = STYLE.sub("", stream.getvalue())
+    assert words(narrow) == words(" ".join([*names, *row]))
+    assert max(len(line) for line in narrow.splitlines()) <= width
 
 
 RESULTS = {
