@@ -22,7 +22,7 @@ from pincette.api.job_kinds import job_kinds
 from pincette.api.problems import MEDIA_TYPE, TYPE, remedy_of
 from pincette.bus.protocol import BusError
 from pincette.core.units import unit_of
-from pincette.core.validation_wording import refusal
+from pincette.core.validation_wording import refusal, value_text
 from pincette_supervisor.journal.database import StoreError
 from pincette_supervisor.plugin import UnsupportedError
 
@@ -92,8 +92,8 @@ def _cut(text: str) -> str:
 
 def _shown(value: Any) -> str:
     if isinstance(value, dict | list):
-        return type(cast(Any, value)).__name__
-    return _cut(repr(value))
+        return "an object" if isinstance(value, dict) else "a list"
+    return _cut(value_text(value))
 
 
 def _named(path: Sequence[str]) -> str:
@@ -154,7 +154,8 @@ def error_entry(error: Mapping[str, Any]) -> dict[str, str]:
         message = f"{name} is given {context['count']} times: send it once"
     elif kind == "union_tag_invalid":
         expected = context["expected_tags"]
-        message = f"{name} = {context['tag']!r}: not one of {expected}"
+        given = cast(Mapping[str, Any], error["input"])[name]
+        message = f"{name} = {_shown(given)}: not one of {expected}"
     elif kind in ("missing", "union_tag_not_found"):
         message = f"{name} is missing"
     elif kind == "json_invalid":

@@ -11,6 +11,7 @@ from typer import BadParameter, Option
 from pincette.cli.readers import Form, integer
 from pincette.cli.terminal import named
 from pincette.core.units import unit_of
+from pincette.core.validation_wording import value_text
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -107,7 +108,8 @@ def _stated(name: str, value: Any) -> str:
         return "; ".join(found)
     if isinstance(value, float):
         return f"{value:.15g} {unit}".rstrip()
-    return f"{value} {unit}".rstrip()
+    shown = value_text(value) if value is None or isinstance(value, bool) else value
+    return f"{shown} {unit}".rstrip()
 
 
 def help_text(text: str) -> str:

@@ -20,6 +20,7 @@ from pincette.cli.output_file import (
 from pincette.cli.readers import choice
 from pincette.cli.terminal import Json, command, emit, group, patience, screen, table
 from pincette.core import plugins
+from pincette.core.validation_wording import value_text
 from pincette.engine.replay.steps import STEPS
 
 if TYPE_CHECKING:
@@ -161,8 +162,8 @@ def _difference(difference: "Difference | None") -> str:
     if not difference.field:
         return f"{where} is not repeated"
     return (
-        f"{where}, {difference.field}: {difference.recorded!r} recorded, "
-        f"{difference.replayed!r} replayed"
+        f"{where}, {difference.field}: {value_text(difference.recorded)} recorded, "
+        f"{value_text(difference.replayed)} replayed"
     )
 
 

@@ -1,6 +1,5 @@
 """Reader of rig files: TOML, optionally with a base file, and JSON as sent by programs."""
 
-import reprlib
 from pathlib import Path
 from typing import cast
 
@@ -16,7 +15,7 @@ from pincette.config.toml_file import (
     path_beside,
     read_tables,
 )
-from pincette.core.validation_wording import place, refusal
+from pincette.core.validation_wording import place, refusal, value_text
 
 ZERO_PERIODS = 10
 """Smallest number of periods over which the force is zeroed."""
@@ -26,8 +25,6 @@ SHOWN, MOST_FAULTS = 300, 20
 """Number of characters of a value that an error message shows, and number of faults that it
 lists.
 """
-_SHORT = reprlib.Repr()
-_SHORT.maxstring, _SHORT.maxlevel = SHOWN, 3
 
 
 def read_rig(path: Path) -> RigFile:
@@ -37,7 +34,7 @@ def read_rig(path: Path) -> RigFile:
     if base is not None:
         if not isinstance(base, str):
             raise ConfigError(
-                f"rig file {path}:\n  base = {base!r}: expected the name of a rig file"
+                f"rig file {path}:\n  base = {value_text(base)}: expected the name of a rig file"
             )
         below = read_tables(path_beside(path, base))
         if BASE in below:
@@ -115,7 +112,7 @@ def parse_rig_json(text: str) -> RigFile:
 def _faults(error: ValidationError) -> str:
     wanted: dict[tuple[str, str], list[str]] = {}
     for fault in error.errors(include_url=False):
-        at = place(fault["loc"]), _SHORT.repr(fault["input"])
+        at = place(fault["loc"]), value_text(fault["input"], SHOWN)
         wanted.setdefault(at, []).append(refusal(fault))
     lines = [
         f"  {_legible(where)} = {value}: {_legible(', or '.join(texts))}"

@@ -5,6 +5,7 @@ with its versions.
 """
 
 from collections.abc import Mapping, Sequence
+from reprlib import Repr
 from typing import Any
 
 KNOWN: Mapping[str, str] = {
@@ -58,6 +59,29 @@ KINDS: Mapping[str, str] = {
 """Name of the expected type for a value of a wrong type, by the first word of the error code."""
 BRANCHES = ("float", "int", "str", "bool")
 """Names of types that pydantic adds to the path of a field if its value may have several types."""
+
+
+class _ValueFormat(Repr):
+    """Python's representation, but with true, false and null, as in JSON and TOML."""
+
+    def __init__(self, longest: int) -> None:
+        super().__init__()
+        self.maxstring = self.maxlong = self.maxother = longest
+        self.maxlevel = 3
+
+    def repr_bool(self, value: bool, _level: int) -> str:
+        return "true" if value else "false"
+
+    def repr_NoneType(self, _value: None, _level: int) -> str:
+        return "null"
+
+
+def value_text(value: object, longest: int = 160) -> str:
+    """Return a value for a message, with true, false and null as in JSON and TOML.
+
+    Texts and lists longer than ``longest`` characters and 6 entries are shortened.
+    """
+    return _ValueFormat(longest).repr(value)
 
 
 def place(loc: Sequence[str | int]) -> str:

@@ -6,7 +6,7 @@ from typing import TypeVar
 from pydantic import ValidationError
 
 from pincette.config import ConfigError, Table
-from pincette.core.validation_wording import refusal
+from pincette.core.validation_wording import refusal, value_text
 
 T = TypeVar("T", bound=Table)
 
@@ -24,7 +24,7 @@ def read_options(model: type[T], driver: str, options: Mapping[str, object]) -> 
     except ValidationError as error:
         faults = [
             f"{driver} option {'.'.join(str(part) for part in fault['loc'])} = "
-            f"{fault['input']!r}: {refusal(fault)}"
+            f"{value_text(fault['input'])}: {refusal(fault)}"
             for fault in error.errors(include_url=False)
         ]
         known = ", ".join(model.model_fields)

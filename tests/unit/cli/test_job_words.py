@@ -2,11 +2,16 @@
 
 from typing import Any
 
+import httpx
 import pytest
 
+from pincette.api.jobs import Job
 from pincette.cli import Exit
 from pincette.cli.main import main
 from tests.support.command_line import request_of
+from tests.unit.client import desk
+
+from .conftest import At
 
 
 def fields(*words: str) -> dict[str, Any]:
@@ -108,3 +113,12 @@ def test_members_of_a_path_are_named_and_may_be_lists(text: str, members: dict[s
 
 def test_a_numeric_choice_is_sent_as_a_number() -> None:
     assert fields("calibrate", "free_response", "--arm", "2")["arm"] == 2
+
+
+def test_a_shown_request_has_the_words_of_json(at: At, capsys: pytest.CaptureFixture[str]) -> None:
+    request = {"kind": "grip", "until_released": True, "queue": False, "recipe": None}
+    job = desk.example(Job, request=request, result=None)
+    at(httpx.Response(200, json=job), httpx.Response(200, json={"artifacts": []}))
+    main(["job", "show", "x"])
+    words = "kind = grip, until_released = true, queue = false, recipe = null"
+    assert words in capsys.readouterr().out

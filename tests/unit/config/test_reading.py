@@ -44,6 +44,12 @@ def test_a_different_law_or_driver_inherits_no_options_from_the_base_file(folder
     ("text", "words"),
     [
         ('base = "none.toml"', "none.toml: No such file"),
+        ("base = true", "base = true: expected"),
+        (
+            'base = "base.toml"\n[limits]\nforce_max_mN = true',
+            "force_max_mN = true: must be",
+        ),
+        ('base = "base.toml"\n[rig]\nperiod_s = [false]', r"rig.period_s = \[false\]: must be"),
         ("base = 3", "base = 3: expected the name of a rig file"),
         ('base = "rig.toml"', "that file has a base itself"),
         ('base = "base.toml"\n[rig]\nnam = "x"', "rig.nam"),

@@ -80,7 +80,7 @@ def test_no_error_text_comes_from_pydantic(code: str) -> None:
     [
         (-1.0, "force_mN = -1.0 mN: must be above 0 mN"),
         ("much", "force_mN = 'much' mN: must be a number"),
-        (True, "force_mN = True mN: must be a number"),
+        (True, "force_mN = true mN: must be a number"),
         (None, ""),
     ],
 )

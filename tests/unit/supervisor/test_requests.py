@@ -25,7 +25,11 @@ def refused(harness: Harness, body: dict[str, Any]) -> dict[str, Any]:
     ("wish", "pointer", "words"),
     [
         ({"force_mN": "20"}, "/force_mN", "force_mN = '20' mN"),
-        ({"force_mN": True}, "/force_mN", "force_mN = True mN"),
+        ({"force_mN": True}, "/force_mN", "force_mN = true mN"),
+        ({"on_stop": False}, "/on_stop", "on_stop = false: must be"),
+        ({"place": [None]}, "/place", "place = a list: must be an object"),
+        ({"kind": True}, "/kind", "kind = true"),
+        ({"kind": None}, "/kind", "kind = null"),
         ({"force_mN": -3.0}, "/force_mN", "force_mN = -3.0 mN: must be above 0 mN"),
         ({"hold_s": 1e9}, "/hold_s", "must be 3600 s or less"),
         ({"seek_um_per_s": 0.0}, "/seek_um_per_s", "must be 0.1 µm/s or more"),

@@ -27,7 +27,7 @@ from pincette.api.places import (
 from pincette.bus.refused import RefusedMessages
 from pincette.core.messages import Message, Place
 from pincette.core.topics import PLACE, Topic, key
-from pincette.core.validation_wording import refusal
+from pincette.core.validation_wording import refusal, value_text
 from pincette_supervisor.journal.store import Store, StoreError
 from pincette_supervisor.journal.write_queue import WriteQueue
 from pincette_supervisor.problems import ProblemError
@@ -69,7 +69,7 @@ class Places:
             place = self._checked(cast(Place, message))
         except ValidationError as error:
             found = error.errors()[0]
-            named = "".join(f"{name} = {found['input']!r:.40}: " for name in found["loc"])
+            named = "".join(f"{name} = {value_text(found['input']):.40}: " for name in found["loc"])
             self._refused.note(self.key, named + refusal(found))
         except ValueError as error:
             self._refused.note(self.key, str(error))
