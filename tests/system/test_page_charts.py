@@ -314,6 +314,40 @@ def test_two_jobs_are_compared_in_one_chart(
     context.close()
 
 
+def test_a_finger_zooms_a_comparison_and_its_title_is_below_the_bar(
+    browser: Browser, desk: Harness
+) -> None:
+    context = browser.new_context(viewport=ViewportSize(**PHONE), has_touch=True, is_mobile=True)
+    canvas = "#comparison [data-compared=force_mN] canvas"
+    with served(desk.app) as address:
+        jobs = [gripped(address, f"B{force_mN}", force_mN=force_mN) for force_mN in (6, 12)]
+        seen = visit(context, address)
+        # The alarm makes the bar higher.
+        seen.page.click("#estop")
+        seen.until("#alarm-head", "emergency stop", PATIENCE_S)
+        seen.page.click("#tab-jobs")
+        for job in jobs:
+            seen.page.check(f"#pick-{job}")
+        seen.page.click("#compare")
+        seen.until("#comparison", "B12", PATIENCE_S)
+        title = seen.page.locator("#comparison-title").bounding_box()
+        assert title is not None
+        assert title["y"] >= bottom_of(seen, ".bar")
+        assert seen.page.is_hidden("#comparison-whole")
+        seen.page.locator(canvas).scroll_into_view_if_needed()
+        swipe(seen, canvas, (0.4, 0.5), (0.8, 0.5))
+        seen.until_true(
+            lambda: seen.page.is_visible("#comparison-whole"), "it did not zoom", PATIENCE_S
+        )
+        before = seen.page.evaluate("scrollY")
+        swipe(seen, canvas, (0.5, 0.8), (0.5, 0.1))
+        seen.until_true(
+            lambda: seen.page.evaluate("scrollY") != before, "the page did not scroll", PATIENCE_S
+        )
+        assert seen.errors == []
+    context.close()
+
+
 HEIGHTS_OF_FIRST = """() => {
   const canvas = document.querySelector("#comparison [data-compared=force_mN] canvas");
   const { width, height } = canvas;

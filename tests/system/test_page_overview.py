@@ -6,17 +6,21 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Literal
 
+import httpx
 import pytest
 from playwright.sync_api import Browser, ViewportSize
 
 from tests.support.browser import DESK, Visit, keep_picture, visit
 from tests.support.rigs import demo_rig
 from tests.support.served import served
+from tests.system.test_page_search import gripped
 from tests.unit.supervisor.canned import IN_HOLD
+from tests.unit.supervisor.harness import Harness
 from tests.unit.supervisor.rigs_harness import RigsHarness, joined
 
 NAMES = ("bench", "bench-left", "chamber-2", "teaching")
 PHONE = {"width": 390, "height": 844}
+WIDE = {"width": 1400, "height": 900}
 OVERLAPS = """() => {
   const cells = [...document.querySelectorAll("#overview th, #overview td, #overview h2")];
   const boxes = cells.map((each) => [each.innerText, each.getBoundingClientRect()]);
@@ -37,6 +41,8 @@ SPREADS = """() => [...document.querySelectorAll("#overview td > *")].map((each)
 })"""
 ONE_LINE_PX = 12
 """Largest distance between the bottoms of a mark and of a word on the same line, in pixels."""
+PATIENCE_S = 120.0
+"""Time that the supervisor may need on a busy machine, in s."""
 LONGER = "document.documentElement.scrollHeight - innerHeight"
 WIDER = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
 
@@ -119,3 +125,64 @@ def test_no_tab_makes_the_page_wider_or_longer_than_its_window(
         if size is DESK:
             assert seen.page.evaluate(LONGER) <= 0
     context.close()
+
+
+BROKEN_WORDS = """() => {
+  const found = [];
+  const cells = document.querySelectorAll(".list :is(th, td), .figures-list :is(dt, dd)");
+  for (const cell of cells) {
+    const walker = document.createTreeWalker(cell, NodeFilter.SHOW_TEXT);
+    while (walker.nextNode()) {
+      for (const word of walker.currentNode.data.matchAll(/[^\\s-]+/g)) {
+        const range = document.createRange();
+        range.setStart(walker.currentNode, word.index);
+        range.setEnd(walker.currentNode, word.index + word[0].length);
+        const tops = [...range.getClientRects()].map(({ top }) => Math.round(top));
+        if (new Set(tops).size > 1) found.push(word[0]);
+      }
+    }
+    const mark = cell.querySelector(".mark");
+    if (mark?.offsetParent && mark.textContent) {
+      const word = document.createRange();
+      word.selectNodeContents(mark.nextSibling);
+      if (word.getClientRects()[0].top > mark.getBoundingClientRect().bottom) {
+        found.push(`mark of ${mark.nextSibling.data}`);
+      }
+    }
+  }
+  return found;
+}"""
+"""Script that returns the words of tables that continue on a further line, and the marks without
+their word."""
+
+
+@pytest.mark.parametrize("size", [WIDE, PHONE], ids=["wide", "phone"])
+def test_no_word_of_a_table_is_broken(
+    browser: Browser, tmp_path: Path, size: dict[str, int]
+) -> None:
+    desk = Harness(demo_rig(time="lockstep"), tmp_path)
+    context = browser.new_context(viewport=ViewportSize(width=size["width"], height=size["height"]))
+    try:
+        with served(desk.app) as address:
+            labels = {"series": "20261129-222014-fc54", "series_job": "2"}
+            job = gripped(address, "B7", batch="tray-2026-11", labels=labels)
+            httpx.post(f"{address}/api/v1/estop", timeout=PATIENCE_S).raise_for_status()
+            seen = visit(context, address)
+            for tab, content in (
+                ("jobs", f"#open-{job}"),
+                ("calibrations", "#checklist tbody tr"),
+                ("rig", "#alarms tbody tr"),
+                ("rig", "#rig-programs tbody tr"),
+                ("rig", "#rig-checks tbody tr"),
+            ):
+                seen.page.click(f"#tab-{tab}")
+                seen.page.wait_for_selector(content)
+                assert seen.page.evaluate(BROKEN_WORDS) == [], tab
+                assert seen.page.evaluate(WIDER) <= 0, tab
+            seen.page.click("#tab-jobs")
+            seen.page.click(f"#open-{job}")
+            seen.page.wait_for_selector(".figures-list dd")
+            assert seen.page.evaluate(BROKEN_WORDS) == []
+    finally:
+        context.close()
+        desk.close()

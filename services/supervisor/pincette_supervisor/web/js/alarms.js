@@ -1,7 +1,7 @@
 // Alarms of the rig: those that are open, to be acknowledged, and on demand those of before.
 
 import { get, post, RIG, told } from "./api.js";
-import { byId, chip, h, left, loading, show } from "./dom.js";
+import { byId, chip, h, headOf, left, loading, show } from "./dom.js";
 import { clock } from "./words.js";
 
 const OF_RIG = `rig=${encodeURIComponent(RIG)}`;
@@ -75,10 +75,8 @@ export class Alarms {
   }
 
   table() {
-    const head = ["Last", "What", "Seen"];
-    return h("table", { class: "list" },
-      h("caption", { class: "unseen" }, "Alarms, the newest first"),
-      h("thead", {}, h("tr", {}, ...head.map((text) => h("th", { scope: "col" }, text)))),
+    return h("table", { class: "list stacked" },
+      h("caption", { class: "unseen" }, "Alarms, the newest first"), headOf(["Last", "What", "Seen"]),
       h("tbody", {}, ...this.alarms.map((each) => this.row(each))));
   }
 
@@ -88,7 +86,7 @@ export class Alarms {
     const notes = [each.count > 1 ? `${each.count} times` : "", each.job ? `job ${each.job}` : "", ends];
     return h("tr", { id: `alarm-${each.id}` },
       h("th", { scope: "row", class: "time" }, clock(each.last_at)),
-      h("td", {}, chip(each.words, tone),
+      h("td", { class: "below" }, chip(each.words, tone),
         h("span", { class: "muted block" }, notes.filter(Boolean).join(", "))),
       h("td", { class: "figures" }, each.acknowledged_at === null ? this.button(each)
         : h("span", { class: "muted" }, each.acknowledged_by)));

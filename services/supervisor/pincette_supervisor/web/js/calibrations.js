@@ -2,7 +2,7 @@
 
 import { calibrationsOfRig, post, told } from "./api.js";
 import { Checklist } from "./checklist.js";
-import { byId, chip, h, left, loading, show } from "./dom.js";
+import { byId, chip, h, headOf, left, loading, show } from "./dom.js";
 import { clock, plain, significant, withoutUnit } from "./words.js";
 
 const MOST = 50;
@@ -78,7 +78,7 @@ export class Calibrations {
     const head = ["Quantity", decided ? "In use before" : "In use", "Proposed", "Difference"];
     return h("table", { class: "list" },
       h("caption", { class: "unseen" }, `Proposal of ${plain(each.calibration)}`),
-      h("thead", {}, h("tr", {}, ...head.map((text) => h("th", { scope: "col" }, text)))),
+      headOf(head),
       h("tbody", {}, ...each.values.map((value) => {
         const about = value.uncertainty === null ? "" : ` ± ${significant(value.uncertainty, 2)}`;
         return h("tr", {},

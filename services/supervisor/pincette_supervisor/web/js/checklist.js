@@ -1,7 +1,7 @@
 // The calibrations in the order to make them: what each needs and has found, and what is next.
 
 import { checklistOfRig, post, told } from "./api.js";
-import { byId, chip, h, loading, show } from "./dom.js";
+import { byId, chip, h, headOf, loading, show } from "./dom.js";
 import { clock, plain, significant, withoutUnit } from "./words.js";
 
 const TONES = { done: "good", next: "busy", later: "muted", optional: "muted", unsupported: "muted" };
@@ -28,10 +28,9 @@ export class Checklist {
   }
 
   table() {
-    return h("table", { class: "list" },
+    return h("table", { class: "list stacked" },
       h("caption", {}, "Calibrations in the order to run them"),
-      h("thead", {}, h("tr", {}, ...["Calibration", "State", "Found, or needed"].map(
-        (text) => h("th", { scope: "col" }, text)))),
+      headOf(["Calibration", "State", "Found, or needed"]),
       h("tbody", {}, ...this.steps.map((step, place) => this.row(step, place + 1))));
   }
 
@@ -40,7 +39,7 @@ export class Checklist {
       h("th", { scope: "row" }, `${place}. ${step.label}`),
       h("td", {}, chip(step.state, TONES[step.state]),
         step.accepted_at ? h("span", { class: "muted block" }, clock(step.accepted_at)) : null),
-      h("td", {}, ...this.content(step), this.button(step)));
+      h("td", { class: "below" }, ...this.content(step), this.button(step)));
   }
 
   content(step) {

@@ -1,6 +1,6 @@
 // Everything that is looked at of the rig, each with its value and its limit.
 
-import { byId, chip, h, show } from "./dom.js";
+import { byId, chip, h, headOf, show } from "./dom.js";
 import { significant } from "./words.js";
 
 const TONES = { ok: "good", needed: "bad", look: "warn" };
@@ -14,9 +14,8 @@ function row(check) {
   const tone = TONES[check.ok ? "ok" : check.needed ? "needed" : "look"];
   const sized = typeof check.value === "number";
   return h("tr", {},
-    // It may break after its dot alone.
-    h("th", { scope: "row" }, check.name.replaceAll(".", ".\u200b")),
-    h("td", {}, chip(check.words, tone)),
+    h("th", { scope: "row" }, check.name),
+    h("td", { class: "below" }, chip(check.words, tone)),
     h("td", { class: "figures" }, sized ? figure(check.value, check.unit) : "–",
       sized && check.limit !== null
         ? h("span", { class: "muted block" }, `limit ${figure(check.limit, check.unit)}`) : null));
@@ -33,9 +32,8 @@ export class Checks {
     if (byId("panel-rig").hidden) return;
     // Ages differ with every answer: a text is announced again only if its meaning has changed.
     const said = rig.checks.map((check) => [check.name, check.ok, check.words]);
-    show(this.panel, said, () => h("table", { class: "list" }, h("caption", {}, "Checks"),
-      h("thead", {}, h("tr", {}, ...["Check", "Finding", "Value"].map((text) => h("th",
-        { scope: "col" }, text)))),
+    show(this.panel, said, () => h("table", { class: "list stacked" }, h("caption", {}, "Checks"),
+      headOf(["Check", "Finding", "Value"]),
       h("tbody", {}, ...rig.checks.map(row))));
   }
 }

@@ -2,13 +2,11 @@
 
 import { get, post, RIG_PATH, told } from "./api.js";
 import { figure } from "./calibrations.js";
-import { byId, chip, h, loading, show } from "./dom.js";
+import { byId, chip, h, headOf, loading, show } from "./dom.js";
 import { clock, number, plain, significant, withoutUnit } from "./words.js";
 
 function table(caption, head, rows) {
-  return h("table", { class: "list" }, h("caption", {}, caption),
-    h("thead", {}, h("tr", {}, ...head.map((text) => h("th", { scope: "col" }, text)))),
-    h("tbody", {}, ...rows));
+  return h("table", { class: "list" }, h("caption", {}, caption), headOf(head), h("tbody", {}, ...rows));
 }
 
 const age = (seconds) => (seconds === null ? "–" : `${number(seconds, seconds < 1 ? 3 : 1)} s`);

@@ -66,12 +66,17 @@ export function show(parent, content, make) {
   if (again && typeof from === "number") again.setSelectionRange(from, to);
 }
 
+/** The names of the columns of a table. */
+export const headOf = (names) => h("thead", {}, h("tr", {}, ...names.map((text) => h("th", { scope: "col" }, text))));
+
 /** Note at a list that does not show all entries. */
 export const left = (text) => h("p", { class: "muted left" }, text);
 
 /** A word with a mark and a tone, so that colour is never the only sign. */
 export function chip(text, tone) {
   const mark = { good: "●", bad: "■", warn: "▲", busy: "▶", muted: "○" }[tone] ?? "";
+  const [first, ...more] = String(text).split(/(?=\s)/);
+  // The mark stays on the line of the first word.
   return h("span", { class: "chip", "data-tone": tone },
-    h("span", { class: "mark", "aria-hidden": "true" }, mark), text);
+    h("span", { class: "whole" }, h("span", { class: "mark", "aria-hidden": "true" }, mark), first), ...more);
 }

@@ -3,7 +3,7 @@
 import { BASE, daysOfRig, get, jobsOfRig } from "./api.js";
 import { outcomeOf } from "./current.js";
 import { describe, factsOf, saidIn, saidOf } from "./description.js";
-import { byId, chip, h, left, loading, show } from "./dom.js";
+import { byId, chip, h, headOf, left, loading, show } from "./dom.js";
 import { assumedOf, figuresOf, kindOf, kinds, mainFigure } from "./kinds.js";
 import { Comparison, MOST as COMPARED } from "./plots/compare.js";
 import { clock, number, plain, toneOfState } from "./words.js";
@@ -141,10 +141,9 @@ export class Jobs {
     if (!this.jobs.length) {
       return h("p", { class: "muted" }, this.narrowed ? "No such job." : "No job yet.");
     }
-    const head = [h("span", { class: "unseen" }, "Compare"), "Time", "Job", "State", "Result"];
-    return [h("table", { class: "list jobs" },
-      h("caption", { class: "unseen" }, "Jobs, the newest first"),
-      h("thead", {}, h("tr", {}, ...head.map((text) => h("th", { scope: "col" }, text)))),
+    const head = ["Compare", "Time", "Job", "State and description", "Result"];
+    return [h("table", { class: "list stacked jobs" },
+      h("caption", { class: "unseen" }, "Jobs, the newest first"), headOf(head),
       h("tbody", {}, ...this.jobs.map((job) => this.row(job)))),
     this.more ? this.older() : null];
   }
@@ -170,10 +169,9 @@ export class Jobs {
         "aria-label": `Show ${plain(job.kind)} of ${clock(begunAt(job))}`,
         "aria-pressed": String(job.id === this.chosen),
         onclick: () => this.choose(job.id) }, clock(begunAt(job)))),
-      h("td", {}, plain(job.values?.[kindOf(job.kind).variant_field] ?? job.kind),
+      h("td", {}, plain(job.values?.[kindOf(job.kind).variant_field] ?? job.kind)),
+      h("td", { class: "below" }, chip(plain(job.state) + place, toneOfState(job.state)), " ", outcome,
         saidOf(job) ? h("span", { class: "muted block" }, ...saidIn(job)) : null),
-      h("td", {}, chip(plain(job.state) + place, toneOfState(job.state)),
-        outcome ? h("span", { class: "muted block" }, outcome) : null),
       h("td", { class: "figures" }, mainFigure(job)[1]));
   }
 
@@ -182,7 +180,7 @@ export class Jobs {
     const pictures = files.filter((file) => ["image/png", "image/jpeg"].includes(file.media_type));
     const place = (file) => `${BASE}/jobs/${job.id}/artifacts/${encodeURIComponent(file.name)}`;
     const facts = [...factsOf(job), ...figuresOf(job), ...losses(job)].map(([label, text]) => h("div", {},
-      h("dt", {}, label), h("dd", {}, text)));
+      h("dt", {}, label), h("dd", {}, ...unbroken(text))));
     const assumed = assumedOf(job);
     const [label, main] = mainFigure(job);
     return h("article", { class: "detail", "aria-labelledby": "job-title" },
@@ -243,6 +241,11 @@ function timesOf(job) {
     .filter(([, at]) => at)
     .map(([text, at]) => `${text} ${clock(at)}`)
     .join(" · ");
+}
+
+/** A text in which no unit such as mN/µm is broken at its slash. */
+function unbroken(text) {
+  return text.split(/(\S{1,5}\/\S{1,5})(?!\S)/).map((part, place) => (place % 2 ? h("span", { class: "whole" }, part) : part));
 }
 
 /** Samples and messages that a result lacks. */

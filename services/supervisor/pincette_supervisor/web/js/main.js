@@ -25,6 +25,11 @@ import { SeriesPanel } from "./series.js";
 import { Feed } from "./streams.js";
 import { installTabs } from "./tabs.js";
 
+// What the page scrolls to must not lie below the bar, whose height depends on the alarm in it.
+new ResizeObserver(([{ target }]) => {
+  document.documentElement.style.scrollPaddingTop = `${target.offsetHeight}px`;
+}).observe(document.querySelector(".bar"));
+
 const EVERY_MS = 1000;
 const RUNNING_MS = 400;
 const SOON_MS = 60;

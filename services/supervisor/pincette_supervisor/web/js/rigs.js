@@ -2,7 +2,7 @@
 // an overview of all.
 
 import { get, RIG } from "./api.js";
-import { byId, chip, h, show } from "./dom.js";
+import { byId, chip, h, headOf, show } from "./dom.js";
 import { start } from "./rig.js";
 import { force, number, plain, toneOfState, withUnit } from "./words.js";
 
@@ -49,7 +49,7 @@ async function overview(rigs) {
     h("h2", { id: "overview-title" }, "All rigs"),
     h("div", { class: "wide" }, h("table", { class: "list" },
       h("caption", { class: "unseen" }, "State of every rig"),
-      h("thead", {}, h("tr", {}, ...head.map((text) => h("th", { scope: "col" }, text)))),
+      headOf(head),
       h("tbody", {}, ...rows.map((each, place) => h("tr", { id: `overview-${rigs[place].name}`,
         class: rigs[place].name === RIG ? "chosen" : "" },
       ...each.map(([make]) => h("td", {}, make())))))))]);

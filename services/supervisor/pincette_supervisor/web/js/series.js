@@ -107,7 +107,7 @@ export class SeriesPanel {
         chip(each.state, TONES[each.state])),
       h("p", { id: "series-progress" }, `${each.ended} of ${each.total} jobs ended${failed}${left}`),
       h("progress", { max: String(each.total), value: String(each.ended), "aria-labelledby": "series-progress" }),
-      each.cause ? h("p", { class: "cause" }, each.cause) : null,
+      each.cause ? h("p", { class: each.state === "stopped" ? "cause" : "cause warn" }, each.cause) : null,
       h("div", { class: "buttons" }, ...each.allowed_actions.map((type) => h("button", { type: "button",
         id: `series-${type}`, class: type === "resume" ? "main" : "", "data-needs": "operate",
         onclick: () => this.act(each, type) }, ACTIONS[type]))),

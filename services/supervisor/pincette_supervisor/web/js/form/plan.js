@@ -2,7 +2,7 @@
 // that would be broken.
 
 import { drawPrediction } from "../plots/prediction.js";
-import { h } from "../dom.js";
+import { h, headOf } from "../dom.js";
 import { duration, number, plain, significant } from "../words.js";
 
 function verdict(plan) {
@@ -33,7 +33,7 @@ function notes(texts, title) {
 
 function table(caption, head, rows) {
   return h("table", { class: "list" }, h("caption", {}, caption),
-    h("thead", {}, h("tr", {}, ...head.map((text) => h("th", { scope: "col" }, text)))),
+    headOf(head),
     h("tbody", {}, ...rows));
 }
 
