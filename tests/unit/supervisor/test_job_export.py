@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pyarrow.parquet as untyped_parquet
 import pytest
@@ -31,6 +31,10 @@ arrow_parquet: Any = untyped_parquet
 PAGE = 25
 """Jobs read at once in these tests; a supervisor reads ten times as many."""
 FEW, MANY = 2 * PAGE, 8 * PAGE
+MEASURED, LISTED, ROUNDS = 2000, 200, 3
+"""Jobs whose export is measured, jobs on one page of the list, and measurements."""
+LEAST_TIMES = 2.0
+"""Least processor time of a table from the list of jobs, as a multiple of that of an export."""
 
 LONG_S = 60.0
 NUMBERS = "export.numbers.csv"
@@ -39,19 +43,24 @@ FORMS = [job_table.csv_of, job_table.numbers_of, job_table.parquet_of]
 
 @pytest.fixture
 def journal(harness: Harness, monkeypatch: pytest.MonkeyPatch) -> Harness:
-    """Make a journal of many pages of jobs, each with a result of different size."""
+    """Make a journal of many pages of jobs."""
     monkeypatch.setattr(journal_store, "PAGE", PAGE)
+    add_jobs(harness, MANY)
+    return harness
+
+
+def add_jobs(harness: Harness, count: int) -> None:
+    """Add ended jobs to a journal, each with a result of different size."""
     job = str(harness.grip()["id"])
     harness.freed(job)
     store = harness.manager.context.store
     row = store.get(job)
     assert row is not None
     with store.writing():
-        for number in range(MANY - 1):
+        for number in range(count - 1):
             name = f"{job}-{number}"
             store.add(replace(row, id=name, sample=f"B{number}", actions=()))
             store.change(name, result={**(row.result or {}), "extra_mN": 0.5 * number})
-    return harness
 
 
 def test_every_job_is_in_the_table(journal: Harness, tmp_path: Path) -> None:
@@ -314,3 +323,56 @@ def test_memory_of_an_export_does_not_grow_with_the_jobs(
     finally:
         tracemalloc.stop()
     assert many < 1.5 * few, f"{few / 1e6:.1f} MB for {FEW} jobs, {many / 1e6:.1f} MB for {MANY}"
+
+
+@pytest.mark.slow
+def test_an_export_takes_less_processor_time_than_the_same_table_from_pages(
+    harness: Harness,
+) -> None:
+    add_jobs(harness, MEASURED)
+
+    def exported() -> list[dict[str, str]]:
+        return table(harness, "/api/v1/jobs/export.csv")
+
+    def listed() -> list[dict[str, str]]:
+        jobs = [columns_of(job) for job in pages(harness)]
+        names = dict.fromkeys(name for job in jobs for name in job)
+        text = io.StringIO()
+        writer = csv.DictWriter(text, list(names))
+        writer.writeheader()
+        writer.writerows(jobs)
+        return list(csv.DictReader(io.StringIO(text.getvalue())))
+
+    def time_s(make: Callable[[], list[dict[str, str]]]) -> float:
+        begun_s = time.process_time()
+        assert len(make()) == MEASURED
+        return time.process_time() - begun_s
+
+    assert [row["id"] for row in exported()] == [row["id"] for row in listed()]
+    measured = [(time_s(exported), time_s(listed)) for _ in range(ROUNDS)]
+    export_s, pages_s = (min(values) for values in zip(*measured, strict=True))
+    print(f"rows per processor second: {MEASURED / export_s:.0f}, pages {MEASURED / pages_s:.0f}")
+    assert pages_s > LEAST_TIMES * export_s
+
+
+def pages(harness: Harness) -> Iterator[dict[str, Any]]:
+    """Yield all jobs, read page by page."""
+    path = f"/api/v1/jobs?limit={LISTED}"
+    query = ""
+    while True:
+        page = harness.call("GET", f"{path}{query}").json()
+        yield from page["jobs"]
+        if page["next"] is None:
+            return
+        query = f"&before={page['next']}"
+
+
+def columns_of(tree: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return the members of a job as columns, those of objects by their path."""
+    found: dict[str, Any] = {}
+    for name, value in tree.items():
+        if isinstance(value, dict):
+            found |= columns_of(cast("dict[str, Any]", value), f"{prefix}{name}.")
+        else:
+            found[f"{prefix}{name}"] = value
+    return found
