@@ -5,6 +5,11 @@ Zenoh waits forever for a partner that reads nothing: neither its lease nor its 
 blocked message ends the link, and the threads that wait for it serve no other link (zenoh issue
 1876). ``TCP_USER_TIMEOUT`` does not help: in Linux each segment from such a partner, for example a
 keep-alive, restarts that time. A thread therefore checks whether the partner accepts the sent data.
+
+It also checks whether this process reads what it receives. A session that connects again to a
+router that was not scheduled for some seconds sometimes never reads its new link (Zenoh 1.10.2, one
+of about 150 links). It sends keep-alives, so its partner keeps the link, but no request reaches it.
+Once such a link is shut down, Zenoh connects again.
 """
 
 import fcntl
@@ -15,7 +20,7 @@ import termios
 import threading
 from collections.abc import Callable, Generator, Iterable
 from contextlib import closing, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
 
@@ -25,8 +30,12 @@ stall.
 """
 LOOKS, IDLE_LOOKS = 5, 2
 """Number of checks per lease while data wait to be sent, and while none do."""
+UNREAD_LEASES = 4
+"""Longest time without reading received data, as a multiple of the lease."""
 BYTES_ACKED = 120
-"""Offset of ``tcpi_bytes_acked`` in ``struct tcp_info`` of ``linux/tcp.h``, in bytes."""
+"""Offset of ``tcpi_bytes_acked`` in ``struct tcp_info`` of ``linux/tcp.h``, in bytes;
+``tcpi_bytes_received`` follows it.
+"""
 FAMILIES = (socket.AF_INET, socket.AF_INET6)
 
 
@@ -74,8 +83,8 @@ class LinkSockets:
     def __init__(self, watch: "StallWatch") -> None:
         self._watch = watch
         self._lock = threading.Lock()
-        self._inodes: dict[str, set[int]] = {}
-        """Inodes of the sockets of each link, by Zenoh's name of the other end."""
+        self._inodes: dict[tuple[str, str], set[int]] = {}
+        """Inodes of the sockets of each link, by Zenoh's names of its ends."""
 
     def add(self, own_end: str, other_end: str) -> set[int]:
         """Find the sockets of an established link from Zenoh's names of its ends.
@@ -96,16 +105,22 @@ class LinkSockets:
                     except OSError:  # Zenoh has closed it in the meantime
                         continue
                     found.add(inode)
-            self._inodes.setdefault(other_end, set()).update(found)
+            self._inodes.setdefault((own_end, other_end), set()).update(found)
             _CLAIMED.update(found)
             return found
 
-    def remove(self, other_end: str) -> None:
+    def remove(self, own_end: str, other_end: str) -> None:
         """Remove the sockets of a link that has ended."""
         with self._lock, _CLAIMING:
-            _CLAIMED.difference_update(self._inodes.pop(other_end, ()))
+            _CLAIMED.difference_update(self._inodes.pop((own_end, other_end), ()))
 
-    def shut_down(self) -> None:
+    def shut_down(self, ends: tuple[str, str]) -> None:
+        """End the link with these ends."""
+        with self._lock:
+            inodes = self._inodes.get(ends, set())
+        shut_down(inodes)
+
+    def shut_down_all(self) -> None:
         """End all links at once, whether or not data still wait to be sent or read."""
         with self._lock:
             inodes = set[int]().union(*self._inodes.values())
@@ -113,8 +128,8 @@ class LinkSockets:
 
     def close(self) -> None:
         """Remove all sockets."""
-        for end in list(self._inodes):
-            self.remove(end)
+        for ends in list(self._inodes):
+            self.remove(*ends)
 
 
 _CLAIMING = threading.Lock()
@@ -158,32 +173,47 @@ def _address(end: str) -> str:
 
 
 @dataclass(slots=True)
+class _Progress:
+    """Progress in one direction of a connection."""
+
+    mark: int | None = None
+    """Number of bytes done; None if nothing waits."""
+    stalled_s: float = 0.0
+
+    def note(self, mark: int | None, passed_s: float) -> None:
+        """Add the time since the last check, if data wait and none were done since then."""
+        same = mark is not None and mark == self.mark
+        self.mark, self.stalled_s = mark, self.stalled_s + passed_s if same else 0.0
+
+
+@dataclass(slots=True)
 class _Line:
     """A socket under observation."""
 
     inode: int
     family: int
     on_stall: Callable[[], None] | None
-    mark: int = -1
-    """Number of bytes that the partner has acknowledged; -1 if nothing waits to be sent."""
-    stalled_s: float = 0.0
+    sent: _Progress = field(default_factory=_Progress)
+    """Bytes that the partner has acknowledged."""
+    read: _Progress = field(default_factory=_Progress)
+    """Bytes that this process has read."""
 
 
 class StallWatch:
     """Shuts a connection down if the partner has accepted none of the waiting data for the time of
-    a lease.
+    a lease, or if this process has read none for ``UNREAD_LEASES`` times as long.
 
     Accepted data are those that the partner's kernel has acknowledged.
     """
 
-    def __init__(self, lease_s: float) -> None:
-        self._lease_s = lease_s
+    def __init__(self, lease_s: float, clock: Callable[[], float] = monotonic) -> None:
+        self._lease_s, self._clock = lease_s, clock
         self._lock = threading.Lock()
         self._lines: dict[int, _Line] = {}
         """Sockets under observation by descriptor."""
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
-        self._looked_s = monotonic()
+        self._looked_s = clock()
 
     def add(self, line: socket.socket, on_stall: Callable[[], None] | None = None) -> None:
         """Watch a connection from now on until it is closed.
@@ -203,42 +233,31 @@ class StallWatch:
             self.look()
 
     def _interval_s(self) -> float:
-        waits = any(line.mark != -1 for line in list(self._lines.values()))
+        lines = list(self._lines.values())
+        waits = any(one.mark is not None for line in lines for one in (line.sent, line.read))
         return self._lease_s / (LOOKS if waits else IDLE_LOOKS)
 
     def look(self) -> None:
         """Check each connection once."""
         with self._lock:
-            now_s = monotonic()
+            now_s = self._clock()
             # If this process did not run for a time, that says nothing about a partner.
             passed_s = min(now_s - self._looked_s, 2.0 * self._lease_s / LOOKS)
             self._looked_s = now_s
             for descriptor, line in list(self._lines.items()):
                 try:
-                    mark = self._mark(descriptor, line)
+                    sent, read = _marks(descriptor, line)
                 except OSError:  # it is closed
                     del self._lines[descriptor]
                     continue
-                line.stalled_s = line.stalled_s + passed_s if mark == line.mark != -1 else 0.0
-                line.mark = mark
-                if line.stalled_s >= self._lease_s:
+                line.sent.note(sent, passed_s)
+                line.read.note(read, passed_s)
+                unread_s = line.read.stalled_s / UNREAD_LEASES
+                if max(line.sent.stalled_s, unread_s) >= self._lease_s:
                     del self._lines[descriptor]
                     if line.on_stall is not None:
                         line.on_stall()
                     shut_down([line.inode])
-
-    def _mark(self, descriptor: int, line: _Line) -> int:
-        """Return the number of acknowledged bytes, which stays constant while a connection stalls;
-        -1 if no data wait to be sent.
-
-        Raises OSError if the connection is closed.
-        """
-        if os.fstat(descriptor).st_ino != line.inode:
-            raise OSError
-        waiting = struct.unpack("i", fcntl.ioctl(descriptor, termios.TIOCOUTQ, bytes(4)))[0]
-        if not waiting:
-            return -1
-        return _bytes_acked(descriptor, line.family)
 
     def close(self) -> None:
         """End the thread."""
@@ -249,10 +268,30 @@ class StallWatch:
             thread.join()
 
 
-def _bytes_acked(descriptor: int, family: int) -> int:
+def _marks(descriptor: int, line: _Line) -> tuple[int | None, int | None]:
+    """Return the numbers of bytes that the partner has acknowledged and that this process has read.
+
+    Each is None if no data wait in that direction. Raises OSError if the connection is closed.
+    """
+    if os.fstat(descriptor).st_ino != line.inode:
+        raise OSError
+    unsent, unread = _waiting(descriptor, termios.TIOCOUTQ), _waiting(descriptor, termios.FIONREAD)
+    if not unsent and not unread:
+        return None, None
+    acked, received = _counts(descriptor, line.family)
+    return acked if unsent else None, received - unread if unread else None
+
+
+def _waiting(descriptor: int, which: int) -> int:
+    return int(struct.unpack("i", fcntl.ioctl(descriptor, which, bytes(4)))[0])
+
+
+def _counts(descriptor: int, family: int) -> tuple[int, int]:
+    """Return the numbers of bytes that the partner has acknowledged and that have arrived."""
     line = socket.socket(family, socket.SOCK_STREAM, 0, descriptor)
     try:
-        info = line.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, BYTES_ACKED + 8)
+        info = line.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, BYTES_ACKED + 16)
     finally:
         line.detach()
-    return int(struct.unpack_from("=Q", info, BYTES_ACKED)[0])
+    acked, received = struct.unpack_from("=QQ", info, BYTES_ACKED)
+    return int(acked), int(received)

@@ -68,9 +68,9 @@ class Joined:
         self.session, self.guard = session, guard
         self._sweeper, self._stalls = sweeper, stalls
         self._sockets = LinkSockets(stalls)
-        self._up: dict[str, tuple[float, str]] = {}
-        """For each link, by Zenoh's name of its other end: the time at which it came up, and the
-        program there.
+        self._up: dict[tuple[str, str], tuple[float, str]] = {}
+        """For each link, by Zenoh's names of its ends: the time at which it came up, and the
+        program at the other end.
         """
         self._listener = session.info.declare_link_events_listener(self._note, history=True)
 
@@ -88,19 +88,25 @@ class Joined:
     def _note(self, event: "zenoh.LinkEvent") -> None:
         """Log that a link has come up or gone down."""
         link, now_s = event.link, monotonic()
-        end = str(link.dst).partition("/")[2]
+        ends = str(link.src), str(link.dst)
+        end = ends[1].partition("/")[2]
         accepted = self.guard and self.guard.link_of(end)
         peer = f"{link.auth_identifier or 'a program'} at {accepted.origin if accepted else end}"
         if event.kind == zenoh.SampleKind.PUT:
-            self._up[end] = now_s, peer
-            inodes = self._sockets.add(str(link.src), str(link.dst))
+            self._up[ends] = now_s, peer
+            inodes = self._sockets.add(*ends)
             if self._sweeper is not None:
                 self._sweeper.note_links(inodes)
             log.info("link up: %s", peer)
             return
-        self._sockets.remove(str(link.dst))
+        self._sockets.remove(*ends)
         why = (accepted.why if accepted else "") or "its lease has ended, or the link was closed"
-        self._note_down(*self._up.pop(end, (now_s, peer)), why)
+        self._note_down(*self._up.pop(ends, (now_s, peer)), why)
+        # A link that comes up before the previous one to the same place has ended carries none of
+        # this session's declarations (Zenoh 1.10.2). Zenoh replaces it by one that carries them.
+        for early in [other for other in self._up if other[1] == ends[1]]:
+            log.warning("link to %s came up before the previous one had ended: made again", end)
+            self._sockets.shut_down(early)
 
     def _note_down(self, since_s: float, peer: str, why: str) -> None:
         log.info("link down after %.1f s: %s: %s", monotonic() - since_s, peer, why)
@@ -117,7 +123,7 @@ class Joined:
         Links that still exist after ``limit_s`` are ended by shutting down their sockets, since
         Zenoh waits for a partner that reads nothing, and may keep the sockets forever.
         """
-        late = threading.Timer(limit_s, self._sockets.shut_down)
+        late = threading.Timer(limit_s, self._sockets.shut_down_all)
         late.daemon = True
         late.start()
         try:
