@@ -23,6 +23,7 @@ from tests.support.rigs import demo_rig
 from tests.support.virtual_rig import VirtualRig
 
 FORCE_MN, JUMP_UM = 8.0, 3.0
+FORCES = ("force_held_mN", "force_error_mN", "force_uncertainty_mN", "final_force_mN")
 HOLD, RINGS, PAUSE = 115, 8, 20
 """Numbers of ticks: until the part is held, for which a free arm rings, of a pause."""
 GRIP = GripJobRequest(kind="grip", autostart=True, force_mN=FORCE_MN, until_released=True)
@@ -75,6 +76,13 @@ class Desk:
         self.rig.close()
 
 
+def is_unknown(result: dict[str, Any]) -> bool:
+    """Return whether a result states an invalid zero, and no force that depends on it."""
+    release: dict[str, Any] = result["release"] or {}
+    forces_mN = [result.get(name) for name in FORCES] + [release.get("pull_off_mN")]
+    return result["zero_invalid"] and forces_mN == [None] * len(forces_mN)
+
+
 @pytest.fixture
 def desk(tmp_path: Path) -> Iterator[Desk]:
     desk = Desk(tmp_path)
@@ -90,14 +98,15 @@ def test_a_part_removed_after_the_supervisor_was_killed_is_not_stated_as_a_pull(
     desk.tick(PAUSE)
     desk.office = Office(desk.rig, desk.data)
     desk.office.steps.pass_(PAUSE)
-    assert desk.result(desk.grip)["zero_invalid"] is True
+    assert is_unknown(desk.result(desk.grip))
     assert not desk.is_known()
     with pytest.raises(ProblemError):
         desk.office.manager.create(KEEP)
     name = desk.office.manager.create(RELEASE)[0].id
     desk.office.steps.pass_(200)
     assert desk.office.manager.index.job(name).state == "succeeded"
-    assert desk.result(name)["final_force_mN"] is None
+    assert is_unknown(desk.result(name))
+    assert desk.result(name)["release"]["verdict"] == "released"
     assert desk.pulls_mN == []
 
 
@@ -110,7 +119,8 @@ def test_a_part_removed_during_a_pause_is_not_stated_as_a_pull(desk: Desk) -> No
     assert not desk.is_known()
     desk.office.manager.perform(desk.grip, "release", "test")
     desk.office.steps.pass_(200)
-    assert desk.result(desk.grip)["zero_invalid"] is True
+    assert is_unknown(desk.result(desk.grip))
+    assert desk.result(desk.grip)["release"]["verdict"] == "released"
     assert desk.pulls_mN == []
 
 
@@ -138,4 +148,7 @@ def test_an_invalid_zero_raises_an_alarm_of_its_job_until_a_new_zero(desk: Desk)
 def test_a_part_that_stays_held_leaves_the_zero_valid(desk: Desk) -> None:
     desk.office.manager.perform(desk.grip, "release", "test")
     desk.office.steps.pass_(200)
-    assert desk.result(desk.grip)["zero_invalid"] is False
+    result = desk.result(desk.grip)
+    assert result["zero_invalid"] is False
+    assert None not in [result[name] for name in FORCES]
+    assert result["release"]["pull_off_mN"] is not None

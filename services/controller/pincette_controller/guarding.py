@@ -18,7 +18,7 @@ from pincette.control.planning.load_line import (
 )
 from pincette.control.planning.program import Guards, Program
 from pincette.control.planning.segments import Move, Press, Rest, Seek
-from pincette.core.faults import KEPT, Outcome, Phase
+from pincette.core.faults import KEPT, FaultCode, Outcome, Phase
 from pincette.core.messages.arms import ArmEstimate
 from pincette_controller.felt import Arms
 from pincette_controller.force_bounds import is_uncertain, sure_force_mN
@@ -194,7 +194,9 @@ def _await_zero(
     for estimate in arms:
         age_s = estimate.zero_age_s
         confirmed = confirmed and age_s is not None and age_s < newest_s
-        refused = refused or estimate.zero_refusal is not None
+        refusal = estimate.zero_refusal
+        # An earlier zero that became invalid does not refuse the new one.
+        refused = refused or (refusal is not None and refusal.code != FaultCode.ZERO_INVALID)
     if not confirmed and not refused and waited * period_s <= guards.zero_wait_s:
         return replace(with_watch(player, count=waited), zero=True)
     player = with_watch(player, zeroing=False)

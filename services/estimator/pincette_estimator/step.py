@@ -251,8 +251,9 @@ def _follow_free_motion(
     # The offset of x_1 does not include its known error.
     modelled_um = x_um - state.missed_um
     state = _begin(config, state, modelled_um, applied) if first else state
-    if first and not applied.part_held and state.zero_s is not None:
-        state = replace(state, zero_s=None)  # the zero was kept for a part that is gone
+    if first and not applied.part_held and (state.zero_s is not None or state.invalid_zero):
+        # Both were kept for a part that is gone.
+        state = replace(state, zero_s=None, zero_refusal=None)
     response = state.response
     nominal_um = response.nominal_um_per_V * applied.arms[config.arm].voltage_V
     detector = state.contact_detector
@@ -422,8 +423,8 @@ def handle(
     so that a zero which would hide the force of a part is refused, however often it is repeated.
     Only ``zero_confirmed``, an operator's confirmation that nothing is in contact with the arm,
     discards it. With ``zero_kept`` the zero of the previous epoch remains valid for a part that is
-    still held. A history that no program has followed stays unknown to a new model too, until a
-    stroke has erased it.
+    still held; that it had become invalid is reported for such a part in any case. A history that
+    no program has followed stays unknown to a new model too, until a stroke has erased it.
     """
     if not isinstance(request, Arm):
         raise RefusedError(f"the estimator does not answer {type(request).__name__}")
@@ -455,7 +456,7 @@ def _begun(config: ArmConfig, state: ArmState, request: Arm) -> ArmState:
         zero_confirmed=request.zero_confirmed or (kept and state.zero_confirmed),
         kept_age_s=played_s,
         zero_s=-played_s if carried and state.zero_s is not None else None,
-        zero_refusal=state.invalid_zero if carried else None,
+        zero_refusal=state.invalid_zero if kept else None,
         pressing=state.pressing if carried else Pressing(),
         step_um=state.step_um if carried else 0.0,
         past=state.past,

@@ -135,7 +135,7 @@ class Progress(Model):
     """Planned time until the hold begins; 0 during the hold, null if there is no hold."""
     force_held_mN: float | None = None
     """Mean force in the hold after its first half second, of both arms if there are two; null
-    before.
+    before, and once the zero of the force is invalid.
     """
     target: float | None = None
     """Reference of the phase: the force while a part is held, otherwise the position x."""

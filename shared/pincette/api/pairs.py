@@ -147,7 +147,8 @@ class PairResult(JobResult):
     """
     zero_invalid: bool = False
     """True if the zero of the force of an arm has become invalid, since a held part read a pull.
-    The force of that arm is unknown from then on, and its forces before that may be wrong.
+    The force of that arm is unknown from then on, and its forces before that may be wrong. A later
+    job has this mark too if the part was still held when it began.
     """
     zero_return: ZeroReturn | None = None
     """Zero return of the first arm; null if the free arm did not return to the position at which

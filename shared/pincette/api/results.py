@@ -205,7 +205,8 @@ class ReleaseVerdict(Model):
     """Expanded uncertainty of ``stiffness_mN_per_um``."""
     pull_off_mN: float | None
     """Pulling force at which the part came off; 0 if it is hidden by noise and speed; null if it
-    did not come off. A liquid bridge may continue to pull for a short distance.
+    did not come off, or may have come off before the release (``zero_invalid``). A liquid bridge
+    may continue to pull for a short distance.
     """
     pull_off_uncertainty_mN: float | None
     """Expanded uncertainty of the pull-off force; a slower return reduces it."""
@@ -399,10 +400,12 @@ class ClosedLoopResult(JobResult):
     """
     zero_invalid: bool = False
     """True if the zero of the force has become invalid, since a held part read a pull. The force is
-    unknown from then on, and the forces before it may be wrong.
+    unknown from then on, and the forces before it may be wrong. A later job has this mark too if
+    the part was still held when it began.
     """
     peak_force_mN: float | None
     final_force_mN: float | None
+    """Force at the end of the job; null if it is not known there."""
     zero_return: ZeroReturn | None = None
     """Zero return; null if the free arm did not return to the position at which this job zeroed the
     force.

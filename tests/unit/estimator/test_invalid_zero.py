@@ -77,6 +77,31 @@ def test_a_pull_at_the_first_sample_after_a_kept_zero_is_never_stated(
 
 
 @BOTH
+def test_an_invalid_zero_is_reported_to_the_job_that_releases_the_part(
+    config: EstimatorConfig,
+) -> None:
+    bench = Held(config)
+    for _ in range(PULLS):
+        bench.read(-PULL_MN)
+    bench.take_over(zero_kept=False)
+    assert not is_stated(bench.read(-PULL_MN))
+    assert bench.found
+
+
+@BOTH
+def test_an_invalid_zero_is_not_reported_to_a_job_that_begins_without_a_part(
+    config: EstimatorConfig,
+) -> None:
+    bench = Held(config)
+    for _ in range(PULLS):
+        bench.read(-PULL_MN)
+    bench.take_over(zero_kept=False)
+    (arm,) = bench.feed(bench.free_um, HELD_V).arms
+    assert (arm.zero_age_s, arm.zero_refusal) == (None, None)
+    assert not bench.found
+
+
+@BOTH
 def test_a_held_part_keeps_its_zero(config: EstimatorConfig) -> None:
     bench = Held(config)
     bench.take_over()

@@ -175,6 +175,9 @@ class Tracker:
 
     def _follow_hold(self, sample: Estimate) -> None:
         force_mN = self._pressed_mN()
+        if sample.valid and any(arm.zero_age_s is None for arm in sample.arms):
+            # The zero is invalid, so the forces before may be wrong.
+            self._held_sum_mN, self._held_count = 0.0, 0
         if self.phase != Phase.HOLD or self._hold_seq is None or force_mN is None:
             return
         if (sample.seq - self._hold_seq) * self._period_s >= SETTLE_S:

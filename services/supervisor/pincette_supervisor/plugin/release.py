@@ -18,6 +18,7 @@ from pincette.core.faults import TRIPPED, Phase
 from pincette.records.columns import Columns
 from pincette_supervisor.plugin import Run
 from pincette_supervisor.plugin.figures import Mask, Series, series, table_of_arm
+from pincette_supervisor.plugin.result import zero_invalid
 
 BACK = (*RETREATS, Phase.STOPPING)
 """Phases of a return motion, and of the stop of an arm that was held during it."""
@@ -133,8 +134,8 @@ def _of_arm(
 ) -> OfArm:
     """Judge one arm by its check, otherwise by the last stretch of its return motion."""
     t_s, x_um, force_mN = (series(table, name)[let_go] for name in ("t_s", "x_um", "force_mN"))
-    known = ~np.isnan(x_um + force_mN)
-    t_s, x_um, force_mN = t_s[known], x_um[known], force_mN[known]
+    measured = ~np.isnan(x_um + force_mN)
+    t_s, x_um, force_mN = t_s[measured], x_um[measured], force_mN[measured]
     # The last stretch may contain a reversal, after which x_1 has an additional error.
     arm, drifts = derived.free_arm(rig, derived.check_way_um(rig)), checked is not None
     if checked is None:
@@ -149,7 +150,9 @@ def _of_arm(
     verdict = freedom.verdict(arm)
     if verdict == "released" and _is_pulled(table, let_go):
         verdict = "unknown"
-    pull_off = _pull_off_mN(arm, x_um, force_mN) if verdict == "released" else None
+    # With an invalid zero the part may have come off before the release.
+    known = verdict == "released" and not zero_invalid(table)
+    pull_off = _pull_off_mN(arm, x_um, force_mN) if known else None
     return OfArm(verdict, freedom.stiffness(arm), pull_off)
 
 

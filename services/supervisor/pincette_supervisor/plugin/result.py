@@ -65,8 +65,7 @@ def common(run: Run) -> dict[str, Any]:
         "zero_unconfirmed": zero_unconfirmed(table),
         "zero_invalid": zero_invalid(table),
         "peak_force_mN": figures.largest(force, zeroed),
-        # Without a zero the estimate has no reference, and the force is not known.
-        "final_force_mN": figures.last(np.where(zeroed, force, np.nan).tolist()),
+        "final_force_mN": None if zero_lost(table) else figures.last(force[zeroed].tolist()),
         "contact_rmse_position_um": figures.rms(position_error(table), pressed),
         "contact_rmse_force_mN": figures.rms(force_error(table), pressed),
         **law_figures(table, run.plant),
@@ -102,7 +101,15 @@ def zero_unconfirmed(table: Columns) -> bool:
 
 def zero_invalid(table: Columns) -> bool:
     """Return True if the zero of the force has become invalid, since a held part read a pull."""
-    return FaultCode.ZERO_INVALID in table["zero_refusal"]
+    rows = zip(table["zero_refusal"], table["estimate_valid"], strict=True)
+    return any(code == FaultCode.ZERO_INVALID and valid for code, valid in rows)
+
+
+def zero_lost(table: Columns) -> bool:
+    """Return True if the newest valid estimate has no zero, so that its force is not known."""
+    rows = zip(table["zero_age_s"], table["estimate_valid"], strict=True)
+    ages_s = [age_s for age_s, valid in rows if valid]
+    return not ages_s or ages_s[-1] is None
 
 
 def _percent(shares: Sequence[float | None]) -> float | None:

@@ -34,6 +34,18 @@ from pincette_supervisor.results.run_samples import THINNED, RunSamples, complet
 # The force that is read when an arm, free again, returns to the position of its zero; pure.
 
 
+UNKNOWN_FORCES = ("force_held_mN", "force_error_mN", "force_uncertainty_mN")
+"""Members of a result that depend on the zero of the force and state the force that was held."""
+
+
+def without_unknown_force(result: JobResult) -> JobResult:
+    """Return the result without the force that was held if the zero of the force is invalid."""
+    if not isinstance(result, ClosedLoopResult | PairResult) or not result.zero_invalid:
+        return result
+    members = [name for name in UNKNOWN_FORCES if name in type(result).model_fields]
+    return result.model_copy(update=dict.fromkeys(members))
+
+
 def after_release(result: JobResult, run: Run, table: Columns) -> dict[str, Any]:
     """Return the members of a result about the release of its part and the zero return.
 
@@ -196,6 +208,7 @@ def gathered(
     kind = job_kinds()[planned.plan.kind]
     evaluation = functions_of(kind).evaluate(run)
     result = completed(evaluation.result, tables, period_s)
+    result = without_unknown_force(result)
     result = result.model_copy(update={"use": arm_use(tables.extreme, rig)})
     goal = goal_of(
         tables.extreme,
