@@ -13,7 +13,13 @@ uncertain is not released: the voltage stays frozen until the hold ends.
 
 from msgspec.structs import replace
 
-from pincette.control.force.position_steps import Kappa, StepLimits, StepWatch, unexplained_um
+from pincette.control.force.position_steps import (
+    AVERAGED,
+    Kappa,
+    StepLimits,
+    StepWatch,
+    unexplained_um,
+)
 from pincette.control.planning.contact_line import ContactFit, ContactLine
 from pincette.control.planning.load_line import (
     LEAST_STIFFNESS,
@@ -40,8 +46,6 @@ CONFIRMING_SHARE = 0.3
 """Fraction of a step that the next sample must show to confirm it; oscillation of the mode may hide
 the remainder.
 """
-AVERAGED = 8
-"""Number of samples after a step over which its size is averaged while the voltage is frozen."""
 LINE_KNOWN, LINE_ERROR = 4, 0.1
 """Number of samples of a load, and largest relative standard error of its stiffness, from which
 the fitted line is used to judge a step."""

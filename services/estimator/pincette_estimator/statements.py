@@ -3,6 +3,7 @@
 from math import hypot
 
 from pincette.control.force.estimation import COVERAGE
+from pincette.control.force.position_steps import mean_step_error_um
 from pincette.core.faults import TRIPPED, Fault, FaultCode, fault
 from pincette.core.messages import Applied, Estimate, Position
 from pincette.core.messages.arms import ArmEstimate
@@ -25,7 +26,10 @@ def estimate(
     the other cause.
     """
     F_mN, u_F_mN, p_mN = found_mN
-    doubt_mN = abs(state.step_um) / config.compliance_um_per_mN
+    doubt_mN = 0.0
+    if state.step_um:
+        error_um = mean_step_error_um(config.sensor_noise_um)
+        doubt_mN = (abs(state.step_um) + COVERAGE * error_um) / config.compliance_um_per_mN
     u_F_mN += doubt_mN
     x_um, output = position.arms[config.arm].x_um, applied.arms[config.arm]
     age_s = None if state.zero_s is None else position.seq * config.period_s - state.zero_s

@@ -1,5 +1,7 @@
 """A step of the position that a slip or the sensor may have caused widens U until the next zero."""
 
+from math import sqrt
+
 import pytest
 
 from pincette.core.messages import Arm
@@ -9,14 +11,18 @@ from pincette_estimator.step import handle
 from tests.unit.estimator.bench import TAUGHT, Bench, a_rig
 
 HELD_V, STEP_UM, PRESSED_MN = 0.5, 2.0, 15.0
-DOUBT_MN = STEP_UM / a_rig(TAUGHT).model.compliance_um_per_mN
+RIG = a_rig(TAUGHT)
+SIZE_UM = STEP_UM + 2.0 * RIG.sensor.noise_um * sqrt(1 / 8 + 1 / 8)
+DOUBT_MN = SIZE_UM / RIG.model.compliance_um_per_mN
+"""Force of the step, and the expanded uncertainty of its size: means of 8 samples before and after
+it."""
 
 
 class Held(Bench):
     """An arm that presses a part."""
 
     def __init__(self) -> None:
-        super().__init__(configure(a_rig(TAUGHT)))
+        super().__init__(configure(RIG))
         self.zero()
 
     def zero(self) -> None:
@@ -42,7 +48,7 @@ class Held(Bench):
 
 
 @pytest.mark.parametrize("step_um", [STEP_UM, -STEP_UM])
-def test_the_uncertainty_contains_the_force_of_the_other_cause(step_um: float) -> None:
+def test_the_uncertainty_contains_the_largest_force_of_the_other_cause(step_um: float) -> None:
     bench, undisturbed = Held(), Held()
     assert bench.read().force_doubt_mN == undisturbed.read().force_doubt_mN == 0.0
     for answered in (True, False, True):

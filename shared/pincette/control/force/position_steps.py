@@ -62,6 +62,8 @@ the lag of the output last this long."""
 SHORT_MEAN, REST_MEAN = 3, 8
 """Number of samples in the mean before a step: the first for short periods, the second if enough
 samples exist."""
+AVERAGED = 8
+"""Number of samples after a step over which its size is averaged while the voltage is frozen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,10 +168,11 @@ class StepWatch(FrozenRecord, frozen=True):
             ring_um = RINGING * limits.span * self._fastest_um()
             return self._against(begin, end, kappa, limits.limit_um + ring_um)
         found = self._against(begin, end, kappa, limits.limit_um)
-        if found is None and kappa.known and limits.mean_of < REST_MEAN <= end:
+        if kappa.known and limits.mean_of < REST_MEAN <= end:
             begin = end - REST_MEAN
             if self._at_rest(begin, limits):
-                return self._against(begin, end, kappa, limits.rest_limit_um)
+                # Also for a step that the short mean shows, since its size is more exact then.
+                return self._against(begin, end, kappa, limits.rest_limit_um) or found
         return found
 
     def _fastest_um(self) -> float:
@@ -204,6 +207,15 @@ class StepWatch(FrozenRecord, frozen=True):
 def unexplained_um(step: Step, x_um: float, free_um: float, kappa: Kappa) -> float:
     """Return the step of a later sample relative to the mean before ``step``, in µm."""
     return x_um - step.before_x_um - kappa.explained_um(free_um - step.before_free_um)
+
+
+def mean_step_error_um(noise_um: float) -> float:
+    """Return the standard error, in µm, that noise causes in the size of a step at rest.
+
+    The step is the difference between the means of ``AVERAGED`` samples after it and ``REST_MEAN``
+    samples before it.
+    """
+    return noise_um * sqrt(1.0 / AVERAGED + 1.0 / REST_MEAN)
 
 
 def slip_um(step_um: float, kappa: float) -> float:

@@ -53,7 +53,8 @@ class ArmEstimate(FrozenRecord, frozen=True):
     """
     force_doubt_mN: Millinewton = 0.0
     """Part of ``force_uncertainty_mN`` from a step of the position since the zero: the force that
-    the step takes off the estimate if the sensor has jumped. 0 without such a step."""
+    the step takes off the estimate if the sensor has jumped, and the uncertainty of its size. 0
+    without such a step, and until the step is confirmed, by the second sample that shows it."""
 
 
 class ArmCommand(FrozenRecord, frozen=True):

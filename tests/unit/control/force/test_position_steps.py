@@ -1,13 +1,17 @@
 """The step detector on the equilibrium of a pressed arm: detections and false alarms."""
 
 from random import Random
+from statistics import fmean, pstdev
 
 import pytest
 
 from pincette.control.force.position_steps import (
+    AVERAGED,
+    REST_MEAN,
     Kappa,
     StepLimits,
     StepWatch,
+    mean_step_error_um,
     slip_um,
     unexplained_um,
 )
@@ -91,6 +95,21 @@ def test_a_jump_at_rest_is_found_with_its_sign(jump_um: float) -> None:
     assert step.forwards == (jump_um > 0.0)
     assert step.step_um == pytest.approx(jump_um, abs=0.1)
     assert step.before_x_um == pytest.approx(40.0, abs=0.1)
+
+
+@pytest.mark.parametrize("noise_um", [0.03, 0.15])
+def test_a_step_at_rest_has_the_stated_standard_error(noise_um: float) -> None:
+    random, rule, kappa, errors_um = Random(SEED), limits(noise_um), Kappa(1.0), list[float]()
+    for _ in range(400):
+        watch = StepWatch()
+        for _tick in range(2 * REST_MEAN):
+            watch = watch.updated(rule, 40.0 + random.gauss(0.0, noise_um), 49.0)
+        after_um = [38.0 + random.gauss(0.0, noise_um) for _ in range(AVERAGED)]
+        step = watch.updated(rule, after_um[0], 49.0).step(rule, kappa)
+        assert step is not None
+        shown_um = [unexplained_um(step, x_um, 49.0, kappa) for x_um in after_um]
+        errors_um.append(fmean(shown_um) + 2.0)
+    assert pstdev(errors_um, 0.0) == pytest.approx(mean_step_error_um(noise_um), rel=0.1)
 
 
 @pytest.mark.parametrize("noise_um", [0.03, 0.15])
